@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use fleetfoot_stats::{BatchMeans, Preconditioner, SquareRoot, Stats};
+use fleetfoot_stats::{BatchMeans, Preconditioner, SquareRoot, Stats, bic};
 
 use crate::{
     Continuity, Error, Selection, Shrinkage, Specification, Stability,
@@ -145,7 +145,7 @@ pub(crate) fn evaluate(
             hold(bound, &mut order, (all, &training), &sets, &variance)?;
         }
         let error = held_out_error(&order.full, &training, variance.len());
-        order.bic = bic(&error, all.root.weight, order.numbers, effective_rows);
+        order.bic = bic(&error, all.root.weight, order.numbers * error.len(), effective_rows);
         if order.losses.is_empty() {
             (order.squared, order.weight) = (error, all.root.weight);
         }
@@ -274,10 +274,4 @@ fn mean_and_error(losses: &[f64]) -> (f64, f64) {
     let mean = losses.iter().sum::<f64>() / n;
     let squares: f64 = losses.iter().map(|loss| (loss - mean) * (loss - mean)).sum();
     (mean, (squares / (n - 1.0).max(1.0) / n).sqrt())
-}
-
-/// `n_eff sum_t ln(rss_t / n) + k ln n_eff`, with k the number of fitted parameters of all targets: so many `numbers` each.
-fn bic(error: &[f64], rows: f64, numbers: usize, effective_rows: f64) -> f64 {
-    let fit: f64 = error.iter().map(|error| (error / rows).max(f64::MIN_POSITIVE).ln()).sum();
-    effective_rows * fit + (numbers * error.len()) as f64 * effective_rows.ln()
 }

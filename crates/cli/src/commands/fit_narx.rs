@@ -84,6 +84,9 @@ fn to_text(report: &NarxReport, tried: bool) -> String {
     if !report.tried.is_empty() {
         text.push_str(&format!("\n{}\n", tried_table(&report.tried, if tried { usize::MAX } else { BEST })));
     }
+    if report.tried.iter().filter(|one| one.front).count() > 1 {
+        text.push_str(&format!("\n{}\n", front_table(&report.tried)));
+    }
     if let Some(search) = &report.orders {
         text.push_str(&format!("\n{}\n", orders_table(search, if tried { usize::MAX } else { BEST })));
     }
@@ -137,6 +140,10 @@ fn search_text(search: &NarxSearch) -> String {
 
 /// What the model that is written does on the spans of which the others trained it.
 fn held_out_text(held_out: &NarxCandidate, linear: Option<&NarxCandidate>) -> String {
+    if let Some(loss) = held_out.loss {
+        let spans: Vec<String> = held_out.losses.iter().map(|&loss| ratio(loss)).collect();
+        return format!("held out, one step: squared error over variance {} (spans {})", ratio(loss), spans.join(", "));
+    }
     let of = |candidate: &NarxCandidate| {
         let folds: Vec<String> = candidate.folds.iter().map(|&rrse| fit_percent(rrse)).collect();
         format!("FIT {} % (RRSE {}; spans {})", fit_percent(candidate.rrse), error(candidate.rrse), folds.join(", "))
@@ -171,20 +178,66 @@ fn share(err: f64) -> String {
 /// The best models, the best first.
 fn tried_table(tried: &[NarxCandidate], most: usize) -> String {
     let mut order: Vec<&NarxCandidate> = tried.iter().collect();
-    order.sort_by(|a, b| a.rrse.total_cmp(&b.rrse));
+    order.sort_by(|a, b| a.error().0.total_cmp(&b.error().0));
+    let simulated = tried.iter().all(|candidate| candidate.loss.is_none());
     let several = tried.iter().any(|candidate| candidate.partition != tried[0].partition);
     let seeds = tried.iter().any(|candidate| candidate.seed != tried[0].seed);
     let rows = order.iter().take(most).map(|candidate| {
         let mut row = vec![candidate.order.to_string()];
         row.extend(several.then(|| candidate.specification.clone()));
         row.extend(seeds.then(|| candidate.seed.to_string()));
-        row.extend([candidate.terms.to_string(), error(candidate.rrse), fit_percent(candidate.rrse)]);
+        row.push(candidate.terms.to_string());
+        row.extend(errors(candidate, simulated));
         row
     });
-    let mut header = vec!["free runs, held out"];
+    let mut header = vec![if simulated { "free runs, held out" } else { "one step, held out" }];
     header.extend(several.then_some("partition"));
     header.extend(seeds.then_some("seed"));
-    header.extend(["terms", "RRSE", "FIT %"]);
+    header.push("terms");
+    header.extend(error_heads(simulated));
+    table(&header, rows.collect())
+}
+
+/// The held-out error of a model, as it is compared by it.
+fn errors(candidate: &NarxCandidate, simulated: bool) -> Vec<String> {
+    if simulated {
+        vec![error(candidate.rrse), fit_percent(candidate.rrse)]
+    } else {
+        vec![candidate.loss.map_or_else(|| "-".into(), number)]
+    }
+}
+
+fn error_heads(simulated: bool) -> &'static [&'static str] {
+    if simulated { &["RRSE", "FIT %"] } else { &["loss"] }
+}
+
+/// Models that none of as few coefficients beats, the one of the least BIC, and the one that is written, by their number of coefficients.
+fn front_table(tried: &[NarxCandidate]) -> String {
+    // Of models that are the same, as refinements to several numbers of regions may be, the first.
+    let known = |one: &NarxCandidate| one.bic.unwrap_or(f64::INFINITY);
+    let least = tried.iter().filter(|one| one.bic.is_some()).min_by(|a, b| known(a).total_cmp(&known(b)));
+    let criterion = least.is_some();
+    let simulated = tried.iter().all(|candidate| candidate.loss.is_none());
+    let several = tried.iter().any(|candidate| candidate.partition != tried[0].partition);
+    let is_least = |one: &NarxCandidate| least.is_some_and(|least| std::ptr::eq(one, least));
+    let mut shown: Vec<&NarxCandidate> = tried.iter().filter(|one| one.front || one.chosen || is_least(one)).collect();
+    shown.sort_by(|a, b| a.coefficients.cmp(&b.coefficients).then(b.error().0.total_cmp(&a.error().0)));
+    let rows = shown.iter().map(|one| {
+        let mut row = vec![one.order.to_string()];
+        row.extend(several.then(|| one.specification.clone()));
+        row.extend([one.terms.to_string(), one.coefficients.to_string()]);
+        row.extend(errors(one, simulated));
+        row.extend(criterion.then(|| one.bic.map_or_else(|| "-".into(), number)));
+        let marks = [(one.chosen, "<- chosen"), (is_least(one), "least BIC"), (!one.front, "not on the front")];
+        row.push(marks.iter().filter(|(is, _)| *is).map(|(_, mark)| *mark).collect::<Vec<&str>>().join(", "));
+        row
+    });
+    let mut header = vec!["front: error, coefficients"];
+    header.extend(several.then_some("partition"));
+    header.extend(["terms", "coefficients"]);
+    header.extend(error_heads(simulated));
+    header.extend(criterion.then_some("BIC"));
+    header.push("");
     table(&header, rows.collect())
 }
 

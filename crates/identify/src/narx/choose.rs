@@ -15,7 +15,7 @@ use super::{
     choice::Choice,
     look::Look,
     options::USUAL,
-    select::{Job, Selection, Tried, best, best_within_one_standard_error},
+    select::{By as Compared, Job, Selection, Tried, best, best_within_one_standard_error, mark},
     summed::{Evidence, folds_of_chunks},
     task::NarxTask,
     terms::{EquationTerms, Problems, Support, Trails, choice},
@@ -71,6 +71,9 @@ impl Fit<'_> {
             (NarxSelection::FreeRun, _) => self.by_free_runs(partitions, progress),
             (NarxSelection::OneStep(criterion), rule) => {
                 let orders = self.orders(rule)?;
+                if partitions.len() > 1 {
+                    return self.by_one_step_of_several(partitions, &orders, criterion, progress);
+                }
                 self.by_one_step(&partitions[0], &orders, criterion, progress)
             }
         }
@@ -130,6 +133,8 @@ impl Fit<'_> {
             OrderRule::Look(given) => self.options.most_lags(given, room.max(1)),
         };
         let anew = self.anew(partitions, (&cut, &folds), progress)?;
+        let by =
+            if matches!(self.options.order, OrderRule::Look(_)) { Compared::Search } else { Compared::Simulations };
         let selection = Selection {
             base: self.base,
             partitions,
@@ -139,6 +144,7 @@ impl Fit<'_> {
             fold_of: &fold_of,
             first: first.saturating_sub(1),
             step: self.step,
+            by,
         };
         let (tried, search) = match self.options.order {
             OrderRule::Look(given) => {
@@ -166,6 +172,8 @@ impl Fit<'_> {
                 tried.len()
             )));
         };
+        let mut all: Vec<NarxCandidate> = tried.iter().map(|tried| tried.candidate.clone()).collect();
+        mark(&mut all, at);
         let how = How {
             text: Some(format!(
                 "free runs of {} spans that did not train, of {} models: {}",
@@ -177,10 +185,73 @@ impl Fit<'_> {
                     "the least error, and of those within 0.1 % of it the fewest terms"
                 }
             )),
-            held_out: Some(tried[at].candidate.clone()),
+            held_out: Some(all[at].clone()),
             search,
-            tried: tried.iter().map(|tried| tried.candidate.clone()).collect(),
+            tried: all,
             orders: None,
+        };
+        self.written(&tried[at], &partitions[tried[at].candidate.partition], how, progress)
+    }
+
+    /// One-step errors of several partitions and orders decide, of one scan a partition.
+    fn by_one_step_of_several(
+        &self,
+        partitions: &[Choice],
+        orders: &[NarxOrder],
+        criterion: Criterion,
+        progress: &dyn Progress,
+    ) -> Result<Chosen, Error> {
+        let source = self.evidence.rows()?;
+        self.check_rows(progress)?;
+        let (cut, folds) = Spans::folds(source, self.options.folds, self.smoothed())?;
+        let held = held(&cut, &folds, self.options.folds)?;
+        let fold_of: BTreeMap<EpisodeId, usize> =
+            cut.episodes().iter().zip(&folds).map(|(episode, &fold)| (episode.id, fold)).collect();
+        let anew = self.anew(partitions, (&cut, &folds), progress)?;
+        let selection = Selection {
+            base: self.base,
+            partitions,
+            anew: &anew,
+            cut: &cut,
+            held: &held,
+            fold_of: &fold_of,
+            first: 0,
+            step: self.step,
+            by: Compared::OneStep,
+        };
+        let jobs: Vec<Job> = orders.iter().map(|&order| Job { order, terms: self.options.terms }).collect();
+        let tried = selection.run(&jobs, progress)?;
+        let mut all: Vec<NarxCandidate> = tried.iter().map(|tried| tried.candidate.clone()).collect();
+        let spans = self.options.folds;
+        let least = |of: &dyn Fn(&NarxCandidate) -> Option<f64>| {
+            let known = all.iter().enumerate().filter_map(|(at, own)| Some((at, of(own)?)));
+            known.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(at, _)| at)
+        };
+        let (chosen, rule) = match criterion {
+            Criterion::OneStandardError => (
+                best_within_one_standard_error(all.iter()),
+                format!(
+                    "the fewest terms within one standard error of the least one-step error of {spans} held-out spans"
+                ),
+            ),
+            Criterion::CrossValidation => {
+                (best(all.iter()), format!("the least one-step error of {spans} held-out spans"))
+            }
+            Criterion::Aic => (least(&|own| own.aic), "the least AIC of one-step errors".into()),
+            Criterion::Bic | Criterion::Ebic => (least(&|own| own.bic), "the least BIC of one-step errors".into()),
+        };
+        let Some(at) = chosen else {
+            return Err(Error::undetermined(format!(
+                "none of {} models has a one-step error: no row that is held out has all lags; try fewer --folds or other lags",
+                all.len()
+            )));
+        };
+        mark(&mut all, at);
+        let how = How {
+            text: Some(format!("{rule}, of {} models", all.len())),
+            held_out: Some(all[at].clone()),
+            tried: all,
+            ..How::default()
         };
         self.written(&tried[at], &partitions[tried[at].candidate.partition], how, progress)
     }

@@ -3,7 +3,9 @@
 use fleetfoot_pwa::Specification;
 use fleetfoot_sparse::narx::NarxOrder;
 
-use crate::{Effort, Error, GivenAs, NarxSection, NarxSelection, NarxTerms, Objective, Recipe, recipe::seed};
+use crate::{
+    Criterion, Effort, Error, GivenAs, NarxSection, NarxSelection, NarxTerms, Objective, Recipe, recipe::seed,
+};
 
 /// How many terms an equation has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -139,9 +141,9 @@ impl NarxOptions {
                 "1, or leave --select away: clusterings are compared by free runs only",
             ));
         }
-        if options.partitions.len() > 1 && options.selection != NarxSelection::FreeRun {
+        if options.partitions.len() > 1 && options.selection == NarxSelection::OneStep(Criterion::Ebic) {
             return Err(Error::conflict(format!(
-                "--partition {}: several partitions are compared by free runs only; name one, or leave --select away",
+                "--partition {}: the EBIC tells of terms of one partition; name one, or choose by --select bic",
                 recipe.model.partition.as_deref().unwrap_or_default()
             )));
         }
@@ -219,7 +221,6 @@ fn refused(what: &str, value: impl std::fmt::Display, allowed: impl std::fmt::Di
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Criterion;
 
     fn options(text: &str) -> Result<NarxOptions, String> {
         let recipe = Recipe::parse(text, "test").map_err(|error| error.to_string())?;
@@ -276,7 +277,7 @@ mod tests {
             ("[narx]\ntest_share = 1.0", &["test_share = 1", "less than 1"]),
             ("[narx]\nlag_out = 1", &["lag_out", "lags_out"]),
             ("[model]\npartition = \"null\"", &["null model"]),
-            ("[narx]\nselect = \"cv\"\n[model]\npartition = \"kmeans:2,3\"", &["free runs only"]),
+            ("[narx]\nselect = \"ebic\"\n[model]\npartition = \"kmeans:2,3\"", &["EBIC", "--select bic"]),
         ] {
             let message = options(text).expect_err(text);
             assert!(parts.iter().all(|part| message.contains(part)), "{text}: {message}");

@@ -7,7 +7,7 @@ use fleetfoot_model::Partition;
 use fleetfoot_pwa::{Options, Problem, Specification};
 
 use super::{OrderRule, choice::Choice, options::USUAL, summed::Evidence, task::NarxTask, training::Fit};
-use crate::{Error, spans::Spans};
+use crate::{Error, NarxSelection, spans::Spans};
 
 impl Fit<'_> {
     /// The partitions asked for, and beside them the cells that refinements start from, on all rows that train; those that cluster once a start.
@@ -21,7 +21,10 @@ impl Fit<'_> {
             Evidence::Sums(sums) => return sums.partitions(&task, self.options),
         };
         let problem = task.task.problem(self.step);
-        let mut specifications = with_starts(&self.options.partitions);
+        let mut specifications = match self.options.selection {
+            NarxSelection::FreeRun => with_starts(&self.options.partitions),
+            NarxSelection::OneStep(_) => self.options.partitions.clone(),
+        };
         let mut choices = Vec::new();
         for start in 0..self.options.starts as u64 {
             let seed = self.options.seed.wrapping_add(start);

@@ -9,10 +9,12 @@ use fleetfoot_data::{EpisodeId, Progress, Silent, parallel_map};
 use fleetfoot_dynamics::{Error as RunError, FreeRunOptions, free_run};
 use fleetfoot_model::Partition;
 use fleetfoot_sparse::{
+    inference::system_effective_rows,
     narx::NarxOrder,
     system::{System, SystemPlan, SystemScan},
     threshold::FrolsChoice,
 };
+use fleetfoot_stats::{aic, bic};
 use serde::Serialize;
 
 use super::{
@@ -44,10 +46,50 @@ pub struct NarxCandidate {
     /// Most terms of an equation in a region.
     pub terms: usize,
     /// Root relative squared error of free runs of the spans that did not train, the mean of the folds: of these terms, refitted on the other spans. Infinite when
-    /// one diverged.
+    /// one diverged, NaN where one-step errors decide and nothing is simulated.
     pub rrse: f64,
     /// That of every fold, the root mean square over the outputs: every fold counts as much, whatever its rows and how far its outputs move.
     pub folds: Vec<f64>,
+    /// Coefficients of the model: those of all regions and equations.
+    pub coefficients: usize,
+    /// Squared one-step error of the spans that did not train over the variance of an output, the mean of the folds and outputs; `None` where free runs decide.
+    pub loss: Option<f64>,
+    /// That of every fold.
+    #[serde(skip)]
+    pub losses: Vec<f64>,
+    /// Bayesian information criterion of one-step errors on all rows that train, with the rows that count as independent; `None` where a search compares models of several
+    /// scans, which have rows of their own.
+    pub bic: Option<f64>,
+    /// Akaike's.
+    #[serde(skip)]
+    pub aic: Option<f64>,
+    /// Whether no other model of as few coefficients errs less on the spans that did not train, or as little with fewer.
+    pub front: bool,
+    /// Whether it is the one that is written.
+    pub chosen: bool,
+}
+
+impl NarxCandidate {
+    /// The held-out error that it is compared by, and that of every fold.
+    pub fn error(&self) -> (f64, &[f64]) {
+        self.loss.map_or((self.rrse, &self.folds), |loss| (loss, &self.losses))
+    }
+}
+
+/// Marks the model that is written, and those that nothing with as few coefficients beats.
+pub(crate) fn mark(tried: &mut [NarxCandidate], chosen: usize) {
+    let mut order: Vec<usize> = (0..tried.len()).filter(|&at| tried[at].error().0.is_finite()).collect();
+    let key = |at: usize| (tried[at].coefficients, tried[at].error().0);
+    order.sort_by(|&a, &b| key(a).0.cmp(&key(b).0).then(key(a).1.total_cmp(&key(b).1)).then(a.cmp(&b)));
+    let mut least = f64::INFINITY;
+    for at in order {
+        let error = tried[at].error().0;
+        tried[at].front = error < least;
+        least = least.min(error);
+    }
+    if let Some(own) = tried.get_mut(chosen) {
+        own.chosen = true;
+    }
 }
 
 /// Errors that differ by less are the same.
@@ -65,8 +107,9 @@ pub(crate) fn best_within_one_standard_error<'a>(
     tried: impl Iterator<Item = &'a NarxCandidate> + Clone,
 ) -> Option<usize> {
     simplest(tried, |least| {
-        let count = least.folds.len() as f64;
-        let scatter: f64 = least.folds.iter().map(|error| (error - least.rrse).powi(2)).sum();
+        let (mean, folds) = least.error();
+        let count = folds.len() as f64;
+        let scatter: f64 = folds.iter().map(|error| (error - mean).powi(2)).sum();
         if count > 1.0 { (scatter / (count - 1.0) / count).sqrt() } else { 0.0 }
     })
 }
@@ -76,14 +119,26 @@ fn simplest<'a>(
     tried: impl Iterator<Item = &'a NarxCandidate> + Clone,
     allowed: impl Fn(&NarxCandidate) -> f64,
 ) -> Option<usize> {
-    let finite = || tried.clone().enumerate().filter(|(_, candidate)| candidate.rrse.is_finite());
-    let (_, least) = finite().min_by(|a, b| a.1.rrse.total_cmp(&b.1.rrse))?;
-    let limit = least.rrse + (least.rrse * SAME + ROUNDING).max(allowed(least));
+    let error = |candidate: &NarxCandidate| candidate.error().0;
+    let finite = || tried.clone().enumerate().filter(|(_, candidate)| error(candidate).is_finite());
+    let (_, least) = finite().min_by(|a, b| error(a.1).total_cmp(&error(b.1)))?;
+    let limit = error(least) + (error(least) * SAME + ROUNDING).max(allowed(least));
     let size =
         |c: &NarxCandidate| (c.regions * c.terms, c.order.degree, c.order.outputs + c.order.inputs, c.order.direct);
-    let within = finite().filter(|(_, candidate)| candidate.rrse <= limit);
-    let simpler = |a: &NarxCandidate, b: &NarxCandidate| size(a).cmp(&size(b)).then(a.rrse.total_cmp(&b.rrse));
+    let within = finite().filter(|(_, candidate)| error(candidate) <= limit);
+    let simpler = |a: &NarxCandidate, b: &NarxCandidate| size(a).cmp(&size(b)).then(error(a).total_cmp(&error(b)));
     within.min_by(|a, b| simpler(a.1, b.1)).map(|(index, _)| index)
+}
+
+/// What models are compared by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum By {
+    /// Simulations, of models of one scan after another.
+    Search,
+    /// Simulations, of models of one scan: information criteria tell of the same rows.
+    Simulations,
+    /// One-step errors of models of one scan.
+    OneStep,
 }
 
 /// An order to try.
@@ -128,6 +183,7 @@ pub(crate) struct Selection<'a> {
     /// Rows of a span that nobody predicts, so that models with few lags and with many are compared on the same rows.
     pub(crate) first: usize,
     pub(crate) step: f64,
+    pub(crate) by: By,
 }
 
 /// The statistics of one partition.
@@ -143,6 +199,8 @@ struct Training<'a> {
     partition: Option<&'a Partition>,
     scan: Cow<'a, SystemScan>,
     problems: Problems,
+    /// Of the rows that the fold holds out, where one-step errors decide.
+    testing: Option<Problems>,
 }
 
 impl Training<'_> {
@@ -161,6 +219,20 @@ struct Wanted {
 /// Squared relative errors of every output over free runs; `None` where no run could begin.
 type Squares = Option<Vec<f64>>;
 
+/// What a model of the other spans does on those of a fold.
+#[derive(Debug, Clone)]
+enum Held {
+    Simulated(Squares),
+    /// Squared one-step error over the variance; `None` where the fold has no rows.
+    OneStep(Option<f64>),
+}
+
+/// What information criteria need of the rows that train: those that count as independent, and the variance of every output.
+struct Scale {
+    independent: f64,
+    variance: Vec<f64>,
+}
+
 impl Selection<'_> {
     /// Tries every order and number of terms with every partition. Terms are chosen on all spans; the spans of every fold are simulated by the same terms, refitted on
     /// the others. Regions that fit the dynamics are those of the others too, and as they are different ones so many terms are chosen in each of them anew: regions
@@ -173,24 +245,28 @@ impl Selection<'_> {
         let orders: Vec<NarxOrder> = jobs.iter().map(|job| job.order).collect();
         let task = Arc::new(self.base.with(&orders)?);
         let whole = self.scan(&task, None, progress)?;
+        let scale = (self.by != By::Search).then(|| scale(&whole)).transpose()?;
         let mut found = Vec::new();
         for (index, choice) in self.partitions.iter().enumerate() {
             let partition = choice.partition.as_ref();
             let regions = partition.map(|partition| self.scan(&task, Some(partition), progress)).transpose()?;
             let sets = self.sets(index, &task, (&whole, regions.as_ref()), progress)?;
-            progress.stage("free runs");
+            progress.stage(if self.by == By::OneStep { "one-step errors" } else { "free runs" });
             let wanted = parallel_map(jobs.len(), &Silent, |job| wanted(&sets, &jobs[job]))?;
             let count = self.held.len();
             let runs = parallel_map(jobs.len() * count, progress, |at| {
                 let (job, fold) = (at / count, at % count);
-                self.runs(&sets, &jobs[job], &wanted[job], fold)
+                self.runs((&sets, scale.as_ref()), &jobs[job], &wanted[job], fold)
             })?;
-            for ((job, wanted), runs) in jobs.iter().zip(wanted).zip(runs.chunks(count)) {
-                found.extend(wanted.into_iter().enumerate().map(|(k, Wanted { supports, .. })| {
-                    let folds: Vec<&Squares> = runs.iter().map(|fold| &fold[k]).collect();
-                    let candidate = candidate(index, choice, job.order, &supports, &folds);
-                    Tried { candidate, task: Arc::clone(&task), supports }
-                }));
+            let criteria = parallel_map(jobs.len(), &Silent, |job| criteria(&sets, scale.as_ref(), &wanted[job]))?;
+            for (((job, wanted), runs), criteria) in jobs.iter().zip(wanted).zip(runs.chunks(count)).zip(criteria) {
+                found.extend(wanted.into_iter().zip(criteria).enumerate().map(
+                    |(k, (Wanted { supports, .. }, criteria))| {
+                        let folds: Vec<&Held> = runs.iter().map(|fold| &fold[k]).collect();
+                        let candidate = candidate((index, choice), job.order, &supports, &folds, criteria);
+                        Tried { candidate, task: Arc::clone(&task), supports }
+                    },
+                ));
             }
         }
         Ok(found)
@@ -209,17 +285,26 @@ impl Selection<'_> {
         let anew = self.anew.get(index).filter(|anew| !anew.is_empty());
         let folds = match anew {
             None => {
-                let of = |problems| Training { partition, scan: Cow::Borrowed(regions.unwrap_or(whole)), problems };
-                self.training(whole, regions, 0..self.held.len()).into_iter().map(of).collect()
+                let all = 0..self.held.len();
+                let of = |(problems, testing)| Training {
+                    partition,
+                    scan: Cow::Borrowed(regions.unwrap_or(whole)),
+                    problems,
+                    testing,
+                };
+                let training = self.problems(whole, regions, all.clone(), true);
+                training.into_iter().zip(self.testing(whole, regions, all)).map(of).collect()
             }
             Some(anew) => {
                 let of = |(fold, partition): (usize, &'s Partition)| {
                     let scan = self.scan(task, Some(partition), progress)?;
-                    let mut own = self.training(whole, Some(&scan), fold..fold + 1);
+                    let mut own = self.problems(whole, Some(&scan), fold..fold + 1, true);
+                    let testing = self.testing(whole, Some(&scan), fold..fold + 1).pop().flatten();
                     Ok(own.pop().map(|problems| Training {
                         partition: Some(partition),
                         scan: Cow::Owned(scan),
                         problems,
+                        testing,
                     }))
                 };
                 anew.iter().enumerate().map(of).filter_map(Result::transpose).collect::<Result<_, Error>>()?
@@ -239,40 +324,68 @@ impl Selection<'_> {
         Ok(SystemPlan::new(system, None, self.cut)?.scan(self.cut, progress)?)
     }
 
-    /// The problems of the training rows of some folds.
-    fn training(&self, whole: &SystemScan, regions: Option<&SystemScan>, folds: Range<usize>) -> Vec<Problems> {
+    /// The problems of the rows that train for some folds, or of those that they hold out.
+    fn problems(
+        &self,
+        whole: &SystemScan,
+        regions: Option<&SystemScan>,
+        folds: Range<usize>,
+        train: bool,
+    ) -> Vec<Problems> {
         let weights = |scan: &SystemScan| {
             let fold = |unit: usize| self.fold_of.get(&scan.units()[unit].episode).copied();
-            let trains = |unit: usize, f: usize| fold(unit) != Some(folds.start + f);
-            Mat::from_fn(scan.units().len(), folds.len(), |unit, f| f64::from(trains(unit, f)))
+            let held = |unit: usize, f: usize| fold(unit) == Some(folds.start + f);
+            Mat::from_fn(scan.units().len(), folds.len(), |unit, f| f64::from(held(unit, f) != train))
         };
         Problems::sets(whole, regions, &weights)
     }
 
-    /// Free runs of the spans of a fold by models of the others, one for each number of terms that is wanted.
-    fn runs(&self, sets: &Sets<'_>, job: &Job, wanted: &[Wanted], fold: usize) -> Result<Vec<Squares>, Error> {
-        let training = &sets.folds[fold];
-        if !training.is_anew() {
-            return wanted.iter().map(|own| self.squares(sets, &own.supports, training, fold)).collect();
+    /// The problems of the rows that some folds hold out, where one-step errors decide.
+    fn testing(&self, whole: &SystemScan, regions: Option<&SystemScan>, folds: Range<usize>) -> Vec<Option<Problems>> {
+        if self.by == By::OneStep {
+            return self.problems(whole, regions, folds, false).into_iter().map(Some).collect();
         }
-        let columns = sets.task.library.columns(job.order);
-        let trails = Trails::new(&training.problems, columns, job.terms, FrolsChoice::Last)?;
-        let supports = |own: &Wanted| trails.supports(Some(own.count));
-        wanted.iter().map(|own| self.squares(sets, &supports(own), training, fold)).collect()
+        folds.map(|_| None).collect()
     }
 
-    /// Free runs of the spans of a fold by a model of the others with these terms.
+    /// What models of the other spans do on those of a fold, one for each number of terms that is wanted.
+    fn runs(
+        &self,
+        (sets, scale): (&Sets<'_>, Option<&Scale>),
+        job: &Job,
+        wanted: &[Wanted],
+        fold: usize,
+    ) -> Result<Vec<Held>, Error> {
+        let training = &sets.folds[fold];
+        let anew = if training.is_anew() {
+            let columns = sets.task.library.columns(job.order);
+            Some(Trails::new(&training.problems, columns, job.terms, FrolsChoice::Last)?)
+        } else {
+            None
+        };
+        let of = |own: &Wanted| {
+            let again = anew.as_ref().map(|trails| trails.supports(Some(own.count)));
+            let supports = again.as_deref().unwrap_or(&own.supports);
+            let terms = training.problems.refitted(supports)?;
+            let coefficients = coefficients(&terms, sets.task.task.candidates());
+            Ok(match (&training.testing, scale) {
+                (Some(testing), Some(scale)) => Held::OneStep(testing.loss(&coefficients, &scale.variance)),
+                _ => Held::Simulated(self.squares(sets, &coefficients, training, fold)?),
+            })
+        };
+        wanted.iter().map(of).collect()
+    }
+
+    /// Free runs of the spans of a fold by a model of the others.
     fn squares(
         &self,
         sets: &Sets<'_>,
-        supports: &[Vec<Support>],
+        coefficients: &[Mat<f64>],
         training: &Training<'_>,
         fold: usize,
     ) -> Result<Squares, Error> {
-        let terms = training.problems.refitted(supports)?;
-        let coefficients = coefficients(&terms, sets.task.task.candidates());
         let provenance = Provenance { step: self.step, ..Provenance::default() };
-        let model = sets.task.task.trial(&training.scan, training.partition, &coefficients, provenance);
+        let model = sets.task.task.trial(&training.scan, training.partition, coefficients, provenance);
         let mut options = FreeRunOptions::default();
         options.first = self.first;
         match free_run(&model, &self.held[fold], &options, &Silent) {
@@ -300,15 +413,69 @@ fn relative(squares: &Squares) -> f64 {
     (outputs.iter().sum::<f64>() / outputs.len() as f64).sqrt()
 }
 
+/// What the statistic of all rows tells of a model.
+#[derive(Debug, Clone, Copy)]
+struct Criteria {
+    coefficients: usize,
+    bic: Option<f64>,
+    aic: Option<f64>,
+}
+
+/// Rows that count as independent, by the residuals of one region with all candidates, and the variance of every output.
+fn scale(whole: &SystemScan) -> Result<Scale, Error> {
+    let problem = whole.root(0).compressed(true);
+    let all = Support { columns: (0..problem.columns()).collect(), shared: true };
+    let supports = vec![vec![all; problem.targets()]];
+    let constant = problem.select(&[0]);
+    let variance = constant.residual.iter().map(|square| square / constant.weight).collect();
+    let candidates = problem.columns();
+    let terms = Problems { whole: problem, regions: Vec::new() }.refitted(&supports)?;
+    let fitted = coefficients(&terms, candidates);
+    let independent = fitted.first().map_or(1.0, |own| system_effective_rows(whole, 0, true, own.as_ref()));
+    Ok(Scale { independent, variance })
+}
+
+/// What the statistic of all rows tells of the models of an order.
+fn criteria(sets: &Sets<'_>, scale: Option<&Scale>, wanted: &[Wanted]) -> Result<Vec<Criteria>, Error> {
+    let of = |own: &Wanted| {
+        let coefficients_of = count(&own.supports);
+        let Some(scale) = scale else {
+            return Ok(Criteria { coefficients: coefficients_of, bic: None, aic: None });
+        };
+        let terms = sets.all.refitted(&own.supports)?;
+        let (error, weight) = sets.all.error(&coefficients(&terms, sets.task.task.candidates()));
+        Ok(Criteria {
+            coefficients: coefficients_of,
+            bic: Some(bic(&error, weight, coefficients_of, scale.independent)),
+            aic: Some(aic(&error, weight, coefficients_of, scale.independent)),
+        })
+    };
+    wanted.iter().map(of).collect()
+}
+
+/// Coefficients of all regions and equations; those of all rows, which starved regions share, count once.
+fn count(supports: &[Vec<Support>]) -> usize {
+    let own = supports.iter().flatten().filter(|own| !own.shared).map(|own| own.columns.len()).sum::<usize>();
+    let shared = supports.iter().filter(|equations| equations.iter().any(|own| own.shared));
+    own + shared.map(|equations| equations.iter().map(|own| own.columns.len()).sum()).max().unwrap_or(0)
+}
+
 fn candidate(
-    partition: usize,
-    choice: &Choice,
+    (partition, choice): (usize, &Choice),
     order: NarxOrder,
     supports: &[Vec<Support>],
-    folds: &[&Squares],
+    folds: &[&Held],
+    criteria: Criteria,
 ) -> NarxCandidate {
-    let folds: Vec<f64> = folds.iter().map(|squares| relative(squares)).collect();
-    let mean = folds.iter().sum::<f64>() / folds.len() as f64;
+    let (mut simulated, mut losses) = (Vec::new(), Vec::new());
+    for fold in folds {
+        match fold {
+            Held::Simulated(squares) => simulated.push(relative(squares)),
+            Held::OneStep(loss) => losses.extend(loss),
+        }
+    }
+    let mean = |folds: &[f64]| folds.iter().sum::<f64>() / folds.len() as f64;
+    let rrse = mean(&simulated);
     NarxCandidate {
         partition,
         specification: choice.partition.as_ref().map_or_else(|| "average".into(), |p| p.specification.clone()),
@@ -316,8 +483,15 @@ fn candidate(
         regions: choice.partition.as_ref().map_or(1, |partition| partition.rule.count()),
         order,
         terms: supports.iter().flatten().map(|support| support.columns.len()).max().unwrap_or(0),
-        rrse: if mean.is_nan() { f64::INFINITY } else { mean },
-        folds,
+        rrse: if rrse.is_nan() && losses.is_empty() { f64::INFINITY } else { rrse },
+        folds: simulated,
+        coefficients: criteria.coefficients,
+        loss: (!losses.is_empty()).then(|| mean(&losses)),
+        losses,
+        bic: criteria.bic,
+        aic: criteria.aic,
+        front: false,
+        chosen: false,
     }
 }
 
@@ -399,6 +573,7 @@ mod tests {
             fold_of: &fold_of,
             first: 0,
             step: 1.0,
+            by: By::Simulations,
         };
         let job =
             Job { order: NarxOrder { outputs: 1, inputs: 1, degree: 2, direct: false }, terms: TermRule::Auto(4) };
@@ -415,6 +590,77 @@ mod tests {
             assert!((error - exact).abs() < 1e-10, "{fold}: {error} {exact}");
         }
         assert!((two.candidate.rrse - two.candidate.folds.iter().sum::<f64>() / 3.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn one_step_errors_and_criteria_are_those_of_the_rows() {
+        let (y, u) = recording(300);
+        let mut source = MemorySource::new(vec![Column::float("y"), Column::float("u")]);
+        source.push_uniform("run", 1.0, vec![y.clone(), u.clone()]);
+        let base = base(&source);
+        let (cut, held, fold_of) = folds(&source);
+        let cells = Partition {
+            columns: vec![fleetfoot_library::Expr::column("u")],
+            centre: vec![0.0],
+            scale: vec![1.0],
+            rule: fleetfoot_model::Rule::voronoi(vec![vec![-0.5], vec![0.5]]),
+            ..Partition::whole()
+        };
+        let specification = fleetfoot_pwa::Specification::KMeans(2);
+        let partitions = [Choice::whole(0), Choice { specification, partition: Some(cells), seed: 0 }];
+        let selection = Selection {
+            base: &base,
+            partitions: &partitions,
+            anew: &[],
+            cut: &cut,
+            held: &held,
+            fold_of: &fold_of,
+            first: 0,
+            step: 1.0,
+            by: By::OneStep,
+        };
+        let job = Job { order: NarxOrder { outputs: 1, inputs: 1, degree: 1, direct: false }, terms: TermRule::All };
+        let tried = selection.run(&[job], &Silent).unwrap();
+        assert_eq!(tried.len(), 2);
+        // Rows of a span whose successor is in it, too: 1, y, u and what follows.
+        let rows =
+            |span: &Range<usize>| (span.start..span.end - 1).map(|k| [1.0, y[k], u[k], y[k + 1]]).collect::<Vec<_>>();
+        let spans: Vec<Vec<[f64; 4]>> = SPANS.iter().map(rows).collect();
+        let solved = |rows: &[[f64; 4]]| {
+            use faer::linalg::solvers::SolveLstsq;
+            let x = Mat::from_fn(rows.len(), 3, |i, j| rows[i][j]);
+            x.qr().solve_lstsq(Mat::from_fn(rows.len(), 1, |i, _| rows[i][3]))
+        };
+        let squares = |rows: &[[f64; 4]], beta: &Mat<f64>| {
+            rows.iter().map(|row| (row[3] - (0..3).map(|j| row[j] * beta[(j, 0)]).sum::<f64>()).powi(2)).sum::<f64>()
+        };
+        let all = spans.concat();
+        let mean = all.iter().map(|row| row[3]).sum::<f64>() / all.len() as f64;
+        let variance = all.iter().map(|row| (row[3] - mean).powi(2)).sum::<f64>() / all.len() as f64;
+        let regions: [&[fn(&[f64; 4]) -> bool]; 2] = [&[|_| true], &[|row| row[2] <= 0.0, |row| row[2] > 0.0]];
+        for (own, regions) in tried.iter().zip(regions) {
+            let of = |rows: &[[f64; 4]], region: &fn(&[f64; 4]) -> bool| {
+                rows.iter().copied().filter(region).collect::<Vec<_>>()
+            };
+            for (fold, loss) in own.candidate.losses.iter().enumerate() {
+                let others: Vec<[f64; 4]> = (0..3).filter(|&s| s != fold).flat_map(|s| spans[s].clone()).collect();
+                let error: f64 =
+                    regions.iter().map(|one| squares(&of(&spans[fold], one), &solved(&of(&others, one)))).sum();
+                let exact = error / spans[fold].len() as f64 / variance;
+                assert!((loss / exact - 1.0).abs() < 1e-9, "{loss} {exact}");
+            }
+            assert!((own.candidate.loss.unwrap() - own.candidate.losses.iter().sum::<f64>() / 3.0).abs() < 1e-15);
+            assert!(own.candidate.rrse.is_nan() && own.candidate.folds.is_empty(), "nothing is simulated");
+            assert_eq!(own.candidate.coefficients, 3 * regions.len());
+            let error: f64 = regions.iter().map(|one| squares(&of(&all, one), &solved(&of(&all, one)))).sum();
+            // Both criteria have the same first part: (BIC - AIC) / k = ln n - 2 tells the rows that count, and BIC the rest.
+            let (k, n) = ((3 * regions.len()) as f64, all.len() as f64);
+            let [bic, aic] = [own.candidate.bic, own.candidate.aic].map(Option::unwrap);
+            let independent = ((bic - aic) / k + 2.0).exp();
+            assert!(independent > 1.0 && independent <= n * (1.0 + 1e-9), "{independent}");
+            let exact = independent * (error / n).ln() + k * independent.ln();
+            assert!((bic / exact - 1.0).abs() < 1e-8, "{bic} {exact}");
+        }
     }
 
     #[test]
@@ -446,6 +692,7 @@ mod tests {
                 fold_of: &fold_of,
                 first: 0,
                 step: 1.0,
+                by: By::Simulations,
             };
             let job = Job { order: NarxOrder { outputs: 1, inputs: 1, degree: 1, direct: false }, terms };
             let tried = selection.run(&[job], &Silent).unwrap();
@@ -475,6 +722,13 @@ mod tests {
             terms,
             rrse: (folds[0] + folds[1]) / 2.0,
             folds: folds.to_vec(),
+            coefficients: terms,
+            loss: None,
+            losses: Vec::new(),
+            bic: None,
+            aic: None,
+            front: false,
+            chosen: false,
         };
         // The best has 0.2 with a standard error of 0.05.
         let tried =
@@ -485,5 +739,46 @@ mod tests {
         // Errors of rounding are the same.
         let exact = [of(4, [1e-13, 3e-13]), of(3, [2e-12, 1e-11])];
         assert_eq!((best(exact.iter()), best_within_one_standard_error(exact.iter())), (Some(1), Some(1)));
+    }
+
+    /// A model of so many coefficients with this held-out error.
+    fn with(coefficients: usize, rrse: f64) -> NarxCandidate {
+        NarxCandidate {
+            partition: 0,
+            specification: "average".into(),
+            seed: 0,
+            regions: 1,
+            order: NarxOrder { outputs: 1, inputs: 1, degree: 1, direct: false },
+            terms: coefficients,
+            rrse,
+            folds: vec![rrse],
+            coefficients,
+            loss: None,
+            losses: Vec::new(),
+            bic: None,
+            aic: None,
+            front: false,
+            chosen: false,
+        }
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn the_front_has_what_nothing_beats(models in proptest::collection::vec((1usize..8, 0u8..9), 1..30)) {
+            // An error of 8 stands for one that diverged.
+            let error = |own: u8| if own == 8 { f64::INFINITY } else { f64::from(own) };
+            let mut tried: Vec<NarxCandidate> = models.iter().map(|&(size, own)| with(size, error(own))).collect();
+            mark(&mut tried, 0);
+            proptest::prop_assert!(tried[0].chosen && tried[1..].iter().all(|own| !own.chosen));
+            for (at, own) in tried.iter().enumerate() {
+                let beats = |(place, other): (usize, &NarxCandidate)| {
+                    let (size, less) = (other.coefficients <= own.coefficients, other.rrse <= own.rrse);
+                    let better = other.coefficients < own.coefficients || other.rrse < own.rrse || place < at;
+                    place != at && size && less && better
+                };
+                let beaten = !own.rrse.is_finite() || tried.iter().enumerate().any(beats);
+                proptest::prop_assert_eq!(own.front, !beaten, "{:?}", own);
+            }
+        }
     }
 }

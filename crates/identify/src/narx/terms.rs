@@ -134,6 +134,23 @@ impl Problems {
         self.regions.get(region).filter(|_| !support.shared).filter(enough).unwrap_or(&self.whole)
     }
 
+    /// Squared one-step errors of every output over all rows, by coefficients of every region (all candidates x equations), and the weight of the rows.
+    pub(crate) fn error(&self, coefficients: &[Mat<f64>]) -> (Vec<f64>, f64) {
+        let rows = if self.regions.is_empty() { std::slice::from_ref(&self.whole) } else { &self.regions };
+        let mut error = vec![0.0; self.whole.targets()];
+        for (problem, own) in rows.iter().zip(coefficients).filter(|(problem, _)| problem.weight > 0.0) {
+            error.iter_mut().zip(problem.error(own.as_ref())).for_each(|(sum, error)| *sum += error);
+        }
+        (error, rows.iter().map(|problem| problem.weight).sum())
+    }
+
+    /// The mean over the outputs of squared one-step errors over their variance; `None` without rows.
+    pub(crate) fn loss(&self, coefficients: &[Mat<f64>], variance: &[f64]) -> Option<f64> {
+        let (error, weight) = self.error(coefficients);
+        let sum: f64 = error.iter().zip(variance).map(|(error, variance)| error / (weight * variance)).sum();
+        (weight > 0.0).then(|| sum / error.len() as f64)
+    }
+
     /// Least squares on given supports, of every region (outer) and equation: the same model on other rows.
     pub(crate) fn refitted(&self, supports: &[Vec<Support>]) -> Result<Vec<Vec<EquationTerms>>, ThresholdError> {
         self.fitted(supports, |_| Optimizer::LeastSquares)

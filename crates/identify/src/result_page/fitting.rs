@@ -35,6 +35,20 @@ pub(super) struct Fit {
     candidates: Value,
     #[serde(default)]
     regions: Vec<Region>,
+    /// Models of an autoregression that were tried.
+    #[serde(default)]
+    tried: Vec<Tried>,
+}
+
+/// An autoregression that was tried.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+struct Tried {
+    coefficients: usize,
+    rrse: Option<f64>,
+    loss: Option<f64>,
+    bic: Option<f64>,
+    front: bool,
+    chosen: bool,
 }
 
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -132,7 +146,7 @@ pub(super) fn read(reports: &[Value]) -> Result<Vec<Fit>, Error> {
     let one = |report: Value| {
         serde_json::from_value(report).map_err(|error| {
             Error::value(format!(
-                "this is no report of a fit ({error}): give what `fit sparse`, `fit sindy` or `fit pwa` tell with --json"
+                "this is no report of a fit ({error}): give what `fit sparse`, `fit sindy`, `fit narx` or `fit pwa` tell with --json"
             ))
         })
     };
@@ -149,6 +163,7 @@ pub(super) fn parts(judged: &[Judged<'_>], fits: &[Fit]) -> Vec<Part> {
         figures.extend(fit.curve(place + 1, title("How lambda was chosen")));
         figures.extend(fit.path(place + 1, title("What enters as lambda falls")));
         figures.extend(fit.fronts(place + 1, title("Error and number of terms")));
+        figures.extend(fit.orders(place + 1, title("Error and number of coefficients")));
         figures.extend(fit.along_terms(place + 1, &title("What enters with more terms")));
     }
     let shares: Vec<(&str, Vec<(String, f64)>)> = known.iter().map(|(name, fit)| (*name, fit.shares())).collect();
@@ -254,6 +269,43 @@ impl Fit {
         Some(Figure::new(format!("front-{place}"), title, caption, Chart::Panels(Panels::new(panels))))
     }
 
+    /// Held-out error, and the criterion where it is known, of the models that were tried over their coefficients: regions, lags and library together.
+    fn orders(&self, place: usize, title: String) -> Option<Figure> {
+        let mut all: Vec<&Tried> = self.tried.iter().filter(|own| own.error().is_some()).collect();
+        all.sort_by_key(|own| own.coefficients);
+        let front: Vec<&Tried> = all.iter().copied().filter(|own| own.front).collect();
+        if front.len() < 2 {
+            return None;
+        }
+        let chosen = all.iter().find(|own| own.chosen).map(|own| own.coefficients as f64);
+        let places = |of: &[&Tried]| of.iter().map(|own| own.coefficients as f64).collect::<Vec<f64>>();
+        let panel = |what: &str, line: Series, of: &dyn Fn(&Tried) -> Option<f64>| {
+            let values: Vec<f64> = all.iter().map(|own| number(of(own))).collect();
+            let x = Axis::of("coefficients", "").spread(places(&all).into_iter());
+            let y = Axis::of(what, "").spread(values.iter().copied().filter(|value| value.is_finite()));
+            let marks = Series::line("models", places(&all), values).looks(Stroke::HollowMarks);
+            let lines = Lines::new(x, y, vec![line, marks]);
+            match chosen {
+                Some(at) => lines.marked(at, "taken"),
+                None => lines,
+            }
+        };
+        let errors = front.iter().map(|own| number(own.error())).collect();
+        let simulated = all.iter().all(|own| own.loss.is_none());
+        let what =
+            if simulated { "relative error of free runs, held out" } else { "squared error over variance, held out" };
+        let mut panels = vec![panel(what, Series::line("front", places(&front), errors), &|own| own.error())];
+        if all.iter().any(|own| own.bic.is_some()) {
+            panels.push(panel("BIC", least(&all), &|own| own.bic));
+        }
+        let caption = format!(
+            "Each mark is one of {} with its regions, lags and library: from the left those of few coefficients. Along the line of errors no model of as few coefficients errs less on \
+             rows that did not train; the line of the Bayesian information criterion joins the least ones. The upright line is at the model that was taken.",
+            count(self.tried.len(), "model")
+        );
+        Some(Figure::new(format!("orders-{place}"), title, caption, Chart::Panels(Panels::new(panels))))
+    }
+
     /// What each function contributes over the number of terms, an equation a figure, in the first region.
     fn along_terms(&self, place: usize, title: &str) -> Vec<Figure> {
         let (Some(Paths::Terms(paths)), Some(region)) = (&self.path, self.regions.first()) else { return Vec::new() };
@@ -328,6 +380,26 @@ impl TermsPath {
         );
         Figure::new(name, title, caption, Chart::Lines(chart))
     }
+}
+
+impl Tried {
+    /// The error that the models were compared by.
+    fn error(&self) -> Option<f64> {
+        self.loss.or(self.rrse)
+    }
+}
+
+/// The least criterion of every number of coefficients.
+fn least(all: &[&Tried]) -> Series {
+    let mut found: Vec<(usize, f64)> = Vec::new();
+    for (coefficients, bic) in all.iter().filter_map(|own| Some((own.coefficients, own.bic?))) {
+        match found.last_mut() {
+            Some((last, least)) if *last == coefficients => *least = least.min(bic),
+            _ => found.push((coefficients, bic)),
+        }
+    }
+    let (places, values) = found.into_iter().map(|(place, value)| (place as f64, value)).unzip();
+    Series::line("least", places, values)
 }
 
 impl Equation {

@@ -36,12 +36,16 @@ impl Entry {
         }
     }
 
-    /// A report: the hash of its text, without that of the model, and without the path, which was added since the goldens were written.
+    /// A report: the hash of its text, without that of the model, and without the path and the front of orders, which were added since the goldens were written.
     pub(super) fn report(&mut self, name: &str, report: &Value) {
         told_of(report);
         let mut report = report.clone();
         if let Some(fields) = report.as_object_mut() {
             ["hash", "path"].iter().for_each(|key| drop(fields.remove(*key)));
+            fields.get_mut("tried").and_then(Value::as_array_mut).into_iter().flatten().for_each(drop_front);
+            for key in ["held_out", "linear_of_the_same_lags"] {
+                fields.get_mut(key).into_iter().for_each(drop_front);
+            }
         }
         self.hash(name, without_folder(&report.to_string()).as_bytes());
     }
@@ -146,6 +150,13 @@ fn told_of(report: &Value) {
 }
 
 /// The report of rollouts without what was added to it since the goldens were written: what there was stays what it was.
+/// What an autoregression that was tried tells since then.
+fn drop_front(tried: &mut Value) {
+    if let Some(fields) = tried.as_object_mut().filter(|fields| fields.contains_key("rrse")) {
+        ["coefficients", "loss", "bic", "front", "chosen"].iter().for_each(|key| drop(fields.remove(*key)));
+    }
+}
+
 fn without_later(mut report: Value) -> Value {
     let later = ["ended_outside", "summary", "displacement", "displacement_summary"];
     let drop_from = |value: &mut Value| {
