@@ -157,3 +157,74 @@ fn a_damper_without_options_is_simulated_better_than_by_the_usual_order() {
     eprintln!("damper: free-run RRSE {looked:.6} looked for ({order}), {usual:.6} at 2, 2, 2, {linear:.6} linear");
     assert!(looked <= usual && looked <= linear, "{looked} {usual} {linear}");
 }
+
+/// A switched system of two affine modes with noise: `y(k+1) = 0.8 y + 0.5 u` where u > 0.2, `-0.5 y + u` elsewhere.
+fn switched(rows: usize, seed: u64) -> String {
+    let mut text = String::from("t,y,u\n");
+    let mut y = 0.1;
+    for row in 0..rows {
+        let u = noise(seed, row as u64);
+        writeln!(text, "{},{y},{u}", row as f64 * 0.1).unwrap();
+        y = if u > 0.2 { 0.8 * y + 0.5 * u } else { u - 0.5 * y } + 0.02 * noise(seed + 500, row as u64);
+    }
+    text
+}
+
+#[test]
+fn regions_lags_and_library_stand_on_one_front() {
+    let folder = folder(&[("log.csv", switched(1_500, 7)), ("other.csv", switched(400, 8))]);
+    let given =
+        ["log.csv", "--partition", "average,refined:2,3", "--partition-on", "u", "--lags-out", "2", "--lags-in", "2"];
+    let orders = ["--degree", "2", "--order", "auto", "--terms", "all"];
+    for select in ["bic", "aic", "one-se", "cv"] {
+        let run = |threads: &str| {
+            let how = ["--select", select, "--threads", threads, "-o", "model.json"];
+            let said = fit(folder.path(), &[&given[..], &orders, &how, &COLUMNS].concat()).ok();
+            fs::write(folder.path().join("fit.json"), &said.out).unwrap();
+            said.json()
+        };
+        let found = run("1");
+        assert_eq!(run("3"), found, "{select}: the same on any number of threads");
+        let tried = found["tried"].as_array().unwrap();
+        // Two lags of either, two degrees, three partitions.
+        assert_eq!(tried.len(), 4 * 2 * 3);
+        let chosen: Vec<&serde_json::Value> = tried.iter().filter(|one| one["chosen"] == true).collect();
+        assert_eq!(chosen.len(), 1);
+        assert_eq!(chosen[0], &found["held_out"]);
+        assert_eq!(chosen[0]["partition"].as_str().map(|text| &text[..8]), Some("refined:"), "{select}");
+        if matches!(select, "bic" | "one-se") {
+            assert_eq!(chosen[0]["partition"], "refined:2");
+            assert_eq!(chosen[0]["order"], serde_json::json!({ "lags_out": 1, "lags_in": 1, "degree": 1 }), "{select}");
+            assert_eq!(chosen[0]["coefficients"], 6);
+        }
+        if select == "bic" {
+            let bic = |one: &serde_json::Value| number(one, "/bic");
+            assert!(tried.iter().all(|one| bic(one) >= bic(chosen[0])));
+        }
+        // Nothing of as few coefficients beats what is on the front.
+        let (size, loss) =
+            (|one: &serde_json::Value| one["coefficients"].as_u64(), |one: &serde_json::Value| number(one, "/loss"));
+        for one in tried.iter().filter(|one| one["front"] == true) {
+            assert!(!tried.iter().any(|other| size(other) <= size(one) && loss(other) < loss(one)), "{select}");
+        }
+    }
+    // People and the page see the same.
+    let arguments =
+        [&["fit", "narx"][..], &given, &orders, &["--select", "bic", "-o", "model.json"], &COLUMNS].concat();
+    let text = fleetfoot(folder.path(), &arguments).ok().out;
+    assert!(text.contains("chosen by the least BIC of one-step errors, of 24 models"), "{text}");
+    assert!(text.lines().any(|line| line.contains("refined:2") && line.contains("<- chosen, least BIC")), "{text}");
+    let told = fit(folder.path(), &arguments[2..]).ok().out;
+    fs::write(folder.path().join("fit.json"), told).unwrap();
+    fleetfoot(folder.path(), &["report", "model.json", "other.csv", "--fit", "fit.json", "-o", "page.html"]).ok();
+    let page = fs::read_to_string(folder.path().join("page.html")).unwrap();
+    assert_eq!(page.matches("id=\"orders-1\"").count(), 1);
+    assert!(page.contains("one of 24 models with its regions"), "the front is drawn");
+    // Free runs decide where nothing else is said, and tell their front.
+    let free = [&given[..], &orders, &["-o", "free.json"], &COLUMNS].concat();
+    let found = fit(folder.path(), &free).ok().json();
+    let own = &found["held_out"];
+    assert!(own["loss"].is_null() && own["rrse"].is_number() && own["bic"].is_number(), "{own}");
+    let message = fit(folder.path(), &[&given[..], &["--select", "ebic"], &COLUMNS].concat()).fails(&["EBIC"]);
+    assert!(message.contains("--select bic"), "{message}");
+}

@@ -2,11 +2,9 @@
 How many regions, which lags, which library
 ===========================================
 
-A switched system of three affine modes. Numbers of regions, lags and degrees of the library are choices of one kind: each buys a smaller error with more numbers. All of them stand on one front, the error of rows
-that did not train against the numbers of a model, and the Bayesian information criterion says where more numbers are no longer worth it.
+A switched system of three affine modes. Numbers of regions, lags and degrees of the library are choices of one kind: each buys a smaller error with more coefficients. One fit tries all of them together, from one scan a partition: the error of
+rows that did not train against the coefficients of a model, and the Bayesian information criterion, which says where more of them are no longer worth it.
 """
-
-import math
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -24,31 +22,25 @@ for k in range(rows - 1):
         step = 0.5 * y[k] - u[k] - 0.5
     y[k + 1] = step + 0.1 * random.standard_normal()
 
-found = []
-for degree in (1, 2, 3):
-    for lags in (0, 1, 2):
-        models = ff.PWA(["average", "refined:2..6"], target="next", degree=degree, lags=lags, partition_on=["y", "u"], folds=5)
-        models.fit(y[:, None], dt=1.0, u=u[:, None], feature_names=["y"], input_names=["u"])
-        # Monomials of y, u and their lags; the separators of the regions have numbers, too.
-        terms = math.comb(2 * (lags + 1) + degree, degree)
-        for candidate in models.report_["candidates"]:
-            regions = candidate["regions"]
-            numbers = regions * terms + (0 if regions == 1 else 3 * regions)
-            found.append((numbers, candidate["loss"], candidate["bic"], degree, lags, regions))
+# Orders up to two lags of either and degree 3, each with every partition.
+found = ff.NARX(2, 2, 3, order="auto", terms="all", select="bic", partition=["average", "refined:2..6"], partition_on=["y", "u"])
+found.fit(y[:, None], dt=1.0, u=u[:, None], feature_names=["y"], input_names=["u"])
+tried = found.report_["tried"]
 
 # %%
-# The front: models that no model of fewer numbers beats.
-front = [own for own in sorted(found) if own[1] <= min(other[1] for other in found if other[0] <= own[0])]
-best = min(found, key=lambda own: own[2])
+# The front: models that no model of as few coefficients beats.
+front = sorted((model for model in tried if model["front"]), key=lambda model: model["coefficients"])
+chosen = next(model for model in tried if model["chosen"])
 figure, (errors, criterion) = plt.subplots(1, 2, figsize=(10, 4.2), layout="constrained")
-for degree, colour in zip((1, 2, 3), ("C0", "C1", "C2"), strict=True):
-    own = np.array([model for model in found if model[3] == degree])
-    errors.loglog(own[:, 0], own[:, 1], "o", ms=4, color=colour, alpha=0.7, label=f"degree {degree}")
-    criterion.semilogx(own[:, 0], own[:, 2], "o", ms=4, color=colour, alpha=0.7)
-errors.loglog([own[0] for own in front], [own[1] for own in front], color="0.4", lw=1, zorder=0, label="front")
-errors.set(xlabel="numbers of the model", ylabel="squared error of rows that did not train")
-criterion.set(xlabel="numbers of the model", ylabel="BIC")
-criterion.plot(best[0], best[2], "o", ms=11, mfc="none", color="k")
-criterion.annotate(f"degree {best[3]}, {best[4]} lags, {best[5]} regions", (best[0], best[2]), (10, 12), textcoords="offset points")
+for degree in (1, 2, 3):
+    own = [model for model in tried if model["order"]["degree"] == degree]
+    for axes, value in ((errors, "loss"), (criterion, "bic")):
+        axes.plot([model["coefficients"] for model in own], [model[value] for model in own], "o", ms=4, alpha=0.7, label=f"degree {degree}")
+errors.plot([model["coefficients"] for model in front], [model["loss"] for model in front], color="0.4", lw=1, zorder=0, label="front")
+errors.set(xscale="log", yscale="log", xlabel="coefficients", ylabel="squared error over variance, rows that did not train")
+criterion.set(xscale="log", xlabel="coefficients", ylabel="BIC")
+criterion.plot(chosen["coefficients"], chosen["bic"], "o", ms=11, mfc="none", color="k")
+lags = "{lags_out} and {lags_in}".format(**chosen["order"])
+criterion.annotate(f"{chosen['partition']}, lags {lags}, degree {chosen['order']['degree']}", (chosen["coefficients"], chosen["bic"]), (10, 12), textcoords="offset points")
 errors.legend(frameon=False)
 plt.show()

@@ -81,6 +81,7 @@ Examples:
   fleetfoot fit narx train.csv --outputs y --inputs u --free-run test.csv
   fleetfoot fit narx log.csv --outputs y --inputs u --lags-out 2 --lags-in 2 --degree 3 --test-share 0.2
   fleetfoot fit narx log.csv --outputs y --inputs u --partition average,kmeans:5,20 --partition-on 'y,y - lag(y, 1),u'
+  fleetfoot fit narx log.csv --outputs y --inputs u --partition average,refined:2..6 --lags-out 3 --lags-in 3 --degree 2 --order auto --select bic
   fleetfoot fit narx run.stats --select bic --free-run test.csv";
 
 pub(crate) const FIT_PARAMETERS: &str = "\

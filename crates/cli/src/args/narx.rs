@@ -24,7 +24,7 @@ pub(crate) struct FitNarx {
     #[arg(long, value_name = "ITEMS")]
     pub(crate) library: Option<List>,
     /// Partitions: average, zscore:1.5, kmeans:10, refined:5, lattice:5, tree:3, labels:COLUMN. Each region has terms of its own; of several (`average,kmeans:2,5,10`) one is
-    /// chosen by free runs (default: average).
+    /// chosen, by free runs or by what --select says (default: average).
     #[arg(short, long, value_name = "PARTITIONS")]
     pub(crate) partition: Option<String>,
     /// What partitions look at, separated by commas (default: the outputs).

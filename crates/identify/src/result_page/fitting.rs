@@ -279,29 +279,30 @@ impl Fit {
         }
         let chosen = all.iter().find(|own| own.chosen).map(|own| own.coefficients as f64);
         let places = |of: &[&Tried]| of.iter().map(|own| own.coefficients as f64).collect::<Vec<f64>>();
-        let panel = |what: &str, line: Series, of: &dyn Fn(&Tried) -> Option<f64>| {
-            let values: Vec<f64> = all.iter().map(|own| number(of(own))).collect();
-            let x = Axis::of("coefficients", "").spread(places(&all).into_iter());
-            let y = Axis::of(what, "").spread(values.iter().copied().filter(|value| value.is_finite()));
-            let marks = Series::line("models", places(&all), values).looks(Stroke::HollowMarks);
+        let panel = |title: &str, of: &dyn Fn(&Tried) -> Option<f64>| {
+            let values = |of_these: &[&Tried]| of_these.iter().map(|own| number(of(own))).collect::<Vec<f64>>();
+            let x = Axis::of(title, "").spread(places(&all).into_iter());
+            let y = Axis::of(title, "").spread(values(&all).into_iter().filter(|value| value.is_finite()));
+            let line = Series::line("front", places(&front), values(&front));
+            let marks = Series::line("models", places(&all), values(&all)).looks(Stroke::HollowMarks);
             let lines = Lines::new(x, y, vec![line, marks]);
             match chosen {
                 Some(at) => lines.marked(at, "taken"),
                 None => lines,
             }
         };
-        let errors = front.iter().map(|own| number(own.error())).collect();
         let simulated = all.iter().all(|own| own.loss.is_none());
-        let what =
-            if simulated { "relative error of free runs, held out" } else { "squared error over variance, held out" };
-        let mut panels = vec![panel(what, Series::line("front", places(&front), errors), &|own| own.error())];
-        if all.iter().any(|own| own.bic.is_some()) {
-            panels.push(panel("BIC", least(&all), &|own| own.bic));
+        let what = if simulated { "relative error of free runs" } else { "squared error over variance" };
+        let mut panels = vec![panel("error over coefficients", &|own| own.error())];
+        let criterion = all.iter().any(|own| own.bic.is_some());
+        if criterion {
+            panels.push(panel("BIC over coefficients", &|own| own.bic));
         }
         let caption = format!(
-            "Each mark is one of {} with its regions, lags and library: from the left those of few coefficients. Along the line of errors no model of as few coefficients errs less on \
-             rows that did not train; the line of the Bayesian information criterion joins the least ones. The upright line is at the model that was taken.",
-            count(self.tried.len(), "model")
+            "Each mark is one of {} with its regions, lags and library, those of few coefficients to the left: its {what} on rows that did not train{}. On the line no model of as \
+             few coefficients has a smaller error. The upright line is at the model that was taken.",
+            count(self.tried.len(), "model"),
+            if criterion { ", and the Bayesian information criterion" } else { "" }
         );
         Some(Figure::new(format!("orders-{place}"), title, caption, Chart::Panels(Panels::new(panels))))
     }
@@ -387,19 +388,6 @@ impl Tried {
     fn error(&self) -> Option<f64> {
         self.loss.or(self.rrse)
     }
-}
-
-/// The least criterion of every number of coefficients.
-fn least(all: &[&Tried]) -> Series {
-    let mut found: Vec<(usize, f64)> = Vec::new();
-    for (coefficients, bic) in all.iter().filter_map(|own| Some((own.coefficients, own.bic?))) {
-        match found.last_mut() {
-            Some((last, least)) if *last == coefficients => *least = least.min(bic),
-            _ => found.push((coefficients, bic)),
-        }
-    }
-    let (places, values) = found.into_iter().map(|(place, value)| (place as f64, value)).unzip();
-    Series::line("least", places, values)
 }
 
 impl Equation {
