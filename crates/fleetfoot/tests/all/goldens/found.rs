@@ -149,7 +149,6 @@ fn told_of(report: &Value) {
     }
 }
 
-/// The report of rollouts without what was added to it since the goldens were written: what there was stays what it was.
 /// What an autoregression that was tried tells since then.
 fn drop_front(tried: &mut Value) {
     if let Some(fields) = tried.as_object_mut().filter(|fields| fields.contains_key("rrse")) {
@@ -157,6 +156,7 @@ fn drop_front(tried: &mut Value) {
     }
 }
 
+/// The report of rollouts without what was added to it since the goldens were written: what there was stays what it was.
 fn without_later(mut report: Value) -> Value {
     let later = ["ended_outside", "summary", "displacement", "displacement_summary"];
     let drop_from = |value: &mut Value| {
