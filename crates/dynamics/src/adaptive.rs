@@ -127,6 +127,8 @@ impl Adaptive {
                 states.extend(x.iter().zip(&held[place]).map(|(&x, &f)| state.advance.next(x, f, seconds)));
             }
         }
+        // At the end alone: on the way a rotation that is written another way would have other slopes, and errors are estimated by slopes.
+        (0..count).for_each(|b| stepper.geometry.retract(states, |s| s * count + b));
         *points = row;
     }
 

@@ -11,6 +11,7 @@ use crate::{
     affine_kernel::AffineKernel,
     compiled::{Compiled, Latents},
     controller::{Controller, Driver},
+    geometry::Geometry,
     integrate::typical_period,
     kernel::padded,
     ranges::Ranges,
@@ -68,6 +69,7 @@ impl Simulator {
             driver: None,
             ranges,
             reported,
+            geometry: Geometry::new(model, &states.iter().map(|state| state.column).collect::<Vec<_>>()),
             states,
             compiled,
         };

@@ -9,7 +9,7 @@ use fleetfoot_data::{Block, Halo, Progress, Source, parallel_fold};
 use fleetfoot_model::{Equation, Model, Prediction};
 
 use crate::{
-    End, Error, Method, RolloutOptions, Simulator, Start, Step, Trajectory, angle::wrap, free_run::sums::OutputSum,
+    End, Error, Method, RolloutOptions, Simulator, Start, Step, Trajectory, free_run::sums::OutputSum,
     trajectories::GROUP, window::Window,
 };
 
@@ -150,7 +150,6 @@ pub fn free_run(
 /// An advanced state: what its errors are measured by.
 struct Output {
     column: usize,
-    angle: bool,
     /// The null model's prediction: the mean in training, where the model knows it.
     mean: Option<f64>,
 }
@@ -161,11 +160,7 @@ impl Output {
         // The mean of a next value is that of the state; of a derivative or difference it is not.
         let next = |e: &Equation| e.prediction == Prediction::Next;
         let mean = model.fitted().position(|e| e.subject == *name && next(e));
-        Self {
-            column,
-            angle: model.columns[column].angle,
-            mean: mean.and_then(|target| model.training.target_mean.get(target).copied()),
-        }
+        Self { column, mean: mean.and_then(|target| model.training.target_mean.get(target).copied()) }
     }
 }
 
@@ -246,16 +241,19 @@ impl Runner<'_> {
         let width = self.outputs.len();
         let mut sums = vec![OutputSum::default(); width];
         for (state, (output, sum)) in self.outputs.iter().zip(&mut sums).enumerate() {
-            let measured = &block.column(self.map[output.column])[run.start..=run.end];
-            let start = measured[0];
-            let difference = |a: f64, b: f64| if output.angle { wrap(a - b) } else { a - b };
+            let geometry = &self.simulator.geometry;
+            let recorded = |s: usize| &block.column(self.map[self.outputs[s].column])[run.start..=run.end];
+            let measured = recorded(state);
+            let difference =
+                |step: usize, b: &dyn Fn(usize) -> f64| geometry.difference(state, |s| recorded(s)[step], b);
             for (step, &y) in measured.iter().enumerate().skip(1).filter(|(_, y)| y.is_finite()) {
-                let predicted = if step <= trajectory.steps() { trajectory.state(step)[state] } else { f64::NAN };
+                let predicted =
+                    |s: usize| if step <= trajectory.steps() { trajectory.state(step)[s] } else { f64::NAN };
                 sum.push(
                     y,
-                    difference(y, predicted),
-                    difference(y, start),
-                    output.mean.map(|mean| difference(y, mean)),
+                    difference(step, &predicted),
+                    difference(step, &|s| recorded(s)[0]),
+                    output.mean.map(|mean| difference(step, &|_| mean)),
                 );
             }
         }

@@ -204,6 +204,9 @@ impl<'a> Batch<'a> {
                 }
             }
         }
+        for b in 0..count {
+            self.simulator.geometry.retract(&mut next, |s| s * count + b);
+        }
         for (s, state) in self.simulator.states.iter().enumerate() {
             for b in 0..count {
                 // A trajectory that has ended goes on from its start, so that it stays finite.
@@ -218,11 +221,14 @@ impl<'a> Batch<'a> {
     /// Moves the states of trajectories with gains towards their measurements.
     fn correct(&mut self, step: usize) {
         for (b, run) in self.runs.iter().enumerate().filter(|(_, run)| !run.gains.is_empty()) {
-            for state in self.simulator.states.iter().enumerate() {
-                let value = &mut self.columns.at_mut(state.1.column, step)[b];
-                self.uncorrected[b].push(*value);
-                *value = run.corrected(state, step, *value);
+            let states = &self.simulator.states;
+            let simulated: Vec<f64> =
+                states.iter().map(|state| self.columns.at(state.column, step as i64)[b]).collect();
+            for (place, state) in states.iter().enumerate() {
+                self.columns.at_mut(state.column, step)[b] =
+                    run.corrected(self.simulator, place, step, |s| simulated[s]);
             }
+            self.uncorrected[b].extend(simulated);
         }
     }
 

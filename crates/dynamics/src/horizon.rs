@@ -1,11 +1,14 @@
 //! Errors of rollouts by horizon, beside the baselines on the same starts.
 
+use std::ops::Range;
+
 use fleetfoot_data::{nearest, packed};
 use fleetfoot_library::UnknownColumn;
 use fleetfoot_model::Model;
 
 use crate::{
-    Baseline, Basis, End, Error, Estimate, Mahalanobis, RolloutOptions, Simulator, Trajectory, angle::wrap,
+    Baseline, Basis, End, Error, Estimate, Mahalanobis, RolloutOptions, Simulator, Trajectory,
+    geometry::{Geometry, Told, parts},
     window::Window,
 };
 
@@ -15,7 +18,7 @@ use crate::{
 pub struct Horizon {
     /// Seconds from the start after each step (mean over the starts), from step 1.
     pub time: Vec<f64>,
-    /// The states scored, in the order of [`HorizonScore::rmse`].
+    /// The states scored, in the order of [`HorizonScore::rmse`]; a rotation by its name, whose error is its angle (rad).
     pub states: Vec<String>,
     /// The model's scores.
     pub model: HorizonScore,
@@ -96,14 +99,42 @@ pub(crate) const ROLLOUT_BASELINES: [Baseline; 3] = [Baseline::Null, Baseline::P
 /// What is needed to score windows.
 pub(crate) struct HorizonScorer {
     pub(crate) horizon: usize,
+    /// States that are advanced.
     states: usize,
-    /// Positions (among the advanced states) that enter the Mahalanobis score.
-    scored: Vec<usize>,
+    /// What errors are told by: states and rotations.
+    told: Vec<Told>,
+    /// The parts of the errors that enter the Mahalanobis score: one of a state, the rotation vector's three of a rotation.
+    scored: Vec<Range<usize>>,
     metric: Mahalanobis,
-    angles: Vec<bool>,
+    /// Of all states that are told.
+    geometry: Geometry,
     columns: Vec<usize>,
-    /// Positions (among the advanced states) of the columns of the displacement.
+    /// Positions (among what is told) of the columns of the displacement.
     position: Vec<usize>,
+}
+
+/// The states' velocities in front of a start.
+struct Velocity {
+    states: Vec<f64>,
+    /// Of every rotation, rad/s in the body's axes.
+    rotations: Vec<[f64; 3]>,
+}
+
+impl Velocity {
+    fn new(geometry: &Geometry, measured: &[&[f64]], interval: f64) -> Self {
+        let (now, before) = (|s: usize| measured[s][1], |s: usize| measured[s][0]);
+        let rate = |s: usize| geometry.difference(s, now, before) / interval;
+        let turning = geometry.groups.iter().map(|group| group.rotation(now, before).map(|part| part / interval));
+        Self { states: (0..measured.len()).map(rate).collect(), rotations: turning.collect() }
+    }
+
+    /// Where rotations are that have turned on for so many seconds.
+    fn turn(&self, geometry: &Geometry, measured: &[&[f64]], seconds: f64, value: &mut [f64]) {
+        for (group, rate) in geometry.groups.iter().zip(&self.rotations) {
+            let moved = group.kind.moved(&group.of(|s| measured[s][1]), rate.map(|part| part * seconds));
+            group.places.iter().zip(moved).for_each(|(&place, part)| value[place] = part);
+        }
+    }
 }
 
 /// Scores of a summary, behind those of the steps.
@@ -138,33 +169,45 @@ impl HorizonScorer {
     pub(crate) fn new(model: &Model, simulator: &Simulator, options: &RolloutOptions) -> Result<Self, Error> {
         let (horizon, shown) = (options.horizon, simulator.shown());
         let names = simulator.states();
+        let geometry = Geometry::new(model, &shown.iter().map(|state| state.column).collect::<Vec<_>>());
+        let told = geometry.told();
+        // Of a part of a rotation there is no distance.
         let place = |name: &String| {
-            let place = names.iter().position(|known| known == name);
+            let place = told.iter().position(|own| matches!(*own, Told::State(state) if names[state] == *name));
             place.ok_or_else(|| {
                 let nearest = nearest(name, names.iter().map(String::as_str));
                 Error::from(UnknownColumn { name: name.clone(), nearest })
             })
         };
-        let scored: Vec<usize> = (0..shown.len()).filter(|&s| shown[s].order.is_some()).collect();
-        let order: Vec<usize> = scored.iter().filter_map(|&s| shown[s].order).collect();
-        let covariance: Vec<f64> = (0..order.len())
-            .flat_map(|i| (0..=i).map(move |j| (i, j)))
-            .map(|(i, j)| model.training.state_covariance[packed(order[i], order[j])])
-            .collect();
+        let counts = |own: &Told| match *own {
+            Told::State(state) => shown[state].order.is_some(),
+            Told::Group(group) => geometry.groups[group].places.iter().all(|&place| shown[place].order.is_some()),
+        };
+        let ordered: Vec<Told> = told.iter().copied().filter(counts).collect();
+        let order = |s: usize| shown[s].order.unwrap_or_default();
+        let training = &model.training;
+        let covariance = geometry.covariance(
+            &ordered,
+            |i, j| training.state_covariance[packed(order(i), order(j))],
+            |s| training.state_mean.get(order(s)).copied().unwrap_or_else(|| geometry.neutral(s)),
+        );
+        let scored: Vec<Range<usize>> =
+            told.iter().zip(parts(&told)).filter(|(own, _)| counts(own)).map(|(_, span)| span).collect();
         Ok(Self {
             horizon,
             position: options.position.iter().map(place).collect::<Result<_, _>>()?,
             states: shown.len(),
-            metric: Mahalanobis::of_covariance(&covariance, order.len()),
+            metric: Mahalanobis::of_covariance(&covariance, scored.iter().map(Range::len).sum()),
             scored,
-            angles: shown.iter().map(|state| state.advance.angle).collect(),
+            told,
+            geometry,
             columns: shown.iter().map(|state| state.column).collect(),
         })
     }
 
     pub(crate) fn empty(&self) -> HorizonSums {
         let kinds = if self.position.is_empty() { 1 } else { 2 };
-        let cells = self.horizon * self.states;
+        let cells = self.horizon * self.told.len();
         let table = ErrorTable { square: vec![0.0; cells], absolute: vec![0.0; cells], rows: vec![0.0; cells] };
         HorizonSums {
             starts: 0,
@@ -189,45 +232,49 @@ impl HorizonScorer {
             self.columns.iter().map(|&column| window.values(column, -1, self.horizon as i64 + 1)).collect();
         let stamps = &window.block.time[window.at - 1..=window.at];
         let interval = (stamps[1] - stamps[0]) as f64 * 1e-9;
-        let velocity: Vec<f64> =
-            (0..self.states).map(|s| self.difference(s, measured[s][1], measured[s][0]) / interval).collect();
+        let velocity = Velocity::new(&self.geometry, &measured, interval);
         sums.starts += 1;
         let episode = sums.episode(window.start.episode);
         let mut series = vec![Vec::new(); sums.scores.len()];
-        let mut error = vec![0.0; self.states];
-        let mut vector = vec![0.0; self.scored.len()];
+        let length = parts(&self.told).last().map_or(0, |last| last.end);
+        let mut value = vec![0.0; self.states];
+        let mut error = vec![0.0; length];
+        let mut size = vec![0.0; self.told.len()];
+        let mut vector = Vec::with_capacity(error.len());
         let mut scratch = vec![0.0; self.metric.width()];
         for k in 1..=self.horizon {
             sums.time[k - 1] += time[k];
             sums.ended[k - 1] += u64::from(model.end != End::Horizon && k > model.steps());
             for predictor in 0..=ROLLOUT_BASELINES.len() {
-                for s in 0..self.states {
-                    let value = match (predictor, null) {
+                for (s, value) in value.iter_mut().enumerate() {
+                    *value = match (predictor, null) {
                         (0, _) => model.state(k)[s],
                         (1, Some(null)) => null.state(k)[s],
                         (1, None) => f64::NAN,
                         (2, _) => measured[s][1],
-                        _ => time[k].mul_add(velocity[s], measured[s][1]),
+                        _ => time[k].mul_add(velocity.states[s], measured[s][1]),
                     };
-                    error[s] = self.difference(s, measured[s][k + 1], value);
                 }
-                let cell = (k - 1) * self.states;
+                if predictor > 2 {
+                    velocity.turn(&self.geometry, &measured, time[k], &mut value);
+                }
+                self.errors(&measured, k + 1, &value, &mut error, &mut size);
+                let cell = (k - 1) * self.told.len();
                 let table = &mut sums.tables[predictor];
-                for s in (0..self.states).filter(|&s| error[s].is_finite()) {
-                    table.square[cell + s] += error[s] * error[s];
-                    table.absolute[cell + s] += error[s].abs();
+                for s in (0..size.len()).filter(|&s| size[s].is_finite()) {
+                    table.square[cell + s] += size[s] * size[s];
+                    table.absolute[cell + s] += size[s].abs();
                     table.rows[cell + s] += 1.0;
                 }
-                for (value, &s) in vector.iter_mut().zip(&self.scored) {
-                    *value = error[s];
-                }
+                vector.clear();
+                self.scored.iter().for_each(|span| vector.extend_from_slice(&error[span.clone()]));
                 if !vector.is_empty() && vector.iter().all(|value| value.is_finite()) {
                     let score = self.metric.score_with(&vector, &mut scratch);
                     sums.push(episode, predictor, k - 1, score);
                     series[predictor].push((time[k], score));
                 }
-                if !self.position.is_empty() && self.position.iter().all(|&s| error[s].is_finite()) {
-                    let distance = self.position.iter().map(|&s| error[s] * error[s]).sum::<f64>().sqrt();
+                if !self.position.is_empty() && self.position.iter().all(|&s| size[s].is_finite()) {
+                    let distance = self.position.iter().map(|&s| size[s] * size[s]).sum::<f64>().sqrt();
                     sums.push(episode, PREDICTORS + predictor, k - 1, distance);
                     series[PREDICTORS + predictor].push((time[k], distance));
                 }
@@ -240,13 +287,38 @@ impl HorizonScorer {
         }
     }
 
-    #[inline(always)]
-    fn difference(&self, state: usize, a: f64, b: f64) -> f64 {
-        if self.angles[state] { wrap(a - b) } else { a - b }
+    /// Errors of the states at a row of what was measured, and what they come to: of a state the error itself, of a rotation its angle.
+    fn errors(&self, measured: &[&[f64]], row: usize, value: &[f64], error: &mut [f64], size: &mut [f64]) {
+        let (recorded, own) = (|s: usize| measured[s][row], |s: usize| value[s]);
+        let mut at = 0;
+        for (told, size) in self.told.iter().zip(size) {
+            match *told {
+                Told::State(state) => {
+                    error[at] = self.geometry.difference(state, recorded, own);
+                    *size = error[at];
+                    at += 1;
+                }
+                Told::Group(group) => {
+                    let rotation = self.geometry.groups[group].rotation(recorded, own);
+                    error[at..at + 3].copy_from_slice(&rotation);
+                    *size = rotation.iter().map(|part| part * part).sum::<f64>().sqrt();
+                    at += 3;
+                }
+            }
+        }
+    }
+
+    /// The names of what errors are told by.
+    fn names(&self, states: &[String]) -> Vec<String> {
+        let name = |own: &Told| match *own {
+            Told::State(state) => states[state].clone(),
+            Told::Group(group) => self.geometry.groups[group].name.clone(),
+        };
+        self.told.iter().map(name).collect()
     }
 
     /// The scores behind the sums.
-    pub(crate) fn finish(&self, states: Vec<String>, sums: &HorizonSums) -> Horizon {
+    pub(crate) fn finish(&self, states: &[String], sums: &HorizonSums) -> Horizon {
         let starts = sums.starts as f64;
         let basis = if sums.episodes.len() >= 2 {
             Basis::Episodes(sums.episodes.len())
@@ -286,7 +358,7 @@ impl HorizonScorer {
                 .collect(),
             ended: sums.ended.iter().map(|&count| count as f64 / starts).collect(),
             time,
-            states,
+            states: self.names(states),
             model,
             baselines,
             basis,

@@ -60,7 +60,10 @@ impl AffineKernel {
     /// The kernel of a simulator's model; `None` where the model needs the general path.
     pub(crate) fn new(model: &Model, simulator: &Simulator, equations: &[&Equation]) -> Option<Self> {
         let compiled = &simulator.compiled;
-        if compiled.partitions.len() > 1 || simulator.states.iter().any(|state| state.advance.lag.is_some()) {
+        if compiled.partitions.len() > 1
+            || simulator.states.iter().any(|state| state.advance.lag.is_some())
+            || !simulator.geometry.groups.is_empty()
+        {
             return None;
         }
         let states = simulator.states.len();

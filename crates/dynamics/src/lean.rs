@@ -76,8 +76,8 @@ impl Lean {
         path.extend_from_slice(beginning);
         let (mut end, mut x) = (End::Horizon, vec![0.0; states.len()]);
         for step in 0..run.horizon {
-            let now = path[step * states.len()..].iter().zip(states.iter().enumerate());
-            x.iter_mut().zip(now).for_each(|(x, (&value, state))| *x = run.corrected(state, step, value));
+            let now = &path[step * states.len()..];
+            x.iter_mut().enumerate().for_each(|(s, x)| *x = run.corrected(simulator, s, step, |s| now[s]));
             let (x, seconds) = (x.as_slice(), run.step(step));
             for stage in 0..stages {
                 let (before, now) = slopes.split_at_mut(stage);
@@ -90,7 +90,8 @@ impl Lean {
                 let slope = if mean { runge_kutta_mean([one[s], two[s], three[s], four[s]]) } else { one[s] };
                 state.advance.next(x[s], slope, seconds)
             };
-            let next: Vec<f64> = states.iter().enumerate().map(|(s, state)| next(s, state)).collect();
+            let mut next: Vec<f64> = states.iter().enumerate().map(|(s, state)| next(s, state)).collect();
+            simulator.geometry.retract(&mut next, |s| s);
             let near = |((state, value), start): ((&State, &f64), &f64)| {
                 (value - start).abs() <= state.limit(run.divergence, *start)
             };

@@ -165,7 +165,7 @@ fn roll_out(
         states: simulator.states().to_vec(),
         replayed: simulator.replayed(),
         driven_inputs: simulator.driven_inputs().to_vec(),
-        horizon: scorer.finish(simulator.states().to_vec(), &sums),
+        horizon: scorer.finish(simulator.states(), &sums),
         outcomes,
         missing,
         outside: options.outside,

@@ -2,7 +2,7 @@
 
 use fleetfoot_data::{Block, Source};
 
-use crate::{Outside, RolloutOptions, Start, Step, angle::wrap, state::State, window::Window};
+use crate::{Outside, RolloutOptions, Simulator, Start, Step, window::Window};
 
 /// One rollout to be done: its window, and the time of its steps.
 pub(crate) struct Run<'a> {
@@ -49,17 +49,31 @@ impl<'a> Run<'a> {
         if self.uniform { self.time[1] } else { self.time[k + 1] - self.time[k] }
     }
 
-    /// Measured less simulated, of a state at a step; NaN where nothing was measured. That of an angle is in (-pi, pi].
-    pub(crate) fn error(&self, state: &State, step: usize, simulated: f64) -> f64 {
-        let error = self.window.values(state.column, step as i64, step as i64 + 1)[0] - simulated;
-        if state.advance.angle { wrap(error) } else { error }
+    /// Measured less simulated, of a state at a step; NaN where nothing was measured. That of an angle is in (-pi, pi], and of a rotation the measured one is written as near to
+    /// the simulated one as it can be.
+    pub(crate) fn error(
+        &self,
+        simulator: &Simulator,
+        place: usize,
+        step: usize,
+        simulated: impl Fn(usize) -> f64,
+    ) -> f64 {
+        let measured = |s: usize| self.window.values(simulator.states[s].column, step as i64, step as i64 + 1)[0];
+        simulator.geometry.difference(place, measured, simulated)
     }
 
     /// The state from which the next step is made: what was simulated, moved towards its measurement where there are gains, and a measurement.
-    pub(crate) fn corrected(&self, (place, state): (usize, &State), step: usize, simulated: f64) -> f64 {
-        let Some(&gain) = self.gains.get(place) else { return simulated };
-        let error = self.error(state, step, simulated);
-        if error.is_finite() { gain.mul_add(error, simulated) } else { simulated }
+    pub(crate) fn corrected(
+        &self,
+        simulator: &Simulator,
+        place: usize,
+        step: usize,
+        simulated: impl Fn(usize) -> f64,
+    ) -> f64 {
+        let own = simulated(place);
+        let Some(&gain) = self.gains.get(place) else { return own };
+        let error = self.error(simulator, place, step, simulated);
+        if error.is_finite() { gain.mul_add(error, own) } else { own }
     }
 
     pub(crate) fn block(&self) -> &Block {

@@ -137,7 +137,8 @@ impl Sensitivity {
         method: Method,
         beginning: bool,
     ) -> Tangents {
-        let stages = self.stages(simulator, run, trajectory, method);
+        let path = Path::new(simulator, run, trajectory);
+        let stages = self.stages(&path, run, method);
         let active = self.active(simulator, &stages);
         let mut local = vec![NONE; active.last().map_or(0, |last| last + 1)];
         active.iter().zip(0..).for_each(|(&number, at)| local[number] = at);
@@ -160,23 +161,23 @@ impl Sensitivity {
                 from = &corrected[..(k + 1) * size];
             }
             recursion.step(&stages, k, run.step(k), from, &mut next[..size]);
+            retract(simulator, &path, &stages, (k, run.step(k)), &mut next[..size]);
         }
         Tangents { active, gains, width, values }
     }
 
     /// Evaluates the model's derivatives at all rows of a trajectory at once, stage by stage.
-    fn stages(&self, simulator: &Simulator, run: &Run<'_>, trajectory: &Trajectory, method: Method) -> Vec<Stage> {
-        let continuous = simulator.states.iter().any(|state| state.advance.continuous);
+    fn stages(&self, path: &Path<'_>, run: &Run<'_>, method: Method) -> Vec<Stage> {
+        let continuous = path.simulator.states.iter().any(|state| state.advance.continuous);
         let plan: &[(f64, f64)] = match method {
             Method::Rk4 if continuous => &[(0.0, 1.0 / 6.0), (0.5, 2.0 / 6.0), (0.5, 2.0 / 6.0), (1.0, 1.0 / 6.0)],
             _ => &[(0.0, 1.0)],
         };
-        let path = Path::new(simulator, run, trajectory);
         let mut stages: Vec<Stage> = Vec::with_capacity(plan.len());
         for &(fraction, weight) in plan {
             let offset: Vec<f64> = (0..path.rows).map(|k| fraction * run.step(k)).collect();
             let moved = stages.last().map(|before| path.moved(&offset, before));
-            stages.push(self.stage(&path, moved.as_deref(), offset, weight));
+            stages.push(self.stage(path, moved.as_deref(), offset, weight));
         }
         stages
     }
@@ -223,10 +224,35 @@ fn correct(
 ) {
     let width = tangents.len() / simulator.states.len();
     for (s, own) in tangents.chunks_exact_mut(width).enumerate() {
-        let error = run.error(&simulator.states[s], step, simulated[s]);
+        let error = run.error(simulator, s, step, |s| simulated[s]);
         if error.is_finite() {
             own.iter_mut().for_each(|value| *value *= 1.0 - run.gains[s]);
             own[coefficients + s] += error;
+        }
+    }
+}
+
+/// Turns the tangents of what step `k` made into those of the rotations that it was brought back to.
+fn retract(simulator: &Simulator, path: &Path<'_>, stages: &[Stage], (k, seconds): (usize, f64), tangents: &mut [f64]) {
+    let width = tangents.len() / simulator.states.len();
+    for group in &simulator.geometry.groups {
+        let made = |place: usize| {
+            let slope: f64 = stages
+                .iter()
+                .map(|stage| {
+                    let weight = if stages.len() > 1 { stage.weight } else { 1.0 };
+                    weight * stage.workspace.outputs[place * stage.workspace.stride + k]
+                })
+                .sum();
+            seconds.mul_add(slope, path.states[place][simulator.history() + k])
+        };
+        let jacobian = group.kind.retraction_derivative(&group.of(made));
+        let before: Vec<f64> =
+            group.places.iter().flat_map(|&place| tangents[place * width..][..width].to_vec()).collect();
+        for (row, &place) in jacobian.chunks_exact(group.places.len()).zip(&group.places) {
+            for (column, value) in tangents[place * width..][..width].iter_mut().enumerate() {
+                *value = row.iter().enumerate().map(|(part, factor)| factor * before[part * width + column]).sum();
+            }
         }
     }
 }
@@ -274,7 +300,7 @@ impl<'a> Path<'a> {
         let (window, rows, back) = (run.window, trajectory.steps(), simulator.history() as i64);
         let of_state = |(place, state): (usize, &State)| {
             let before = window.values(state.column, -back, 0).iter().copied();
-            let from = |k: usize| run.corrected((place, state), k, trajectory.state(k)[place]);
+            let from = |k: usize| run.corrected(simulator, place, k, |s| trajectory.state(k)[s]);
             before.chain((0..rows).map(from)).collect()
         };
         Self { simulator, window, rows, states: simulator.states.iter().enumerate().map(of_state).collect() }

@@ -16,7 +16,6 @@ use fleetfoot_model::Model;
 
 use crate::{
     Coefficient, End, Error, Method, RolloutOptions, Simulator, Start, Step, Trajectory,
-    angle::wrap,
     kernel::LANES,
     run::Run,
     sensitivity::{Sensitivity, Tangents},
@@ -149,9 +148,9 @@ impl<'a> Shooting<'a> {
         let cells = self.cells(window);
         let mut segment = Segment { ended: trajectory.end != End::Horizon, ..Segment::default() };
         for &(step, state, measured) in &cells {
-            let (scale, angle) = (self.scale[state], self.simulator.states[state].advance.angle);
-            let error = measured - trajectory.state(step)[state];
-            segment.residuals.push(scale * if angle { wrap(error) } else { error });
+            let scale = self.scale[state];
+            let error = run.error(&self.simulator, state, step, |s| trajectory.state(step)[s]);
+            segment.residuals.push(scale * error);
             segment.size += (scale * measured).powi(2);
         }
         segment.slopes = self.slopes(&cells, &tangents, trajectory.steps());

@@ -5,8 +5,8 @@ use fleetfoot_library::{Expr, UnknownColumn};
 use fleetfoot_model::Model;
 
 use crate::{
-    Error, RolloutOptions, affine_kernel::AffineKernel, compiled::Compiled, controller::Driver, ranges::Ranges,
-    run::Run, state::State, window::Window,
+    Error, RolloutOptions, affine_kernel::AffineKernel, compiled::Compiled, controller::Driver, geometry::Geometry,
+    ranges::Ranges, run::Run, state::State, window::Window,
 };
 
 /// A model compiled for rollouts.
@@ -21,6 +21,8 @@ pub struct Simulator {
     pub(crate) columns: Vec<String>,
     /// The states that equations advance, then the first-order lags of what is computed.
     pub(crate) states: Vec<State>,
+    /// Where these states live.
+    pub(crate) geometry: Geometry,
     /// Columns that are computed, over the others.
     pub(crate) computed: Vec<(String, Expr)>,
     pub(crate) compiled: Compiled,

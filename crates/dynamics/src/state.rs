@@ -13,6 +13,8 @@ pub(crate) struct State {
     pub(crate) deviation: f64,
     /// Index among the columns with role State, if it is one.
     pub(crate) order: Option<usize>,
+    /// Whether it cannot go far: an angle, or a part of a rotation.
+    pub(crate) bounded: bool,
 }
 
 /// A state whose standard deviation in training is this share of its value did not move: what is left is rounding.
@@ -23,12 +25,18 @@ impl State {
     pub(crate) fn limit(&self, divergence: f64, start: f64) -> f64 {
         let limit = divergence * self.deviation;
         let moved = self.deviation > STILL * start.abs();
-        if moved && limit > 0.0 && limit.is_finite() && !self.advance.angle { limit } else { f64::MAX }
+        if moved && limit > 0.0 && limit.is_finite() && !self.bounded { limit } else { f64::MAX }
     }
 
     /// A first-order lag of what is computed.
     pub(crate) fn of_lag(lag: &FirstOrderLag) -> Self {
-        Self { column: lag.column, advance: Advance::lag(lag.constant), deviation: f64::NAN, order: None }
+        Self {
+            column: lag.column,
+            advance: Advance::lag(lag.constant),
+            deviation: f64::NAN,
+            order: None,
+            bounded: false,
+        }
     }
 
     /// What is large for it: its standard deviation in training; 1 where that is not known, or zero.
@@ -62,7 +70,8 @@ pub(crate) fn advanced(model: &Model) -> Result<(Vec<State>, Vec<&Equation>), Er
             return Err(Error::Contradiction { state: column.name.clone() });
         }
         let (order, deviation) = (state_order(model, index), training_deviation(model, index));
-        states.push(State { column: index, advance, deviation, order });
+        let bounded = column.angle || column.rotation.is_some();
+        states.push(State { column: index, advance, deviation, order, bounded });
         equations.push(equation);
     }
     Ok((states, equations))

@@ -6,6 +6,7 @@ use fleetfoot_model::{Closed, Equation, FirstOrderLag, Model, Prediction, Role};
 use crate::{
     Error, Method, Points,
     compiled::{Compiled, Workspace},
+    geometry::Geometry,
     integrate::runge_kutta_mean,
     state::{State, advanced},
 };
@@ -20,6 +21,8 @@ pub struct Stepper {
     pub(crate) lags: Vec<FirstOrderLag>,
     names: Vec<String>,
     pub(crate) states: Vec<State>,
+    /// Where these states live.
+    pub(crate) geometry: Geometry,
     pub(crate) inputs: Vec<usize>,
     /// Index of the right side of every fitted equation.
     fitted: Vec<usize>,
@@ -83,6 +86,7 @@ impl Stepper {
         Ok(Self {
             model: model.clone(),
             lags: lags.clone(),
+            geometry: Geometry::new(model, &states.iter().map(|state| state.column).collect::<Vec<_>>()),
             states,
             inputs,
             fitted,
@@ -194,6 +198,9 @@ impl Stepper {
         for (s, state) in self.states.iter().enumerate() {
             let x = points.column(state.column, 0);
             next.extend(x.iter().zip(&slopes[s * count..]).map(|(&x, &slope)| state.advance.next(x, slope, seconds)));
+        }
+        for b in 0..count {
+            self.geometry.retract(&mut next, |s| s * count + b);
         }
         workspace.stages[0] = slopes;
         workspace.next = next;

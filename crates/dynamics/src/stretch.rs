@@ -26,7 +26,8 @@ pub struct Stretch {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct StretchPath {
-    /// Measured less simulated, rows x states; NaN where nothing was measured. Those of angles are in (-pi, pi].
+    /// Measured less simulated, rows x states; NaN where nothing was measured. Those of angles are in (-pi, pi]; of a
+    /// rotation the measured one is written as near to the simulated one as it can be.
     pub errors: Vec<f64>,
     /// Derivatives of the simulated states by the coefficients, rows x states x coefficients.
     pub by_coefficients: Vec<f64>,
@@ -148,8 +149,8 @@ impl<'a> Stretches<'a> {
             by_beginning: Vec::with_capacity(rows * states * states),
         };
         for row in 0..rows {
-            for (s, state) in self.simulator.states.iter().enumerate() {
-                path.errors.push(run[0].error(state, row, trajectory.state(row)[s]));
+            for s in 0..states {
+                path.errors.push(run[0].error(&self.simulator, s, row, |s| trajectory.state(row)[s]));
                 path.by_gains.extend_from_slice(tangents.by_gains(row, s, states));
                 path.by_beginning.extend_from_slice(tangents.by_beginning(row, s, states));
                 let own = &mut path.by_coefficients[(row * states + s) * self.coefficients..][..self.coefficients];
@@ -172,8 +173,14 @@ mod tests {
     use crate::Method;
 
     fn model() -> Model {
-        let column =
-            |name: &str, role| Column { name: name.into(), source: name.into(), unit: None, role, angle: name == "q" };
+        let column = |name: &str, role| Column {
+            name: name.into(),
+            source: name.into(),
+            unit: None,
+            role,
+            angle: name == "q",
+            rotation: None,
+        };
         let columns = vec![column("q", Role::State), column("v", Role::State), column("u", Role::Input)];
         let training = Training { state_covariance: vec![1.0, 0.0, 1.0], ..Training::default() };
         let mut model = Model::new("test", columns, 0.05, training);

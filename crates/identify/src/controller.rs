@@ -137,7 +137,14 @@ pub(crate) fn with_columns(model: &Model, controller: &dyn Controller) -> Result
     for name in controller.reads() {
         if model.column(&name).is_none() {
             let source = source(&recipe, &name);
-            model.columns.push(Column { name, source, unit: None, role: Role::Auxiliary, angle: false });
+            model.columns.push(Column {
+                name,
+                source,
+                unit: None,
+                role: Role::Auxiliary,
+                angle: false,
+                rotation: None,
+            });
         }
     }
     Ok(model)

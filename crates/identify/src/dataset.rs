@@ -10,7 +10,7 @@ mod trained;
 use std::{path::Path, sync::atomic::AtomicBool};
 
 use fleetfoot_data::{Column, Episode, Progress, Source, Watch, Watched};
-use fleetfoot_library::{Expr, View};
+use fleetfoot_library::Expr;
 use fleetfoot_log::{Recording, Stamp, TimeSpec, TopicClock, TopicInfo};
 use fleetfoot_model::{Column as ModelColumn, Role};
 
@@ -26,6 +26,7 @@ use crate::{
     found_clocks::{AlignedClock, Clocks},
     labels::Labelled,
     problem::Aliases,
+    settled::{Recorded, Settled},
     view::seen_through,
 };
 
@@ -34,6 +35,8 @@ pub struct Dataset {
     pub(crate) source: Labelled<Recording>,
     pub(crate) aliases: Vec<(Column, Expr)>,
     pub(crate) recodings: Vec<(String, Vec<f64>)>,
+    /// The rotations among the columns that are read for a model or a recipe.
+    pub(crate) rotations: Vec<Recorded>,
     pub(crate) clocks: Vec<AlignedClock>,
     /// The same as the join knows them.
     pub(crate) topic_clocks: Vec<TopicClock>,
@@ -179,6 +182,7 @@ impl Dataset {
             source,
             aliases,
             recodings: Vec::new(),
+            rotations: Recorded::among(model),
             clocks: clocks.reports,
             topic_clocks,
             topics: Vec::new(),
@@ -188,16 +192,16 @@ impl Dataset {
         })
     }
 
-    /// The source that fits, scores and rollouts read: the aliases as columns. Filters in them are computed from the fields.
+    /// The source that fits, scores and rollouts read: the aliases as columns, rotations settled. Filters in them are computed from the fields.
     ///
     /// # Errors
     /// An alias reads what is not there, or a filter's constant is out of its range.
-    pub fn view(&self) -> Result<View<'_>, Error> {
+    pub fn view(&self) -> Result<Settled<'_>, Error> {
         let mut view = seen_through(Box::new(Watched::new(&self.source, self.watch.as_ref())), &self.aliases)?;
         for (column, values) in &self.recodings {
             view.recode(column, values.clone());
         }
-        Ok(view)
+        Ok(Settled::new(view, self))
     }
 
     /// The episodes.

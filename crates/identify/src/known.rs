@@ -80,6 +80,7 @@ pub(crate) fn given(
         target_covariance: covariance(&measured),
         target_deviation: vec![f64::NAN; targets.len()],
         state_covariance: covariance(&spread),
+        state_mean: spread.mean.clone(),
         ..Training::default()
     };
     let mut model = Model::new(method, task.columns, dataset.step(), training);

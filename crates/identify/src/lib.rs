@@ -63,6 +63,7 @@ mod result_page;
 mod rollout_choice;
 mod rows;
 mod run;
+mod settled;
 mod sindy;
 mod spans;
 mod sparse_fit;
@@ -108,7 +109,7 @@ pub use problem::{
 pub use project::{Projected, project};
 pub use recipe::{
     BodySection, ClockSection, ConstraintSection, ControlSchedule, ControlSection, Criterion, Derivative, Effort,
-    EpisodeRule, EstimateMethod, EstimateSection, FilterSection, FilterSwitching, Gap, GivenAs, Gravity, Input,
+    EpisodeRule, EstimateMethod, EstimateSection, FilterSection, FilterSwitching, Frame, Gap, GivenAs, Gravity, Input,
     InputTable, Join, JoinTable, JointSection, Kind, LatentSection, LibrarySection, Limits, ModelSection, Mounting,
     NarxSection, NarxSelection, NarxTerms, Normalize, Objective, Over, ParameterSection, PartitionChoice, PhaseColumn,
     PrepareMethod, PrepareSection, PwaSection, Recipe, ResimulateSection, SensorKind, SensorSection, Settings,
@@ -121,6 +122,7 @@ pub use result_page::{FigureFormat, Report, ReportOptions, report};
 pub use rollout_choice::{HORIZON, RolloutCandidate, RolloutChoice, RolloutRule};
 pub use rows::{ModelRows, Rows, model_rows, read_rows};
 pub use run::{PredictedRows, RolledOut, Scored, Written, predict, predict_rows, rollout, score};
+pub use settled::{NoRotation, Settled};
 pub use sindy::{
     Ensemble, EquationReport, Evidence, FrontPoint, ParameterReport, Provenance, RegionReport, SindyFitted,
     SindyOptions, SindyPlan, SindyReport, SindyRequest, StateNoise, StateSmoothing, TermReport, fit_sindy, plan_sindy,

@@ -4,6 +4,7 @@
 //! [`KnownTask`] where nothing is fitted. All read a recipe through the same [`Aliases`]. No log is opened here.
 
 mod aliases;
+mod attitude;
 mod derivative;
 mod difference;
 mod differentiated;

@@ -167,22 +167,53 @@ pub struct State {
     /// Whether it stands in the library and the partition; yes unless said otherwise.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub regressor: Option<bool>,
-    /// `angle` or `linear`.
+    /// `angle`, `quaternion`, `rotation-vector` or `linear`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kind: Option<Kind>,
     /// Unit, when the file does not tell it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unit: Option<String>,
+    /// Of a rotation: the columns of its parts, fields or aliases.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub columns: Option<Vec<String>>,
+    /// Of a rotation: which part each of the columns is, `wxyz` or `xyzw`, where their names do not end in these letters.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub order: Option<String>,
+    /// Of a rotation: its three rates, rad/s, states, inputs or expressions.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate: Option<Vec<String>>,
+    /// Of a rotation: the axes that the rates are about, `body` (default) or `world`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frame: Option<Frame>,
+    /// The rotation and the letter of the part that this state is, `attitude.w`: what a rotation is written out to.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub part: Option<String>,
+}
+
+/// The axes that vectors are told in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Frame {
+    /// Those of the body.
+    Body,
+    /// Those of the world.
+    World,
 }
 
 /// What kind of quantity a column is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "kebab-case")]
 pub enum Kind {
     /// A real number.
     Linear,
     /// An angle in radians: differences wrap, regressors and partitions see its cosine and sine.
     Angle,
+    /// A unit quaternion in four columns: its equations are the kinematics, given its rates; it stays of unit length, and q and -q are the same. The library speaks of it by
+    /// `rotate(NAME, v)` and the like.
+    Quaternion,
+    /// A rotation vector, axis times angle in radians, in three columns: as [`Kind::Quaternion`]. Turns more or less are the same.
+    #[serde(alias = "axis-angle")]
+    RotationVector,
 }
 
 /// An input: `u = "field"` or `u = { column = "field", kind = "angle" }`.

@@ -86,10 +86,10 @@ pub(crate) fn is_match(pattern: &str, name: &str) -> bool {
 }
 
 impl Recipe {
-    /// The recipe with every wildcard written out for the fields of a log.
+    /// The recipe with every wildcard and every rotation written out for the fields of a log.
     ///
     /// # Errors
-    /// A wildcard that no field matches.
+    /// A wildcard that no field matches, a rotation whose columns, order or rates are not said.
     pub(crate) fn expand(&self, fields: &[Column]) -> Result<Self, Error> {
         let mut out = self.clone();
         out.columns = IndexMap::new();
@@ -125,6 +125,14 @@ impl Recipe {
                 },
             }
         }
+        let mut written = IndexMap::new();
+        for (name, state) in std::mem::take(&mut out.states) {
+            match state.parts(&name, &out.columns, fields)? {
+                Some(parts) => written.extend(parts),
+                None => _ = written.insert(name, state),
+            }
+        }
+        out.states = written;
         out.inputs = IndexMap::new();
         for (name, input) in &self.inputs {
             let place = format!("[inputs] {name}");

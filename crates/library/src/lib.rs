@@ -58,7 +58,7 @@ pub use library::{Library, LibraryError};
 pub use limits::MAX_FUNCTIONS;
 pub use parse_error::{ParseError, ParseErrorKind};
 pub use program::{Leaf, Program, UnknownColumn};
-pub use rotation::Quaternion;
+pub use rotation::{Quaternion, rotation_vector_rates};
 pub use scope::Scope;
 pub use straight_line::{Argument, Statement, StraightLine};
 pub use terms::{PolynomialLibrary, Terms, TermsError, Vocabulary};

@@ -20,6 +20,34 @@ impl Quaternion {
         Self { vector: [x, y, z], w }
     }
 
+    /// Of a rotation vector, axis times angle in radians: `(|v|/2 cot(|v|/2), v/2)`, but for a common factor.
+    ///
+    /// That of length zero is the rotation by nothing; its quotient is that of a length of 1e-15, which is 1 to the last digit.
+    pub fn of_vector(vector: &[Expr; 3]) -> Self {
+        let length = squared_length(vector).max(Expr::number(1e-30)).sqrt();
+        let scale = (0.5 * &length).sin() / &length;
+        Self { vector: vector.each_ref().map(|part| part * &scale), w: (0.5 * &length).cos() }
+    }
+
+    /// How its components w, x, y, z change while it turns with these rates (rad/s) about the axes of the body: `q' = 1/2 q (0, rates)`; of the world: `q' = 1/2 (0, rates) q`.
+    pub fn rates(&self, [a, b, c]: &[Expr; 3], world: bool) -> [Expr; 4] {
+        let ([x, y, z], w) = (self.vector.each_ref(), &self.w);
+        let twist = |plus: Expr, minus: Expr| if world { minus - plus } else { plus - minus };
+        [
+            -0.5 * (x * a + y * b + z * c),
+            0.5 * (w * a + twist(y * c, z * b)),
+            0.5 * (w * b + twist(z * a, x * c)),
+            0.5 * (w * c + twist(x * b, y * a)),
+        ]
+    }
+
+    /// The rotation matrix by rows: the axes of the body in those of the world are its columns.
+    pub fn rotation_matrix(&self) -> [[Expr; 3]; 3] {
+        let unit = |i: usize| std::array::from_fn(|j| Expr::number(if i == j { 1.0 } else { 0.0 }));
+        let columns: [[Expr; 3]; 3] = std::array::from_fn(|i| self.rotate(&unit(i)));
+        std::array::from_fn(|i| std::array::from_fn(|j| columns[j][i].simplified()))
+    }
+
     /// The rotation about the vertical axis, last of intrinsic Z-Y-X angles: `atan2(R10, R00)`.
     pub fn yaw(&self) -> Expr {
         let [r00, r10, ..] = self.euler_entries();
@@ -80,4 +108,33 @@ impl Quaternion {
             [twice_difference(x * z, w * y), twice_sum(y * z, w * x), square(w) - square(x) - square(y) + square(z)],
         ]
     }
+}
+
+/// How a rotation vector v (axis times angle, rad) changes while it turns with these rates w (rad/s) about the axes of the body, `v' = Jr^-1 w = w + v x w/2 + c v x (v x w)`, or of the world,
+/// where the second term has the other sign; `c = (1 - |v|/2 cot(|v|/2))/|v|^2` (Sola, Deray, Atchuthan, "A micro Lie theory for state estimation in robotics", arXiv:1812.01537, 2018,
+/// equation 144).
+///
+/// Where |v|^2 < 1e-8, c is that of 1e-8: it is off by 1e-11 there, in a term that is 1e-8 of the rates at most.
+pub fn rotation_vector_rates(v: &[Expr; 3], rates: &[Expr; 3], world: bool) -> [Expr; 3] {
+    let square = squared_length(v).max(Expr::number(1e-8));
+    let half = 0.5 * square.sqrt();
+    let factor = (1.0 - &half * half.cos() / half.sin()) / &square;
+    let once = cross(v, rates);
+    let twice = cross(v, &once);
+    std::array::from_fn(|i| {
+        let turned = 0.5 * &once[i];
+        let first = if world { &rates[i] - turned } else { &rates[i] + turned };
+        first + &factor * &twice[i]
+    })
+}
+
+fn squared_length([x, y, z]: &[Expr; 3]) -> Expr {
+    x.powi(2) + y.powi(2) + z.powi(2)
+}
+
+fn cross(a: &[Expr; 3], b: &[Expr; 3]) -> [Expr; 3] {
+    std::array::from_fn(|i| {
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        &a[j] * &b[k] - &a[k] * &b[j]
+    })
 }

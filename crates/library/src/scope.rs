@@ -7,7 +7,7 @@ use std::{
 
 use fleetfoot_data::nearest;
 
-use crate::{Expr, ParseErrorKind};
+use crate::{Expr, ParseErrorKind, Quaternion};
 
 /// The names that stand for something: the columns of a recording and the aliases of a recipe.
 ///
@@ -23,6 +23,8 @@ pub struct Scope {
     pub(crate) aliases: BTreeMap<String, Expr>,
     /// Aliases of the common beginning of a vector's or a quaternion's fields.
     pub(crate) groups: BTreeMap<String, String>,
+    /// Names of rotations whose columns need not be called like them.
+    pub(crate) rotations: BTreeMap<String, Quaternion>,
     /// Aliases whose text has not been read yet, while they are defined together.
     pub(crate) pending: BTreeSet<String>,
     /// The alias whose text is being read: in it, its own name is a column.
@@ -57,6 +59,11 @@ impl Scope {
         let name = name.into();
         self.groups.remove(&name);
         self.aliases.insert(name, expr);
+    }
+
+    /// Gives a rotation a name, by which `rotate(name, v)`, `yaw(name)` and the like speak of it.
+    pub fn define_rotation(&mut self, name: impl Into<String>, rotation: Quaternion) {
+        self.rotations.insert(name.into(), rotation);
     }
 
     /// What a name stands for.

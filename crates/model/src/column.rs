@@ -1,5 +1,7 @@
 //! The columns a model speaks of.
 
+use crate::RotationPart;
+
 /// A column of the model: an alias for an expression over the fields of a log.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Column {
@@ -13,6 +15,8 @@ pub struct Column {
     pub role: Role,
     /// Whether it is an angle: wrapped to (-pi, pi], standing in libraries and partitions as its cosine and sine.
     pub angle: bool,
+    /// Its part in a rotation that several columns are together; `None` for a column of its own.
+    pub rotation: Option<RotationPart>,
 }
 
 /// The part of a column in a model.

@@ -14,7 +14,10 @@ use std::path::{Path, PathBuf};
 use fleetfoot_library::{Expr, Scope};
 use serde::{Deserialize, Serialize};
 
-use crate::{Column, Equation, Join, Latent, Lattice, Level, Model, Partition, Prediction, Region, Role, Transitions};
+use crate::{
+    Column, Equation, Join, Latent, Lattice, Level, Model, Partition, Prediction, Region, Role, RotationKind,
+    RotationPart, Transitions,
+};
 use phases::{PairText, PhasesText};
 use rule::RuleText;
 use training::TrainingText;
@@ -197,6 +200,9 @@ struct ColumnText {
     unit: Option<String>,
     role: String,
     angle: bool,
+    /// The rotation, how it is written, and the part in it; of columns that are a part of one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    rotation: Option<(String, String, usize)>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -318,6 +324,7 @@ impl ModelText {
                     source: c.source,
                     unit: c.unit,
                     angle: c.angle,
+                    rotation: c.rotation.map(rotation_part).transpose()?,
                 })
             })
             .collect::<Result<Vec<_>, String>>()?;
@@ -386,8 +393,14 @@ impl From<&Column> for ColumnText {
             unit: c.unit.clone(),
             role: word(&ROLES, c.role),
             angle: c.angle,
+            rotation: c.rotation.as_ref().map(|own| (own.group.clone(), own.kind.word().to_owned(), own.part)),
         }
     }
+}
+
+fn rotation_part((group, word, part): (String, String, usize)) -> Result<RotationPart, String> {
+    let kind = RotationKind::of_word(&word).ok_or_else(|| format!("unknown word `{word}`"))?;
+    Ok(RotationPart { group, kind, part })
 }
 
 impl From<&Partition> for PartitionText {

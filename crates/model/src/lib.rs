@@ -11,7 +11,7 @@
 //! use fleetfoot_library::{Expr, Scope};
 //! use fleetfoot_model::{Column, Equation, Model, Prediction, Role, Training, describe};
 //!
-//! let column = |name: &str, role| Column { name: name.into(), source: name.into(), unit: None, role, angle: false };
+//! let column = |name: &str, role| Column { name: name.into(), source: name.into(), unit: None, role, angle: false, rotation: None };
 //! let columns = vec![column("q", Role::State), column("v", Role::State)];
 //! let training = Training { state_covariance: vec![1.0, 0.0, 1.0], ..Training::default() };
 //! let mut pendulum = Model::new("given", columns, 0.01, training);
@@ -40,6 +40,7 @@ mod phases;
 mod print;
 mod region;
 mod region_pair;
+mod rotation;
 mod trained;
 mod transitions;
 mod tree;
@@ -62,6 +63,7 @@ pub use phases::{Passage, PhaseBins, Phases};
 pub use print::{describe, describe_transitions, factor};
 pub use region::{Estimated, Region, Training};
 pub use region_pair::{RegionPair, holm};
+pub use rotation::{Rotation, RotationKind, RotationPart, rotations};
 pub use trained::{TrainedEpisode, known};
 pub use transitions::Transitions;
 pub use tree::{Branch, Cut, Side, Tree};
@@ -94,9 +96,12 @@ pub struct Model {
 impl Model {
     /// A model without latents and equations; the fields are public, [`Model::validate`] checks them.
     ///
-    /// Of the marks of the training's episodes those stay that are needed to recognise their rows.
+    /// Of the marks of the training's episodes those stay that are needed to recognise their rows; means of the states stay where some are a rotation.
     pub fn new(method: impl Into<String>, columns: Vec<Column>, step: f64, mut training: Training) -> Self {
         trained::keep_marks(&mut training.episodes, &columns);
+        if columns.iter().all(|column| column.rotation.is_none()) {
+            training.state_mean.clear();
+        }
         Self {
             method: method.into(),
             columns,

@@ -31,7 +31,11 @@ pub fn describe(model: &Model, regions: usize) -> String {
     let _ = writeln!(out, "\ncolumns");
     for column in &model.columns {
         let unit = column.unit.as_ref().map(|unit| format!(" [{unit}]")).unwrap_or_default();
-        let angle = if column.angle { ", angle" } else { "" };
+        let angle = match &column.rotation {
+            Some(own) => format!(", {} of {} {}", own.kind.letters()[own.part], own.kind.word(), own.group),
+            None if column.angle => ", angle".to_owned(),
+            None => String::new(),
+        };
         let role = format!("{:?}", column.role).to_lowercase();
         let source = if column.source == column.name { String::new() } else { format!(" = {}", column.source) };
         let _ = writeln!(out, "  {}{source}{unit}  ({role}{angle})", column.name);

@@ -49,6 +49,8 @@ pub struct Training {
     pub target_deviation: Vec<f64>,
     /// Covariance of the states (divisor: rows), packed lower triangle, in the order of the columns with role State.
     pub state_covariance: Vec<f64>,
+    /// Means of the states, in the same order; of models with rotations, empty for others.
+    pub state_mean: Vec<f64>,
     /// Numbers inside the equations that were estimated, with what is known of them; none of most methods.
     pub parameters: Vec<Estimated>,
     /// Covariance of these numbers, packed lower triangle; NaN where the data do not determine one.

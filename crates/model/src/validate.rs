@@ -1,6 +1,6 @@
 //! A model's parts must fit together before anybody computes with it.
 
-use crate::{Join, Model, Partition, Region, Role, Rule};
+use crate::{Join, Model, Partition, Prediction, Region, Role, Rule};
 
 impl Model {
     /// Checks that indices, lengths and names agree; the message says what does not.
@@ -41,6 +41,27 @@ impl Model {
                 return Err(format!("the equation of `{subject}` speaks of a column that the model does not have"));
             }
         }
+        let parts: usize = self.rotations().iter().map(|rotation| rotation.columns.len()).sum();
+        if let Some(column) = self.columns.iter().find(|column| column.rotation.is_some())
+            && parts != self.columns.iter().filter(|column| column.rotation.is_some()).count()
+        {
+            return Err(format!("the rotation of `{}` lacks a part, or has one twice", column.name));
+        }
+        for rotation in self.rotations() {
+            let advances = |&column: &usize| {
+                let name = &self.columns[column].name;
+                self.equations.iter().find(|equation| equation.subject == *name).map(|equation| equation.prediction)
+            };
+            let how: Vec<Option<Prediction>> = rotation.columns.iter().map(advances).collect();
+            let alike =
+                how.iter().all(|own| own.is_none()) || how.iter().all(|own| *own == Some(Prediction::Derivative));
+            if !alike {
+                return Err(format!(
+                    "the rotation `{}` has equations for some of its parts, or no derivatives",
+                    rotation.name
+                ));
+            }
+        }
         let states = self.columns.iter().filter(|column| column.role == Role::State).count();
         let triangle = |n: usize| n * (n + 1) / 2;
         let t = &self.training;
@@ -50,6 +71,7 @@ impl Model {
             ("target deviations", t.target_deviation.len(), fitted),
             ("covariances of parameters", t.parameter_covariance.len(), triangle(t.parameters.len())),
             ("state covariances", t.state_covariance.len(), triangle(states)),
+            ("state means", t.state_mean.len(), if t.state_mean.is_empty() { 0 } else { states }),
         ] {
             if length != expected {
                 return Err(format!("{length} {what}, expected {expected}"));

@@ -56,6 +56,7 @@ impl Fit<'_> {
             target_covariance: self.survey.scales.covariance(0..q),
             target_deviation: errors.deviation.iter().map(|sum| sum / errors.weight).collect(),
             state_covariance: self.survey.scales.covariance(q..q + s),
+            state_mean: self.survey.scales.mean[q..q + s].to_vec(),
             ..Training::default()
         };
         let mut model = assembled(self.problem, partition, library, &order.full, training);

@@ -230,6 +230,7 @@ impl<'a> Sums<'a> {
             // An absolute error, which sums do not know.
             target_deviation: vec![f64::NAN; q],
             state_covariance: rows.scales.covariance(q..d),
+            state_mean: rows.scales.mean[q..d].to_vec(),
             ..Training::default()
         };
         assembled(problem, partition, library, &order.full, training)

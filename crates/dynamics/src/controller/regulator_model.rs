@@ -23,6 +23,7 @@ impl Regulator {
             unit: None,
             role,
             angle: self.states.iter().any(|state| state.angle && state.name == *name),
+            rotation: None,
         };
         let kept = names.driven.iter().chain(&names.integrals);
         let columns: Vec<Column> = (kept.map(|name| column(name, Role::State)))

@@ -112,7 +112,14 @@ impl<'a> Columns<'a> {
         while self.model.column(&name).is_some() {
             name.push('_');
         }
-        self.columns.push(Column { name: name.clone(), source, unit: None, role: Role::Auxiliary, angle: false });
+        self.columns.push(Column {
+            name: name.clone(),
+            source,
+            unit: None,
+            role: Role::Auxiliary,
+            angle: false,
+            rotation: None,
+        });
         name
     }
 }

@@ -77,7 +77,11 @@ impl NarxBase {
     pub(crate) fn new(task: EquationTask, recipe: &Recipe) -> Result<Self, Error> {
         let regressor = |name: &str| recipe.states.get(name).is_none_or(|state| state.regressor != Some(false));
         let of = |role: Role| -> Vec<Expr> {
-            task.columns.iter().filter(|column| column.role == role && regressor(&column.name)).flat_map(seen).collect()
+            task.columns
+                .iter()
+                .filter(|column| column.role == role && regressor(&column.name))
+                .flat_map(|column| seen(column, &task.columns))
+                .collect()
         };
         let candidates = if recipe.library.functions.is_empty() {
             Candidates::Polynomial { outputs: of(Role::State), inputs: of(Role::Input) }

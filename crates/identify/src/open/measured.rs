@@ -28,6 +28,7 @@ impl Dataset {
             unit: None,
             role: Role::Auxiliary,
             angle: false,
+            rotation: None,
         };
         Ok(sources.iter().map(|source| aliases_of_model(&[column(source)], &fields).is_ok()).collect())
     }

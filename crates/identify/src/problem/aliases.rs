@@ -1,10 +1,11 @@
 //! The names that a recipe or a model gives to what is recorded.
 
 use fleetfoot_data::{Column as DataColumn, ColumnKind, nearest};
-use fleetfoot_library::{Expr, Scope};
+use fleetfoot_library::{Expr, Quaternion, Scope};
 use fleetfoot_model::{Column, Role};
 use indexmap::IndexMap;
 
+use super::attitude::named_rotations;
 use crate::{Error, Kind, Recipe};
 
 /// The aliases of a model or recipe while they are collected.
@@ -15,6 +16,8 @@ pub(crate) struct Aliases<'a> {
     pub(crate) expressions: Vec<(DataColumn, Expr)>,
     pub(crate) texts: &'a IndexMap<String, String>,
     hidden: Vec<String>,
+    /// The rotations among the states.
+    rotations: Vec<(String, Quaternion)>,
 }
 
 impl<'a> Aliases<'a> {
@@ -25,7 +28,15 @@ impl<'a> Aliases<'a> {
             text: source.text().to_owned(),
             source,
         })?;
-        Ok(Self { fields, scope, columns: Vec::new(), expressions: Vec::new(), texts, hidden: Vec::new() })
+        Ok(Self {
+            fields,
+            scope,
+            columns: Vec::new(),
+            expressions: Vec::new(),
+            texts,
+            hidden: Vec::new(),
+            rotations: Vec::new(),
+        })
     }
 
     /// The aliases with the recipe's states and inputs among their columns.
@@ -35,10 +46,19 @@ impl<'a> Aliases<'a> {
             let place = format!("[states] {name}");
             let angle = state.kind == Some(Kind::Angle);
             aliases.add(name, state.column.as_deref(), state.unit.as_deref(), Role::State, angle, &place)?;
+            if let (Some(part), Some(column)) = (state.rotation_part(), aliases.columns.last_mut()) {
+                column.rotation = Some(part);
+            }
         }
+        aliases.rotations = named_rotations(&aliases.columns);
         for (name, input) in &recipe.inputs {
             let place = format!("[inputs] {name}");
             let input = input.table();
+            if input.kind.and_then(Kind::rotation).is_some() {
+                return Err(Error::value(format!(
+                    "{place} kind: only states are rotations; expressions such as `rotate(q, vec(0, 0, 1)).x` read a recorded one as it is"
+                )));
+            }
             let angle = input.kind == Some(Kind::Angle);
             let text = input.column.as_deref().filter(|text| *text != name.as_str());
             aliases.add(name, text, input.unit.as_deref(), Role::Input, angle, &place)?;
@@ -77,7 +97,7 @@ impl<'a> Aliases<'a> {
         let field = expression.as_column().and_then(|name| self.fields.iter().find(|field| field.name == name));
         let unit = unit.map(str::to_owned).or_else(|| field.and_then(|field| field.unit.clone()));
         let kind = field.map_or(ColumnKind::Float, |field| field.kind.clone());
-        self.columns.push(Column { name: name.to_owned(), source, unit: unit.clone(), role, angle });
+        self.columns.push(Column { name: name.to_owned(), source, unit: unit.clone(), role, angle, rotation: None });
         self.expressions.push((DataColumn { name: name.to_owned(), unit, kind }, expression));
         Ok(())
     }
@@ -104,7 +124,7 @@ impl<'a> Aliases<'a> {
         let expression = if names.contains(&text.trim()) {
             Expr::column(text.trim())
         } else {
-            Expr::parse(text, &Scope::new(&names)).map_err(|source| Error::Expression {
+            Expr::parse(text, &self.scope_of(&names)).map_err(|source| Error::Expression {
                 place: place.to_owned(),
                 text: text.to_owned(),
                 source,
@@ -127,7 +147,16 @@ impl<'a> Aliases<'a> {
 
     /// The scope in which every alias stands for itself, with latents beside the aliases.
     pub(crate) fn own_scope(&self, latents: &[String]) -> Scope {
-        Scope::new(self.own_names(latents))
+        self.scope_of(&self.own_names(latents))
+    }
+
+    /// These names, and the rotations.
+    fn scope_of(&self, names: &[&str]) -> Scope {
+        let mut scope = Scope::new(names);
+        for (name, rotation) in &self.rotations {
+            scope.define_rotation(name.as_str(), rotation.clone());
+        }
+        scope
     }
 
     /// Adds the columns that an expression over aliases and latents speaks of, as auxiliary ones.

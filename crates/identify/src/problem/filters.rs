@@ -42,6 +42,7 @@ impl EquationTask {
                 unit: unit.clone(),
                 role,
                 angle: false,
+                rotation: None,
             });
             self.aliases.push((DataColumn { name, unit, kind: ColumnKind::Float }, source));
         }

@@ -44,7 +44,9 @@ impl ParametersTask {
         }
         let mut residuals = Vec::new();
         for (equation, target) in known.equations.iter_mut().zip(measured) {
-            if names.iter().any(|name| uses(&equation.right, name)) {
+            // A rotation is not differentiated.
+            let is_part = recipe.states.get(&equation.subject).is_some_and(|state| state.part.is_some());
+            if !is_part && names.iter().any(|name| uses(&equation.right, name)) {
                 let (name, model) = (equation.label(), equation.right.clone());
                 residuals.push(Residual { name, target: target.clone(), model, weight: 1.0 });
                 // What is estimated is scored like what is fitted.

@@ -7,6 +7,7 @@ use fleetfoot_pwa::{Phase, PhaseKind, Problem};
 
 use super::{
     Aliases,
+    attitude::named_rotations,
     derivative::measured,
     leak::{predicted, refuse_target_in_partition},
 };
@@ -187,10 +188,19 @@ pub(crate) fn state_equation(
     })
 }
 
-/// An angle stands as its cosine and sine.
-pub(crate) fn seen(column: &Column) -> Vec<Expr> {
+/// An angle stands as its cosine and sine, a rotation, once, as the nine entries of its matrix: they do not depend on how it is written.
+pub(crate) fn seen(column: &Column, all: &[Column]) -> Vec<Expr> {
     let x = Expr::column(column.name.as_str());
-    if column.angle { vec![x.cos(), x.sin()] } else { vec![x] }
+    match &column.rotation {
+        Some(own) if own.part == 0 => {
+            let named = named_rotations(all);
+            let rotation = named.iter().find(|(name, _)| *name == own.group);
+            rotation.map_or_else(Vec::new, |(_, rotation)| rotation.rotation_matrix().into_iter().flatten().collect())
+        }
+        Some(_) => Vec::new(),
+        None if column.angle => vec![x.cos(), x.sin()],
+        None => vec![x],
+    }
 }
 
 pub(crate) fn library(recipe: &Recipe, aliases: &Aliases<'_>, equations: &[Equation]) -> Result<Vec<Expr>, Error> {
@@ -207,7 +217,7 @@ pub(crate) fn variables(recipe: &Recipe, aliases: &Aliases<'_>, equations: &[Equ
         .filter(|column| {
             column.role != Role::Auxiliary && regressor(&column.name) && !predicted(equations, &column.name)
         })
-        .flat_map(seen)
+        .flat_map(|column| seen(column, &aliases.columns))
         .collect();
     let lags: Vec<i32> = (0..=recipe.model.lags.unwrap_or(0) as i32).collect();
     let mut variables = Library::with_lags(&present, &lags).functions().to_vec();
@@ -237,16 +247,19 @@ pub(crate) fn partition_columns(
             .columns
             .iter()
             .filter(|column| column.role == Role::State && regressor(&column.name))
-            .flat_map(seen)
+            .flat_map(|column| seen(column, &aliases.columns))
             .collect();
-        let inputs = || aliases.columns.iter().filter(|column| column.role == Role::Input).flat_map(seen).collect();
+        let inputs = || {
+            let inputs = aliases.columns.iter().filter(|column| column.role == Role::Input);
+            inputs.flat_map(|column| seen(column, &aliases.columns)).collect()
+        };
         return Ok(if states.is_empty() { inputs() } else { states });
     };
     let mut columns = Vec::new();
     for text in on {
         let expression = aliases.over_aliases(text, "--partition-on")?;
         let column = expression.as_column().and_then(|name| aliases.columns.iter().find(|column| column.name == name));
-        columns.extend(column.map_or_else(|| vec![expression.clone()], seen));
+        columns.extend(column.map_or_else(|| vec![expression.clone()], |column| seen(column, &aliases.columns)));
     }
     refuse_target_in_partition(equations, aliases, &columns)?;
     Ok(columns)

@@ -173,6 +173,7 @@ fn training(scan: &SystemScan, fitted: usize, states: usize, provenance: &Proven
         // An absolute error is no quadratic question: a statistic does not know it.
         target_deviation: vec![f64::NAN; fitted],
         state_covariance: also.covariance(fitted..fitted + states),
+        state_mean: also.mean[fitted..fitted + states].to_vec(),
         ..Training::default()
     }
 }

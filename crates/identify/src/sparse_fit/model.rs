@@ -39,6 +39,7 @@ pub(super) fn model(
         // An absolute error is no quadratic question: a statistic does not know it.
         target_deviation: vec![f64::NAN; targets],
         state_covariance: also.covariance(targets..targets + states),
+        state_mean: also.mean[targets..targets + states].to_vec(),
         ..Training::default()
     };
     let mut model = Model::new(method, columns(task), file.step(), training);

@@ -141,6 +141,9 @@ impl Parser<'_> {
             let [x, y, z, w] = self.exactly("quat", start)?;
             return Ok(Quaternion::new(x, y, z, w));
         }
+        if let Some(rotation) = self.scope.rotations.get(&name) {
+            return Ok(rotation.clone());
+        }
         let [x, y, z, w] =
             self.scope.components(&name, ["x", "y", "z", "w"]).map_err(|kind| self.error(start, kind))?;
         Ok(Quaternion::new(x, y, z, w))

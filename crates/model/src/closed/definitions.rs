@@ -121,7 +121,14 @@ impl Definitions {
         while self.columns.iter().any(|column| column.name == name) {
             name.push('_');
         }
-        self.columns.push(Column { name, source: source.to_string(), unit: None, role: Role::Auxiliary, angle: false });
+        self.columns.push(Column {
+            name,
+            source: source.to_string(),
+            unit: None,
+            role: Role::Auxiliary,
+            angle: false,
+            rotation: None,
+        });
         self.simulated.push(false);
         self.sources.push(Some(source));
         self.meanings.push(meaning);

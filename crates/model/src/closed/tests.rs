@@ -18,7 +18,7 @@ fn columns(texts: &[&str]) -> Vec<Column> {
             "i" => Role::Input,
             _ => Role::Auxiliary,
         };
-        Column { name: name.into(), source: source.into(), unit: None, role, angle: false }
+        Column { name: name.into(), source: source.into(), unit: None, role, angle: false, rotation: None }
     };
     texts.iter().map(column).collect()
 }

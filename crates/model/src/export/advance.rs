@@ -1,4 +1,4 @@
-//! One step of time as code, in the engine's order: slopes, a step of Euler or Runge-Kutta, angles wrapped.
+//! One step of time as code, in the engine's order: slopes, a step of Euler or Runge-Kutta, angles wrapped, rotations brought back.
 
 use fleetfoot_library::{Binary, Unary};
 
@@ -8,7 +8,7 @@ use super::{
     options::StepMethod,
     plan::{Advance, Plan, Source},
 };
-use crate::Prediction;
+use crate::{Prediction, RotationKind};
 
 impl Plan<'_> {
     /// `code = next(x, u, past, t, dt, n)`: the states one step later. `step` is the step's length where it is fixed.
@@ -49,8 +49,37 @@ impl Plan<'_> {
             let value = if self.states[run.start].signal.angle { Real::unary(Unary::Wrap, value) } else { value };
             body.push(range("i", run, vec![Statement::set("n", i(), value)]));
         }
+        body.extend(self.retractions());
         body.push(Statement::Return(Outcome::Same("code".into())));
         Function { name: "next", gives: true, parameters, body }
+    }
+
+    /// Brings the rotations in `n` back: quaternions to unit length, rotation vectors to half a turn at most, `n wrap(|n|)/|n|`.
+    fn retractions(&self) -> Vec<Statement> {
+        let mut body = Vec::new();
+        for (number, (rotation, places)) in self.rotations().into_iter().enumerate() {
+            let length = format!("length{number}");
+            let square = |&place: &usize| Real::at("n", place).times(Real::at("n", place));
+            let sum = Real::Sum(places.iter().map(square).collect());
+            body.push(Statement::Let(length.clone(), Real::unary(Unary::Sqrt, sum)));
+            let length = || Real::local(&length);
+            match rotation.kind {
+                RotationKind::Quaternion => body.extend(places.iter().map(|&place| {
+                    Statement::set("n", place, Real::binary(Binary::Div, Real::at("n", place), length()))
+                })),
+                RotationKind::Vector => {
+                    // A length of zero divides nothing.
+                    let divisor = Real::binary(Binary::Max, length(), Real::Number(1e-30));
+                    let factor = format!("factor{number}");
+                    let share = Real::binary(Binary::Div, Real::unary(Unary::Wrap, length()), divisor);
+                    body.push(Statement::Let(factor.clone(), share));
+                    let shortened =
+                        |&place: &usize| Statement::set("n", place, Real::at("n", place).times(Real::local(&factor)));
+                    body.extend(places.iter().map(shortened));
+                }
+            }
+        }
+        body
     }
 
     /// `result = right_sides(at, u, past, t, to)`, and back if it failed.

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use fleetfoot_library::Leaf;
 
 use super::{ExportError, evaluation::Evaluation};
-use crate::{Closed, Equation, Model, Prediction};
+use crate::{Closed, Equation, Model, Prediction, Rotation};
 
 /// The shape of the exported code: its vectors, its memory, and the two things that it may evaluate.
 pub(super) struct Plan<'a> {
@@ -47,6 +47,8 @@ pub(super) struct Signal {
     pub(super) name: String,
     pub(super) unit: Option<String>,
     pub(super) angle: bool,
+    /// What it is of a rotation, for people: `w of the quaternion attitude`.
+    pub(super) part: Option<String>,
 }
 
 /// The earlier values of one signal: `depth` of them, the latest last, from `offset` on in the memory. Of the time, how long ago
@@ -100,7 +102,10 @@ impl<'a> Plan<'a> {
         }
         let signal = |column: usize| {
             let column = &model.columns[column];
-            Signal { name: column.name.clone(), unit: column.unit.clone(), angle: column.angle }
+            let part = column.rotation.as_ref();
+            let part =
+                part.map(|own| format!("{} of the {} {}", own.kind.letters()[own.part], own.kind.word(), own.group));
+            Signal { name: column.name.clone(), unit: column.unit.clone(), angle: column.angle, part }
         };
         let inputs: Vec<usize> = depths.keys().copied().filter(|column| !columns.contains(column)).collect();
         let mut places: BTreeMap<usize, Source> = BTreeMap::new();
@@ -131,7 +136,7 @@ impl<'a> Plan<'a> {
                 .iter()
                 .map(|equation| {
                     let angle = model.column(&equation.subject).is_some_and(|column| model.columns[column].angle);
-                    Signal { name: equation.subject.clone(), unit: equation.unit.clone(), angle }
+                    Signal { name: equation.subject.clone(), unit: equation.unit.clone(), angle, part: None }
                 })
                 .collect(),
             delays,
@@ -142,6 +147,19 @@ impl<'a> Plan<'a> {
             places,
             model,
         })
+    }
+
+    /// The rotations among the states that are advanced, with the places of their parts.
+    pub(super) fn rotations(&self) -> Vec<(Rotation, Vec<usize>)> {
+        let place = |column: &usize| match self.places.get(column) {
+            Some(Source::State(place)) => Some(*place),
+            _ => None,
+        };
+        let of = |rotation: Rotation| {
+            let places = rotation.columns.iter().map(place).collect::<Option<Vec<_>>>()?;
+            Some((rotation, places))
+        };
+        self.model.rotations().into_iter().filter_map(of).collect()
     }
 
     /// Number of kept values of earlier rows.

@@ -36,7 +36,7 @@ impl Assembled<'_> {
                 }
             )),
             named("next", "next", format!("The states one step later.{}{}", self.step_doc(), self.next_inputs_doc())),
-            named("next_jacobian", "next_jacobian", "Exact derivatives of a step with inputs held: the next states are A x + B u + c to first order (angles not wrapped).".into()),
+            named("next_jacobian", "next_jacobian", format!("Exact derivatives of a step with inputs held: the next states are A x + B u + c to first order (angles not wrapped{}).", if plan.rotations().is_empty() { "" } else { ", rotations not brought back" })),
             named("outputs", "predict", "The outputs.".into()),
             named("outputs_jacobian", "predict_jacobian", "Exact derivatives of the outputs: they are A x + B u + c to first order.".into()),
         ]
@@ -195,7 +195,11 @@ impl Public<'_> {
 /// The name, unit and source of a signal.
 fn describe(signal: &Signal, model: &crate::Model) -> String {
     let unit = signal.unit.as_ref().map_or_else(String::new, |unit| format!(" [{unit}]"));
-    let angle = if signal.angle { ", an angle in radians" } else { "" };
+    let angle = match &signal.part {
+        Some(part) => format!(", {part}"),
+        None if signal.angle => ", an angle in radians".to_owned(),
+        None => String::new(),
+    };
     let source = model.column(&signal.name).map(|column| model.columns[column].source.as_str());
     let source =
         source.filter(|source| *source != signal.name).map_or_else(String::new, |source| format!(" = {source}"));

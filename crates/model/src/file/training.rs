@@ -24,6 +24,8 @@ pub(super) struct TrainingText {
     target_covariance: Reals,
     target_deviation: Reals,
     state_covariance: Reals,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    state_mean: Reals,
     /// Name, value, half the width of the 95 % interval; of models whose parameters were estimated.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     parameters: Vec<(String, Real, Real)>,
@@ -44,6 +46,7 @@ impl From<&Training> for TrainingText {
             target_covariance: reals(&t.target_covariance),
             target_deviation: reals(&t.target_deviation),
             state_covariance: reals(&t.state_covariance),
+            state_mean: reals(&t.state_mean),
             parameters: t.parameters.iter().map(|p| (p.name.clone(), Real(p.value), Real(p.half_width))).collect(),
             parameter_covariance: reals(&t.parameter_covariance),
         }
@@ -63,6 +66,7 @@ impl TrainingText {
             target_covariance: floats(self.target_covariance),
             target_deviation: floats(self.target_deviation),
             state_covariance: floats(self.state_covariance),
+            state_mean: floats(self.state_mean),
             parameters: (self.parameters.into_iter())
                 .map(|(name, value, half_width)| Estimated { name, value: value.0, half_width: half_width.0 })
                 .collect(),

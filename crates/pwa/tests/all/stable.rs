@@ -13,7 +13,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 fn column(name: &str, role: Role) -> Column {
-    Column { name: name.into(), source: name.into(), unit: None, role, angle: false }
+    Column { name: name.into(), source: name.into(), unit: None, role, angle: false, rotation: None }
 }
 
 fn equation(subject: &str, prediction: Prediction, right: &str, target: Option<Expr>) -> Equation {

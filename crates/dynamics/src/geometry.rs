@@ -1,0 +1,193 @@
+//! Where states live: on a line, on a circle, or several of them together among the rotations. It says what the difference of two states is, and brings back what a
+//! step of time has made.
+
+use std::ops::Range;
+
+use fleetfoot_data::packed;
+use fleetfoot_model::{Model, RotationKind};
+
+use crate::angle::wrap;
+
+/// A state's place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Shape {
+    /// A real number.
+    Line,
+    /// An angle, in (-pi, pi].
+    Circle,
+    /// A part of a rotation: which one, which part.
+    Rotation { group: usize, part: usize },
+}
+
+/// States that are a rotation together.
+#[derive(Debug, Clone)]
+pub(crate) struct Group {
+    pub(crate) name: String,
+    pub(crate) kind: RotationKind,
+    /// Place of each part among the states.
+    pub(crate) places: Vec<usize>,
+}
+
+/// The most parts that a rotation has.
+const PARTS: usize = 4;
+
+/// The geometry of some states.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Geometry {
+    pub(crate) shapes: Vec<Shape>,
+    pub(crate) groups: Vec<Group>,
+}
+
+impl Geometry {
+    /// Of states that stand in these columns of a model; an index beyond them is of what is no column.
+    pub(crate) fn new(model: &Model, columns: &[usize]) -> Self {
+        let shape = |&column: &usize| match model.columns.get(column).is_some_and(|own| own.angle) {
+            true => Shape::Circle,
+            false => Shape::Line,
+        };
+        let mut geometry = Self { shapes: columns.iter().map(shape).collect(), groups: Vec::new() };
+        for rotation in model.rotations() {
+            let place = |own: &usize| columns.iter().position(|column| column == own);
+            let Some(places) = rotation.columns.iter().map(place).collect::<Option<Vec<_>>>() else { continue };
+            let group = geometry.groups.len();
+            places.iter().enumerate().for_each(|(part, &s)| geometry.shapes[s] = Shape::Rotation { group, part });
+            geometry.groups.push(Group { name: rotation.name, kind: rotation.kind, places });
+        }
+        geometry
+    }
+
+    /// The group of a state that is part of a rotation, and which part it is.
+    pub(crate) fn group(&self, state: usize) -> Option<(&Group, usize)> {
+        match self.shapes[state] {
+            Shape::Rotation { group, part } => Some((&self.groups[group], part)),
+            _ => None,
+        }
+    }
+
+    /// What a state is where nothing is known of it: 0, of a quaternion's first part 1.
+    pub(crate) fn neutral(&self, state: usize) -> f64 {
+        match self.group(state) {
+            Some((Group { kind: RotationKind::Quaternion, .. }, 0)) => 1.0,
+            _ => 0.0,
+        }
+    }
+
+    /// `a - b` of a state: that of an angle is in (-pi, pi]; of a rotation a is written as near to b as it can be.
+    #[inline(always)]
+    pub(crate) fn difference(&self, state: usize, a: impl Fn(usize) -> f64, b: impl Fn(usize) -> f64) -> f64 {
+        match self.shapes[state] {
+            Shape::Line => a(state) - b(state),
+            Shape::Circle => wrap(a(state) - b(state)),
+            Shape::Rotation { group, part } => self.groups[group].nearest(&a, &b)[part] - b(state),
+        }
+    }
+
+    /// Brings rotations back that a step has made; value `s` stands at `at(s)`.
+    #[inline(always)]
+    pub(crate) fn retract(&self, values: &mut [f64], at: impl Fn(usize) -> usize) {
+        for Group { kind, places, .. } in &self.groups {
+            let mut own = [0.0; PARTS];
+            let own = &mut own[..places.len()];
+            own.iter_mut().zip(places).for_each(|(part, &place)| *part = values[at(place)]);
+            kind.retract(own);
+            own.iter().zip(places).for_each(|(part, &place)| values[at(place)] = *part);
+        }
+    }
+}
+
+impl Group {
+    /// The parts of a vector of states.
+    pub(crate) fn of(&self, x: impl Fn(usize) -> f64) -> Vec<f64> {
+        self.places.iter().map(|&place| x(place)).collect()
+    }
+
+    fn nearest(&self, a: impl Fn(usize) -> f64, b: impl Fn(usize) -> f64) -> Vec<f64> {
+        let mut own = self.of(a);
+        self.kind.nearest(&mut own, &self.of(b));
+        own
+    }
+
+    /// Log(b^-1 a), rad in the body's axes.
+    pub(crate) fn rotation(&self, a: impl Fn(usize) -> f64, b: impl Fn(usize) -> f64) -> [f64; 3] {
+        self.kind.difference(&self.of(a), &self.of(b))
+    }
+}
+
+/// What errors of states are told by: a state, or a rotation by its angle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Told {
+    State(usize),
+    Group(usize),
+}
+
+impl Geometry {
+    /// The states, every rotation once in the place of its first part.
+    pub(crate) fn told(&self) -> Vec<Told> {
+        let mut told = Vec::new();
+        for (state, shape) in self.shapes.iter().enumerate() {
+            let own = match *shape {
+                Shape::Rotation { group, .. } => Told::Group(group),
+                _ => Told::State(state),
+            };
+            if !told.contains(&own) {
+                told.push(own);
+            }
+        }
+        told
+    }
+
+    /// The covariance of errors, packed, from that of the states in training (`state`: entry of two of them) and their means: in the order of `told`, each rotation
+    /// by the three parts of its rotation vector. For a rotation that is not far from its mean m the vector is `turning(m) (q - m)`.
+    pub(crate) fn covariance(
+        &self,
+        told: &[Told],
+        state: impl Fn(usize, usize) -> f64,
+        mean: impl Fn(usize) -> f64,
+    ) -> Vec<f64> {
+        // Every error as a sum of states, each with its factor.
+        let mut rows: Vec<Vec<(usize, f64)>> = Vec::new();
+        for own in told {
+            match *own {
+                Told::State(state) => rows.push(vec![(state, 1.0)]),
+                Told::Group(group) => {
+                    let group = &self.groups[group];
+                    let (mut centre, parts) = (group.of(&mean), group.places.len());
+                    group.kind.retract(&mut centre);
+                    let turning = group.kind.turning(&centre);
+                    rows.extend(
+                        turning
+                            .chunks_exact(parts)
+                            .map(|row| group.places.iter().copied().zip(row.iter().copied()).collect()),
+                    );
+                }
+            }
+        }
+        let sum = |a: &[(usize, f64)], b: &[(usize, f64)]| -> f64 {
+            if let ([(a, _)], [(b, _)]) = (a, b) {
+                return state(*a, *b);
+            }
+            a.iter()
+                .flat_map(|(i, x)| b.iter().map(move |(j, y)| (i, x, j, y)))
+                .map(|(i, x, j, y)| x * y * state(*i, *j))
+                .sum()
+        };
+        let mut packed_sums = vec![0.0; rows.len() * (rows.len() + 1) / 2];
+        for i in 0..rows.len() {
+            for j in 0..=i {
+                packed_sums[packed(i, j)] = sum(&rows[i], &rows[j]);
+            }
+        }
+        packed_sums
+    }
+}
+
+/// The places of what is told in a vector of errors: one of a state, three of a rotation.
+pub(crate) fn parts(told: &[Told]) -> Vec<Range<usize>> {
+    let mut from = 0;
+    let span = |own: &Told| {
+        let length = if matches!(own, Told::Group(_)) { 3 } else { 1 };
+        from += length;
+        from - length..from
+    };
+    told.iter().map(span).collect()
+}

@@ -1,0 +1,392 @@
+//! Rotations among the columns of a model: groups of columns that are one rotation together.
+//!
+//! A rotation R takes vectors of the body to the world. As a unit quaternion it has four columns w, x, y, z (q and -q are the same rotation), as a rotation
+//! vector (axis times angle, rad) three, x, y, z, of length pi at most (the axis times a whole turn more is the same rotation). Differences of rotations are
+//! rotation vectors in the body's axes: Log(b^-1 a), so that b Exp(difference) = a.
+//!
+//! Exponential, logarithm and right Jacobian: Sola, Deray, Atchuthan, "A micro Lie theory for state estimation in robotics", arXiv:1812.01537, 2018, appendix B.
+
+use std::f64::consts::{PI, TAU};
+
+use crate::{Column, Model};
+
+/// How a rotation is written in columns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum RotationKind {
+    /// A unit quaternion: w, x, y, z.
+    Quaternion,
+    /// A rotation vector, axis times angle in radians: x, y, z.
+    Vector,
+}
+
+/// The part of a column in a rotation.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RotationPart {
+    /// The rotation's name.
+    pub group: String,
+    /// How it is written.
+    pub kind: RotationKind,
+    /// Which part the column is, in the order of [`RotationKind::letters`].
+    pub part: usize,
+}
+
+/// A rotation among columns.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Rotation {
+    /// Its name.
+    pub name: String,
+    /// How it is written.
+    pub kind: RotationKind,
+    /// Index of each part among the columns, in the order of [`RotationKind::letters`].
+    pub columns: Vec<usize>,
+}
+
+/// Below this squared angle quotients are their limits; what is left out is 1e-17 of them.
+const SMALL: f64 = 1e-16;
+
+impl RotationKind {
+    /// The parts, in their order.
+    pub fn letters(self) -> &'static [&'static str] {
+        match self {
+            Self::Quaternion => &["w", "x", "y", "z"],
+            Self::Vector => &["x", "y", "z"],
+        }
+    }
+
+    /// Number of parts: 4 or 3.
+    pub fn parts(self) -> usize {
+        self.letters().len()
+    }
+
+    /// The word for it in recipes and files.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Quaternion => "quaternion",
+            Self::Vector => "rotation-vector",
+        }
+    }
+
+    /// What `word` stands for.
+    pub fn of_word(word: &str) -> Option<Self> {
+        [Self::Quaternion, Self::Vector].into_iter().find(|kind| kind.word() == word)
+    }
+
+    /// Brings what a step of time has made back to rotations: a quaternion to unit length, its sign kept; a vector that is longer than half a turn to the
+    /// same rotation the other way round.
+    #[inline]
+    pub fn retract(self, x: &mut [f64]) {
+        match self {
+            Self::Quaternion => {
+                let norm = length(x);
+                x.iter_mut().for_each(|part| *part /= norm);
+            }
+            Self::Vector => {
+                let angle = length(x);
+                if angle > PI && angle.is_finite() {
+                    let turns = ((angle + PI) / TAU).floor();
+                    let factor = 1.0 - turns * TAU / angle;
+                    x.iter_mut().for_each(|part| *part *= factor);
+                }
+            }
+        }
+    }
+
+    /// The derivatives of [`RotationKind::retract`] at what a step has made (parts x parts, row by row): `(I - q q')/|p|` of a quaternion p with q = p/|p|, `c I + (1 - c) u u'`
+    /// of a vector of direction u that is shortened by the factor c.
+    pub fn retraction_derivative(self, p: &[f64]) -> Vec<f64> {
+        let norm = length(p);
+        let (own, outer) = match self {
+            Self::Quaternion => (1.0 / norm, -1.0 / norm),
+            Self::Vector if norm > PI => {
+                let factor = 1.0 - ((norm + PI) / TAU).floor() * TAU / norm;
+                (factor, 1.0 - factor)
+            }
+            Self::Vector => (1.0, 0.0),
+        };
+        let n = p.len();
+        let entry = |i: usize, j: usize| {
+            let along = if outer == 0.0 { 0.0 } else { outer * (p[i] / norm) * (p[j] / norm) };
+            if i == j { own + along } else { along }
+        };
+        (0..n * n).map(|at| entry(at / n, at % n)).collect()
+    }
+
+    /// The same rotation, as near to `to` as it can be written.
+    pub fn nearest(self, x: &mut [f64], to: &[f64]) {
+        let along: f64 = x.iter().zip(to).map(|(a, b)| a * b).sum();
+        match self {
+            Self::Quaternion if along < 0.0 => x.iter_mut().for_each(|part| *part = -*part),
+            Self::Quaternion => {}
+            Self::Vector => {
+                let angle = length(x);
+                if angle > 0.0 && angle.is_finite() && along.is_finite() {
+                    let turns = ((along / angle - angle) / TAU).round();
+                    if turns != 0.0 {
+                        let factor = 1.0 + turns * TAU / angle;
+                        x.iter_mut().for_each(|part| *part *= factor);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The one way of writing a recorded rotation that does not depend on how it was written: of unit length with w >= 0, or of length pi at most.
+    pub fn settle(self, x: &mut [f64]) {
+        self.retract(x);
+        if self == Self::Quaternion && x[0] < 0.0 {
+            x.iter_mut().for_each(|part| *part = -*part);
+        }
+    }
+
+    /// The rotation as a quaternion w, x, y, z.
+    pub fn quaternion(self, x: &[f64]) -> [f64; 4] {
+        match self {
+            Self::Quaternion => [x[0], x[1], x[2], x[3]],
+            Self::Vector => exponential([x[0], x[1], x[2]]),
+        }
+    }
+
+    /// What turns `b` into `a`, a vector in the body's axes, rad, of length pi at most: Log(b^-1 a). Its length is the angle between the two.
+    pub fn difference(self, a: &[f64], b: &[f64]) -> [f64; 3] {
+        let [w, x, y, z] = self.quaternion(b);
+        logarithm(product([w, -x, -y, -z], self.quaternion(a)))
+    }
+
+    /// The rotation `x` turned by a vector in the body's axes, rad: x Exp(phi).
+    pub fn moved(self, x: &[f64], phi: [f64; 3]) -> Vec<f64> {
+        let moved = product(self.quaternion(x), exponential(phi));
+        match self {
+            Self::Quaternion => moved.to_vec(),
+            Self::Vector => logarithm(moved).to_vec(),
+        }
+    }
+
+    /// How small changes of the parts turn the rotation at `x`, rad in the body's axes (3 x parts, row by row): `2 vec(x^-1 dx)` of a quaternion, `Jr(x) dx` of a
+    /// vector.
+    pub fn turning(self, x: &[f64]) -> Vec<f64> {
+        match self {
+            Self::Quaternion => {
+                let (w, [x, y, z]) = (x[0], [x[1], x[2], x[3]]);
+                [-x, w, z, -y, -y, -z, w, x, -z, y, -x, w].map(|entry| 2.0 * entry).to_vec()
+            }
+            Self::Vector => {
+                let square: f64 = x.iter().map(|part| part * part).sum();
+                let angle = square.sqrt();
+                let (first, second) = if square < SMALL {
+                    (0.5, 1.0 / 6.0)
+                } else {
+                    (2.0 * (0.5 * angle).sin().powi(2) / square, (angle - angle.sin()) / (square * angle))
+                };
+                let [a, b, c] = [x[0], x[1], x[2]];
+                let hat = [[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]];
+                let entry = |i: usize, j: usize| {
+                    let twice = x[i] * x[j] - if i == j { square } else { 0.0 };
+                    f64::from(u8::from(i == j)) - first * hat[i][j] + second * twice
+                };
+                (0..9).map(|at| entry(at / 3, at % 3)).collect()
+            }
+        }
+    }
+}
+
+fn length(x: &[f64]) -> f64 {
+    x.iter().map(|part| part * part).sum::<f64>().sqrt()
+}
+
+/// Exp: the rotation by this vector.
+fn exponential(phi: [f64; 3]) -> [f64; 4] {
+    let angle = length(&phi);
+    let half = 0.5 * angle;
+    let scale = if angle * angle < SMALL { 0.5 } else { half.sin() / angle };
+    [half.cos(), scale * phi[0], scale * phi[1], scale * phi[2]]
+}
+
+/// Log: the vector of a quaternion, of the shorter way round; the quaternion's length cancels.
+fn logarithm([w, x, y, z]: [f64; 4]) -> [f64; 3] {
+    let sign = if w < 0.0 { -1.0 } else { 1.0 };
+    let norm = length(&[x, y, z]);
+    let scale = if norm < 1e-150 { 2.0 / w.abs() } else { 2.0 * norm.atan2(sign * w) / norm };
+    [x, y, z].map(|part| sign * scale * part)
+}
+
+/// Hamilton's product a b.
+fn product(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+    [
+        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
+    ]
+}
+
+/// The rotations among some columns, in the order of their first columns; groups of which a part is missing are left out.
+pub fn rotations<'a>(columns: impl IntoIterator<Item = &'a Column>) -> Vec<Rotation> {
+    let mut found: Vec<Rotation> = Vec::new();
+    for (index, column) in columns.into_iter().enumerate() {
+        let Some(RotationPart { group, kind, part }) = &column.rotation else { continue };
+        let at = found.iter().position(|known| known.name == *group).unwrap_or_else(|| {
+            found.push(Rotation { name: group.clone(), kind: *kind, columns: vec![usize::MAX; kind.parts()] });
+            found.len() - 1
+        });
+        if let Some(place) = found[at].columns.get_mut(*part) {
+            *place = index;
+        }
+    }
+    found.retain(|rotation| !rotation.columns.contains(&usize::MAX));
+    found
+}
+
+impl Model {
+    /// The rotations among its columns.
+    pub fn rotations(&self) -> Vec<Rotation> {
+        rotations(&self.columns)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn vectors(length: f64) -> impl Strategy<Value = [f64; 3]> {
+        prop::array::uniform3(-1.0..1.0f64).prop_filter_map("of a direction", move |v| {
+            let norm = super::length(&v);
+            (norm > 1e-3).then(|| v.map(|part| part * length / norm.max(1.0)))
+        })
+    }
+
+    fn near(a: &[f64], b: &[f64], tolerance: f64) -> bool {
+        a.iter().zip(b).all(|(a, b)| (a - b).abs() <= tolerance)
+    }
+
+    const KINDS: [RotationKind; 2] = [RotationKind::Quaternion, RotationKind::Vector];
+
+    fn written(kind: RotationKind, phi: [f64; 3]) -> Vec<f64> {
+        match kind {
+            RotationKind::Quaternion => exponential(phi).to_vec(),
+            RotationKind::Vector => phi.to_vec(),
+        }
+    }
+
+    proptest! {
+        /// A difference undoes a motion, however either rotation is written.
+        #[test]
+        fn differences_undo_motions(at in vectors(3.0), by in vectors(3.0), flip: bool) {
+            for kind in KINDS {
+                let x = written(kind, at);
+                let mut moved = kind.moved(&x, by);
+                match kind {
+                    RotationKind::Quaternion if flip => moved.iter_mut().for_each(|part| *part = -*part),
+                    RotationKind::Vector if flip => {
+                        let angle = length(&moved);
+                        moved.iter_mut().for_each(|part| *part *= 1.0 - TAU / angle);
+                    }
+                    _ => {}
+                }
+                prop_assert!(near(&kind.difference(&moved, &x), &by, 1e-13), "{kind:?}");
+            }
+        }
+
+        /// What a step has made is the same rotation after it is brought back, and bringing back twice changes nothing but the last bits.
+        #[test]
+        fn retractions_keep_the_rotation(at in vectors(9.0), scale in 0.5..2.0f64) {
+            for kind in KINDS {
+                let mut x = written(kind, at);
+                if kind == RotationKind::Quaternion {
+                    x.iter_mut().for_each(|part| *part *= scale);
+                }
+                let before = x.clone();
+                kind.retract(&mut x);
+                prop_assert!(length(&kind.difference(&x, &before)) < 1e-14);
+                let norm = length(&x);
+                let whole = match kind {
+                    RotationKind::Quaternion => (norm - 1.0).abs() < 1e-15,
+                    RotationKind::Vector => norm < PI + 1e-14,
+                };
+                prop_assert!(whole);
+                let once = x.clone();
+                kind.retract(&mut x);
+                prop_assert!(near(&x, &once, 1e-15));
+            }
+        }
+
+        /// However a recorded rotation is written, it is read as the same numbers: of signs the same bits.
+        #[test]
+        fn recorded_rotations_are_settled(at in vectors(3.0)) {
+            let (mut a, mut b) = (exponential(at), exponential(at).map(|part| -part));
+            RotationKind::Quaternion.settle(&mut a);
+            RotationKind::Quaternion.settle(&mut b);
+            prop_assert_eq!(a, b);
+            let angle = length(&at);
+            let (mut a, mut b) = (at, at.map(|part| part * (1.0 + TAU / angle)));
+            RotationKind::Vector.settle(&mut a);
+            RotationKind::Vector.settle(&mut b);
+            prop_assert!(near(&a, &b, 1e-14));
+        }
+
+        /// The nearest way of writing is the same rotation, and none of the others is nearer.
+        #[test]
+        fn the_nearest_is_the_nearest(at in vectors(3.0), to in vectors(3.0)) {
+            for kind in KINDS {
+                let (mut x, to) = (written(kind, at), written(kind, to));
+                let before = x.clone();
+                kind.nearest(&mut x, &to);
+                prop_assert!(length(&kind.difference(&x, &before)) < 1e-14);
+                let distance = |x: &[f64]| length(&x.iter().zip(&to).map(|(a, b)| a - b).collect::<Vec<_>>());
+                let others: Vec<Vec<f64>> = match kind {
+                    RotationKind::Quaternion => vec![before.iter().map(|part| -part).collect(), before.clone()],
+                    RotationKind::Vector => {
+                        let angle = length(&before);
+                        let turned = |k: f64| before.iter().map(|part| part * (1.0 + k * TAU / angle)).collect();
+                        [-1.0, 0.0, 1.0].map(turned).to_vec()
+                    }
+                };
+                prop_assert!(others.iter().all(|other| distance(&x) <= distance(other) + 1e-14));
+            }
+        }
+
+        /// The derivatives are those of central differences, whose own error is 1e-9.
+        #[test]
+        fn derivatives_are_differences(at in vectors(5.0)) {
+            let h = 1e-5;
+            for kind in KINDS {
+                let mut x = written(kind, at);
+                if kind == RotationKind::Quaternion {
+                    x.iter_mut().for_each(|part| *part *= 1.3);
+                } else if (length(&x) - PI).abs() < 1e-3 {
+                    continue;
+                }
+                let n = x.len();
+                let jacobian = kind.retraction_derivative(&x);
+                let own = |j: usize, step: f64| {
+                    let mut moved = x.clone();
+                    moved[j] += step;
+                    moved
+                };
+                for j in 0..n {
+                    let retracted = |step: f64| {
+                        let mut moved = own(j, step);
+                        kind.retract(&mut moved);
+                        moved
+                    };
+                    for (i, (a, b)) in retracted(h).iter().zip(&retracted(-h)).enumerate() {
+                        prop_assert!(((a - b) / (2.0 * h) - jacobian[i * n + j]).abs() < 1e-8);
+                    }
+                }
+                kind.retract(&mut x);
+                let turning = kind.turning(&x);
+                for j in 0..n {
+                    let slope = |step: f64| {
+                        let mut moved = x.clone();
+                        moved[j] += step;
+                        kind.difference(&moved, &x)
+                    };
+                    for (i, (a, b)) in slope(h).iter().zip(&slope(-h)).enumerate() {
+                        prop_assert!(((a - b) / (2.0 * h) - turning[i * n + j]).abs() < 1e-8);
+                    }
+                }
+            }
+        }
+    }
+}
