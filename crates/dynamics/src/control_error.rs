@@ -36,6 +36,16 @@ pub enum ControlError {
     /// Derivatives beside differences.
     #[error("some equations of the model give derivatives and others next values or differences: fit all states alike")]
     Mixed,
+    /// A rotation among the states that are kept.
+    #[error(
+        "the states of the rotation {rotation} are no numbers of their own, which a linear law could feed back: leave them free (--free \"{parts}\"), or fit a model of angles, kind = \"angle\""
+    )]
+    Rotation {
+        /// Its name.
+        rotation: String,
+        /// The names of its parts.
+        parts: String,
+    },
     /// Two partitions.
     #[error("the model has several partitions with more than one region each: fit all equations over one")]
     Partitions,

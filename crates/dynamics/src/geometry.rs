@@ -82,6 +82,71 @@ impl Geometry {
         }
     }
 
+    /// Values of some states, each rotation written as near to `mean` as it can be; where parts are missing, by those of a quaternion that are there.
+    pub(crate) fn aligned(&self, states: &[usize], values: &[f64], mean: &[f64]) -> Vec<f64> {
+        let mut aligned = values.to_vec();
+        for Group { kind, places, .. } in &self.groups {
+            // What is measured twice is aligned twice.
+            let there: Vec<usize> =
+                (0..states.len()).filter(|&k| places.contains(&states[k]) && values[k].is_finite()).collect();
+            match kind {
+                RotationKind::Quaternion => {
+                    let along: f64 = there.iter().map(|&k| values[k] * mean[states[k]]).sum();
+                    there.iter().filter(|_| along < 0.0).for_each(|&k| aligned[k] = -values[k]);
+                }
+                RotationKind::Vector => {
+                    let place = |place: &usize| there.iter().copied().find(|&k| states[k] == *place);
+                    let Some(own) = places.iter().map(place).collect::<Option<Vec<_>>>() else { continue };
+                    let mut parts: Vec<f64> = own.iter().map(|&k| values[k]).collect();
+                    kind.nearest(&mut parts, &places.iter().map(|&place| mean[place]).collect::<Vec<_>>());
+                    own.iter().zip(parts).for_each(|(&k, part)| aligned[k] = part);
+                }
+            }
+        }
+        aligned
+    }
+
+    /// Brings a mean back to rotations, and their covariance (n x n) with it.
+    pub(crate) fn retract_distribution(&self, mean: &mut [f64], covariance: &mut [f64]) {
+        let n = mean.len();
+        for Group { kind, places, .. } in &self.groups {
+            let before: Vec<f64> = places.iter().map(|&place| mean[place]).collect();
+            let jacobian = kind.retraction_derivative(&before);
+            let parts = places.len();
+            let turned = |old: &[f64], i: usize| -> f64 { (0..parts).map(|k| jacobian[i * parts + k] * old[k]).sum() };
+            for other in 0..n {
+                let old: Vec<f64> = places.iter().map(|&place| covariance[place * n + other]).collect();
+                (0..parts).for_each(|i| covariance[places[i] * n + other] = turned(&old, i));
+            }
+            for other in 0..n {
+                let old: Vec<f64> = places.iter().map(|&place| covariance[other * n + place]).collect();
+                (0..parts).for_each(|i| covariance[other * n + places[i]] = turned(&old, i));
+            }
+            // Symmetric to the bit.
+            for i in 0..n {
+                (0..i).for_each(|j| covariance[j * n + i] = covariance[i * n + j]);
+            }
+        }
+        self.retract(mean, |s| s);
+    }
+
+    /// Rotations of what is known before anything is measured: no rotation at all where nothing is.
+    pub(crate) fn begin(&self, mean: &mut [f64]) {
+        for group in &self.groups {
+            if group.places.iter().any(|&place| mean[place] != 0.0) {
+                continue;
+            }
+            group.places.iter().for_each(|&place| mean[place] = self.neutral(place));
+        }
+        self.retract(mean, |s| s);
+    }
+
+    /// The angle of a state in (-pi, pi]; any other as it is.
+    #[inline(always)]
+    pub(crate) fn wrapped(&self, state: usize, value: f64) -> f64 {
+        if self.shapes[state] == Shape::Circle { wrap(value) } else { value }
+    }
+
     /// Brings rotations back that a step has made; value `s` stands at `at(s)`.
     #[inline(always)]
     pub(crate) fn retract(&self, values: &mut [f64], at: impl Fn(usize) -> usize) {

@@ -17,10 +17,10 @@
 
 use fleetfoot_data::{did_you_mean, nearest};
 use fleetfoot_dynamics::{InputSequence, Integration, Linearized, Method, Stepper, StepperWorkspace, Tangent};
-use fleetfoot_model::Model;
+use fleetfoot_model::{Model, RotationKind};
 
 use crate::EstimateError;
-use crate::recorded::Recorded;
+use crate::{reader::rotations_among, recorded::Recorded};
 
 /// Rows that are evaluated at once.
 const ROWS: usize = 1_024;
@@ -36,6 +36,8 @@ pub(crate) struct Transcription {
     /// Of every input of the stepper: its place among the free ones, or behind them among the replayed.
     places: Vec<usize>,
     angle: Vec<bool>,
+    /// The rotations among the states, and the places of their parts.
+    rotations: Vec<(RotationKind, Vec<usize>)>,
 }
 
 /// The constraints at some point: of every interval n values, and their derivatives (n x columns) by the row before and the row behind.
@@ -87,7 +89,8 @@ impl Transcription {
         let places = inputs.iter().map(place).collect();
         let names: Vec<String> = states.into_iter().chain(free).collect();
         let angle = names.iter().map(|name| model.column(name).is_some_and(|at| model.columns[at].angle)).collect();
-        Ok(Self { tangent: Tangent::new(&stepper)?, stepper, continuous, names, replayed, places, angle })
+        let rotations = rotations_among(model, &names);
+        Ok(Self { tangent: Tangent::new(&stepper)?, stepper, continuous, names, replayed, places, angle, rotations })
     }
 
     /// States in the model's order, then the inputs that may move.
@@ -248,10 +251,19 @@ impl Transcription {
         self.stepper.simulate(&mut points, &grid, sequence, &integration, |k, states| {
             let finite = states.iter().all(|value| value.is_finite());
             if finite {
+                let mut own: Vec<Vec<f64>> = Vec::new();
+                for (kind, places) in &self.rotations {
+                    let mut parts: Vec<f64> = places.iter().map(|&s| states[s]).collect();
+                    kind.nearest(&mut parts, &places.iter().map(|&s| last[s]).collect::<Vec<_>>());
+                    own.push(parts);
+                }
                 for (s, (value, last)) in states.iter().zip(&mut last).enumerate() {
                     let turn = std::f64::consts::TAU;
                     // As the recording, without jumps.
                     *last = value + if self.angle[s] { turn * ((*last - value) / turn).round() } else { 0.0 };
+                }
+                for ((_, places), parts) in self.rotations.iter().zip(own) {
+                    places.iter().zip(parts).for_each(|(&s, part)| last[s] = part);
                 }
                 found[k * n..(k + 1) * n].copy_from_slice(&last);
             }

@@ -174,6 +174,10 @@ impl<'a> Design<'a> {
             return Err(ControlError::NoInputs.into());
         }
         let kept: Vec<usize> = (0..states.len()).filter(|state| !free.contains(state)).collect();
+        if let Some((group, _)) = kept.iter().find_map(|&state| pieces.whole.geometry.group(state)) {
+            let parts: Vec<String> = group.places.iter().map(|&place| states[place].clone()).collect();
+            return Err(ControlError::Rotation { rotation: group.name.clone(), parts: parts.join(",") }.into());
+        }
         if kept.is_empty() {
             return Err(ControlError::NoStates.into());
         }

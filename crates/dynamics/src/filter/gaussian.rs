@@ -1,7 +1,7 @@
 //! Normal distributions of states: prediction, measurement, mixture.
 
 use super::steps::StepMap;
-use crate::angle::wrap;
+use crate::geometry::Geometry;
 
 /// Points that the covariance of the whole counts as, where that of a part is found by few.
 const BLENDED: f64 = 2.0;
@@ -25,7 +25,7 @@ impl Gaussian {
     }
 
     /// One step on: `A m + B u + c`, `A P A' + f Q`.
-    pub(super) fn predicted(&self, step: &StepMap, inputs: &[f64], factor: f64, angles: &[bool]) -> Self {
+    pub(super) fn predicted(&self, step: &StepMap, inputs: &[f64], factor: f64, geometry: &Geometry) -> Self {
         let (n, m) = (self.mean.len(), inputs.len());
         let row = |i: usize| {
             let mut value = step.c[i];
@@ -35,9 +35,9 @@ impl Gaussian {
             for (j, u) in inputs.iter().enumerate() {
                 value += step.b[i * m + j] * u;
             }
-            if angles[i] { wrap(value) } else { value }
+            geometry.wrapped(i, value)
         };
-        let mean = (0..n).map(row).collect();
+        let mut mean: Vec<f64> = (0..n).map(row).collect();
         let mut half = vec![0.0; n * n];
         for i in 0..n {
             for j in 0..n {
@@ -57,21 +57,20 @@ impl Gaussian {
                 covariance[j * n + i] = value;
             }
         }
+        geometry.retract_distribution(&mut mean, &mut covariance);
         Self { mean, covariance }
     }
 
     /// Takes in the measurement of one state with a variance: gives the innovation and its variance. The covariance is that of Joseph's form, a sum of two
     /// positive semidefinite terms (Bucy and Joseph, *Filtering for Stochastic Processes with Applications to Guidance*, 1968).
-    pub(super) fn observe(&mut self, state: usize, value: f64, variance: f64, angles: &[bool]) -> [f64; 2] {
+    pub(super) fn observe(&mut self, state: usize, value: f64, variance: f64, geometry: &Geometry) -> [f64; 2] {
         let n = self.mean.len();
-        let innovation = if angles[state] { wrap(value - self.mean[state]) } else { value - self.mean[state] };
+        let innovation = geometry.wrapped(state, value - self.mean[state]);
         let spread = self.covariance[state * n + state] + variance;
         let gain: Vec<f64> = (0..n).map(|i| self.covariance[i * n + state] / spread).collect();
         for i in 0..n {
             self.mean[i] += gain[i] * innovation;
-            if angles[i] {
-                self.mean[i] = wrap(self.mean[i]);
-            }
+            self.mean[i] = geometry.wrapped(i, self.mean[i]);
         }
         // (I - K h') P, then its product with (I - K h')', and the measurement's own share.
         let half: Vec<f64> =
@@ -87,25 +86,23 @@ impl Gaussian {
     }
 
     /// The normal distribution with the mean and the covariance of a mixture; weights sum to one. Of angles, differences from the first part's are averaged.
-    pub(super) fn mixture(parts: &[(f64, &Gaussian)], angles: &[bool]) -> Self {
+    pub(super) fn mixture(parts: &[(f64, &Gaussian)], geometry: &Geometry) -> Self {
         let Some(((_, first), rest)) = parts.split_first() else { return Self { mean: vec![], covariance: vec![] } };
         if rest.is_empty() {
             return (*first).clone();
         }
         let n = first.mean.len();
-        let apart = |value: f64, from: f64, angle: bool| if angle { wrap(value - from) } else { value - from };
         let mut mean = first.mean.clone();
         for i in 0..n {
             for (weight, part) in rest {
-                mean[i] += weight * apart(part.mean[i], first.mean[i], angles[i]);
+                mean[i] += weight * geometry.difference(i, |s| part.mean[s], |s| first.mean[s]);
             }
-            if angles[i] {
-                mean[i] = wrap(mean[i]);
-            }
+            mean[i] = geometry.wrapped(i, mean[i]);
         }
+        geometry.retract(&mut mean, |s| s);
         let mut covariance = vec![0.0; n * n];
         for (weight, part) in parts {
-            let off: Vec<f64> = (0..n).map(|i| apart(part.mean[i], mean[i], angles[i])).collect();
+            let off: Vec<f64> = (0..n).map(|i| geometry.difference(i, |s| part.mean[s], |s| mean[s])).collect();
             for i in 0..n {
                 for j in 0..=i {
                     covariance[i * n + j] += weight * (part.covariance[i * n + j] + off[i] * off[j]);
@@ -125,7 +122,7 @@ impl Gaussian {
         &self,
         count: usize,
         offsets: impl Iterator<Item = &'a [f64]> + Clone,
-        angles: &[bool],
+        geometry: &Geometry,
     ) -> Self {
         let n = self.mean.len();
         let mut centre = vec![0.0; n];
@@ -149,9 +146,11 @@ impl Gaussian {
         }
         let mean = |s: usize| {
             let value = self.mean[s] + centre[s];
-            if angles[s] { wrap(value) } else { value }
+            geometry.wrapped(s, value)
         };
-        Self { mean: (0..n).map(mean).collect(), covariance }
+        let mut mean: Vec<f64> = (0..n).map(mean).collect();
+        geometry.retract_distribution(&mut mean, &mut covariance);
+        Self { mean, covariance }
     }
 
     /// The lower Cholesky factor by rows; a direction without spread has a column of zeros.

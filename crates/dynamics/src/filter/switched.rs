@@ -8,7 +8,7 @@ use fleetfoot_model::{FilterTables, Model};
 use super::{FilterError, Gaussian, StepMap, noise::region_noise, points::standard_points};
 use crate::{
     Error, Points, StepperWorkspace,
-    angle::wrap,
+    geometry::{Geometry, Shape},
     named::{find, finite},
     pieces::Pieces,
 };
@@ -82,8 +82,8 @@ pub enum Switching {
 /// It is immutable, and shared by all recordings; a [`Track`](super::Track) is the memory along one.
 pub struct SwitchedFilter {
     pub(super) pieces: Pieces,
-    /// Whether a state is an angle.
-    pub(super) angles: Vec<bool>,
+    /// Where the states live.
+    pub(super) geometry: Geometry,
     /// Of every sensor: its state and its deviation.
     pub(super) sensors: Vec<(usize, Option<f64>)>,
     /// Mean and deviation of the states before the first row.
@@ -140,9 +140,9 @@ impl SwitchedFilter {
             Switching::State => None,
             Switching::Transitions => Some(transitions(model, &pieces)?),
         };
-        let angles = (0..n).map(|s| pieces.whole.model.columns[pieces.whole.state_column(s)].angle).collect();
+        let geometry = pieces.whole.geometry.clone();
         let mut filter = Self {
-            angles,
+            geometry,
             sensors,
             prior,
             noise,
@@ -193,7 +193,17 @@ impl SwitchedFilter {
 
     /// Whether errors of a state are taken within half a turn.
     pub fn is_angle(&self, state: usize) -> bool {
-        self.angles[state]
+        self.geometry.shapes[state] == Shape::Circle
+    }
+
+    /// Values of some states, each rotation written as near to `mean` (states) as it can be.
+    pub fn aligned(&self, states: &[usize], values: &[f64], mean: &[f64]) -> Vec<f64> {
+        if self.geometry.groups.is_empty() { values.to_vec() } else { self.geometry.aligned(states, values, mean) }
+    }
+
+    /// What the sensors measured, as near to a mean as it can be written.
+    pub(super) fn aligned_sensors(&self, measured: &[f64], mean: &[f64]) -> Vec<f64> {
+        self.aligned(&self.sensors.iter().map(|&(state, _)| state).collect::<Vec<_>>(), measured, mean)
     }
 
     /// The mean and the deviation of a state before anything is measured.
@@ -234,7 +244,7 @@ impl SwitchedFilter {
         let all = |of: &dyn Fn(&StepMap) -> Vec<f64>| steps.iter().map(of).collect();
         Some(FilterTables {
             states: self.states().to_vec(),
-            angles: self.angles.clone(),
+            angles: (0..self.states().len()).map(|state| self.is_angle(state)).collect(),
             inputs: self.inputs().to_vec(),
             regions: self.region_names().map(str::to_owned).collect(),
             a: all(&|step| step.a.clone()),
@@ -278,7 +288,7 @@ impl SwitchedFilter {
             let column = points.column_mut(self.pieces.whole.state_column(s), 0);
             for (value, offset) in column.iter_mut().zip(offsets.chunks_exact(n)) {
                 let own = mean[s] + offset[s];
-                *value = if self.angles[s] { wrap(own) } else { own };
+                *value = self.geometry.wrapped(s, own);
             }
         }
         for (i, &input) in inputs.iter().enumerate() {

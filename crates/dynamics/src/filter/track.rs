@@ -1,7 +1,7 @@
 //! A filter's memory along one recording.
 
 use super::{Gaussian, ProcessFactor, SwitchedFilter, switched::Placing};
-use crate::angle::wrap;
+use crate::geometry::Geometry;
 
 /// Innovations before which the noise of a sensor is guessed.
 const FIRST: u64 = 20;
@@ -103,18 +103,18 @@ impl Mode {
     }
 
     /// What lies where a test says so, as a normal distribution; the whole, where all does or nothing.
-    fn part(&self, inside: &dyn Fn(usize) -> bool, angles: &[bool]) -> Gaussian {
+    fn part(&self, inside: &dyn Fn(usize) -> bool, geometry: &Geometry) -> Gaussian {
         let n = self.state.mean.len();
         let count = (0..self.places.len()).filter(|&point| inside(point)).count();
         if count == 0 || count == self.places.len() {
             return self.state.clone();
         }
         let offsets = self.offsets.chunks_exact(n).enumerate().filter(|(point, _)| inside(*point));
-        self.state.around(count, offsets.map(|(_, offset)| offset), angles)
+        self.state.around(count, offsets.map(|(_, offset)| offset), geometry)
     }
 
     /// Where this went from a region: probabilities and states by region, by what its points, which stood at `before`, have crossed. What stays is the whole, as it was.
-    fn crossed(&self, from: usize, before: &[Option<usize>], angles: &[bool]) -> Vec<(usize, f64, Gaussian)> {
+    fn crossed(&self, from: usize, before: &[Option<usize>], geometry: &Geometry) -> Vec<(usize, f64, Gaussian)> {
         let began = |point: usize| before[point] == Some(from);
         // Where no point stood in the region, all of them count.
         let any = (0..before.len()).any(began);
@@ -127,7 +127,7 @@ impl Mode {
         let part = |region: usize| {
             let here = |point: usize| counts(point) && self.places[point].unwrap_or(from) == region;
             let share = (0..before.len()).filter(|&point| here(point)).count() as f64 / all;
-            let state = if region == from { self.state.clone() } else { self.part(&here, angles) };
+            let state = if region == from { self.state.clone() } else { self.part(&here, geometry) };
             (region, share, state)
         };
         regions.into_iter().map(part).collect()
@@ -176,6 +176,7 @@ impl Track {
                 (mean[state], spread[state]) = (measured[k], begun.variance(filter, k, deviations[k]).sqrt());
             }
         }
+        filter.geometry.begin(&mut mean);
         begun.estimate = Gaussian::independent(mean, &spread);
         let whole = Mode::new(filter, begun.estimate.clone(), &begun.inputs, &begun.placing);
         if filter.by_state() {
@@ -259,11 +260,11 @@ impl Track {
         let active = self.active();
         let inside = |region: usize| {
             let mode = &self.modes[region];
-            mode.part(&|point| mode.places[point] == Some(region), &filter.angles)
+            mode.part(&|point| mode.places[point] == Some(region), &filter.geometry)
         };
         let parts: Vec<Gaussian> = active.iter().map(|&region| inside(region)).collect();
         let parts: Vec<(f64, &Gaussian)> = active.iter().map(|&region| self.weights[region]).zip(&parts).collect();
-        self.estimate = Gaussian::mixture(&parts, &filter.angles);
+        self.estimate = Gaussian::mixture(&parts, &filter.geometry);
     }
 
     /// The regions that count.
@@ -303,7 +304,7 @@ impl Track {
             active.iter().map(share).collect::<Vec<_>>()
         };
         let next: Vec<(f64, Gaussian)> =
-            (0..self.weights.len()).map(|region| mixed(&to(region), &filter.angles)).collect();
+            (0..self.weights.len()).map(|region| mixed(&to(region), &filter.geometry)).collect();
         self.set(filter, next);
     }
 
@@ -312,7 +313,7 @@ impl Track {
         let moved = self.active().into_iter().map(|region| {
             let mode = &self.modes[region];
             let step = filter.region_step(region, &mode.state.mean, &self.inputs, seconds);
-            let state = mode.state.predicted(&step, &self.inputs, self.process.factor, &filter.angles);
+            let state = mode.state.predicted(&step, &self.inputs, self.process.factor, &filter.geometry);
             (region, Mode::new(filter, state, &self.inputs, &self.placing), mode.places.clone())
         });
         let moved: Vec<(usize, Mode, Vec<Option<usize>>)> = moved.collect();
@@ -328,7 +329,7 @@ impl Track {
         let mut parts: Vec<Vec<(f64, Gaussian)>> = vec![Vec::new(); self.weights.len()];
         let mut stayed = true;
         for (from, mode, before) in &moved {
-            for (to, share, state) in mode.crossed(*from, before, &filter.angles) {
+            for (to, share, state) in mode.crossed(*from, before, &filter.geometry) {
                 stayed &= to == *from;
                 parts[to].push((self.weights[*from] * share, state));
             }
@@ -339,7 +340,7 @@ impl Track {
         }
         let of = |parts: &Vec<(f64, Gaussian)>| {
             let parts: Vec<(f64, &Gaussian)> = parts.iter().map(|(share, state)| (*share, state)).collect();
-            mixed(&parts, &filter.angles)
+            mixed(&parts, &filter.geometry)
         };
         let next = parts.iter().map(of).collect();
         self.set(filter, next);
@@ -361,28 +362,30 @@ impl Track {
         let active = self.active();
         let parts: Vec<(f64, &Gaussian)> =
             active.iter().map(|&region| (self.weights[region], &self.modes[region].state)).collect();
-        let mut whole = Gaussian::mixture(&parts, &filter.angles);
+        let mut whole = Gaussian::mixture(&parts, &filter.geometry);
         let prior = whole.clone();
         let n = prior.mean.len();
         (self.nis, self.observed, self.log_likelihood) = (0.0, 0, 0.0);
         let (mut logarithms, mut slope) = (vec![0.0; self.weights.len()], 0.0);
         let mut states: Vec<Gaussian> = active.iter().map(|&region| self.modes[region].state.clone()).collect();
+        let known = filter.aligned_sensors(measured, &prior.mean);
+        let known_by: Vec<Vec<f64>> =
+            states.iter().map(|own| filter.aligned_sensors(measured, &own.mean)).collect();
         for (k, &(state, _)) in filter.sensors.iter().enumerate() {
             (self.sensors[k].innovation, self.sensors[k].variance) = (f64::NAN, f64::NAN);
             if !measured[k].is_finite() {
                 continue;
             }
             let variance = self.variance(filter, k, deviations[k]);
-            let [innovation, spread] = whole.observe(state, measured[k], variance, &filter.angles);
+            let [innovation, spread] = whole.observe(state, known[k], variance, &filter.geometry);
             self.nis += innovation * innovation / spread;
             self.observed += 1;
             slope += 1.0 - variance / spread;
-            for (own, &region) in states.iter_mut().zip(&active) {
-                let [innovation, spread] = own.observe(state, measured[k], variance, &filter.angles);
+            for ((own, known), &region) in states.iter_mut().zip(&known_by).zip(&active) {
+                let [innovation, spread] = own.observe(state, known[k], variance, &filter.geometry);
                 logarithms[region] -= 0.5 * (innovation * innovation / spread + (std::f64::consts::TAU * spread).ln());
             }
-            let off = measured[k] - prior.mean[state];
-            let off = if filter.angles[state] { wrap(off) } else { off };
+            let off = filter.geometry.wrapped(state, known[k] - prior.mean[state]);
             let expected = prior.covariance[state * n + state];
             let sensor = &mut self.sensors[k];
             (sensor.innovation, sensor.variance) = (off, expected + variance);
@@ -391,6 +394,9 @@ impl Track {
         }
         if self.observed == 0 {
             return;
+        }
+        for own in &mut states {
+            filter.geometry.retract_distribution(&mut own.mean, &mut own.covariance);
         }
         let sensors = self.observed as f64;
         self.process.learn(self.nis - sensors, slope, sensors);
@@ -409,8 +415,8 @@ impl Track {
 }
 
 /// The sum of shares, and the normal distribution with the moments of their mixture.
-fn mixed(parts: &[(f64, &Gaussian)], angles: &[bool]) -> (f64, Gaussian) {
+fn mixed(parts: &[(f64, &Gaussian)], geometry: &Geometry) -> (f64, Gaussian) {
     let all: f64 = parts.iter().map(|(share, _)| share).sum();
     let parts: Vec<(f64, &Gaussian)> = parts.iter().map(|(share, state)| (share / all, *state)).collect();
-    (all, Gaussian::mixture(&parts, angles))
+    (all, Gaussian::mixture(&parts, geometry))
 }

@@ -156,7 +156,8 @@ impl FilteredRows {
         self.means.extend(&estimate.mean);
         self.deviations.extend((0..n).map(|s| estimate.covariance[s * n + s].sqrt()));
         self.probabilities.extend(track.probabilities());
-        self.measured.extend(measured);
+        let sensors: Vec<usize> = filter.measured().collect();
+        self.measured.extend(filter.aligned(&sensors, measured, &estimate.mean));
         for k in 0..self.sensors {
             self.innovations.push(track.innovation(k));
             self.innovation_deviations.push(track.innovation_variance(k).sqrt());
@@ -166,6 +167,7 @@ impl FilteredRows {
         self.nis.push(if observed == self.sensors { nis } else { f64::NAN });
         let truths: Vec<f64> = readings.truth.iter().map(|truth| at(truth.column)).collect();
         let states: Vec<usize> = readings.truth.iter().map(|truth| truth.state).collect();
+        let truths = filter.aligned(&states, &truths, &estimate.mean);
         let errors: Vec<f64> =
             states.iter().zip(&truths).map(|(&s, &truth)| apart(estimate.mean[s], truth, filter.is_angle(s))).collect();
         self.nees.push(if states.is_empty() { f64::NAN } else { estimate.square(&states, &errors) });

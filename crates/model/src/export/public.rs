@@ -36,7 +36,7 @@ impl Assembled<'_> {
                 }
             )),
             named("next", "next", format!("The states one step later.{}{}", self.step_doc(), self.next_inputs_doc())),
-            named("next_jacobian", "next_jacobian", format!("Exact derivatives of a step with inputs held: the next states are A x + B u + c to first order (angles not wrapped{}).", if plan.rotations().is_empty() { "" } else { ", rotations not brought back" })),
+            named("next_jacobian", "next_jacobian", format!("Exact derivatives of a step with inputs held: the next states are A x + B u + c to first order (angles not wrapped{}).", if self.plan.rotations().is_empty() { "" } else { ", rotations not brought back" })),
             named("outputs", "predict", "The outputs.".into()),
             named("outputs_jacobian", "predict_jacobian", "Exact derivatives of the outputs: they are A x + B u + c to first order.".into()),
         ]

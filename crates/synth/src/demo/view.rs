@@ -20,6 +20,7 @@ pub(super) fn column(recipe: &Recipe, name: &str, text: &str, unit: &str, angle:
         unit: Some(unit.to_owned()),
         role: Role::Auxiliary,
         angle,
+        rotation: None,
     })
 }
 
