@@ -369,8 +369,7 @@ impl Track {
         let (mut logarithms, mut slope) = (vec![0.0; self.weights.len()], 0.0);
         let mut states: Vec<Gaussian> = active.iter().map(|&region| self.modes[region].state.clone()).collect();
         let known = filter.aligned_sensors(measured, &prior.mean);
-        let known_by: Vec<Vec<f64>> =
-            states.iter().map(|own| filter.aligned_sensors(measured, &own.mean)).collect();
+        let known_by: Vec<Vec<f64>> = states.iter().map(|own| filter.aligned_sensors(measured, &own.mean)).collect();
         for (k, &(state, _)) in filter.sensors.iter().enumerate() {
             (self.sensors[k].innovation, self.sensors[k].variance) = (f64::NAN, f64::NAN);
             if !measured[k].is_finite() {

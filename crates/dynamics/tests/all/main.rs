@@ -9,6 +9,7 @@ mod plane;
 mod regulators;
 mod replayed;
 mod rollouts;
+mod rotations;
 mod scores;
 mod sensitivities;
 mod simulations;
