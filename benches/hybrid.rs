@@ -96,6 +96,7 @@ pub fn model(hertz: f64) -> Model {
             unit: None,
             role: if i < STATES { Role::State } else { Role::Input },
             angle: false,
+            rotation: None,
         })
         .collect();
     let training = Training {

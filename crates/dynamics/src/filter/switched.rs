@@ -3,12 +3,13 @@
 use std::cell::RefCell;
 
 use faer::Mat;
+use fleetfoot_data::packed;
 use fleetfoot_model::{FilterTables, Model};
 
 use super::{FilterError, Gaussian, StepMap, noise::region_noise, points::standard_points};
 use crate::{
     Error, Points, StepperWorkspace,
-    geometry::{Geometry, Shape},
+    geometry::{Geometry, Shape, Told, parts},
     named::{find, finite},
     pieces::Pieces,
 };
@@ -199,6 +200,50 @@ impl SwitchedFilter {
     /// Values of some states, each rotation written as near to `mean` (states) as it can be.
     pub fn aligned(&self, states: &[usize], values: &[f64], mean: &[f64]) -> Vec<f64> {
         if self.geometry.groups.is_empty() { values.to_vec() } else { self.geometry.aligned(states, values, mean) }
+    }
+
+    /// What true values of some states are told by: states, and rotations of which all parts are there.
+    fn told(&self, states: &[usize]) -> Vec<Told> {
+        let there = |state: usize| states.contains(&state);
+        let counts = |own: &Told| match *own {
+            Told::State(state) => there(state),
+            Told::Group(group) => self.geometry.groups[group].places.iter().all(|&place| there(place)),
+        };
+        self.geometry.told().into_iter().filter(counts).collect()
+    }
+
+    /// Degrees of freedom of errors of some states: three of a rotation, all of whose parts are among them, and none of one that lacks some.
+    pub fn freedom(&self, states: &[usize]) -> usize {
+        if self.geometry.groups.is_empty() {
+            return states.len();
+        }
+        parts(&self.told(states)).last().map_or(0, |last| last.end)
+    }
+
+    /// The squared Mahalanobis distance of an estimate from true values of some states ([`Gaussian::square`]), a rotation's error being its rotation vector.
+    pub fn square(&self, estimate: &Gaussian, states: &[usize], truths: &[f64]) -> f64 {
+        let n = estimate.mean.len();
+        let truth = |state: usize| states.iter().position(|&own| own == state).map_or(f64::NAN, |at| truths[at]);
+        if self.geometry.groups.is_empty() {
+            let error = |&state: &usize| self.geometry.difference(state, |s| estimate.mean[s], truth);
+            return estimate.square(states, &states.iter().map(error).collect::<Vec<_>>());
+        }
+        let told = self.told(states);
+        let mut errors = Vec::new();
+        for own in &told {
+            match *own {
+                Told::State(state) => errors.push(self.geometry.difference(state, |s| estimate.mean[s], truth)),
+                Told::Group(group) => {
+                    errors.extend(self.geometry.groups[group].rotation(|s| estimate.mean[s], truth));
+                }
+            }
+        }
+        let packed_entries =
+            self.geometry.covariance(&told, |i, j| estimate.covariance[i * n + j], |s| estimate.mean[s]);
+        let d = errors.len();
+        let covariance = (0..d * d).map(|at| packed_entries[packed(at / d, at % d)]).collect();
+        let apart = Gaussian { mean: vec![0.0; d], covariance };
+        apart.square(&(0..d).collect::<Vec<_>>(), &errors)
     }
 
     /// What the sensors measured, as near to a mean as it can be written.

@@ -170,7 +170,7 @@ impl FilteredRows {
         let truths = filter.aligned(&states, &truths, &estimate.mean);
         let errors: Vec<f64> =
             states.iter().zip(&truths).map(|(&s, &truth)| apart(estimate.mean[s], truth, filter.is_angle(s))).collect();
-        self.nees.push(if states.is_empty() { f64::NAN } else { estimate.square(&states, &errors) });
+        self.nees.push(if states.is_empty() { f64::NAN } else { filter.square(estimate, &states, &truths) });
         self.errors.extend(errors);
         self.truths.extend(truths);
     }

@@ -86,7 +86,7 @@ impl Sums {
         Self {
             sensors: (0..sensors).map(|_| Sensor::new()).collect(),
             nis: Consistency::new(sensors),
-            nees: Consistency::new(readings.truth.len()),
+            nees: Consistency::new(filter.freedom(&readings.truth.iter().map(|own| own.state).collect::<Vec<_>>())),
             errors: vec![[0.0; 4]; readings.truth.len()],
             log_likelihood: 0.0,
             process: Vec::new(),

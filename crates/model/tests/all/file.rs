@@ -3,7 +3,8 @@
 use fleetfoot_library::Expr;
 use fleetfoot_model::{
     Column, Equation, Estimated, FileError, Join, Latent, Lattice, Level, Model, Partition, Passage, PhaseBins, Phases,
-    Prediction, Region, RegionPair, Role, Rule, TrainedEpisode, Training, Transitions, UnseenLabel,
+    Prediction, Region, RegionPair, Role, RotationKind, RotationPart, Rule, TrainedEpisode, Training, Transitions,
+    UnseenLabel,
 };
 use proptest::prelude::*;
 
@@ -15,6 +16,7 @@ fn model(numbers: &[f64; 12]) -> Model {
         unit: None,
         role,
         angle: name == "a",
+        rotation: None,
     };
     let training = Training {
         version: "0.1.0".into(),
@@ -30,6 +32,7 @@ fn model(numbers: &[f64; 12]) -> Model {
         target_covariance: vec![n(1)],
         target_deviation: vec![n(2)],
         state_covariance: vec![n(3), n(4), n(5)],
+        state_mean: Vec::new(),
         parameters: vec![
             Estimated { name: "mass".into(), value: n(3), half_width: n(4) },
             Estimated { name: "a \"b\"".into(), value: n(5), half_width: n(6) },
@@ -181,4 +184,26 @@ fn phases_and_pairs_of_other_regions_are_refused() {
         let told = refused(&|own| own.pairs[0].regions = pair);
         assert!(told.contains(&format!("{} and {} are no pair", pair[0], pair[1])), "{told}");
     }
+}
+
+#[test]
+fn rotations_read_back() {
+    let part = |(part, name): (usize, &str)| Column {
+        name: name.into(),
+        source: name.into(),
+        unit: None,
+        role: Role::State,
+        angle: false,
+        rotation: Some(RotationPart { group: "attitude".into(), kind: RotationKind::Vector, part }),
+    };
+    let columns: Vec<Column> = ["rx", "ry", "rz"].into_iter().enumerate().map(part).collect();
+    let training = Training { state_covariance: vec![1.0; 6], state_mean: vec![0.1, -0.2, 0.3], ..Training::default() };
+    let model = Model::new("given", columns.clone(), 0.01, training.clone());
+    let again = Model::from_json(&model.to_json(), "test").unwrap();
+    assert_eq!(again, model);
+    assert_eq!((again.rotations()[0].columns.as_slice(), again.training.state_mean.len()), (&[0, 1, 2][..], 3));
+    // Files of models without rotations are as they were.
+    let plain: Vec<Column> = columns.into_iter().map(|column| Column { rotation: None, ..column }).collect();
+    let text = Model::new("given", plain, 0.01, training).to_json();
+    assert!(!text.contains("rotation") && !text.contains("state_mean"));
 }

@@ -47,6 +47,7 @@ impl Maker {
                 unit: Some("m/s²".into()),
                 role: *role,
                 angle: name.starts_with('~'),
+                rotation: None,
             })
             .collect();
         let training = Training { version: "0.1.0".into(), rows: 400, seed, ..Training::default() };
