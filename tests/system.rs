@@ -26,6 +26,7 @@ mod replayed;
 mod report;
 mod resimulate;
 mod robot_logs;
+mod rotations;
 mod runner;
 mod settings;
 mod sindy;

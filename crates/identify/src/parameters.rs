@@ -112,6 +112,11 @@ fn estimate(
     progress: &dyn Progress,
 ) -> Result<Found, Error> {
     if options.method == EstimateMethod::EquationError {
+        if let Some(silent) = task.without_residual() {
+            return Err(Error::conflict(format!(
+                "[parameters] {silent}: it stands in the rates of a rotation alone, whose kinematics no row can tell by itself: estimate it by simulations, method = \"output-error\""
+            )));
+        }
         return Ok(Found::Equation(by_equations(task, source, progress)?));
     }
     // What the rows say one by one is a second place to begin; where they say nothing, there is one.

@@ -56,6 +56,13 @@ impl ParametersTask {
         Ok(Self { known, parameters, residuals })
     }
 
+    /// A parameter of which no equation says anything row by row.
+    pub(crate) fn without_residual(&self) -> Option<&str> {
+        let uses = |own: &Residual, name: &str| own.model.columns().iter().any(|column| **column == *name);
+        let silent = |own: &&Parameter| !self.residuals.iter().any(|residual| uses(residual, &own.name));
+        self.parameters.iter().find(silent).map(|own| own.name.as_str())
+    }
+
     /// The parameters between their bounds; those that are fixed have no room.
     pub(crate) fn bounded(&self) -> Vec<fleetfoot_estimate::Parameter> {
         let of = |own: &Parameter| {
