@@ -68,7 +68,9 @@ impl<'a> Reader<'a> {
         let column = |&column: &usize| rows.iter().map(|&row| block.core(column)[row]).collect();
         let mut columns: Vec<Vec<f64>> = self.columns.iter().map(column).collect();
         for (kind, places) in &self.rotations {
-            turn_on(*kind, places, &mut columns);
+            let mut parts: Vec<Vec<f64>> = places.iter().map(|&place| std::mem::take(&mut columns[place])).collect();
+            kind.turn_on(&mut parts);
+            places.iter().zip(parts).for_each(|(&place, part)| columns[place] = part);
         }
         for (at, mut own) in columns.into_iter().enumerate() {
             let known: Vec<bool> = own.iter().map(|value| value.is_finite()).collect();
@@ -99,22 +101,6 @@ pub(crate) fn rotations_among<N: AsRef<str>>(model: &Model, names: &[N]) -> Vec<
         Some((rotation.kind, rotation.columns.iter().map(place).collect::<Option<Vec<_>>>()?))
     };
     model.rotations().into_iter().filter_map(of).collect()
-}
-
-/// Writes a rotation at every row as near as it can be to the last one that is there.
-fn turn_on(kind: RotationKind, places: &[usize], columns: &mut [Vec<f64>]) {
-    let mut last: Option<Vec<f64>> = None;
-    for row in 0..columns[places[0]].len() {
-        let mut own: Vec<f64> = places.iter().map(|&place| columns[place][row]).collect();
-        if own.iter().any(|part| !part.is_finite()) {
-            continue;
-        }
-        if let Some(last) = &last {
-            kind.nearest(&mut own, last);
-        }
-        places.iter().zip(&own).for_each(|(&place, part)| columns[place][row] = *part);
-        last = Some(own);
-    }
 }
 
 /// Turns an angle on where it jumps by more than half a turn.
@@ -149,20 +135,6 @@ fn fill(seconds: &[f64], values: &mut [f64]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn rotations_turn_on() {
-        // Half a turn and more about z, as logs settle it: w >= 0.
-        let half = |k: usize| 0.2 * k as f64;
-        let sign = |k: usize| if half(k).cos() < 0.0 { -1.0 } else { 1.0 };
-        let part = |of: fn(f64) -> f64| (0..14).map(|k| sign(k) * of(half(k))).collect::<Vec<_>>();
-        let mut columns = vec![part(f64::cos), vec![0.0; 14], vec![0.0; 14], part(f64::sin)];
-        columns.iter_mut().for_each(|column| column[5] = f64::NAN);
-        turn_on(RotationKind::Quaternion, &[0, 1, 2, 3], &mut columns);
-        for k in (0..14).filter(|k| *k != 5) {
-            assert_eq!([columns[0][k], columns[3][k]], [half(k).cos(), half(k).sin()], "{k}");
-        }
-    }
 
     #[test]
     fn gaps_are_bridged_and_angles_turn_on() {

@@ -18,6 +18,7 @@ use std::{collections::BTreeMap, ops::Range, path::PathBuf};
 
 use fleetfoot_data::{Block, Halo, Progress, Source, parallel_map};
 use fleetfoot_log::{WriteColumn, WriteOptions, write_atomic};
+use fleetfoot_model::RotationKind;
 use fleetfoot_signal::{SignalError, dejitter};
 use serde::Serialize;
 
@@ -26,7 +27,7 @@ pub use places::Places;
 pub use report::{ChannelReport, ClockReport, EpisodeReport, PieceReport, PrepareReport};
 
 use crate::{
-    Dataset, EpisodeRule, Error, Logs, Recipe,
+    Dataset, EpisodeRule, Error, Logs, Recipe, Settled,
     clocks::AlignedClock,
     folder::{Folder, RECIPE},
     told,
@@ -134,6 +135,26 @@ pub fn prepare(
     committed(folder, report, &out)
 }
 
+/// Makes rotations of the smoothed parts of one.
+fn brought_back(kind: RotationKind, places: &[usize], curves: &mut [Result<Option<Curve>, SignalError>]) {
+    let value = |curve: &Result<Option<Curve>, SignalError>| match curve {
+        Ok(Some(curve)) => curve.derivatives.first().cloned(),
+        _ => None,
+    };
+    let Some(mut parts) = places.iter().map(|&place| value(&curves[place])).collect::<Option<Vec<_>>>() else { return };
+    let mut own = vec![0.0; places.len()];
+    for row in 0..parts[0].len() {
+        own.iter_mut().zip(&parts).for_each(|(own, part)| *own = part[row]);
+        kind.retract(&mut own);
+        own.iter().zip(&mut parts).for_each(|(own, part)| part[row] = *own);
+    }
+    for (&place, part) in places.iter().zip(parts) {
+        if let Ok(Some(curve)) = &mut curves[place] {
+            curve.derivatives[0] = part;
+        }
+    }
+}
+
 /// Writes the recipe beside the pieces, and puts all of it into the folder at once.
 fn committed(folder: Folder, report: PrepareReport, recipe: &Recipe) -> Result<Prepared, Error> {
     write_atomic(folder.staged(RECIPE), recipe.to_toml().as_bytes())?;
@@ -193,7 +214,7 @@ struct Rows<'a> {
 
 /// A preparation under way.
 struct Job<'a> {
-    view: &'a dyn Source,
+    view: &'a Settled<'a>,
     dataset: &'a Dataset,
     topics: &'a Topics,
     planned: &'a [Planned],
@@ -213,7 +234,8 @@ impl Job<'_> {
     /// Prepares an episode.
     fn episode(&mut self, episode: usize) -> Result<EpisodeReport, Error> {
         let info = &self.view.episodes()[episode];
-        let block = self.view.read(episode, 0..info.rows, Halo::default())?;
+        let mut block = self.view.read(episode, 0..info.rows, Halo::default())?;
+        self.view.turn_on(&mut block);
         let (times, clock) = self.times(&block, &info.name)?;
         let samples = self.topics.of_episode(self.dataset, episode, &block, &mut self.notes)?;
         let bounds = self.planned.iter().enumerate();
@@ -263,10 +285,11 @@ impl Job<'_> {
     fn piece(&mut self, episode: usize, all: Rows<'_>, rows: Range<usize>) -> Result<Option<PieceReport>, Error> {
         let Rows { block, times, .. } = all;
         let info = &self.view.episodes()[episode];
-        let curves: Vec<Result<Option<Curve>, SignalError>> =
+        let mut curves: Vec<Result<Option<Curve>, SignalError>> =
             parallel_map(self.planned.len(), &fleetfoot_data::Silent, |at| {
                 Ok::<_, Error>(self.curve(at, all, rows.clone()).transpose())
             })?;
+        self.view.rotations().for_each(|(kind, places)| brought_back(kind, places, &mut curves));
         let mut columns: Vec<Written<'_>> = Vec::new();
         let mut channels = Vec::new();
         for (at, curve) in curves.into_iter().enumerate() {

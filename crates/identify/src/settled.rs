@@ -98,6 +98,22 @@ impl<'a> Settled<'a> {
         Ok(())
     }
 
+    /// The rotations among the columns: how they are written, and the place of every part.
+    pub(crate) fn rotations(&self) -> impl Iterator<Item = (RotationKind, &[usize])> {
+        self.rotations.iter().map(|(own, places)| (own.kind, places.as_slice()))
+    }
+
+    /// Writes every rotation of a block as near as it can be to the one in the row before, so that curves go through its parts.
+    pub(crate) fn turn_on(&self, block: &mut Block) {
+        for (kind, places) in self.rotations() {
+            let mut columns: Vec<Vec<f64>> = places.iter().map(|&place| block.columns[place].to_vec()).collect();
+            kind.turn_on(&mut columns);
+            for (&place, column) in places.iter().zip(columns) {
+                block.columns[place] = ScalarBuffer::from(column);
+            }
+        }
+    }
+
     fn refusal(&self, own: &Recorded, (episode, row): (usize, usize), (parts, length): (Vec<f64>, f64)) -> DataError {
         let source = |name: &String| {
             let alias = self.dataset.aliases().iter().find(|(column, _)| column.name == *name);

@@ -130,6 +130,22 @@ impl RotationKind {
         }
     }
 
+    /// Writes the rotations of consecutive rows, each as near as it can be to the last one that is there (parts x rows): curves go through their parts then.
+    pub fn turn_on(self, parts: &mut [Vec<f64>]) {
+        let mut last: Option<Vec<f64>> = None;
+        for row in 0..parts.first().map_or(0, Vec::len) {
+            let mut own: Vec<f64> = parts.iter().map(|part| part[row]).collect();
+            if own.iter().any(|part| !part.is_finite()) {
+                continue;
+            }
+            if let Some(last) = &last {
+                self.nearest(&mut own, last);
+            }
+            parts.iter_mut().zip(&own).for_each(|(part, value)| part[row] = *value);
+            last = Some(own);
+        }
+    }
+
     /// The one way of writing a recorded rotation that does not depend on how it was written: of unit length with w >= 0, or of length pi at most.
     pub fn settle(self, x: &mut [f64]) {
         self.retract(x);
@@ -267,6 +283,25 @@ mod tests {
             RotationKind::Quaternion => exponential(phi).to_vec(),
             RotationKind::Vector => phi.to_vec(),
         }
+    }
+
+    #[test]
+    fn rotations_turn_on() {
+        // More than a turn about z, as logs settle it: w >= 0.
+        let half = |k: usize| 0.2 * k as f64;
+        let sign = |k: usize| if half(k).cos() < 0.0 { -1.0 } else { 1.0 };
+        let part = |of: fn(f64) -> f64| (0..20).map(|k| sign(k) * of(half(k))).collect::<Vec<_>>();
+        let mut parts = vec![part(f64::cos), vec![0.0; 20], vec![0.0; 20], part(f64::sin)];
+        parts.iter_mut().for_each(|part| part[5] = f64::NAN);
+        RotationKind::Quaternion.turn_on(&mut parts);
+        for k in (0..20).filter(|k| *k != 5) {
+            assert_eq!([parts[0][k], parts[3][k]], [half(k).cos(), half(k).sin()], "{k}");
+        }
+        // And as rotation vectors, which go on beyond half a turn.
+        let wrapped = |k: usize| 2.0 * half(k) - TAU * (2.0 * half(k) / TAU).round();
+        let mut parts = vec![vec![0.0; 12], (0..12).map(wrapped).collect(), vec![0.0; 12]];
+        RotationKind::Vector.turn_on(&mut parts);
+        assert!((0..12).all(|k| (parts[1][k] - 2.0 * half(k)).abs() < 1e-14), "{parts:?}");
     }
 
     proptest! {

@@ -138,7 +138,8 @@ impl OfTopic {
         let mut all = vec![empty; self.channels.len()];
         let mut longest = 0;
         for (at, episode) in view.episodes().iter().enumerate().filter(of_log) {
-            let block = view.read(at, 0..episode.rows, Halo::default())?;
+            let mut block = view.read(at, 0..episode.rows, Halo::default())?;
+            view.turn_on(&mut block);
             let since = (block.start - rows.start) as f64 * 1e-9;
             let mut times: Vec<f64> = block.seconds();
             if even && times.len() > 2 {
