@@ -2,7 +2,7 @@
 
 use std::{f64::consts::TAU, fmt::Write as _, fs};
 
-use crate::runner::*;
+use crate::{outside::python, runner::*};
 
 /// Moments of inertia.
 const J: [f64; 3] = [1.0, 2.0, 3.0];
@@ -149,6 +149,31 @@ fn a_rigid_body_is_found_from_quaternions_of_any_sign() {
         );
         assert!(own.iter().all(|error| *error < 1e-8), "{own:?}");
         assert!(numbers(&one["model"]["mahalanobis"]).iter().all(|score| score.abs() < 1e-7));
+    }
+}
+
+/// The angles that rollouts of a model that errs are off by, beside those of scipy. A difference of 1e-12 rad is rounding of angles of 1e-4 and more.
+#[test]
+fn attitude_errors_are_those_of_scipy() {
+    let Some(python) = python("numpy, scipy") else { return };
+    let folder = folder();
+    let path = folder.path();
+    let fit = ["fit", "pwa", "-c", "body.toml", "flips0.csv", "--partition", "average", "-o", "m.json"];
+    fleetfoot(path, &fit).ok();
+    let asked = ["rollout", "m.json", "flips2.csv", "--horizon", "30", "--method", "rk4", "-o", "rollouts.csv", "--json"];
+    let said = fleetfoot(path, &asked).ok().json();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/peers/rotations.py");
+    let found = Command::new(python).arg(script).args(["rollouts.csv", "flips2.csv"]).current_dir(path).output().unwrap();
+    assert!(found.status.success(), "{}", String::from_utf8_lossy(&found.stderr));
+    let found: Vec<f64> =
+        String::from_utf8(found.stdout).unwrap().split_whitespace().map(|number| number.parse().unwrap()).collect();
+    let of = |key: &str| -> Vec<f64> {
+        said["model"][key].as_array().unwrap().iter().map(|row| row[3].as_f64().unwrap()).collect()
+    };
+    assert_eq!(found.len(), 60);
+    for ((own, mean), pair) in of("rmse").iter().zip(of("mae")).zip(found.chunks_exact(2)) {
+        assert!((own - pair[0]).abs() < 1e-12 && (mean - pair[1]).abs() < 1e-12, "{own} {mean} {pair:?}");
+        assert!(*own > 1e-6);
     }
 }
 
