@@ -160,10 +160,12 @@ fn attitude_errors_are_those_of_scipy() {
     let path = folder.path();
     let fit = ["fit", "pwa", "-c", "body.toml", "flips0.csv", "--partition", "average", "-o", "m.json"];
     fleetfoot(path, &fit).ok();
-    let asked = ["rollout", "m.json", "flips2.csv", "--horizon", "30", "--method", "rk4", "-o", "rollouts.csv", "--json"];
+    let asked =
+        ["rollout", "m.json", "flips2.csv", "--horizon", "30", "--method", "rk4", "-o", "rollouts.csv", "--json"];
     let said = fleetfoot(path, &asked).ok().json();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/peers/rotations.py");
-    let found = Command::new(python).arg(script).args(["rollouts.csv", "flips2.csv"]).current_dir(path).output().unwrap();
+    let found =
+        Command::new(python).arg(script).args(["rollouts.csv", "flips2.csv"]).current_dir(path).output().unwrap();
     assert!(found.status.success(), "{}", String::from_utf8_lossy(&found.stderr));
     let found: Vec<f64> =
         String::from_utf8(found.stdout).unwrap().split_whitespace().map(|number| number.parse().unwrap()).collect();

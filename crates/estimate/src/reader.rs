@@ -41,7 +41,7 @@ impl<'a> Reader<'a> {
             columns: names.clone().map(find).collect::<Result<_, _>>()?,
             followed: transcription.names().len(),
             angle: names.clone().map(angle).collect(),
-            rotations: rotations_among(model, &names.collect::<Vec<_>>()),
+            rotations: model.rotations_among(&names.collect::<Vec<_>>()),
         })
     }
 
@@ -92,15 +92,6 @@ impl<'a> Reader<'a> {
         }
         Ok(Some(Recorded { episode, rows, stamps, seconds, values, there, replayed, whole }))
     }
-}
-
-/// The rotations of a model whose parts are all among some of its columns, with their places there.
-pub(crate) fn rotations_among<N: AsRef<str>>(model: &Model, names: &[N]) -> Vec<(RotationKind, Vec<usize>)> {
-    let place = |&column: &usize| names.iter().position(|name| *name.as_ref() == *model.columns[column].name);
-    let of = |rotation: fleetfoot_model::Rotation| {
-        Some((rotation.kind, rotation.columns.iter().map(place).collect::<Option<Vec<_>>>()?))
-    };
-    model.rotations().into_iter().filter_map(of).collect()
 }
 
 /// Turns an angle on where it jumps by more than half a turn.

@@ -285,7 +285,7 @@ fn bounds(
     let mut bounds = survey.ranges(options.widen);
     // A turn is no border.
     (0..bounds.len())
-        .filter(|&j| transcription.is_angle(j))
+        .filter(|&j| transcription.goes_round(j))
         .for_each(|j| bounds[j] = [f64::NEG_INFINITY, f64::INFINITY]);
     for (name, own) in &options.bounds {
         let [low, high] = *own;
@@ -337,13 +337,15 @@ fn deviations(
 
 fn resimulated(transcription: &Transcription, own: Recorded, followed: Followed) -> Result<Resimulated, EstimateError> {
     let open_loop = transcription.open_loop(&own)?;
+    let mut values = followed.values;
+    transcription.normalise(&mut values);
     let recorded = own.values.iter().zip(&own.there).map(|(&value, &there)| if there { value } else { f64::NAN });
     Ok(Resimulated {
         episode: own.episode,
         recorded: recorded.collect(),
         rows: own.rows,
         stamps: own.stamps,
-        followed: followed.values,
+        followed: values,
         open_loop,
         certificate: followed.certificate,
         ending: followed.ending,

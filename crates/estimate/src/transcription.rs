@@ -20,7 +20,7 @@ use fleetfoot_dynamics::{InputSequence, Integration, Linearized, Method, Stepper
 use fleetfoot_model::{Model, RotationKind};
 
 use crate::EstimateError;
-use crate::{reader::rotations_among, recorded::Recorded};
+use crate::recorded::Recorded;
 
 /// Rows that are evaluated at once.
 const ROWS: usize = 1_024;
@@ -89,7 +89,7 @@ impl Transcription {
         let places = inputs.iter().map(place).collect();
         let names: Vec<String> = states.into_iter().chain(free).collect();
         let angle = names.iter().map(|name| model.column(name).is_some_and(|at| model.columns[at].angle)).collect();
-        let rotations = rotations_among(model, &names);
+        let rotations = model.rotations_among(&names);
         Ok(Self { tangent: Tangent::new(&stepper)?, stepper, continuous, names, replayed, places, angle, rotations })
     }
 
@@ -108,6 +108,23 @@ impl Transcription {
 
     pub(crate) fn is_angle(&self, column: usize) -> bool {
         self.angle[column]
+    }
+
+    /// Whether a column is an angle or a part of a rotation: what its range is does not bound it.
+    pub(crate) fn goes_round(&self, column: usize) -> bool {
+        self.angle[column] || self.rotations.iter().any(|(_, places)| places.contains(&column))
+    }
+
+    /// Brings the quaternions of rows (r x columns) to unit length: kinematics keep the length that they begin with, which nothing else in an equation can tell.
+    pub(crate) fn normalise(&self, values: &mut [f64]) {
+        let quaternions = self.rotations.iter().filter(|(kind, _)| *kind == RotationKind::Quaternion);
+        for (kind, places) in quaternions {
+            for row in values.chunks_exact_mut(self.names.len()) {
+                let mut parts: Vec<f64> = places.iter().map(|&place| row[place]).collect();
+                kind.retract(&mut parts);
+                places.iter().zip(parts).for_each(|(&place, part)| row[place] = part);
+            }
+        }
     }
 
     /// The place of a column that somebody names.

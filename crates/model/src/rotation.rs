@@ -257,6 +257,14 @@ impl Model {
     pub fn rotations(&self) -> Vec<Rotation> {
         rotations(&self.columns)
     }
+
+    /// Those whose parts are all among some of its columns, with the places of the parts there.
+    pub fn rotations_among<N: AsRef<str>>(&self, names: &[N]) -> Vec<(RotationKind, Vec<usize>)> {
+        let place = |&column: &usize| names.iter().position(|name| *name.as_ref() == *self.columns[column].name);
+        let of =
+            |rotation: Rotation| Some((rotation.kind, rotation.columns.iter().map(place).collect::<Option<Vec<_>>>()?));
+        self.rotations().into_iter().filter_map(of).collect()
+    }
 }
 
 #[cfg(test)]

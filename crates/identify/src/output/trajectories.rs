@@ -5,7 +5,7 @@ use std::path::Path;
 use fleetfoot_data::{Halo, Source};
 use fleetfoot_dynamics::{Rollouts, Trajectory};
 use fleetfoot_log::{Overlay, SeriesId, TableWriter, Values, WriteColumn, WriteKind};
-use fleetfoot_model::Model;
+use fleetfoot_model::{Model, RotationKind};
 
 use super::{
     Kind,
@@ -50,7 +50,7 @@ fn write_table(path: &Path, model: &Model, view: &dyn Source, rollouts: &Rollout
     columns.extend(rollouts.driven_inputs.iter().map(|input| number(input, input)));
     columns.push(WriteColumn::new("region", WriteKind::Integer));
     let mut writer = TableWriter::create(path, columns, &table_options(model, logs))?;
-    let measured = Measured::new(view, rollouts);
+    let measured = Measured::new(view, rollouts, model);
     for (index, trajectory) in rollouts.trajectories.iter().enumerate() {
         let rows = trajectory.steps() + 1;
         let numbers = vec![index as i64; rows];
@@ -91,15 +91,18 @@ struct Measured<'a> {
     view: &'a dyn Source,
     /// Column of the view of each state.
     columns: Vec<Option<usize>>,
+    /// The rotations among the states, and the place of every part.
+    rotations: Vec<(RotationKind, Vec<usize>)>,
 }
 
 impl<'a> Measured<'a> {
-    fn new(view: &'a dyn Source, rollouts: &Rollouts) -> Self {
+    fn new(view: &'a dyn Source, rollouts: &Rollouts, model: &Model) -> Self {
         let columns = rollouts.states.iter().map(|state| view.column_index(state)).collect();
-        Self { view, columns }
+        Self { view, columns, rotations: model.rotations_among(&rollouts.states) }
     }
 
-    /// The stamps of a trajectory's rows as far as the episode goes, and the measured states at each of its steps: NaN where they are not known.
+    /// The stamps of a trajectory's rows as far as the episode goes, and the measured states at each of its steps, rotations written as near to the simulated ones as they can be: NaN
+    /// where they are not known.
     fn read(&self, trajectory: &Trajectory) -> Result<(Vec<i64>, Vec<Vec<f64>>), Error> {
         let (start, rows) = (trajectory.start, trajectory.steps() + 1);
         let end = (start.row + rows).min(self.view.episodes()[start.episode].rows);
@@ -109,7 +112,16 @@ impl<'a> Measured<'a> {
             values.resize(rows, f64::NAN);
             values
         };
-        Ok((block.stamps().to_vec(), self.columns.iter().map(series).collect()))
+        let mut recorded: Vec<Vec<f64>> = self.columns.iter().map(series).collect();
+        for (kind, places) in &self.rotations {
+            for step in 0..rows {
+                let mut parts: Vec<f64> = places.iter().map(|&place| recorded[place][step]).collect();
+                let simulated: Vec<f64> = places.iter().map(|&place| trajectory.state(step)[place]).collect();
+                kind.nearest(&mut parts, &simulated);
+                places.iter().zip(parts).for_each(|(&place, part)| recorded[place][step] = part);
+            }
+        }
+        Ok((block.stamps().to_vec(), recorded))
     }
 }
 
@@ -128,7 +140,7 @@ fn write_messages(
     let names: Vec<String> = rollouts.states.iter().chain(&rollouts.driven_inputs).cloned().collect();
     let width = rollouts.driven_inputs.len();
     let nothing = vec![f64::NAN; width];
-    let measured = Measured::new(view, rollouts);
+    let measured = Measured::new(view, rollouts, model);
     let mut order: Vec<&Trajectory> = rollouts.trajectories.iter().collect();
     order.sort_by_key(|trajectory| (trajectory.start.episode, trajectory.start.row));
     for trajectory in order {

@@ -150,7 +150,12 @@ impl RolledOn {
                 simulated: nothing.clone(),
             })
         };
-        let states = states.iter().filter_map(state).collect();
+        let mut states: Vec<State> = states.iter().filter_map(state).collect();
+        for (kind, places) in model.rotations_among(&names_of(&states)) {
+            let mut parts: Vec<Vec<f64>> = places.iter().map(|&at| std::mem::take(&mut states[at].recorded)).collect();
+            kind.turn_on(&mut parts);
+            places.iter().zip(parts).for_each(|(&at, part)| states[at].recorded = part);
+        }
         let regions = predictor.map(|predictor| {
             let mut found = Predicted::default();
             predictor.predict(&block, 0..block.rows, &mut PredictorWorkspace::default(), &mut found);
@@ -164,12 +169,18 @@ impl RolledOn {
     /// Takes what was simulated from one of the starts.
     fn take(&mut self, model: &Model, trajectory: &Trajectory) {
         let (start, stride) = (trajectory.start.row, self.stretch.stride);
+        let rotations = model.rotations_among(&names_of(&self.states));
         for step in (0..=trajectory.steps()).step_by(stride) {
             let place = self.stretch.place(start, step);
             for (state, &value) in self.states.iter_mut().zip(trajectory.state(step)) {
                 let angle = model.column(&state.name).is_some_and(|own| model.columns[own].angle);
                 let recorded = state.recorded[place];
                 state.simulated[place] = if angle { recorded + Unary::Wrap.apply(value - recorded) } else { value };
+            }
+            for (kind, places) in &rotations {
+                let mut parts: Vec<f64> = places.iter().map(|&at| self.states[at].simulated[place]).collect();
+                kind.nearest(&mut parts, &places.iter().map(|&at| self.states[at].recorded[place]).collect::<Vec<_>>());
+                places.iter().zip(parts).for_each(|(&at, part)| self.states[at].simulated[place] = part);
             }
             if let (Some([_, simulated]), Some(&own)) = (&mut self.regions, trajectory.regions.get(step)) {
                 simulated[place] = region(own);
@@ -179,6 +190,10 @@ impl RolledOn {
         self.left.extend(trajectory.left_domain.map(drawn));
         self.ended.extend((trajectory.end != End::Horizon).then(|| drawn(trajectory.steps())));
     }
+}
+
+fn names_of(states: &[State]) -> Vec<&str> {
+    states.iter().map(|state| state.name.as_str()).collect()
 }
 
 fn region(own: u32) -> f64 {

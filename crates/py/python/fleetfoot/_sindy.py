@@ -243,7 +243,12 @@ class SINDy(Identifier):
         data, recipe = super()._data(call, own)
         items = recipe.get("library", {}).get("functions", [])
         if any(isinstance(item, _peers.Functions) for item in items):
-            states = [name for name, state in recipe.get("states", {}).items() if state.get("regressor", True)]
+            kinds = ("quaternion", "rotation-vector", "axis-angle")
+            states = [
+                name
+                for name, state in recipe.get("states", {}).items()
+                if state.get("regressor", True) and state.get("kind") not in kinds
+            ]
             names = [*states, *recipe.get("inputs", {})]
             texts = [item.expressions(names) if isinstance(item, _peers.Functions) else [item] for item in items]
             recipe = _recipe.over({"library": {"functions": [text for one in texts for text in one]}}, recipe)
