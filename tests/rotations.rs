@@ -214,6 +214,10 @@ segment = 150
     for ((own, changed), truth) in own.iter().zip(&changed).zip([2.0, 3.0, 0.0]) {
         assert!((own - truth).abs() < 1e-6 && (own - changed).abs() < 1e-9, "{own} {changed}");
     }
+    // Of what is compared the attitude goes by its name, and tells all three.
+    fs::write(path.join("known.toml"), format!("{recipe}compare = \"attitude\"\n")).unwrap();
+    let alone = values(fit("flips", "output-error"));
+    assert!(alone.iter().zip([2.0, 3.0, 0.0]).all(|(own, truth)| (own - truth).abs() < 1e-6), "{alone:?}");
     // The kinematics are not differentiated: what stands in them alone is told by simulations.
     fs::write(path.join("known.toml"), recipe.replace("segment = 150\n", "")).unwrap();
     fit("plain", "equation-error").fails(&["drift", "output-error"]);

@@ -5,7 +5,7 @@ use fleetfoot_library::{Design, DesignRows, Expr};
 use fleetfoot_model::{Model, Role, TrainedEpisode, Training};
 use fleetfoot_stats::{Gram, Grid, reduce};
 
-use crate::{Dataset, Error, Logs, Recipe, problem::KnownTask};
+use crate::{Dataset, Error, Logs, Recipe, State, problem::KnownTask};
 
 /// Rows of a chunk.
 const CHUNK_ROWS: usize = 65_536;
@@ -30,7 +30,7 @@ pub struct KnownModel {
 pub fn is_known(recipe: &Recipe) -> bool {
     let of_states =
         matches!(recipe.model.predict.as_deref(), None | Some("derivative" | "next" | "delta" | "difference"));
-    of_states && !recipe.states.is_empty() && recipe.states.values().all(|state| state.known.is_some())
+    of_states && !recipe.states.is_empty() && recipe.states.values().all(State::is_given)
 }
 
 /// The model of a recipe in which every state is given. The logs tell the sampling period, and how far the states spread: what errors of rollouts are measured by.

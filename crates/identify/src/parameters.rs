@@ -11,7 +11,7 @@ use fleetfoot_estimate::{
     EquationError, EstimateError, FilterError, FilterErrorOptions, Gains, Options, OutputError, OutputErrorOptions,
     equation_error, filter_error, output_error,
 };
-use fleetfoot_model::{Estimated, Model};
+use fleetfoot_model::{Column, Estimated, Model};
 
 use crate::{
     Dataset, Error, EstimateMethod, Logs, Recipe, folds::smoothed_rows, known::given, problem::ParametersTask,
@@ -86,8 +86,9 @@ pub fn fit_parameters(
             "fit parameters goes over the rows of logs, and a statistic has none: give the logs".into(),
         ));
     }
-    let options = EstimateOptions::new(recipe)?;
+    let mut options = EstimateOptions::new(recipe)?;
     let (dataset, mut task) = Dataset::for_parameters(recipe, logs, progress)?;
+    options.compare = written_out(&options.compare, &task.known.columns);
     let method = format!("parameters {}", report::word(options.method));
     let known = std::mem::take(&mut task.known);
     // With the names of parameters in its equations.
@@ -101,6 +102,16 @@ pub fn fit_parameters(
     let provenance = (dataset.episodes().len(), logs.len());
     let report = report(&task, &open, &found, held_out, provenance, notes);
     Ok(ParametersFitted { model, report })
+}
+
+/// The states that are compared, a rotation by its parts.
+fn written_out(compare: &[String], columns: &[Column]) -> Vec<String> {
+    let parts = |name: &String| -> Vec<String> {
+        let is_part = |column: &&Column| column.rotation.as_ref().is_some_and(|own| own.group == *name);
+        let parts: Vec<String> = columns.iter().filter(is_part).map(|column| column.name.clone()).collect();
+        if parts.is_empty() { vec![name.clone()] } else { parts }
+    };
+    compare.iter().flat_map(parts).collect()
 }
 
 /// Estimates on the rows of a source.

@@ -119,6 +119,14 @@ impl Model {
         self.columns.iter().position(|column| column.name == name)
     }
 
+    /// The unit of a column, where it is known, and of a rotation's angle.
+    pub fn unit_of(&self, name: &str) -> Option<&str> {
+        match self.column(name) {
+            Some(column) => self.columns[column].unit.as_deref(),
+            None => self.rotations().iter().any(|rotation| rotation.name == name).then_some("rad"),
+        }
+    }
+
     /// Names of what is fitted, in the order of the fitted equations (those with a target).
     pub fn outputs(&self) -> Vec<String> {
         self.fitted().map(Equation::label).collect()

@@ -135,8 +135,7 @@ pub(crate) fn to_text(rolled: &RolledOut, model: &Model, position: &str) -> Stri
     header.extend(horizon.baselines.iter().map(|(baseline, _)| baseline.name().to_owned()));
     header.push("ended".into());
     header.extend(horizon.states.iter().map(|name| {
-        let unit = model.column(name).and_then(|column| model.columns[column].unit.as_ref());
-        format!("RMSE {name}{}", unit.map(|unit| format!(" [{unit}]")).unwrap_or_default())
+        format!("RMSE {name}{}", model.unit_of(name).map(|unit| format!(" [{unit}]")).unwrap_or_default())
     }));
     let rows = told(horizon.time.len())
         .into_iter()

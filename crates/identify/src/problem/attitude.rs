@@ -22,6 +22,11 @@ impl Kind {
 }
 
 impl State {
+    /// Whether its equation is given: `known`, or the kinematics of a rotation.
+    pub(crate) fn is_given(&self) -> bool {
+        self.known.is_some() || self.kind.and_then(Kind::rotation).is_some()
+    }
+
     /// The part that it is of a rotation; `None` for a state of its own, and for a rotation that is not written out yet.
     pub(crate) fn rotation_part(&self) -> Option<RotationPart> {
         let kind = self.kind?.rotation()?;

@@ -98,8 +98,7 @@ fn rmse(horizon: &Horizon, state: usize) -> Vec<f64> {
 /// The error of one state, in its unit.
 fn by_state(judged: &[Judged<'_>], curves: &[(&str, &Horizon)], first: &Horizon, state: usize) -> Figure {
     let name = &first.states[state];
-    let unit =
-        judged.iter().find_map(|one| one.model.columns[one.model.column(name)?].unit.clone()).unwrap_or_default();
+    let unit = judged.iter().find_map(|one| one.model.unit_of(name)).unwrap_or_default().to_owned();
     let own = curves.iter().take(MODELS).filter_map(|(model, horizon)| {
         let place = horizon.states.iter().position(|other| other == name)?;
         let (steps, errors) = (told(horizon.time.len()), rmse(horizon, place));

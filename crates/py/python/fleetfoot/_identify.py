@@ -313,7 +313,7 @@ class Identifier(Fitted, BaseEstimator):
         for what, given in pairs:
             texts = dict(given) if isinstance(given, Mapping) else {}
             if isinstance(given, str):
-                texts = {name: given for name, state in states.items() if not {"known", "derivative"} & set(state)}
+                texts = {name: given for name, state in states.items() if not {"known", "derivative", "rate"} & set(state)}
             for name, text in texts.items():
                 if name not in states:
                     raise RequestError(f"{what}: {name!r} is not a state; there are {', '.join(states)}")
