@@ -44,7 +44,7 @@ fn table_recipe(file: &str, columns: &[Column], time: Option<&str>) -> String {
     let mut out = String::new();
     heading(&mut out, file);
     aliases(&mut out, columns);
-    states_heading(&mut out);
+    states_heading(&mut out, columns);
     for column in &numeric {
         let details = if is_angle(&column.name) { "{ kind = \"angle\" }" } else { "{}" };
         let _ = writeln!(out, "# {} = {details}{}", key(&column.name), unit(column));
@@ -115,7 +115,7 @@ fn heading(out: &mut String, file: &str) {
     let _ = writeln!(out, "[columns]");
 }
 
-fn states_heading(out: &mut String) {
+fn states_heading(out: &mut String, columns: &[Column]) {
     let _ = writeln!(out, "# What the model advances in time. Details, all optional:");
     let _ = writeln!(
         out,
@@ -127,6 +127,13 @@ fn states_heading(out: &mut String) {
     );
     let _ = writeln!(out, "#   known = \"vx*cos(yaw)\"  its derivative is this: integrated, not fitted");
     let _ = writeln!(out, "#   regressor = false      not seen by the library and the partition");
+    if let Some(prefix) = quaternions(columns).first() {
+        let _ = writeln!(
+            out,
+            "#   [states.attitude]      kind = \"quaternion\", column = {}, rate = [three rates, rad/s, about the body's axes]",
+            text(prefix)
+        );
+    }
     let _ = writeln!(out, "[states]");
 }
 

@@ -26,7 +26,7 @@ pub(super) fn recipe(file: &str, columns: &[Column], topics: &[TopicInfo]) -> St
         topics.iter().filter(|topic| is_odometry(topic)).map(|topic| Odometry::new(&topic.name, &mut names)).collect();
     columns_section(&mut out, columns, topics, &odometries, &mut names);
     let _ = writeln!(out, "# all fields of a kind: q = \"/joint_states.position[*]\" gives q[left], q[right], ...\n");
-    states_heading(&mut out);
+    states_heading(&mut out, columns);
     odometries.iter().for_each(|odometry| odometry.states(&mut out));
     let _ = writeln!(out, "\n# What is given from outside; held between messages.");
     let _ = writeln!(out, "[inputs]");
