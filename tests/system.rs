@@ -11,6 +11,7 @@ mod filter;
 mod folds;
 mod fusion;
 mod generate;
+mod gleaning;
 mod guards;
 mod joints;
 mod keys;

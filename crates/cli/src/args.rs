@@ -20,7 +20,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 pub(crate) use control::{Control, ControlLqr};
 pub(crate) use export::{Export, ExportMethod, ExportPrecision, ExportTo};
 pub(crate) use filter::Filter;
-use fleetfoot::{Error, PwaSection, dynamics::controller::Controller};
+use fleetfoot::{Error, Lags, PwaSection, dynamics::controller::Controller};
 pub(crate) use narx::FitNarx;
 pub(crate) use parameters::FitParameters;
 pub(crate) use prepare::Prepare;
@@ -218,9 +218,9 @@ pub(crate) struct RecipeArgs {
     /// Total degree of the polynomial library, 1 is affine (default: 1 of pwa and sparse, 2 of sindy; narx looks for it).
     #[arg(long, value_name = "N")]
     pub(crate) degree: Option<u32>,
-    /// Past rows of every state and input beside the present one (default: 0).
-    #[arg(long, value_name = "N")]
-    pub(crate) lags: Option<u32>,
+    /// Past rows of every state and input beside the present one: the last N, or every K-th of the last L, as L:K (default: 0).
+    #[arg(long, value_name = "ROWS")]
+    pub(crate) lags: Option<Lags>,
     /// Non-negative row weights: a column or an expression. Weight w counts a row's squared error w times
     /// (default: 1 for every row).
     #[arg(long, value_name = "EXPRESSION")]

@@ -16,6 +16,7 @@ mod criterion;
 mod derivative;
 mod estimate;
 mod filter;
+mod lags;
 mod narx;
 mod objective;
 mod phase;
@@ -33,6 +34,7 @@ pub use criterion::Criterion;
 pub use derivative::{Derivative, Over, SpanDerivative};
 pub use estimate::{EstimateMethod, EstimateSection};
 pub use filter::{FilterSection, FilterSwitching};
+pub use lags::Lags;
 pub use narx::{Effort, GivenAs, NarxSection, NarxSelection, NarxTerms};
 pub use objective::Objective;
 pub use phase::PhaseColumn;
@@ -335,9 +337,9 @@ pub struct ModelSection {
     /// Total degree of the polynomial library; 1 (affine) by default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub degree: Option<u32>,
-    /// Past rows of every state and input that stand beside the present one.
+    /// Past rows of every state and input that stand beside the present one: `3`, or every 5th of the last 50, `{ last = 50, every = 5 }`.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub lags: Option<u32>,
+    pub lags: Option<Lags>,
     /// Non-negative row weights: a field or expression.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub weight: Option<String>,

@@ -2,7 +2,7 @@
 
 use clap::{CommandFactory, Parser};
 use fleetfoot::{
-    EstimateSection, FilterSection, ModelSection, NarxSection, PwaSection, Recipe, ResimulateSection, Settings,
+    EstimateSection, FilterSection, Lags, ModelSection, NarxSection, PwaSection, Recipe, ResimulateSection, Settings,
     SindySection, SparseSection,
 };
 
@@ -90,7 +90,7 @@ fn what_is_modelled_is_a_flag_of_every_method_with_partitions() {
     let model = ModelSection {
         predict: Some("next".into()),
         degree: Some(2),
-        lags: Some(1),
+        lags: Some(Lags::rows(1)),
         weight: Some("w".into()),
         partition: Some("average".into()),
         partition_on: Some(vec!["x".into()]),

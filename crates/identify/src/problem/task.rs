@@ -11,7 +11,7 @@ use super::{
     derivative::measured,
     leak::{predicted, refuse_target_in_partition},
 };
-use crate::{Error, Kind, PhaseColumn, Recipe, State, items};
+use crate::{Error, Kind, Lags, PhaseColumn, Recipe, State, items};
 
 /// What a recipe means for a recording.
 #[derive(Debug, Clone)]
@@ -219,7 +219,7 @@ pub(crate) fn variables(recipe: &Recipe, aliases: &Aliases<'_>, equations: &[Equ
         })
         .flat_map(|column| seen(column, &aliases.columns))
         .collect();
-    let lags: Vec<i32> = (0..=recipe.model.lags.unwrap_or(0) as i32).collect();
+    let lags: Vec<i32> = std::iter::once(0).chain(recipe.model.lags.into_iter().flat_map(Lags::steps)).collect();
     let mut variables = Library::with_lags(&present, &lags).functions().to_vec();
     // The past of what is predicted is a fair regressor; its present is not.
     if lags.len() > 1 {

@@ -32,9 +32,9 @@ class PWA(Identifier):
         else ``"derivative"``.
     degree : int, optional
         Total degree of the polynomials. When not given what the recipe says, else 1, affine.
-    lags : int, optional
-        Past rows of every state and input that stand beside the present one. When not given what the recipe says, else
-        0.
+    lags : int, str or mapping, optional
+        Past rows of every state and input that stand beside the present one: the last 3, ``3``, or every 5th of the
+        last 50, ``"50:5"`` or ``{"last": 50, "every": 5}``. When not given what the recipe says, else 0.
     partition_on : list of str, optional
         What partitions look at; the states when not given.
     select : {"cv", "bic", "rollout"}, default="cv"
@@ -101,7 +101,7 @@ class PWA(Identifier):
         *,
         target: str | None = None,
         degree: int | None = None,
-        lags: int | None = None,
+        lags: int | str | Mapping[str, int] | None = None,
         partition_on: Sequence[str] | None = None,
         select: str = "cv",
         objective: str = "one-step",
@@ -162,11 +162,16 @@ class PWA(Identifier):
         self.cache = cache
         self.progress = progress
 
+    def _past(self) -> int | str | Mapping[str, int] | None:
+        """The past rows, a number checked, other ways of writing as they are."""
+        said = self._said("lags")
+        return said if isinstance(said, (str, Mapping)) else self._whole("lags", 0)
+
     def _own_recipe(self) -> dict[str, Any]:
         model = _recipe.said(
             predict=self._said("target"),
             degree=self._whole("degree", 1),
-            lags=self._whole("lags", 0),
+            lags=self._past(),
             partition=partition(self._said("partition")),
             partition_on=self._list("partition_on"),
         )

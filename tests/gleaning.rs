@@ -1,0 +1,74 @@
+//! Every k-th of the last rows as regressors: the same as the lags written out, to the bit, and one meaning however it is said.
+
+use std::fs;
+
+use crate::runner::*;
+
+const RECIPE: &str = "[states]\nv = {}\n[inputs]\nu = \"u\"\n[time]\ncolumn = \"t\"\n";
+
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (run, phase) in [0.0, 1.3].into_iter().enumerate() {
+        fs::write(folder.path().join(format!("run{run}.csv")), robot_csv(700, phase).replace("v [m/s]", "v")).unwrap();
+    }
+    folder
+}
+
+fn model(folder: &Path, name: &str) -> serde_json::Value {
+    let text = fs::read_to_string(folder.join(name)).unwrap();
+    serde_json::from_str::<serde_json::Value>(&text).unwrap()["model"].take()
+}
+
+fn fit(folder: &Path, method: &str, recipe: &str, more: &[&str], output: &str) {
+    fs::write(folder.join("own.toml"), format!("{RECIPE}{recipe}")).unwrap();
+    let fixed = ["fit", method, "-c", "own.toml", "run0.csv", "run1.csv", "-o", output];
+    fleetfoot(folder, &[&fixed[..], more].concat()).ok();
+}
+
+#[test]
+fn every_fifth_row_is_what_its_lags_are() {
+    let folder = folder();
+    let path = folder.path();
+    // A table of the recipe and a flag say the same bytes.
+    let gleaned = "[model]\npredict = \"next\"\nlags = { last = 12, every = 5 }\npartition = \"average\"\n";
+    fit(path, "pwa", gleaned, &[], "gleaned.json");
+    let others = "[model]\npredict = \"next\"\nlags = 3\npartition = \"average\"\n";
+    fit(path, "pwa", others, &["--lags", "12:5"], "flag.json");
+    assert!(fs::read(path.join("gleaned.json")).unwrap() == fs::read(path.join("flag.json")).unwrap());
+    // By hand, as inputs of their own.
+    let by_hand = "v5 = \"lag(v, 5)\"\nu5 = \"lag(u, 5)\"\nv10 = \"lag(v, 10)\"\nu10 = \"lag(u, 10)\"\n";
+    let recipe = RECIPE.replace("u = \"u\"\n", &format!("u = \"u\"\n{by_hand}"));
+    fs::write(path.join("hand.toml"), format!("{recipe}[model]\npredict = \"next\"\npartition = \"average\"\n"))
+        .unwrap();
+    fleetfoot(path, &["fit", "pwa", "-c", "hand.toml", "run0.csv", "run1.csv", "-o", "hand.json"]).ok();
+    let (gleaned, hand) = (model(path, "gleaned.json"), model(path, "hand.json"));
+    let library = serde_json::json!(["v", "u", "lag(v, 5)", "lag(u, 5)", "lag(v, 10)", "lag(u, 10)"]);
+    assert_eq!((&gleaned["libraries"][0], hand["libraries"][0].as_array().unwrap().len()), (&library, 6));
+    // Rows whose lags lie beyond the border are incomplete there and left out here: tiles begin at other rows, and sums round another way.
+    let numbers = |model: &serde_json::Value| -> Vec<f64> {
+        let latent = &model["latents"][0];
+        let row = latent["coefficients"][0].as_array().unwrap().iter().chain(latent["constants"].as_array().unwrap());
+        row.map(|number| number.as_f64().unwrap()).collect()
+    };
+    let (own, by_hand) = (numbers(&gleaned), numbers(&hand));
+    assert!(own.len() == 7 && own.iter().zip(&by_hand).all(|(a, b)| (a - b).abs() < 1e-12), "{own:?} {by_hand:?}");
+    assert_eq!(gleaned["training"]["rows"], hand["training"]["rows"]);
+    // A rollout starts from recorded rows and goes on with its own.
+    let rolled = fleetfoot(path, &["rollout", "gleaned.json", "run1.csv", "--horizon", "20", "--json"]).ok().json();
+    assert_eq!(rolled["replayed"], serde_json::json!(["u"]));
+    let said = fleetfoot(path, &["fit", "pwa", "-c", "hand.toml", "run0.csv", "--lags", "3:5"]);
+    assert!(said.code == 2 && said.err.contains("50:5"), "{}", said.err);
+}
+
+#[test]
+fn equations_range_over_gleaned_rows() {
+    let folder = folder();
+    let path = folder.path();
+    fit(path, "sindy", "[model]\ndegree = 1\nlags = { last = 20, every = 10 }\n", &[], "gleaned.json");
+    let written = "[library]\nfunctions = [\"1\", \"v\", \"u\", \"lag(v, 10)\", \"lag(u, 10)\", \"lag(v, 20)\", \"lag(u, 20)\"]\n";
+    fit(path, "sindy", written, &[], "hand.json");
+    let (gleaned, hand) = (model(path, "gleaned.json"), model(path, "hand.json"));
+    for part in ["libraries", "latents", "partitions", "equations"] {
+        assert!(!gleaned[part].is_null() && gleaned[part] == hand[part], "{part}");
+    }
+}
