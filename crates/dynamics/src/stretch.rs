@@ -6,7 +6,7 @@
 //! stretch, its first one too, and they have derivatives by the model's coefficients and by the beginning.
 
 use fleetfoot_data::{Block, Halo, Source};
-use fleetfoot_model::Model;
+use fleetfoot_model::{Model, RotationKind};
 
 use crate::{
     Coefficient, End, Error, RolloutOptions, ShootingOptions, Simulator, Start, general, lean::Lean, run::Run,
@@ -26,8 +26,8 @@ pub struct Stretch {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct StretchPath {
-    /// Measured less simulated, rows x states; NaN where nothing was measured. Those of angles are in (-pi, pi]; of a
-    /// rotation the measured one is written as near to the simulated one as it can be.
+    /// Measured less simulated, rows x states; NaN where nothing was measured. Those of angles are in (-pi, pi]; of a rotation the measured one is written as near to the
+    /// simulated one as it can be. Behind the first row a quaternion has three errors: the one of its largest part, which follows from the others, is NaN.
     pub errors: Vec<f64>,
     /// Derivatives of the simulated states by the coefficients, rows x states x coefficients.
     pub by_coefficients: Vec<f64>,
@@ -159,7 +159,24 @@ impl<'a> Stretches<'a> {
                 }
             }
         }
+        self.leave_out(&run[0], &mut path);
         Some(path)
+    }
+
+    /// Leaves out of the errors what the other three parts of a recorded quaternion tell: its largest part. At the beginning, whose length is free, it is there.
+    fn leave_out(&self, run: &Run<'_>, path: &mut StretchPath) {
+        let states = self.simulator.states.len();
+        let quaternions = self.simulator.geometry.groups.iter().filter(|group| group.kind == RotationKind::Quaternion);
+        for group in quaternions {
+            for row in 1..path.errors.len() / states {
+                let measured = |&place: &usize| {
+                    run.window.values(self.simulator.states[place].column, row as i64, row as i64 + 1)[0].abs()
+                };
+                let largest =
+                    group.places.iter().copied().reduce(|a, b| if measured(&b) > measured(&a) { b } else { a });
+                largest.into_iter().for_each(|place| path.errors[row * states + place] = f64::NAN);
+            }
+        }
     }
 }
 

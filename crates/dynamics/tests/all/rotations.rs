@@ -268,7 +268,11 @@ fn tangents_follow_rotations_back() {
             let beginning: Vec<f64> = (0..n).map(|part| rotation[part][0] + 0.02 * part as f64).collect();
             let gains: Vec<f64> = (0..n).map(|part| 0.2 + 0.1 * part as f64).collect();
             let found = own.simulate(&block, stretch, &beginning, &gains).unwrap();
-            assert!(found.errors.iter().all(|error| error.abs() < 1.5), "{kind:?}");
+            // Three numbers of a quaternion but at the beginning, whose length is free.
+            let there = |row: &[f64]| row.iter().filter(|error| error.is_finite()).count();
+            let rows: Vec<usize> = found.errors.chunks_exact(n).map(there).collect();
+            assert!(rows[0] == n && rows[1..].iter().all(|count| *count == 3), "{kind:?} {rows:?}");
+            assert!(found.errors.iter().all(|error| error.is_nan() || error.abs() < 1.5), "{kind:?}");
             for moved in 0..2 * n {
                 let errors = |h: f64| {
                     let (mut beginning, mut gains) = (beginning.clone(), gains.clone());
@@ -281,7 +285,7 @@ fn tangents_follow_rotations_back() {
                 };
                 let (high, low) = (errors(1e-6), errors(-1e-6));
                 let slopes = if moved < n { &found.by_gains } else { &found.by_beginning };
-                for at in 0..found.errors.len() {
+                for at in (0..found.errors.len()).filter(|&at| found.errors[at].is_finite()) {
                     let (slope, difference) = (slopes[n * at + moved % n], (low[at] - high[at]) / 2e-6);
                     let near = (slope - difference).abs() < 1e-7 * slope.abs().max(1.0);
                     assert!(near, "{kind:?} {method:?} {moved} {at}: {slope} {difference}");
