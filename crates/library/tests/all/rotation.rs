@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use fleetfoot_library::{Expr, Scope};
+use fleetfoot_library::{Expr, Quaternion, Scope, rotation_vector_rates};
 use proptest::prelude::*;
 
 type Matrix = [[f64; 3]; 3];
@@ -83,6 +83,82 @@ proptest! {
             let there_and_back = value(&format!("rotate_inv({q}, rotate({q}, v)).y"));
             prop_assert!((there_and_back - v[1]).abs() < 1e-12);
         }
+    }
+}
+
+/// Exp of a rotation vector.
+fn exponential(v: [f64; 3]) -> [f64; 4] {
+    let angle = v.iter().map(|part| part * part).sum::<f64>().sqrt();
+    let scale = if angle > 0.0 { (0.5 * angle).sin() / angle } else { 0.5 };
+    [(0.5 * angle).cos(), scale * v[0], scale * v[1], scale * v[2]]
+}
+
+/// Log of a quaternion, within half a turn.
+fn logarithm(q: [f64; 4]) -> [f64; 3] {
+    let sine = (q[1] * q[1] + q[2] * q[2] + q[3] * q[3]).sqrt();
+    let scale = if sine > 0.0 { 2.0 * sine.atan2(q[0]) / sine } else { 2.0 };
+    [scale * q[1], scale * q[2], scale * q[3]]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    /// Kinematics against central differences of finite turns, about the axes of the body and of the world, whose own error is 1e-9. Rotation vectors of any length up to half a turn.
+    #[test]
+    fn kinematics_are_the_limits_of_turns(
+        direction in prop::array::uniform3(-1.0..1.0f64), size in prop_oneof![0.0..2.9f64, Just(0.0), 1e-12..1e-3f64],
+        rates in prop::array::uniform3(-2.0..2.0f64), world: bool,
+    ) {
+        let norm = direction.iter().map(|part| part * part).sum::<f64>().sqrt().max(1e-3);
+        let v = direction.map(|part| size * part / norm);
+        let q = exponential(v);
+        let column = |name: &str, _: i32| match name.split_at(1) {
+            ("w", part) => rates["xyz".find(part).unwrap()],
+            ("v", part) => v["xyz".find(part).unwrap()],
+            (_, part) => q["wxyz".find(part).unwrap()],
+        };
+        let value = |expr: &Expr| expr.value(column, |_| 0.0);
+        let turned = |h: f64| {
+            let by = exponential(rates.map(|rate| h * rate));
+            if world { hamilton(by, q) } else { hamilton(q, by) }
+        };
+        let h = 1e-5;
+        let [w, x, y, z] = ["qw", "qx", "qy", "qz"].map(Expr::column);
+        let expressions = ["wx", "wy", "wz"].map(Expr::column);
+        let found = Quaternion::new(x, y, z, w).rates(&expressions, world);
+        for (i, own) in found.iter().enumerate() {
+            let slope = (turned(h)[i] - turned(-h)[i]) / (2.0 * h);
+            prop_assert!((value(own) - slope).abs() < 1e-9, "{i}: {} not {slope}", value(own));
+        }
+        let vector = ["vx", "vy", "vz"].map(Expr::column);
+        for (i, own) in rotation_vector_rates(&vector, &expressions, world).iter().enumerate() {
+            let slope = (logarithm(turned(h))[i] - logarithm(turned(-h))[i]) / (2.0 * h);
+            prop_assert!((value(own) - slope).abs() < 1e-8, "{i}: {} not {slope}", value(own));
+        }
+    }
+
+    /// A rotation by its name, whatever its columns are called, is that of its quaternion; a rotation vector of length zero is one, too.
+    #[test]
+    fn rotations_have_names(
+        v in prop::array::uniform3(-1.7..1.7f64), still: bool, a in prop::array::uniform3(-5.0..5.0f64),
+    ) {
+        let v = if still { [0.0; 3] } else { v };
+        let q = exponential(v);
+        let column = |name: &str, _: i32| match name {
+            "first" => v[0], "second" => v[1], "third" => v[2],
+            "ax" => a[0], "ay" => a[1], "az" => a[2],
+            _ => q["wxyz".find(&name[2..]).unwrap()],
+        };
+        let mut scope = Scope::new(["first", "second", "third", "q.w", "q.x", "q.y", "q.z", "ax", "ay", "az"]);
+        scope.define_rotation("attitude", Quaternion::of_vector(&["first", "second", "third"].map(Expr::column)));
+        let value = |text: &str| Expr::parse(text, &scope).unwrap().value(column, |_| 0.0);
+        for part in ["x", "y", "z"] {
+            for function in ["rotate", "rotate_inv"] {
+                let (own, other) = (value(&format!("{function}(attitude, a).{part}")), value(&format!("{function}(q, a).{part}")));
+                prop_assert!((own - other).abs() < 1e-13, "{own} {other}");
+            }
+        }
+        prop_assert!((value("yaw(attitude)") - value("yaw(q)")).abs() < 1e-12);
     }
 }
 
