@@ -44,7 +44,8 @@ pub use memory::MemorySource;
 pub use nearest::{did_you_mean, nearest, nearest_one};
 pub use packed::{packed, packed_row};
 pub use parallel::{
-    Progress, Silent, Threads, parallel_all, parallel_fold, parallel_map, parallel_pieces, thread_count, with_threads,
+    Progress, Silent, Stages, Threads, parallel_all, parallel_fold, parallel_map, parallel_pieces, thread_count,
+    with_threads,
 };
 pub use random::mix;
 pub use source::{Source, sample_ranges};

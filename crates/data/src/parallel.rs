@@ -34,6 +34,38 @@ impl Progress for Silent {
     fn advance(&self, _units: usize, _total: usize) {}
 }
 
+/// Says of every stage what it belongs to: `scan, fold 2 of 5`.
+pub struct Stages<'a> {
+    progress: &'a dyn Progress,
+    of: String,
+}
+
+impl<'a> Stages<'a> {
+    /// Stages of this.
+    pub fn new(progress: &'a dyn Progress, of: impl Into<String>) -> Self {
+        Self { progress, of: of.into() }
+    }
+
+    /// Stages of a fold, which is counted from 0.
+    pub fn fold(progress: &'a dyn Progress, fold: usize, folds: usize) -> Self {
+        Self::new(progress, format!("fold {} of {folds}", fold + 1))
+    }
+}
+
+impl Progress for Stages<'_> {
+    fn advance(&self, units: usize, total: usize) {
+        self.progress.advance(units, total);
+    }
+
+    fn cancelled(&self) -> bool {
+        self.progress.cancelled()
+    }
+
+    fn stage(&self, name: &str) {
+        self.progress.stage(&format!("{name}, {}", self.of));
+    }
+}
+
 /// Threads that the two doors use here.
 pub fn thread_count() -> usize {
     rayon::current_num_threads()

@@ -129,7 +129,6 @@ pub(crate) fn prepare(
     let phase = phase.map(|(seen, phase)| seen.scale(phase)).transpose()?;
     // Rows that are too few for a model are too few for folds: the former is said first.
     let folds = folds?;
-    progress.stage("partition");
     let segmentation = segment((problem, &places), options, &rows, &survey, progress)?;
     Ok(Prepared { rows, grid, folds, chunks, survey, segmentation, phase })
 }

@@ -4,7 +4,7 @@
 
 use std::collections::{BTreeMap, btree_map::Entry};
 
-use fleetfoot_data::Progress;
+use fleetfoot_data::{Progress, Stages};
 use fleetfoot_library::Expr;
 use fleetfoot_model::{Partition, Rule};
 use fleetfoot_stats::Moments;
@@ -36,6 +36,8 @@ pub(crate) fn segment(
         // What refinements share is there for one training set at a time.
         let mut maker =
             Maker { problem, options, rows, survey, held, grounds: BTreeMap::new(), grown: BTreeMap::new() };
+        let fold = held.map(|fold| Stages::fold(progress, fold.into(), folds.into()));
+        let progress = fold.as_ref().map_or(progress, |fold| fold as &dyn Progress);
         let lattice = maker.lattice(folds, progress)?;
         if held.is_none() {
             result.notes.extend(lattice.as_ref().and_then(Lattice::note));
@@ -49,7 +51,10 @@ pub(crate) fn segment(
             if wanted {
                 let mut own = match (specification.joined(), &lattice) {
                     (Some(k), Some(lattice)) => not_joined_yet(k, specification, lattice),
-                    _ => maker.make(specification, progress)?,
+                    _ => {
+                        progress.stage(&format!("partition {specification}"));
+                        maker.make(specification, progress)?
+                    }
                 };
                 own.ties = options.continuous.then(|| maker.ties(&own.partition.rule, places));
                 made.push(own);
@@ -139,6 +144,7 @@ impl Maker<'_> {
         let Some(regions) = self.options.partitions.iter().filter_map(Specification::joined).max() else {
             return Ok(None);
         };
+        progress.stage(&format!("cells of lattice:{regions}"));
         let (centre, scale) = self.units();
         let ground = self.ground(None, (&centre, &scale));
         let borders = ground.map_or(Ok(Rule::Whole), |ground| ground.borders(progress))?;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use fleetfoot_data::{Progress, Source};
+use fleetfoot_data::{Progress, Source, Stages};
 use fleetfoot_model::Partition;
 use fleetfoot_pwa::{Options, Problem, Specification};
 
@@ -74,7 +74,8 @@ impl Fit<'_> {
             for (&seed, indices) in &by_seed {
                 let specifications: Vec<Specification> =
                     indices.iter().map(|&index| partitions[index].specification.clone()).collect();
-                let own = made((&problem, &specifications, seed), &train, progress)?.partitions;
+                let of_fold = Stages::fold(progress, fold, self.options.folds);
+                let own = made((&problem, &specifications, seed), &train, &of_fold)?.partitions;
                 indices.iter().zip(own).for_each(|(&index, (_, partition))| found[index].push(partition));
             }
         }

@@ -5,7 +5,7 @@
 use std::{borrow::Cow, collections::BTreeMap, ops::Range, sync::Arc};
 
 use faer::Mat;
-use fleetfoot_data::{EpisodeId, Progress, Silent, parallel_map};
+use fleetfoot_data::{EpisodeId, Progress, Silent, Stages, parallel_map};
 use fleetfoot_dynamics::{Error as RunError, FreeRunOptions, free_run};
 use fleetfoot_model::Partition;
 use fleetfoot_sparse::{
@@ -251,7 +251,8 @@ impl Selection<'_> {
             let partition = choice.partition.as_ref();
             let regions = partition.map(|partition| self.scan(&task, Some(partition), progress)).transpose()?;
             let sets = self.sets(index, &task, (&whole, regions.as_ref()), progress)?;
-            progress.stage(if self.by == By::OneStep { "one-step errors" } else { "free runs" });
+            let what = if self.by == By::OneStep { "one-step errors" } else { "free runs" };
+            progress.stage(&format!("{what} of {}", choice.specification));
             let wanted = parallel_map(jobs.len(), &Silent, |job| wanted(&sets, &jobs[job]))?;
             let count = self.held.len();
             let runs = parallel_map(jobs.len() * count, progress, |at| {
@@ -297,7 +298,8 @@ impl Selection<'_> {
             }
             Some(anew) => {
                 let of = |(fold, partition): (usize, &'s Partition)| {
-                    let scan = self.scan(task, Some(partition), progress)?;
+                    let of_fold = Stages::fold(progress, fold, self.held.len());
+                    let scan = self.scan(task, Some(partition), &of_fold)?;
                     let mut own = self.problems(whole, Some(&scan), fold..fold + 1, true);
                     let testing = self.testing(whole, Some(&scan), fold..fold + 1).pop().flatten();
                     Ok(own.pop().map(|problems| Training {
@@ -319,7 +321,10 @@ impl Selection<'_> {
         partition: Option<&Partition>,
         progress: &dyn Progress,
     ) -> Result<SystemScan, Error> {
-        progress.stage("scan");
+        match partition {
+            Some(partition) => progress.stage(&format!("scan {}", partition.specification)),
+            None => progress.stage("scan"),
+        }
         let system = System { partition: partition.cloned(), ..task.task.system() };
         Ok(SystemPlan::new(system, None, self.cut)?.scan(self.cut, progress)?)
     }

@@ -1,6 +1,6 @@
 //! Identification of systems with known truth, and its invariants.
 
-use fleetfoot_data::{Column as DataColumn, MemorySource, Silent, with_threads};
+use fleetfoot_data::{Column as DataColumn, MemorySource, Progress, Silent, with_threads};
 use fleetfoot_library::{Expr, Library};
 use fleetfoot_model::{Column, Equation, Model, Prediction, Role};
 use fleetfoot_pwa::{Identification, Options, Problem, Selection, Shrinkage, Specification, identify, partition};
@@ -84,6 +84,29 @@ fn labels_recover_the_truth_and_the_model_reads_back() {
     let again = Model::from_json(&text, "test").unwrap();
     assert_eq!(again.to_json(), text);
     assert_eq!(again, found.model);
+}
+
+#[test]
+fn stages_say_which_partition_and_fold_they_are_of() {
+    #[derive(Default)]
+    struct Told(std::sync::Mutex<Vec<String>>);
+    impl Progress for Told {
+        fn advance(&self, _: usize, _: usize) {}
+        fn stage(&self, name: &str) {
+            self.0.lock().unwrap().push(name.to_owned());
+        }
+    }
+    let told = Told::default();
+    let mut options = options("average,kmeans:2,refined:2,lattice:3");
+    options.folds = 2;
+    identify(&problem(&["x", "u"]), &options, &hybrid(600, 2, 0.1, 4), &told).unwrap();
+    let of = |fold: &str| {
+        [format!("cells of lattice:3{fold}"), format!("partition kmeans:2{fold}"), format!("partition refined:2{fold}")]
+    };
+    let expected: Vec<String> = ["", ", fold 1 of 2", ", fold 2 of 2"].into_iter().flat_map(of).collect();
+    let all = told.0.into_inner().unwrap();
+    assert_eq!(all[0], "survey");
+    assert_eq!(all[1..=9], expected, "{all:?}");
 }
 
 #[test]
