@@ -33,6 +33,7 @@ mod identification;
 mod identify;
 mod kept;
 mod kmeans;
+mod labels;
 mod lattice;
 mod levels;
 mod memory;

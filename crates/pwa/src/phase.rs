@@ -6,7 +6,7 @@ use fleetfoot_data::Column;
 use fleetfoot_library::Expr;
 use fleetfoot_model::PhaseBins;
 
-use crate::{Error, survey::limit_labels};
+use crate::{Error, labels::limit_labels};
 
 /// A column along which regions are counted, and from stride to stride.
 #[derive(Debug, Clone, PartialEq)]
@@ -172,7 +172,7 @@ mod tests {
             Scale::Labels { .. } => f64::NAN,
         };
         assert_eq!(period(&[0.0, 0.4, 0.999]), 1.0);
-        assert_eq!([period(&[0.0, 0.4, 6.28]), period(&[-3.1, 0.4, 3.1])], [2.0 * PI; 2]);
+        assert_eq!([period(&[0.0, 0.4, 6.2]), period(&[-3.1, 0.4, 3.1])], [2.0 * PI; 2]);
         assert_eq!(scale(&[40.0, 3.0], Some(2.0 * PI)).unwrap(), Scale::Cyclic { period: 2.0 * PI, bins: 4 });
         let told = scale(&[0.0, 12.5], None).unwrap_err().to_string();
         assert!(["`q`", "12.5", "angle", "labels:"].iter().all(|part| told.contains(part)), "{told}");

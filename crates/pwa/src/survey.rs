@@ -18,15 +18,13 @@ use fleetfoot_stats::{
 use crate::{
     Error, Options, Specification,
     kept::{Kept, Share},
+    labels::limit_labels,
     phase::Seen,
     rows::{Rows, Tile},
 };
 
 /// The share of the rows that is few: chunks of short logs are a larger one, and the first tenth of what decays holds most of its variance.
 const FEW: f64 = 0.02;
-
-/// Different values that a label column may have.
-const LABEL_LIMIT: usize = 1_000;
 
 /// Rows that regions are refined on, at most: separators and maps are known far better than that from them, and all rows fit the maps in the end.
 const EXAMPLES: usize = 1 << 16;
@@ -227,11 +225,4 @@ impl Part {
         shares.kept.keep(&mut self.kept, &columns.iter().copied().chain(labels).collect::<Vec<_>>(), place);
         shares.examples.keep(&mut self.examples, &tile.example(), place);
     }
-}
-
-pub(crate) fn limit_labels(column: &str, seen: &BTreeSet<u64>) -> Result<(), Error> {
-    if seen.len() > LABEL_LIMIT {
-        return Err(Error::TooManyLabels { column: column.to_owned(), limit: LABEL_LIMIT });
-    }
-    Ok(())
 }

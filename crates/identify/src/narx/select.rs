@@ -642,11 +642,10 @@ mod tests {
         let all = spans.concat();
         let mean = all.iter().map(|row| row[3]).sum::<f64>() / all.len() as f64;
         let variance = all.iter().map(|row| (row[3] - mean).powi(2)).sum::<f64>() / all.len() as f64;
-        let regions: [&[fn(&[f64; 4]) -> bool]; 2] = [&[|_| true], &[|row| row[2] <= 0.0, |row| row[2] > 0.0]];
+        type Region = fn(&[f64; 4]) -> bool;
+        let regions: [&[Region]; 2] = [&[|_| true], &[|row| row[2] <= 0.0, |row| row[2] > 0.0]];
         for (own, regions) in tried.iter().zip(regions) {
-            let of = |rows: &[[f64; 4]], region: &fn(&[f64; 4]) -> bool| {
-                rows.iter().copied().filter(region).collect::<Vec<_>>()
-            };
+            let of = |rows: &[[f64; 4]], region: &Region| rows.iter().copied().filter(region).collect::<Vec<_>>();
             for (fold, loss) in own.candidate.losses.iter().enumerate() {
                 let others: Vec<[f64; 4]> = (0..3).filter(|&s| s != fold).flat_map(|s| spans[s].clone()).collect();
                 let error: f64 =

@@ -107,11 +107,11 @@ fn regions_along_a_phase_are_those_of_the_rows() {
             rows[bin(row)][region[row] as usize] += 1;
             if row > 0 {
                 *passages.entry([bin(row - 1) as u32, region[row - 1], region[row]]).or_insert(0) += 1;
-                if phase[row] < phase[row - 1] {
-                    if let Some((begun, from)) = last.replace((row, region[row])) {
-                        strides[from as usize][region[row] as usize] += 1;
-                        length += row - begun;
-                    }
+                if phase[row] < phase[row - 1]
+                    && let Some((begun, from)) = last.replace((row, region[row]))
+                {
+                    strides[from as usize][region[row] as usize] += 1;
+                    length += row - begun;
                 }
             }
         }
