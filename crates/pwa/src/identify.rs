@@ -10,7 +10,7 @@ use crate::{
     Error, Identification, Options, Problem, Score, Specification,
     complete::Fit,
     errors::{Errors, Measure, PartErrors},
-    fit::{Roots, Solver},
+    fit::{Roots, Solver, held_out_error},
     levels::described,
     notes::confounded,
     pairs::pairs,
@@ -18,7 +18,7 @@ use crate::{
     region_model::Base,
     scan::sum,
     segmentation::{Candidate, Segmentation},
-    select::{Order, choose, effective_rows, evaluate, fitted},
+    select::{Order, choose, effective_rows, effective_rows_in, evaluate, fitted},
     stable::Loop,
     tsqr::factor_regions,
 };
@@ -128,12 +128,12 @@ impl Fit<'_> {
             .zip(errors.residuals.iter().zip(&roots))
             .map(|(&kept, (residuals, roots))| self.model(&orders[kept], kept, &errors, residuals, source, roots))
             .collect();
-        let share = (independent / base.root.weight).min(1.0);
-        for ((model, walks), &kept) in models.iter_mut().zip(errors.walks).zip(&kept) {
+        for (((model, walks), &kept), roots) in models.iter_mut().zip(errors.walks).zip(&kept).zip(&roots) {
             if let (Some(partition), Some(walks)) = (model.partitions.first_mut(), walks) {
                 let (transitions, phases) = walks.counted(self.options.phase.as_ref().zip(self.phase));
+                let rows = self.independent(kept, &orders[kept], roots, (&base, independent));
                 let grams = solver.grams(self.segmentation.candidates[kept].full, None);
-                partition.pairs = pairs(&grams, &transitions, self.preconditioner, share)?;
+                partition.pairs = pairs(&grams, &transitions, self.preconditioner, rows / base.root.weight)?;
                 (partition.transitions, partition.phases) = (Some(transitions), phases);
             }
         }
@@ -167,6 +167,25 @@ impl Fit<'_> {
             concentrated: self.survey.concentrated(source.episodes(), chunks),
             notes,
         })
+    }
+
+    /// Rows that count as independent by the residuals of a candidate's own model; `independent` by those of one region, where regions are joined of cells.
+    fn independent(
+        &self,
+        candidate: usize,
+        order: &Order,
+        roots: &BTreeMap<u32, SquareRoot>,
+        (base, independent): (&Base, f64),
+    ) -> f64 {
+        let Candidate { specification, full, .. } = &self.segmentation.candidates[candidate];
+        let rows = if specification.joined().is_some() {
+            independent
+        } else {
+            let error = held_out_error(&order.full, roots, self.rows.targets);
+            let sums = (&self.scan.stats, self.preconditioner);
+            effective_rows_in(sums, *full, &order.full, (&error, base.root.weight))
+        };
+        rows.min(base.root.weight)
     }
 
     /// What the model of a candidate that is joined of cells tells of the tree.

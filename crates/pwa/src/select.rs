@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use fleetfoot_stats::{BatchMeans, Preconditioner, SquareRoot, Stats, bic};
+use fleetfoot_stats::{BatchMeans, Gram, Preconditioner, SquareRoot, Stats, bic};
 
 use crate::{
     Continuity, Error, Selection, Shrinkage, Specification, Stability,
@@ -252,16 +252,46 @@ pub(crate) fn effective_rows(stats: &Stats, preconditioner: &Preconditioner, bas
     let average = &base.average;
     let mut means = BatchMeans::new(base.root.mean_y.len());
     for (key, gram) in stats.iter().filter(|(key, gram)| key.partition == 0 && gram.weight > 0.0) {
-        let (mean_x, mean_y) = preconditioner.means(gram);
-        let mean = |target: usize| {
-            let explained = |(j, x): (usize, &f64)| average.coefficients[(j, target)] * x;
-            let start = mean_y[target] - average.intercept[target];
-            mean_x.iter().enumerate().map(explained).fold(start, |left, explained| left - explained)
-        };
-        means.add(key.episode, gram.weight, &(0..mean_y.len()).map(mean).collect::<Vec<f64>>());
+        means.add(key.episode, gram.weight, &mean_residuals(preconditioner, gram, average));
     }
     let error = base.root.error(average.coefficients.as_ref(), &average.intercept);
     means.effective_weight(base.root.weight, &error)
+}
+
+/// The same of the models of a partition's regions (not of one that is joined of cells, whose sums no chunk has): what regions explain does not count as correlated. `error` is the sum of their
+/// squares of every target, `weight` that of all rows.
+pub(crate) fn effective_rows_in(
+    (stats, preconditioner): (&Stats, &Preconditioner),
+    partition: usize,
+    models: &[RegionModel],
+    (error, weight): (&[f64], f64),
+) -> f64 {
+    let mut means = BatchMeans::new(error.len());
+    // Regions of a chunk follow each other.
+    let own: Vec<_> =
+        stats.iter().filter(|(key, gram)| usize::from(key.partition) == partition && gram.weight > 0.0).collect();
+    for chunk in own.chunk_by(|(a, _), (b, _)| (a.episode, a.chunk, a.fold) == (b.episode, b.chunk, b.fold)) {
+        let (mut sums, mut rows) = (vec![0.0; error.len()], 0.0);
+        for (key, gram) in chunk {
+            let mean = mean_residuals(preconditioner, gram, &models[key.region as usize]);
+            sums.iter_mut().zip(mean).for_each(|(sum, mean)| *sum += gram.weight * mean);
+            rows += gram.weight;
+        }
+        sums.iter_mut().for_each(|sum| *sum /= rows);
+        means.add(chunk[0].0.episode, rows, &sums);
+    }
+    means.effective_weight(weight, error)
+}
+
+/// Means of the residuals of a model on the rows of a Gram matrix, of every target.
+fn mean_residuals(preconditioner: &Preconditioner, gram: &Gram, model: &RegionModel) -> Vec<f64> {
+    let (mean_x, mean_y) = preconditioner.means(gram);
+    let mean = |target: usize| {
+        let explained = |(j, x): (usize, &f64)| model.coefficients[(j, target)] * x;
+        let start = mean_y[target] - model.intercept[target];
+        mean_x.iter().enumerate().map(explained).fold(start, |left, explained| left - explained)
+    };
+    (0..mean_y.len()).map(mean).collect()
 }
 
 fn scaled(error: &[f64], variance: &[f64], rows: f64) -> f64 {
