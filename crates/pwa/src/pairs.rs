@@ -13,7 +13,8 @@ const ALL_REGIONS: usize = 64;
 const ALL_COLUMNS: usize = 200;
 
 /// Compares the regions of some Gram matrices (regions without rows are missing), pair by pair, ascending; `independent` is the share of the rows that counts as
-/// independent. The growth of the error that joins cells of a lattice is the diagonal of what is compared here.
+/// independent. The growth of the error that joins cells of a lattice is the diagonal of what is compared here, where
+/// regions are equally noisy.
 ///
 /// # Errors
 /// Cancelled.
@@ -34,9 +35,7 @@ pub(crate) fn pairs(
         .collect();
     parallel_map(asked.len(), &Silent, |at| {
         let [a, b] = asked[at];
-        let mut joint = seen[a].1.clone();
-        joint.merge(seen[b].1);
-        let found = same_coefficients([&own[a], &own[b]], &preconditioner.leftover(&joint), independent);
+        let found = same_coefficients(preconditioner, [seen[a].1, seen[b].1], [&own[a], &own[b]], independent);
         let (statistic, freedom, p) = found.map_or((f64::NAN, 0, f64::NAN), |own| (own.statistic, own.freedom, own.p));
         Ok(RegionPair { regions: [seen[a].0, seen[b].0], statistic, freedom, p })
     })
