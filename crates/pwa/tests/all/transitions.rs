@@ -38,7 +38,14 @@ fn gait(rows: usize, episodes: usize, differs: f64, seed: u64) -> MemorySource {
 }
 
 fn problem(partition: &str) -> Problem {
-    let column = |name: &str, role| Column { name: name.into(), source: name.into(), unit: None, role, angle: false };
+    let column = |name: &str, role| Column {
+        name: name.into(),
+        source: name.into(),
+        unit: None,
+        role,
+        angle: false,
+        rotation: None,
+    };
     Problem {
         columns: [
             column("x", Role::State),
