@@ -358,6 +358,13 @@ fn what_is_no_rotation_is_refused() {
         "[inputs]\nu = { column = \"wx\", kind = \"quaternion\" }\n[library]",
         &["[inputs] u", "states"],
     );
+    refused("[library]", "[states.\"q.x\"]\nunit = \"rad\"\n[library]", &["q.x", "part of a rotation"]);
+    // A state that says nothing is the part.
+    let whole =
+        RECIPE.replace("[states]\n", "[states]\n\"q.w\" = {}\n").replace("[library]", "[states.\"q.z\"]\n[library]");
+    fit(&whole, &["plain0.csv", "-o", "whole.json"]).ok();
+    let text = fs::read_to_string(path.join("whole.json")).unwrap();
+    assert_eq!(text.matches("\"quaternion\"").count(), 4, "{text}");
     refused("columns = [\"q.x\", \"q.y\", \"q.z\", \"q.w\"]", "column = \"p\"", &["p.w", "columns = [...]"]);
 }
 

@@ -7,7 +7,7 @@
 use fleetfoot_data::Column;
 use indexmap::IndexMap;
 
-use crate::{Error, Input, InputTable, Recipe};
+use crate::{Error, Input, InputTable, Recipe, State};
 
 /// A star and what surrounds it.
 #[derive(Clone, Copy, PartialEq)]
@@ -125,14 +125,7 @@ impl Recipe {
                 },
             }
         }
-        let mut written = IndexMap::new();
-        for (name, state) in std::mem::take(&mut out.states) {
-            match state.parts(&name, &out.columns, fields)? {
-                Some(parts) => written.extend(parts),
-                None => _ = written.insert(name, state),
-            }
-        }
-        out.states = written;
+        out.states = with_parts(std::mem::take(&mut out.states), &out.columns, fields)?;
         out.inputs = IndexMap::new();
         for (name, input) in &self.inputs {
             let place = format!("[inputs] {name}");
@@ -156,6 +149,32 @@ impl Recipe {
         }
         Ok(out)
     }
+}
+
+/// The states with every rotation written out. A state that says nothing and is a part of one is that part.
+fn with_parts(
+    states: IndexMap<String, State>,
+    aliases: &IndexMap<String, String>,
+    fields: &[Column],
+) -> Result<IndexMap<String, State>, Error> {
+    let mut written: IndexMap<String, State> = IndexMap::new();
+    for (name, state) in states {
+        let parts = state.parts(&name, aliases, fields)?;
+        for (name, own) in parts.unwrap_or_else(|| vec![(name, state)]) {
+            let blank = |state: &State| *state == State::default();
+            match written.get(&name) {
+                Some(_) if blank(&own) => {}
+                Some(known) if !blank(known) => {
+                    let problem = format!(
+                        "[states] {name}: it is a part of a rotation, whose equations are its kinematics, and a state of its own; leave one of the two away"
+                    );
+                    return Err(Error::name_taken(&name, problem));
+                }
+                _ => _ = written.insert(name, own),
+            }
+        }
+    }
+    Ok(written)
 }
 
 #[cfg(test)]
