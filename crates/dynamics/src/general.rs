@@ -226,7 +226,7 @@ impl<'a> Batch<'a> {
                 states.iter().map(|state| self.columns.at(state.column, step as i64)[b]).collect();
             for (place, state) in states.iter().enumerate() {
                 self.columns.at_mut(state.column, step)[b] =
-                    run.corrected(self.simulator, place, step, |s| simulated[s]);
+                    run.corrected(self.simulator.moved(), place, step, |s| simulated[s]);
             }
             self.uncorrected[b].extend(simulated);
         }

@@ -77,7 +77,7 @@ impl Lean {
         let (mut end, mut x) = (End::Horizon, vec![0.0; states.len()]);
         for step in 0..run.horizon {
             let now = &path[step * states.len()..];
-            x.iter_mut().enumerate().for_each(|(s, x)| *x = run.corrected(simulator, s, step, |s| now[s]));
+            x.iter_mut().enumerate().for_each(|(s, x)| *x = run.corrected(simulator.moved(), s, step, |s| now[s]));
             let (x, seconds) = (x.as_slice(), run.step(step));
             for stage in 0..stages {
                 let (before, now) = slopes.split_at_mut(stage);

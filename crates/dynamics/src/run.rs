@@ -2,7 +2,7 @@
 
 use fleetfoot_data::{Block, Source};
 
-use crate::{Outside, RolloutOptions, Simulator, Start, Step, window::Window};
+use crate::{Outside, RolloutOptions, Start, Step, geometry::Geometry, state::State, window::Window};
 
 /// One rollout to be done: its window, and the time of its steps.
 pub(crate) struct Run<'a> {
@@ -53,26 +53,26 @@ impl<'a> Run<'a> {
     /// the simulated one as it can be.
     pub(crate) fn error(
         &self,
-        simulator: &Simulator,
+        of: (&[State], &Geometry),
         place: usize,
         step: usize,
         simulated: impl Fn(usize) -> f64,
     ) -> f64 {
-        let measured = |s: usize| self.window.values(simulator.states[s].column, step as i64, step as i64 + 1)[0];
-        simulator.geometry.difference(place, measured, simulated)
+        let measured = |s: usize| self.window.values(of.0[s].column, step as i64, step as i64 + 1)[0];
+        of.1.difference(place, measured, simulated)
     }
 
     /// The state from which the next step is made: what was simulated, moved towards its measurement where there are gains, and a measurement.
     pub(crate) fn corrected(
         &self,
-        simulator: &Simulator,
+        of: (&[State], &Geometry),
         place: usize,
         step: usize,
         simulated: impl Fn(usize) -> f64,
     ) -> f64 {
         let own = simulated(place);
         let Some(&gain) = self.gains.get(place) else { return own };
-        let error = self.error(simulator, place, step, simulated);
+        let error = self.error(of, place, step, simulated);
         if error.is_finite() { gain.mul_add(error, own) } else { own }
     }
 

@@ -224,7 +224,7 @@ fn correct(
 ) {
     let width = tangents.len() / simulator.states.len();
     for (s, own) in tangents.chunks_exact_mut(width).enumerate() {
-        let error = run.error(simulator, s, step, |s| simulated[s]);
+        let error = run.error(simulator.moved(), s, step, |s| simulated[s]);
         if error.is_finite() {
             own.iter_mut().for_each(|value| *value *= 1.0 - run.gains[s]);
             own[coefficients + s] += error;
@@ -300,7 +300,7 @@ impl<'a> Path<'a> {
         let (window, rows, back) = (run.window, trajectory.steps(), simulator.history() as i64);
         let of_state = |(place, state): (usize, &State)| {
             let before = window.values(state.column, -back, 0).iter().copied();
-            let from = |k: usize| run.corrected(simulator, place, k, |s| trajectory.state(k)[s]);
+            let from = |k: usize| run.corrected(simulator.moved(), place, k, |s| trajectory.state(k)[s]);
             before.chain((0..rows).map(from)).collect()
         };
         Self { simulator, window, rows, states: simulator.states.iter().enumerate().map(of_state).collect() }

@@ -149,7 +149,7 @@ impl<'a> Shooting<'a> {
         let mut segment = Segment { ended: trajectory.end != End::Horizon, ..Segment::default() };
         for &(step, state, measured) in &cells {
             let scale = self.scale[state];
-            let error = run.error(&self.simulator, state, step, |s| trajectory.state(step)[s]);
+            let error = run.error(self.simulator.moved(), state, step, |s| trajectory.state(step)[s]);
             segment.residuals.push(scale * error);
             segment.size += (scale * measured).powi(2);
         }

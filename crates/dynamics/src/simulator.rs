@@ -68,6 +68,11 @@ impl Simulator {
         columns.into_iter().map(|column| self.columns[column].clone()).collect()
     }
 
+    /// The states, and where they live.
+    pub(crate) fn moved(&self) -> (&[State], &Geometry) {
+        (&self.states, &self.geometry)
+    }
+
     /// Rows needed before and after a start for a rollout of `horizon` steps.
     ///
     /// At least one row before: the constant-velocity baseline looks at it.

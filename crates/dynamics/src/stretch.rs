@@ -150,7 +150,7 @@ impl<'a> Stretches<'a> {
         };
         for row in 0..rows {
             for s in 0..states {
-                path.errors.push(run[0].error(&self.simulator, s, row, |s| trajectory.state(row)[s]));
+                path.errors.push(run[0].error(self.simulator.moved(), s, row, |s| trajectory.state(row)[s]));
                 path.by_gains.extend_from_slice(tangents.by_gains(row, s, states));
                 path.by_beginning.extend_from_slice(tangents.by_beginning(row, s, states));
                 let own = &mut path.by_coefficients[(row * states + s) * self.coefficients..][..self.coefficients];

@@ -201,7 +201,7 @@ impl Dataset {
         for (column, values) in &self.recodings {
             view.recode(column, values.clone());
         }
-        Ok(Settled::new(view, self))
+        Ok(Settled::new(view, &self.rotations, &self.source, &self.aliases))
     }
 
     /// The episodes.

@@ -3,10 +3,11 @@
 use std::{ops::Range, path::PathBuf};
 
 use fleetfoot_data::{Block, Column, Episode, Error as DataError, Halo, ScalarBuffer, Source};
-use fleetfoot_library::View;
+use fleetfoot_library::{Expr, View};
+use fleetfoot_log::Recording;
 use fleetfoot_model::{Column as ModelColumn, RotationKind, rotations};
 
-use crate::Dataset;
+use crate::labels::Labelled;
 
 /// How far the length of a recorded quaternion may be from 1: more than rounding to single precision or to thousandths makes, less than any other four numbers
 /// are by chance.
@@ -59,20 +60,27 @@ impl Recorded {
 /// The columns of a dataset: what a [`View`] shows, rotations settled. A row where a part is missing misses all.
 pub struct Settled<'a> {
     pub(crate) view: View<'a>,
-    dataset: &'a Dataset,
+    source: &'a Labelled<Recording>,
+    /// What the columns are made of.
+    aliases: &'a [(Column, Expr)],
     /// The rotation, and the place of every part among the columns.
     rotations: Vec<(&'a Recorded, Vec<usize>)>,
 }
 
 impl<'a> Settled<'a> {
-    pub(crate) fn new(view: View<'a>, dataset: &'a Dataset) -> Self {
+    pub(crate) fn new(
+        view: View<'a>,
+        rotations: &'a [Recorded],
+        source: &'a Labelled<Recording>,
+        aliases: &'a [(Column, Expr)],
+    ) -> Self {
         let place = |name: &String| view.columns().iter().position(|column| column.name == *name);
-        let rotations = dataset.rotations.iter().filter_map(|own| {
+        let rotations = rotations.iter().filter_map(|own| {
             let places = own.parts.iter().map(place).collect::<Option<Vec<_>>>()?;
             Some((own, places))
         });
         let rotations = rotations.collect();
-        Self { view, dataset, rotations }
+        Self { view, source, aliases, rotations }
     }
 
     /// Settles a rotation in a block.
@@ -116,12 +124,12 @@ impl<'a> Settled<'a> {
 
     fn refusal(&self, own: &Recorded, (episode, row): (usize, usize), (parts, length): (Vec<f64>, f64)) -> DataError {
         let source = |name: &String| {
-            let alias = self.dataset.aliases().iter().find(|(column, _)| column.name == *name);
+            let alias = self.aliases.iter().find(|(column, _)| column.name == *name);
             alias.map_or_else(|| name.clone(), |(_, expression)| expression.to_string())
         };
         let squares: Vec<String> = own.parts.iter().map(|name| format!("({})^2", source(name))).collect();
         let refusal = NoRotation {
-            file: self.dataset.origin(episode).to_owned(),
+            file: self.source.inner().origin(episode).to_owned(),
             episode: self.episodes()[episode].name.clone(),
             row,
             rotation: own.name.clone(),

@@ -1,4 +1,4 @@
-//! Rotations among the columns of a model: groups of columns that are one rotation together.
+//! How a rotation is written in columns, and what can be computed with it.
 //!
 //! A rotation R takes vectors of the body to the world. As a unit quaternion it has four columns w, x, y, z (q and -q are the same rotation), as a rotation
 //! vector (axis times angle, rad) three, x, y, z, of length pi at most (the axis times a whole turn more is the same rotation). Differences of rotations are
@@ -7,8 +7,6 @@
 //! Exponential, logarithm and right Jacobian: Sola, Deray, Atchuthan, "A micro Lie theory for state estimation in robotics", arXiv:1812.01537, 2018, appendix B.
 
 use std::f64::consts::{PI, TAU};
-
-use crate::{Column, Model};
 
 /// How a rotation is written in columns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -28,17 +26,6 @@ pub struct RotationPart {
     pub kind: RotationKind,
     /// Which part the column is, in the order of [`RotationKind::letters`].
     pub part: usize,
-}
-
-/// A rotation among columns.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Rotation {
-    /// Its name.
-    pub name: String,
-    /// How it is written.
-    pub kind: RotationKind,
-    /// Index of each part among the columns, in the order of [`RotationKind::letters`].
-    pub columns: Vec<usize>,
 }
 
 /// Below this squared angle quotients are their limits; what is left out is 1e-17 of them.
@@ -233,38 +220,6 @@ fn product(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
         a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
         a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
     ]
-}
-
-/// The rotations among some columns, in the order of their first columns; groups of which a part is missing are left out.
-pub fn rotations<'a>(columns: impl IntoIterator<Item = &'a Column>) -> Vec<Rotation> {
-    let mut found: Vec<Rotation> = Vec::new();
-    for (index, column) in columns.into_iter().enumerate() {
-        let Some(RotationPart { group, kind, part }) = &column.rotation else { continue };
-        let at = found.iter().position(|known| known.name == *group).unwrap_or_else(|| {
-            found.push(Rotation { name: group.clone(), kind: *kind, columns: vec![usize::MAX; kind.parts()] });
-            found.len() - 1
-        });
-        if let Some(place) = found[at].columns.get_mut(*part) {
-            *place = index;
-        }
-    }
-    found.retain(|rotation| !rotation.columns.contains(&usize::MAX));
-    found
-}
-
-impl Model {
-    /// The rotations among its columns.
-    pub fn rotations(&self) -> Vec<Rotation> {
-        rotations(&self.columns)
-    }
-
-    /// Those whose parts are all among some of its columns, with the places of the parts there.
-    pub fn rotations_among<N: AsRef<str>>(&self, names: &[N]) -> Vec<(RotationKind, Vec<usize>)> {
-        let place = |&column: &usize| names.iter().position(|name| *name.as_ref() == *self.columns[column].name);
-        let of =
-            |rotation: Rotation| Some((rotation.kind, rotation.columns.iter().map(place).collect::<Option<Vec<_>>>()?));
-        self.rotations().into_iter().filter_map(of).collect()
-    }
 }
 
 #[cfg(test)]
