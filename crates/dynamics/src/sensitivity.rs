@@ -19,6 +19,7 @@ use fleetfoot_model::{Closed, Equation, Model};
 use crate::{
     Error, Method, Simulator, Trajectory,
     compiled::{Latents, Workspace},
+    geometry::Group,
     kernel::padded,
     recursion::{NONE, Places, Recursion, Stage},
     run::Run,
@@ -41,6 +42,13 @@ pub struct Coefficient {
 impl Coefficient {
     /// The numbers of a model that are not zero, by region.
     pub fn support(model: &Model) -> Vec<Self> {
+        let mut found = Self::all(model);
+        found.retain(|coefficient| coefficient.value(model) != 0.0);
+        found
+    }
+
+    /// The numbers of a model, by region.
+    pub fn all(model: &Model) -> Vec<Self> {
         let mut found = Vec::new();
         for (latent, own) in model.latents.iter().enumerate() {
             for (region, coefficients) in own.coefficients.iter().enumerate() {
@@ -48,7 +56,6 @@ impl Coefficient {
                 found.extend((0..coefficients.len()).map(|j| Self { region, latent, function: Some(j) }));
             }
         }
-        found.retain(|coefficient| coefficient.value(model) != 0.0);
         found.sort_unstable();
         found
     }
@@ -72,7 +79,7 @@ impl Coefficient {
 /// The derivatives that tangents are made of, compiled for a simulator.
 pub(crate) struct Sensitivity {
     slopes: Slopes,
-    places: Places,
+    pub(crate) places: Places,
 }
 
 /// The tangents of one trajectory.
@@ -161,13 +168,18 @@ impl Sensitivity {
                 from = &corrected[..(k + 1) * size];
             }
             recursion.step(&stages, k, run.step(k), from, &mut next[..size]);
-            retract(simulator, &path, &stages, (k, run.step(k)), &mut next[..size]);
+            retract(
+                &simulator.geometry.groups,
+                &retractions(&path, &stages, (k, run.step(k))),
+                width,
+                &mut next[..size],
+            );
         }
         Tangents { active, gains, width, values }
     }
 
     /// Evaluates the model's derivatives at all rows of a trajectory at once, stage by stage.
-    fn stages(&self, path: &Path<'_>, run: &Run<'_>, method: Method) -> Vec<Stage> {
+    pub(crate) fn stages(&self, path: &Path<'_>, run: &Run<'_>, method: Method) -> Vec<Stage> {
         let continuous = path.simulator.states.iter().any(|state| state.advance.continuous);
         let plan: &[(f64, f64)] = match method {
             Method::Rk4 if continuous => &[(0.0, 1.0 / 6.0), (0.5, 2.0 / 6.0), (0.5, 2.0 / 6.0), (1.0, 1.0 / 6.0)],
@@ -232,10 +244,9 @@ fn correct(
     }
 }
 
-/// Turns the tangents of what step `k` made into those of the rotations that it was brought back to.
-fn retract(simulator: &Simulator, path: &Path<'_>, stages: &[Stage], (k, seconds): (usize, f64), tangents: &mut [f64]) {
-    let width = tangents.len() / simulator.states.len();
-    for group in &simulator.geometry.groups {
+/// The derivatives of what brings back the rotations that step `k` made: for every rotation a matrix by rows.
+pub(crate) fn retractions(path: &Path<'_>, stages: &[Stage], (k, seconds): (usize, f64)) -> Vec<Vec<f64>> {
+    let of_group = |group: &Group| {
         let made = |place: usize| {
             let slope: f64 = stages
                 .iter()
@@ -244,12 +255,19 @@ fn retract(simulator: &Simulator, path: &Path<'_>, stages: &[Stage], (k, seconds
                     weight * stage.workspace.outputs[place * stage.workspace.stride + k]
                 })
                 .sum();
-            seconds.mul_add(slope, path.states[place][simulator.history() + k])
+            seconds.mul_add(slope, path.states[place][path.simulator.history() + k])
         };
-        let jacobian = group.kind.retraction_derivative(&group.of(made));
+        group.kind.retraction_derivative(&group.of(made))
+    };
+    path.simulator.geometry.groups.iter().map(of_group).collect()
+}
+
+/// Turns the tangents of what a step made into those of the rotations that it was brought back to.
+fn retract(groups: &[Group], retractions: &[Vec<f64>], width: usize, tangents: &mut [f64]) {
+    for (group, matrix) in groups.iter().zip(retractions) {
         let before: Vec<f64> =
             group.places.iter().flat_map(|&place| tangents[place * width..][..width].to_vec()).collect();
-        for (row, &place) in jacobian.chunks_exact(group.places.len()).zip(&group.places) {
+        for (row, &place) in matrix.chunks_exact(group.places.len()).zip(&group.places) {
             for (column, value) in tangents[place * width..][..width].iter_mut().enumerate() {
                 *value = row.iter().enumerate().map(|(part, factor)| factor * before[part * width + column]).sum();
             }
@@ -286,7 +304,7 @@ fn places(group: &Latents, number: &HashMap<Coefficient, u32>) -> Vec<u32> {
 }
 
 /// What the equations read at the rows of a trajectory.
-struct Path<'a> {
+pub(crate) struct Path<'a> {
     simulator: &'a Simulator,
     window: &'a Window<'a>,
     /// Rows from which a step was made.
@@ -296,7 +314,7 @@ struct Path<'a> {
 }
 
 impl<'a> Path<'a> {
-    fn new(simulator: &'a Simulator, run: &Run<'a>, trajectory: &Trajectory) -> Self {
+    pub(crate) fn new(simulator: &'a Simulator, run: &Run<'a>, trajectory: &Trajectory) -> Self {
         let (window, rows, back) = (run.window, trajectory.steps(), simulator.history() as i64);
         let of_state = |(place, state): (usize, &State)| {
             let before = window.values(state.column, -back, 0).iter().copied();

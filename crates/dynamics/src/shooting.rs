@@ -15,10 +15,13 @@ use fleetfoot_data::{Block, Halo, Source};
 use fleetfoot_model::Model;
 
 use crate::{
-    Coefficient, End, Error, Method, RolloutOptions, Simulator, Start, Step, Trajectory,
+    Coefficient, End, Error, Method, NormalBlocks, Products, RolloutOptions, Simulator, Start, Step, Trajectory,
     kernel::LANES,
+    products::Along,
+    recursion::Stage,
     run::Run,
-    sensitivity::{Sensitivity, Tangents},
+    sensitivity::{Path, Sensitivity, Tangents, retractions},
+    state::State,
     trajectories::GROUP,
     window::Window,
 };
@@ -121,6 +124,50 @@ impl<'a> Shooting<'a> {
 
     /// The segments that begin in some core rows of a block of an episode, in order; tells how many were left out because a value that they need is missing.
     pub fn segments(&self, episode: usize, block: &Block, rows: Range<usize>, mut take: impl FnMut(Segment)) -> u64 {
+        self.each(episode, block, rows, |window, trajectory| take(self.segment(window, trajectory)))
+    }
+
+    /// Adds what these segments give to products of their derivatives J: to `J'r`, or to `J'J v` for a direction v of the coefficients. That takes a few times the simulation, however
+    /// many coefficients there are. Segments with numbers that are not finite are left out and told by [`Products::finite`].
+    pub fn products(
+        &self,
+        episode: usize,
+        block: &Block,
+        rows: Range<usize>,
+        direction: Option<&[f64]>,
+        into: &mut Products,
+    ) -> u64 {
+        self.each(episode, block, rows, |window, trajectory| self.product(window, trajectory, direction, into))
+    }
+
+    /// Adds what the recorded rows of these segments give to the normal matrix of one step.
+    pub fn normal(&self, episode: usize, block: &Block, rows: Range<usize>, into: &mut NormalBlocks) {
+        self.each(episode, block, rows, |window, simulated| {
+            let run = Run::new(self.source, window, &self.options);
+            let measured = |step: i64| {
+                let of = |state: &State| window.values(state.column, step, step + 1)[0];
+                self.simulator.states.iter().map(of).collect::<Vec<f64>>()
+            };
+            let recorded = Trajectory {
+                states: (0..=self.options.horizon as i64).flat_map(measured).collect(),
+                regions: vec![0; self.options.horizon],
+                ..simulated.clone()
+            };
+            let path = Path::new(&self.simulator, &run, &recorded);
+            let stages = self.sensitivity.stages(&path, &run, Method::Euler);
+            let seconds: Vec<f64> = (0..self.options.horizon).map(|k| run.step(k)).collect();
+            let along = self.along(&stages, &seconds);
+            (0..seconds.len()).for_each(|k| along.normal(k, &self.scale, into));
+        });
+    }
+
+    fn each(
+        &self,
+        episode: usize,
+        block: &Block,
+        rows: Range<usize>,
+        mut take: impl FnMut(&Window<'_>, &Trajectory),
+    ) -> u64 {
         let (halo, horizon) = (self.halo(), self.options.horizon);
         let total = self.source.episodes()[episode].rows;
         let begins = |row: &usize| {
@@ -137,7 +184,7 @@ impl<'a> Shooting<'a> {
                 windows.iter().filter(|window| self.simulator.is_complete(window, horizon)).collect();
             missing += (windows.len() - complete.len()) as u64;
             let done = self.simulator.simulate(self.source, &complete, &self.options);
-            complete.iter().zip(&done).for_each(|(window, trajectory)| take(self.segment(window, trajectory)));
+            complete.iter().zip(&done).for_each(|(window, trajectory)| take(window, trajectory));
         }
         missing
     }
@@ -147,15 +194,58 @@ impl<'a> Shooting<'a> {
         let tangents = self.sensitivity.along(&self.simulator, &run, trajectory, self.options.method, false);
         let cells = self.cells(window);
         let mut segment = Segment { ended: trajectory.end != End::Horizon, ..Segment::default() };
-        for &(step, state, measured) in &cells {
-            let scale = self.scale[state];
-            let error = run.error(self.simulator.moved(), state, step, |s| trajectory.state(step)[s]);
-            segment.residuals.push(scale * error);
-            segment.size += (scale * measured).powi(2);
+        for cell in &cells {
+            segment.residuals.push(self.residual(&run, cell, trajectory));
+            segment.size += (self.scale[cell.1] * cell.2).powi(2);
         }
         segment.slopes = self.slopes(&cells, &tangents, trajectory.steps());
         segment.active = tangents.active;
         segment
+    }
+
+    /// What a cell leaves.
+    fn residual(&self, run: &Run<'_>, &(step, state, _): &(usize, usize, f64), trajectory: &Trajectory) -> f64 {
+        self.scale[state] * run.error(self.simulator.moved(), state, step, |s| trajectory.state(step)[s])
+    }
+
+    fn along<'b>(&'b self, stages: &'b [Stage], seconds: &'b [f64]) -> Along<'b> {
+        Along { simulator: &self.simulator, places: &self.sensitivity.places, stages, seconds, retractions: Vec::new() }
+    }
+
+    fn product(&self, window: &Window<'_>, trajectory: &Trajectory, direction: Option<&[f64]>, into: &mut Products) {
+        let run = Run::new(self.source, window, &self.options);
+        let path = Path::new(&self.simulator, &run, trajectory);
+        let stages = self.sensitivity.stages(&path, &run, self.options.method);
+        let (steps, states) = (trajectory.steps(), self.scale.len());
+        let seconds: Vec<f64> = (0..steps).map(|k| run.step(k)).collect();
+        let brought_back = |k: usize| retractions(&path, &stages, (k, seconds[k]));
+        let along = Along { retractions: (0..steps).map(brought_back).collect(), ..self.along(&stages, &seconds) };
+        let tangent = direction.map(|direction| along.forward(direction));
+        let cells = self.cells(window);
+        // Where a segment ended early its last good state stands.
+        let place = |&(step, state, _): &(usize, usize, f64)| step.min(steps) * states + state;
+        let value = |cell: &(usize, usize, f64)| match &tangent {
+            Some(tangent) => -self.scale[cell.1] * tangent[place(cell)],
+            None => self.residual(&run, cell, trajectory),
+        };
+        let (mut weights, mut square) = (vec![0.0; (steps + 1) * states], 0.0);
+        for cell in &cells {
+            let value = value(cell);
+            square += value * value;
+            weights[place(cell)] -= self.scale[cell.1] * value;
+        }
+        // A weight that is finite may meet a derivative that is not.
+        let slopes_are_finite = || stages.iter().all(|stage| stage.slopes.total.iter().all(|slope| slope.is_finite()));
+        if !square.is_finite() || !slopes_are_finite() {
+            into.finite = false;
+            return;
+        }
+        along.back(&mut weights, &mut into.back);
+        into.square += square;
+        into.size += cells.iter().map(|cell| (self.scale[cell.1] * cell.2).powi(2)).sum::<f64>();
+        into.residuals += cells.len() as u64;
+        into.segments += 1;
+        into.ended += u64::from(trajectory.end != End::Horizon);
     }
 
     /// What is compared: step, state, measured value.

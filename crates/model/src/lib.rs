@@ -64,7 +64,6 @@ pub use phases::{Passage, PhaseBins, Phases};
 pub use print::{describe, describe_transitions, factor};
 pub use region::{Estimated, Region, Training};
 pub use region_pair::{RegionPair, holm};
-pub use rotation::{Rotation, RotationKind, RotationPart, rotations};
 pub use rotation::{RotationKind, RotationPart};
 pub use rotations::{Rotation, rotations};
 pub use trained::{TrainedEpisode, known};

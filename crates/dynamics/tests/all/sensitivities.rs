@@ -2,7 +2,9 @@
 
 use crate::common::*;
 use fleetfoot_data::{MemorySource, Source};
-use fleetfoot_dynamics::{Coefficient, Error, Method, Segment, Shooting, ShootingOptions, Step};
+use fleetfoot_dynamics::{
+    Coefficient, Error, Method, NormalBlocks, Products, Segment, Shooting, ShootingOptions, Step,
+};
 use fleetfoot_model::{Model, Partition, Prediction, Role, Rule};
 use proptest::prelude::*;
 
@@ -96,6 +98,103 @@ proptest! {
         let (model, source) = tangled(seed, prediction, regions);
         let worst = worst(&model, &source, &options(steps, method));
         prop_assert!(worst < 1e-6, "{worst:e}");
+    }
+}
+
+/// Products of all segments of a source with a direction, or with their residuals.
+fn products(model: &Model, source: &MemorySource, options: &ShootingOptions, direction: Option<&[f64]>) -> Products {
+    let coefficients = Coefficient::support(model);
+    let shooting = Shooting::new(model, source, &coefficients, options).unwrap();
+    let mut sums = Products::new(coefficients.len());
+    for (episode, info) in source.episodes().iter().enumerate() {
+        let block = source.read(episode, 0..info.rows, shooting.halo()).unwrap();
+        assert_eq!(shooting.products(episode, &block, 0..info.rows, direction, &mut sums), 0);
+    }
+    sums
+}
+
+/// `J'u`, dense, for one number u of every row of J.
+fn dense(segments: &[Segment], p: usize, of: impl Fn(&Segment, usize) -> f64) -> (Vec<f64>, f64) {
+    let (mut back, mut square) = (vec![0.0; p], 0.0);
+    for segment in segments {
+        let n = segment.residuals.len();
+        for row in 0..n {
+            let value = of(segment, row);
+            square += value * value;
+            segment.active.iter().enumerate().for_each(|(at, &to)| back[to] += segment.slopes[at * n + row] * value);
+        }
+    }
+    (back, square)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// Products with one vector are those of the dense derivatives up to the rounding of sums of some hundred terms.
+    #[test]
+    fn products_are_those_of_the_derivatives(seed in 0u64..1 << 40, steps in 1usize..9, kind in 0usize..4, regions in 1usize..4) {
+        let (prediction, method) = [
+            (Prediction::Derivative, Method::Rk4),
+            (Prediction::Derivative, Method::Euler),
+            (Prediction::Difference, Method::Rk4),
+            (Prediction::Next, Method::Euler),
+        ][kind];
+        let (model, source) = tangled(seed, prediction, regions);
+        let options = options(steps, method);
+        let segments = segments(&model, &source, &options);
+        let p = Coefficient::support(&model).len();
+        let direction: Vec<f64> = (0..p).map(|j| noise(seed + 7 * j as u64)).collect();
+        let along = |segment: &Segment, row: usize| {
+            let n = segment.residuals.len();
+            segment.active.iter().enumerate().map(|(at, &j)| segment.slopes[at * n + row] * direction[j]).sum::<f64>()
+        };
+        for (found, expected) in [
+            (products(&model, &source, &options, None), dense(&segments, p, |segment, row| segment.residuals[row])),
+            (products(&model, &source, &options, Some(&direction)), dense(&segments, p, along)),
+        ] {
+            let size = expected.0.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
+            for (own, other) in found.back.iter().zip(&expected.0) {
+                prop_assert!((own - other).abs() <= 1e-11 * size, "{own} {other}");
+            }
+            prop_assert!((found.square - expected.1).abs() <= 1e-12 * expected.1);
+            prop_assert!(found.finite && found.segments == segments.len() as u64);
+        }
+    }
+
+    /// The normal matrix of one step is that of segments of one step, whatever the length of the segments whose rows it has.
+    #[test]
+    fn the_normal_matrix_of_one_step_is_that_of_segments_of_one_step(seed in 0u64..1 << 40, steps in 1usize..5, regions in 1usize..4) {
+        let (model, source) = tangled(seed, Prediction::Derivative, regions);
+        let coefficients = Coefficient::support(&model);
+        let of = |steps: usize| {
+            let shooting = Shooting::new(&model, &source, &coefficients, &options(steps, Method::Euler)).unwrap();
+            let mut found = NormalBlocks::new(&coefficients);
+            // As many rows, whatever the steps: 48 from the first start on.
+            let block = source.read(0, 0..60, shooting.halo()).unwrap();
+            shooting.normal(0, &block, 0..shooting.halo().before + 49 - steps, &mut found);
+            found
+        };
+        let mut dense = vec![vec![0.0; coefficients.len()]; coefficients.len()];
+        let shooting = Shooting::new(&model, &source, &coefficients, &options(1, Method::Euler)).unwrap();
+        let block = source.read(0, 0..60, shooting.halo()).unwrap();
+        shooting.segments(0, &block, 0..shooting.halo().before + 48, |segment| {
+            let n = segment.residuals.len();
+            for (a, &i) in segment.active.iter().enumerate() {
+                for (b, &j) in segment.active.iter().enumerate() {
+                    dense[i][j] += (0..n).map(|row| segment.slopes[a * n + row] * segment.slopes[b * n + row]).sum::<f64>();
+                }
+            }
+        });
+        let mut seen = 0;
+        for (range, values) in of(steps).blocks() {
+            seen += range.len();
+            let size = range.clone().map(|i| dense[i][i]).fold(1e-9, f64::max);
+            for (at, value) in values.iter().enumerate() {
+                let (i, j) = (range.start + at / range.len(), range.start + at % range.len());
+                prop_assert!((value * steps as f64 - dense[i][j]).abs() <= 1e-12 * size, "{i} {j}: {value} {}", dense[i][j]);
+            }
+        }
+        prop_assert_eq!(seen, coefficients.len());
     }
 }
 

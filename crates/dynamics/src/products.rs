@@ -1,0 +1,280 @@
+//! Products of a trajectory's derivatives with one vector: forward along a direction of the coefficients, and back from weights of the states.
+//!
+//! Both follow the very steps that made the trajectory, stage by stage, and hold one number a state where the tangents of all coefficients hold as many as there
+//! are coefficients. With S the tangents by the coefficients, `forward` gives `S v` after every step, by the recursion of S itself; `back` gives `S' w` for weights w of every
+//! state after every step, by the same recursion transposed, from the last step to the first (the adjoint method; Griewank and Walther, Evaluating Derivatives, 2008, chapter 3).
+
+use std::ops::Range;
+
+use crate::{
+    Coefficient, Simulator,
+    recursion::{NONE, Places, Stage},
+};
+
+/// What segments add to products of their derivatives J (n x p) with one vector.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Products {
+    /// `J'r`, or `J'J v` for a direction v (p).
+    pub back: Vec<f64>,
+    /// `r'r`, or `|J v|^2`.
+    pub square: f64,
+    /// Sum of the squares of what is measured, in the units of the residuals.
+    pub size: f64,
+    /// Residuals.
+    pub residuals: u64,
+    /// Segments.
+    pub segments: u64,
+    /// Segments that ended early.
+    pub ended: u64,
+    /// Whether all of it is finite.
+    pub finite: bool,
+}
+
+impl Products {
+    /// Of no segment, over so many coefficients.
+    pub fn new(coefficients: usize) -> Self {
+        Self {
+            back: vec![0.0; coefficients],
+            square: 0.0,
+            size: 0.0,
+            residuals: 0,
+            segments: 0,
+            ended: 0,
+            finite: true,
+        }
+    }
+
+    /// Adds those of other segments.
+    pub fn merge(&mut self, other: &Self) {
+        self.back.iter_mut().zip(&other.back).for_each(|(sum, value)| *sum += value);
+        self.square += other.square;
+        self.size += other.size;
+        self.residuals += other.residuals;
+        self.segments += other.segments;
+        self.ended += other.ended;
+        self.finite &= other.finite;
+    }
+}
+
+/// The normal matrix J'J of one step from the recorded rows of segments, in the units of their residuals: a block for the coefficients that a latent has in a region.
+///
+/// A state's next value is linear in the coefficients of the latents that it reads, with the functions of the recorded row as derivatives, times the length of the step where a derivative
+/// is integrated. Products between latents that one equation reads are left out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NormalBlocks {
+    /// Numbers of the coefficients of every block.
+    ranges: Vec<Range<usize>>,
+    /// Where the block of a coefficient begins among the values, and which it is.
+    places: Vec<(usize, usize)>,
+    values: Vec<f64>,
+}
+
+impl NormalBlocks {
+    /// Of no row, for coefficients in ascending order.
+    pub fn new(coefficients: &[Coefficient]) -> Self {
+        let (mut ranges, mut places, mut total) = (Vec::new(), Vec::with_capacity(coefficients.len()), 0);
+        for own in coefficients.chunk_by(|a, b| (a.region, a.latent) == (b.region, b.latent)) {
+            places.extend(std::iter::repeat_n((total, ranges.len()), own.len()));
+            let first = places.len() - own.len();
+            ranges.push(first..places.len());
+            total += own.len() * own.len();
+        }
+        Self { ranges, places, values: vec![0.0; total] }
+    }
+
+    /// The numbers of the coefficients of every block, and its matrix (by rows).
+    pub fn blocks(&self) -> impl Iterator<Item = (Range<usize>, &[f64])> {
+        self.ranges.iter().map(|range| {
+            let at = self.places[range.start].0;
+            (range.clone(), &self.values[at..at + range.len() * range.len()])
+        })
+    }
+
+    /// Adds those of other rows.
+    pub fn merge(&mut self, other: &Self) {
+        self.values.iter_mut().zip(&other.values).for_each(|(sum, value)| *sum += value);
+    }
+}
+
+/// The coefficients of one row's region in one group of latents.
+struct Met<'a> {
+    /// The constant and the functions in use, then latent: the coefficient's number.
+    numbers: &'a [u32],
+    /// The latents, and the stride from function to function.
+    width: usize,
+    /// The constant's 1 and the functions there.
+    features: &'a [f64],
+}
+
+/// A trajectory with the derivatives along it.
+pub(crate) struct Along<'a> {
+    pub(crate) simulator: &'a Simulator,
+    pub(crate) places: &'a Places,
+    pub(crate) stages: &'a [Stage],
+    /// Length of every step, seconds.
+    pub(crate) seconds: &'a [f64],
+    /// Of every step what brings back every rotation, by its derivatives (a matrix by rows).
+    pub(crate) retractions: Vec<Vec<Vec<f64>>>,
+}
+
+impl Along<'_> {
+    /// `S v` after every step ((steps + 1) x states) for a direction v of the coefficients.
+    pub(crate) fn forward(&self, direction: &[f64]) -> Vec<f64> {
+        let states = self.simulator.states.len();
+        let mut tangent = vec![0.0; (self.seconds.len() + 1) * states];
+        let mut slopes = vec![vec![0.0; states]; self.stages.len()];
+        let mut features = Vec::new();
+        for (k, &seconds) in self.seconds.iter().enumerate() {
+            let (past, next) = tangent.split_at_mut((k + 1) * states);
+            for number in 0..self.stages.len() {
+                let (before, rest) = slopes.split_at_mut(number);
+                let (stage, slope) = (&self.stages[number], &mut rest[0]);
+                slope.fill(0.0);
+                let before = before.last();
+                self.readings(stage, k, |at, state, row, total| {
+                    slope[row] += total * past[at * states + state];
+                    if let Some(before) = before.filter(|_| self.moves(at, k, state)) {
+                        slope[row] += total * stage.offset[k] * before[state];
+                    }
+                });
+                self.readers(stage, k, &mut features, |row, by_latent, latent, met| {
+                    let own = met.numbers[latent..].iter().step_by(met.width).zip(met.features);
+                    let own = own.filter_map(|(&number, feature)| Some(direction.get(number as usize)? * feature));
+                    slope[row] += by_latent * own.sum::<f64>();
+                });
+            }
+            for (s, state) in self.simulator.states.iter().enumerate() {
+                let mean =
+                    || self.stages.iter().zip(&slopes).map(|(stage, slope)| stage.weight * slope[s]).sum::<f64>();
+                let slope = if state.advance.continuous && slopes.len() > 1 { mean() } else { slopes[0][s] };
+                next[s] = state.advance.factor(seconds) * past[k * states + s] + state.advance.gain(seconds) * slope;
+            }
+            self.brought_back(k, |matrix, parts, i, j| matrix[i * parts + j], &mut next[..states]);
+        }
+        tangent
+    }
+
+    /// Adds `S' w` to `into` (one number a coefficient) for weights w of every state after every step ((steps + 1) x states), which are used up.
+    pub(crate) fn back(&self, weights: &mut [f64], into: &mut [f64]) {
+        let states = self.simulator.states.len();
+        let mut adjoints = vec![vec![0.0; states]; self.stages.len()];
+        let mut features = Vec::new();
+        for (k, &seconds) in self.seconds.iter().enumerate().rev() {
+            let (past, next) = weights.split_at_mut((k + 1) * states);
+            self.brought_back(k, |matrix, parts, i, j| matrix[j * parts + i], &mut next[..states]);
+            adjoints.iter_mut().for_each(|adjoint| adjoint.fill(0.0));
+            for (s, state) in self.simulator.states.iter().enumerate() {
+                past[k * states + s] += state.advance.factor(seconds) * next[s];
+                let of_slope = state.advance.gain(seconds) * next[s];
+                if state.advance.continuous && adjoints.len() > 1 {
+                    let weighted = adjoints.iter_mut().zip(self.stages);
+                    weighted.for_each(|(adjoint, stage)| adjoint[s] += stage.weight * of_slope);
+                } else {
+                    adjoints[0][s] += of_slope;
+                }
+            }
+            for number in (0..self.stages.len()).rev() {
+                let (before, rest) = adjoints.split_at_mut(number);
+                let (stage, adjoint) = (&self.stages[number], &rest[0]);
+                let mut before = before.last_mut();
+                self.readings(stage, k, |at, state, row, total| {
+                    let own = total * adjoint[row];
+                    past[at * states + state] += own;
+                    if let Some(before) = before.as_mut().filter(|_| self.moves(at, k, state)) {
+                        before[state] += stage.offset[k] * own;
+                    }
+                });
+                self.readers(stage, k, &mut features, |row, by_latent, latent, met| {
+                    let own = by_latent * adjoint[row];
+                    for (&number, feature) in met.numbers[latent..].iter().step_by(met.width).zip(met.features) {
+                        if let Some(into) = into.get_mut(number as usize) {
+                            *into += own * feature;
+                        }
+                    }
+                });
+            }
+        }
+    }
+
+    /// Adds what the step from row `k` gives to the normal matrix of one step; `scale` are the units of every state's residual.
+    pub(crate) fn normal(&self, k: usize, scale: &[f64], into: &mut NormalBlocks) {
+        let Some(stage) = self.stages.first() else { return };
+        let mut own: Vec<(usize, f64)> = Vec::new();
+        self.readers(stage, k, &mut Vec::new(), |row, by_latent, latent, met| {
+            let weight = scale[row] * self.simulator.states[row].advance.gain(self.seconds[k]) * by_latent;
+            let numbers = met.numbers[latent..].iter().step_by(met.width).zip(met.features);
+            own.clear();
+            let used = numbers.filter(|(number, _)| **number != NONE);
+            own.extend(used.map(|(&number, feature)| (number as usize, weight * feature)));
+            let Some(&(first, _)) = own.first().filter(|_| own.iter().all(|(_, value)| value.is_finite())) else {
+                return;
+            };
+            let (at, block) = into.places[first];
+            let range = into.ranges[block].clone();
+            for &(i, left) in &own {
+                let values = &mut into.values[at + (i - range.start) * range.len()..][..range.len()];
+                own.iter().for_each(|&(j, right)| values[j - range.start] += left * right);
+            }
+        });
+    }
+
+    /// Multiplies the parts of every rotation with what brought it back after step `k`; `entry` is that of a row and a column.
+    fn brought_back(&self, k: usize, entry: impl Fn(&[f64], usize, usize, usize) -> f64, states: &mut [f64]) {
+        let Some(retractions) = self.retractions.get(k) else { return };
+        for (group, matrix) in self.simulator.geometry.groups.iter().zip(retractions) {
+            let before = group.of(|place| states[place]);
+            for (i, &place) in group.places.iter().enumerate() {
+                states[place] =
+                    before.iter().enumerate().map(|(j, value)| entry(matrix, before.len(), i, j) * value).sum();
+            }
+        }
+    }
+
+    /// Whether a stage reads a state moved by the slope of the stage before.
+    fn moves(&self, at: usize, k: usize, state: usize) -> bool {
+        at == k && self.simulator.states[state].advance.continuous
+    }
+
+    /// What the right sides read at row `k`: the row and the state read, the right side, and its derivative.
+    fn readings(&self, stage: &Stage, k: usize, mut take: impl FnMut(usize, usize, usize, f64)) {
+        let (states, count) = (self.simulator.states.len(), self.places.variables.len());
+        let slopes = &stage.slopes.total[k * states * count..][..states * count];
+        for (number, &(state, lag)) in self.places.variables.iter().enumerate() {
+            // The rows in front of the start are recorded.
+            let Some(at) = k.checked_sub(lag) else { continue };
+            for (row, &total) in slopes[number..].iter().step_by(count).enumerate().filter(|(_, total)| **total != 0.0)
+            {
+                take(at, state, row, total);
+            }
+        }
+    }
+
+    /// The right sides that read latents at row `k`: the right side, its derivative by the latent, the latent's place in its group, and the coefficients.
+    fn readers(
+        &self,
+        stage: &Stage,
+        k: usize,
+        features: &mut Vec<f64>,
+        mut take: impl FnMut(usize, f64, usize, &Met<'_>),
+    ) {
+        let (states, compiled) = (self.simulator.states.len(), &self.simulator.compiled);
+        let latents = stage.slopes.by_latents.len() / (stage.offset.len() * states).max(1);
+        let workspace = &stage.workspace;
+        for (group, places) in compiled.groups.iter().zip(&self.places.coefficients) {
+            let region = workspace.regions.get(group.regions).map_or(0, |regions| regions[k] as usize);
+            let length = (group.kept.len() + 1) * group.width;
+            let Some(numbers) = places.get(region.saturating_mul(length)..).and_then(|own| own.get(..length)) else {
+                continue;
+            };
+            features.clear();
+            features.push(1.0);
+            features.extend((0..group.kept.len()).map(|j| workspace.values[(group.first + j) * workspace.stride + k]));
+            let met = Met { numbers, width: group.width, features };
+            for &(row, slot) in &self.places.readers {
+                let Some(latent) = group.slots.iter().position(|&own| own == slot) else { continue };
+                take(row, stage.slopes.by_latents[(k * states + row) * latents + slot], latent, &met);
+            }
+        }
+    }
+}
