@@ -91,6 +91,15 @@ impl NormalBlocks {
         })
     }
 
+    /// With so much more on the diagonal.
+    pub fn raised(mut self, by: impl Fn(usize) -> f64) -> Self {
+        for range in &self.ranges {
+            let first = self.places[range.start].0;
+            range.clone().enumerate().for_each(|(i, number)| self.values[first + i * (range.len() + 1)] += by(number));
+        }
+        self
+    }
+
     /// Adds those of other rows.
     pub fn merge(&mut self, other: &Self) {
         self.values.iter_mut().zip(&other.values).for_each(|(sum, value)| *sum += value);

@@ -43,6 +43,8 @@ pub enum Status {
     Step,
     /// The residuals are zero up to the rounding of the targets.
     Zero,
+    /// Another step lowers the cost by less than the share that was asked for.
+    Reduction,
     /// As many steps as were allowed: this is not a minimum.
     Iterations,
 }
@@ -193,7 +195,7 @@ impl<'a> Descent<'a> {
     fn advance(&mut self) -> Result<Option<Status>, EstimateError> {
         let room = self.room();
         let region = Region { scale: &self.scale, radius: self.radius, room: &room };
-        let trial = step(&self.at, &region)?;
+        let trial = step(&self.at.jacobian, &self.at.rhs, &region)?;
         if !self.started {
             self.radius = self.radius.min(trial.length.max(f64::MIN_POSITIVE));
             self.started = true;
@@ -226,20 +228,27 @@ impl<'a> Descent<'a> {
         Ok((small || self.radius <= self.options.step * self.size()).then_some(Status::Step))
     }
 
-    /// Shrinks the region where the model was poor, to where a parabola through both costs has its minimum; widens it where it was good.
     fn adjust_radius(&mut self, trial: &Step, ratio: f64, actual: f64) {
-        if ratio <= 0.25 {
-            let slope = norm_slope(self, trial);
-            let factor = if actual >= 0.0 { 0.5 } else { 0.5 * slope / (slope + 0.5 * actual) };
-            self.radius = factor.clamp(0.1, 0.5) * self.radius.min(10.0 * trial.length);
-        } else if ratio >= 0.75 || !trial.bounded {
-            self.radius = 2.0 * trial.length;
-        }
+        let slope = if ratio <= 0.25 { norm_slope(self, trial) } else { 0.0 };
+        self.radius = radius_after(self.radius, trial, (ratio, actual), slope);
     }
 
     fn accept(&mut self, theta: Vec<f64>, at: Evaluation) {
         (self.theta, self.at) = (theta, at);
         self.rescale();
+    }
+}
+
+/// Shrinks the region where the model was poor, to where a parabola through both costs has its minimum; widens it where it was good. `actual` is the relative reduction of the cost,
+/// `ratio` that over the predicted one, `slope` the relative slope of the cost along the step.
+pub(crate) fn radius_after(radius: f64, trial: &Step, (ratio, actual): (f64, f64), slope: f64) -> f64 {
+    if ratio <= 0.25 {
+        let factor = if actual >= 0.0 { 0.5 } else { 0.5 * slope / (slope + 0.5 * actual) };
+        factor.clamp(0.1, 0.5) * radius.min(10.0 * trial.length)
+    } else if ratio >= 0.75 || !trial.bounded {
+        2.0 * trial.length
+    } else {
+        radius
     }
 }
 

@@ -128,9 +128,9 @@ pub enum EstimateError {
         /// The target.
         target: String,
     },
-    /// More coefficients than a simulation error is minimised over.
+    /// More products of coefficients than a simulation error is minimised over.
     #[error(
-        "{count} coefficients are too many for a fit by simulation error, which takes {most} at most: offer fewer regions or candidates, or fit one step ahead (objective = \"one-step\")"
+        "{count} products of the coefficients that one latent has in one region are too many for a fit by simulation error, which takes {most} at most: offer fewer candidates, or fit one step ahead (objective = \"one-step\")"
     )]
     TooManyCoefficients {
         /// How many.

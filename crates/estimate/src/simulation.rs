@@ -7,6 +7,10 @@
 //! A pass over the rows is a reduction of the segments' residuals r and their exact derivatives J into J'J, J'r and r'r. The steps are those of every other least
 //! squares of this crate. J'J is made of the columns of J scaled to unit length, and J'r is summed by itself: what squaring costs is digits of a step, which the
 //! next one takes back, and not of the minimum.
+//!
+//! Beyond [`WHOLE_COEFFICIENTS`], and where a model has to keep within a set, J'J is never formed: `simulation/many.rs`.
+
+mod many;
 
 use std::ops::Range;
 
@@ -23,8 +27,10 @@ use crate::{
     products::compressed,
 };
 
-/// Coefficients beyond which J'J, of which every chunk in flight has one, would take more than 32 MiB.
-pub const MOST_COEFFICIENTS: usize = 2_000;
+pub use many::{Hold, MOST_PRODUCTS, ManyOptions};
+
+/// Coefficients up to which J'J, of which every chunk in flight has one, is held whole: it takes 32 MiB at most.
+pub const WHOLE_COEFFICIENTS: usize = 2_000;
 
 /// How coefficients are fitted by simulation error.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,18 +40,20 @@ pub struct SimulationOptions {
     pub shooting: ShootingOptions,
     /// When the iteration ends; a trial step is one pass.
     pub descent: Options,
+    /// How more coefficients are fitted than [`WHOLE_COEFFICIENTS`], or a model that has to keep within a set.
+    pub many: ManyOptions,
 }
 
 impl SimulationOptions {
     /// Segments of `steps` steps, 20 trial steps at most.
     pub fn new(steps: usize) -> Self {
         let descent = Options { gradient: 1e-8, step: 1e-8, cost: 1e-8, max_iterations: 20, ..Options::default() };
-        Self { shooting: ShootingOptions::new(steps), descent }
+        Self { shooting: ShootingOptions::new(steps), descent, many: ManyOptions::default() }
     }
 
-    /// Passes over the rows, at most.
-    pub fn passes(&self) -> usize {
-        1 + self.descent.max_iterations
+    /// Passes over the rows, at most, of so many coefficients; `held`: of a model that has to keep within a set.
+    pub fn passes(&self, coefficients: usize, held: bool) -> usize {
+        if held || coefficients > WHOLE_COEFFICIENTS { self.many.passes() } else { 1 + self.descent.max_iterations }
     }
 }
 
@@ -67,8 +75,11 @@ pub struct Simulated {
     pub cost: [f64; 2],
     /// Numbers that were compared.
     pub residuals: u64,
-    /// The certificate: the largest cosine of the angle between the residual and a column of the Jacobian.
+    /// The certificate: the largest cosine of the angle between the residual and a column of the Jacobian; of many coefficients a bound of it, over all directions of the coefficients that a
+    /// latent has in a region, the prior among the residuals.
     pub gradient: f64,
+    /// The weight of the prior ([`ManyOptions::weights`]); `None` of few coefficients, which have none.
+    pub weight: Option<f64>,
     /// Why the iteration ended.
     pub status: Status,
     /// Passes over the rows.
@@ -77,25 +88,48 @@ pub struct Simulated {
 
 /// Fits the coefficients of a model that are not zero to its simulations through segments of a source, whose columns are the model's.
 ///
-/// The same bits on any number of threads.
+/// Of more than [`WHOLE_COEFFICIENTS`] the model of the lightest prior. The same bits on any number of threads.
 ///
 /// # Errors
-/// Those of [`Shooting::new`]; a model without coefficients or with too many; fewer residuals than coefficients; those of reading.
+/// Those of [`Shooting::new`]; a model without coefficients, or with too many that one latent has in one region; fewer residuals than coefficients; those of reading.
 pub fn simulation_error(
     model: &Model,
     source: &dyn Source,
     options: &SimulationOptions,
     progress: &dyn Progress,
 ) -> Result<Simulated, EstimateError> {
+    simulation_errors(model, source, options, None, progress)?.pop().ok_or(EstimateError::NoParameters)
+}
+
+/// [`simulation_error`] with a path of priors, the heaviest first, each from where the one before ended: one model a weight of [`ManyOptions::weights`] where coefficients are many
+/// or `hold` is given, else one without a prior. `passes` are those from the beginning of the path. A model that has to keep within a set begins in it.
+///
+/// # Errors
+/// Those of [`simulation_error`].
+pub fn simulation_errors(
+    model: &Model,
+    source: &dyn Source,
+    options: &SimulationOptions,
+    hold: Option<&dyn Hold>,
+    progress: &dyn Progress,
+) -> Result<Vec<Simulated>, EstimateError> {
     options.descent.check()?;
     let coefficients = Coefficient::support(model);
     match coefficients.len() {
-        0 => return Err(EstimateError::NoParameters),
-        count if count > MOST_COEFFICIENTS => {
-            return Err(EstimateError::TooManyCoefficients { count, most: MOST_COEFFICIENTS });
-        }
-        _ => {}
+        0 => Err(EstimateError::NoParameters),
+        count if count > WHOLE_COEFFICIENTS || hold.is_some() => many::path(model, source, options, hold, progress),
+        _ => Ok(vec![whole(model, coefficients, source, options, progress)?]),
     }
+}
+
+/// By J'J.
+fn whole(
+    model: &Model,
+    coefficients: Vec<Coefficient>,
+    source: &dyn Source,
+    options: &SimulationOptions,
+    progress: &dyn Progress,
+) -> Result<Simulated, EstimateError> {
     let bounds = vec![[f64::NEG_INFINITY, f64::INFINITY]; coefficients.len()];
     let objective = Segments { model, coefficients, bounds, source, options, progress };
     let theta = objective.coefficients.iter().map(|coefficient| coefficient.value(model)).collect::<Vec<f64>>();
@@ -114,10 +148,18 @@ pub fn simulation_error(
         cost,
         residuals: before.residuals,
         gradient,
+        weight: None,
         status,
         passes: 1 + steps,
         coefficients: objective.coefficients,
     })
+}
+
+/// A model with other coefficients.
+fn model_at(model: &Model, coefficients: &[Coefficient], theta: &[f64]) -> Model {
+    let mut model = model.clone();
+    coefficients.iter().zip(theta).for_each(|(coefficient, &value)| coefficient.set(&mut model, value));
+    model
 }
 
 /// The segments of a source as a sum of squares over the coefficients of a model.
@@ -132,9 +174,7 @@ struct Segments<'a> {
 
 impl Segments<'_> {
     fn model_at(&self, theta: &[f64]) -> Model {
-        let mut model = self.model.clone();
-        self.coefficients.iter().zip(theta).for_each(|(coefficient, &value)| coefficient.set(&mut model, value));
-        model
+        model_at(self.model, &self.coefficients, theta)
     }
 
     /// One pass.

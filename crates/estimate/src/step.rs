@@ -3,7 +3,7 @@
 use faer::Mat;
 use fleetfoot_stats::svd;
 
-use crate::{EstimateError, evaluate::Evaluation};
+use crate::EstimateError;
 
 /// Singular values below this share of the largest are rounding: the step has no part in their directions.
 pub(crate) fn rank_level(columns: usize) -> f64 {
@@ -34,14 +34,14 @@ pub(crate) struct Region<'a> {
 
 /// Minimises `|rhs + J s|` over the region: the problem of Levenberg and Marquardt as posed by More (1978), with the damping found from the singular
 /// values. A parameter whose step would leave its bounds goes to the bound and stays there, and the others are solved for again.
-pub(crate) fn step(at: &Evaluation, region: &Region<'_>) -> Result<Step, EstimateError> {
+pub(crate) fn step(jacobian: &Mat<f64>, rhs: &[f64], region: &Region<'_>) -> Result<Step, EstimateError> {
     let p = region.scale.len();
     let mut step = vec![0.0; p];
     let mut free: Vec<usize> = (0..p).filter(|&j| region.room[j][0] < region.room[j][1]).collect();
-    let mut left = at.rhs.clone();
+    let mut left = rhs.to_vec();
     let mut bounded = false;
     while !free.is_empty() {
-        let (found, held) = within_radius(&at.jacobian, &left, region, &free)?;
+        let (found, held) = within_radius(jacobian, &left, region, &free)?;
         bounded |= held;
         let beyond = |&(j, s): &(usize, f64)| s < region.room[j][0] || s > region.room[j][1];
         let pairs: Vec<(usize, f64)> = free.iter().copied().zip(found).collect();
@@ -51,15 +51,15 @@ pub(crate) fn step(at: &Evaluation, region: &Region<'_>) -> Result<Step, Estimat
         }
         for &(j, s) in pairs.iter().filter(|pair| beyond(pair)) {
             step[j] = s.clamp(region.room[j][0], region.room[j][1]);
-            left.iter_mut().zip(at.jacobian.col_as_slice(j)).for_each(|(left, a)| *left += a * step[j]);
+            left.iter_mut().zip(jacobian.col_as_slice(j)).for_each(|(left, a)| *left += a * step[j]);
         }
         free = pairs.iter().filter(|pair| !beyond(pair)).map(|&(j, _)| j).collect();
     }
-    let mut moved = vec![0.0; at.rhs.len()];
+    let mut moved = vec![0.0; rhs.len()];
     for (j, &s) in step.iter().enumerate().filter(|(_, s)| **s != 0.0) {
-        moved.iter_mut().zip(at.jacobian.col_as_slice(j)).for_each(|(moved, a)| *moved += a * s);
+        moved.iter_mut().zip(jacobian.col_as_slice(j)).for_each(|(moved, a)| *moved += a * s);
     }
-    let predicted = -moved.iter().zip(&at.rhs).map(|(moved, rhs)| moved * (2.0 * rhs + moved)).sum::<f64>();
+    let predicted = -moved.iter().zip(rhs).map(|(moved, rhs)| moved * (2.0 * rhs + moved)).sum::<f64>();
     let length = step.iter().zip(region.scale).map(|(s, d)| (s * d).powi(2)).sum::<f64>().sqrt();
     Ok(Step { step, length, predicted, bounded })
 }

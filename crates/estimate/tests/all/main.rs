@@ -9,5 +9,6 @@ mod least_squares;
 mod nist;
 mod output_error;
 mod resimulation;
+mod many_coefficients;
 mod simulation;
 mod smoothing;
