@@ -63,6 +63,7 @@ impl Products {
 /// is integrated. Products between latents that one equation reads are left out.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NormalBlocks {
+    coefficients: Vec<Coefficient>,
     /// Numbers of the coefficients of every block.
     ranges: Vec<Range<usize>>,
     /// Where the block of a coefficient begins among the values, and which it is.
@@ -80,7 +81,12 @@ impl NormalBlocks {
             ranges.push(first..places.len());
             total += own.len() * own.len();
         }
-        Self { ranges, places, values: vec![0.0; total] }
+        Self { coefficients: coefficients.to_vec(), ranges, places, values: vec![0.0; total] }
+    }
+
+    /// The coefficients, by their numbers.
+    pub fn coefficients(&self) -> &[Coefficient] {
+        &self.coefficients
     }
 
     /// The numbers of the coefficients of every block, and its matrix (by rows).

@@ -6,16 +6,19 @@ mod residuals;
 mod statistic;
 
 use fleetfoot_data::{Progress, Source};
+use fleetfoot_estimate::Hold;
 use fleetfoot_library::Expr;
-use fleetfoot_model::Prediction;
-use fleetfoot_pwa::{Identification, Options, Problem, Selection, Shrinkage};
+use fleetfoot_model::{Model, Prediction};
+use fleetfoot_pwa::{Identification, Options, Problem, Selection, Shrinkage, Stability};
 use serde::Serialize;
 
 use crate::{
     Dataset, Derivative, Error, Logs, Objective, Recipe, Refinement, RolloutCandidate, RolloutChoice, RolloutRule,
     Task, concentrated,
     left_out::left_out,
-    not_finite, objective, open,
+    not_finite, objective,
+    objective::Beginning,
+    open,
     output::refuse_not_finite,
     rollout_choice::{HeldOut, candidates, open_spans, settled, terms},
     told,
@@ -64,6 +67,9 @@ pub struct FitPlan {
     /// What coefficients are fitted to, which takes [`Objective::passes`] beside [`Self::passes`].
     #[serde(skip)]
     pub objective: Objective,
+    /// Whether its regions' maps are bounded.
+    #[serde(skip)]
+    pub bounded: bool,
     /// Rows that k-means keeps.
     pub clustered_rows: usize,
     /// Bytes, about.
@@ -117,6 +123,7 @@ pub fn plan_pwa(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress)
         choice_passes,
         fit_passes: PWA_PASSES,
         objective: options.objective,
+        bounded: options.identification.stability.is_some(),
         clustered_rows: cost.clustered_rows,
         memory: cost.bytes,
         notes,
@@ -199,12 +206,24 @@ fn refined(
     trial.partitions = vec![chosen.specification.clone()];
     let shrinkage = chosen.shrinkage;
     (trial.selection, trial.shrinkage) = (Selection::Given(0), Shrinkage::Rows(shrinkage));
-    let fit = |train: &dyn Source| Ok(fleetfoot_pwa::identify(problem, &trial, train, progress)?.model);
-    let refinement = objective::refine(objective, &identification.model, (source, options.smoothed), progress, fit)?;
+    let beginning = |model: &Model, stability: Option<&Stability>| -> Result<Beginning, Error> {
+        let hold = stability.map(|stability| objective::Bound::new(problem, stability)).transpose()?;
+        Ok((model.clone(), hold.map(|hold| Box::new(hold) as Box<dyn Hold>)))
+    };
+    let fit = |train: &dyn Source| {
+        let found = fleetfoot_pwa::identify(problem, &trial, train, progress)?;
+        beginning(&found.model, found.candidates[found.chosen].stability.as_ref())
+    };
+    let bounded = chosen.stability.clone();
+    let begin = beginning(&identification.model, bounded.as_ref())?;
+    let mut refinement = objective::refine(objective, &begin, (source, options.smoothed), progress, fit)?;
+    if let (Some(found), Some(stability)) = (&mut refinement, &bounded) {
+        found.bound = Some(objective::Bound::new(problem, stability)?.told(stability, &found.fitted.model));
+    }
     if let Some(found) = refinement.as_ref().filter(|found| found.written) {
         let before = std::mem::replace(&mut identification.model, found.fitted.model.clone());
-        if shrinkage > 0.0 {
-            // What is pulled towards one region is not orthogonal to its rows, and sums do not tell the rest.
+        if shrinkage > 0.0 || bounded.is_some() {
+            // What is pulled towards one region, or bounded, is not orthogonal to its rows, and sums do not tell the rest.
             let regions = identification.model.partitions.iter_mut().flat_map(|partition| &mut partition.regions);
             regions.for_each(|region| region.residual_covariance.fill(f64::NAN));
         } else {

@@ -96,7 +96,7 @@ pub use narx::{
     FileRun, FileRuns, GivenOrder, MeanRun, NarxCandidate, NarxEquation, NarxFitted, NarxOptions, NarxRegion,
     NarxReport, NarxRequest, NarxScores, NarxSearch, NarxStage, NarxTerm, OrderRule, TermRule, fit_narx,
 };
-pub use objective::{HeldOutErrors, RefinedFold, Refinement};
+pub use objective::{Bounded, HeldOutErrors, RefinedFold, Refinement, WeightErrors};
 pub use output::{layout_files, write_model};
 pub use parameters::{
     ConfoundedPair, GainInterval, ParameterInterval, ParametersFitted, ParametersHeldOut, ParametersReport,

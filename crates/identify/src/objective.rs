@@ -1,15 +1,18 @@
 //! What coefficients are fitted to: one step, or simulations of several; and whether rows that did not train find the second better.
 
+mod held;
 mod report;
 
+pub(crate) use held::Bound;
 pub(crate) use report::coefficient;
 
 use fleetfoot_data::{Progress, Silent, Source};
 use fleetfoot_dynamics::{
     Coefficient, Error as DynamicsError, Method, RolloutOptions, ScoreOptions, Scores, Starts, score,
 };
-use fleetfoot_estimate::{EstimateError, Simulated, SimulationOptions, simulation_error};
+use fleetfoot_estimate::{EstimateError, Hold, Simulated, SimulationOptions, WHOLE_COEFFICIENTS, simulation_errors};
 use fleetfoot_model::Model;
+use serde::Serialize;
 
 use crate::{
     Error, Objective, RolloutRule,
@@ -31,21 +34,25 @@ impl Objective {
         }
     }
 
-    /// Passes over the rows that it takes beside those of the fit, at most; `fit` passes make a model of one step.
-    pub fn passes(self, fit: usize) -> usize {
+    /// Passes over the rows that it takes beside those of the fit, at most; `fit` passes make a model of one step. `many`: of more than 2,000 coefficients, or of maps that are bounded.
+    pub fn passes(self, fit: usize, many: bool) -> usize {
         self.rule().map_or(0, |rule| {
-            let own = SimulationOptions::new(rule.horizon).passes();
+            let own = SimulationOptions::new(rule.horizon).passes(0, many);
             // The training rows of a fold are fewer, so that its passes are less than the fit's own.
             own + rule.folds * (fit + own)
         })
     }
 
-    /// What a job will cost, for people; nothing where the objective is one step.
-    pub fn in_words(self, fit: usize) -> Option<String> {
+    /// What a job will cost, for people; nothing where the objective is one step. `bounded`: of maps that are bounded.
+    pub fn in_words(self, fit: usize, bounded: bool) -> Option<String> {
         let rule = self.rule()?;
+        let more = match bounded {
+            true => String::new(),
+            false => format!(", {} of more than {WHOLE_COEFFICIENTS} coefficients", self.passes(fit, true)),
+        };
         Some(format!(
-            "--objective {self}: at most {} passes over the rows more, with {} x {} rollouts of {} steps on rows that did not train",
-            self.passes(fit),
+            "--objective {self}: at most {} passes over the rows more{more}, with {} x {} rollouts of {} steps on rows that did not train",
+            self.passes(fit, bounded),
             2 * rule.folds,
             rule.starts,
             rule.horizon
@@ -85,9 +92,37 @@ pub struct Refinement {
     pub far: usize,
     /// Both models on the rows of every fold, fitted on those of the others.
     pub folds: Vec<RefinedFold>,
+    /// What the weights of the prior bring, the heaviest first; empty where coefficients are few, and have no prior.
+    pub weights: Vec<WeightErrors>,
+    /// How the maps of the fitted model are bounded, where they are.
+    pub bound: Option<Bounded>,
     /// Whether the model of the simulations is the better one in rollouts of rows that did not train, and not worse in the longer ones: then it is the one that
     /// is written.
     pub written: bool,
+}
+
+/// A weight of the prior, on rows that did not train: means over the folds.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct WeightErrors {
+    /// The weight, in squares of the steps ([`fleetfoot_estimate::ManyOptions::weights`]).
+    pub weight: f64,
+    /// As [`HeldOutErrors::rollouts`].
+    pub rollouts: f64,
+    /// As [`HeldOutErrors::far`].
+    pub far: f64,
+}
+
+/// How the maps of a fitted model contract: the greatest of its regions.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Bounded {
+    /// The bound of the norms.
+    pub bound: f64,
+    /// Spectral radius.
+    pub radius: f64,
+    /// Norm in the metric of the fit of one step.
+    pub norm: f64,
 }
 
 /// Two models on rows that trained neither.
@@ -141,15 +176,20 @@ impl HeldOutErrors {
     }
 }
 
-/// A fit to simulations; what is too short for it is told with the mend.
+/// A model of one step, and the set in which a fit to simulations has to keep it.
+pub(crate) type Beginning = (Model, Option<Box<dyn Hold>>);
+
+/// Fits to simulations, one a weight of the prior where there is one, up to so many; what is too short for it is told with the mend.
 fn fitted(
     objective: Objective,
-    model: &Model,
+    (model, hold): &Beginning,
+    weights: usize,
     source: &dyn Source,
     progress: &dyn Progress,
-) -> Result<Simulated, Error> {
-    let steps = objective.rule().map_or(1, |rule| rule.horizon);
-    simulation_error(model, source, &SimulationOptions::new(steps), progress).map_err(|error| match error {
+) -> Result<Vec<Simulated>, Error> {
+    let mut options = SimulationOptions::new(objective.rule().map_or(1, |rule| rule.horizon));
+    options.many.weights.truncate(weights);
+    simulation_errors(model, source, &options, hold.as_deref(), progress).map_err(|error| match error {
         EstimateError::Dynamics(error @ DynamicsError::TooShort { .. }) => {
             Error::undetermined(format!("--objective {objective}: {error}: ask for fewer steps, or give longer logs"))
         }
@@ -157,40 +197,85 @@ fn fitted(
     })
 }
 
+/// The weight of least error over the steps of the segments, among those that are not worse over more of them than the model of one step; where all are, the one that is least so.
+fn chosen(weights: &[WeightErrors], one_far: f64) -> usize {
+    let key = |at: &usize| {
+        let own = &weights[*at];
+        if own.far <= one_far { (0, own.rollouts) } else { (1, own.far) }
+    };
+    let least = |a: &usize, b: &usize| {
+        let (a, b) = (key(a), key(b));
+        a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
+    };
+    (0..weights.len()).min_by(least).unwrap_or(0)
+}
+
 /// Fits a model to its simulations as the objective says; `None` for one step, and for a model without coefficients ([`Objective::note`]). `fit` makes a model of one
 /// step of some rows; `smoothed`: rows over which the source was smoothed before.
+///
+/// Where coefficients are many, or bounded, there is a prior, whose weight is that of the least error on the rows that did not train.
 ///
 /// # Errors
 /// Those of `fit` and of fitting; held-out spans shorter than the simulations.
 pub(crate) fn refine(
     objective: Objective,
-    model: &Model,
+    beginning: &Beginning,
     (source, smoothed): (&dyn Source, usize),
     progress: &dyn Progress,
-    mut fit: impl FnMut(&dyn Source) -> Result<Model, Error>,
+    mut fit: impl FnMut(&dyn Source) -> Result<Beginning, Error>,
 ) -> Result<Option<Refinement>, Error> {
+    let model = &beginning.0;
     let Some(rule) = objective.rule().filter(|_| !Coefficient::support(model).is_empty()) else { return Ok(None) };
     let held = HeldOut::new((source, smoothed), rule, format!("--objective {objective}"))?;
     let far = held.far(FAR * rule.horizon);
-    let mut folds = Vec::with_capacity(rule.folds);
+    let most = SimulationOptions::new(rule.horizon).many.weights.len();
+    // By fold: the errors of the model of one step, and of those of every weight.
+    let mut trials: Vec<(HeldOutErrors, Vec<(Option<f64>, HeldOutErrors)>)> = Vec::with_capacity(rule.folds);
     held.each(|train, rows| {
         let before = fit(train)?;
         progress.stage("simulation error, without a fold");
-        let after = match Coefficient::support(&before).is_empty() {
-            true => before.clone(),
-            false => fitted(objective, &before, train, progress)?.model,
+        let after = match Coefficient::support(&before.0).is_empty() {
+            true => vec![(None, before.0.clone())],
+            false => fitted(objective, &before, most, train, progress)?
+                .into_iter()
+                .map(|found| (found.weight, found.model))
+                .collect(),
         };
         let errors = |model: &Model| HeldOutErrors::of(model, rows, &held, far);
-        folds.push(RefinedFold { one_step: errors(&before)?, simulated: errors(&after)? });
+        let after = after.iter().map(|(weight, model)| Ok((*weight, errors(model)?))).collect::<Result<_, Error>>()?;
+        trials.push((errors(&before.0)?, after));
         Ok(())
     })?;
+    let weights = weights(&trials);
+    let one_far = trials.iter().map(|trial| trial.0.far).sum::<f64>() / trials.len() as f64;
+    let chosen = chosen(&weights, one_far);
+    let fold = |(one_step, mut simulated): (HeldOutErrors, Vec<(Option<f64>, HeldOutErrors)>)| RefinedFold {
+        one_step,
+        simulated: simulated.swap_remove(chosen.min(simulated.len() - 1)).1,
+    };
+    let folds = trials.into_iter().map(fold).collect();
     progress.stage("simulation error");
-    let fitted = fitted(objective, model, source, progress)?;
+    let fitted = fitted(objective, beginning, chosen + 1, source, progress)?.pop();
+    let Some(fitted) = fitted else { return Ok(None) };
     refuse_not_finite(&fitted.model)?;
     let changed = fitted.model.latents != model.latents;
     let training = score(&fitted.model, source, &ScoreOptions::default(), progress)?;
-    let mut refinement = Refinement { rule, far, fitted, training, folds, written: false };
+    let mut refinement =
+        Refinement { rule, far, fitted, training, folds, weights, bound: None, written: false };
     let ([one_step, simulated], [one_far, simulated_far]) = (refinement.rollouts(), refinement.far_rollouts());
     refinement.written = changed && simulated < one_step * (1.0 - SAME) && simulated_far <= one_far;
     Ok(Some(refinement))
+}
+
+/// Means over the folds; none where a fold has no prior.
+fn weights(trials: &[(HeldOutErrors, Vec<(Option<f64>, HeldOutErrors)>)]) -> Vec<WeightErrors> {
+    let count = trials.iter().map(|trial| trial.1.len()).min().unwrap_or(0);
+    let mean = |at: usize, of: fn(&HeldOutErrors) -> f64| {
+        trials.iter().map(|trial| of(&trial.1[at].1)).sum::<f64>() / trials.len() as f64
+    };
+    let of = |at: usize| {
+        let weight = trials.first().and_then(|trial| trial.1[at].0)?;
+        Some(WeightErrors { weight, rollouts: mean(at, |own| own.rollouts), far: mean(at, |own| own.far) })
+    };
+    (0..count).map_while(of).collect()
 }

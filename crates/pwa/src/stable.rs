@@ -19,6 +19,7 @@
 // Matrices are capitals.
 #![allow(non_snake_case)]
 
+mod held;
 mod looped;
 mod metric;
 mod region;
@@ -32,6 +33,7 @@ use crate::{
     Error,
     region_model::{Base, RegionModel},
 };
+pub use held::{Contracting, RegionWeight};
 pub(crate) use looped::Loop;
 use metric::Metric;
 use region::Region;
@@ -64,7 +66,7 @@ pub struct StableRegion {
     pub radius: f64,
     /// Its norm in the metric: at most the bound.
     pub norm: f64,
-    /// Relative duality gap: how much nearer to the free map one within the bound could be; 0 where the free one is.
+    /// Relative duality gap: how much nearer to the free map one within the bound could be; 0 where the free one is. Of the map of one step, whatever it is fitted to after.
     pub gap: f64,
 }
 
@@ -120,12 +122,12 @@ impl Loop {
         let Some(found) = found else { return Ok(None) };
         let mut told = Vec::with_capacity(models.len());
         for ((model, region), contracted) in models.iter_mut().zip(&regions).zip(&found) {
-            let free = self.map(model);
+            let free = self.map(&model.coefficients);
             if contracted.distance > 0.0 {
                 let root = training.get(&(told.len() as u32)).unwrap_or(&base.root);
                 region.write(self, &contracted.values, model, root);
             }
-            let written = self.map(model);
+            let written = self.map(&model.coefficients);
             let gap = if contracted.distance > 0.0 { contracted.gap / contracted.distance } else { 0.0 };
             told.push(StableRegion {
                 free_radius: spectral_radius(free.as_ref()),
@@ -145,14 +147,14 @@ impl Loop {
         }))
     }
 
-    /// M of a region: how its variables move over one sampling period.
-    pub(crate) fn map(&self, model: &RegionModel) -> Mat<f64> {
+    /// M of a region of these coefficients (p x q): how its variables move over one sampling period.
+    pub(crate) fn map(&self, coefficients: &Mat<f64>) -> Mat<f64> {
         let mut M = self.offset.clone();
         for (t, advanced) in self.targets.iter().enumerate() {
             let Some((row, gain)) = *advanced else { continue };
             for &j in &self.regressors {
                 for k in 0..M.ncols() {
-                    M[(row, k)] += gain * model.coefficients[(j, t)] * self.reads[(j, k)];
+                    M[(row, k)] += gain * coefficients[(j, t)] * self.reads[(j, k)];
                 }
             }
         }

@@ -34,7 +34,7 @@ pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
     if arguments.dry_run {
         return dry_run(&recipe, &files, context);
     }
-    say_passes(recipe.pwa.objective, fleetfoot::PWA_PASSES, context);
+    say_passes(recipe.pwa.objective, (fleetfoot::PWA_PASSES, recipe.pwa.stable.is_some()), context);
     let bar = context.bar();
     let fitted = fit_pwa(&recipe, PwaRequest { keep_all: arguments.keep_all }, &files, &bar);
     bar.finish();
@@ -95,7 +95,7 @@ fn dry_run(recipe: &Recipe, files: &[std::path::PathBuf], context: &Context) -> 
         let of_choice = plan.choice_passes;
         format!("; of them {of_choice} for the choice, with {candidates} x {folds} x {starts} rollouts of {horizon} steps at most")
     });
-    let simulations = plan.objective.in_words(plan.fit_passes).map_or_else(String::new, |words| format!("\n{words}"));
+    let simulations = plan.objective.in_words(plan.fit_passes, plan.bounded).map_or_else(String::new, |words| format!("\n{words}"));
     context.print(
         &plan,
         || {
@@ -227,9 +227,9 @@ fn stability(candidates: &[Score], held_out: bool) -> String {
     )
 }
 
-/// Tells what a fit to simulations will cost, before it begins.
-pub(crate) fn say_passes(objective: Option<Objective>, fit: usize, context: &Context) {
-    if let Some(words) = objective.unwrap_or_default().in_words(fit) {
+/// Tells what a fit to simulations will cost, before it begins: of so many passes a fit of one step, and whether maps are bounded.
+pub(crate) fn say_passes(objective: Option<Objective>, (fit, bounded): (usize, bool), context: &Context) {
+    if let Some(words) = objective.unwrap_or_default().in_words(fit, bounded) {
         context.say(format!("note: {words}"));
     }
 }

@@ -31,7 +31,7 @@ pub(crate) fn narx(arguments: &FitNarx, context: &Context) -> Result<(), Error> 
     let free_run = if arguments.free_run.is_empty() { Vec::new() } else { files(&arguments.free_run)? };
     let read = read_by(&data, free_run.iter().chain(&arguments.recipe.recipe));
     context.claim(std::slice::from_ref(&arguments.output), &read, false)?;
-    fit::say_passes(recipe.narx.objective, 1, context);
+    fit::say_passes(recipe.narx.objective, (1, false), context);
     let bar = context.bar();
     let fitted = fit_narx(&recipe, &NarxRequest { free_run: (&free_run).into() }, &data, &bar);
     bar.finish();

@@ -31,7 +31,7 @@ pub(crate) fn sindy(arguments: &FitSindy, context: &Context) -> Result<(), Error
     if arguments.dry_run {
         return dry_run(&recipe, &files, context);
     }
-    fit::say_passes(recipe.sindy.objective, 1, context);
+    fit::say_passes(recipe.sindy.objective, (1, false), context);
     let bar = context.bar();
     let horizon = fit::horizon(&recipe, arguments.horizon)?;
     let request = SindyRequest { front: arguments.front || arguments.keep_front, horizon };
@@ -123,7 +123,7 @@ fn plan_text(plan: &SindyPlan) -> String {
         [] => String::new(),
         names => format!("\nestimated first, a pass a step: {}", names.join(", ")),
     };
-    let simulations = plan.objective.in_words(1).map_or_else(String::new, |words| format!("\n{words}"));
+    let simulations = plan.objective.in_words(1, false).map_or_else(String::new, |words| format!("\n{words}"));
     let some: Vec<&str> = plan.candidates.iter().take(12).map(String::as_str).collect();
     let more = if plan.candidates.len() > some.len() { ", ..." } else { "" };
     format!(

@@ -50,13 +50,6 @@ impl PwaOptions {
         let is_bound = |bound: &f64| *bound > 0.0 && bound.is_finite();
         let stable = section.stable.map(|bound| checked("stable", bound, is_bound, "a bound above 0, such as 1"));
         options.stability = stable.transpose()?;
-        if let (Some(bound), Some(objective)) =
-            (options.stability, section.objective.filter(|o| *o != Objective::OneStep))
-        {
-            return Err(Error::conflict(format!(
-                "[pwa] stable = {bound} (--stable) and objective = \"{objective}\": a fit to simulations does not keep the bound; leave one of them away"
-            )));
-        }
         options.unseen = match section.unseen_labels {
             None | Some(UnseenLabels::Refuse) => UnseenLabel::Refuse,
             Some(UnseenLabels::Pool) => UnseenLabel::Pool,
@@ -202,7 +195,6 @@ mod tests {
             ("[pwa]\nfold = 3", ["fold", "folds"]),
             ("[pwa]\nstable = 1.0\ncontinuous = true", ["stable=1", "do not meet"]),
             ("[pwa]\nstable = 0.0", ["stable = 0", "above 0"]),
-            ("[pwa]\nstable = 1.0\nobjective = \"steps:5\"", ["stable = 1", "leave one of them away"]),
             ("[model]\npartition = \"kmeens:3\"", ["kmeens:3", "kmeans:10"]),
         ] {
             let message = options(text).expect_err(text);

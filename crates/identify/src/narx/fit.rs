@@ -223,8 +223,8 @@ impl Fit<'_> {
         let order = OrderRule::Fixed(chosen.order);
         let options = NarxOptions { order, objective: Objective::OneStep, ..self.options.clone() };
         let Evidence::Rows(source) = self.evidence else { return Ok(None) };
-        refine(self.options.objective, model, (source, self.smoothed()), progress, |source| {
-            Ok(Fit { evidence: Evidence::Rows(source), options: &options, ..*self }.run(progress)?.0)
+        refine(self.options.objective, &(model.clone(), None), (source, self.smoothed()), progress, |source| {
+            Ok((Fit { evidence: Evidence::Rows(source), options: &options, ..*self }.run(progress)?.0, None))
         })
     }
 }

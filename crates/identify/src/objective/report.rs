@@ -63,6 +63,7 @@ impl Refinement {
         let Self { rule, fitted, far, .. } = self;
         let end = match fitted.status {
             Status::Iterations => "as many as are allowed: the minimum is not reached",
+            Status::Reduction => "until a step lowers the sum by less than a thousandth",
             _ => "converged",
         };
         let missing = match fitted.missing {
@@ -77,7 +78,7 @@ impl Refinement {
             "Simulation error: {} coefficients fitted to {} segments of {} steps{missing}; {} passes, {end}.\n\
              In training, the root of the mean squared error in standard deviations goes from {:.4} to {:.4}; {} and {} segments ended early.\n\
              Held out ({} folds), before and after: rollouts of {} steps over persistence {rollouts:.4} and {simulated:.4}, {before} and {after} of {starts} ended early; of {far} steps {one_far:.4} and {far_simulated:.4};\n\
-             one step ahead, mean absolute error over the null model's, {one_step:.4} and {refined:.4}.\n{}",
+             one step ahead, mean absolute error over the null model's, {one_step:.4} and {refined:.4}.\n{}{}{}",
             fitted.coefficients.len(),
             fitted.segments,
             rule.horizon,
@@ -88,8 +89,33 @@ impl Refinement {
             fitted.ended[1],
             rule.folds,
             rule.horizon,
+            self.weights_in_words(),
+            self.bound_in_words(),
             self.verdict()
         )
+    }
+
+    /// Which weight of the prior was taken, where there is one.
+    fn weights_in_words(&self) -> String {
+        let Some(weight) = self.fitted.weight.filter(|_| !self.weights.is_empty()) else { return String::new() };
+        let told = |own: &super::WeightErrors| format!("{} ({:.4}, {:.4})", own.weight, own.rollouts, own.far);
+        let tried: Vec<String> = self.weights.iter().map(told).collect();
+        format!(
+            "The error of one step weighs {weight} of the squared number of steps, of {}: rollouts of {} and of {} steps, held out.\n",
+            tried.join(", "),
+            self.rule.horizon,
+            self.far
+        )
+    }
+
+    /// How the maps are bounded, where they are.
+    fn bound_in_words(&self) -> String {
+        self.bound.map_or_else(String::new, |own| {
+            format!(
+                "Its regions contract by {} in the metric of one step: greatest radius {:.4}, greatest norm {:.4}.\n",
+                own.bound, own.radius, own.norm
+            )
+        })
     }
 }
 
@@ -117,6 +143,12 @@ impl Serialize for Refinement {
             one_step_by_fold: Vec<[f64; 2]>,
             ended_rollouts: [usize; 2],
             rollouts: usize,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            prior_weight: Option<f64>,
+            #[serde(skip_serializing_if = "<[_]>::is_empty")]
+            prior_weights: &'a [super::WeightErrors],
+            #[serde(skip_serializing_if = "Option::is_none")]
+            bound: Option<super::Bounded>,
             written: bool,
         }
         let each = |of: fn(&HeldOutErrors) -> f64| {
@@ -144,6 +176,9 @@ impl Serialize for Refinement {
             one_step_by_fold: each(HeldOutErrors::over_null),
             ended_rollouts,
             rollouts,
+            prior_weight: fitted.weight,
+            prior_weights: &self.weights,
+            bound: self.bound,
             written: self.written,
         }
         .serialize(serializer)

@@ -32,8 +32,8 @@ pub(super) fn refined(
     let (dataset, _) = Dataset::for_equations(recipe, logs, progress)?;
     let view = dataset.view()?;
     let smoothed = smoothed_rows(recipe.time.smoothed, evidence.step);
-    refine(objective, model, (&view, smoothed), progress, |train| {
-        spans::equations(recipe, &evidence.task, options, evidence.step, train, progress)
+    refine(objective, &(model.clone(), None), (&view, smoothed), progress, |train| {
+        Ok((spans::equations(recipe, &evidence.task, options, evidence.step, train, progress)?, None))
     })
 }
 

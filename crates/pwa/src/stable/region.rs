@@ -6,7 +6,7 @@
 use faer::{Mat, MatRef, Side, linalg::solvers::Solve};
 use fleetfoot_stats::{Contraction, SquareRoot, svd};
 
-use super::{Loop, metric::Metric};
+use super::{Loop, held::RegionWeight, metric::Metric};
 use crate::region_model::RegionModel;
 
 /// Share of a region's mean curvature that pulls towards the free coefficients in directions that its rows do not tell.
@@ -40,8 +40,7 @@ impl Region {
         (units, shrinkage): (&[f64], f64),
         noise: &[f64],
     ) -> Option<Self> {
-        let (p, rows) = (root.regressors(), &own.regressors);
-        let others: Vec<usize> = (0..p).filter(|j| !rows.contains(j)).collect();
+        let p = root.regressors();
         // Rows of the pull towards the one-region model stand below those of the region.
         let pull = if shrinkage > 0.0 { p } else { 0 };
         let entry = |i: usize, j: usize| match i.checked_sub(p) {
@@ -54,24 +53,49 @@ impl Region {
                 }
             }
         };
+        let R = Mat::from_fn(p + pull, p, entry);
+        let scale = noise.iter().map(|variance| 1.0 / variance.sqrt()).collect();
+        Self::of(own, &model.coefficients, R.as_ref(), (units, FOLLOWED), scale)
+    }
+
+    /// Of products of the functions, the constant first, that are positive definite, and weights of the targets: the coefficients are sought that are nearest by them. With the means of the functions.
+    pub(crate) fn weighted(own: &Loop, coefficients: &Mat<f64>, weight: &RegionWeight) -> Option<(Self, Vec<f64>)> {
+        let (G, p) = (&weight.products, coefficients.nrows());
+        let mean: Vec<f64> = (0..p).map(|j| G[(j + 1, 0)] / G[(0, 0)]).collect();
+        let S = Mat::from_fn(p, p, |i, j| G[(i + 1, j + 1)] - G[(i + 1, 0)] * mean[j]);
+        let R = S.llt(Side::Lower).ok()?.L().transpose().to_owned();
+        let units: Vec<f64> = (0..p).map(|j| (S[(j, j)] / G[(0, 0)]).sqrt()).collect();
+        let scale = weight.targets.iter().map(|weight| weight.sqrt()).collect();
+        Some((Self::of(own, coefficients, R.as_ref(), (&units, 0.0), scale)?, mean))
+    }
+
+    /// Of rows R, in raw units and centred; `followed`: the pull on how other coefficients follow.
+    fn of(
+        own: &Loop,
+        coefficients: &Mat<f64>,
+        R: MatRef<'_, f64>,
+        (units, followed): (&[f64], f64),
+        scale: Vec<f64>,
+    ) -> Option<Self> {
+        let (p, rows) = (R.ncols(), &own.regressors);
+        let others: Vec<usize> = (0..p).filter(|j| !rows.contains(j)).collect();
         // In units of the columns, so that rank is told.
-        let columns = |of: &[usize]| Mat::from_fn(p + pull, of.len(), |i, k| entry(i, of[k]) / units[of[k]]);
+        let columns = |of: &[usize]| Mat::from_fn(R.nrows(), of.len(), |i, k| R[(i, of[k])] / units[of[k]]);
         let (read, other) = (columns(rows), columns(&others));
-        let follow = solved(other.as_ref(), read.as_ref(), FOLLOWED)?;
+        let follow = solved(other.as_ref(), read.as_ref(), followed)?;
         let left = &read - &other * &follow;
         let mut H = left.transpose() * &left;
         let s = rows.len();
         let mean = (0..s).map(|k| H[(k, k)]).sum::<f64>() / s as f64;
         (0..s).for_each(|k| H[(k, k)] += UNTOLD * mean.max(1.0));
         let L = H.llt(Side::Lower).ok()?.L().to_owned();
-        let scale: Vec<f64> = noise.iter().map(|variance| 1.0 / variance.sqrt()).collect();
         // From the units of the columns back to raw ones.
         let upper = Mat::from_fn(s, s, |i, k| if k >= i { L[(k, i)] * units[rows[k]] } else { 0.0 });
         let follow = Mat::from_fn(others.len(), s, |i, k| follow[(i, k)] * units[rows[k]] / units[others[i]]);
         let reads = Mat::from_fn(s, own.variables.len(), |k, v| own.reads[(rows[k], v)]);
         let right = upper.transpose().partial_piv_lu().solve(&reads);
+        let A = Mat::from_fn(s, scale.len(), |k, t| coefficients[(rows[k], t)]);
         let mut region = Self { free: Mat::zeros(0, 0), right, upper, follow, others, scale };
-        let A = Mat::from_fn(s, noise.len(), |k, t| model.coefficients[(rows[k], t)]);
         region.free = region.inner(A.as_ref());
         Some(region)
     }
@@ -97,17 +121,26 @@ impl Region {
 
     /// Writes Y into a model of the region; functions that read no variable, and the constant, follow.
     pub(crate) fn write(&self, own: &Loop, values: &Mat<f64>, model: &mut RegionModel, root: &SquareRoot) {
-        let (s, q) = (values.nrows(), values.ncols());
-        let raw = Mat::from_fn(s, q, |k, t| values[(k, t)] / self.scale[t]);
-        let A = self.upper.partial_piv_lu().solve(&raw);
-        let change = Mat::from_fn(s, q, |k, t| A[(k, t)] - model.coefficients[(own.regressors[k], t)]);
-        let followed = &self.follow * &change;
-        for t in 0..q {
-            own.regressors.iter().enumerate().for_each(|(k, &j)| model.coefficients[(j, t)] = A[(k, t)]);
-            self.others.iter().enumerate().for_each(|(k, &j)| model.coefficients[(j, t)] -= followed[(k, t)]);
+        self.moved(own, values, &mut model.coefficients);
+        for t in 0..values.ncols() {
             let explained = |(j, mean): (usize, &f64)| mean * model.coefficients[(j, t)];
             model.intercept[t] = root.mean_y[t] - root.mean_x.iter().enumerate().map(explained).sum::<f64>();
         }
+    }
+
+    /// Writes Y into the coefficients of the region (p x q); functions that read no variable follow. The change.
+    pub(crate) fn moved(&self, own: &Loop, values: &Mat<f64>, coefficients: &mut Mat<f64>) -> Mat<f64> {
+        let (s, q) = (values.nrows(), values.ncols());
+        let raw = Mat::from_fn(s, q, |k, t| values[(k, t)] / self.scale[t]);
+        let A = self.upper.partial_piv_lu().solve(&raw);
+        let before = coefficients.clone();
+        let change = Mat::from_fn(s, q, |k, t| A[(k, t)] - before[(own.regressors[k], t)]);
+        let followed = &self.follow * &change;
+        for t in 0..q {
+            own.regressors.iter().enumerate().for_each(|(k, &j)| coefficients[(j, t)] = A[(k, t)]);
+            self.others.iter().enumerate().for_each(|(k, &j)| coefficients[(j, t)] -= followed[(k, t)]);
+        }
+        &*coefficients - before
     }
 }
 

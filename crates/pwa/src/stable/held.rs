@@ -1,0 +1,114 @@
+//! Models that are kept within the bound when their coefficients are fitted to something else than one step.
+
+// Matrices are capitals.
+#![allow(non_snake_case)]
+
+use faer::{Mat, Side};
+use fleetfoot_data::{Silent, parallel_map};
+use fleetfoot_model::Model;
+use fleetfoot_stats::spectral_radius;
+
+use super::{GAP, Loop, Metric, Region, Stability, largest};
+use crate::{Error, Problem};
+
+/// The models whose regions contract in one metric: a convex set.
+pub struct Contracting {
+    own: Loop,
+    metric: Metric,
+}
+
+/// What the rows of a region weigh, as the nearest coefficients are sought.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct RegionWeight {
+    /// Products of the constant's 1 and the functions of the library (p + 1 x p + 1), positive definite.
+    pub products: Mat<f64>,
+    /// Of every target, the weight of a square (q).
+    pub targets: Vec<f64>,
+}
+
+impl RegionWeight {
+    /// From both.
+    pub fn new(products: Mat<f64>, targets: Vec<f64>) -> Self {
+        Self { products, targets }
+    }
+}
+
+impl Contracting {
+    /// The set in whose metric a fit with [`Options::stability`](crate::Options::stability) left its model.
+    ///
+    /// # Errors
+    /// Those of reading what a problem's regions advance.
+    pub fn new(problem: &Problem, stability: &Stability) -> Result<Self, Error> {
+        let whole = Loop::new(problem, stability.bound)?;
+        let n = stability.variables.len();
+        let none = || Error::NoMetric { bound: stability.bound };
+        // Given states that nothing could hold were left out.
+        let own = if whole.variables.len() == n { whole } else { whole.without_given().ok_or_else(none)? };
+        let P = Mat::from_fn(n, n, |i, j| stability.metric[i * n + j]);
+        let root = P.llt(Side::Lower).map_err(|_| none())?.L().transpose().to_owned();
+        let start = Mat::zeros(own.regressors.len(), own.targets.len());
+        Ok(Self { metric: Metric::new(root, &start), own })
+    }
+
+    /// The model of the set in which every region's coefficients are nearest to those of a model; `None` where a region has no room, or a decomposition fails. The first partition's regions
+    /// have one weight each; what contracts already stays to the bit.
+    pub fn nearest(&self, model: &Model, weights: &[RegionWeight]) -> Option<Model> {
+        let (own, metric) = (&self.own, &self.metric);
+        let coefficients: Vec<Mat<f64>> = (0..weights.len()).map(|region| coefficients(model, region)).collect();
+        let maps: Vec<Mat<f64>> = coefficients.iter().map(|of| own.map(of)).collect();
+        let norms: Vec<f64> = maps.iter().map(|map| metric.norm(map)).collect();
+        let tightest = (0..norms.len()).min_by(|&a, &b| norms[a].total_cmp(&norms[b]))?;
+        let found = parallel_map(weights.len(), &Silent, |at| -> Result<_, Error> {
+            if norms[at] <= own.bound {
+                return Ok(Some(None));
+            }
+            let solve = || -> Option<Mat<f64>> {
+                let (region, mean) = Region::weighted(own, &coefficients[at], &weights[at])?;
+                let problem = region.contraction(own, metric);
+                let room = |values: &Mat<f64>| largest(&problem.matrix(values.as_ref()));
+                let read = |of: &Mat<f64>| Mat::from_fn(own.regressors.len(), of.ncols(), |k, t| of[(own.regressors[k], t)]);
+                let known = region.inner(read(&coefficients[tightest]).as_ref());
+                let start = match problem.least() {
+                    Some(least) if room(&least) < room(&known) => least,
+                    _ => known,
+                };
+                let nearest = problem.nearest(region.free.as_ref(), start.as_ref(), GAP)?;
+                let mut moved = coefficients[at].clone();
+                let change = region.moved(own, &nearest.values, &mut moved);
+                // The constant follows the means.
+                let p = moved.nrows();
+                Some(Mat::from_fn(p + 1, moved.ncols(), |j, t| match j.checked_sub(1) {
+                    None => -(0..p).map(|k| mean[k] * change[(k, t)]).sum::<f64>(),
+                    Some(j) => moved[(j, t)],
+                }))
+            };
+            Ok(solve().map(Some))
+        });
+        let mut out = model.clone();
+        for (at, found) in found.ok()?.into_iter().enumerate() {
+            let Some(found) = found? else { continue };
+            for (t, latent) in out.latents.iter_mut().enumerate() {
+                latent.constants[at] += found[(0, t)];
+                latent.coefficients[at].iter_mut().enumerate().for_each(|(j, value)| *value = found[(j + 1, t)]);
+            }
+        }
+        Some(out)
+    }
+
+    /// What a fit with the bound tells, of the regions of another model of the set.
+    pub fn told(&self, before: &Stability, model: &Model) -> Stability {
+        let mut told = before.clone();
+        for (at, region) in told.regions.iter_mut().enumerate() {
+            let map = self.own.map(&coefficients(model, at));
+            (region.radius, region.norm) = (spectral_radius(map.as_ref()), self.metric.norm(&map));
+        }
+        told
+    }
+}
+
+/// The coefficients of a region (p x q).
+fn coefficients(model: &Model, region: usize) -> Mat<f64> {
+    let p = model.latents.first().map_or(0, |latent| latent.coefficients[region].len());
+    Mat::from_fn(p, model.latents.len(), |j, t| model.latents[t].coefficients[region][j])
+}
