@@ -122,6 +122,44 @@ struct Met<'a> {
     features: &'a [f64],
 }
 
+impl Met<'_> {
+    /// The first of a latent's numbers where all are asked for, and follow each other.
+    fn run(&self, latent: usize) -> Option<usize> {
+        let last = self.numbers[(self.features.len() - 1) * self.width + latent];
+        let first = self.numbers[latent];
+        (last != NONE && (last - first) as usize + 1 == self.features.len()).then_some(first as usize)
+    }
+
+    /// The numbers of a latent's coefficients that are asked for, with their functions.
+    fn each(&self, latent: usize) -> impl Iterator<Item = (usize, f64)> {
+        let own = self.numbers[latent..].iter().step_by(self.width).zip(self.features);
+        own.filter(|(number, _)| **number != NONE).map(|(&number, &feature)| (number as usize, feature))
+    }
+
+    /// What a latent changes by along a direction.
+    fn along(&self, latent: usize, direction: &[f64]) -> f64 {
+        match self.run(latent) {
+            Some(first) => direction[first..][..self.features.len()]
+                .iter()
+                .zip(self.features)
+                .map(|(v, feature)| v * feature)
+                .sum(),
+            None => self.each(latent).map(|(number, feature)| direction[number] * feature).sum(),
+        }
+    }
+
+    /// Adds so much times a latent's functions.
+    fn back(&self, latent: usize, weight: f64, into: &mut [f64]) {
+        match self.run(latent) {
+            Some(first) => {
+                let into = into[first..][..self.features.len()].iter_mut();
+                into.zip(self.features).for_each(|(into, feature)| *into += weight * feature);
+            }
+            None => self.each(latent).for_each(|(number, feature)| into[number] += weight * feature),
+        }
+    }
+}
+
 /// A trajectory with the derivatives along it.
 pub(crate) struct Along<'a> {
     pub(crate) simulator: &'a Simulator,
@@ -136,27 +174,26 @@ pub(crate) struct Along<'a> {
 impl Along<'_> {
     /// `S v` after every step ((steps + 1) x states) for a direction v of the coefficients.
     pub(crate) fn forward(&self, direction: &[f64]) -> Vec<f64> {
-        let states = self.simulator.states.len();
+        let (states, count) = (self.simulator.states.len(), self.places.variables.len());
         let mut tangent = vec![0.0; (self.seconds.len() + 1) * states];
-        let mut slopes = vec![vec![0.0; states]; self.stages.len()];
+        let (mut slopes, mut read) = (vec![vec![0.0; states]; self.stages.len()], vec![0.0; count]);
         let mut features = Vec::new();
         for (k, &seconds) in self.seconds.iter().enumerate() {
             let (past, next) = tangent.split_at_mut((k + 1) * states);
             for number in 0..self.stages.len() {
                 let (before, rest) = slopes.split_at_mut(number);
                 let (stage, slope) = (&self.stages[number], &mut rest[0]);
-                slope.fill(0.0);
-                let before = before.last();
-                self.readings(stage, k, |at, state, row, total| {
-                    slope[row] += total * past[at * states + state];
-                    if let Some(before) = before.filter(|_| self.moves(at, k, state)) {
-                        slope[row] += total * stage.offset[k] * before[state];
-                    }
-                });
+                for (read, place) in read.iter_mut().zip(&self.places.variables) {
+                    *read = self.at(k, place).map_or(0.0, |at| {
+                        let moved = before.last().filter(|_| self.moves(place)).map_or(0.0, |before| before[place.0]);
+                        past[at] + stage.offset[k] * moved
+                    });
+                }
+                for (slope, totals) in slope.iter_mut().zip(self.totals(stage, k)) {
+                    *slope = totals.iter().zip(&read).map(|(total, read)| total * read).sum();
+                }
                 self.readers(stage, k, &mut features, |row, by_latent, latent, met| {
-                    let own = met.numbers[latent..].iter().step_by(met.width).zip(met.features);
-                    let own = own.filter_map(|(&number, feature)| Some(direction.get(number as usize)? * feature));
-                    slope[row] += by_latent * own.sum::<f64>();
+                    slope[row] += by_latent * met.along(latent, direction);
                 });
             }
             for (s, state) in self.simulator.states.iter().enumerate() {
@@ -172,8 +209,8 @@ impl Along<'_> {
 
     /// Adds `S' w` to `into` (one number a coefficient) for weights w of every state after every step ((steps + 1) x states), which are used up.
     pub(crate) fn back(&self, weights: &mut [f64], into: &mut [f64]) {
-        let states = self.simulator.states.len();
-        let mut adjoints = vec![vec![0.0; states]; self.stages.len()];
+        let (states, count) = (self.simulator.states.len(), self.places.variables.len());
+        let (mut adjoints, mut read) = (vec![vec![0.0; states]; self.stages.len()], vec![0.0; count]);
         let mut features = Vec::new();
         for (k, &seconds) in self.seconds.iter().enumerate().rev() {
             let (past, next) = weights.split_at_mut((k + 1) * states);
@@ -192,21 +229,19 @@ impl Along<'_> {
             for number in (0..self.stages.len()).rev() {
                 let (before, rest) = adjoints.split_at_mut(number);
                 let (stage, adjoint) = (&self.stages[number], &rest[0]);
-                let mut before = before.last_mut();
-                self.readings(stage, k, |at, state, row, total| {
-                    let own = total * adjoint[row];
-                    past[at * states + state] += own;
-                    if let Some(before) = before.as_mut().filter(|_| self.moves(at, k, state)) {
-                        before[state] += stage.offset[k] * own;
+                read.fill(0.0);
+                for (&adjoint, totals) in adjoint.iter().zip(self.totals(stage, k)) {
+                    read.iter_mut().zip(totals).for_each(|(read, total)| *read += total * adjoint);
+                }
+                for (&read, place) in read.iter().zip(&self.places.variables) {
+                    let Some(at) = self.at(k, place) else { continue };
+                    past[at] += read;
+                    if let Some(before) = before.last_mut().filter(|_| self.moves(place)) {
+                        before[place.0] += stage.offset[k] * read;
                     }
-                });
+                }
                 self.readers(stage, k, &mut features, |row, by_latent, latent, met| {
-                    let own = by_latent * adjoint[row];
-                    for (&number, feature) in met.numbers[latent..].iter().step_by(met.width).zip(met.features) {
-                        if let Some(into) = into.get_mut(number as usize) {
-                            *into += own * feature;
-                        }
-                    }
+                    met.back(latent, by_latent * adjoint[row], into);
                 });
             }
         }
@@ -218,10 +253,8 @@ impl Along<'_> {
         let mut own: Vec<(usize, f64)> = Vec::new();
         self.readers(stage, k, &mut Vec::new(), |row, by_latent, latent, met| {
             let weight = scale[row] * self.simulator.states[row].advance.gain(self.seconds[k]) * by_latent;
-            let numbers = met.numbers[latent..].iter().step_by(met.width).zip(met.features);
             own.clear();
-            let used = numbers.filter(|(number, _)| **number != NONE);
-            own.extend(used.map(|(&number, feature)| (number as usize, weight * feature)));
+            own.extend(met.each(latent).map(|(number, feature)| (number, weight * feature)));
             let Some(&(first, _)) = own.first().filter(|_| own.iter().all(|(_, value)| value.is_finite())) else {
                 return;
             };
@@ -247,22 +280,19 @@ impl Along<'_> {
     }
 
     /// Whether a stage reads a state moved by the slope of the stage before.
-    fn moves(&self, at: usize, k: usize, state: usize) -> bool {
-        at == k && self.simulator.states[state].advance.continuous
+    fn moves(&self, &(state, lag): &(usize, usize)) -> bool {
+        lag == 0 && self.simulator.states[state].advance.continuous
     }
 
-    /// What the right sides read at row `k`: the row and the state read, the right side, and its derivative.
-    fn readings(&self, stage: &Stage, k: usize, mut take: impl FnMut(usize, usize, usize, f64)) {
+    /// Where what is read at row `k` stands; the rows in front of the start are recorded.
+    fn at(&self, k: usize, &(state, lag): &(usize, usize)) -> Option<usize> {
+        Some(k.checked_sub(lag)? * self.simulator.states.len() + state)
+    }
+
+    /// The derivatives of every right side by what is read at row `k`.
+    fn totals<'b>(&self, stage: &'b Stage, k: usize) -> std::slice::ChunksExact<'b, f64> {
         let (states, count) = (self.simulator.states.len(), self.places.variables.len());
-        let slopes = &stage.slopes.total[k * states * count..][..states * count];
-        for (number, &(state, lag)) in self.places.variables.iter().enumerate() {
-            // The rows in front of the start are recorded.
-            let Some(at) = k.checked_sub(lag) else { continue };
-            for (row, &total) in slopes[number..].iter().step_by(count).enumerate().filter(|(_, total)| **total != 0.0)
-            {
-                take(at, state, row, total);
-            }
-        }
+        stage.slopes.total[k * states * count..][..states * count].chunks_exact(count.max(1))
     }
 
     /// The right sides that read latents at row `k`: the right side, its derivative by the latent, the latent's place in its group, and the coefficients.

@@ -124,25 +124,25 @@ impl<'a> Shooting<'a> {
 
     /// The segments that begin in some core rows of a block of an episode, in order; tells how many were left out because a value that they need is missing.
     pub fn segments(&self, episode: usize, block: &Block, rows: Range<usize>, mut take: impl FnMut(Segment)) -> u64 {
-        self.each(episode, block, rows, |window, trajectory| take(self.segment(window, trajectory)))
+        self.each(episode, block, (rows, 1), |window, trajectory| take(self.segment(window, trajectory)))
     }
 
-    /// Adds what these segments give to products of their derivatives J: to `J'r`, or to `J'J v` for a direction v of the coefficients. That takes a few times the simulation, however
-    /// many coefficients there are. Segments with numbers that are not finite are left out and told by [`Products::finite`].
+    /// Adds what these segments, or one of `every` so many, give to products of their derivatives J: to `J'r`, or to `J'J v` for a direction v of the coefficients. That takes a few times the
+    /// simulation, however many coefficients there are. Segments with numbers that are not finite are left out and told by [`Products::finite`].
     pub fn products(
         &self,
         episode: usize,
         block: &Block,
-        rows: Range<usize>,
+        (rows, every): (Range<usize>, usize),
         direction: Option<&[f64]>,
         into: &mut Products,
     ) -> u64 {
-        self.each(episode, block, rows, |window, trajectory| self.product(window, trajectory, direction, into))
+        self.each(episode, block, (rows, every), |window, trajectory| self.product(window, trajectory, direction, into))
     }
 
     /// Adds what the recorded rows of these segments give to the normal matrix of one step.
     pub fn normal(&self, episode: usize, block: &Block, rows: Range<usize>, into: &mut NormalBlocks) {
-        self.each(episode, block, rows, |window, simulated| {
+        self.each(episode, block, (rows, 1), |window, simulated| {
             let run = Run::new(self.source, window, &self.options);
             let measured = |step: i64| {
                 let of = |state: &State| window.values(state.column, step, step + 1)[0];
@@ -165,13 +165,13 @@ impl<'a> Shooting<'a> {
         &self,
         episode: usize,
         block: &Block,
-        rows: Range<usize>,
+        (rows, every): (Range<usize>, usize),
         mut take: impl FnMut(&Window<'_>, &Trajectory),
     ) -> u64 {
         let (halo, horizon) = (self.halo(), self.options.horizon);
         let total = self.source.episodes()[episode].rows;
         let begins = |row: &usize| {
-            *row >= halo.before && (row - halo.before).is_multiple_of(horizon) && row + halo.after < total
+            *row >= halo.before && (row - halo.before).is_multiple_of(horizon * every) && row + halo.after < total
         };
         let starts: Vec<Start> = (block.first + rows.start..block.first + rows.end)
             .filter(begins)

@@ -76,7 +76,8 @@ pub use problem::Residual;
 pub use resimulation::{Certificate, Ending, Resimulated, Resimulation, ResimulationOptions, resimulate};
 pub use separable::{LinearFit, LinearTarget, Separable, SeparableOptions, Start, separable};
 pub use simulation::{
-    Hold, MOST_PRODUCTS, ManyOptions, Simulated, SimulationOptions, WHOLE_COEFFICIENTS, simulation_error, simulation_errors,
+    Hold, MOST_PRODUCTS, ManyOptions, Simulated, SimulationOptions, WHOLE_COEFFICIENTS, simulation_error,
+    simulation_errors,
 };
 pub use smoothing::{Settled, SmoothingOptions, StateSmoother, Tracks, Variances};
 pub use uncertain::Uncertain;

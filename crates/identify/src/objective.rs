@@ -260,8 +260,7 @@ pub(crate) fn refine(
     refuse_not_finite(&fitted.model)?;
     let changed = fitted.model.latents != model.latents;
     let training = score(&fitted.model, source, &ScoreOptions::default(), progress)?;
-    let mut refinement =
-        Refinement { rule, far, fitted, training, folds, weights, bound: None, written: false };
+    let mut refinement = Refinement { rule, far, fitted, training, folds, weights, bound: None, written: false };
     let ([one_step, simulated], [one_far, simulated_far]) = (refinement.rollouts(), refinement.far_rollouts());
     refinement.written = changed && simulated < one_step * (1.0 - SAME) && simulated_far <= one_far;
     Ok(Some(refinement))

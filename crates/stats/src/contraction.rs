@@ -86,6 +86,30 @@ impl Contraction {
     /// # Panics
     /// When the shapes disagree.
     pub fn nearest(&self, wanted: MatRef<'_, f64>, start: MatRef<'_, f64>, tolerance: f64) -> Option<Contracted> {
+        self.search(wanted, start, tolerance, |at, step, _| at.moved(step))
+    }
+
+    /// [`Contraction::nearest`] by Newton steps that are as long as the centre's function falls on, in place of those that are known to be short enough: several times as fast, with the
+    /// same certificate.
+    ///
+    /// # Panics
+    /// When the shapes disagree.
+    pub fn nearest_by_long_steps(
+        &self,
+        wanted: MatRef<'_, f64>,
+        start: MatRef<'_, f64>,
+        tolerance: f64,
+    ) -> Option<Contracted> {
+        self.search(wanted, start, tolerance, |at, step, tau| at.moved_far(step, tau))
+    }
+
+    fn search(
+        &self,
+        wanted: MatRef<'_, f64>,
+        start: MatRef<'_, f64>,
+        tolerance: f64,
+        moved: impl for<'a> Fn(&Centre<'a>, &Step, f64) -> Option<Centre<'a>>,
+    ) -> Option<Contracted> {
         let n = self.offset.nrows() as f64;
         let there = self.matrix(wanted);
         let norm = svd(there.as_ref())?.s.first().copied().unwrap_or(0.0);
@@ -117,7 +141,7 @@ impl Contraction {
                     continue;
                 }
             }
-            match at.moved(&step) {
+            match moved(&at, &step, tau) {
                 Some(next) => at = next,
                 // Rounding: the border is as near as it can be told.
                 None => break,
@@ -220,6 +244,25 @@ impl<'a> Centre<'a> {
             length *= 0.5;
         }
         None
+    }
+
+    /// The longest of halved steps that lowers the centre's function by a tenth of what its slope promises.
+    fn moved_far(&self, step: &Step, tau: f64) -> Option<Self> {
+        let rho = self.problem.bound;
+        let value =
+            |at: &Self| tau * at.distance - at.factors.s.iter().map(|s| ((rho - s) * (rho + s)).ln()).sum::<f64>();
+        let (before, promised) = (value(self), step.decrement * step.decrement);
+        let mut length = 1.0;
+        for _ in 0..40 {
+            let values = &self.values + faer::Scale(length) * &step.direction;
+            if let Some(next) = Self::new(self.problem, self.wanted, values)
+                && value(&next) <= before - 0.1 * length * promised
+            {
+                return Some(next);
+            }
+            length *= 0.5;
+        }
+        self.moved(step)
     }
 
     fn gap(&self, tau: f64) -> f64 {

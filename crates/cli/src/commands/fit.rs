@@ -95,7 +95,8 @@ fn dry_run(recipe: &Recipe, files: &[std::path::PathBuf], context: &Context) -> 
         let of_choice = plan.choice_passes;
         format!("; of them {of_choice} for the choice, with {candidates} x {folds} x {starts} rollouts of {horizon} steps at most")
     });
-    let simulations = plan.objective.in_words(plan.fit_passes, plan.bounded).map_or_else(String::new, |words| format!("\n{words}"));
+    let simulations =
+        plan.objective.in_words(plan.fit_passes, plan.bounded).map_or_else(String::new, |words| format!("\n{words}"));
     context.print(
         &plan,
         || {

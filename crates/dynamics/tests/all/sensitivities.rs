@@ -108,7 +108,7 @@ fn products(model: &Model, source: &MemorySource, options: &ShootingOptions, dir
     let mut sums = Products::new(coefficients.len());
     for (episode, info) in source.episodes().iter().enumerate() {
         let block = source.read(episode, 0..info.rows, shooting.halo()).unwrap();
-        assert_eq!(shooting.products(episode, &block, 0..info.rows, direction, &mut sums), 0);
+        assert_eq!(shooting.products(episode, &block, (0..info.rows, 1), direction, &mut sums), 0);
     }
     sums
 }

@@ -11,7 +11,8 @@
 //!
 //! A trial step minimises `|r + J s|^2 + tau |theta + s - theta_1|_H^2` over a Krylov subspace of `H^-1 J'J`, from the gradient on, within a region of trust `|s|_H <= radius`: the
 //! steps of truncated conjugate gradients, preconditioned by H (Steihaug, The conjugate gradient method and trust regions in large scale optimization, 1983). A direction of the subspace is one
-//! product `J'J v`, one pass over the rows; a step that is refused is tried again, shorter, in the same subspace. H is the preconditioner, the metric of trust and that of the prior.
+//! product `J'J v`, one pass over the rows, of which a part of the segments tells enough (Byrd, Chin, Neveitt and Nocedal, On the use of stochastic Hessian information in optimization methods for
+//! machine learning, 2011); a step that is refused is tried again, shorter, in the same subspace. H is the preconditioner, the metric of trust and that of the prior.
 //!
 //! Where a model has to keep within a convex set ([`Hold`]), the quadratic model is minimised in the set by spectral projected gradients in the metric H, one product `J'J v` a direction, and a trial
 //! step goes the way to the point that they end at, as far as the radius says: all points on that way are of the set.
@@ -46,18 +47,23 @@ pub struct ManyOptions {
     pub directions: usize,
     /// Relative reduction of F below which a weight is done.
     pub reduction: f64,
+    /// Residuals a coefficient that the curvature of a step is told by, about: of more segments one of so many is taken, and counts for them. The sum of squares and its derivative are those of all.
+    pub sample: f64,
 }
+
+/// Of so many segments one tells the curvature, at most.
+const SPARSEST: f64 = 16.0;
 
 impl Default for ManyOptions {
     fn default() -> Self {
-        Self { weights: vec![0.1, 0.01, 0.001], trials: 3, directions: 8, reduction: 1e-3 }
+        Self { weights: vec![0.1, 0.01, 0.001], trials: 3, directions: 8, reduction: 1e-3, sample: 200.0 }
     }
 }
 
 impl ManyOptions {
     /// Passes over the rows, at most.
     pub fn passes(&self) -> usize {
-        1 + self.weights.len() * (self.trials * (self.directions + 1) + self.directions)
+        1 + self.weights.len() * self.trials * (self.directions + 1)
     }
 }
 
@@ -84,7 +90,7 @@ pub(super) fn path(
     if products > MOST_PRODUCTS {
         return Err(EstimateError::TooManyCoefficients { count: products, most: MOST_PRODUCTS });
     }
-    let mut rows = Rows { model, coefficients, source, options, progress, passes: 0 };
+    let mut rows = Rows { model, coefficients, source, options, progress, passes: 0, every: 1 };
     let start: Vec<f64> = rows.coefficients.iter().map(|coefficient| coefficient.value(model)).collect();
     let (before, normal) = rows.begin(&start, blocks)?;
     if before.sums.residuals < start.len() as u64 {
@@ -93,6 +99,8 @@ pub(super) fn path(
     if let Some((episode, row)) = before.broken {
         return Err(EstimateError::NotFinite { episode: source.episodes()[episode].name.clone(), row });
     }
+    let residuals = before.sums.residuals as f64 / start.len() as f64;
+    rows.every = (residuals / options.many.sample).clamp(1.0, SPARSEST) as usize;
     let normal = raised(normal, &rows.coefficients, before.sums.segments * options.shooting.steps as u64);
     let metric = Metric::new(&normal).ok_or(EstimateError::Overflow)?;
     let first = before.sums.clone();
@@ -142,6 +150,8 @@ struct Rows<'a> {
     options: &'a SimulationOptions,
     progress: &'a dyn Progress,
     passes: usize,
+    /// Of so many segments one tells the curvature.
+    every: usize,
 }
 
 /// One pass.
@@ -168,9 +178,13 @@ impl Rows<'_> {
         Ok(found.broken.is_none().then_some(found.sums))
     }
 
-    /// `J'J v` and `|J v|^2`.
-    fn along(&mut self, theta: &[f64], direction: &[f64]) -> Result<Products, EstimateError> {
-        Ok(self.pass(theta, Some(direction), None)?.sums)
+    /// `J'J v` and `|J v|^2`, of as many segments as there are in all.
+    fn along(&mut self, theta: &[f64], direction: &[f64], segments: u64) -> Result<Products, EstimateError> {
+        let mut sums = self.pass(theta, Some(direction), None)?.sums;
+        let share = segments as f64 / sums.segments.max(1) as f64;
+        sums.back.iter_mut().for_each(|value| *value *= share);
+        sums.square *= share;
+        Ok(sums)
     }
 
     fn pass(
@@ -182,9 +196,9 @@ impl Rows<'_> {
         self.passes += 1;
         let model = model_at(self.model, &self.coefficients, theta);
         let shooting = Shooting::new(&model, self.source, &self.coefficients, &self.options.shooting)?;
+        let every = if direction.is_some() { self.every } else { 1 };
         let chunks = Grid { chunk_rows: self.options.descent.chunk_rows }.chunks(self.source.episodes());
-        let empty =
-            || Pass { sums: Products::new(theta.len()), normal: blocks.cloned(), missing: 0, broken: None };
+        let empty = || Pass { sums: Products::new(theta.len()), normal: blocks.cloned(), missing: 0, broken: None };
         let mut total = empty();
         reduce(
             self.source,
@@ -193,7 +207,7 @@ impl Rows<'_> {
             self.progress,
             empty,
             |pass, chunk, block, tile| {
-                pass.add(&shooting, chunk, block, tile, direction);
+                pass.add(&shooting, chunk, block, (tile, every), direction);
                 Ok::<_, EstimateError>(())
             },
             |_, pass| {
@@ -211,14 +225,14 @@ impl Pass {
         shooting: &Shooting<'_>,
         chunk: &Chunk,
         block: &Block,
-        tile: Range<usize>,
+        (tile, every): (Range<usize>, usize),
         direction: Option<&[f64]>,
     ) {
         if let Some(normal) = &mut self.normal {
             shooting.normal(chunk.episode, block, tile.clone(), normal);
         }
         let place = (chunk.episode, block.first + tile.start);
-        self.missing += shooting.products(chunk.episode, block, tile, direction, &mut self.sums);
+        self.missing += shooting.products(chunk.episode, block, (tile, every), direction, &mut self.sums);
         if !self.sums.finite || !self.sums.back.iter().all(|value| value.is_finite()) {
             self.broken.get_or_insert(place);
         }
@@ -356,6 +370,9 @@ impl Near<'_> {
     fn run(&mut self) -> Result<Status, EstimateError> {
         let mut trials = 0;
         loop {
+            if trials == self.options().trials {
+                return Ok(Status::Iterations);
+            }
             let gradient = self.gradient();
             if gradient.iter().all(|&slope| slope == 0.0) {
                 return Ok(Status::Gradient);

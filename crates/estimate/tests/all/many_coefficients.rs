@@ -2,9 +2,7 @@
 
 use fleetfoot_data::{MemorySource, Silent, with_threads};
 use fleetfoot_dynamics::{Coefficient, NormalBlocks};
-use fleetfoot_estimate::{
-    Hold, Simulated, SimulationOptions, WHOLE_COEFFICIENTS, simulation_error, simulation_errors,
-};
+use fleetfoot_estimate::{Hold, Simulated, SimulationOptions, WHOLE_COEFFICIENTS, simulation_error, simulation_errors};
 use fleetfoot_model::{Model, Partition, Prediction, Rule};
 
 use crate::simulation::{exact, expression, linear, linear_model, model, noise, source};
@@ -77,7 +75,9 @@ fn without_a_prior_the_minimum_is_that_of_the_whole_matrix() {
         let found = &found[0];
         assert_eq!(found.coefficients, whole.coefficients);
         assert_eq!((found.segments, found.residuals, found.ended), (whole.segments, whole.residuals, whole.ended));
-        assert!((found.cost[0] / whole.cost[0] - 1.0).abs() < 1e-13 && (found.cost[1] / whole.cost[1] - 1.0).abs() < 1e-12);
+        assert!(
+            (found.cost[0] / whole.cost[0] - 1.0).abs() < 1e-13 && (found.cost[1] / whole.cost[1] - 1.0).abs() < 1e-12
+        );
         for (own, other) in values(found).iter().zip(values(&whole)) {
             assert!((own - other).abs() < 1e-7, "{own} {other}");
         }
@@ -108,7 +108,16 @@ fn many(seed: usize) -> (Model, MemorySource) {
     let centres: Vec<Vec<f64>> = (0..regions).map(|r| (0..2).map(|i| noise(1000 + 2 * r + i)).collect()).collect();
     let truth = |target: usize, region: usize| -> (f64, Vec<f64>) {
         let own = |j: usize| 0.06 * noise(50_000 + 97 * region + 11 * target + j);
-        let slope = |j: usize| own(j) + if j == target { 0.85 } else if j >= states { 0.3 } else { 0.0 };
+        let slope = |j: usize| {
+            own(j)
+                + if j == target {
+                    0.85
+                } else if j >= states {
+                    0.3
+                } else {
+                    0.0
+                }
+        };
         (own(10), (0..states + inputs).map(slope).collect())
     };
     let mut episodes = Vec::new();
@@ -158,7 +167,10 @@ fn more_coefficients_than_a_matrix_is_held_of_descend_with_the_same_bits_on_any_
     assert_eq!(found.len(), options.many.weights.len());
     let (mut cost, mut passes) = (found[0].cost[0], 0);
     for (at, weight) in found.iter().zip(&options.many.weights) {
-        println!("{weight}: {} of {}, {} passes, certificate {:.1e}, {:?}", at.cost[1], at.cost[0], at.passes, at.gradient, at.status);
+        println!(
+            "{weight}: {} of {}, {} passes, certificate {:.1e}, {:?}",
+            at.cost[1], at.cost[0], at.passes, at.gradient, at.status
+        );
         assert!(at.cost[1] < cost && at.passes > passes && at.weight == Some(*weight));
         (cost, passes) = (at.cost[1], at.passes);
     }
@@ -167,7 +179,10 @@ fn more_coefficients_than_a_matrix_is_held_of_descend_with_the_same_bits_on_any_
     assert!(found[0].gradient < 0.05, "{}", found[0].gradient);
     for threads in [2, 7] {
         for (own, other) in found.iter().zip(fit(threads)) {
-            assert_eq!((&own.model, own.cost, own.gradient, own.passes), (&other.model, other.cost, other.gradient, other.passes));
+            assert_eq!(
+                (&own.model, own.cost, own.gradient, own.passes),
+                (&other.model, other.cost, other.gradient, other.passes)
+            );
         }
     }
     let last = simulation_error(&start, &source, &options, &Silent).unwrap();
@@ -196,7 +211,8 @@ fn a_model_that_is_held_ends_where_the_conditions_of_a_minimum_hold() {
     // The sum of squares, by fits of no trial.
     let mut look = options.clone();
     look.many.trials = 0;
-    let square = |model: &Model| simulation_errors(model, &source, &look, Some(&Everywhere), &Silent).unwrap()[0].cost[0];
+    let square =
+        |model: &Model| simulation_errors(model, &source, &look, Some(&Everywhere), &Silent).unwrap()[0].cost[0];
     for number in 1..found.coefficients.len() {
         let coefficient = found.coefficients[number];
         if coefficient == (Coefficient { region: 0, latent: 0, function: Some(0) }) {

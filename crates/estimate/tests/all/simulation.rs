@@ -4,9 +4,7 @@ use std::{fs, path::Path, process::Command};
 
 use fleetfoot_data::{Column as DataColumn, MemorySource, Silent, with_threads};
 use fleetfoot_dynamics::Coefficient;
-use fleetfoot_estimate::{
-    EstimateError, MOST_PRODUCTS, Simulated, SimulationOptions, Status, simulation_error,
-};
+use fleetfoot_estimate::{EstimateError, MOST_PRODUCTS, Simulated, SimulationOptions, Status, simulation_error};
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_model::{Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training};
 use fleetfoot_stats::{Factor, least_squares};

@@ -8,8 +8,11 @@ use fleetfoot_data::{Silent, parallel_map};
 use fleetfoot_model::Model;
 use fleetfoot_stats::spectral_radius;
 
-use super::{GAP, Loop, Metric, Region, Stability, largest};
+use super::{Loop, Metric, Region, Stability, largest};
 use crate::{Error, Problem};
+
+/// Relative duality gap of the nearest maps, in squares of the distance: they are looked for at every direction of a search.
+const GAP: f64 = 1e-6;
 
 /// The models whose regions contract in one metric: a convex set.
 pub struct Contracting {
@@ -67,13 +70,14 @@ impl Contracting {
                 let (region, mean) = Region::weighted(own, &coefficients[at], &weights[at])?;
                 let problem = region.contraction(own, metric);
                 let room = |values: &Mat<f64>| largest(&problem.matrix(values.as_ref()));
-                let read = |of: &Mat<f64>| Mat::from_fn(own.regressors.len(), of.ncols(), |k, t| of[(own.regressors[k], t)]);
+                let read =
+                    |of: &Mat<f64>| Mat::from_fn(own.regressors.len(), of.ncols(), |k, t| of[(own.regressors[k], t)]);
                 let known = region.inner(read(&coefficients[tightest]).as_ref());
                 let start = match problem.least() {
                     Some(least) if room(&least) < room(&known) => least,
                     _ => known,
                 };
-                let nearest = problem.nearest(region.free.as_ref(), start.as_ref(), GAP)?;
+                let nearest = problem.nearest_by_long_steps(region.free.as_ref(), start.as_ref(), GAP)?;
                 let mut moved = coefficients[at].clone();
                 let change = region.moved(own, &nearest.values, &mut moved);
                 // The constant follows the means.

@@ -23,14 +23,19 @@ fn all_entries_free_cuts_singular_values_off() {
         let wanted = matrix(n, n, || 2.0 * next());
         let own =
             Contraction { offset: Mat::zeros(n, n), left: Mat::identity(n, n), right: Mat::identity(n, n), bound: 0.8 };
-        let found = own.nearest(wanted.as_ref(), Mat::zeros(n, n).as_ref(), 1e-9).unwrap();
         let Svd { u, s, v } = svd(wanted.as_ref()).unwrap();
         let cut = Mat::from_fn(n, n, |i, j| (0..n).map(|k| u[(i, k)] * s[k].min(0.8) * v[(j, k)]).sum::<f64>());
         let distance = 0.5 * s.iter().map(|s| (s - 0.8).max(0.0).powi(2)).sum::<f64>();
-        // f is strongly convex: a gap bounds the squared distance to the minimum.
-        assert!((&found.values - &cut).norm_l2() <= (2.0 * found.gap).sqrt() + 1e-12);
-        assert!(found.distance >= distance && found.distance - distance <= found.gap + 1e-14);
-        assert!(found.gap <= 1e-9 * found.distance && found.norm <= 0.8);
+        let zeros = Mat::zeros(n, n);
+        for found in [
+            own.nearest(wanted.as_ref(), zeros.as_ref(), 1e-9).unwrap(),
+            own.nearest_by_long_steps(wanted.as_ref(), zeros.as_ref(), 1e-9).unwrap(),
+        ] {
+            // f is strongly convex: a gap bounds the squared distance to the minimum.
+            assert!((&found.values - &cut).norm_l2() <= (2.0 * found.gap).sqrt() + 1e-12);
+            assert!(found.distance >= distance && found.distance - distance <= found.gap + 1e-14);
+            assert!(found.gap <= 1e-9 * found.distance && found.norm <= 0.8);
+        }
     }
 }
 

@@ -113,7 +113,7 @@ impl Near<'_> {
         let mut next: Vec<f64> = slope.iter().map(|value| value / length).collect();
         while found.basis.len() < most {
             let direction = self.metric.down(&next);
-            let product = self.rows.along(&self.theta, &direction)?;
+            let product = self.rows.along(&self.theta, &direction, self.at.segments)?;
             found.basis.push(next);
             let mut left = self.metric.slope(&product.back);
             let (m, old) = (found.basis.len(), found.products);
@@ -144,15 +144,14 @@ impl Near<'_> {
         let mut spectral = 1.0 / self.tau;
         for _ in 0..self.options().directions {
             let downhill = self.metric.down(&self.metric.slope(&slope));
-            let there: Vec<f64> =
-                (0..p).map(|j| self.theta[j] + at.step[j] - spectral * downhill[j]).collect();
+            let there: Vec<f64> = (0..p).map(|j| self.theta[j] + at.step[j] - spectral * downhill[j]).collect();
             let Some(nearest) = self.nearest(&there) else { break };
             let direction: Vec<f64> = (0..p).map(|j| nearest[j] - self.theta[j] - at.step[j]).collect();
             let along = dot(&slope, &direction);
             if along.is_nan() || along >= 0.0 {
                 break;
             }
-            let product = self.rows.along(&self.theta, &direction)?;
+            let product = self.rows.along(&self.theta, &direction, self.at.segments)?;
             let pull = self.metric.times(&direction);
             let square = dot(&pull, &direction);
             let curvature = product.square + self.tau * square;
