@@ -129,6 +129,51 @@ fn what_does_not_simulate_better_is_not_written() {
     assert_eq!(read("one.json")["model"]["latents"], read("steps.json")["model"]["latents"]);
 }
 
+/// Maps that are bounded stay so when they are fitted to simulations: the norms of what is written, in the metric that is told, from the files' own numbers. The weight of the prior is one that
+/// was tried, its rollouts are those that are told, and threads change no byte.
+#[test]
+fn bounded_maps_are_fitted_to_simulations_within_their_bound() {
+    let folder = folder(0.3);
+    let options = "--folds 0 --partition kmeans:12 --stable=0.99 --objective steps:10 --json";
+    let said = fit(folder.path(), "pwa", &format!("{options} -o steps.json")).ok();
+    assert!(said.err.contains("--objective steps:10: at most") && !said.err.contains("2000"), "{}", said.err);
+    let report = said.json();
+    let objective = &report["objective"];
+    let ([before, after], cost) = (pairs(objective, "rollouts_over_persistence"), pairs(objective, "cost"));
+    assert!(objective["written"] == true && after < before && cost[1] < cost[0], "{objective}");
+    let tried = objective["prior_weights"].as_array().expect("weights");
+    let own = tried.iter().find(|own| own["weight"] == objective["prior_weight"]).expect("the weight");
+    assert!(tried.len() == 3 && own["rollouts"] == objective["rollouts_over_persistence"][1], "{objective}");
+    let number = |value: &serde_json::Value| value.as_f64().expect("a number");
+    let metric: Vec<f64> =
+        report["candidates"][0]["stability"]["metric"].as_array().expect("a metric").iter().map(number).collect();
+    let text = fs::read_to_string(folder.path().join("steps.json")).expect("a model");
+    let model: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    let mut greatest = 0.0_f64;
+    for region in 0..12 {
+        let row = |t: usize, j: usize| number(&model["model"]["latents"][t]["coefficients"][region][j]);
+        // The greatest root of det(M'PM - s P), which is a quadratic of two states.
+        let weight = |i: usize, j: usize| metric[2 * i + j];
+        let pairs = || (0..2).flat_map(|i| (0..2).map(move |j| (i, j)));
+        let image = |a: usize, b: usize| pairs().map(|(i, j)| row(i, a) * weight(i, j) * row(j, b)).sum::<f64>();
+        let determinant = |of: &dyn Fn(usize, usize) -> f64| of(0, 0) * of(1, 1) - of(0, 1).powi(2);
+        let (a, c) = (determinant(&weight), determinant(&image));
+        let b = image(0, 0) * weight(1, 1) + image(1, 1) * weight(0, 0) - 2.0 * image(0, 1) * weight(0, 1);
+        greatest = greatest.max(((b + (b * b - 4.0 * a * c).max(0.0).sqrt()) / (2.0 * a)).sqrt());
+    }
+    assert!(
+        greatest <= 0.99 + 1e-7 && (greatest - number(&objective["bound"]["norm"])).abs() < 1e-6,
+        "{greatest} {objective}"
+    );
+    let again = fit(folder.path(), "pwa", &format!("{options} --threads 1 -o again.json")).ok();
+    assert_eq!(again.json()["objective"], *objective);
+    assert_eq!(fs::read(folder.path().join("again.json")).ok(), fs::read(folder.path().join("steps.json")).ok());
+    let words = fit(folder.path(), "pwa", &options.replace("--json", "-o words.json")).ok();
+    for part in ["The error of one step weighs", "Its regions contract by 0.99"] {
+        assert!(words.out.contains(part), "{}", words.out);
+    }
+}
+
 #[test]
 fn what_cannot_be_is_refused_with_the_mend() {
     let folder = folder(0.1);

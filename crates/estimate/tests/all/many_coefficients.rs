@@ -123,7 +123,7 @@ fn many(seed: usize) -> (Model, MemorySource) {
     let mut episodes = Vec::new();
     for episode in 0..4 {
         let (mut state, mut columns) = (vec![0.0; states], vec![Vec::new(); 5]);
-        for k in 0..3000 {
+        for k in 0..1500 {
             let key = 1_000_000 * (seed + 1) + 100_000 * episode + 10 * k;
             let own: Vec<f64> = (0..inputs).map(|i| noise(key + i)).collect();
             let row: Vec<f64> = state.iter().chain(&own).copied().collect();
@@ -187,6 +187,13 @@ fn more_coefficients_than_a_matrix_is_held_of_descend_with_the_same_bits_on_any_
     }
     let last = simulation_error(&start, &source, &options, &Silent).unwrap();
     assert_eq!(last.model, found[2].model);
+    // A quarter of the segments tells the curvature about as well.
+    let mut sampled = options.clone();
+    sampled.many.sample = 2.0;
+    let part = simulation_errors(&start, &source, &sampled, None, &Silent).unwrap();
+    println!("of a part of the segments: {:?}", part.iter().map(|at| at.cost[1]).collect::<Vec<f64>>());
+    assert!(part[0].cost[1] < 0.5 * (found[0].cost[0] + found[0].cost[1]) && part[0].model != found[0].model);
+    assert!(part.windows(2).all(|pair| pair[1].cost[1] < pair[0].cost[1]));
     // Rows that did not train: a bound of the sum of squares is that of the start.
     let (_, others) = many(1);
     let mut look = options.clone();

@@ -7,7 +7,9 @@ use faer::{Mat, Side};
 use fleetfoot_data::{Column as DataColumn, Halo, MemorySource, Silent, Source, with_threads};
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_model::{Column, Equation, Model, Prediction, Role};
-use fleetfoot_pwa::{Error, Identification, Options, Problem, Specification, Stability, identify};
+use fleetfoot_pwa::{
+    Contracting, Error, Identification, Options, Problem, RegionWeight, Specification, Stability, identify,
+};
 use fleetfoot_stats::{spectral_radius, svd};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -177,6 +179,62 @@ fn no_map_within_the_bound_has_less_error() {
         }
     }
     assert!(within > 500, "{within}");
+}
+
+/// Coefficients that left the bound go to the nearest ones of it: from there no way within the bound leads nearer, the condition of a least distance over a convex set. What is within stays to the bit.
+#[test]
+fn models_are_kept_within_the_bound_where_they_are_nearest() {
+    let source = oscillator(2000, 4);
+    let found = run(&problem(), &options("kmeans:8", Some(0.98)), &source);
+    let stability = found.candidates[0].stability.as_ref().unwrap();
+    let (set, P) = (Contracting::new(&problem(), stability).unwrap(), metric(stability));
+    let mut random = Pcg64::seed_from_u64(11);
+    let weights: Vec<RegionWeight> = (0..8)
+        .map(|_| {
+            let root = Mat::from_fn(9, 4, |_, j| if j == 0 { 1.0 } else { random.random_range(-1.0..2.0) });
+            RegionWeight::new(root.transpose() * &root, vec![1.0, random.random_range(0.2..5.0)])
+        })
+        .collect();
+    let mut moved = |size: f64| {
+        let mut model = found.model.clone();
+        for latent in &mut model.latents {
+            latent.constants.iter_mut().for_each(|value| *value += size * random.random_range(-1.0..1.0));
+            latent.coefficients.iter_mut().flatten().for_each(|value| *value += size * random.random_range(-1.0..1.0));
+        }
+        model
+    };
+    let numbers = |model: &Model, region: usize, t: usize| -> Vec<f64> {
+        let own = &model.latents[t];
+        std::iter::once(own.constants[region]).chain(own.coefficients[region].iter().copied()).collect()
+    };
+    let wanted = moved(0.3);
+    let nearest = set.nearest(&wanted, &weights).unwrap();
+    let others: Vec<Model> = (0..200).map(|k| set.nearest(&moved(0.02 + 0.01 * k as f64), &weights).unwrap()).collect();
+    let mut left = 0;
+    for region in 0..8 {
+        let within = norm(&map(&wanted, region, 2), &P) <= 0.98;
+        assert!(norm(&map(&nearest, region, 2), &P) <= 0.98 + 1e-9);
+        let same = (0..2).all(|t| numbers(&wanted, region, t) == numbers(&nearest, region, t));
+        assert_eq!(same, within);
+        left += usize::from(!within);
+        // sum_t weight_t (wanted - nearest)' G (other - nearest)
+        let along = |to: &Model| -> f64 {
+            let of = |t: usize| {
+                let at = numbers(&nearest, region, t);
+                let away = |model: &Model| Mat::from_fn(4, 1, |j, _| numbers(model, region, t)[j] - at[j]);
+                weights[region].targets[t] * (away(&wanted).transpose() * &weights[region].products * away(to))[(0, 0)]
+            };
+            (0..2).map(of).sum()
+        };
+        let size = along(&wanted);
+        for other in others.iter().chain([&found.model]) {
+            // The gap is a millionth of the squared distance, and a thousandth its root.
+            assert!(along(other) <= 3e-3 * (size + size.sqrt()), "{region}: {} {size}", along(other));
+        }
+    }
+    assert!(left >= 3, "{left}");
+    let told = set.told(stability, &nearest);
+    assert!(told.regions.iter().all(|own| own.norm <= 0.98 + 1e-9 && own.radius <= own.norm + 1e-9));
 }
 
 #[test]
