@@ -229,8 +229,7 @@ pub(crate) fn refine(
     let held = HeldOut::new((source, smoothed), rule, format!("--objective {objective}"))?;
     let far = held.far(FAR * rule.horizon);
     let most = SimulationOptions::new(rule.horizon).many.weights.len();
-    // By fold: the errors of the model of one step, and of those of every weight.
-    let mut trials: Vec<(HeldOutErrors, Vec<(Option<f64>, HeldOutErrors)>)> = Vec::with_capacity(rule.folds);
+    let mut trials: Vec<Trial> = Vec::with_capacity(rule.folds);
     held.each(|train, rows| {
         let before = fit(train)?;
         progress.stage("simulation error, without a fold");
@@ -242,18 +241,15 @@ pub(crate) fn refine(
                 .collect(),
         };
         let errors = |model: &Model| HeldOutErrors::of(model, rows, &held, far);
-        let after = after.iter().map(|(weight, model)| Ok((*weight, errors(model)?))).collect::<Result<_, Error>>()?;
-        trials.push((errors(&before.0)?, after));
+        let simulated =
+            after.iter().map(|(weight, model)| Ok((*weight, errors(model)?))).collect::<Result<_, Error>>()?;
+        trials.push(Trial { one_step: errors(&before.0)?, simulated });
         Ok(())
     })?;
     let weights = weights(&trials);
-    let one_far = trials.iter().map(|trial| trial.0.far).sum::<f64>() / trials.len() as f64;
+    let one_far = trials.iter().map(|trial| trial.one_step.far).sum::<f64>() / trials.len() as f64;
     let chosen = chosen(&weights, one_far);
-    let fold = |(one_step, mut simulated): (HeldOutErrors, Vec<(Option<f64>, HeldOutErrors)>)| RefinedFold {
-        one_step,
-        simulated: simulated.swap_remove(chosen.min(simulated.len() - 1)).1,
-    };
-    let folds = trials.into_iter().map(fold).collect();
+    let folds = trials.into_iter().map(|trial| trial.fold(chosen)).collect();
     progress.stage("simulation error");
     let fitted = fitted(objective, beginning, chosen + 1, source, progress)?.pop();
     let Some(fitted) = fitted else { return Ok(None) };
@@ -266,14 +262,29 @@ pub(crate) fn refine(
     Ok(Some(refinement))
 }
 
+/// The models of a fold, on the rows that it holds out.
+struct Trial {
+    one_step: HeldOutErrors,
+    /// By the weight of the prior, where there is one.
+    simulated: Vec<(Option<f64>, HeldOutErrors)>,
+}
+
+impl Trial {
+    /// With the weight that was chosen.
+    fn fold(mut self, chosen: usize) -> RefinedFold {
+        let simulated = self.simulated.swap_remove(chosen.min(self.simulated.len() - 1)).1;
+        RefinedFold { one_step: self.one_step, simulated }
+    }
+}
+
 /// Means over the folds; none where a fold has no prior.
-fn weights(trials: &[(HeldOutErrors, Vec<(Option<f64>, HeldOutErrors)>)]) -> Vec<WeightErrors> {
-    let count = trials.iter().map(|trial| trial.1.len()).min().unwrap_or(0);
+fn weights(trials: &[Trial]) -> Vec<WeightErrors> {
+    let count = trials.iter().map(|trial| trial.simulated.len()).min().unwrap_or(0);
     let mean = |at: usize, of: fn(&HeldOutErrors) -> f64| {
-        trials.iter().map(|trial| of(&trial.1[at].1)).sum::<f64>() / trials.len() as f64
+        trials.iter().map(|trial| of(&trial.simulated[at].1)).sum::<f64>() / trials.len() as f64
     };
     let of = |at: usize| {
-        let weight = trials.first().and_then(|trial| trial.1[at].0)?;
+        let weight = trials.first().and_then(|trial| trial.simulated[at].0)?;
         Some(WeightErrors { weight, rollouts: mean(at, |own| own.rollouts), far: mean(at, |own| own.far) })
     };
     (0..count).map_while(of).collect()

@@ -104,7 +104,7 @@ pub(super) fn path(
     let normal = raised(normal, &rows.coefficients, before.sums.segments * options.shooting.steps as u64);
     let metric = Metric::new(&normal).ok_or(EstimateError::Overflow)?;
     let first = before.sums.clone();
-    let radius = options.descent.radius * norm(metric.up(&start).into_iter()).max(f64::MIN_POSITIVE);
+    let radius = options.descent.radius * norm(metric.up(&start)).max(f64::MIN_POSITIVE);
     let held = hold.map(|hold| (hold, &normal));
     let mut descent =
         Near { rows, metric: &metric, held, theta: start.clone(), start: &start, at: before.sums, tau: 0.0, radius };

@@ -172,7 +172,7 @@ impl Near<'_> {
             }
             spectral = square / curvature;
         }
-        best.length = norm(self.metric.up(&best.step).into_iter());
+        best.length = norm(self.metric.up(&best.step));
         Ok(best)
     }
 }
