@@ -33,10 +33,11 @@ use crate::{
     Error,
     region_model::{Base, RegionModel},
 };
-pub use held::{Contracting, RegionWeight};
+pub use held::Contracting;
 pub(crate) use looped::Loop;
 use metric::Metric;
 use region::Region;
+pub use region::RegionWeight;
 
 /// That the maps of a model contract, with the metric in which they do.
 #[derive(Debug, Clone, PartialEq)]

@@ -8,7 +8,7 @@ use fleetfoot_data::{Silent, parallel_map};
 use fleetfoot_model::Model;
 use fleetfoot_stats::spectral_radius;
 
-use super::{Loop, Metric, Region, Stability, largest};
+use super::{Loop, Metric, Region, RegionWeight, Stability, largest};
 use crate::{Error, Problem};
 
 /// Relative duality gap of the nearest maps, in squares of the distance: they are looked for at every direction of a search.
@@ -18,23 +18,6 @@ const GAP: f64 = 1e-6;
 pub struct Contracting {
     own: Loop,
     metric: Metric,
-}
-
-/// What the rows of a region weigh, as the nearest coefficients are sought.
-#[derive(Debug, Clone)]
-#[non_exhaustive]
-pub struct RegionWeight {
-    /// Products of the constant's 1 and the functions of the library (p + 1 x p + 1), positive definite.
-    pub products: Mat<f64>,
-    /// Of every target, the weight of a square (q).
-    pub targets: Vec<f64>,
-}
-
-impl RegionWeight {
-    /// From both.
-    pub fn new(products: Mat<f64>, targets: Vec<f64>) -> Self {
-        Self { products, targets }
-    }
 }
 
 impl Contracting {

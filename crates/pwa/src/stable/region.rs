@@ -6,7 +6,7 @@
 use faer::{Mat, MatRef, Side, linalg::solvers::Solve};
 use fleetfoot_stats::{Contraction, SquareRoot, svd};
 
-use super::{Loop, held::RegionWeight, metric::Metric};
+use super::{Loop, metric::Metric};
 use crate::region_model::RegionModel;
 
 /// Share of a region's mean curvature that pulls towards the free coefficients in directions that its rows do not tell.
@@ -14,6 +14,23 @@ const UNTOLD: f64 = 1e-9;
 
 /// Pull on how the other coefficients follow, in squares of a row at one standard deviation. Where the rows of a region tell less than that they stay: rows elsewhere would pay for it.
 const FOLLOWED: f64 = 1.0;
+
+/// What the rows of a region weigh, as the nearest coefficients are sought.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct RegionWeight {
+    /// Products of the constant's 1 and the functions of the library (p + 1 x p + 1), positive definite.
+    pub products: Mat<f64>,
+    /// Of every target, the weight of a square (q).
+    pub targets: Vec<f64>,
+}
+
+impl RegionWeight {
+    /// From both.
+    pub fn new(products: Mat<f64>, targets: Vec<f64>) -> Self {
+        Self { products, targets }
+    }
+}
 
 /// A region: for coefficients A (s x q) of the functions that read the loop's variables, all others following, the squared errors over their variance grow by
 /// `|Y - Y0|^2` with `Y = L' A diag(1 / sigma)`, L L' being what the other functions leave of the Gram matrix.
