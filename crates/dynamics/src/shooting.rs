@@ -127,7 +127,7 @@ impl<'a> Shooting<'a> {
         self.each(episode, block, (rows, 1), |window, trajectory| take(self.segment(window, trajectory)))
     }
 
-    /// Adds what these segments, or one of `every` so many, give to products of their derivatives J: to `J'r`, or to `J'J v` for a direction v of the coefficients. That takes a few times the
+    /// Adds what these segments, or one of `every` so many, give to products of their derivatives J: to `J'r`, or to `J'J v` for a direction v of the coefficients. That takes some five to eleven times the
     /// simulation, however many coefficients there are. Segments with numbers that are not finite are left out and told by [`Products::finite`].
     pub fn products(
         &self,
