@@ -5,7 +5,7 @@ use fleetfoot_data::{MemorySource, Source};
 use fleetfoot_dynamics::{
     Coefficient, Error, Method, NormalBlocks, Products, Segment, Shooting, ShootingOptions, Step,
 };
-use fleetfoot_model::{Model, Partition, Prediction, Role, Rule};
+use fleetfoot_model::{Column, Model, Partition, Prediction, Role, RotationKind, RotationPart, Rule};
 use proptest::prelude::*;
 
 /// Every segment of a source.
@@ -125,6 +125,63 @@ fn dense(segments: &[Segment], p: usize, of: impl Fn(&Segment, usize) -> f64) ->
         }
     }
     (back, square)
+}
+
+/// A body whose rates are fitted and turn its attitude, in steps that leave the unit sphere.
+#[test]
+fn products_follow_rotations_back() {
+    let names = ["qw", "qx", "qy", "qz", "wx", "wy", "wz"];
+    let columns = names.iter().enumerate().map(|(part, name)| {
+        let rotation = RotationPart { group: "attitude".into(), kind: RotationKind::Quaternion, part };
+        Column { rotation: Some(rotation).filter(|_| part < 4), ..column(name, Role::State, false) }
+    });
+    let fitted = |name, shift: f64| {
+        let numbers: Vec<f64> = (0..4).map(|j| 0.4 * (shift + 1.3 * f64::from(j)).sin()).collect();
+        (name, Prediction::Derivative, "1", vec![(0.3 * shift.cos(), numbers)])
+    };
+    let given = [
+        ("qw", Prediction::Derivative, "-0.5*(qx*wx + qy*wy + qz*wz)"),
+        ("qx", Prediction::Derivative, "0.5*(qw*wx + qy*wz - qz*wy)"),
+        ("qy", Prediction::Derivative, "0.5*(qw*wy - qx*wz + qz*wx)"),
+        ("qz", Prediction::Derivative, "0.5*(qw*wz + qx*wy - qy*wx)"),
+    ];
+    let fitted = vec![fitted("wx", 0.0), fitted("wy", 1.0), fitted("wz", 2.0)];
+    let library = ["wy*wz", "wz*wx", "wx*wy", "qx"];
+    let mut model = model(columns.collect(), &library, Partition::whole(), fitted, &given);
+    model.training.state_mean = vec![1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+    let rows = 0..60;
+    let angle = |k: i32| 0.4 * f64::from(k);
+    let values = vec![
+        rows.clone().map(|k| (0.5 * angle(k)).cos()).collect(),
+        rows.clone().map(|k| 0.6 * (0.5 * angle(k)).sin()).collect(),
+        rows.clone().map(|k| -0.8 * (0.5 * angle(k)).sin()).collect(),
+        vec![0.0; 60],
+        rows.clone().map(|k| 5.0 + angle(k).sin()).collect(),
+        rows.clone().map(|k| -6.0 + angle(k).cos()).collect(),
+        rows.map(|k| 2.0 * (0.3 * angle(k)).sin()).collect(),
+    ];
+    let source = source(&names, 0.1, vec![values]);
+    let p = Coefficient::support(&model).len();
+    let direction: Vec<f64> = (0..p).map(|j| noise(7 * j as u64)).collect();
+    for method in [Method::Euler, Method::Rk4] {
+        let options = options(6, method);
+        let segments = segments(&model, &source, &options);
+        let along = |segment: &Segment, row: usize| {
+            let n = segment.residuals.len();
+            segment.active.iter().enumerate().map(|(at, &j)| segment.slopes[at * n + row] * direction[j]).sum::<f64>()
+        };
+        for (found, expected) in [
+            (products(&model, &source, &options, None), dense(&segments, p, |segment, row| segment.residuals[row])),
+            (products(&model, &source, &options, Some(&direction)), dense(&segments, p, along)),
+        ] {
+            let size = expected.0.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
+            assert!(size > 1e-3 && found.segments > 5);
+            for (own, other) in found.back.iter().zip(&expected.0) {
+                assert!((own - other).abs() <= 1e-11 * size, "{method:?} {own} {other}");
+            }
+            assert!((found.square - expected.1).abs() <= 1e-12 * expected.1);
+        }
+    }
 }
 
 proptest! {
