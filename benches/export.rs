@@ -51,8 +51,7 @@ fn input(input: usize) -> f64 {
 
 /// A model of damped states: `x' = latent - x`.
 fn model(states: usize, inputs: usize, functions: Vec<Expr>, rule: Rule, share: f64) -> Model {
-    let column =
-        |name: String, role| Column { source: name.clone(), name, unit: None, role, angle: false, rotation: None };
+    let column = |name: String, role| Column::new(name, role);
     let mut columns: Vec<Column> = (0..states).map(|i| column(format!("x{i}"), Role::State)).collect();
     columns.extend((0..inputs).map(|i| column(format!("u{i}"), Role::Input)));
     let triangle = |n: usize| n * (n + 1) / 2;

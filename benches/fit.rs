@@ -52,14 +52,7 @@ fn gait(rows: usize) -> Vec<Vec<f64>> {
 fn problem() -> Problem {
     let names: Vec<String> = (0..STATES).map(|j| format!("s{j}")).collect();
     let targets: Vec<String> = (0..TARGETS).map(|t| format!("y{t}")).collect();
-    let column = |name: &String, role| ModelColumn {
-        name: name.clone(),
-        source: name.clone(),
-        unit: None,
-        role,
-        angle: false,
-        rotation: None,
-    };
+    let column = |name: &String, role| ModelColumn::new(name.clone(), role);
     let expressions = |names: &[String]| names.iter().map(|name| Expr::column(name.as_str())).collect::<Vec<_>>();
     Problem {
         columns: names

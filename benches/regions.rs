@@ -70,14 +70,7 @@ fn rows(count: usize) -> Vec<Vec<f64>> {
 fn problem(partitioned: usize) -> Problem {
     let names = |letter: char, count: usize| (0..count).map(|j| format!("{letter}{j}")).collect::<Vec<String>>();
     let (states, targets) = (names('s', STATES), names('y', TARGETS));
-    let column = |name: &String, role| ModelColumn {
-        name: name.clone(),
-        source: name.clone(),
-        unit: None,
-        role,
-        angle: false,
-        rotation: None,
-    };
+    let column = |name: &String, role| ModelColumn::new(name.clone(), role);
     let inputs: Vec<Expr> = states.iter().map(|name| Expr::column(name.as_str())).collect();
     let equation = |name: &String| Equation {
         subject: name.clone(),

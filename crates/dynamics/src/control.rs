@@ -6,7 +6,7 @@
 //! use fleetfoot_model::{Column, Equation, Model, Prediction, Role, Training};
 //!
 //! // A mass: x' = v, v' = u.
-//! let column = |name: &str, role| Column { name: name.into(), source: name.into(), unit: None, role, angle: false, rotation: None };
+//! let column = |name: &str, role| Column::new(name, role);
 //! let columns = vec![column("x", Role::State), column("v", Role::State), column("u", Role::Input)];
 //! let training = Training { state_covariance: vec![1.0, 0.0, 1.0], ..Training::default() };
 //! let mut mass = Model::new("given", columns, 0.01, training);

@@ -6,7 +6,7 @@
 //! use fleetfoot_model::{Column, Equation, Model, Prediction, Role, Training};
 //!
 //! // A mass that moves on as it does: x' = v, v' = 0. Its place is measured to within 0.1.
-//! let column = |name: &str| Column { name: name.into(), source: name.into(), unit: None, role: Role::State, angle: false, rotation: None };
+//! let column = |name: &str| Column::new(name, Role::State);
 //! let training = Training { state_covariance: vec![1.0, 0.0, 1.0], ..Training::default() };
 //! let mut mass = Model::new("given", vec![column("x"), column("v")], 0.1, training);
 //! for (subject, right) in [("x", "v"), ("v", "0*v")] {

@@ -16,7 +16,7 @@
 //! use fleetfoot_model::{Column, Equation, Model, Prediction, Role, Training};
 //!
 //! // x' = -x, from 1, by one step of 0.1 s of the classical Runge-Kutta method: within 1e-7 of exp(-0.1).
-//! let column = Column { name: "x".into(), source: "x".into(), unit: None, role: Role::State, angle: false, rotation: None };
+//! let column = Column::new("x", Role::State);
 //! let training = Training { state_covariance: vec![1.0], ..Training::default() };
 //! let mut decay = Model::new("given", vec![column], 0.1, training);
 //! let right = Expr::parse("-x", &Scope::new(["x"]))?;

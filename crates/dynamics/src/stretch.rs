@@ -190,14 +190,7 @@ mod tests {
     use crate::Method;
 
     fn model() -> Model {
-        let column = |name: &str, role| Column {
-            name: name.into(),
-            source: name.into(),
-            unit: None,
-            role,
-            angle: name == "q",
-            rotation: None,
-        };
+        let column = |name: &str, role| Column { angle: name == "q", ..Column::new(name, role) };
         let columns = vec![column("q", Role::State), column("v", Role::State), column("u", Role::Input)];
         let training = Training { state_covariance: vec![1.0, 0.0, 1.0], ..Training::default() };
         let mut model = Model::new("test", columns, 0.05, training);

@@ -19,6 +19,14 @@ pub struct Column {
     pub rotation: Option<RotationPart>,
 }
 
+impl Column {
+    /// A number of a log under its own name, of no known unit.
+    pub fn new(name: impl Into<String>, role: Role) -> Self {
+        let name = name.into();
+        Self { source: name.clone(), name, unit: None, role, angle: false, rotation: None }
+    }
+}
+
 /// The part of a column in a model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {

@@ -11,7 +11,7 @@
 //! use fleetfoot_library::{Expr, Scope};
 //! use fleetfoot_model::{Column, Equation, Model, Prediction, Role, Training, describe};
 //!
-//! let column = |name: &str, role| Column { name: name.into(), source: name.into(), unit: None, role, angle: false, rotation: None };
+//! let column = |name: &str, role| Column::new(name, role);
 //! let columns = vec![column("q", Role::State), column("v", Role::State)];
 //! let training = Training { state_covariance: vec![1.0, 0.0, 1.0], ..Training::default() };
 //! let mut pendulum = Model::new("given", columns, 0.01, training);

@@ -134,14 +134,7 @@ mod tests {
 
     #[test]
     fn a_fitted_function_stands_in_its_equation_with_four_digits() {
-        let column = Column {
-            name: "T".into(),
-            source: "T".into(),
-            unit: None,
-            role: Role::State,
-            angle: false,
-            rotation: None,
-        };
+        let column = Column::new("T", Role::State);
         let mut model = Model::new("sindy", vec![column], 0.1, Training::default());
         let temperature = Expr::column("T");
         model.libraries.push(vec![temperature.clone(), temperature.clone().powi(2)]);

@@ -144,14 +144,7 @@ fn names(features: usize, targets: usize, weighted: bool) -> Vec<String> {
 }
 
 fn problem(features: usize, targets: usize, weighted: bool, partition: &[usize]) -> Problem {
-    let column = |name: String, role: Role| ModelColumn {
-        source: name.clone(),
-        name,
-        unit: None,
-        role,
-        angle: false,
-        rotation: None,
-    };
+    let column = |name: String, role| ModelColumn::new(name, role);
     let x = |j: usize| Expr::column(format!("x{j}"));
     let inputs = (0..features).map(|j| column(format!("x{j}"), Role::Input));
     let outputs = (0..targets).map(|t| column(format!("y{t}"), Role::Auxiliary));

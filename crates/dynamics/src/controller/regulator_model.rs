@@ -18,12 +18,8 @@ impl Regulator {
         self.validate()?;
         let names = Names::new(self);
         let column = |name: &String, role| Column {
-            name: name.clone(),
-            source: name.clone(),
-            unit: None,
-            role,
             angle: self.states.iter().any(|state| state.angle && state.name == *name),
-            rotation: None,
+            ..Column::new(name.clone(), role)
         };
         let kept = names.driven.iter().chain(&names.integrals);
         let columns: Vec<Column> = (kept.map(|name| column(name, Role::State)))

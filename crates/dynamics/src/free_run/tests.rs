@@ -8,14 +8,7 @@ use super::*;
 
 /// `next(y) = b0 + b . (y, y(-1), u)`.
 fn model(b: [f64; 4]) -> Model {
-    let column = |name: &str, role| Column {
-        name: name.into(),
-        source: name.into(),
-        unit: None,
-        role,
-        angle: false,
-        rotation: None,
-    };
+    let column = |name: &str, role| Column::new(name, role);
     let columns = vec![column("y", Role::State), column("u", Role::Input)];
     let mut model = Model::new("narx", columns, 0.01, Training::default());
     let (y, u) = (Expr::column("y"), Expr::column("u"));

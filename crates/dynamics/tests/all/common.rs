@@ -8,7 +8,7 @@ use fleetfoot_model::{Column, Equation, Latent, Model, Partition, Prediction, Re
 
 /// A column of a model.
 pub(crate) fn column(name: &str, role: Role, angle: bool) -> Column {
-    Column { name: name.into(), source: name.into(), unit: None, role, angle, rotation: None }
+    Column { angle, ..Column::new(name, role) }
 }
 
 /// An expression over any names.

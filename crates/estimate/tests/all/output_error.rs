@@ -62,14 +62,7 @@ const GYRO: Noise = Noise { measured: [0.004, 0.008], process: [0.0; 2] };
 
 impl System {
     pub(crate) fn model(&self, period: f64) -> Model {
-        let column = |name: &str, role| Column {
-            name: name.into(),
-            source: name.into(),
-            unit: None,
-            role,
-            angle: false,
-            rotation: None,
-        };
+        let column = |name: &str, role| Column::new(name, role);
         let states = self.states.iter().map(|(name, _)| column(name, Role::State));
         let columns = states.chain(self.inputs.iter().map(|name| column(name, Role::Input))).collect();
         let state_covariance = [1.0, 0.0, 1.0][..if self.states.len() == 1 { 1 } else { 3 }].to_vec();

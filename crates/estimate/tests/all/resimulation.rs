@@ -9,14 +9,7 @@ use fleetfoot_sim::plant::aircraft::{AircraftClimb, Airplane, Flight, Latent};
 use crate::simulation::{expression, noise};
 
 fn model(states: &[(&str, &str)], inputs: &[&str], prediction: Prediction, period: f64) -> Model {
-    let column = |name: &str, role| Column {
-        name: name.into(),
-        source: name.into(),
-        unit: None,
-        role,
-        angle: false,
-        rotation: None,
-    };
+    let column = |name: &str, role| Column::new(name, role);
     let columns = states.iter().map(|(name, _)| column(name, Role::State));
     let columns = columns.chain(inputs.iter().map(|name| column(name, Role::Input))).collect();
     let n = states.len();

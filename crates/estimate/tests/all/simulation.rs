@@ -39,14 +39,7 @@ pub(crate) fn model(
     given: &[(&str, &str)],
     step: f64,
 ) -> Model {
-    let column = |name: &&str, role| Column {
-        name: (*name).into(),
-        source: (*name).into(),
-        unit: None,
-        role,
-        angle: false,
-        rotation: None,
-    };
+    let column = |name: &&str, role| Column::new(*name, role);
     let columns = states.iter().map(|name| column(name, Role::State));
     let columns = columns.chain(inputs.iter().map(|name| column(name, Role::Input))).collect();
     let unit = |n: usize| (0..n).flat_map(|i| (0..=i).map(move |j| f64::from(u8::from(i == j)))).collect::<Vec<f64>>();

@@ -11,14 +11,7 @@ use crate::simulation::{expression, noise as draw};
 
 /// x' = a latent each, over the functions, beside what is known of it.
 fn model(states: &[(&str, &str)], inputs: &[&str], functions: &[&str], period: f64) -> Model {
-    let column = |name: &str, role| Column {
-        name: name.into(),
-        source: name.into(),
-        unit: None,
-        role,
-        angle: false,
-        rotation: None,
-    };
+    let column = |name: &str, role| Column::new(name, role);
     let columns = states.iter().map(|(name, _)| column(name, Role::State));
     let columns = columns.chain(inputs.iter().map(|name| column(name, Role::Input))).collect();
     let n = states.len();

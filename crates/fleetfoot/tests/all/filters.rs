@@ -137,14 +137,7 @@ fn compared(model: &Model, said_of: &FilterSection) -> (f64, usize) {
 fn piecewise(prediction: Prediction) -> Model {
     let names = ["x", "v", "yaw", "u", "w"];
     let role = |i: usize| if i < 3 { Role::State } else { Role::Input };
-    let column = |i: usize| Column {
-        name: names[i].into(),
-        source: names[i].into(),
-        unit: None,
-        role: role(i),
-        angle: i == 2,
-        rotation: None,
-    };
+    let column = |i: usize| Column { angle: i == 2, ..Column::new(names[i], role(i)) };
     let training = Training {
         state_covariance: vec![1.0, 0.0, 1.0, 0.0, 0.0, 1.0],
         rows: 4000,

@@ -28,14 +28,7 @@ fn hybrid(rows: usize, episodes: usize, noise: f64, seed: u64) -> MemorySource {
 }
 
 fn problem(regressors: &[&str]) -> Problem {
-    let column = |name: &str, role| Column {
-        name: name.into(),
-        source: name.into(),
-        unit: None,
-        role,
-        angle: false,
-        rotation: None,
-    };
+    let column = |name: &str, role| Column::new(name, role);
     Problem {
         columns: vec![
             column("x", Role::State),

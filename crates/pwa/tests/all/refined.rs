@@ -29,8 +29,7 @@ pub(crate) fn source(rows: &[Row], episodes: usize) -> MemorySource {
 
 /// `y = f(x0, ..)`, with regions on all x.
 pub(crate) fn problem(d: usize) -> Problem {
-    let column =
-        |name: String, role| Column { source: name.clone(), name, unit: None, role, angle: false, rotation: None };
+    let column = |name: String, role| Column::new(name, role);
     let inputs: Vec<Expr> = (0..d).map(|j| Expr::column(format!("x{j}"))).collect();
     let columns = (0..d).map(|j| column(format!("x{j}"), Role::State)).chain([column("y".into(), Role::Auxiliary)]);
     Problem {

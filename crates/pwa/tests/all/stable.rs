@@ -15,7 +15,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 fn column(name: &str, role: Role) -> Column {
-    Column { name: name.into(), source: name.into(), unit: None, role, angle: false, rotation: None }
+    Column::new(name, role)
 }
 
 fn equation(subject: &str, prediction: Prediction, right: &str, target: Option<Expr>) -> Equation {

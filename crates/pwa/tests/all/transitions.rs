@@ -38,14 +38,7 @@ fn gait(rows: usize, episodes: usize, differs: f64, seed: u64) -> MemorySource {
 }
 
 fn problem(partition: &str) -> Problem {
-    let column = |name: &str, role| Column {
-        name: name.into(),
-        source: name.into(),
-        unit: None,
-        role,
-        angle: false,
-        rotation: None,
-    };
+    let column = |name: &str, role| Column::new(name, role);
     Problem {
         columns: [
             column("x", Role::State),
