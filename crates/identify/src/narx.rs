@@ -1,5 +1,6 @@
 //! From files and a recipe to an autoregression with inputs, piecewise where asked for, and what its free runs are worth.
 
+mod candidate;
 mod choice;
 mod choose;
 mod effort;
@@ -16,6 +17,7 @@ mod task;
 mod terms;
 mod training;
 
+pub use candidate::NarxCandidate;
 pub use fit::{NarxFitted, NarxRequest, fit_narx};
 pub use look::{NarxSearch, NarxStage};
 pub use options::{GivenOrder, NarxOptions, OrderRule, TermRule};
@@ -23,5 +25,4 @@ pub use report::{NarxEquation, NarxRegion, NarxReport, NarxTerm};
 pub(crate) use runs::free_runs_by_file;
 pub use runs::{FileRun, FileRuns, MeanRun};
 pub use scores::NarxScores;
-pub use select::NarxCandidate;
 pub(crate) use summed::{Summed, served};

@@ -12,10 +12,11 @@ use fleetfoot_sparse::{
 
 use super::{
     GivenOrder, NarxCandidate, NarxOptions, NarxSearch, OrderRule, TermRule,
+    candidate::{best, best_within_one_standard_error, mark},
     choice::Choice,
     look::Look,
     options::USUAL,
-    select::{By as Compared, Job, Selection, Tried, best, best_within_one_standard_error, mark},
+    select::{By as Compared, Job, Selection, Tried},
     summed::{Evidence, folds_of_chunks},
     task::NarxTask,
     terms::{EquationTerms, Problems, Support, Trails, choice},

@@ -9,9 +9,10 @@ use serde::Serialize;
 
 use super::{
     GivenOrder, NarxOptions, TermRule,
+    candidate::best,
     effort::Budget,
     options::USUAL,
-    select::{Job, Selection, Tried, best},
+    select::{Job, Selection, Tried},
 };
 use crate::{Effort, Error};
 
