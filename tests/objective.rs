@@ -75,7 +75,7 @@ fn noisy_states_are_simulated_better_by_every_method() {
         let (one, steps) = (read("one.json"), read("steps.json"));
         assert_ne!(one["model"]["latents"], steps["model"]["latents"]);
         if method == "pwa" {
-            residuals_are_those_of_the_rows(&steps["model"]);
+            residuals_are_those_of_the_rows(&steps["model"], |_| 0);
         }
         let recipe = steps["model"]["training"]["recipe"].as_str().expect("a recipe");
         assert!(recipe.contains("objective = \"steps:10\""), "{recipe}");
@@ -85,32 +85,36 @@ fn noisy_states_are_simulated_better_by_every_method() {
     }
 }
 
-/// The residual covariance of the written coefficients, told without a pass, is that of the rows.
-fn residuals_are_those_of_the_rows(model: &serde_json::Value) {
+/// The residual covariances of the written coefficients, told without a pass, are those of the rows in their regions.
+fn residuals_are_those_of_the_rows(model: &serde_json::Value, region: impl Fn(&[f64]) -> usize) {
     let number = |value: &serde_json::Value| value.as_f64().expect("a number");
-    let latents = model["latents"].as_array().expect("latents");
-    let mut moments = [0.0; 3];
-    let mut rows = 0.0;
+    let (latents, regions) = (&model["latents"], model["partitions"][0]["regions"].as_array().expect("regions"));
+    let mut moments = vec![[0.0; 3]; regions.len()];
+    let mut rows = vec![0.0; regions.len()];
     for seed in 0..6 {
         let text = oscillator(400, seed, 0.3);
         let row =
             |line: &str| line.split(',').skip(1).map(|value| value.parse().expect("a number")).collect::<Vec<f64>>();
         let log: Vec<Vec<f64>> = text.lines().skip(1).map(row).collect();
         for pair in log.windows(2) {
+            let at = region(&pair[0]);
             let error = |t: usize| {
-                let own = latents[t]["coefficients"][0].as_array().expect("coefficients");
+                let own = latents[t]["coefficients"][at].as_array().expect("coefficients");
                 let map: f64 = own.iter().zip(&pair[0]).map(|(a, x)| number(a) * x).sum();
-                pair[1][t] - map - number(&latents[t]["constants"][0])
+                pair[1][t] - map - number(&latents[t]["constants"][at])
             };
             let [a, b] = [error(0), error(1)];
-            moments.iter_mut().zip([a * a, a * b, b * b]).for_each(|(sum, value)| *sum += value);
-            rows += 1.0;
+            moments[at].iter_mut().zip([a * a, a * b, b * b]).for_each(|(sum, value)| *sum += value);
+            rows[at] += 1.0;
         }
     }
-    let told = model["partitions"][0]["regions"][0]["residual_covariance"].as_array().expect("a covariance");
-    for (told, sum) in told.iter().zip(moments) {
-        // The logs' numbers are read to the bit; sums of 2,394 rows round.
-        assert!((number(told) - sum / rows).abs() < 1e-10, "{told} {}", sum / rows);
+    for ((region, moments), rows) in regions.iter().zip(&moments).zip(&rows) {
+        assert_eq!(region["rows"].as_f64(), Some(*rows));
+        let told = region["residual_covariance"].as_array().expect("a covariance");
+        for (told, sum) in told.iter().zip(moments) {
+            // The logs' numbers are read to the bit; sums of up to 2,394 rows round.
+            assert!((number(told) - sum / rows).abs() < 1e-10, "{told} {}", sum / rows);
+        }
     }
 }
 
@@ -165,6 +169,17 @@ fn bounded_maps_are_fitted_to_simulations_within_their_bound() {
         greatest <= 0.99 + 1e-7 && (greatest - number(&objective["bound"]["norm"])).abs() < 1e-6,
         "{greatest} {objective}"
     );
+    let partition = &model["model"]["partitions"][0];
+    let list = |of: &serde_json::Value| of.as_array().expect("numbers").iter().map(number).collect::<Vec<f64>>();
+    let (centre, scale, offsets) =
+        (list(&partition["centre"]), list(&partition["scale"]), list(&partition["rule"]["offsets"]));
+    let weights: Vec<Vec<f64>> =
+        partition["rule"]["weights"].as_array().expect("weights").iter().map(|row| list(row)).collect();
+    residuals_are_those_of_the_rows(&model["model"], |row| {
+        let score =
+            |i: usize| offsets[i] + (0..2).map(|j| weights[i][j] * (row[j] - centre[j]) / scale[j]).sum::<f64>();
+        (0..12).max_by(|&i, &j| score(i).total_cmp(&score(j))).expect("regions")
+    });
     let again = fit(folder.path(), "pwa", &format!("{options} --threads 1 -o again.json")).ok();
     assert_eq!(again.json()["objective"], *objective);
     assert_eq!(fs::read(folder.path().join("again.json")).ok(), fs::read(folder.path().join("steps.json")).ok());

@@ -222,13 +222,7 @@ fn refined(
     }
     if let Some(found) = refinement.as_ref().filter(|found| found.written) {
         let before = std::mem::replace(&mut identification.model, found.fitted.model.clone());
-        if shrinkage > 0.0 || bounded.is_some() {
-            // What is pulled towards one region, or bounded, is not orthogonal to its rows, and sums do not tell the rest.
-            let regions = identification.model.partitions.iter_mut().flat_map(|partition| &mut partition.regions);
-            regions.for_each(|region| region.residual_covariance.fill(f64::NAN));
-        } else {
-            move_residuals(&before, &mut identification.model);
-        }
+        move_residuals(&before, &mut identification.model, &identification.roots);
     }
     Ok(refinement)
 }

@@ -1,7 +1,9 @@
 //! What an identification finds: the model, and the score of every partition.
 
+use std::collections::BTreeMap;
+
 use fleetfoot_model::Model;
-use fleetfoot_stats::{Basis, Concentration, Estimate};
+use fleetfoot_stats::{Basis, Concentration, Estimate, SquareRoot};
 
 use crate::{Specification, Stability, continuous::Continuity};
 
@@ -13,6 +15,8 @@ pub struct Identification {
     pub model: Model,
     /// With [`Options::keep_all`](crate::Options::keep_all) the models of all candidates, in their order; else empty.
     pub models: Vec<Model>,
+    /// The square-root forms of the rows in the regions of the chosen model; regions without rows are missing.
+    pub roots: BTreeMap<u32, SquareRoot>,
     /// Every partition that was tried, in the order asked for.
     pub candidates: Vec<Score>,
     /// Index of the chosen one.

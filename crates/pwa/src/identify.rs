@@ -142,7 +142,11 @@ impl Fit<'_> {
                 partition.lattice = self.lattice(kept, &orders, base.root.weight);
             }
         }
-        let model = if self.options.keep_all { models[chosen].clone() } else { models.remove(0) };
+        let (model, roots) = if self.options.keep_all {
+            (models[chosen].clone(), roots.swap_remove(chosen))
+        } else {
+            (models.remove(0), roots.remove(0))
+        };
         let mut notes = self.segmentation.notes.clone();
         confounded(self.problem, &base, &mut notes);
         self.empty_balls(&solver, &mut notes);
@@ -150,6 +154,7 @@ impl Fit<'_> {
         Ok(Identification {
             model,
             models,
+            roots,
             candidates,
             chosen,
             rule,

@@ -98,6 +98,7 @@ pub fn identify_summed(
     Ok(Identification {
         model: model(chosen),
         models,
+        roots: sums.training(candidates[chosen].full, None),
         candidates: partitions.iter().zip(&orders).map(|(one, order)| score(one, order, &sigma)).collect(),
         chosen,
         rule,

@@ -130,21 +130,46 @@ impl SquareRoot {
     /// # Panics
     /// When the shapes disagree.
     pub fn error(&self, coefficients: MatRef<'_, f64>, intercept: &[f64]) -> Vec<f64> {
-        let (p, q) = (self.regressors(), self.targets());
-        assert_eq!((coefficients.nrows(), coefficients.ncols(), intercept.len()), (p, q, q), "p x q coefficients");
-        let mut left = vec![0.0; p];
-        (0..q)
+        let mut left = vec![0.0; self.regressors()];
+        (0..self.targets())
             .map(|t| {
-                left.iter_mut().zip(self.z.col_as_slice(t)).for_each(|(left, z)| *left = -z);
-                let mut mean = self.mean_y[t] - intercept[t];
-                for j in 0..p {
-                    let beta = coefficients[(j, t)];
-                    mean -= self.mean_x[j] * beta;
-                    add_scaled(&mut left[..=j], &self.r.col_as_slice(j)[..=j], beta);
-                }
+                let mean = self.left(coefficients, intercept, t, &mut left);
                 sum_of_squares(&left) + self.residual[t] + self.weight * mean * mean
             })
             .collect()
+    }
+
+    /// The weighted sums of products of the errors of every two targets, as far as they depend on the model (packed lower triangle by rows, q (q + 1) / 2):
+    /// `(R beta_t - z_t)'(R beta_u - z_u) + weight mean_t mean_u`.
+    ///
+    /// What no x explains, of which this form knows the squares alone, is the same for all models, so that the products of two models' errors differ by what
+    /// these differ by.
+    ///
+    /// # Panics
+    /// When the shapes disagree.
+    pub fn error_products(&self, coefficients: MatRef<'_, f64>, intercept: &[f64]) -> Vec<f64> {
+        let (p, q) = (self.regressors(), self.targets());
+        let mut left = Mat::zeros(p, q);
+        let means: Vec<f64> = (0..q).map(|t| self.left(coefficients, intercept, t, left.col_as_slice_mut(t))).collect();
+        let product = |t: usize, u: usize| {
+            let pairs = left.col_as_slice(t).iter().zip(left.col_as_slice(u));
+            pairs.map(|(a, b)| a * b).sum::<f64>() + self.weight * means[t] * means[u]
+        };
+        (0..q).flat_map(|t| (0..=t).map(move |u| (t, u))).map(|(t, u)| product(t, u)).collect()
+    }
+
+    /// `R beta - z` of one target, and the mean of its errors.
+    fn left(&self, coefficients: MatRef<'_, f64>, intercept: &[f64], t: usize, left: &mut [f64]) -> f64 {
+        let (p, q) = (self.regressors(), self.targets());
+        assert_eq!((coefficients.nrows(), coefficients.ncols(), intercept.len()), (p, q, q), "p x q coefficients");
+        left.iter_mut().zip(self.z.col_as_slice(t)).for_each(|(left, z)| *left = -z);
+        let mut mean = self.mean_y[t] - intercept[t];
+        for j in 0..p {
+            let beta = coefficients[(j, t)];
+            mean -= self.mean_x[j] * beta;
+            add_scaled(&mut left[..=j], &self.r.col_as_slice(j)[..=j], beta);
+        }
+        mean
     }
 
     /// The problem with some of the regressors only, in the order given; what the others explained joins the residual.

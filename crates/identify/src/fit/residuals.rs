@@ -1,39 +1,35 @@
-//! What coefficients leave that were moved away from least squares, without a pass over the rows.
+//! What moved coefficients leave, without a pass over the rows.
 
+use std::collections::BTreeMap;
+
+use faer::Mat;
 use fleetfoot_data::packed;
 use fleetfoot_model::Model;
+use fleetfoot_stats::SquareRoot;
 
-/// The residual covariances of a model's regions after its coefficients moved from `before`, the least-squares solution of every region, to those of `model`.
+/// The second moments of the residuals of a model's regions after its coefficients moved from those of `before`; `roots` are the sums of the regions' rows.
 ///
-/// The residuals r of least squares have mean zero and are orthogonal to the regressors x, so that those of the moved coefficients, `r - x'd - e` with d and e the changes of coefficients and
-/// constant, have the second moments
-///
-/// ```text
-/// cov(r) + d' cov(x) d + m m',    m = mean(x)'d + e
-/// ```
-pub(super) fn move_residuals(before: &Model, model: &mut Model) {
+/// Those of `before` are known from the rows. What no regressor explains is the same in both, so that the moments differ by what differs of the rest
+/// ([`SquareRoot::error_products`]), whether `before` is the solution of least squares, pulled towards one region, or bounded.
+pub(super) fn move_residuals(before: &Model, model: &mut Model, roots: &BTreeMap<u32, SquareRoot>) {
     let q = model.latents.len();
-    let Some(partition) = model.partitions.first_mut() else { return };
-    for (at, region) in partition.regions.iter_mut().enumerate() {
-        let changes: Vec<(Vec<f64>, f64)> = before
-            .latents
-            .iter()
-            .zip(&model.latents)
-            .map(|(old, new)| {
-                let pairs = old.coefficients[at].iter().zip(&new.coefficients[at]);
-                (pairs.map(|(old, new)| new - old).collect(), new.constants[at] - old.constants[at])
-            })
-            .collect();
-        let means = changes.iter().map(|(d, e)| e + d.iter().zip(&region.mean).map(|(d, mean)| d * mean).sum::<f64>());
-        let means: Vec<f64> = means.collect();
-        let covariance = |i: usize, j: usize| region.covariance[packed(i.max(j), i.min(j))];
-        for t in 0..q {
-            for o in 0..=t {
-                let (a, b) = (&changes[t].0, &changes[o].0);
-                let spread: f64 =
-                    (0..a.len()).map(|i| a[i] * (0..b.len()).map(|j| covariance(i, j) * b[j]).sum::<f64>()).sum();
-                region.residual_covariance[packed(t, o)] += spread + means[t] * means[o];
-            }
+    for (&at, root) in roots {
+        let products = |model: &Model| {
+            let own = |t: usize| &model.latents[t].coefficients[at as usize];
+            let coefficients = Mat::from_fn(root.regressors(), q, |j, t| own(t)[j]);
+            let constants: Vec<f64> = model.latents.iter().map(|latent| latent.constants[at as usize]).collect();
+            root.error_products(coefficients.as_ref(), &constants)
+        };
+        let (old, new) = (products(before), products(model));
+        let Some(region) = model.partitions.first_mut().and_then(|own| own.regions.get_mut(at as usize)) else {
+            return;
+        };
+        for ((moment, old), new) in region.residual_covariance.iter_mut().zip(&old).zip(&new) {
+            *moment += (new - old) / root.weight;
+        }
+        for square in (0..q).map(|t| packed(t, t)) {
+            // No less than what is seen of it, whatever the difference rounds to.
+            region.residual_covariance[square] = region.residual_covariance[square].max(new[square] / root.weight);
         }
     }
 }
