@@ -218,3 +218,91 @@ fn equations_and_regions_are_fitted_from_a_statistic() {
     run(&["fit", "pwa", "run.stats", "--partition", "kmeans:7", "-o", "no.json"]).fails(&["kmeans:7", "scan again"]);
     run(&["fit", "sindy", "run.stats", "--partition", "kmeans:7", "-o", "no.json"]).fails(&["kmeans:7", "scan again"]);
 }
+
+/// Every method, from the logs, their statistic, that of two halves joined, and that of two machines which have a part of the logs each: one model, to the byte. `fit pwa` reads
+/// logs in chunks of its folds, so that its coefficients from logs round otherwise.
+#[test]
+fn every_method_finds_one_model_in_logs_and_their_statistics() {
+    let folder = logs();
+    let path = folder.path();
+    fs::write(path.join("lags.toml"), "[model]\ndegree = 1\n[narx]\nlags_out = 2\nlags_in = 1\n")
+        .expect("a file");
+    // A machine has its own logs, where the first has all, and the plan.
+    let machine = |aircraft: &[usize]| {
+        let other = tempfile::tempdir().expect("a folder");
+        for recipe in ["plane.toml", "lags.toml"] {
+            fs::copy(path.join(recipe), other.path().join(recipe)).expect("a recipe");
+        }
+        for &aircraft in aircraft {
+            (0..2).for_each(|flight| write_log(other.path(), aircraft, flight));
+        }
+        other
+    };
+    let (first, second) = (machine(&[1, 2]), machine(&[3]));
+    let states = "--states x,v --time t --degree 1 --partition average,kmeans:3";
+    for (method, of_scan, of_fit) in [
+        ("sparse", "-c plane.toml", "-c plane.toml"),
+        ("sindy", states, "--states x,v --time t --degree 1 --partition kmeans:3"),
+        ("pwa", states, "--states x,v --time t --degree 1 --partition kmeans:3"),
+        (
+            "narx",
+            "-c lags.toml --states x --inputs v --time t",
+            "-c lags.toml --outputs x --inputs v --time t --select bic",
+        ),
+    ] {
+        let scan = |folder: &Path, data: &[&str], more: &[&str], output: &str| {
+            let arguments: Vec<&str> =
+                ["scan"].into_iter().chain(data.iter().copied()).chain(of_scan.split(' ')).collect();
+            fleetfoot(folder, &[&arguments, more, &["-o", output, "--force"]].concat()).ok()
+        };
+        let fit = |data: &str, model: &str| {
+            let arguments: Vec<&str> = ["fit", method, data].into_iter().chain(of_fit.split(' ')).collect();
+            fleetfoot(path, &[&arguments, &["-o", model][..]].concat()).ok()
+        };
+        scan(path, &["runs"], &[], "whole.stats");
+        for (data, output) in [(["runs/2", "runs/3"], "half.stats"), (["runs/1", "runs/1"], "other.stats")] {
+            let data = if data[0] == data[1] { &data[..1] } else { &data[..] };
+            scan(path, data, &["--plan", "whole.stats"], output);
+        }
+        for (machine, name) in [(&first, "here.stats"), (&second, "there.stats")] {
+            fs::copy(path.join("whole.stats"), machine.path().join("plan.stats")).expect("the plan");
+            scan(machine.path(), &["runs"], &["--plan", "plan.stats"], name);
+            fs::copy(machine.path().join(name), path.join(name)).expect("the statistic");
+        }
+        for (parts, output) in
+            [(["half.stats", "other.stats"], "halves.stats"), (["there.stats", "here.stats"], "machines.stats")]
+        {
+            fleetfoot(path, &["stats", "merge", parts[0], parts[1], "-o", output, "--force"]).ok();
+        }
+        for statistic in ["whole", "halves", "machines"] {
+            fit(&format!("{statistic}.stats"), &format!("{statistic}.json"));
+        }
+        same(path, "whole.json", "halves.json");
+        same(path, "whole.json", "machines.json");
+        fit("runs", "logs.json");
+        if method == "pwa" {
+            coefficients_agree(path, "logs.json", "whole.json");
+        } else {
+            same(path, "logs.json", "whole.json");
+        }
+    }
+}
+
+/// The coefficients of two models are the same up to the rounding of sums of some 2,500 rows.
+fn coefficients_agree(folder: &Path, a: &str, b: &str) {
+    let latents = |name: &str| -> serde_json::Value {
+        let text = fs::read_to_string(folder.join(name)).expect("a model");
+        serde_json::from_str::<serde_json::Value>(&text).expect("JSON")["model"]["latents"].take()
+    };
+    let numbers = |latents: &serde_json::Value| -> Vec<f64> {
+        let of =
+            |key: &str| latents.as_array().expect("latents").iter().map(|own| own[key].to_string()).collect::<String>();
+        let text = of("coefficients") + "," + &of("constants");
+        text.split(['[', ']', ',']).filter_map(|number| number.parse().ok()).collect()
+    };
+    let (a, b) = (numbers(&latents(a)), numbers(&latents(b)));
+    assert!(a.len() == b.len() && a.len() >= 18, "{a:?}");
+    for (a, b) in a.iter().zip(&b) {
+        assert!((a - b).abs() <= 1e-11 * (1.0 + a.abs()), "{a} {b}");
+    }
+}

@@ -18,6 +18,7 @@ pub(crate) mod man;
 pub(crate) mod plane;
 pub(crate) mod predict;
 pub(crate) mod prepare;
+mod reading;
 pub(crate) mod report;
 pub(crate) mod resimulate;
 pub(crate) mod rollout;

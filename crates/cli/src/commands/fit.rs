@@ -10,7 +10,7 @@ use fleetfoot::{
 use serde::Serialize;
 use serde_json::Value;
 
-use super::{Context, fit_known, is_replaced, logs_or_statistic, read_by};
+use super::{Context, fit_known, is_replaced, logs_or_statistic, read_by, reading::Reading};
 use crate::{
     args::{ChannelArgs, FitPwa, RecipeArgs, StampArg, TimeArgs},
     table::{bytes, count, number, ratio, table},
@@ -83,10 +83,13 @@ fn dry_run(recipe: &Recipe, files: &[std::path::PathBuf], context: &Context) -> 
     } else {
         "all rows".to_owned()
     };
-    let decoded = match plan.decoded {
-        None => String::new(),
-        Some((size, true)) => format!("\n{} of decoded columns, in the cache already", bytes(size)),
-        Some((size, false)) => format!("\none pass to decode them: {} of columns, less in the cache", bytes(size)),
+    let reading = Reading {
+        files: plan.files,
+        skipped: 0,
+        episodes: plan.episodes,
+        rows: plan.rows,
+        columns: &plan.columns,
+        decoded: plan.decoded,
     };
     let passes = plan.passes;
     let rollouts = plan.rollouts.map_or_else(String::new, |rule| {
@@ -101,12 +104,8 @@ fn dry_run(recipe: &Recipe, files: &[std::path::PathBuf], context: &Context) -> 
         &plan,
         || {
             format!(
-                "{}, {}{} rows\n{} columns read: {}{decoded}\n{} regressors and the constant, {} targets\n{passes} passes over the rows{rollouts}; clustered: {clustered}{simulations}\nabout {} of memory",
-                count(plan.files, "file"),
-                plan.episodes.map_or("at most ".to_owned(), |episodes| format!("{}, ", count(episodes, "episode"))),
-                plan.rows,
-                plan.columns.len(),
-                plan.columns.join(", "),
+                "{}\n{} regressors and the constant, {} targets\n{passes} passes over the rows{rollouts}; clustered: {clustered}{simulations}\nabout {} of memory",
+                reading.in_words(),
                 plan.regressors,
                 plan.targets,
                 bytes(plan.memory as u64)

@@ -7,7 +7,7 @@ use fleetfoot::{
     SindyRequest, estimate::Uncertain, fit_sindy, is_known, is_statistic, plan_sindy, write_model,
 };
 
-use super::{Context, WithModel, fit, fit_known, logs_or_statistic, read_by};
+use super::{Context, WithModel, fit, fit_known, logs_or_statistic, read_by, reading::Reading};
 use crate::{
     args::{EquationArgs, FitSindy},
     table::{bytes, count, number, ratio, table},
@@ -114,10 +114,13 @@ fn dry_run(recipe: &Recipe, files: &[PathBuf], context: &Context) -> Result<(), 
 }
 
 fn plan_text(plan: &SindyPlan) -> String {
-    let decoded = match plan.decoded {
-        None => String::new(),
-        Some((size, true)) => format!("\n{} of decoded columns, in the cache already", bytes(size)),
-        Some((size, false)) => format!("\none pass to decode them: {} of columns, less in the cache", bytes(size)),
+    let reading = Reading {
+        files: plan.files,
+        skipped: 0,
+        episodes: plan.episodes,
+        rows: plan.rows,
+        columns: &plan.columns,
+        decoded: plan.decoded,
     };
     let parameters = match plan.parameters.as_slice() {
         [] => String::new(),
@@ -127,12 +130,8 @@ fn plan_text(plan: &SindyPlan) -> String {
     let some: Vec<&str> = plan.candidates.iter().take(12).map(String::as_str).collect();
     let more = if plan.candidates.len() > some.len() { ", ..." } else { "" };
     format!(
-        "{}, {}{} rows\n{} columns read: {}{decoded}\n{}: {}\n{}: {}{more}{parameters}{simulations}\n{}, about {} of memory",
-        count(plan.files, "file"),
-        plan.episodes.map_or("at most ".to_owned(), |episodes| format!("{}, ", count(episodes, "episode"))),
-        plan.rows,
-        plan.columns.len(),
-        plan.columns.join(", "),
+        "{}\n{}: {}\n{}: {}{more}{parameters}{simulations}\n{}, about {} of memory",
+        reading.in_words(),
         count(plan.equations.len(), "equation"),
         plan.equations.join(", "),
         count(plan.candidates.len(), "candidate"),

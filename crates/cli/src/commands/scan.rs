@@ -7,7 +7,7 @@ use fleetfoot::{
 use serde::Serialize;
 use serde_json::Value;
 
-use super::{Context, files, fit, read_by};
+use super::{Context, files, fit, read_by, reading::Reading};
 use crate::{
     args::Scan,
     table::{bytes, count},
@@ -92,24 +92,19 @@ fn to_text(outcome: &ScanOutcome) -> String {
 }
 
 fn plan_text(plan: &fleetfoot::statistic::ScanPlan) -> String {
-    let decoded = match plan.decoded {
-        None => String::new(),
-        Some((size, true)) => format!("\n{} of decoded columns, in the cache already", bytes(size)),
-        Some((size, false)) => format!("\none pass to decode them: {} of columns, less in the cache", bytes(size)),
-    };
-    let skipped = match plan.skipped {
-        0 => String::new(),
-        number => format!(" ({number} more are there already)"),
+    let reading = Reading {
+        files: plan.files,
+        skipped: plan.skipped,
+        episodes: plan.episodes,
+        rows: plan.rows,
+        columns: &plan.columns,
+        decoded: plan.decoded,
     };
     let latents: Vec<String> =
         plan.latents.iter().map(|own| format!("{} ({})", own.name, count(own.functions, "function"))).collect();
     format!(
-        "{}{skipped}, {}{} rows\n{} columns read: {}{decoded}\n{}: {}\n{}: {}\n{} over the rows; {} of at most {} rows; about {} of statistics",
-        count(plan.files, "file"),
-        plan.episodes.map_or("at most ".to_owned(), |episodes| format!("{}, ", count(episodes, "episode"))),
-        plan.rows,
-        plan.columns.len(),
-        plan.columns.join(", "),
+        "{}\n{}: {}\n{}: {}\n{} over the rows; {} of at most {} rows; about {} of statistics",
+        reading.in_words(),
         count(plan.tasks.len(), "task"),
         plan.tasks.join(", "),
         count(plan.latents.len(), "latent"),
