@@ -101,6 +101,9 @@ channels = ["{CRANK}[{name}_crank]"]
 resolution = 3.835e-4
 """ for side, name in (("l", "left"), ("r", "right")))
 
+# What was known at the instant of a row.
+FILTER = BODY.replace("[body]", '[body]\nestimate = "filter"').replace('unit = "rad"', 'unit = "rad"\nestimate = "filter"')
+
 
 def read(file, seconds=False):
     """The columns of a Parquet file, and the seconds of its stamps since the run's beginning."""
@@ -269,7 +272,7 @@ def seed_of(bench, seed):
     found = {"truth": truth}
     # Stamps as they are contradict an even lamp, which `prepare` refuses.
     jittered, even = COLUMNS + CLOCKS.replace("even = true\n", ""), COLUMNS + CLOCKS
-    for name, recipe, make in (("raw", jittered + RAW, from_raw), ("spline", even + SPLINE, from_spline), ("smoother", even + BODY, from_body)):
+    for name, recipe, make in (("raw", jittered + RAW, from_raw), ("spline", even + SPLINE, from_spline), ("filter", even + FILTER, from_body), ("smoother", even + BODY, from_body)):
         report, time, own = prepared(bench, f"{name}_out", recipe, "raw")
         found[name] = report, {}, {}
         own = found["own"] = make(time, own)
@@ -323,10 +326,10 @@ def pooled(runs, name, key, which=1):
 
 
 def state_table(runs):
-    yield "| | raw | spline | smoother | stated deviation | error within 1.96 of it |"
-    yield "|---|---:|---:|---:|---:|---:|"
+    yield "| | raw | spline | filter | smoother | stated deviation | error within 1.96 of it |"
+    yield "|---|---:|---:|---:|---:|---:|---:|"
     for key in [*STATES, *(f"{name}_dot" for name in STATES)]:
-        errors = {name: pooled(runs, name, key) for name in ("raw", "spline", "smoother")}
+        errors = {name: pooled(runs, name, key) for name in ("raw", "spline", "filter", "smoother")}
         best = min((error for error in errors.values() if error is not None), default=None)
         cells = [f"**{number(error)}**" if error is not None and error == best else number(error) for error in errors.values()]
         stated = pooled(runs, "smoother", key, 2) or pooled(runs, "spline", key, 2)

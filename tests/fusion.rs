@@ -411,6 +411,33 @@ fn a_gyroscope_alone_and_a_joint_beside_the_body() {
     fleetfoot(path, &["fit", "sindy", "-c", "clean/robot.toml", "clean", "-o", "model.json", "--degree", "1"]).ok();
 }
 
+/// A filter of a body knows less than the smoother, and states it.
+#[test]
+fn a_body_is_filtered() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    write_body(&path.join("run.mcap"), LONG);
+    let names = ["x", "vx", "x_deviation", "vx_deviation"].map(str::to_owned);
+    let told = |recipe: &str| {
+        prepare(path, recipe, &[]).ok();
+        let file = path.join("clean/run.clean.parquet");
+        let rows = read_rows(&Recipe::default(), Some(&names), &[file], &Silent).unwrap();
+        // From the second second on.
+        let rows_of =
+            |name: &str| rows.columns.iter().find(|(column, _)| column.name == name).unwrap().1[200..].to_vec();
+        let times: Vec<f64> = rows.stamps[200..].iter().map(|stamp| (stamp - START) as f64 * 1e-9).collect();
+        let rms = |values: &[f64]| (values.iter().map(|x| x * x).sum::<f64>() / values.len() as f64).sqrt();
+        let off: Vec<f64> = rows_of("x").iter().zip(&times).map(|(x, &t)| x - position_at(t)).collect();
+        [rms(&off), rms(&rows_of("x_deviation")), rms(&rows_of("vx_deviation"))]
+    };
+    let filter = told(&RECIPE.replace("[body]", "[body]\nestimate = \"filter\""));
+    let smoother = told(RECIPE);
+    // Where the body is hangs on the lever, of which both know the same.
+    assert!(filter.iter().zip(smoother).all(|(filter, smoother)| *filter > smoother), "{filter:?} {smoother:?}");
+    assert!(filter[2] > 1.2 * smoother[2], "{filter:?} {smoother:?}");
+    assert!((0.5..2.0).contains(&(filter[0] / filter[1])), "{filter:?}");
+}
+
 /// A preparation that is killed while it fuses goes on, and writes what one that was let alone does.
 #[test]
 fn a_killed_preparation_writes_the_same_bytes() {

@@ -33,6 +33,11 @@ fn acceleration(t: f64) -> f64 {
 
 /// An encoder at 200 Hz, wrapped at a turn, with a gross error now and then; a tachometer at 125 Hz, stamped 6 ms late, that says 0.2 too much; a lamp at 50 Hz; and a rate that is the encoder's difference.
 fn write_joint(path: &Path, wrapped: bool) {
+    write_steps(path, wrapped, 20_000);
+}
+
+/// The same for so many milliseconds.
+fn write_steps(path: &Path, wrapped: bool, steps: u32) {
     let mut writer = McapWriter::create(path, &McapOptions::default()).unwrap();
     let [encoder, tachometer, derived, lamp] =
         ["/encoder", "/tachometer", "/derived", "/lamp"].map(|name| writer.channel::<Illuminance<'_>>(name).unwrap());
@@ -40,7 +45,7 @@ fn write_joint(path: &Path, wrapped: bool) {
         |t: f64| Header { stamp: Time::from_nanoseconds(START + (t * 1e9).round() as i64).unwrap(), frame_id: "knee" };
     let mut last = (0.0, 0.0);
     // The log is in the order of its stamps: steps of a millisecond.
-    for step in 0..20_000 {
+    for step in 0..steps {
         let t = 1e-3 * f64::from(step);
         let row = step as usize;
         let mut say = |channel, value: f64| {
@@ -134,6 +139,44 @@ fn the_motion_of_a_joint_is_prepared() {
     fleetfoot(path, &["fit", "sindy", "-c", "clean/robot.toml", "clean", "-o", "model.json", "--degree", "1"]).ok();
     let text = prepare(path, RECIPE, &[]).ok().out;
     assert!(text.contains("tachometer") && text.contains("jerk") && text.contains("delay, s"), "{text}");
+}
+
+/// A filter says of a row what it would say if the log ended there, and is off by more than the smoother, which has all of it.
+#[test]
+fn a_filter_does_not_see_what_is_later() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let known = RECIPE
+        .replace("delay = \"auto\"\nbias = \"auto\"", "delay = 0.006\nbias = 0.2\nnoise = [0.03]")
+        .replace("[\"/encoder.illuminance\"]", "[\"/encoder.illuminance\"]\nnoise = [1.2e-3]")
+        .replace("clip = 0.1", "clip = 0.0");
+    let filter = known.replace("unit = \"rad\"", "unit = \"rad\"\njerk = 60.0\nestimate = \"filter\"");
+    let names = ["knee", "knee_dot", "knee_ddot", "knee_deviation"].map(str::to_owned);
+    let read = |recipe: &str, steps: u32| {
+        write_steps(&path.join("run.mcap"), false, steps);
+        prepare(path, recipe, &[]).ok();
+        let file = path.join("clean/run.clean.parquet");
+        read_rows(&Recipe::default(), Some(&names), &[file], &Silent).unwrap()
+    };
+    let (part, whole) = (read(&filter, 7_500), read(&filter, 20_000));
+    let told = part.stamps.len();
+    assert!(told > 1_400 && part.stamps[..] == whole.stamps[..told], "{told}");
+    for ((column, part), (_, whole)) in part.columns.iter().zip(&whole.columns) {
+        let size = part.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
+        for (part, whole) in part.iter().zip(whole) {
+            // Both are scaled by what their own readings span.
+            assert!((part - whole).abs() < 1e-9 * size, "{}: {part} {whole}", column.name);
+        }
+    }
+    let filtered = [rms(path, "knee", &position), rms(path, "knee_dot", &rate)];
+    read(&filter.replace("\"filter\"", "\"smoother\""), 20_000);
+    let smoothed = [rms(path, "knee", &position), rms(path, "knee_dot", &rate)];
+    assert!(
+        filtered.iter().zip(smoothed).all(|(filter, smoother)| *filter > 1.2 * smoother),
+        "{filtered:?} {smoothed:?}"
+    );
+    assert!(filtered[0] < 2e-3 && filtered[1] < 0.1, "{filtered:?}");
+    prepare(path, &filter.replace("\"filter\"", "\"forward\""), &[]).fails(&["estimate", "smoother", "filter"]);
 }
 
 /// The same bytes on any number of threads; an angle that wraps is written wrapped, with the same rates.

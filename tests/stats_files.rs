@@ -225,8 +225,7 @@ fn equations_and_regions_are_fitted_from_a_statistic() {
 fn every_method_finds_one_model_in_logs_and_their_statistics() {
     let folder = logs();
     let path = folder.path();
-    fs::write(path.join("lags.toml"), "[model]\ndegree = 1\n[narx]\nlags_out = 2\nlags_in = 1\n")
-        .expect("a file");
+    fs::write(path.join("lags.toml"), "[model]\ndegree = 1\n[narx]\nlags_out = 2\nlags_in = 1\n").expect("a file");
     // A machine has its own logs, where the first has all, and the plan.
     let machine = |aircraft: &[usize]| {
         let other = tempfile::tempdir().expect("a folder");

@@ -259,7 +259,8 @@ impl Job<'_> {
         };
         let known = self.joints.iter().map(|joint| within(joint.span(at)));
         let known = known.fold(0..times.len(), |all, own| all.start.max(own.start)..all.end.min(own.end));
-        let cut = |(rows, track): (Range<usize>, usize)| (rows.start.max(known.start)..rows.end.min(known.end), track);
+        let begun = self.joints.iter().map(|joint| joint.begun(at)).fold(known.start, usize::max);
+        let cut = |(rows, track): (Range<usize>, usize)| (rows.start.max(begun)..rows.end.min(known.end), track);
         all.into_iter().map(cut).filter(|(rows, _)| rows.start < rows.end).collect()
     }
 

@@ -1,5 +1,6 @@
 //! `[body]`, `[joint.NAME]` and `[sensor.NAME]`: sensors of one rigid body and of joints, whose motion `prepare` fuses of them.
 
+use fleetfoot_signal::Estimate;
 use serde::{Deserialize, Serialize};
 
 use super::{Kind, Tunable};
@@ -20,6 +21,9 @@ pub struct BodySection {
     /// Deviations beyond which a measured position, or an attitude, is left out; 0: none is (10).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gate: Option<f64>,
+    /// What states are told from: `smoother`, all measurements; `filter`, those up to the instant of a row, as on the machine (smoother).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub estimate: Option<EstimateKind>,
     /// Without an accelerometer: density of the white noise that an axis' jerk is taken for, m/s^3/sqrt(Hz) (told by the residuals).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub jerk: Option<f64>,
@@ -50,9 +54,31 @@ pub struct JointSection {
     /// Deviations beyond which a reading is left out; 0: none is (10).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gate: Option<f64>,
+    /// What states are told from: `smoother` or `filter`, as those of a body (smoother).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub estimate: Option<EstimateKind>,
     /// Whether sensors are fused whose errors go together, as those of a rate that was computed from the encoder do (false: they are refused).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub correlated: Option<bool>,
+}
+
+/// What states are told from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum EstimateKind {
+    /// All measurements, earlier and later.
+    Smoother,
+    /// Those up to the instant of a row.
+    Filter,
+}
+
+impl From<EstimateKind> for Estimate {
+    fn from(kind: EstimateKind) -> Self {
+        match kind {
+            EstimateKind::Smoother => Self::Smoother,
+            EstimateKind::Filter => Self::Filter,
+        }
+    }
 }
 
 /// Gravity: its size, or its components.

@@ -325,6 +325,37 @@ impl Chain<'_> {
     }
 }
 
+impl Chain<'_> {
+    /// The nodes' errors given theta and the rows up to each node, and their covariances, where theta has this one; from the first node that these determine on.
+    pub(super) fn filtered(
+        &self,
+        covariance: &SMatrix<f64, BORDER, BORDER>,
+        each: &mut dyn FnMut(usize, &StateError, &Joint),
+    ) -> Result<(), Undetermined> {
+        let (mut rows, mut squares, mut seen) = (Vec::new(), Squares::default(), Vec::new());
+        for node in 0..self.nodes {
+            seen.clear();
+            (self.rows)(node, &mut seen);
+            seen.retain(|row| row[NEXT_AT..RIGHT].iter().all(|slope| *slope == 0.0));
+            let mut own = squares.node;
+            for row in &seen {
+                (0..STATE).for_each(|j| own[j] += row[j] * row[j]);
+            }
+            seen.extend_from_slice(&rows);
+            let known = reduce(&mut seen, 0..STATE, 0, self.width) == STATE;
+            if known && (0..STATE).all(|c| seen[c][c].abs() > REST * own[c].sqrt()) {
+                let head = Head(&seen[..STATE]);
+                each(node, &head.error(None, &BorderError::zeros()), &head.joint(None, covariance));
+            }
+            if node + 1 < self.nodes {
+                let left = self.eliminate(node, &mut rows, &mut squares)?;
+                carry(&mut rows, left);
+            }
+        }
+        Ok(())
+    }
+}
+
 /// Adds rows that hold back the unknowns of these columns, each by its norm.
 fn damp(rows: &mut Vec<Row>, columns: std::ops::Range<usize>, damping: f64) {
     for c in columns {

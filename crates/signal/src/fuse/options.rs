@@ -1,7 +1,7 @@
 //! What is fused, and what is known of it beforehand.
 
 use crate::{
-    Loss, SignalError,
+    Estimate, Loss, SignalError,
     error::{check, check_stamps},
 };
 
@@ -151,6 +151,8 @@ pub struct FuseOptions {
     pub loss: Loss,
     /// Deviations beyond which a measured position, or an attitude, is left out; 0: none is.
     pub gate: f64,
+    /// What states are told from.
+    pub estimate: Estimate,
 }
 
 impl Default for FuseOptions {
@@ -167,6 +169,7 @@ impl Default for FuseOptions {
             accelerometer_bias: Prior { value: [0.0; 3], deviation: 0.5 },
             loss: Loss::default(),
             gate: 10.0,
+            estimate: Estimate::Smoother,
         }
     }
 }

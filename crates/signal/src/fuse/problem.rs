@@ -273,6 +273,25 @@ impl<'a> Problem<'a> {
         self.each(of_track)
     }
 
+    /// What `of` makes of every state given the constants and what was measured up to it, and of its covariances; from the first that this determines on, whose node comes with them.
+    pub(super) fn filtered<T: Send>(
+        &self,
+        whole: &Whole,
+        of: impl Fn(usize, usize, &State, &Joint) -> T + Sync,
+    ) -> Result<Vec<(usize, Vec<T>)>, Undetermined> {
+        let of_track = |at: usize| {
+            let track = &self.tracks[at];
+            let (mut first, mut found) = (track.nodes(), Vec::with_capacity(track.nodes()));
+            let mut visit = |node: usize, error: &StateError, joint: &Joint| {
+                first = first.min(node);
+                found.push(of(at, node, &track.states[node].moved(error), joint));
+            };
+            self.chain(track, 0.0, |chain| chain.filtered(&whole.covariance, &mut visit))?;
+            Ok((first, found))
+        };
+        self.each(of_track)
+    }
+
     fn add_shares(
         &self,
         track: &Track<'_>,

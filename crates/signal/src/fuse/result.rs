@@ -12,6 +12,7 @@ use super::{
     state::{BORDER, STATE, State, StateError, part},
     track::Track,
 };
+use crate::Estimate;
 
 /// The state of a body at an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,6 +52,8 @@ pub struct BodyTrack {
     pub first: usize,
     /// One a pose.
     pub states: Vec<BodyState>,
+    /// What they are told from.
+    pub estimate: Estimate,
     /// Rows of the run whose position was left out.
     pub positions_rejected: Vec<usize>,
     /// Rows of the run whose attitude was left out.
@@ -111,9 +114,22 @@ pub(super) fn fused(
 ) -> Result<Fused, Undetermined> {
     let whole = problem.whole()?;
     let cost = problem.cost_now()?;
-    let states =
-        problem.spread(&whole, |track, node, joint| body_state(problem, track, node, joint, &whole.covariance))?;
-    let tracks = problem.tracks.iter().zip(states).map(|(track, states)| body_track(track, states)).collect();
+    let estimate = problem.options.estimate;
+    let states: Vec<(usize, Vec<BodyState>)> = match estimate {
+        Estimate::Smoother => {
+            let told = |track: usize, node: usize, joint: &Joint| {
+                let state = problem.tracks[track].states[node];
+                body_state(problem, (track, node), &state, joint, &whole.covariance)
+            };
+            problem.spread(&whole, told)?.into_iter().map(|states| (0, states)).collect()
+        }
+        // A filter takes the constants for what all measurements say that they are, to their deviations.
+        Estimate::Filter => problem.filtered(&whole, |track, node, state, joint| {
+            body_state(problem, (track, node), state, joint, &whole.covariance)
+        })?,
+    };
+    let tracks = problem.tracks.iter().zip(states);
+    let tracks = tracks.map(|(track, states)| body_track(track, states, estimate)).collect();
     let given = problem.given();
     let deviation = |at: usize| if given[at] { 0.0 } else { whole.covariance[(at, at)].sqrt() };
     let (border, offset) = (&problem.border, problem.setting.anchor + problem.border.late);
@@ -128,9 +144,15 @@ pub(super) fn fused(
     Ok(Fused { tracks, constants, noise: problem.setting.noise, outside, contradicted, cost, steps, converged })
 }
 
-fn body_state(problem: &Problem<'_>, track: usize, node: usize, joint: &Joint, theta: &Covariance) -> BodyState {
+fn body_state(
+    problem: &Problem<'_>,
+    (track, node): (usize, usize),
+    state: &State,
+    joint: &Joint,
+    theta: &Covariance,
+) -> BodyState {
     let track = &problem.tracks[track];
-    let (state, time) = (&track.states[node], track.time(node, &problem.setting));
+    let time = track.time(node, &problem.setting);
     let (reading, has_forces) = (track.imu.at(time), track.imu.has_forces());
     let force = reading.force - state.accelerometer;
     let (acceleration, bias) = match has_forces {
@@ -187,21 +209,23 @@ impl BodyState {
     }
 }
 
-fn body_track(track: &Track<'_>, states: Vec<BodyState>) -> BodyTrack {
+fn body_track(track: &Track<'_>, (begun, states): (usize, Vec<BodyState>), estimate: Estimate) -> BodyTrack {
     let rejected = |which: usize| {
         (0..track.nodes()).filter(|&node| !track.used[node][which]).map(|node| track.first + node).collect()
     };
     BodyTrack {
         run: track.run,
-        first: track.first,
+        first: track.first + begun,
         states,
+        estimate,
         positions_rejected: rejected(0),
         attitudes_rejected: rejected(1),
     }
 }
 
 impl BodyTrack {
-    /// The state at an instant between the first and the last, `None` outside and where there are fewer than two: the readings carry the state before on, and what they miss of the state after is spread over the time between.
+    /// The state at an instant between the first and the last, `None` outside and where there are fewer than two: the readings carry the state before on, and what they miss of the state after is spread over the time between;
+    /// a filter knows nothing of the state after.
     ///
     /// `imu` is the record of the run, `gravity` and `noise` as estimated. Deviations are those of the states about it, of which none is greater when all is known of both, and what the readings since leave open.
     pub fn at(&self, imu: &ImuRecord<'_>, gravity: [f64; 3], noise: &BodyNoise, time: f64) -> Option<BodyState> {
@@ -216,6 +240,10 @@ impl BodyTrack {
         let (from, to) = (&self.states[next.min(last) - 1], &self.states[next.min(last)]);
         let share = (time - from.time) / (to.time - from.time);
         let start = Carried::of(from);
+        if self.estimate == Estimate::Filter {
+            let here = start.carried(imu, gravity.into(), noise, time);
+            return Some(here.alone(from, imu, gravity.into(), noise));
+        }
         let [here, there] = [time, to.time].map(|until| start.carried(imu, gravity.into(), noise, until));
         let missed = Carried::of(to);
         let between = |a: &[f64], b: &[f64], i: usize| a[i] + share * (b[i] - a[i]);
@@ -310,6 +338,43 @@ impl Carried {
             grown,
             ..*self
         }
+    }
+
+    /// The state, given what was known of it `from` where it was carried: errors of rates and velocities add up to no more than their deviations times the time since.
+    fn alone(&self, from: &BodyState, imu: &ImuRecord<'_>, gravity: Vector, noise: &BodyNoise) -> BodyState {
+        let (reading, dt) = (imu.at(self.time), self.time - from.time);
+        let [gyro, accelerometer] = self.biases;
+        let acceleration = match imu.has_forces() {
+            true => self.attitude * (reading.force - accelerometer) + gravity,
+            false => self.acceleration,
+        };
+        // The axes of the body turn meanwhile.
+        let turning = from.deviations[part::GYRO..part::ACCELEROMETER].iter().copied().fold(0.0, f64::max);
+        let of = |i: usize| {
+            let drift = match i / 3 * 3 {
+                part::ATTITUDE => turning,
+                part::POSITION => from.deviations[i - part::POSITION + part::VELOCITY],
+                part::VELOCITY => from.pulled[i - part::VELOCITY].max(0.0).sqrt(),
+                _ => 0.0,
+            };
+            (from.deviations[i] + drift * dt).hypot(self.grown[i].max(0.0).sqrt())
+        };
+        let mut own = BodyState {
+            time: self.time,
+            attitude: quaternion(&self.attitude),
+            position: self.position.into(),
+            velocity: self.velocity.into(),
+            gyro_bias: gyro.into(),
+            accelerometer_bias: accelerometer.into(),
+            rate: (reading.rate - gyro).into(),
+            acceleration: acceleration.into(),
+            deviations: std::array::from_fn(of),
+            rate_deviations: [0.0; 3],
+            acceleration_deviations: [0.0; 3],
+            pulled: from.pulled,
+        };
+        own.read_by(imu, &noise.imu);
+        own
     }
 
     /// Which part of what grows until the end has grown here.

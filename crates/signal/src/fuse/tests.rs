@@ -297,3 +297,59 @@ fn a_gap_parts_a_run() {
     let (end, begin) = (fused.tracks[0].states.last().unwrap().time, fused.tracks[1].states[0].time);
     assert!(end < 3.0 && begin > 3.19, "{end} {begin}");
 }
+
+/// What a filter says at a pose is what a smoother says that has nothing after it. (Both linearise where they came to rest, so that they differ by what curves within a deviation.) Between poses readings
+/// alone carry it on, and its errors are as large as stated.
+#[test]
+fn a_filter_is_a_smoother_at_the_end_of_what_it_saw() {
+    let recording = Recording::new(8.0, 12);
+    let options =
+        FuseOptions { lever: LEVER.into(), offset: OFFSET.into(), gate: 0.0, loss: crate::Loss::Huber(1e9), ..known() };
+    let filter = FuseOptions { estimate: crate::Estimate::Filter, ..options.clone() };
+    let run = recording.run();
+    let fused = fuse(&[run], &filter).unwrap();
+    let (track, imu) = (&fused.tracks[0], recording.imu());
+    for at in [20, 90, 300, track.states.len() - 1] {
+        let own = &track.states[at];
+        let count = track.first + at + 1;
+        let poses = super::PoseRecord {
+            times: &run.poses.times[..count],
+            positions: &run.poses.positions[..count],
+            attitudes: &run.poses.attitudes[..count],
+        };
+        let until = fuse(&[BodyRun { poses, ..run }], &options).unwrap();
+        let last = until.tracks[0].states.last().unwrap();
+        assert_eq!(own.time, last.time);
+        for i in 0..15 {
+            let (a, b) = (own.deviations[i], last.deviations[i]);
+            assert!((a / b - 1.0).abs() < 1e-2, "deviation {i} at {at}: {a} {b}");
+        }
+        let pairs = own.position.iter().zip(last.position).chain(own.velocity.iter().zip(last.velocity));
+        let pairs = pairs.chain(own.gyro_bias.iter().zip(last.gyro_bias)).zip(&last.deviations[3..]);
+        for ((a, b), deviation) in pairs {
+            assert!((a - b).abs() < 2e-2 * deviation, "at {at}: {a} {b} +- {deviation}");
+        }
+    }
+    let smoothed = fuse(&[run], &options).unwrap();
+    let wider = |i: usize| {
+        track.states[200].deviations[i]
+            / smoothed.tracks[0].states[200 + track.first - smoothed.tracks[0].first].deviations[i]
+    };
+    assert!((0..9).all(|i| wider(i) > 1.2), "{:?}", (0..9).map(wider).collect::<Vec<_>>());
+    // Rows between the poses, from the second second on.
+    let times = recording
+        .times
+        .iter()
+        .copied()
+        .filter(|&t| track.states[100].time < t && t < track.states.last().unwrap().time);
+    let states: Vec<_> = times.map(|t| track.at(&imu, fused.constants.gravity, &fused.noise, t).unwrap()).collect();
+    for part in 0..3 {
+        let square = |state: &super::BodyState| {
+            let error = recording.error(state);
+            (3 * part..3 * part + 3).map(|i| (error[i] / state.deviations[i]).powi(2)).sum::<f64>() / 3.0
+        };
+        let mean = states.iter().map(square).sum::<f64>() / states.len() as f64;
+        // Errors of neighbouring rows go together.
+        assert!((0.5..1.6).contains(&mean), "part {part}: {mean}");
+    }
+}

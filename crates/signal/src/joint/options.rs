@@ -1,7 +1,7 @@
 //! What is fused of a joint, and what is known of it beforehand.
 
 use crate::{
-    Loss, SignalError,
+    Estimate, Loss, SignalError,
     error::{check, check_finite, check_stamps},
     fuse::Prior,
 };
@@ -71,12 +71,14 @@ pub struct JointOptions {
     pub loss: Loss,
     /// Deviations beyond which a reading is left out; 0: none is.
     pub gate: f64,
+    /// What states are told from.
+    pub estimate: Estimate,
 }
 
 impl JointOptions {
     /// These sensors, and nothing said of them.
     pub fn new(sensors: Vec<JointSensor>) -> Self {
-        Self { sensors, jerk: None, loss: Loss::default(), gate: 10.0 }
+        Self { sensors, jerk: None, loss: Loss::default(), gate: 10.0, estimate: Estimate::Smoother }
     }
 
     pub(super) fn check(&self) -> Result<(), SignalError> {

@@ -14,7 +14,7 @@ use super::{
     start,
 };
 use crate::{
-    SignalError,
+    Estimate, SignalError,
     fuse::{Prior, slack},
     spline::{filter::Posterior, smoother::Smoother},
 };
@@ -88,7 +88,7 @@ pub(super) struct Problem<'a> {
     /// Whether the readings of a run tell its states.
     told: Vec<bool>,
     /// Whether instants are among the events.
-    wanted: bool,
+    has_wanted: bool,
 }
 
 impl<'a> Problem<'a> {
@@ -121,7 +121,7 @@ impl<'a> Problem<'a> {
             biases: sensors.iter().map(|sensor| sensor.bias.value).collect(),
             periods: (0..sensors.len()).map(|sensor| start::period(runs, sensor)).collect(),
             told: Vec::new(),
-            wanted: false,
+            has_wanted: false,
         };
         problem.know();
         // Where nothing is sought the first pass over the readings may be all there is to do.
@@ -150,7 +150,7 @@ impl<'a> Problem<'a> {
     }
 
     fn sort(&mut self, wanted: bool) {
-        self.wanted = wanted;
+        self.has_wanted = wanted;
         for (events, run) in self.events.iter_mut().zip(self.runs) {
             events.sort(run, &self.known, wanted);
         }
@@ -207,7 +207,7 @@ impl<'a> Problem<'a> {
             squares: 0.0,
             told: None,
         };
-        let mut told = self.wanted.then(|| self.untold(run));
+        let mut told = self.has_wanted.then(|| self.untold(run));
         pass.squares = self.smoother(run, None).smooth(|at, state| {
             if let Some(told) = &mut told {
                 self.tell(run, at, state, told);
@@ -436,7 +436,7 @@ impl<'a> Problem<'a> {
         };
         // Of a long record this is as much as all readings, and is not asked for any more.
         passes.iter_mut().for_each(|pass| pass.left = Vec::new());
-        if !self.wanted {
+        if !self.has_wanted {
             self.sort(true);
         }
         let told = self.told();
@@ -499,6 +499,16 @@ impl<'a> Problem<'a> {
             self.smoother(run, None).smooth(|at, state| self.tell(run, at, state, &mut told));
             told
         });
+        if self.options.estimate == Estimate::Filter {
+            let rejected = std::mem::take(&mut states.rejected);
+            states = JointStates { rejected, ..self.unknown(&self.runs[run]) };
+            self.wanted(run, None, |row, state| {
+                for k in 0..STATES {
+                    states.derivatives[k][row] = state.mean[k];
+                    states.deviations[k][row] = state.covariance[k][k];
+                }
+            });
+        }
         self.add_border(run, pass, covariance, &mut states);
         for k in 0..STATES {
             let (unit, centre) = (self.scale.derivative(k), if k == 0 { self.scale.centre } else { 0.0 });
@@ -514,7 +524,6 @@ impl<'a> Problem<'a> {
     /// Adds to the variances what is not known of the constants: the squares of what the smoother makes of each column of the root of their covariance.
     fn add_border(&self, run: usize, pass: &Pass, covariance: &DMatrix<f64>, states: &mut JointStates) {
         let Some(root) = covariance.clone().cholesky().map(|root| root.l()) else { return };
-        let order = &self.events[run].order;
         for k in 0..self.sought.len() {
             let mut column: Vec<Vec<f64>> = vec![Vec::new(); self.variances.len()];
             for (u, &sought) in self.sought.iter().enumerate() {
@@ -524,13 +533,28 @@ impl<'a> Problem<'a> {
                     sum.iter_mut().zip(own).for_each(|(sum, slope)| *sum += root[(u, k)] * slope);
                 }
             }
-            self.smoother(run, Some(&column)).smooth(|at, state| {
-                if order[at].sensor == WANTED {
-                    for k in 0..STATES {
-                        states.deviations[k][order[at].row as usize] += state.mean[k] * state.mean[k];
-                    }
+            self.wanted(run, Some(&column), |row, state| {
+                for k in 0..STATES {
+                    states.deviations[k][row] += state.mean[k] * state.mean[k];
                 }
             });
+        }
+    }
+
+    /// Hands out the states of the instants that are wanted, as they are to be told.
+    fn wanted(&self, run: usize, column: Option<&[Vec<f64>]>, mut emit: impl FnMut(usize, &Posterior<STATES>)) {
+        let order = &self.events[run].order;
+        let emit = |at: usize, state: &Posterior<STATES>| {
+            if order[at].sensor == WANTED {
+                emit(order[at].row as usize, state);
+            }
+        };
+        let smoother = self.smoother(run, column);
+        match self.options.estimate {
+            Estimate::Smoother => {
+                smoother.smooth(emit);
+            }
+            Estimate::Filter => smoother.filter(emit),
         }
     }
 

@@ -189,6 +189,16 @@ impl<S: Sequence<M>, const M: usize> Smoother<S, M> {
         squares
     }
 
+    /// Hands out the state of every row given the measurements up to it, from the first row that these determine on.
+    pub(crate) fn filter(&self, mut emit: impl FnMut(usize, &Posterior<M>)) {
+        let Start { row: first, mut belief, .. } = self.start();
+        emit(first, &belief.posterior());
+        for row in first + 1..self.rows.rows() {
+            belief = self.advance(&belief, row).0;
+            emit(row, &belief.posterior());
+        }
+    }
+
     /// Goes back over a stretch from the state of the row after it.
     fn back(
         &self,

@@ -2,7 +2,7 @@
 
 use fleetfoot_data::with_threads;
 use fleetfoot_signal::{
-    Loss, SignalError,
+    Estimate, Loss, SignalError,
     fuse::Prior,
     joint::{FusedJoint, JointOptions, JointRecord, JointRun, JointSensor, Quantity, fuse_joint},
 };
@@ -524,6 +524,33 @@ proptest! {
             let apart = values.iter().zip(&own.runs[0].derivatives[k]).zip(&own.runs[0].deviations[k]);
             prop_assert!(apart.map(|((a, b), s)| (a - b).abs() / s).fold(0.0, f64::max) < 5e-3);
             prop_assert!(distance(&deviations, &own.runs[0].deviations[k]) < 1e-3);
+        }
+    }
+}
+
+/// What a filter says at an instant is what a smoother says that has no reading after it, deviations as well; before the third reading it says nothing.
+#[test]
+fn a_filter_is_a_smoother_at_the_end_of_what_it_read() {
+    let (_, readings) = recorded(1.0, 8);
+    let wanted = instants(1.0);
+    let options = JointOptions { gate: 0.0, loss: Loss::Huber(1e9), ..given() };
+    let filtered = JointOptions { estimate: Estimate::Filter, ..options.clone() };
+    let filtered = fuse_joint(&[run(&readings, &wanted)], &filtered).unwrap();
+    let found = &filtered.runs[0];
+    assert!(found.derivatives[0][0].is_nan() && found.derivatives[0][10].is_finite());
+    let delays = [0.0, 0.007];
+    for at in [10, 25, 60, wanted.len() - 1] {
+        let until = |(own, delay): (&Readings, f64)| {
+            let count = own.times.iter().filter(|&&time| time - delay <= wanted[at]).count();
+            Readings { times: own.times[..count].to_vec(), values: own.values[..count].to_vec() }
+        };
+        let read: Vec<Readings> = readings.iter().zip(delays).map(until).collect();
+        let smoothed = fuse_joint(&[run(&read, &wanted[..=at])], &options).unwrap();
+        for k in 0..3 {
+            let (own, last) = (&found.derivatives[k][at], smoothed.runs[0].derivatives[k][at]);
+            let [own_deviation, deviation] = [found.deviations[k][at], smoothed.runs[0].deviations[k][at]];
+            assert!((own - last).abs() < 1e-7 * deviation, "{k} at {at}: {own} {last} +- {deviation}");
+            assert!((own_deviation / deviation - 1.0).abs() < 1e-8, "{own_deviation} {deviation}");
         }
     }
 }

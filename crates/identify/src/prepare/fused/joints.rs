@@ -92,6 +92,7 @@ impl JointPlan {
         options.jerk = section.jerk;
         options.loss = loss(&place, section.huber, section.student)?;
         options.gate = section.gate.unwrap_or(options.gate);
+        options.estimate = section.estimate.map_or(options.estimate, Into::into);
         let channel = |name: &&String| ((*name).clone(), recipe.sensor[*name].channels[0].clone());
         Ok(Self {
             name: name.to_owned(),
@@ -184,6 +185,12 @@ impl Joint {
             positions.clone().filter_map(first).fold(f64::INFINITY, f64::min),
             positions.filter_map(last).fold(f64::NEG_INFINITY, f64::max),
         ]
+    }
+
+    /// The first row of a log whose state is known: a filter needs some readings to begin.
+    pub(super) fn begun(&self, at: usize) -> usize {
+        let known = |value: &f64| !value.is_nan();
+        self.fused.runs[at].derivatives[0].iter().position(known).unwrap_or(0)
     }
 
     /// Values and deviations of the rows of a log, in the order of the columns.

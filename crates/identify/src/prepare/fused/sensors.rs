@@ -165,6 +165,7 @@ impl Sensors {
         options.loss = loss("[body]", body.huber, body.student)?;
         options.noise.jerk = body.jerk.unwrap_or(options.noise.jerk);
         options.gate = body.gate.unwrap_or(options.gate);
+        options.estimate = body.estimate.map_or(options.estimate, Into::into);
         Ok(())
     }
 
