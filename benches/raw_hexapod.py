@@ -352,21 +352,46 @@ def block_table(runs):
         yield f"| {name} | {np.mean(squares) / 3:.2f} | {np.mean(squares < CHI_SQUARED):.1%} |"
 
 
-def told_of(body):
-    """Noise of a report: rates by the root of the mean square over the axes."""
-    return [np.sqrt(np.mean(np.square(axes))) for axes in body["imu_noise"]] + body["imu_walk"] + body["pose_noise"] + body["imu_missed"][:1]
+PERIOD = 1e-3
+# What the world file says of the noise, of the axes together, and what a report says of it with the deviation: of single readings, then of what poses tell of integrals. A converter's steps add 2 % to the readings of the rate.
+WORLD = {
+    "single readings of the rate, rad/s": (1.4e-3, lambda body: axes(body, "reading_noise", 0)),
+    "density of the rate, rad/s/sqrt(Hz)": (1.4e-3 * PERIOD**0.5, lambda body: axes(body, "imu_noise", 0)),
+    "density of the force, m/s^2/sqrt(Hz)": (0.063 * PERIOD**0.5, lambda body: axes(body, "imu_noise", 1)),
+    "walk of the rate's bias, rad/s^2/sqrt(Hz)": (1e-4, lambda body: one(body, "imu_walk", 0)),
+    "walk of the force's bias, m/s^3/sqrt(Hz)": (1e-3, lambda body: one(body, "imu_walk", 1)),
+    "position, m": (27e-6, lambda body: one(body, "pose_noise", 0)),
+    "attitude, rad": (0.0026, lambda body: one(body, "pose_noise", 1)),
+    "what rates miss where they jump": (None, lambda body: one(body, "imu_missed", 0)),
+}
+
+
+def axes(body, key, which):
+    """The root of the mean square over the axes, and the greatest share that an axis deviates by."""
+    values, deviations = (np.array(body[f"{key}{end}"][which], dtype=float) for end in ("", "_deviation"))
+    return np.sqrt(np.mean(values**2)), np.max(deviations / values)
+
+
+def one(body, key, which):
+    value, deviation = body[key][which], body[f"{key}_deviation"][which]
+    return value, np.nan if deviation is None else deviation / value
 
 
 def noise_table(runs):
-    period = 1e-3
-    world = {"rate, rad/s/sqrt(Hz)": 1.4e-3 * period**0.5, "force, m/s^2/sqrt(Hz)": 0.063 * period**0.5, "walk of the rate's bias, rad/s^2/sqrt(Hz)": 1e-4, "walk of the force's bias, m/s^3/sqrt(Hz)": 1e-3, "position, m": 27e-6, "attitude, rad": 0.0026, "what rates miss where they jump": None}
-    told = np.array([told_of(found["smoother"][0]["body"]) for found in runs.values()])
-    yield "| noise | world file | told by the residuals, least to greatest of the seeds |"
-    yield "|---|---:|---:|"
-    for at, (name, truth) in enumerate(world.items()):
-        yield f"| {name} | {number(truth)} | {told[:, at].min():.3g} to {told[:, at].max():.3g} |"
+    bodies = [found["smoother"][0]["body"] for found in runs.values()]
+    yield "| noise | world file | told, least to greatest of the seeds | stated deviation, greatest | error, root of the mean square of the seeds | seeds within 1.96 deviations | within 10 % |"
+    yield "|---|---:|---:|---:|---:|---:|---|"
+    for name, (truth, of) in WORLD.items():
+        told, stated = np.array([of(body) for body in bodies]).T
+        row = f"| {name} | {number(truth)} | {told.min():.3g} to {told.max():.3g} | {stated.max():.1%} |"
+        if truth is None:
+            yield f"{row} - | - | - |"
+            continue
+        off = told / truth - 1
+        inside, near = (int(np.sum(np.abs(off) < bound)) for bound in (1.96 * stated, 0.1))
+        yield f"{row} {np.sqrt(np.mean(off**2)):.1%} | {inside} of {len(bodies)} | {near} of {len(bodies)} |"
     missing = np.sqrt(np.mean([found["truth"].missed ** 2 for found in runs.values()], axis=0))
-    yield f"| what rates at 1 kHz miss of the turn, in the truth, without any noise: all axes; roll, pitch, yaw | {np.sqrt(np.mean(missing**2)):.3g}; {', '.join(f'{own:.3g}' for own in missing)} | |"
+    yield f"| what rates at 1 kHz miss of the turn, in the truth, without any noise: all axes; roll, pitch, yaw | {np.sqrt(np.mean(missing**2)):.3g}; {', '.join(f'{own:.3g}' for own in missing)} | | | | | |"
 
 
 def tables(runs):

@@ -18,10 +18,12 @@
 mod chain;
 mod checkpoint;
 mod factors;
+mod information;
 mod noise;
 mod options;
 mod preintegration;
 mod problem;
+mod readings;
 mod result;
 mod rotation;
 mod start;
@@ -38,7 +40,8 @@ pub use start::gaps;
 pub(crate) use start::slack;
 
 use checkpoint::Progress;
-use problem::{Problem, STEPS};
+use fleetfoot_data::{Cancelled, Silent, parallel_map};
+use problem::{Problem, Readings, STEPS};
 use track::{BiasPrior, Setting, Track};
 
 use crate::SignalError;
@@ -108,12 +111,13 @@ pub fn fuse_from(
         });
     }
     let bias = |prior: &Prior<[f64; 3]>| BiasPrior { value: prior.value.into(), deviation: prior.deviation };
-    let mut noise = options.noise;
+    let (mut noise, mut readings) = (options.noise, [[None; 3]; 2]);
     if options.fit_noise && !has_forces(runs) {
         noise.jerk = start::jerk(&tracks, noise.jerk);
     }
     if options.fit_noise {
-        begin_noise(&mut noise.imu, runs);
+        readings = told_by_readings(runs);
+        begin_noise(&mut noise.imu, runs, &readings);
     }
     let setting = Setting {
         noise,
@@ -122,18 +126,30 @@ pub fn fuse_from(
         anchor: options.offset.value,
     };
     let border = start::begin(&mut tracks, options, &setting);
-    let mut problem = Problem { tracks, border, setting, options: options.clone(), at_rest: None };
+    let mut problem = Problem { tracks, border, setting, options: options.clone(), at_rest: None, readings };
     let digest = checkpoint::digest(runs, options);
     solve(&mut problem, outside, checkpoint, digest)
 }
 
-/// What residuals are asked of the inertial sensor beside its densities, to begin with: what single readings scatter by, and that jumps between readings may have been anywhere.
-fn begin_noise(noise: &mut ImuNoise, runs: &[BodyRun<'_>]) {
+/// The deviations of single readings of rate and force, an axis, as far as the readings themselves tell them.
+fn told_by_readings(runs: &[BodyRun<'_>]) -> Readings {
+    let records: Vec<ImuRecord<'_>> = runs.iter().map(|run| run.imu).collect();
+    let found = parallel_map(6, &Silent, |at| Ok::<_, Cancelled>(readings::noise(&records, at / 3, at % 3)));
+    let mut told = [[None; 3]; 2];
+    told.as_flattened_mut().iter_mut().zip(found.into_iter().flatten()).for_each(|(own, found)| *own = found);
+    told
+}
+
+/// What residuals are asked of the inertial sensor beside its densities, to begin with: what single readings scatter by, where they tell it, else what they do not exceed, and that jumps between readings may have been anywhere.
+fn begin_noise(noise: &mut ImuNoise, runs: &[BodyRun<'_>], readings: &Readings) {
     noise.scatter = [[0.0; 3]; 2];
     for run in runs {
         for (own, found) in noise.scatter.as_flattened_mut().iter_mut().zip(run.imu.scatter().as_flattened()) {
             *own = own.max(*found);
         }
+    }
+    for (own, told) in noise.scatter.as_flattened_mut().iter_mut().zip(readings.as_flattened()) {
+        *own = told.map_or(*own, |told| told.value);
     }
     for which in 0..2 {
         let misses = runs.iter().any(|run| run.imu.misses()[which]) && (which == 0 || has_forces(runs));

@@ -140,8 +140,9 @@ fn body(own: &BodyReport) -> String {
         ),
         Some(jerk) => (String::new(), format!("jerk {} m/s^3/sqrt(Hz)", number(jerk))),
     };
+    let noise = if own.noise_fitted { told_noise(own) } else { String::new() };
     format!(
-        "fused {}: {} positions and {} attitudes left out, {} without readings\n  lever     {} m\n  mounting  {}\n  delay     {} s\n{gravity}  noise     rate {} rad/s/sqrt(Hz), {moved}, position {} m, attitude {} rad, {}\n",
+        "fused {}: {} positions and {} attitudes left out, {} without readings\n  lever     {} m\n  mounting  {}\n  delay     {} s\n{gravity}  noise     rate {} rad/s/sqrt(Hz), {moved}, position {} m, attitude {} rad, {}\n{noise}",
         count(own.poses, "pose"),
         rejected(|log| &log.positions),
         rejected(|log| &log.attitudes),
@@ -154,6 +155,34 @@ fn body(own: &BodyReport) -> String {
         number(own.pose_noise[1]),
         if own.noise_fitted { "told by the residuals" } else { "as given" },
     )
+}
+
+/// What is told of the noise beside the densities: by how much readings scatter, where they tell it, and how biases walk, each with its deviation.
+fn told_noise(own: &BodyReport) -> String {
+    let axes = |which: usize, unit: &str| {
+        let (values, deviations) = (own.reading_noise[which], own.reading_noise_deviation[which]);
+        let axis = |(value, deviation): (&Option<f64>, &Option<f64>)| match (value, deviation) {
+            (Some(value), Some(deviation)) => format!("{} +- {}", number(*value), number(*deviation)),
+            _ => "not told".into(),
+        };
+        let known = values.iter().flatten().count() > 0;
+        known.then(|| format!("{} {unit}", values.iter().zip(&deviations).map(axis).collect::<Vec<_>>().join(", ")))
+    };
+    let readings =
+        [axes(0, "rad/s").map(|own| format!("rate {own}")), axes(1, "m/s^2").map(|own| format!("force {own}"))];
+    let readings = readings.into_iter().flatten().collect::<Vec<_>>().join(", ");
+    let walk = |which: usize, unit: &str| match own.imu_walk_deviation[which] {
+        Some(0.0) => None,
+        Some(deviation) => Some(format!("{} +- {} {unit}", number(own.imu_walk[which]), number(deviation))),
+        None => Some(format!("{} {unit} (the record does not tell it)", number(own.imu_walk[which]))),
+    };
+    let walks = [
+        walk(0, "rad/s^2/sqrt(Hz)").map(|own| format!("bias of the rate {own}")),
+        walk(1, "m/s^3/sqrt(Hz)").map(|own| format!("of the force {own}")),
+    ];
+    let walks = walks.into_iter().flatten().collect::<Vec<_>>().join(", ");
+    let line = |name: &str, text: String| if text.is_empty() { text } else { format!("  {name:<9} {text}\n") };
+    line("readings", readings) + &line("walks", walks)
 }
 
 /// The topics at whose own samples states were smoothed, where these are not the rows.

@@ -29,15 +29,30 @@ pub struct BodyReport {
     pub accelerometer: bool,
     /// Densities of the noise of rate and force, an axis.
     pub imu_noise: [[f64; 3]; 2],
+    /// The deviations of these densities: 0 of what was given, `null` of what the residuals do not tell.
+    pub imu_noise_deviation: [[Option<f64>; 3]; 2],
+    /// Deviations of the white noise of single readings of rate (rad/s) and force (m/s^2), an axis, by the readings alone; `null` where these do not tell it.
+    pub reading_noise: [[Option<f64>; 3]; 2],
+    /// Their deviations.
+    pub reading_noise_deviation: [[Option<f64>; 3]; 2],
     /// How their biases walk, rad/s^2/sqrt(Hz) and m/s^3/sqrt(Hz).
     pub imu_walk: [f64; 2],
+    /// The deviations of these: 0 of what was given, `null` of what the record does not tell.
+    pub imu_walk_deviation: [Option<f64>; 2],
     /// What rates and forces leave open between two readings, as a factor on where a jump may have been: 1 where it may have been anywhere, 0 where readings are means.
     pub imu_missed: [f64; 2],
+    /// Their deviations.
+    pub imu_missed_deviation: [Option<f64>; 2],
     /// Without an accelerometer: the density of the jerk's noise, m/s^3/sqrt(Hz).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub jerk: Option<f64>,
+    /// Its deviation.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub jerk_deviation: Option<f64>,
     /// Deviations of position and attitude, m and rad.
     pub pose_noise: [f64; 2],
+    /// The deviations of these.
+    pub pose_noise_deviation: [Option<f64>; 2],
     /// Whether the noise was told by the residuals.
     pub noise_fitted: bool,
     /// Poses that were read.

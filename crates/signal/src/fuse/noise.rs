@@ -108,12 +108,14 @@ impl Split {
         self
     }
 
-    /// The variances of weight one of white noise about three axes of these densities and of what is missed about all of them, by a step of scoring: of one kind alone it is that of [`Split::variance`]. Axes are expected to be alike:
-    /// poses may tell next to nothing of what a good gyroscope misses.
-    fn variances(axes: &[Self; 3], densities: &[f64; 3]) -> ([f64; 3], f64) {
+    /// The variances of weight one of white noise about three axes of these densities and of what is missed about all of them, by a step of scoring: of one kind alone it is that of [`Split::variance`]. Axes are expected to be as noisy as
+    /// their readings, and where these tell nothing, alike: poses may tell next to nothing of what a good gyroscope misses.
+    fn variances(axes: &[Self; 3], densities: &[f64; 3], told: &[Option<f64>; 3]) -> ([f64; 3], f64) {
         let alike = (densities.iter().map(|own| own.ln()).sum::<f64>() / 3.0).exp();
         let mut axes = *axes;
-        axes.iter_mut().zip(densities).for_each(|(own, density)| *own = own.expecting((alike / density).powi(2)));
+        for ((own, density), told) in axes.iter_mut().zip(densities).zip(told) {
+            *own = own.expecting((told.unwrap_or(alike) / density).powi(2));
+        }
         let all: f64 = axes.iter().map(|own| own.missed).sum();
         // The missed part's equation once those of the axes are solved.
         let (mut own, mut left) = (all, axes.iter().map(|own| own.missed_left).sum::<f64>());
@@ -169,14 +171,14 @@ impl Shares {
             *own *= (0.5 * whole).exp();
         };
         let [rate, force] = &self.inertial;
-        let (white, missed) = Split::variances(rate, &imu.gyro);
+        let (white, missed) = Split::variances(rate, &imu.gyro, &sought.densities[0]);
         for ((own, variance), split) in imu.gyro.iter_mut().zip(white).zip(rate) {
             take(own, variance, split.white + ALIKE, None);
         }
         let told = |axes: &[Split; 3]| axes.iter().map(|own| own.missed).sum();
         take(&mut imu.missed[0], missed, told(rate), None);
         if sought.has_forces {
-            let (white, missed) = Split::variances(force, &imu.accelerometer);
+            let (white, missed) = Split::variances(force, &imu.accelerometer, &sought.densities[1]);
             for ((own, variance), split) in imu.accelerometer.iter_mut().zip(white).zip(force) {
                 take(own, variance, split.white + ALIKE, None);
             }
@@ -210,6 +212,8 @@ pub(super) struct Sought {
     /// Whether the walks of gyroscope and accelerometer are told, and what they are expected to be.
     pub(super) walks: [bool; 2],
     pub(super) expected: ImuNoise,
+    /// The densities that the readings of rate and force tell.
+    pub(super) densities: [[Option<f64>; 3]; 2],
 }
 
 /// How far a change goes if those that follow shrink by the ratio of this one to the last; what went far ahead is no measure of how changes shrink, and the last is zero then.
@@ -253,7 +257,7 @@ mod tests {
                 let variance = densities[axis] * densities[axis] + jump;
                 axes[axis].residual(jump / variance, residual(row).powi(2) / variance, 0.0);
             }
-            last = Split::variances(&axes, &densities);
+            last = Split::variances(&axes, &densities, &[None; 3]);
             densities.iter_mut().zip(last.0).for_each(|(own, variance)| *own *= variance.sqrt());
             missed *= last.1.sqrt();
         }
@@ -269,11 +273,17 @@ mod tests {
     fn what_nobody_tells_is_what_is_expected() {
         let mut densities = [1.0, 4.0, 2.0];
         for _ in 0..30 {
-            let (white, missed) = Split::variances(&[Split::default(); 3], &densities);
+            let (white, missed) = Split::variances(&[Split::default(); 3], &densities, &[None; 3]);
             densities.iter_mut().zip(white).for_each(|(own, variance)| *own *= variance.sqrt());
             assert!(missed == 1.0);
         }
         assert!(densities.iter().all(|own| (own - 2.0).abs() < 1e-9), "{densities:?}");
+        // But for those whose readings tell it.
+        for _ in 0..30 {
+            let (white, _) = Split::variances(&[Split::default(); 3], &densities, &[Some(7.0), None, None]);
+            densities.iter_mut().zip(white).for_each(|(own, variance)| *own *= variance.sqrt());
+        }
+        assert!((densities[0] - 7.0).abs() < 1e-6, "{densities:?}");
         assert!((Share::default().expecting(3.0) - 9.0).abs() < 1e-12);
     }
 

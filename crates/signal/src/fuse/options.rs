@@ -52,7 +52,8 @@ pub struct ImuNoise {
     /// What rates and forces leave open between two readings: where neighbours jump by D beside the slopes on either side, their integral is off by up to half of D times the step. A moment of the jump that is uniform makes that a
     /// variance of D^2 / 12 times the square of the step, which counts times the square of this. 0: nothing is missed, as of readings that are means.
     pub missed: [f64; 2],
-    /// Deviations that single readings of rate and force do not exceed, an axis, by how neighbours differ: densities tell what integrals miss, which may be more than what is wrong with a reading. Infinite where nothing is known.
+    /// Deviations of the noise of single readings of rate and force, an axis: as the readings tell them, and where these do not, a bound by how neighbours differ. Densities tell what integrals miss, which may be more than what is wrong
+    /// with a reading. Infinite where nothing is known.
     pub scatter: [[f64; 3]; 2],
 }
 
@@ -131,7 +132,7 @@ impl<T> From<T> for Prior<T> {
 pub struct FuseOptions {
     /// Noise of the sensors.
     pub noise: BodyNoise,
-    /// Whether the deviations of poses, the white noise of the inertial sensor and what it misses between its readings are estimated from the residuals, `noise` being where that begins.
+    /// Whether the deviations of poses, the white noise of the inertial sensor and what it misses between its readings are estimated from the residuals, and the noise of single readings from the readings, `noise` being where that begins.
     pub fit_noise: bool,
     /// Whether the walks of the biases of gyroscope and accelerometer are estimated, too, where noise is.
     pub fit_walks: [bool; 2],

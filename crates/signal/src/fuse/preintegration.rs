@@ -339,6 +339,11 @@ impl Preintegrated {
         }
     }
 
+    /// The part of the variance of a turn (0) or a change of velocity (1) along an axis that is missed between readings.
+    pub(super) fn missed_part(&self, which: usize, axis: usize) -> f64 {
+        self.missed[which][axis] / self.covariance[(3 * which + axis, 3 * which + axis)]
+    }
+
     /// Turn, change of velocity and displacement when the biases are these much greater.
     pub(super) fn corrected(&self, gyro: &Vector, accelerometer: &Vector) -> (Rotation, Vector, Vector) {
         let rotation = self.rotation * exp(&(self.rotation_g * gyro));

@@ -4,7 +4,7 @@ use fleetfoot_data::{Cancelled, Silent, checkpoint, parallel_map};
 use nalgebra::SMatrix;
 
 use super::{
-    FuseOptions,
+    FuseOptions, ImuRecord, Prior,
     chain::{BORDER_AT, Chain, Eliminated, Joint, NARROW, RIGHT, Row, Undetermined, WIDTH, product, solve_border},
     factors::Block,
     noise::{SINGLE, Share, Shares, Sought},
@@ -32,7 +32,12 @@ pub(super) struct Problem<'a> {
     pub(super) options: FuseOptions,
     /// What the last step eliminated, where it changed nothing any more and nothing changed since: the solution's covariances are made of it.
     pub(super) at_rest: Option<Whole>,
+    /// What the readings alone say of their noise.
+    pub(super) readings: Readings,
 }
+
+/// Deviations of single readings of rate and force, an axis, with those of their estimates.
+pub(super) type Readings = [[Option<Prior<f64>>; 3]; 2];
 
 /// A step of all unknowns.
 pub(super) struct Step<T> {
@@ -57,7 +62,10 @@ pub(super) type Visit<'v> = dyn FnMut(usize, &StateError, Option<&Joint>) + 'v;
 
 impl<'a> Problem<'a> {
     /// Runs `work` on every track, in any order, and hands back what it gives in theirs.
-    fn each<T: Send>(&self, work: impl Fn(usize) -> Result<T, Undetermined> + Sync) -> Result<Vec<T>, Undetermined> {
+    pub(super) fn each<T: Send>(
+        &self,
+        work: impl Fn(usize) -> Result<T, Undetermined> + Sync,
+    ) -> Result<Vec<T>, Undetermined> {
         parallel_map(self.tracks.len(), &Silent, |at| work(at).map_err(Stopped::from)).map_err(|_| {
             // Tracks that were not begun, as a stop was set, are no answer: the whole work ends here.
             checkpoint();
@@ -83,7 +91,7 @@ impl<'a> Problem<'a> {
     }
 
     /// The rows whose first node is this one; given constants have no slopes.
-    fn push(&self, track: &Track<'_>, node: usize, rows: &mut Vec<Row>) {
+    pub(super) fn push(&self, track: &Track<'_>, node: usize, rows: &mut Vec<Row>) {
         let before = rows.len();
         track.push(node, &self.border, &self.setting, rows);
         let given = self.given();
@@ -149,8 +157,22 @@ impl<'a> Problem<'a> {
 
     fn chain<T>(&self, track: &Track<'_>, damping: f64, work: impl FnOnce(&Chain<'_>) -> T) -> T {
         let rows = |node: usize, rows: &mut Vec<Row>| self.push(track, node, rows);
+        work(&Chain { damping, ..self.undamped(track, &rows) })
+    }
+
+    /// Works on the chain of a track with other rows than its own, of the same columns.
+    pub(super) fn chain_of<T>(
+        &self,
+        track: &Track<'_>,
+        rows: &(dyn Fn(usize, &mut Vec<Row>) + Sync),
+        work: impl FnOnce(&Chain<'_>) -> T,
+    ) -> T {
+        work(&self.undamped(track, rows))
+    }
+
+    fn undamped<'c>(&self, track: &Track<'_>, rows: &'c (dyn Fn(usize, &mut Vec<Row>) + Sync)) -> Chain<'c> {
         let width = if self.given() == [true; BORDER] { NARROW } else { WIDTH };
-        work(&Chain { nodes: track.nodes(), rows: &rows, damping, width, keeps_all: !track.sums.is_empty() })
+        Chain { nodes: track.nodes(), rows, damping: 0.0, width, keeps_all: !track.sums.is_empty() }
     }
 
     /// The step to the least of the linearised problem, and what `of` makes of every node's error.
@@ -318,12 +340,11 @@ impl<'a> Problem<'a> {
         let has_forces = track.imu.has_forces();
         for axis in 0..3 {
             let square = |row: usize| block.residual[row].powi(2);
-            let part = |at: usize| between.missed[at][axis] / between.covariance[(3 * at + axis, 3 * at + axis)];
             let mut split = |which: usize, row: usize, part: f64| {
                 shares.inertial[which][axis].residual(part, square(row), taken[row]);
             };
-            split(0, axis, part(0));
-            let part = if has_forces { part(1) } else { 0.0 };
+            split(0, axis, between.missed_part(0, axis));
+            let part = if has_forces { between.missed_part(1, axis) } else { 0.0 };
             split(1, 3 + axis, part);
             split(1, 6 + axis, part);
             if !has_forces {
@@ -340,10 +361,25 @@ impl<'a> Problem<'a> {
         let mut shares = Shares::default();
         found.iter().for_each(|own| shares.add(own));
         let FuseOptions { fit_walks: walks, noise: expected, .. } = &self.options;
-        let sought = Sought { has_forces: self.has_forces(), walks: *walks, expected: expected.imu };
+        let sought = Sought {
+            has_forces: self.has_forces(),
+            walks: *walks,
+            expected: expected.imu,
+            densities: [0, 1].map(|which| self.told_density(which)),
+        };
         let change = shares.take(&mut self.setting.noise, &sought, changes);
         self.sum();
         change
+    }
+
+    /// The densities that the noise of single readings of rate (0) or force (1) has along the axes, where the readings tell it.
+    fn told_density(&self, which: usize) -> [Option<f64>; 3] {
+        let seconds = |imu: &ImuRecord<'_>| imu.times[imu.times.len() - 1] - imu.times[0];
+        let (all, rows) = self
+            .tracks
+            .iter()
+            .fold((0.0, 0), |(all, rows), track| (all + seconds(&track.imu), rows + track.imu.times.len() - 1));
+        self.readings[which].map(|own| own.map(|own| own.value * (all / rows as f64).sqrt()))
     }
 
     /// Whether the poses are late within what was kept clear of the ends of the readings.

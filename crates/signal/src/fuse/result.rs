@@ -87,6 +87,8 @@ pub struct Fused {
     pub constants: StaticEstimates,
     /// The noise: as given, or as estimated.
     pub noise: BodyNoise,
+    /// The standard deviations of its estimates, each in the unit of its own: 0 of what was given, infinite of what nothing tells. Those of `scatter` are finite where the readings themselves tell their noise, and infinite where it is a bound.
+    pub noise_deviations: BodyNoise,
     /// Poses that are in no track, as there are no readings about them.
     pub outside: usize,
     /// Poses that are in no track, as fewer than two positions or no attitude of theirs lay within the gate.
@@ -141,7 +143,8 @@ pub(super) fn fused(
         gravity: border.gravity.into(),
         gravity_deviations: [0, 1].map(|axis| deviation(part::GRAVITY + axis)),
     };
-    Ok(Fused { tracks, constants, noise: problem.setting.noise, outside, contradicted, cost, steps, converged })
+    let (noise, noise_deviations) = (problem.setting.noise, problem.noise_deviations()?);
+    Ok(Fused { tracks, constants, noise, noise_deviations, outside, contradicted, cost, steps, converged })
 }
 
 fn body_state(

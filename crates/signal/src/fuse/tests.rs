@@ -55,7 +55,7 @@ fn problem<'a>(runs: &[BodyRun<'a>], options: &FuseOptions) -> Problem<'a> {
         anchor: options.offset.value,
     };
     let border = start::begin(&mut tracks, options, &setting);
-    Problem { tracks, border, setting, options: options.clone(), at_rest: None }
+    Problem { tracks, border, setting, options: options.clone(), at_rest: None, readings: [[None; 3]; 2] }
 }
 
 /// The deviations of the constants from the truth, in their own deviations.
@@ -259,6 +259,43 @@ fn noise_is_told_by_the_residuals() {
         found.attitude / NOISE.attitude,
     ];
     assert!(fused.converged && ratios.iter().all(|ratio| (ratio - 1.0).abs() < 0.1), "{} {ratios:?}", fused.steps);
+    // Some 1,500 poses of three axes: each residual tells less than one of the variance.
+    let stated = fused.noise_deviations;
+    for (own, deviation) in [(found.position, stated.position), (found.attitude, stated.attitude)] {
+        assert!(((1.0 / 9000.0_f64).sqrt()..0.03).contains(&(deviation / own)), "{}", deviation / own);
+    }
+    assert_eq!((stated.imu.gyro_walk, stated.jerk), (0.0, 0.0));
+}
+
+/// What is stated of walks and densities: over 24 recordings the logarithms of the estimates scatter as they are said to.
+#[test]
+fn noise_is_as_wrong_as_stated() {
+    const RUNS: u64 = 24;
+    let mut scores = vec![Vec::new(); 4];
+    for seed in 0..RUNS {
+        let recording = Recording::new(12.0, 300 + seed);
+        let (lever, offset) = (LEVER.into(), OFFSET.into());
+        let options = FuseOptions { fit_noise: true, fit_walks: [true; 2], lever, offset, ..known() };
+        let fused = fuse(&[recording.run()], &options).unwrap();
+        let (own, stated) = (fused.noise, fused.noise_deviations);
+        for (at, (own, deviation, truth)) in [
+            (own.imu.gyro_walk, stated.imu.gyro_walk, NOISE.imu.gyro_walk),
+            (own.imu.accelerometer_walk, stated.imu.accelerometer_walk, NOISE.imu.accelerometer_walk),
+            (own.imu.accelerometer[1], stated.imu.accelerometer[1], NOISE.imu.accelerometer[1]),
+            (own.position, stated.position, NOISE.position),
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            scores[at].push((own / truth).ln() * own / deviation);
+        }
+    }
+    for (at, own) in scores.iter().enumerate() {
+        let square = own.iter().map(|score| score * score).sum::<f64>() / own.len() as f64;
+        // A walk is expected to be what it is begun with, here the truth, as if one more residual said so: it scatters less than what the record alone tells of it. 24 squares have a mean within 0.5 and 1.7 in 99 % of all cases.
+        let [least, most] = if at < 2 { [0.1, 1.7] } else { [0.5, 1.7] };
+        assert!(least < square && square < most, "{at}: {square}");
+    }
 }
 
 /// Between the nodes readings carry the state on.

@@ -73,7 +73,17 @@ pub(super) fn smoothed(fused: &Fused, poses: &[Poses], accelerometer: bool) -> f
 }
 
 pub(super) fn report(fused: &Fused, rows: &[LogRows], poses: &[Poses], sensors: &Sensors) -> BodyReport {
-    let (own, noise) = (&fused.constants, &fused.noise);
+    let (own, noise, stated) = (&fused.constants, &fused.noise, &fused.noise_deviations);
+    let told = |deviation: f64| deviation.is_finite().then_some(deviation);
+    let fitted = sensors.options.fit_noise;
+    // What readings tell of themselves has a deviation; what is a bound has none.
+    let reading = |of: fn(f64, f64) -> f64| {
+        let axis = |which: usize, axis: usize| {
+            let deviation = told(stated.imu.scatter[which][axis]).filter(|_| fitted)?;
+            Some(of(noise.imu.scatter[which][axis], deviation))
+        };
+        [0, 1].map(|which| [0, 1, 2].map(|at| axis(which, at)))
+    };
     let rejected = |at: usize| {
         let places = |of: fn(&BodyTrack) -> &Vec<usize>| {
             let tracks = fused.tracks.iter().filter(|track| track.run == at);
@@ -97,11 +107,18 @@ pub(super) fn report(fused: &Fused, rows: &[LogRows], poses: &[Poses], sensors: 
         gravity_deviation: own.gravity_deviations,
         accelerometer: sensors.has_forces(),
         jerk: (!sensors.has_forces()).then_some(noise.jerk),
+        jerk_deviation: told(stated.jerk).filter(|_| !sensors.has_forces()),
         imu_noise: [noise.imu.gyro, noise.imu.accelerometer],
+        imu_noise_deviation: [stated.imu.gyro.map(told), stated.imu.accelerometer.map(told)],
+        reading_noise: reading(|value, _| value),
+        reading_noise_deviation: reading(|_, deviation| deviation),
         imu_walk: [noise.imu.gyro_walk, noise.imu.accelerometer_walk],
+        imu_walk_deviation: [stated.imu.gyro_walk, stated.imu.accelerometer_walk].map(told),
         imu_missed: noise.imu.missed,
+        imu_missed_deviation: stated.imu.missed.map(told),
         pose_noise: [noise.position, noise.attitude],
-        noise_fitted: sensors.options.fit_noise,
+        pose_noise_deviation: [stated.position, stated.attitude].map(told),
+        noise_fitted: fitted,
         poses: poses.iter().map(|run| run.stamps.len()).sum(),
         outside: fused.outside,
         contradicted: fused.contradicted,

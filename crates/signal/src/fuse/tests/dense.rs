@@ -180,3 +180,40 @@ fn the_solution_is_the_least() {
     }
     assert!(worst < 1e-4, "{worst:e}");
 }
+
+/// The information of the noise is that of dense algebra: what is left of the residuals of one kind of noise, as the right side, of all unknowns' least squares, times those of another.
+#[test]
+fn information_of_the_noise_is_that_of_dense_algebra() {
+    let recordings = [Recording::new(0.4, 1), Recording::new(0.3, 2)];
+    let lever = Prior { value: [0.0; 3], deviation: 0.1 };
+    let options = FuseOptions { lever, offset: Prior { value: 0.19, deviation: 0.01 }, ..options() };
+    let mut problem = problem(&recordings.each_ref().map(Recording::run), &options);
+    problem.descend(STEPS).unwrap();
+    let (matrix, right) = rows(&problem);
+    // Where rows of positions, attitudes and walks stand: those of what is known of the constants come first, then node by node biases at the first, six of the pose, fifteen of the readings.
+    let known = problem.border_rows(&problem.border).len();
+    let (mut parts, mut at) = (vec![DVector::zeros(right.len()); 4], known);
+    for track in &problem.tracks {
+        for node in 0..track.nodes() {
+            at += if node == 0 { 6 } else { 0 };
+            (0..6).for_each(|i| parts[i / 3][at + i] = 1.0);
+            at += 6;
+            if node + 1 < track.nodes() {
+                (9..15).for_each(|i| parts[i / 3 - 1][at + i] = 1.0);
+                at += 15;
+            }
+        }
+    }
+    assert_eq!(at, right.len());
+    let q = matrix.qr().q();
+    let weighted: Vec<_> = parts.iter().map(|part| part.component_mul(&right)).collect();
+    let found = problem.information(&[8, 9, 10, 11]).unwrap();
+    for (l, own) in weighted.iter().enumerate() {
+        let left = own - &q * (q.transpose() * own);
+        for (k, other) in weighted.iter().enumerate() {
+            let expected = 0.5 * other.dot(&left);
+            let scale = (found[(k, k)] * found[(l, l)]).sqrt();
+            assert!((found[(k, l)] - expected).abs() < 1e-8 * scale, "{k} {l}: {} {expected}", found[(k, l)]);
+        }
+    }
+}
