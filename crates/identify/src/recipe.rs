@@ -27,7 +27,7 @@ mod settings;
 mod sindy;
 mod sparse;
 
-pub use body::{BodySection, EstimateKind, Gravity, JointSection, Mounting, SensorKind, SensorSection};
+pub use body::{AttitudeForm, BodySection, EstimateKind, Gravity, JointSection, Mounting, SensorKind, SensorSection};
 pub use clocks::ClockSection;
 pub use control::{ControlSchedule, ControlSection};
 pub use criterion::Criterion;

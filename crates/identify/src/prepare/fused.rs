@@ -23,12 +23,17 @@ use super::{
     pieces,
     write::{Names, is_prepared},
 };
-use crate::{Dataset, EpisodeRule, Error, Logs, PrepareSection, Recipe, folder::Folder, found_clocks::Clocks};
+use crate::{
+    AttitudeForm, Dataset, EpisodeRule, Error, Logs, PrepareSection, Recipe, folder::Folder, found_clocks::Clocks,
+};
 use body::Poses;
 use joints::{Joint, JointPlan, Opening};
 use kept::Kept;
 use rows::{Layout, LogRows};
 use sensors::Sensors;
+
+/// The pitch, rad, beyond which the equations of roll and yaw grow fast: their slopes are four times those at rest.
+const STEEP: f64 = 1.3;
 
 /// Rows that are written at a time.
 const CHUNK: usize = 65_536;
@@ -76,7 +81,8 @@ pub(super) fn prepare(
     let folder = Folder::create(&request.folder, request.force, &logs.files(), is_prepared)?;
     let mut kept = Kept::new(folder.target(kept::NAME));
     let read = Dataset::for_columns_by(recipe, &[base, along.clone()].concat(), clocks, logs, progress)?;
-    let columns = table::Columns::new(sensors.as_ref(), &plans, &along_columns(&read, &along)?)?;
+    let attitude = recipe.body.as_ref().and_then(|body| body.attitude).unwrap_or_default();
+    let columns = table::Columns::new(sensors.as_ref(), attitude, &plans, &along_columns(&read, &along)?)?;
     let mut rows = LogRows::all(&read, layout)?;
     if options.dejitter {
         rows.iter_mut().try_for_each(LogRows::even_out)?;
@@ -101,10 +107,17 @@ pub(super) fn prepare(
         write,
         names: Names::default(),
         rules: Vec::new(),
+        steepest: 0.0,
     };
     progress.stage("prepare");
     let episodes = (0..rows.len()).map(|run| job.episode(run)).collect::<Result<Vec<_>, _>>()?;
-    let Job { columns, rules, .. } = job;
+    let Job { columns, rules, steepest, .. } = job;
+    if attitude == AttitudeForm::Euler && steepest > STEEP {
+        notes.push(format!(
+            "the nose of the body points up or down by as much as {:.0} degrees: near 90 roll and yaw turn without bound, and their equations with them; `attitude = \"quaternion\"` of [body] makes the attitude one rotation, which has no such place",
+            steepest.to_degrees()
+        ));
+    }
     let mut report = PrepareReport::new(episodes, read.clocks().to_vec(), notes, Vec::new())?;
     let of_joints = joints.iter().map(|joint| joint.fused.smoothed);
     report.smoothed = of_joints.chain(body.iter().map(Body::smoothed)).fold(0.0, f64::max);
@@ -211,6 +224,8 @@ struct Job<'a> {
     write: WriteOptions,
     names: Names,
     rules: Vec<EpisodeRule>,
+    /// The greatest pitch of all rows, either way, rad.
+    steepest: f64,
 }
 
 impl Job<'_> {
@@ -270,7 +285,14 @@ impl Job<'_> {
         let mut writer = ParquetWriter::create(self.folder.staged(&file), self.columns.write.clone(), &self.write)?;
         let wanted: Vec<usize> = piece.step_by(self.options.decimate).collect();
         for chunk in wanted.chunks(CHUNK) {
-            let mut columns = self.body.map_or_else(Vec::new, |body| self.states(body, at, track, chunk));
+            let mut columns = match self.body {
+                Some(body) => {
+                    let states = self.states(body, at, track, chunk);
+                    self.steepest = self.steepest.max(table::steepest(&states));
+                    table::values(&states, body.sensors.has_forces())
+                }
+                None => Vec::new(),
+            };
             columns.extend(self.joints.iter().flat_map(|joint| joint.values(at, chunk)));
             columns.extend(rows.columns.iter().map(|column| chunk.iter().map(|&row| column[row]).collect()));
             let stamp = |&row: &usize| rows.epoch + (rows.times[row] * 1e9).round() as i64;
@@ -283,13 +305,12 @@ impl Job<'_> {
         Ok(PieceReport { file, rows: wanted.len(), channels: Vec::new() })
     }
 
-    /// The body's columns of these rows, all of which lie between the first and the last state of the track.
-    fn states(&self, body: &Body, at: usize, track: usize, rows: &[usize]) -> Vec<Vec<f64>> {
+    /// The body's states at these rows, all of which lie between the first and the last state of the track.
+    fn states(&self, body: &Body, at: usize, track: usize, rows: &[usize]) -> Vec<BodyState> {
         let Fused { tracks, constants, noise, .. } = &body.fused;
         let imu = body::imu(&self.rows[at], body.sensors.averages);
         let state = |&row: &usize| tracks[track].at(&imu, constants.gravity, noise, self.rows[at].times[row]);
-        let states: Vec<BodyState> = rows.iter().filter_map(state).collect();
-        table::values(&states, body.sensors.has_forces())
+        rows.iter().filter_map(state).collect()
     }
 }
 

@@ -12,6 +12,9 @@ pub struct BodySection {
     /// The size of gravity, m/s^2, whose direction is found (9.80665), or its three components in the world.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gravity: Option<Gravity>,
+    /// What the written recipe takes the attitude for (euler).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub attitude: Option<AttitudeForm>,
     /// Deviations beyond which a measured position, or an attitude, counts by its distance and no more by its square (4).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub huber: Option<f64>,
@@ -27,6 +30,17 @@ pub struct BodySection {
     /// Without an accelerometer: density of the white noise that an axis' jerk is taken for, m/s^3/sqrt(Hz) (told by the residuals).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub jerk: Option<f64>,
+}
+
+/// What the attitude of a fused body is as a state of the written recipe.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum AttitudeForm {
+    /// Three angles, `roll`, `pitch` and `yaw`: R = Rz(yaw) Ry(pitch) Rx(roll), body to world.
+    #[default]
+    Euler,
+    /// One rotation, `attitude`, of the columns `qw`, `qx`, `qy` and `qz`, body to world.
+    Quaternion,
 }
 
 /// How the motion of a joint is fused.

@@ -9,7 +9,7 @@ use super::{
     joints::JointPlan,
     sensors::Sensors,
 };
-use crate::{Derivative, Error, Kind, Recipe, State, problem::rate_unit};
+use crate::{AttitudeForm, Derivative, Error, Frame, Kind, Recipe, State, problem::rate_unit};
 
 /// Position, velocity, attitude as quaternion and as roll, pitch and yaw (R = Rz Ry Rx), rate in the body, acceleration in the world, biases.
 const STATES: [(&str, &str); 25] = [
@@ -65,6 +65,9 @@ const RATES: [&str; 3] = ["wx", "wy", "wz"];
 /// Those of accelerations. Of a body of which no force is measured they stand in place of those of the accelerometer's bias.
 const ACCELERATIONS: [&str; 3] = ["ax", "ay", "az"];
 
+/// The state that is the attitude as a rotation.
+const ATTITUDE: &str = "attitude";
+
 /// Columns of [`STATES`] that such a body has.
 const WITHOUT_FORCES: usize = 22;
 
@@ -78,13 +81,25 @@ struct JointColumns {
 /// What is written.
 pub(super) struct Columns {
     pub(super) write: Vec<WriteColumn>,
-    has_body: bool,
+    /// What the attitude of the body is, where there is one.
+    attitude: Option<AttitudeForm>,
     joints: Vec<JointColumns>,
 }
 
 impl Columns {
-    /// The columns of a body, those of joints, and those that go along.
-    pub(super) fn new(body: Option<&Sensors>, joints: &[JointPlan], along: &[Column]) -> Result<Self, Error> {
+    /// The columns of a body, whose attitude is a state as `attitude` says, those of joints, and those that go along.
+    pub(super) fn new(
+        body: Option<&Sensors>,
+        attitude: AttitudeForm,
+        joints: &[JointPlan],
+        along: &[Column],
+    ) -> Result<Self, Error> {
+        let is_taken = |own: &str| own == ATTITUDE && body.is_some() && attitude == AttitudeForm::Quaternion;
+        if joints.iter().any(|own| is_taken(&own.name)) || along.iter().any(|own| is_taken(&own.name)) {
+            return Err(Error::conflict(format!(
+                "a state, an input or a joint is called `{ATTITUDE}`, as the rotation of [body] is: name it otherwise"
+            )));
+        }
         let is_free =
             |time: &&&str| along.iter().all(|own| own.name != **time) && joints.iter().all(|own| own.name != **time);
         let time = TIMES.iter().find(is_free).copied().unwrap_or(TIMES[0]);
@@ -118,7 +133,7 @@ impl Columns {
         }
         write.extend(along.iter().map(|own| column(own.name.clone(), own.unit.as_deref().unwrap_or_default())));
         let write = unique(write, "a state, an input or a joint has the name of another column")?;
-        Ok(Self { write, has_body: body.is_some(), joints })
+        Ok(Self { write, attitude: body.map(|_| attitude), joints })
     }
 
     /// The name of the stamps.
@@ -129,8 +144,8 @@ impl Columns {
     /// The recipe with the states of body and joints before those that go along.
     pub(super) fn recipe(&self, mut recipe: Recipe) -> Recipe {
         let along = std::mem::take(&mut recipe.states);
-        if self.has_body {
-            body_states(&mut recipe);
+        if let Some(attitude) = self.attitude {
+            body_states(&mut recipe, attitude);
         }
         for own in &self.joints {
             let [position, rate, acceleration] = &own.names;
@@ -145,9 +160,8 @@ impl Columns {
     }
 }
 
-/// The states of a body: position, velocity with measured accelerations, angles with the kinematics of roll, pitch and yaw, and rates.
-fn body_states(recipe: &mut Recipe) {
-    let known = |text: &str| State { known: Some(text.to_owned()), ..State::default() };
+/// The states of a body: position, velocity with measured accelerations, the attitude with its kinematics, and rates.
+fn body_states(recipe: &mut Recipe, attitude: AttitudeForm) {
     for axis in ["x", "y", "z"] {
         recipe.states.insert(axis.into(), State { regressor: Some(false), ..known(&format!("v{axis}")) });
     }
@@ -155,16 +169,42 @@ fn body_states(recipe: &mut Recipe) {
         let derivative = Some(Derivative::Text(format!("a{axis}")));
         recipe.states.insert(format!("v{axis}"), State { derivative, ..State::default() });
     }
-    for (name, text) in [
-        ("roll", "wx + tan(pitch)*(sin(roll)*wy + cos(roll)*wz)"),
-        ("pitch", "cos(roll)*wy - sin(roll)*wz"),
-        ("yaw", "(sin(roll)*wy + cos(roll)*wz)/cos(pitch)"),
-    ] {
-        recipe.states.insert(name.into(), State { kind: Some(Kind::Angle), ..known(text) });
+    match attitude {
+        AttitudeForm::Euler => {
+            for (name, text) in [
+                ("roll", "wx + tan(pitch)*(sin(roll)*wy + cos(roll)*wz)"),
+                ("pitch", "cos(roll)*wy - sin(roll)*wz"),
+                ("yaw", "(sin(roll)*wy + cos(roll)*wz)/cos(pitch)"),
+            ] {
+                recipe.states.insert(name.into(), State { kind: Some(Kind::Angle), ..known(text) });
+            }
+        }
+        AttitudeForm::Quaternion => {
+            let names = |names: &[&str]| Some(names.iter().map(|name| (*name).to_owned()).collect());
+            let rotation = State {
+                kind: Some(Kind::Quaternion),
+                columns: names(&["qw", "qx", "qy", "qz"]),
+                order: Some("wxyz".into()),
+                rate: names(&RATES),
+                frame: Some(Frame::Body),
+                ..State::default()
+            };
+            recipe.states.insert(ATTITUDE.into(), rotation);
+        }
     }
     for axis in ["x", "y", "z"] {
         recipe.states.insert(format!("w{axis}"), State::default());
     }
+}
+
+/// A state whose equation is given.
+fn known(text: &str) -> State {
+    State { known: Some(text.to_owned()), ..State::default() }
+}
+
+/// How far a body's nose points up or down at most, rad.
+pub(super) fn steepest(states: &[BodyState]) -> f64 {
+    states.iter().map(|own| angles(own.attitude)[1].abs()).fold(0.0, f64::max)
 }
 
 /// Roll, pitch and yaw of a quaternion x, y, z, w.
