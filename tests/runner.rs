@@ -45,6 +45,13 @@ pub(crate) fn fleetfoot(folder: &Path, arguments: &[&str]) -> Said {
     Said { code: status.code().unwrap_or(-1), out: text(stdout), err: text(stderr) }
 }
 
+/// Two files have the same bytes.
+#[track_caller]
+pub(crate) fn same(folder: &Path, a: &str, b: &str) {
+    let read = |name: &str| std::fs::read(folder.join(name)).expect("a file");
+    assert!(read(a) == read(b), "{a} and {b} differ");
+}
+
 /// A robot's log as CSV: `t, x, v, u, mode`, v' = -2 v + 3 u below v = 0.5 and -5 v + 2 u + 1 above, exact steps of `dt`.
 pub(crate) fn robot_csv(rows: usize, phase: f64) -> String {
     let dt = 0.01;

@@ -21,11 +21,6 @@ fn number(value: &serde_json::Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
 }
 
-fn same(folder: &Path, a: &str, b: &str) {
-    let read = |name: &str| fs::read(folder.join(name)).expect("a file");
-    assert!(read(a) == read(b), "{a} and {b} differ");
-}
-
 const RECIPE: &str = "runs/robot.toml";
 
 #[test]

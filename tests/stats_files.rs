@@ -43,11 +43,6 @@ fn scan(folder: &Path, arguments: &[&str]) -> Said {
     fleetfoot(folder, &all)
 }
 
-fn same(folder: &Path, a: &str, b: &str) {
-    let read = |name: &str| fs::read(folder.join(name)).expect("a file");
-    assert!(read(a) == read(b), "{a} and {b} differ");
-}
-
 #[test]
 fn from_logs_to_a_statistic_and_what_it_holds() {
     let folder = logs();

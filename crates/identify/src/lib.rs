@@ -103,8 +103,8 @@ pub use parameters::{
     fit_parameters,
 };
 pub use problem::{
-    Difference, DifferenceErrors, EquationTask, FittedEquation, Moments, Parameter, SettledDifference, StructuredTask,
-    Task, Windows,
+    CoefficientLimit, Difference, DifferenceErrors, EquationTask, FittedEquation, Moments, Parameter,
+    SettledDifference, StructuredTask, Task, Windows,
 };
 pub use project::{Projected, project};
 pub use recipe::{

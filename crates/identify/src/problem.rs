@@ -5,6 +5,7 @@
 
 mod aliases;
 mod attitude;
+mod coefficients;
 mod derivative;
 mod difference;
 mod differentiated;
@@ -24,6 +25,8 @@ mod weak;
 mod windows;
 
 pub(crate) use aliases::{Aliases, aliases_of_model};
+pub use coefficients::CoefficientLimit;
+pub(crate) use coefficients::bounds;
 pub use difference::{Difference, DifferenceErrors, SettledDifference};
 pub use equations::{EquationTask, FittedEquation};
 pub(crate) use known::KnownTask;

@@ -6,6 +6,7 @@
 mod estimation;
 mod evidence;
 mod frozen;
+mod limits;
 mod model;
 mod options;
 mod plan;
@@ -100,7 +101,7 @@ pub fn fit_sindy(
 ) -> Result<SindyFitted, Error> {
     let logs = &logs.into();
     // What is wrong with the options is said before the pass.
-    let options = SindyOptions::new(&recipe.sindy)?;
+    let options = SindyOptions::new(&recipe.sindy)?.within(recipe)?;
     if logs.is_statistic() {
         options.objective.refuse_statistic()?;
     }
@@ -116,7 +117,7 @@ pub fn fit_sindy(
         (Evidence::of_logs(&recipe, options.seed, logs, progress)?, recipe, Some(choice))
     };
     // Those of a statistic stand above the recipe of its scan.
-    let options = SindyOptions::new(&recipe.sindy)?;
+    let options = SindyOptions::new(&recipe.sindy)?.within(&recipe)?;
     let mut notes = std::mem::take(&mut evidence.notes);
     let solver = Solver::new(&evidence, &options, request.front, &mut notes)?;
     let regions: Vec<Vec<Solved>> = (0..evidence.scan.regions())
@@ -146,6 +147,9 @@ pub fn fit_sindy(
     };
     let folds = (solver.folds(), solver.fold_rule());
     let mut report = report(&evidence, &options, folds, &regions, &plain, notes);
+    if let Some(free) = limits::free(&evidence, solver, progress)? {
+        limits::tell(&evidence, &regions, &free, &mut report);
+    }
     if let Some(found) = &smoothed {
         if found.told.written {
             found.tell(&evidence, &mut report);
@@ -198,7 +202,9 @@ fn report(
     let (task, scan, counts) = (&evidence.task, &evidence.scan, evidence.scan.counts());
     let clusters = if evidence.episodes.len() >= ENOUGH_EPISODES { Clusters::Episodes } else { Clusters::Chunks };
     let found = regions.iter().enumerate().map(|(region, solved)| {
-        let supports: Vec<Vec<usize>> = solved.iter().map(|found| found.step.support.clone()).collect();
+        // What a bound holds is no estimate.
+        let supports: Vec<Vec<usize>> =
+            solved.iter().enumerate().map(|(target, found)| limits::loose(task, target, found)).collect();
         let b = chosen[region].as_ref();
         let errors = system_errors(scan, region, task.constant, b, &supports, clusters);
         if let Err(error) = &errors {
@@ -228,6 +234,7 @@ fn report(
         rollouts: None,
         refinement: None,
         smoothing: None,
+        limits: Vec::new(),
         notes,
     }
 }

@@ -110,6 +110,7 @@ pub fn fit_sparse(
     } else {
         Evidence::of_logs(recipe, request, logs, progress)?
     };
+    refuse_bounds_without_latents(&evidence.recipe)?;
     let options = SparseOptions::new(&evidence.recipe.sparse)?;
     if let Some(path) = &request.keep {
         evidence.file.write(path)?;
@@ -129,6 +130,17 @@ pub fn fit_sparse(
         })?);
     }
     Ok(fitted)
+}
+
+/// Refuses bounds of coefficients that have no latent: those of an equation's own are kept by `fit sindy`.
+fn refuse_bounds_without_latents(recipe: &Recipe) -> Result<(), Error> {
+    match recipe.constraints.keys().next().filter(|_| recipe.latents.is_empty()) {
+        Some(name) => Err(Error::missing(format!(
+            "[constraints] {name}: it is about latents, and there are none; write what the unknown functions are in [latents] and [tasks], or run `fit sindy`, which \
+             bounds the coefficients of equations"
+        ))),
+        None => Ok(()),
+    }
 }
 
 /// The episodes of every value of a label, in the order of the values.

@@ -146,7 +146,7 @@ pub(crate) fn stlsq(
                 unbias: request.unbias,
                 initial: initial.as_ref().and_then(|initial| row(initial, target)),
             };
-            (stlsq, Terms { allowed: None, fixed: request.fixed.clone() })
+            (stlsq, Terms { fixed: request.fixed.clone(), ..Terms::all() })
         })
         .collect();
     models(py, design, progress, |problem| Stlsq::jointly(problem, &each))

@@ -7,7 +7,9 @@ use fleetfoot::{
     SindyRequest, estimate::Uncertain, fit_sindy, is_known, is_statistic, plan_sindy, write_model,
 };
 
-use super::{Context, WithModel, fit, fit_known, logs_or_statistic, read_by, reading::Reading};
+use super::{
+    Context, WithModel, fit, fit_known, fit_sparse::limit_table, logs_or_statistic, read_by, reading::Reading,
+};
 use crate::{
     args::{EquationArgs, FitSindy},
     table::{bytes, count, number, ratio, table},
@@ -171,6 +173,9 @@ fn to_text(report: &SindyReport, front: bool) -> String {
     for parameter in &report.parameters {
         text.push_str(&format!("{}\n", parameter_text(parameter)));
     }
+    if !report.limits.is_empty() {
+        text.push_str(&format!("\n{}\n", limit_table(&report.limits)));
+    }
     for region in &report.regions {
         if report.regions.len() > 1 {
             text.push_str(&format!("\nregion {} ({} {unit})\n", region.name, region.rows));
@@ -179,7 +184,7 @@ fn to_text(report: &SindyReport, front: bool) -> String {
         for equation in &region.equations {
             text.push_str(&format!("{} = {}\n", equation.label, equation.right));
         }
-        text.push_str(&format!("\n{}\n", scores(region)));
+        text.push_str(&format!("\n{}\n", scores(region, !report.limits.is_empty())));
         text.push_str(&format!("\n{}\n", terms(region)));
         if let Some(differences) = differences(region) {
             text.push_str(&format!("\n{differences}\n"));
@@ -206,19 +211,27 @@ fn parameter_text(parameter: &ParameterReport) -> String {
     )
 }
 
-fn scores(region: &RegionReport) -> String {
+/// `bounded`: beside them the errors without bounds of coefficients.
+fn scores(region: &RegionReport, bounded: bool) -> String {
+    let plain = |value: f64| if value.is_nan() { "-".to_owned() } else { number(value) };
     let share = |value: f64| if value.is_nan() { "-".to_owned() } else { format!("{value:.6}") };
     let rows = region.equations.iter().map(|equation| {
-        vec![
+        let mut row = vec![
             equation.label.clone(),
             format!("{} of {}", equation.terms.len(), equation.candidates),
             number(equation.rms),
             share(equation.r2),
             number(equation.held_out),
             share(equation.held_out_r2),
-        ]
+        ];
+        row.extend(equation.free.iter().flat_map(|free| [plain(free.rms), plain(free.held_out)]));
+        row
     });
-    table(&["equation", "terms", "error (rms)", "R2", "held out (rms)", "R2"], rows.collect())
+    let mut header = vec!["equation", "terms", "error (rms)", "R2", "held out (rms)", "R2"];
+    if bounded {
+        header.extend(["without bounds", "held out"]);
+    }
+    table(&header, rows.collect())
 }
 
 /// How derivatives by central differences were measured, and what they err by.

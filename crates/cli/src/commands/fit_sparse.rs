@@ -239,7 +239,7 @@ fn one_text(report: &SparseReport) -> String {
 }
 
 /// What is kept at every row, and where it is nearest to its bound.
-fn limit_table(limits: &[LimitReport]) -> String {
+pub(super) fn limit_table(limits: &[LimitReport]) -> String {
     let rows = limits.iter().map(|limit| {
         let place = match (&limit.episode, limit.row) {
             (Some(episode), Some(row)) => format!("{episode}, row {row}"),

@@ -44,6 +44,9 @@ pub(crate) fn one_row_ahead(recipe: &Recipe, options: &NarxOptions) -> Result<Re
     if !recipe.parameters.is_empty() {
         return refuse("the recipe has [parameters]", "they are estimated by `fit sindy`; put numbers in their place");
     }
+    if !recipe.constraints.is_empty() {
+        return refuse("the recipe has [constraints]", "`fit sindy` and `fit sparse` keep them; leave them away");
+    }
     match recipe.model.predict.as_deref() {
         None | Some("next") => {}
         Some(other) => {
@@ -172,6 +175,7 @@ impl NarxTask {
 fn with_functions(task: &EquationTask, functions: Vec<Expr>) -> EquationTask {
     let mut task = task.clone();
     task.functions = functions;
+    task.limits.clear();
     task.constant = true;
     for equation in &mut task.fitted {
         equation.allowed = vec![true; task.functions.len() + 1];

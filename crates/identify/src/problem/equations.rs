@@ -3,11 +3,12 @@
 use std::collections::{BTreeMap, HashMap};
 
 use fleetfoot_data::Column as DataColumn;
-use fleetfoot_library::{Expr, Library, Scope, TermsError, Vocabulary};
+use fleetfoot_library::{Expr, Library, TermsError, Vocabulary};
 use fleetfoot_model::{Column, Equation, Prediction, Role};
 
 use super::{
     Aliases, Difference, Parameter, Windows,
+    coefficients::{CoefficientLimit, Owner, coefficient_limits, same},
     leak::refuse_target_in_partition,
     parameter::names,
     partition::specification,
@@ -43,6 +44,8 @@ pub struct EquationTask {
     pub narrowed: bool,
     /// The windows of the weak form, where equations are fitted on windows in the place of rows.
     pub windows: Option<Windows>,
+    /// Bounds of coefficients; the owners are the fitted equations.
+    pub limits: Vec<CoefficientLimit>,
 }
 
 /// A fitted equation.
@@ -170,6 +173,7 @@ impl EquationTask {
         for (equation, own) in fitted.iter_mut().zip(&owns) {
             own.mark(equation, constant, &functions);
         }
+        let limits = limits(recipe, (&equations, &fitted), (constant, &functions), &names, &mut aliases)?;
         let columns = aliases.columns;
         let task = Self {
             columns,
@@ -183,6 +187,7 @@ impl EquationTask {
             partition_columns,
             narrowed,
             windows: None,
+            limits,
         };
         task.refuse_unused_parameters()?;
         // Filters of numbers alone are known from the beginning.
@@ -365,17 +370,8 @@ impl Own {
             self.constant = true;
             self.fixed.push(Expr::number(1.0));
         }
-        let scope = Scope::open();
-        let vocabulary = Vocabulary { variables: &[], scope: &scope };
         for function in fixed {
-            // Equal up to the order of factors: one function of two.
-            let same = |known: &&Expr| {
-                **known == function || {
-                    let pair = [known.to_string(), function.to_string()];
-                    Library::parse(&pair, &vocabulary).is_ok_and(|found| found.functions.len() == 1)
-                }
-            };
-            let known = self.functions.iter().find(same).cloned();
+            let known = self.functions.iter().find(|known| same(known, &function)).cloned();
             self.fixed.push(known.clone().unwrap_or_else(|| function.clone()));
             if known.is_none() {
                 self.functions.push(function);
@@ -408,6 +404,37 @@ impl Own {
 fn union(owns: &[Own]) -> Vec<Expr> {
     let mut seen = std::collections::HashSet::new();
     owns.iter().flat_map(|own| &own.functions).filter(|function| seen.insert((*function).clone())).cloned().collect()
+}
+
+/// `[constraints]`: of coefficients; an equation is learnt as one sum, whose parts have no names.
+fn limits(
+    recipe: &Recipe,
+    (equations, fitted): (&[Equation], &[FittedEquation]),
+    (constant, functions): (bool, &[Expr]),
+    names: &[String],
+    aliases: &mut Aliases<'_>,
+) -> Result<Vec<CoefficientLimit>, Error> {
+    let one = Expr::number(1.0);
+    let candidates: Vec<&Expr> = constant.then_some(&one).into_iter().chain(functions).collect();
+    let subjects = equations.iter().filter(|equation| equation.target.is_some());
+    let owner = |(equation, own): (&Equation, &FittedEquation)| Owner {
+        names: vec![own.label.clone(), own.latent.clone(), equation.subject.clone()],
+        functions: candidates.iter().zip(&own.allowed).map(|(&one, own)| own.then(|| one.clone())).collect(),
+    };
+    let owners: Vec<Owner> = subjects.zip(fitted).map(owner).collect();
+    let mut limits = Vec::new();
+    for (name, section) in &recipe.constraints {
+        if section.coefficients.is_empty() {
+            return Err(Error::conflict(format!(
+                "[constraints] {name}: `of` and `matrix` speak of the functions of [latents], which `fit sparse` fits; `fit sindy` bounds the coefficients of an \
+                 equation: `{name} = {{ coefficients = {{ {} = [\"{}\"] }}, at_most = 0.0 }}`",
+                equations.first().map_or("v", |equation| &equation.subject),
+                functions.first().map_or_else(|| "v".into(), Expr::to_string)
+            )));
+        }
+        limits.extend(coefficient_limits(name, section, &owners, names, aliases)?);
+    }
+    Ok(limits)
 }
 
 /// Sections that other commands read.

@@ -14,7 +14,8 @@ use fleetfoot_sparse::{
 };
 
 use super::{
-    Aliases,
+    Aliases, CoefficientLimit,
+    coefficients::{Owner, coefficient_limits},
     task::{equations, library, state_equation},
 };
 use crate::{Error, Recipe};
@@ -46,6 +47,8 @@ pub struct StructuredTask {
     pub signs: Vec<Sign>,
     /// What is kept at every row of the training data: bounds of latents, then what latents keep together.
     pub limits: Vec<RowLimit>,
+    /// Bounds of coefficients; the owners are the latents.
+    pub coefficients: Vec<CoefficientLimit>,
     /// Where the moments of every latent's functions are found (latents).
     pub moments: Vec<Moments>,
 }
@@ -71,6 +74,7 @@ struct Parts {
     latents: Vec<Latent>,
     /// What latents keep together.
     limits: Vec<RowLimit>,
+    coefficients: Vec<CoefficientLimit>,
     tasks: Vec<RegressionTask>,
     scales: Vec<Option<f64>>,
     equations: Vec<Equation>,
@@ -79,7 +83,8 @@ struct Parts {
 impl StructuredTask {
     /// Resolves a recipe against the fields of a recording.
     ///
-    /// Without `[latents]` and `[tasks]` every fitted equation of the recipe is a task with a latent of its own, over the polynomial library.
+    /// Without `[latents]` and `[tasks]` every fitted equation of the recipe is a task with a latent of its own, over the polynomial library; bounds of coefficients are then those of
+    /// `fit sindy` alone.
     ///
     /// # Errors
     /// What the recipe asks for does not exist, is not linear in the latents, or contradicts itself.
@@ -87,7 +92,8 @@ impl StructuredTask {
         let mut aliases = Aliases::of_recipe(recipe, fields)?;
         let parts = match (recipe.latents.is_empty(), recipe.tasks.is_empty()) {
             (true, true) => {
-                if let Some(name) = recipe.constraints.keys().next() {
+                let together = recipe.constraints.iter().find(|(_, section)| section.coefficients.is_empty());
+                if let Some((name, _)) = together {
                     return Err(Error::missing(format!(
                         "[constraints] {name}: it is about latents, and there are none; write what the unknown functions are in [latents] and [tasks]"
                     )));
@@ -198,6 +204,7 @@ impl Parts {
             penalties,
             signs,
             limits,
+            coefficients: self.coefficients,
             moments,
         }
     }
@@ -241,7 +248,7 @@ fn plain(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Parts, Error> {
         latents.push(Latent::plain(name, functions.clone()));
     }
     let scales = vec![None; tasks.len()];
-    Ok(Parts { latents, limits: Vec::new(), tasks, scales, equations })
+    Ok(Parts { latents, limits: Vec::new(), coefficients: Vec::new(), tasks, scales, equations })
 }
 
 /// The latents, tasks and equations that the recipe writes out.
@@ -293,7 +300,27 @@ fn shared(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Parts, Error> {
         latent.prior = prior(recipe, section, &latent.name, &names, aliases)?;
     }
     let limits = limits::together(recipe, &names, aliases)?;
-    Ok(Parts { latents, limits, tasks, scales, equations })
+    let coefficients = coefficients(recipe, &latents, &names, aliases)?;
+    Ok(Parts { latents, limits, coefficients, tasks, scales, equations })
+}
+
+/// Bounds of the coefficients of latents.
+fn coefficients(
+    recipe: &Recipe,
+    latents: &[Latent],
+    names: &[String],
+    aliases: &mut Aliases<'_>,
+) -> Result<Vec<CoefficientLimit>, Error> {
+    let owner = |latent: &Latent| Owner {
+        names: vec![latent.name.clone()],
+        functions: latent.functions.iter().cloned().map(Some).collect(),
+    };
+    let owners: Vec<Owner> = latents.iter().map(owner).collect();
+    let mut limits = Vec::new();
+    for (name, section) in &recipe.constraints {
+        limits.extend(coefficient_limits(name, section, &owners, names, aliases)?);
+    }
+    Ok(limits)
 }
 
 fn no_latent(place: &str, right: &Expr, names: &[String]) -> Error {

@@ -1,5 +1,6 @@
 //! Sections of structured sparse regression: `[latents]`, `[tasks]`, `[sparse]`.
 
+use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
 use super::{Criterion, Recipe, settings::settings};
@@ -63,16 +64,19 @@ pub struct TaskSection {
 }
 
 /// What latents keep together, at every row of the training data: a sum of coefficients times latents, or a symmetric matrix of them, on one side of a bound or between
-/// two.
+/// two; or what single coefficients keep.
 ///
 /// `friction = { of = "F*v", at_least = 0.0 }` only takes power; `inertia = { matrix = [["M11", "M12"], ["M12", "M22"]], at_least = 1e-3 }` has no eigenvalue below
-/// the bound.
+/// the bound; `damping = { coefficients = { v = ["v", "v*abs(v)"] }, at_most = 0.0 }` has no sign that drives.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ConstraintSection {
     /// An expression over columns and latents, linear in the latents.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub of: Option<String>,
+    /// Single coefficients, by the latent that has them, or by the state whose equation `fit sindy` learns: functions among its candidates, `1` for a constant.
+    #[serde(skip_serializing_if = "IndexMap::is_empty")]
+    pub coefficients: IndexMap<String, Vec<String>>,
     /// A symmetric matrix of such expressions by rows; of each row all entries, or those up to the diagonal.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub matrix: Vec<Vec<String>>,

@@ -6,8 +6,8 @@ use fleetfoot_sparse::{
 };
 
 use crate::{
-    Criterion, Error, FoldRule, GroupRule, Normalize, Objective, SindyOptimizer, SindySection, SmoothStates, Tunable,
-    folds, problem::WeakForm, recipe::seed,
+    Criterion, Error, FoldRule, GroupRule, Normalize, Objective, Recipe, SindyOptimizer, SindySection, SmoothStates,
+    Tunable, folds, problem::WeakForm, recipe::seed,
 };
 
 /// What an ensemble varies.
@@ -138,6 +138,41 @@ impl SindyOptions {
 }
 
 impl SindyOptions {
+    /// The same where coefficients have bounds.
+    ///
+    /// # Errors
+    /// What cannot keep them.
+    pub(super) fn within(mut self, recipe: &Recipe) -> Result<Self, Error> {
+        let Some(name) = recipe.constraints.keys().next() else { return Ok(self) };
+        let refused =
+            |what: String| Err(Error::conflict(format!("[constraints] {name}, and {what}; leave one of them away")));
+        match self.optimizer {
+            SindyOptimizer::Auto | SindyOptimizer::Stlsq | SindyOptimizer::Ssr | SindyOptimizer::LeastSquares => {}
+            other => {
+                return refused(format!(
+                    "optimizer = {}: auto, stlsq, ssr and ols keep bounds of coefficients",
+                    other.name()
+                ));
+            }
+        }
+        if self.objective != Objective::OneStep {
+            return refused(format!(
+                "objective = \"{}\": coefficients fitted to simulations have no bounds",
+                self.objective
+            ));
+        }
+        match self.smooth_states {
+            SmoothStates::On => {
+                refused("smooth_states = on: states are smoothed under equations without bounds".into())
+            }
+            // Unasked, what is asked for is not overruled.
+            SmoothStates::Auto | SmoothStates::Off => {
+                self.smooth_states = SmoothStates::Off;
+                Ok(self)
+            }
+        }
+    }
+
     /// How terms are found, for people.
     pub(super) fn method_in_words(&self) -> String {
         let units = match self.scaling {

@@ -48,7 +48,7 @@ pub struct SindyPlan {
 /// Those of the recipe and of opening.
 pub fn plan_sindy(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) -> Result<SindyPlan, Error> {
     let logs = &logs.into();
-    let objective = SindyOptions::new(&recipe.sindy)?.objective;
+    let objective = SindyOptions::new(&recipe.sindy)?.within(recipe)?.objective;
     if logs.is_statistic() {
         return Err(Error::needs_rows(
             "--dry-run tells what a pass over logs would cost, and a statistic needs none; leave it away".into(),

@@ -5,7 +5,10 @@ use fleetfoot_stats::{Compressed, explained_share};
 use serde::Serialize;
 
 use super::{solve::Solved, words::short};
-use crate::{DifferenceErrors, EquationTask, ParameterReport, Refinement, RolloutChoice, StateSmoothing, told};
+use crate::{
+    DifferenceErrors, EquationTask, FreeErrors, LimitReport, ParameterReport, Refinement, RolloutChoice,
+    StateSmoothing, told,
+};
 
 /// What a fit of equations found.
 #[derive(Debug, Clone, Serialize)]
@@ -45,6 +48,9 @@ pub struct SindyReport {
     /// The equations that were found in turn with smoothed states, where that was done.
     #[serde(rename = "smooth_states", skip_serializing_if = "Option::is_none")]
     pub smoothing: Option<StateSmoothing>,
+    /// What coefficients keep, where the recipe has `[constraints]`.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub limits: Vec<LimitReport>,
     /// What the user should know.
     pub notes: Vec<String>,
 }
@@ -82,6 +88,9 @@ pub struct EquationReport {
     pub held_out: f64,
     /// Share of that variance that is explained on held-out rows; NaN without folds.
     pub held_out_r2: f64,
+    /// `rms` and `held_out` of the equation that is found without `[constraints]`, by the same rule on the same folds: their price.
+    #[serde(flatten)]
+    pub free: Option<FreeErrors>,
     /// The threshold, lambda or number of terms of the model that was taken.
     pub parameter: f64,
     /// Largest cosine between the residual and a term: 0 up to rounding for least squares.
@@ -223,6 +232,7 @@ pub(super) fn equation(
         r2: explained_share(step.rss, total, sweep.trail.rounding),
         held_out: found.held_out[0].sqrt(),
         held_out_r2: found.held_out[1],
+        free: None,
         parameter: step.parameter,
         correlation: step.certificate.correlation,
         front: shown.iter().map(point).collect(),

@@ -20,7 +20,9 @@ use fleetfoot_sparse::{
 use fleetfoot_stats::{Compressed, Fold, Key, Purge, blocks};
 
 use super::options::{Ensemble, SindyOptions};
-use crate::{Criterion, EquationTask, Error, Evidence, FittedEquation, FoldRule, SindyOptimizer, folds::purge};
+use crate::{
+    Criterion, EquationTask, Error, Evidence, FittedEquation, FoldRule, SindyOptimizer, folds::purge, problem::bounds,
+};
 
 /// Thresholds that are tried at most: of a large library each costs a factorisation of the size of the library, in every fold.
 const THRESHOLDS: usize = 60;
@@ -61,6 +63,8 @@ pub(super) struct Solver<'a> {
     pub(super) options: &'a SindyOptions,
     /// Whether models of other sizes than the chosen are wanted too.
     pub(super) front: bool,
+    /// Whether coefficients keep their bounds.
+    bounded: bool,
     folds: Option<Folds>,
     /// The penalty of groups, where it is asked for.
     groups: Option<GroupLasso>,
@@ -85,7 +89,12 @@ impl<'a> Solver<'a> {
             Err(error) => return Err(error.into()),
         };
         let groups = (options.optimizer == SindyOptimizer::GroupLasso).then(|| group_lasso(&evidence.task, options));
-        Ok(Self { evidence, options, front, folds, groups: groups.transpose()? })
+        Ok(Self { evidence, options, front, bounded: true, folds, groups: groups.transpose()? })
+    }
+
+    /// The same without the bounds of coefficients, on the same folds; no front.
+    pub(super) fn free(self) -> Self {
+        Self { bounded: false, front: false, ..self }
     }
 
     /// How rows are held out, for people; `None` where they are not.
@@ -107,7 +116,7 @@ impl<'a> Solver<'a> {
     ) -> Result<Vec<Solved>, Error> {
         let (scan, task) = (&self.evidence.scan, &self.evidence.task);
         let problem = self.known(scan.root(region).compressed(task.constant));
-        let terms = task.terms();
+        let terms = if self.bounded { task.terms() } else { task.free_terms() };
         let held = self.held_out(region);
         let sweeps = self.sweep(region, &problem, &held.folds, &terms, progress)?;
         let by_ratio = self.by_ratio(&problem, &terms)?;
@@ -166,7 +175,7 @@ impl<'a> Solver<'a> {
         let by_criterion = matches!(choice, Choice::Criterion(_)) || (choice == Choice::Auto && folds.is_empty());
         let criteria = match by_criterion {
             true => CriterionOptions {
-                observations: Some(independent(self.evidence, region, problem, terms)?),
+                observations: Some(independent(self.evidence, region, problem, &self.evidence.task.free_terms())?),
                 ..CriterionOptions::default()
             },
             false => CriterionOptions::default(),
@@ -345,9 +354,22 @@ impl<'a> Solver<'a> {
 impl EquationTask {
     /// What every equation may and must have, for the optimisers.
     pub fn terms(&self) -> Vec<Terms> {
+        let mut terms = self.free_terms();
+        if !self.limits.is_empty() {
+            for (equation, terms) in terms.iter_mut().enumerate() {
+                let own = self.limits.iter().filter(|limit| limit.owner == equation);
+                terms.bounds = Some(bounds(self.candidates(), own, |limit| limit.candidate));
+            }
+        }
+        terms
+    }
+
+    /// The same without bounds of coefficients.
+    pub(crate) fn free_terms(&self) -> Vec<Terms> {
         let terms = |equation: &FittedEquation| Terms {
             allowed: Some(equation.allowed.clone()),
             fixed: equation.fixed.clone(),
+            ..Terms::all()
         };
         self.fitted.iter().map(terms).collect()
     }
@@ -410,7 +432,7 @@ fn correlated(evidence: &Evidence) -> Result<Option<f64>, Error> {
         return Ok(None);
     }
     let problem = evidence.scan.root(0).compressed(evidence.task.constant);
-    let rows = independent(evidence, 0, &problem, &evidence.task.terms())?;
+    let rows = independent(evidence, 0, &problem, &evidence.task.free_terms())?;
     Ok(Some(problem.weight / rows))
 }
 

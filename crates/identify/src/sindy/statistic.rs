@@ -57,6 +57,9 @@ pub(crate) fn beneath(recipe: &Recipe, scanned: &Recipe) -> Result<Recipe, Error
     if recipe.library != Default::default() {
         whole.library = recipe.library.clone();
     }
+    if !recipe.constraints.is_empty() {
+        whole.constraints.clone_from(&recipe.constraints);
+    }
     let ModelSection { predict: _, degree, lags, weight, partition, partition_on } = recipe.model.clone();
     let below = &mut whole.model;
     (below.degree, below.lags) = (degree.or(below.degree), lags.or(below.lags));
@@ -134,6 +137,7 @@ impl EquationTask {
             equation.fixed = equation.fixed.iter().map(|&j| places[j]).collect();
             equation.fixed.sort_unstable();
         }
+        task.limits.iter_mut().for_each(|limit| limit.candidate = places[limit.candidate]);
         task.functions = scanned.functions.clone();
         Ok(task)
     }

@@ -13,7 +13,7 @@ use fleetfoot_stats::SquareRoot;
 use serde::Serialize;
 
 use super::problem::Problem;
-use crate::Error;
+use crate::{CoefficientLimit, Error, problem::bounds};
 
 /// What a fit keeps, and how near it is to the bound.
 #[derive(Debug, Clone, Serialize)]
@@ -25,15 +25,33 @@ pub struct LimitReport {
     pub side: &'static str,
     /// The bound; of a matrix, of its eigenvalues.
     pub bound: f64,
-    /// The least distance from the bound at any row; negative where it is broken.
+    /// The least distance from the bound at any row, or in any region; negative where it is broken.
     pub nearest: f64,
     /// Where that is; `None` where it is the same at every row.
     pub episode: Option<String>,
     /// The row of the episode.
     pub row: Option<usize>,
-    /// How many rows became constraints of the fit, of a matrix how many directions: with none the bound costs nothing.
+    /// How many rows became constraints of the fit, of a matrix how many directions, of a coefficient in how many regions it holds a term: with none the bound costs nothing.
     pub cuts: usize,
 }
+
+impl LimitReport {
+    /// Of a coefficient; `values` are those of the regions, `held` in how many of them the bound holds it.
+    pub(crate) fn of_coefficient(limit: &CoefficientLimit, values: impl Iterator<Item = f64>, cuts: usize) -> Self {
+        Self {
+            name: format!("{}, {}", limit.name, limit.of),
+            side: words(limit.side),
+            bound: limit.bound,
+            nearest: values.map(|value| limit.clearance(value)).fold(f64::INFINITY, f64::min),
+            episode: None,
+            row: None,
+            cuts,
+        }
+    }
+}
+
+/// Distance from a bound, relative to it or to 1, below which a coefficient is held by it: the tolerance of the program.
+const AT_BOUND: f64 = 1e-8;
 
 /// Least squares on a support within the limits of the recipe.
 pub(super) struct Limited<'a> {
@@ -51,7 +69,7 @@ pub(super) fn within_limits<'a>(
     progress: &dyn Progress,
 ) -> Result<Option<Limited<'a>>, Error> {
     let limits = &problem.task.limits;
-    if limits.is_empty() {
+    if limits.is_empty() && problem.task.coefficients.is_empty() {
         return Ok(None);
     }
     if let (Some(limit), None) = (limits.iter().find(|limit| varies(problem, limit)), source) {
@@ -109,7 +127,10 @@ fn solve(
     let p = assembled.scale.len();
     let mut assembled = assembled.clone();
     assembled.penalty = Penalty { factors: vec![0.0; p], ..assembled.penalty };
+    let coefficients = &problem.task.coefficients;
+    let own = |limit: &CoefficientLimit| problem.task.regression.first(limit.owner) + limit.candidate;
     let constraints = Constraints {
+        bounds: if coefficients.is_empty() { Vec::new() } else { bounds(p, coefficients.iter(), own) },
         names: (0..p).map(|coefficient| problem.name(coefficient)).collect(),
         inequalities,
         ..Constraints::default()
@@ -152,6 +173,15 @@ impl Limited<'_> {
             row: clearance.place.as_ref().map(|(_, row)| *row),
             cuts: self.found.cuts_of[at],
         };
-        self.problem.task.limits.iter().zip(&self.found.clearance).enumerate().map(of).collect()
+        let rows = self.problem.task.limits.iter().zip(&self.found.clearance).enumerate().map(of);
+        let task = &self.problem.task;
+        let coefficient = |limit: &CoefficientLimit| {
+            let j = task.regression.first(limit.owner) + limit.candidate;
+            let value = self.found.fit.theta[j];
+            let held =
+                self.support.contains(&j) && limit.clearance(value).abs() <= AT_BOUND * limit.bound.abs().max(1.0);
+            LimitReport::of_coefficient(limit, std::iter::once(value), usize::from(held))
+        };
+        rows.chain(task.coefficients.iter().map(coefficient)).collect()
     }
 }

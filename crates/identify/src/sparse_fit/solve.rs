@@ -58,7 +58,7 @@ pub fn solve_statistic(file: &StatisticFile, recipe: Option<&Recipe>, method: So
     let mut options = SparseOptions::new(&recipe.sparse)?;
     (options.l1_ratio, options.groups) = (l1_ratio, None);
     let mut notes = Vec::new();
-    if !task.limits.is_empty() {
+    if !task.limits.is_empty() || !task.coefficients.is_empty() {
         notes.push("what is kept at every row ([constraints], at_least, at_most) was not used".to_owned());
     }
     let problem = Problem::new(&task, file, &options, |_| true)?;

@@ -98,6 +98,10 @@ class SINDy(Identifier):
         What is known of a state's right side: only the rest is learnt.
     fixed : dict of str to list of str, optional
         Terms that a state's equation has in any case.
+    constraints : dict, optional
+        What coefficients keep, as a recipe's ``[constraints]``: ``{"damping": {"coefficients": {"v": ["v"]}, "at_most":
+        0.0}}``. Every regression on the way keeps it; ``report_["limits"]`` tells how near, and each equation's
+        ``free_rms`` and ``free_held_out_rms`` what it costs.
     parameters : dict, optional
         Unknown numbers inside expressions: ``{"tau": 0.05}``, ``{"tau": {"initial": 0.05, "bounds": [0.01, 0.3]}}``.
     discrete_time : bool, default=False
@@ -159,6 +163,7 @@ class SINDy(Identifier):
         seed: int = 0,
         nominal: Mapping[str, str] | None = None,
         fixed: Mapping[str, Sequence[str]] | None = None,
+        constraints: Mapping[str, Mapping[str, Any]] | None = None,
         parameters: Mapping[str, Any] | None = None,
         discrete_time: bool = False,
         target: str | None = None,
@@ -198,6 +203,7 @@ class SINDy(Identifier):
         self.seed = seed
         self.nominal = nominal
         self.fixed = fixed
+        self.constraints = constraints
         self.parameters = parameters
         self.discrete_time = discrete_time
         self.target = target
@@ -232,6 +238,8 @@ class SINDy(Identifier):
         recipe: dict[str, Any] = {"model": model, "sindy": self._section()}
         if items is not None:
             recipe["library"] = {"functions": items}
+        if self.constraints:
+            recipe["constraints"] = {name: dict(section) for name, section in self.constraints.items()}
         if self.parameters:
             given = self.parameters.items()
             recipe["parameters"] = {

@@ -423,6 +423,30 @@ def test_notebooks_show_what_there_is():
     assert "<td>piecewise</td>" in compared and "95 % intervals" in compared
 
 
+def test_sindy_keeps_signs_of_coefficients():
+    rng = np.random.default_rng(5)
+    x = rng.normal(size=(600, 3))
+    x[:, 2] += 0.9 * x[:, 1]
+    y = x @ [1.0, -0.2, 0.5] + 0.3 * rng.normal(size=600)
+    data = ff.open({"a": x[:, 0], "b": x[:, 1], "c": x[:, 2], "y": y}, dt=0.01)
+
+    def fit(**more):
+        own = ff.SINDy("ols", library=["a", "b", "c"], inputs=["a", "b", "c"], target="y", **more)
+        return own.fit(data).report_["regions"][0]["equations"][0], own.report_
+
+    free, report = fit()
+    assert len(free["terms"]) == 3 and "limits" not in report
+    bounded, report = fit(constraints={"pushes": {"coefficients": {"y": ["b"]}, "at_least": 0.0}})
+    found = {term["function"]: term["coefficient"] for term in bounded["terms"]}
+    # Without b the others are those of their own normal equations.
+    assert list(found.values()) == pytest.approx(np.linalg.lstsq(x[:, [0, 2]], y, rcond=None)[0], rel=1e-10)
+    assert bounded["rms"] > bounded["free_rms"] == free["rms"]
+    (limit,) = report["limits"]
+    assert (limit["name"], limit["nearest"], limit["cuts"]) == ("pushes, b of y", 0.0, 1)
+    with pytest.raises(ff.exceptions.RequestError, match="stlsq"):
+        ff.SINDy("frols", target="y", constraints={"x": {"coefficients": {"y": ["b"]}, "at_least": 0.0}}).fit(data)
+
+
 def test_block_sparse_keeps_constraints():
     rng = np.random.default_rng(3)
     a, b = rng.normal(size=(2, 400))

@@ -117,7 +117,7 @@ fn offer(
     let mut allowed = vec![false; problem.columns()];
     checked.open.iter().for_each(|&j| allowed[j] = true);
     drawn[..options.leave_out].iter().for_each(|&(_, j)| allowed[j] = false);
-    Ok(Terms { allowed: Some(allowed), fixed: terms.fixed.clone() })
+    Ok(Terms { allowed: Some(allowed), ..terms.clone() })
 }
 
 fn summary(

@@ -48,6 +48,24 @@ pub enum ThresholdError {
         /// The column.
         column: usize,
     },
+    /// Bounds between which no coefficient lies.
+    #[error(
+        "the coefficient of column {column} cannot lie between {low} and {high}: the first is the lower bound, and infinities are open ends"
+    )]
+    Bounds {
+        /// The column.
+        column: usize,
+        /// Lower bound.
+        low: f64,
+        /// Upper bound.
+        high: f64,
+    },
+    /// A method whose regressions know no bounds.
+    #[error("{method} cannot keep bounds of coefficients: stlsq, ssr and least squares can")]
+    BoundsNotKept {
+        /// The method.
+        method: &'static str,
+    },
     /// Problems that must have the same columns and targets have not.
     #[error(
         "{what} {index} has {columns} columns and {targets} targets, the problem on all rows has {expected_columns} and {expected_targets}"

@@ -62,6 +62,7 @@ impl Default for Frols {
 impl Frols {
     pub(super) fn trail(&self, problem: &Compressed, target: usize, terms: &Terms) -> Result<Trail, ThresholdError> {
         not_negative("alpha, the ridge,", self.alpha)?;
+        terms.refuse_bounds("frols")?;
         if let FrolsChoice::ErrorSum(rest) = self.choice {
             share("the share of the target that may be left", rest)?;
         }

@@ -154,6 +154,7 @@ impl Frols {
         let (mut steps, mut histories, mut decided) = (Vec::new(), Vec::new(), Vec::new());
         let mut ratios: Vec<Vec<f64>> = Vec::new();
         for (target, terms) in each.iter().enumerate() {
+            terms.refuse_bounds("frols")?;
             let prepared = Prepared::new(problem, terms, self.scaling, 0.0)?;
             prepared.check_target(target)?;
             let entered = Entered::select(&prepared, target, self.max_terms.saturating_add(1));

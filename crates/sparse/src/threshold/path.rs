@@ -48,6 +48,7 @@ impl Default for PenalisedPath {
 
 impl PenalisedPath {
     pub(super) fn trail(&self, problem: &Compressed, target: usize, terms: &Terms) -> Result<Trail, ThresholdError> {
+        terms.refuse_bounds("a path of penalties")?;
         let prepared = Prepared::new(problem, terms, Scaling::Physical, 0.0)?;
         prepared.check_target(target)?;
         let quadratic = Quadratic::from_compressed(problem, target)?;

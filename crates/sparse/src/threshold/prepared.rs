@@ -4,8 +4,8 @@ use faer::Mat;
 use fleetfoot_stats::{Compressed, SquareRoot, least_squares, svd};
 
 use super::{
-    Scaling, Status, Step, StepCertificate, Terms, ThresholdError, error::not_negative, terms::Checked,
-    triangle::Triangle,
+    Scaling, Status, Step, StepCertificate, Terms, ThresholdError, bounded::within_bounds, error::not_negative,
+    terms::Checked, triangle::Triangle,
 };
 use crate::{SparseError, kernel::norm};
 
@@ -23,6 +23,8 @@ pub(super) struct Prepared<'a> {
     pub(super) open: Vec<usize>,
     /// Whether a column is always in (p).
     pub(super) fixed: Vec<bool>,
+    /// Least and greatest value of every coefficient (p); empty where all are free.
+    bounds: Vec<[f64; 2]>,
     /// Ridge on the raw coefficients (p).
     ridge: Vec<f64>,
     /// `[R; diag(sqrt(ridge))]`, raw units, and all targets.
@@ -50,7 +52,7 @@ impl<'a> Prepared<'a> {
     ) -> Result<Self, ThresholdError> {
         not_negative("alpha, the ridge,", alpha)?;
         check(problem)?;
-        let Checked { open, fixed } = terms.checked(problem)?;
+        let Checked { open, fixed, bounds } = terms.checked(problem)?;
         let length: Vec<f64> = (0..problem.columns())
             .map(|j| norm(problem.r.col_as_slice(j)[..=j].iter().copied()))
             .zip(&problem.noise)
@@ -67,7 +69,7 @@ impl<'a> Prepared<'a> {
         let zeros = vec![0.0; weights.len()];
         let plain = (weights != zeros).then(|| Triangle::stacked(problem.r.as_ref(), problem.z.as_ref(), &zeros));
         let ridge = weights.iter().map(|weight| weight * weight).collect();
-        Ok(Self { problem, length, unit, open, fixed, ridge, triangle, plain, scaling })
+        Ok(Self { problem, length, unit, open, fixed, bounds, ridge, triangle, plain, scaling })
     }
 
     /// The problem underneath.
@@ -131,9 +133,50 @@ impl<'a> Prepared<'a> {
         self.ridge[column]
     }
 
+    /// Whether any coefficient has bounds.
+    pub(super) fn bounded(&self) -> bool {
+        !self.bounds.is_empty()
+    }
+
+    /// Whether a coefficient may have a value.
+    pub(super) fn within(&self, column: usize, value: f64) -> bool {
+        self.bounds.get(column).is_none_or(|&[low, high]| low <= value && value <= high)
+    }
+
+    /// The nearest value that a coefficient may have.
+    pub(super) fn clamped(&self, column: usize, value: f64) -> f64 {
+        self.bounds.get(column).map_or(value, |&[low, high]| value.max(low).min(high))
+    }
+
+    /// Whether a coefficient is at one of its bounds.
+    pub(super) fn at_bound(&self, column: usize, value: f64) -> bool {
+        self.bounds.get(column).is_some_and(|bounds| bounds.contains(&value))
+    }
+
+    /// Whether a term is held at 0 by a bound: it is not in the model then.
+    pub(super) fn held_out(&self, column: usize, value: f64) -> bool {
+        value == 0.0 && !self.fixed[column] && self.at_bound(column, value)
+    }
+
+    /// How much the error falls along a coefficient where it may move, half its derivative; `slope` is `x_j'(y - X b)`.
+    pub(super) fn inwards(&self, column: usize, value: f64, slope: f64) -> f64 {
+        match self.bounds.get(column) {
+            Some(&[low, high]) if low == high => 0.0,
+            Some(&[low, _]) if value == low => slope.max(0.0),
+            Some(&[_, high]) if value == high => (-slope).max(0.0),
+            _ => slope.abs(),
+        }
+    }
+
+    /// Least squares on a triangle of `columns` within the bounds.
+    pub(super) fn solve(&self, triangle: &Triangle, columns: &[usize]) -> Solved {
+        let free = self.solve_free(triangle, columns);
+        if self.bounded() { within_bounds(self, triangle, columns, free) } else { free }
+    }
+
     /// Least squares on a triangle of `columns`: by substitution where every direction stands clear of rounding, else of minimum norm in units of the
     /// columns' lengths, with the columns named that cannot be told apart.
-    pub(super) fn solve(&self, triangle: &Triangle, columns: &[usize]) -> Solved {
+    pub(super) fn solve_free(&self, triangle: &Triangle, columns: &[usize]) -> Solved {
         let noise: Vec<f64> = columns.iter().map(|&j| self.problem.noise[j]).collect();
         let k = columns.len();
         let on_diagonal = (0..k).all(|j| triangle.r(j, j).abs() > CLEAR * noise[j]);
@@ -170,8 +213,8 @@ impl<'a> Prepared<'a> {
         self.solve(&self.plain(columns, target), columns)
     }
 
-    /// A model of given coefficients on a support. `ridged`: they are those of the ridge regression, else of plain least squares.
-    pub(super) fn step(&self, target: usize, support: Vec<usize>, solved: Solved, ridged: bool) -> Step {
+    /// A model of given coefficients on a support. `ridged`: they are those of the ridge regression, else of plain least squares. Terms that a bound holds at 0 are not in it.
+    pub(super) fn step(&self, target: usize, mut support: Vec<usize>, solved: Solved, ridged: bool) -> Step {
         let p = self.problem.columns();
         let mut coefficients = vec![0.0; p];
         support.iter().zip(&solved.values).for_each(|(&j, &value)| coefficients[j] = value);
@@ -181,9 +224,11 @@ impl<'a> Prepared<'a> {
         let gradient = |&j: &usize| {
             let with: f64 = self.problem.r.col_as_slice(j)[..=j].iter().zip(&left).map(|(r, left)| r * left).sum();
             let own = if ridged { self.ridge[j] * coefficients[j] } else { 0.0 };
-            if size > 0.0 { (with - own).abs() / (self.length[j] * size) } else { 0.0 }
+            let against = self.inwards(j, coefficients[j], with - own);
+            if size > 0.0 { against / (self.length[j] * size) } else { 0.0 }
         };
         let correlation = support.iter().map(gradient).fold(0.0, f64::max);
+        support.retain(|&j| !self.held_out(j, coefficients[j]));
         Step {
             coefficients,
             support,

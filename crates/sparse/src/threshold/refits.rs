@@ -14,7 +14,7 @@ const DELETIONS: usize = 64;
 /// A gradient, as a correlation, that least squares with the factor may leave; beyond it the support is solved by itself.
 const CERTIFIED: f64 = 1e-10;
 
-/// Least squares on each of these supports (columns, ascending), in their order.
+/// Least squares on each of these supports (columns, ascending), in their order, within the bounds of the terms.
 ///
 /// Each is reached from the one before by rank-one changes of one orthogonal factor: supports that differ by a column, as those of a path do, cost `p m + k^2`
 /// operations each (p columns, m compressed rows, k terms) where a factorisation of its own costs `p k^2`. A support with columns that cannot be told apart is
@@ -76,7 +76,11 @@ impl<'a> Refits<'a> {
                 support.iter().all(|&j| factor.is_active(j) || (self.weights.used(j) && factor.append(j, 0.0)));
             let step =
                 reached.then(|| self.prepared.step(self.target, support.clone(), self.solved(&factor, support), false));
-            steps.push(step.filter(|step| step.certificate.correlation <= CERTIFIED).unwrap_or_else(|| {
+            let kept = |step: &Step| {
+                let within = |&j: &usize| self.prepared.within(j, step.coefficients[j]);
+                step.certificate.correlation <= CERTIFIED && support.iter().all(within)
+            };
+            steps.push(step.filter(kept).unwrap_or_else(|| {
                 let solved = self.prepared.refit(support, self.target);
                 self.prepared.step(self.target, support.clone(), solved, false)
             }));

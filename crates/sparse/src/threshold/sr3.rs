@@ -84,6 +84,7 @@ impl Sr3 {
     pub(super) fn prepared<'a>(&self, problem: &'a Compressed, terms: &Terms) -> Result<Prepared<'a>, ThresholdError> {
         not_negative("lambda", self.lambda)?;
         positive("nu, the relaxation,", self.nu)?;
+        terms.refuse_bounds("sr3")?;
         positive("the tolerance", self.tolerance)?;
         if self.max_iterations == 0 {
             return Err(ThresholdError::NotPositive { name: "max_iterations", value: 0.0 });
@@ -98,7 +99,7 @@ impl Sr3 {
         for &factor in self.factors.iter().flatten() {
             not_negative("a factor of lambda", factor)?;
         }
-        let relaxed = Terms { allowed: terms.allowed.clone(), fixed: Vec::new() };
+        let relaxed = Terms { allowed: terms.allowed.clone(), ..Terms::all() };
         let fixed = terms.checked(problem)?.fixed;
         let mut prepared = Prepared::new(problem, &relaxed, self.scaling, self.nu.recip())?;
         // Relaxed like the others, and never removed.

@@ -105,12 +105,23 @@ impl Ssr {
                 active.iter().zip(&solved.values).map(|(&j, value)| (prepared.unit[j] * value).abs()).collect();
             return least(&sizes);
         }
+        // What a bound holds at 0 costs nothing: of several the last, the least simple one of a library.
+        let held_out = |place: &usize| prepared.held_out(active[*place], solved.values[*place]);
+        if let Some(place) = (0..active.len()).rev().find(held_out) {
+            return Some(place);
+        }
         // A column that others rebuild costs nothing.
         let spare = solved.confounded.iter().flatten().copied().filter(|&j| !prepared.fixed[j]).max();
         if let Some(column) = spare {
             return active.iter().position(|&j| j == column);
         }
-        least(&without(&prepared.plain(active, target), triangle, &solved.values))
+        let plain = prepared.plain(active, target);
+        let at_bound = |place: &usize| prepared.at_bound(active[*place], solved.values[*place]);
+        let held: Vec<usize> = (0..active.len()).filter(at_bound).collect();
+        if held.is_empty() {
+            return least(&without(&plain, triangle, &solved.values));
+        }
+        least(&without_held(prepared, &plain, triangle, active, &solved.values, &held))
     }
 }
 
@@ -137,6 +148,44 @@ fn without(plain: &Triangle, ridged: &Triangle, values: &[f64]) -> Vec<f64> {
         left.iter().zip(&moved).map(|(left, moved)| (left + step * moved).powi(2)).sum()
     };
     (0..k).map(error).collect()
+}
+
+/// The same where bounds hold some coefficients (places `held`), which stay where they are as another leaves.
+fn without_held(
+    prepared: &Prepared<'_>,
+    plain: &Triangle,
+    ridged: &Triangle,
+    active: &[usize],
+    values: &[f64],
+    held: &[usize],
+) -> Vec<f64> {
+    let free: Vec<usize> = (0..active.len()).filter(|place| !held.contains(place)).collect();
+    let columns: Vec<usize> = free.iter().map(|&place| active[place]).collect();
+    let constants = |out: Option<usize>| {
+        let mut constants = vec![0.0; active.len()];
+        held.iter().filter(|&&place| Some(place) != out).for_each(|&place| constants[place] = values[place]);
+        constants
+    };
+    // What the columns that are free leave of the target is dropped with the others' rows, so it is added: the errors of all removals are compared.
+    let error = |constants: &[f64], own: &[f64]| {
+        let mut all = constants.to_vec();
+        free.iter().zip(own).for_each(|(&place, value)| all[place] = *value);
+        plain.less(&all).z(0).iter().map(|left| left * left).sum::<f64>()
+    };
+    let mut losses = vec![0.0; active.len()];
+    let kept = constants(None);
+    let (shifted, below) = (plain.less(&kept).select(&free, 0), ridged.less(&kept).select(&free, 0));
+    let own: Vec<f64> = free.iter().map(|&place| values[place]).collect();
+    let dropped = error(&kept, &own) - shifted.less(&own).z(0).iter().map(|left| left * left).sum::<f64>();
+    for (&place, loss) in free.iter().zip(without(&shifted, &below, &own)) {
+        losses[place] = loss + dropped;
+    }
+    for &place in held {
+        let constants = constants(Some(place));
+        let found = prepared.solve_free(&ridged.less(&constants).select(&free, 0), &columns);
+        losses[place] = error(&constants, &found.values);
+    }
+    losses
 }
 
 /// The model after which one term less raises the loss by the largest factor; losses from the most terms to the fewest.

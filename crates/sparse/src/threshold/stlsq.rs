@@ -15,7 +15,7 @@ use crate::SparseError;
 /// regress on the rest, until nothing is dropped.
 ///
 /// Each regression minimises `sum w (y - x'b)^2 + alpha sum_j (u_j b_j)^2` over the columns that are left, u the units of [`Scaling`]; dropped is
-/// `|u_j b_j| < threshold`. Defaults, stopping rule and last refit are those of pysindy's `STLSQ`.
+/// `|u_j b_j| < threshold`. Between bounds of [`Terms`] each regression is least squares within them, and what a bound holds at 0 is dropped. Defaults, stopping rule and last refit are those of pysindy's `STLSQ`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stlsq {
     /// Coefficients below it are dropped, in the units of `scaling`.
@@ -98,6 +98,9 @@ impl Stlsq {
                 let size = (prepared.unit[j] * value).abs();
                 // Not `size < cut`: what is not a number stays, and is seen.
                 let small = size < cut && !prepared.fixed[j];
+                if prepared.held_out(j, *value) {
+                    continue;
+                }
                 if small {
                     dropped = dropped.max(size / cut);
                 } else {

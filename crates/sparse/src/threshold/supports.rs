@@ -74,7 +74,8 @@ fn backward(problem: &Compressed, target: usize, terms: &Terms, path: &Trail) ->
         let Some(largest) = sizes.max_by(|a, b| a.terms().cmp(&b.terms()).then(b.rss.total_cmp(&a.rss))) else {
             return Ok(Vec::new());
         };
-        open = (0..problem.columns()).map(|j| largest.support.contains(&j) || terms.fixed.contains(&j)).collect();
+        let fixed = terms.checked(problem)?.fixed;
+        open = (0..problem.columns()).map(|j| largest.support.contains(&j) || fixed[j]).collect();
     }
     let ssr = Ssr {
         alpha: 0.0,
@@ -83,7 +84,7 @@ fn backward(problem: &Compressed, target: usize, terms: &Terms, path: &Trail) ->
         removal: Removal::Residual,
         ..Ssr::default()
     };
-    let terms = Terms { allowed: Some(open), fixed: terms.fixed.clone() };
+    let terms = Terms { allowed: Some(open), ..terms.clone() };
     Ok(ssr.trail(problem, target, &terms)?.steps)
 }
 

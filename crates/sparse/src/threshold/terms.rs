@@ -5,12 +5,14 @@ use fleetfoot_stats::Compressed;
 use super::ThresholdError;
 
 /// What an equation may be made of, p candidate columns.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Terms {
     /// Columns that may be used (p); `None`: all.
     pub allowed: Option<Vec<bool>>,
     /// Columns that are always in the model: never thresholded, dropped or penalised.
     pub fixed: Vec<usize>,
+    /// Least and greatest value of every coefficient in raw units (p), infinite ends open; `None`: all are free. A column whose bounds exclude 0 is always in the model.
+    pub bounds: Option<Vec<[f64; 2]>>,
 }
 
 /// Terms that were checked against a problem.
@@ -20,6 +22,8 @@ pub(super) struct Checked {
     pub(super) open: Vec<usize>,
     /// Whether a column is always in (p).
     pub(super) fixed: Vec<bool>,
+    /// Least and greatest value of every coefficient (p); empty where all are free.
+    pub(super) bounds: Vec<[f64; 2]>,
 }
 
 impl Terms {
@@ -46,6 +50,26 @@ impl Terms {
             }
             fixed[column] = true;
         }
-        Ok(Checked { open: (0..columns).filter(|&j| allowed(j)).collect(), fixed })
+        let bounds = self.bounds.clone().unwrap_or_default();
+        if !bounds.is_empty() && bounds.len() != columns {
+            let (what, found) = ("the list of bounds", bounds.len());
+            return Err(crate::SparseError::Length { what, found, expected: columns }.into());
+        }
+        for (column, &[low, high]) in bounds.iter().enumerate() {
+            // NaN bounds nothing and is never meant.
+            if !(low <= high && low < f64::INFINITY && high > f64::NEG_INFINITY) {
+                return Err(ThresholdError::Bounds { column, low, high });
+            }
+            fixed[column] |= allowed(column) && !(low <= 0.0 && high >= 0.0);
+        }
+        Ok(Checked { open: (0..columns).filter(|&j| allowed(j)).collect(), fixed, bounds })
+    }
+
+    /// Refuses bounds where the regressions of a method cannot keep them.
+    pub(super) fn refuse_bounds(&self, method: &'static str) -> Result<(), ThresholdError> {
+        match self.bounds {
+            Some(_) => Err(ThresholdError::BoundsNotKept { method }),
+            None => Ok(()),
+        }
     }
 }

@@ -66,6 +66,17 @@ impl Triangle {
         Self::reduced(values, columns)
     }
 
+    /// The same columns, the first right-hand side less what these coefficients (k) explain of it.
+    pub(super) fn less(&self, coefficients: &[f64]) -> Self {
+        let mut found = self.clone();
+        let mut left = self.z(0).to_vec();
+        for (j, coefficient) in coefficients.iter().enumerate().filter(|(_, coefficient)| **coefficient != 0.0) {
+            left.iter_mut().zip(&self.values.column(j)[..=j]).for_each(|(left, r)| *left -= coefficient * r);
+        }
+        found.values.column_mut(self.columns)[..self.columns].copy_from_slice(&left);
+        found
+    }
+
     /// Householder reduction of columns that end at the rows `last`, ascending; right-hand sides stand behind them.
     fn reduced(mut values: Slab, last: &[usize]) -> Self {
         let k = last.len();

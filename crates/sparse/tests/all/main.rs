@@ -1,6 +1,7 @@
 //! Sparse regression, against certificates, peers and its own laws.
 
 mod bolasso;
+mod bounded;
 mod clarabel;
 mod common;
 mod constrained;

@@ -174,7 +174,7 @@ fn a_free_constant_is_a_free_intercept_for_the_lasso() {
 fn allowed_and_fixed_terms_are_kept_to() {
     let problem = compressed(&rows(13, 100, 7, 1, 0.3), 1, true);
     let allowed: Vec<bool> = (0..8).map(|j| j != 1 && j != 6).collect();
-    let terms = Terms { allowed: Some(allowed), fixed: vec![5, 0] };
+    let terms = Terms { allowed: Some(allowed), fixed: vec![5, 0], ..Terms::all() };
     for optimizer in every_optimizer() {
         let trail = optimize(&problem, 0, &optimizer, &terms).expect("models");
         for step in &trail.steps {
@@ -185,7 +185,7 @@ fn allowed_and_fixed_terms_are_kept_to() {
     let huge = Optimizer::Stlsq(Stlsq { threshold: 1e6, ..Stlsq::default() });
     let found = optimize(&problem, 0, &huge, &terms).expect("a model");
     assert_eq!((found.choice().support.as_slice(), found.choice().status), (&[0, 5][..], Status::Empty));
-    let wrong = Terms { allowed: Some(vec![false; 8]), fixed: vec![2] };
+    let wrong = Terms { allowed: Some(vec![false; 8]), fixed: vec![2], ..Terms::all() };
     assert_eq!(optimize(&problem, 0, &huge, &wrong), Err(ThresholdError::FixedNotAllowed { column: 2 }));
     let beyond = Terms { fixed: vec![9], ..Terms::all() };
     assert!(matches!(optimize(&problem, 0, &huge, &beyond), Err(ThresholdError::NoSuchColumn { column: 9, .. })));
@@ -262,7 +262,7 @@ fn held_out_errors_are_those_of_the_rows() {
         for fold in 0..3 {
             // The terms of all rows, refitted on the training rows: whatever the threshold would keep of these.
             let support = &found[0].trail.steps[k].support;
-            let terms = Terms { allowed: Some((0..7).map(|j| support.contains(&j)).collect()), fixed: Vec::new() };
+            let terms = Terms { allowed: Some((0..7).map(|j| support.contains(&j)).collect()), ..Terms::all() };
             let model = optimize(&folds[fold].train, 0, &Optimizer::LeastSquares, &terms).expect("a model");
             let b = &model.choice().coefficients;
             let error = |i: usize| (data[(i, 6)] - b[0] - (1..7).map(|j| b[j] * data[(i, j - 1)]).sum::<f64>()).powi(2);

@@ -4,53 +4,36 @@ use fleetfoot_library::Expr;
 use fleetfoot_sparse::constrained::{Form, Limit, RowLimit};
 
 use super::right_side::linear;
-use crate::{ConstraintSection, Error, Recipe, problem::Aliases};
+use crate::{
+    ConstraintSection, Error, Recipe,
+    problem::{Aliases, coefficients},
+};
 
 /// The limits of one latent by its bounds; infinite ones are none.
 pub(super) fn of_latent(name: &str, latent: usize, bounds: [f64; 2]) -> Vec<RowLimit> {
-    let limit = |(side, bound)| RowLimit::of_latent(name, latent, side, Expr::number(bound));
-    sides(bounds.map(Some)).map(limit).collect()
+    let sides = [Limit::AtLeast, Limit::AtMost].into_iter().zip(bounds).filter(|(_, bound)| bound.is_finite());
+    sides.map(|(side, bound)| RowLimit::of_latent(name, latent, side, Expr::number(bound))).collect()
 }
 
-/// The sides that say something.
-fn sides([least, most]: [Option<f64>; 2]) -> impl Iterator<Item = (Limit, f64)> {
-    let sides = [(Limit::AtLeast, least), (Limit::AtMost, most)];
-    sides.into_iter().filter_map(|(side, bound)| Some((side, bound.filter(|bound| bound.is_finite())?)))
-}
-
-/// `[constraints]`.
+/// Those of `[constraints]` that are not of single coefficients.
 ///
 /// # Errors
 /// Expressions that are not linear in the latents, or in none; a matrix that is not symmetric; no bound, or bounds between which nothing lies.
 pub(super) fn together(recipe: &Recipe, latents: &[String], aliases: &mut Aliases<'_>) -> Result<Vec<RowLimit>, Error> {
     let mut limits = Vec::new();
-    for (name, section) in &recipe.constraints {
+    for (name, section) in recipe.constraints.iter().filter(|(_, section)| section.coefficients.is_empty()) {
         let place = format!("[constraints] {name}");
         let forms = forms(section, latents, &place, aliases)?;
         if forms.iter().all(|form| form.terms.is_empty()) {
             return Err(Error::missing(format!("{place}: no latent is in it; the latents are {}", latents.join(", "))));
         }
-        let bounds = [section.at_least, section.at_most];
-        if bounds.iter().flatten().any(|bound| bound.is_nan()) {
-            return Err(Error::value(format!("{place}: a bound is not a number; leave it away")));
-        }
-        if let [Some(least), Some(most)] = bounds
-            && least > most
-        {
-            return Err(Error::value(format!("{place}: at_least = {least} is not below at_most = {most}")));
-        }
-        let before = limits.len();
-        limits.extend(sides(bounds).map(|(side, bound)| RowLimit {
+        let sides = coefficients::sides(section, &place)?.into_iter();
+        limits.extend(sides.map(|(side, bound)| RowLimit {
             name: name.clone(),
             forms: forms.clone(),
             side,
             bound: Expr::number(bound),
         }));
-        if limits.len() == before {
-            return Err(Error::missing(format!(
-                "{place}: nothing bounds it; add `at_least = 0.0` or `at_most`, of a matrix its least and greatest eigenvalue"
-            )));
-        }
     }
     Ok(limits)
 }
@@ -74,7 +57,7 @@ fn forms(
         }
         (None, true) => {
             return Err(Error::missing(format!(
-                "{place}: write what is bounded, `of = \"F*v\"` or `matrix = [[\"M11\", \"M12\"], [\"M12\", \"M22\"]]`"
+                "{place}: write what is bounded, `of = \"F*v\"`, `matrix = [[\"M11\", \"M12\"], [\"M12\", \"M22\"]]` or `coefficients = {{ F = [\"v\"] }}`"
             )));
         }
     };

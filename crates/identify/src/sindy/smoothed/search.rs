@@ -223,7 +223,7 @@ impl Search<'_> {
             unbias: false,
             ..Ssr::default()
         };
-        let terms = Terms { allowed: Some(allowed), fixed };
+        let terms = Terms { allowed: Some(allowed), fixed, ..Terms::all() };
         let trail = optimize(problem, 0, &Optimizer::Ssr(backward), &terms)?;
         let value = |step: &fleetfoot_sparse::threshold::Step| step.rss + self.price() * step.terms() as f64;
         let best = trail.steps.iter().min_by(|a, b| value(a).total_cmp(&value(b)));
