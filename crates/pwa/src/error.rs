@@ -150,6 +150,26 @@ pub enum Error {
         "stability: no regressor reads a state that the model advances by fitted equations, so that there is nothing to bound; leave the bound away"
     )]
     NothingToBound,
+    /// A port that is none.
+    #[error(
+        "passivity: {input}:{output} is no port, {reason}; a port is an input of the model and the state with which it is a power, such as a force and a speed"
+    )]
+    NoPort {
+        /// The input.
+        input: String,
+        /// The state.
+        output: String,
+        /// Why.
+        reason: String,
+    },
+    /// No storage is found.
+    #[error(
+        "passivity: no storage is found with which all regions could be passive at {ports}; allow more (INPUT:OUTPUT:SHORTAGE), look whether input and output are a power together, and with the right sign, or leave it away"
+    )]
+    NoStorage {
+        /// The ports.
+        ports: String,
+    },
     /// No metric is found.
     #[error(
         "stability: no metric is found in which all regions could contract by {bound} a sampling period; ask for a greater bound"

@@ -33,7 +33,7 @@ pub fn identify(
     source: &dyn Source,
     progress: &dyn Progress,
 ) -> Result<Identification, Error> {
-    let bound = options.stability.map(|bound| Loop::new(problem, bound)).transpose()?;
+    let bound = Loop::asked(problem, options)?;
     let Prepared { rows, grid, folds, chunks, survey, mut segmentation, phase } =
         prepare(problem, options, source, progress)?;
     let preconditioner = rows.coordinates(source)?;

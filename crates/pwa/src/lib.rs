@@ -72,5 +72,5 @@ pub use partition::{Partitioned, partition};
 pub use phase::{Phase, PhaseKind};
 pub use problem::{Options, Problem, Selection, Shrinkage};
 pub use specification::{Specification, SpecificationError, Within};
-pub use stable::{Contracting, RegionWeight, Stability, StableRegion};
+pub use stable::{Contracting, PassiveRegion, Passivity, Port, RegionWeight, Stability, StableRegion};
 pub use summed::{Summed, SummedPartition, SummedRows, identify_summed};

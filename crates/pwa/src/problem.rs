@@ -41,6 +41,8 @@ pub struct Options {
     pub shrinkage: Shrinkage,
     /// Bound of the norm of every region's map over one sampling period, in a metric that all share (1: stable); `None`: free. See [`crate::Stability`].
     pub stability: Option<f64>,
+    /// Where the model exchanges energy, if its regions are to be passive there: they contract too, by 1 where no bound is given. See [`crate::Passivity`].
+    pub ports: Vec<crate::Port>,
     /// What happens to labels not seen in training.
     pub unseen: UnseenLabel,
     /// Seed of k-means++.
@@ -73,6 +75,7 @@ impl Default for Options {
             selection: Selection::CrossValidation,
             shrinkage: Shrinkage::Rows(0.0),
             stability: None,
+            ports: Vec::new(),
             unseen: UnseenLabel::Refuse,
             seed: 0,
             restarts: 1,

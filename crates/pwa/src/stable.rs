@@ -22,6 +22,7 @@
 mod held;
 mod looped;
 mod metric;
+mod ports;
 mod region;
 mod search;
 
@@ -36,6 +37,7 @@ use crate::{
 pub use held::Contracting;
 pub(crate) use looped::Loop;
 use metric::Metric;
+pub use ports::{PassiveRegion, Passivity, Port};
 use region::Region;
 pub use region::RegionWeight;
 
@@ -53,6 +55,8 @@ pub struct Stability {
     pub metric: Vec<f64>,
     /// One a region.
     pub regions: Vec<StableRegion>,
+    /// What they take in at ports, where they are passive: then the metric is twice the energy.
+    pub passivity: Option<Passivity>,
 }
 
 /// The map of one region, free and bound.
@@ -74,7 +78,10 @@ pub struct StableRegion {
 impl Stability {
     /// Regions whose maps had to move.
     pub fn moved(&self) -> usize {
-        self.regions.iter().filter(|region| region.free_norm > self.bound).count()
+        match &self.passivity {
+            None => self.regions.iter().filter(|region| region.free_norm > self.bound).count(),
+            Some(passivity) => passivity.regions.iter().filter(|region| region.free > 1.0).count(),
+        }
     }
 }
 
@@ -97,7 +104,19 @@ impl Loop {
                 Some(open) => open.bound_all(models, base, training, shrinkage)?,
                 None => None,
             }
-            .ok_or(Error::NoMetric { bound: self.bound }),
+            .ok_or_else(|| self.none()),
+        }
+    }
+
+    /// That nothing is found.
+    fn none(&self) -> Error {
+        match &self.ports {
+            None => Error::NoMetric { bound: self.bound },
+            Some(own) => {
+                let ports: Vec<String> =
+                    own.ports.iter().map(|port| format!("{}:{}", port.input, port.output)).collect();
+                Error::NoStorage { ports: ports.join(", ") }
+            }
         }
     }
 
@@ -108,32 +127,38 @@ impl Loop {
         training: &BTreeMap<u32, SquareRoot>,
         shrinkage: f64,
     ) -> Result<Option<Stability>, Error> {
+        let settled = self.settled(base);
+        let own = &settled;
         let noise = noise(base);
         let regions: Vec<Region> = models
             .iter()
             .enumerate()
             .map(|(at, model)| {
                 let root = training.get(&(at as u32)).unwrap_or(&base.root);
-                Region::new(self, model, root, (&base.scale, shrinkage), &noise)
+                Region::new(own, model, root, (&base.scale, shrinkage), &noise)
             })
             .collect::<Option<_>>()
-            .ok_or(Error::NoMetric { bound: self.bound })?;
-        let Some(metric) = Metric::search(self, &regions, base)? else { return Ok(None) };
-        let found = metric.nearest(self, &regions, GAP)?;
+            .ok_or_else(|| self.none())?;
+        let Some(metric) = Metric::search(own, &regions, base)? else { return Ok(None) };
+        let found = metric.nearest(own, &regions, GAP)?;
         let Some(found) = found else { return Ok(None) };
-        let mut told = Vec::with_capacity(models.len());
+        let (mut told, mut passive) = (Vec::with_capacity(models.len()), Vec::new());
         for ((model, region), contracted) in models.iter_mut().zip(&regions).zip(&found) {
-            let free = self.map(&model.coefficients);
+            let free = own.map(&model.coefficients);
             if contracted.distance > 0.0 {
                 let root = training.get(&(told.len() as u32)).unwrap_or(&base.root);
-                region.write(self, &contracted.values, model, root);
+                region.write(own, &contracted.values, model, root);
             }
-            let written = self.map(&model.coefficients);
+            let written = own.map(&model.coefficients);
             let gap = if contracted.distance > 0.0 { contracted.gap / contracted.distance } else { 0.0 };
+            if own.ports.is_some() {
+                let [free, norm] = [&free, &written].map(|map| metric.measure(own, map).0);
+                passive.push(PassiveRegion { free, norm });
+            }
             told.push(StableRegion {
-                free_radius: spectral_radius(free.as_ref()),
+                free_radius: own.radius(&free),
                 free_norm: metric.norm(&free),
-                radius: spectral_radius(written.as_ref()),
+                radius: own.radius(&written),
                 norm: metric.norm(&written),
                 gap,
             });
@@ -145,10 +170,25 @@ impl Loop {
             inputs: self.inputs.clone(),
             metric: (0..P.nrows()).flat_map(|i| (0..P.ncols()).map(move |j| (i, j))).map(|(i, j)| P[(i, j)]).collect(),
             regions: told,
+            passivity: own.ports.as_ref().map(|own| Passivity { ports: own.ports.clone(), regions: passive }),
         }))
     }
 
-    /// M of a region of these coefficients (p x q): how its variables move over one sampling period.
+    /// Spectral radius of a map's square part.
+    pub(crate) fn radius(&self, map: &Mat<f64>) -> f64 {
+        spectral_radius(map.subcols(0, self.variables.len()))
+    }
+
+    /// The map of coefficients (s x q) of the functions that read variables and ports.
+    pub(crate) fn of_read(&self, read: &Mat<f64>) -> Mat<f64> {
+        let mut all = Mat::zeros(self.reads.nrows(), read.ncols());
+        for (k, &j) in self.regressors.iter().enumerate() {
+            (0..read.ncols()).for_each(|t| all[(j, t)] = read[(k, t)]);
+        }
+        self.map(&all)
+    }
+
+    /// M of a region of these coefficients (p x q): how its variables move over one sampling period; with ports [M N].
     pub(crate) fn map(&self, coefficients: &Mat<f64>) -> Mat<f64> {
         let mut M = self.offset.clone();
         for (t, advanced) in self.targets.iter().enumerate() {

@@ -85,7 +85,7 @@ pub fn identify_summed(
     let candidates: Vec<Candidate> = partitions.iter().enumerate().map(|(at, own)| candidate(at, own, rows)).collect();
     let regions = |partition: usize| sums.count(partition);
     let shapes = (candidates.as_slice(), &regions as &dyn Fn(usize) -> usize);
-    let bound = options.stability.map(|bound| Loop::new(problem, bound)).transpose()?;
+    let bound = Loop::asked(problem, options)?;
     let orders = evaluate(&sums, shapes, (rows.folds, options.shrinkage), bound.as_ref(), &base, independent)?;
     let specifications: Vec<&Specification> = partitions.iter().map(|one| &one.specification).collect();
     let (chosen, rule) = choose(options.selection, &specifications, &orders);

@@ -6,7 +6,6 @@
 use faer::{Mat, Side};
 use fleetfoot_data::{Silent, parallel_map};
 use fleetfoot_model::Model;
-use fleetfoot_stats::spectral_radius;
 
 use super::{Loop, Metric, Region, RegionWeight, Stability, largest};
 use crate::{Error, Problem};
@@ -26,7 +25,8 @@ impl Contracting {
     /// # Errors
     /// Those of reading what a problem's regions advance.
     pub fn new(problem: &Problem, stability: &Stability) -> Result<Self, Error> {
-        let whole = Loop::new(problem, stability.bound)?;
+        let ports = stability.passivity.as_ref().map_or(&[][..], |passivity| &passivity.ports);
+        let whole = Loop::new(problem, stability.bound, ports)?;
         let n = stability.variables.len();
         let none = || Error::NoMetric { bound: stability.bound };
         // Given states that nothing could hold were left out.
@@ -34,7 +34,7 @@ impl Contracting {
         let P = Mat::from_fn(n, n, |i, j| stability.metric[i * n + j]);
         let root = P.llt(Side::Lower).map_err(|_| none())?.L().transpose().to_owned();
         let start = Mat::zeros(own.regressors.len(), own.targets.len());
-        Ok(Self { metric: Metric::new(root, &start), own })
+        Ok(Self { metric: Metric::new(&own, root, &start).ok_or_else(none)?, own })
     }
 
     /// The model of the set in which every region's coefficients are nearest to those of a model; `None` where a region has no room, or a decomposition fails. The first partition's regions
@@ -43,10 +43,11 @@ impl Contracting {
         let (own, metric) = (&self.own, &self.metric);
         let coefficients: Vec<Mat<f64>> = (0..weights.len()).map(|region| coefficients(model, region)).collect();
         let maps: Vec<Mat<f64>> = coefficients.iter().map(|of| own.map(of)).collect();
-        let norms: Vec<f64> = maps.iter().map(|map| metric.norm(map)).collect();
+        let measures: Vec<(f64, f64)> = maps.iter().map(|map| metric.measure(own, map)).collect();
+        let norms: Vec<f64> = measures.iter().map(|(norm, _)| *norm).collect();
         let tightest = (0..norms.len()).min_by(|&a, &b| norms[a].total_cmp(&norms[b]))?;
         let found = parallel_map(weights.len(), &Silent, |at| -> Result<_, Error> {
-            if norms[at] <= own.bound {
+            if norms[at] <= measures[at].1 {
                 return Ok(Some(None));
             }
             let solve = || -> Option<Mat<f64>> {
@@ -88,7 +89,10 @@ impl Contracting {
         let mut told = before.clone();
         for (at, region) in told.regions.iter_mut().enumerate() {
             let map = self.own.map(&coefficients(model, at));
-            (region.radius, region.norm) = (spectral_radius(map.as_ref()), self.metric.norm(&map));
+            (region.radius, region.norm) = (self.own.radius(&map), self.metric.norm(&map));
+            if let Some(passive) = &mut told.passivity {
+                passive.regions[at].norm = self.metric.measure(&self.own, &map).0;
+            }
         }
         told
     }

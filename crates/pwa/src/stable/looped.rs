@@ -6,7 +6,8 @@ use faer::Mat;
 use fleetfoot_library::{Expr, Node, Unary};
 use fleetfoot_model::{Equation, Model, Prediction, Training};
 
-use crate::{Error, Problem};
+use super::ports::{Port, Ports};
+use crate::{Error, Options, Problem};
 
 /// A state at some rows back.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -24,25 +25,27 @@ impl Display for Variable {
     }
 }
 
-/// The maps of a model's regions, `M = C + sum_t gain_t e_row(t) beta_t' reads`, and their bound.
+/// The maps of a model's regions, `M = C + sum_t gain_t e_row(t) beta_t' reads`, and their bound. With m ports the inputs of these stand behind the variables as columns: `[M N]`.
 #[derive(Debug, Clone)]
 pub(crate) struct Loop {
     /// What is advanced (n).
     pub(crate) variables: Vec<Variable>,
-    /// C (n x n): the states' own part of a step, given equations, and the rows of lags.
+    /// C (n x n + m): the states' own part of a step, given equations, and the rows of lags.
     pub(crate) offset: Mat<f64>,
     /// Of every target, the row of M that it makes and what it is multiplied by; `None` for one that advances nothing of the loop (q).
     pub(crate) targets: Vec<Option<(usize, f64)>>,
-    /// How functions of the library change with the variables (p x n).
+    /// How functions of the library change with the variables and the ports' inputs (p x n + m).
     pub(crate) reads: Mat<f64>,
     /// The functions that do.
     pub(crate) regressors: Vec<usize>,
     /// States that act as inputs.
     pub(crate) inputs: Vec<String>,
     /// Variables of given equations.
-    given: Vec<usize>,
+    pub(crate) given: Vec<usize>,
     /// rho.
     pub(crate) bound: f64,
+    /// Where the model exchanges energy, if it is to be passive.
+    pub(crate) ports: Option<Ports>,
 }
 
 /// A state with its equation.
@@ -52,11 +55,20 @@ struct Advanced<'a> {
 }
 
 impl Loop {
+    /// The loop that the options bound; `None` where they bound none.
+    ///
+    /// # Errors
+    /// As [`Loop::new`].
+    pub(crate) fn asked(problem: &Problem, options: &Options) -> Result<Option<Self>, Error> {
+        let bound = options.stability.or((!options.ports.is_empty()).then_some(1.0));
+        bound.map(|bound| Self::new(problem, bound, &options.ports)).transpose()
+    }
+
     /// Reads the loop out of a problem.
     ///
     /// # Errors
-    /// A function that is not linear in a fitted state, nor bounded; no fitted state that the regressors read.
-    pub(crate) fn new(problem: &Problem, bound: f64) -> Result<Self, Error> {
+    /// A function that is not linear in a fitted state, nor bounded; no fitted state that the regressors read; ports that are none.
+    pub(crate) fn new(problem: &Problem, bound: f64, ports: &[Port]) -> Result<Self, Error> {
         let (equations, library) = closed(problem)?;
         let mut advanced: Vec<Advanced<'_>> = Vec::new();
         let mut targets = 0;
@@ -102,16 +114,16 @@ impl Loop {
         if linear.iter().all(|own| own.target.is_none()) {
             return Err(Error::NothingToBound);
         }
-        Ok(Self::of(&linear, &library, (problem.step, targets), inputs, bound))
+        Self::of(&linear, &library, (problem, targets), (inputs, ports), bound)
     }
 
     fn of(
         linear: &[&Advanced<'_>],
         library: &[Expr],
-        (step, targets): (f64, usize),
-        inputs: Vec<String>,
+        (problem, targets): (&Problem, usize),
+        (inputs, ports): (Vec<String>, &[Port]),
         bound: f64,
-    ) -> Self {
+    ) -> Result<Self, Error> {
         let mut variables: Vec<Variable> = Vec::new();
         for own in linear {
             let name = &own.equation.subject;
@@ -121,8 +133,12 @@ impl Loop {
         }
         let n = variables.len();
         let place = |name: &str, lag: i32| variables.iter().position(|own| own.name == name && own.lag == lag);
+        let found = match ports {
+            [] => None,
+            ports => Some(Ports::new(ports, problem, library, |name| place(name, 0))?),
+        };
         let row_of = |expression: &Expr| {
-            let mut row = vec![0.0; n];
+            let mut row = vec![0.0; n + ports.len()];
             for own in linear {
                 for (lag, slope) in slopes(expression, &own.equation.subject).into_iter().flatten() {
                     if let Some(at) = place(&own.equation.subject, lag) {
@@ -130,15 +146,19 @@ impl Loop {
                     }
                 }
             }
+            for (at, port) in ports.iter().enumerate() {
+                let own = slopes(expression, &port.input).into_iter().flatten().filter(|(lag, _)| *lag == 0);
+                row[n + at] += own.map(|(_, slope)| slope).sum::<f64>();
+            }
             row
         };
         let functions: Vec<Vec<f64>> = library.iter().map(&row_of).collect();
-        let mut offset = Mat::zeros(n, n);
+        let mut offset = Mat::zeros(n, n + ports.len());
         let (mut of_targets, mut given) = (vec![None; targets], Vec::new());
         for own in linear {
             let Some(row) = place(&own.equation.subject, 0) else { continue };
             let (factor, gain) = match own.equation.prediction {
-                Prediction::Derivative => (1.0, step),
+                Prediction::Derivative => (1.0, problem.step),
                 Prediction::Difference => (1.0, 1.0),
                 Prediction::Next | Prediction::Value => (0.0, 1.0),
             };
@@ -160,11 +180,11 @@ impl Loop {
             }
         }
         let regressors = (0..functions.len()).filter(|&j| functions[j].iter().any(|&slope| slope != 0.0)).collect();
-        let reads = Mat::from_fn(functions.len(), n, |j, k| functions[j][k]);
-        Self { variables, offset, targets: of_targets, reads, regressors, inputs, given, bound }
+        let reads = Mat::from_fn(functions.len(), n + ports.len(), |j, k| functions[j][k]);
+        Ok(Self { variables, offset, targets: of_targets, reads, regressors, inputs, given, bound, ports: found })
     }
 
-    /// The loop without the states that given equations advance; `None` where there are none.
+    /// The loop without the states that given equations advance; `None` where there are none, or a port is at one.
     pub(crate) fn without_given(&self) -> Option<Self> {
         if self.given.is_empty() {
             return None;
@@ -172,18 +192,25 @@ impl Loop {
         let is_given = |at: usize| self.given.iter().any(|&row| self.variables[row].name == self.variables[at].name);
         let kept: Vec<usize> = (0..self.variables.len()).filter(|&at| !is_given(at)).collect();
         let place = |row: usize| kept.iter().position(|&at| at == row);
-        let reads = Mat::from_fn(self.reads.nrows(), kept.len(), |j, k| self.reads[(j, kept[k])]);
+        let mut ports = self.ports.clone();
+        for output in ports.iter_mut().flat_map(|ports| &mut ports.outputs) {
+            *output = place(*output)?;
+        }
+        let (n, all) = (self.variables.len(), kept.iter().copied());
+        let columns: Vec<usize> = all.chain(n..self.reads.ncols()).collect();
+        let reads = Mat::from_fn(self.reads.nrows(), columns.len(), |j, k| self.reads[(j, columns[k])]);
         let mut inputs = self.inputs.clone();
         inputs.extend(self.given.iter().map(|&row| self.variables[row].name.clone()));
         Some(Self {
             variables: kept.iter().map(|&at| self.variables[at].clone()).collect(),
-            offset: Mat::from_fn(kept.len(), kept.len(), |i, k| self.offset[(kept[i], kept[k])]),
+            offset: Mat::from_fn(kept.len(), columns.len(), |i, k| self.offset[(kept[i], columns[k])]),
             targets: self.targets.iter().map(|own| own.and_then(|(row, gain)| Some((place(row)?, gain)))).collect(),
             regressors: (0..reads.nrows()).filter(|&j| (0..reads.ncols()).any(|k| reads[(j, k)] != 0.0)).collect(),
             reads,
             inputs,
             given: Vec::new(),
             bound: self.bound,
+            ports,
         })
     }
 }
@@ -199,12 +226,12 @@ fn closed(problem: &Problem) -> Result<(Vec<Equation>, Vec<Expr>), Error> {
     Ok((model.equations, model.libraries.swap_remove(0)))
 }
 
-fn reads(function: &Expr, state: &str) -> bool {
+pub(super) fn reads(function: &Expr, state: &str) -> bool {
     function.sources().iter().any(|name| **name == *state)
 }
 
 /// Slopes of a function by a state, lag by lag; `None` where one is no number, or the state is read through a filter.
-fn slopes(function: &Expr, state: &str) -> Option<Vec<(i32, f64)>> {
+pub(super) fn slopes(function: &Expr, state: &str) -> Option<Vec<(i32, f64)>> {
     if function.filters().iter().any(|filter| filter.sources().iter().any(|name| **name == *state)) {
         return None;
     }

@@ -3,9 +3,9 @@
 // Matrices are capitals.
 #![allow(non_snake_case)]
 
-use faer::Mat;
+use faer::{Mat, Side};
 
-use super::{inverse, largest};
+use super::{Loop, inverse, largest};
 
 /// `|x| = |T x|_2`.
 #[derive(Debug, Clone)]
@@ -16,11 +16,35 @@ pub(crate) struct Metric {
     pub(crate) inverse: Mat<f64>,
     /// Coefficients of the loop's functions (s x q) whose map contracts, for where a region begins.
     pub(crate) start: Mat<f64>,
+    /// What comes in through ports, where there are any.
+    pub(crate) supply: Option<Supply>,
+}
+
+/// S of a passive loop in the coordinates T x, `S = L L'`.
+#[derive(Debug, Clone)]
+pub(crate) struct Supply {
+    /// C T^-1 (m x n).
+    pub(crate) gamma: Mat<f64>,
+    /// L (n + m x n + m).
+    pub(crate) lower: Mat<f64>,
+    /// L^-T.
+    pub(crate) weight: Mat<f64>,
 }
 
 impl Metric {
-    pub(crate) fn new(root: Mat<f64>, start: &Mat<f64>) -> Self {
-        Self { inverse: inverse(&root), root, start: start.clone() }
+    /// `None` where ports have more coming in than such a storage can take.
+    pub(crate) fn new(own: &Loop, root: Mat<f64>, start: &Mat<f64>) -> Option<Self> {
+        let inverse = inverse(&root);
+        let supply = match &own.ports {
+            None => None,
+            Some(ports) => {
+                let gamma = ports.output(root.nrows()) * &inverse;
+                let lower = ports.supply(&gamma, own.bound).llt(Side::Lower).ok()?.L().to_owned();
+                let weight = super::inverse(&lower.transpose().to_owned());
+                Some(Supply { gamma, lower, weight })
+            }
+        };
+        Some(Self { inverse, root, start: start.clone(), supply })
     }
 
     /// P.
@@ -30,6 +54,35 @@ impl Metric {
 
     /// The norm of a map.
     pub(crate) fn norm(&self, M: &Mat<f64>) -> f64 {
-        largest(&(&self.root * M * &self.inverse))
+        let n = self.root.nrows();
+        largest(&(&self.root * M.subcols(0, n) * &self.inverse))
+    }
+
+    /// What the bound is about, and the bound: the map's norm, of a passive loop that of `T [M N] L^-T`.
+    pub(crate) fn measure(&self, own: &Loop, M: &Mat<f64>) -> (f64, f64) {
+        match self.supply {
+            None => (self.norm(M), own.bound),
+            Some(_) => (largest(&self.seen(M)), 1.0),
+        }
+    }
+
+    /// A map in the coordinates of the metric: `T M T^-1`, of a passive loop `T [M N] L^-T` with rows of zeros that make it square.
+    pub(crate) fn seen(&self, M: &Mat<f64>) -> Mat<f64> {
+        match &self.supply {
+            None => &self.root * M * &self.inverse,
+            Some(_) => {
+                let moved = &self.root * self.behind(M);
+                Mat::from_fn(M.ncols(), M.ncols(), |i, j| if i < moved.nrows() { moved[(i, j)] } else { 0.0 })
+            }
+        }
+    }
+
+    /// Columns by variables and inputs, behind the coordinates: `A T^-1`, of a passive loop `[A_x T^-1, A_u] L^-T`.
+    pub(crate) fn behind(&self, A: &Mat<f64>) -> Mat<f64> {
+        let Some(supply) = &self.supply else { return A * &self.inverse };
+        let n = self.root.nrows();
+        let states = A.subcols(0, n) * &self.inverse;
+        let all = Mat::from_fn(A.nrows(), A.ncols(), |i, j| if j < n { states[(i, j)] } else { A[(i, j)] });
+        &all * &supply.weight
     }
 }

@@ -37,7 +37,7 @@ impl RegionWeight {
 pub(crate) struct Region {
     /// Y0 (s x q).
     pub(crate) free: Mat<f64>,
-    /// `L^-1 reads` (s x n).
+    /// `L^-1 reads` (s x n + m).
     right: Mat<f64>,
     /// `L'` (s x s).
     upper: Mat<f64>,
@@ -109,7 +109,7 @@ impl Region {
         // From the units of the columns back to raw ones.
         let upper = Mat::from_fn(s, s, |i, k| if k >= i { L[(k, i)] * units[rows[k]] } else { 0.0 });
         let follow = Mat::from_fn(others.len(), s, |i, k| follow[(i, k)] * units[rows[k]] / units[others[i]]);
-        let reads = Mat::from_fn(s, own.variables.len(), |k, v| own.reads[(rows[k], v)]);
+        let reads = Mat::from_fn(s, own.reads.ncols(), |k, v| own.reads[(rows[k], v)]);
         let right = upper.transpose().partial_piv_lu().solve(&reads);
         let A = Mat::from_fn(s, scale.len(), |k, t| coefficients[(rows[k], t)]);
         let mut region = Self { free: Mat::zeros(0, 0), right, upper, follow, others, scale };
@@ -126,13 +126,15 @@ impl Region {
     /// The map in a metric.
     pub(crate) fn contraction(&self, own: &Loop, metric: &Metric) -> Contraction {
         let n = own.variables.len();
-        let left =
+        let entry =
             |i: usize, t: usize| own.targets[t].map_or(0.0, |(row, gain)| metric.root[(i, row)] * gain / self.scale[t]);
+        let left = |i: usize, t: usize| if i < n { entry(i, t) } else { 0.0 };
+        let offset = metric.seen(&own.offset);
         Contraction {
-            offset: &metric.root * &own.offset * &metric.inverse,
-            left: Mat::from_fn(n, own.targets.len(), left),
-            right: &self.right * &metric.inverse,
-            bound: own.bound,
+            left: Mat::from_fn(offset.nrows(), own.targets.len(), left),
+            offset,
+            right: metric.behind(&self.right),
+            bound: if own.ports.is_some() { 1.0 } else { own.bound },
         }
     }
 

@@ -30,6 +30,9 @@ impl Metric {
     /// Searches from the Lyapunov equation of the one-region model, and from the states' units; `None` where neither has room for all regions.
     pub(crate) fn search(own: &Loop, regions: &[Region], base: &Base) -> Result<Option<Self>, Error> {
         let units = units(own, base);
+        if own.ports.is_some() {
+            return Self::search_passive(own, regions, base, &units);
+        }
         let Some((start, M)) = contracting(own, base, &units) else { return Ok(None) };
         let mut roots = vec![Mat::from_fn(units.len(), units.len(), |i, j| if i == j { 1.0 / units[i] } else { 0.0 })];
         // A little under the bound, so that the map itself is strictly within.
@@ -41,9 +44,25 @@ impl Metric {
         {
             roots.push(factor.L().transpose().to_owned());
         }
+        Self::cheapest(own, regions, roots.into_iter().map(|root| (root, &start)))
+    }
+
+    /// From storages of the one-region model, or of one that is damped until it has any.
+    fn search_passive(own: &Loop, regions: &[Region], base: &Base, units: &[f64]) -> Result<Option<Self>, Error> {
+        let found = dissipating(own, base, units);
+        Self::cheapest(own, regions, found.iter().map(|(root, start)| (root.clone(), start)))
+    }
+
+    /// The cheapest of some roots with their starts, and the descent from it.
+    fn cheapest<'a>(
+        own: &Loop,
+        regions: &[Region],
+        roots: impl Iterator<Item = (Mat<f64>, &'a Mat<f64>)>,
+    ) -> Result<Option<Self>, Error> {
         let mut best: Option<Tried> = None;
-        for root in roots {
-            if let Some(tried) = Self::new(root, &start).tried(own, regions)?
+        for (root, start) in roots {
+            let Some(metric) = Self::new(own, root, start) else { continue };
+            if let Some(tried) = metric.tried(own, regions)?
                 && best.as_ref().is_none_or(|best| tried.price < best.price)
             {
                 best = Some(tried);
@@ -61,10 +80,30 @@ impl Metric {
         let (mut price, mut slope) = (0.0, Mat::<f64>::zeros(n, n));
         for one in &found {
             price += one.distance;
-            let G = &one.multiplier * one.matrix.transpose() - one.matrix.transpose() * &one.multiplier;
+            let G = self.turned(own, one);
             slope += Mat::from_fn(n, n, |i, j| -(G[(i, j)] + G[(j, i)]));
         }
         Ok(price.is_finite().then_some(Tried { metric: self, price, slope }))
+    }
+
+    /// `<Lambda, dK>` as the product of a matrix with `dT T^-1`, of a region's dual point Lambda.
+    ///
+    /// `K = T M T^-1` turns by `Z K - K Z`. Of a passive loop `K = J L^-T`, J being the map [M N] in the coordinates T x, and besides J the supply S turns, by `-h C T^-1 Z` and its transpose.
+    fn turned(&self, own: &Loop, one: &Contracted) -> Mat<f64> {
+        let (Some(supply), Some(ports)) = (&self.supply, &own.ports) else {
+            return &one.multiplier * one.matrix.transpose() - one.matrix.transpose() * &one.multiplier;
+        };
+        let n = self.root.nrows();
+        let (dual, K) = (one.multiplier.subrows(0, n), one.matrix.subrows(0, n));
+        let J = K * supply.lower.transpose();
+        let behind = dual * supply.weight.transpose();
+        let back = J.transpose() * &behind;
+        let Q = &supply.weight * K.transpose() * &behind;
+        let m = supply.gamma.nrows();
+        let across = Mat::from_fn(m, n, |i, k| Q[(n + i, k)] + Q[(k, n + i)]);
+        let turned = supply.gamma.transpose() * &across;
+        let direct = &behind * J.transpose();
+        Mat::from_fn(n, n, |i, j| direct[(i, j)] - back[(i, j)] + 0.5 * ports.step * turned[(i, j)])
     }
 
     /// All regions' coefficients nearest to their free ones; `None` where a region has no room.
@@ -101,7 +140,11 @@ impl Tried {
             let n = at.slope.nrows();
             let one = |i: usize, j: usize| f64::from(u8::from(i == j)) - length * at.slope[(i, j)] / size;
             let root = Mat::from_fn(n, n, one) * &at.metric.root;
-            match Metric::new(root, &at.metric.start).tried(own, regions)? {
+            let next = match Metric::new(own, root, &at.metric.start) {
+                Some(metric) => metric.tried(own, regions)?,
+                None => None,
+            };
+            match next {
                 Some(next) if next.price < at.price => {
                     let settled = next.price > at.price * (1.0 - BETTER);
                     at = next;
@@ -130,6 +173,82 @@ fn units(own: &Loop, base: &Base) -> Vec<f64> {
     (0..own.variables.len()).map(of).map(|unit| if unit > 0.0 { unit } else { 1.0 }).collect()
 }
 
+/// Margins of the storages that are tried, in squares of the inputs' power at one deviation over a step.
+const MARGINS: [f64; 4] = [1e-1, 1e-2, 1e-3, 1e-4];
+
+/// Roots of storages with which the one-region model dissipates, and its coefficients (s x q): as they are, else as near to them as a storage is found for, those of the states first, then those of
+/// the ports too.
+fn dissipating(own: &Loop, base: &Base, units: &[f64]) -> Vec<(Mat<f64>, Mat<f64>)> {
+    let Some(ports) = &own.ports else { return Vec::new() };
+    let n = units.len();
+    let states = Loop {
+        offset: own.offset.subcols(0, n).to_owned(),
+        reads: own.reads.subcols(0, n).to_owned(),
+        ports: None,
+        ..own.clone()
+    };
+    let average =
+        Mat::from_fn(own.regressors.len(), own.targets.len(), |k, t| base.average.coefficients[(own.regressors[k], t)]);
+    let Some(least) = least(&states, units) else { return Vec::new() };
+    let is_port = |k: usize| (n..own.reads.ncols()).any(|column| own.reads[(own.regressors[k], column)] != 0.0);
+    let at = |share: f64, of_ports: f64| {
+        Mat::from_fn(average.nrows(), average.ncols(), |k, t| {
+            let (least, average) = (least[(k, t)], average[(k, t)]);
+            if is_port(k) { of_ports * average } else { least + share * (average - least) }
+        })
+    };
+    let power = (0..ports.outputs.len()).map(|port| units[ports.outputs[port]] * own.input_unit(port, base));
+    let power = ports.step * power.fold(0.0, f64::max);
+    let storages = |share: f64, of_ports: f64| -> Vec<(Mat<f64>, Mat<f64>)> {
+        let start = at(share, of_ports);
+        let map = own.of_read(&start);
+        let root = |margin: &f64| {
+            let P = own.storage(&map, units, margin * power)?;
+            Some((P.llt(Side::Lower).ok()?.L().transpose().to_owned(), start.clone()))
+        };
+        MARGINS.iter().filter_map(root).collect()
+    };
+    let nearest = |of: &dyn Fn(f64) -> Vec<(Mat<f64>, Mat<f64>)>| {
+        let (mut low, mut high, mut best) = (0.0, 1.0, of(0.0));
+        for _ in 0..12 {
+            let middle = 0.5 * (low + high);
+            let found = of(middle);
+            if found.is_empty() {
+                high = middle;
+            } else {
+                (low, best) = (middle, found);
+            }
+        }
+        best
+    };
+    let tries: [&dyn Fn() -> Vec<(Mat<f64>, Mat<f64>)>; 3] = [
+        &|| storages(1.0, 1.0),
+        &|| nearest(&|share| storages(share, 1.0)),
+        &|| nearest(&|share| storages(share, share)),
+    ];
+    tries.iter().map(|found| found()).find(|found| !found.is_empty()).unwrap_or_default()
+}
+
+/// Coefficients (s x q) that move the variables least, in their units.
+fn least(own: &Loop, units: &[f64]) -> Option<Mat<f64>> {
+    in_units(own, units).least()
+}
+
+/// The maps of the loop in units of the variables.
+fn in_units(own: &Loop, units: &[f64]) -> fleetfoot_stats::Contraction {
+    let (s, n, q) = (own.regressors.len(), units.len(), own.targets.len());
+    let root = Mat::from_fn(n, n, |i, j| if i == j { 1.0 / units[i] } else { 0.0 });
+    let back = Mat::from_fn(n, n, |i, j| if i == j { units[i] } else { 0.0 });
+    let reads = Mat::from_fn(s, n, |k, v| own.reads[(own.regressors[k], v)]);
+    let left = |i: usize, t: usize| own.targets[t].map_or(0.0, |(row, gain)| root[(i, row)] * gain);
+    fleetfoot_stats::Contraction {
+        offset: &root * &own.offset * &back,
+        left: Mat::from_fn(n, q, left),
+        right: &reads * &back,
+        bound: own.bound,
+    }
+}
+
 /// Coefficients (s x q) between those that move the variables least and those of the one-region model, as near to these as a spectral radius below the bound allows; with their map.
 fn contracting(own: &Loop, base: &Base, units: &[f64]) -> Option<(Mat<f64>, Mat<f64>)> {
     let (s, q) = (own.regressors.len(), own.targets.len());
@@ -138,14 +257,7 @@ fn contracting(own: &Loop, base: &Base, units: &[f64]) -> Option<(Mat<f64>, Mat<
     let n = units.len();
     let root = Mat::from_fn(n, n, |i, j| if i == j { scale[i] } else { 0.0 });
     let back = Mat::from_fn(n, n, |i, j| if i == j { units[i] } else { 0.0 });
-    let reads = Mat::from_fn(s, n, |k, v| own.reads[(own.regressors[k], v)]);
-    let left = |i: usize, t: usize| own.targets[t].map_or(0.0, |(row, gain)| root[(i, row)] * gain);
-    let problem = fleetfoot_stats::Contraction {
-        offset: &root * &own.offset * &back,
-        left: Mat::from_fn(n, q, left),
-        right: &reads * &back,
-        bound: own.bound,
-    };
+    let problem = in_units(own, units);
     let least = problem.least()?;
     let map = |share: f64| {
         let A = Mat::from_fn(s, q, |k, t| least[(k, t)] + share * (average[(k, t)] - least[(k, t)]));
@@ -165,4 +277,70 @@ fn contracting(own: &Loop, base: &Base, units: &[f64]) -> Option<(Mat<f64>, Mat<
         if fits(middle) { low = middle } else { high = middle }
     }
     Some(map(low))
+}
+
+#[cfg(test)]
+mod tests {
+    use fleetfoot_library::Expr;
+    use fleetfoot_model::{Column, Equation, Prediction, Role};
+
+    use super::*;
+    use crate::{Port, Problem, RegionWeight};
+
+    fn problem() -> Problem {
+        let columns = [("x", Role::State), ("v", Role::State), ("f", Role::Input), ("g", Role::Input)];
+        let next = |name: &str| Equation {
+            subject: name.into(),
+            prediction: Prediction::Next,
+            right: Expr::column(format!("f_{name}")),
+            target: Some(Expr::lagged(name, -1)),
+            unit: None,
+        };
+        Problem {
+            columns: columns.map(|(name, role)| Column::new(name, role)).to_vec(),
+            library: ["x", "v", "f", "g"].map(Expr::column).to_vec(),
+            equations: vec![next("x"), next("v")],
+            partition_columns: Vec::new(),
+            weight: None,
+            step: 0.1,
+        }
+    }
+
+    /// The derivative of the price by the metric is that of finite differences, with ports and without.
+    #[test]
+    fn dual_points_tell_how_the_price_turns_with_the_metric() {
+        let port = |input: &str, output: &str, shortage| Port { shortage: Some(shortage), ..Port::new(input, output) };
+        for ports in [Vec::new(), vec![port("f", "v", 0.3)], vec![port("f", "v", 0.3), port("g", "x", 0.5)]] {
+            let own = Loop::new(&problem(), 0.97, &ports).unwrap();
+            // A free map that is not within, of a region whose rows weigh unevenly.
+            let free = Mat::from_fn(4, 2, |j, t| [[1.05, -0.2], [0.12, 0.9], [0.05, 0.25], [0.2, -0.1]][j][t]);
+            let weigh = |i: usize, j: usize| if i == j { 2.0 + i as f64 } else { 0.3 * (i + 2 * j + j * i) as f64 / 5.0 };
+            let half = Mat::from_fn(5, 5, weigh);
+            let weight = RegionWeight::new(half.transpose() * &half, vec![1.0, 2.5]);
+            let (region, _) = Region::weighted(&own, &free, &weight).unwrap();
+            let start = Mat::from_fn(own.regressors.len(), 2, |k, t| {
+                let j = own.regressors[k];
+                0.6 * f64::from(u8::from(j == t)) + if j > 1 { 0.02 } else { 0.0 }
+            });
+            let root = Mat::from_fn(2, 2, |i, j| [[1.1, 0.2], [0.0, 1.3]][i][j]);
+            let solved = |root: Mat<f64>| {
+                let metric = Metric::new(&own, root, &start).unwrap();
+                let found = metric.nearest(&own, std::slice::from_ref(&region), 1e-8).unwrap().unwrap().remove(0);
+                (found.distance, metric.turned(&own, &found))
+            };
+            let (price, turned) = solved(root.clone());
+            assert!(price > 0.05, "{price}");
+            for Z in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.4, -0.7, 0.2]] {
+                let Z = Mat::from_fn(2, 2, |i, j| Z[i + j]);
+                let at = |length: f64| {
+                    let one = Mat::from_fn(2, 2, |i, j| f64::from(u8::from(i == j)) + length * Z[(i, j)]);
+                    solved(&one * &root).0
+                };
+                let found = (at(1e-3) - at(-1e-3)) / 2e-3;
+                let told = -2.0 * (0..2).flat_map(|i| (0..2).map(move |j| (i, j))).map(|at| turned[at] * Z[at]).sum::<f64>();
+                // The price is known to 1e-8 of itself, which differences make 1e-5; they err by a millionth of its third derivative.
+                assert!((found - told).abs() <= 1e-3 * price.max(told.abs()), "{ports:?} {Z:?}: {found} {told}");
+            }
+        }
+    }
 }

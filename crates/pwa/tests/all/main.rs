@@ -3,6 +3,7 @@
 mod continuous;
 mod identify;
 mod lattice;
+mod passive;
 mod refined;
 mod stable;
 mod transitions;
