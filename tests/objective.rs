@@ -240,3 +240,131 @@ fn rollouts_outside_of_the_training_domain_are_told_ended_or_held() {
     let wrong = fleetfoot(folder.path(), &["rollout", "grows.json", "long.csv", "--outside", "stay"]);
     assert!(wrong.code == 2 && wrong.err.contains("hold"), "{}", wrong.err);
 }
+
+/// A mass on a spring, measured with noise, with a force on it, `t,x,v,f`.
+fn sprung(rows: usize) -> String {
+    let mut text = String::from("t,x,v,f\n");
+    let (mut x, mut v, mut state) = (0.5_f64, 0.0_f64, 9_u64);
+    let mut noise = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+    };
+    let mut f = 0.0;
+    for row in 0..rows {
+        if row % 5 == 0 {
+            f = 8.0 * noise();
+        }
+        text.push_str(&format!("{},{},{},{f}\n", 0.05 * row as f64, x + 0.3 * noise(), v + 0.3 * noise()));
+        for _ in 0..50 {
+            v += 0.001 * (f - if x > 0.0 { 4.0 } else { 9.0 } * x - 0.1 * v) / 1.5;
+            x += 0.001 * v;
+        }
+    }
+    text
+}
+
+/// What eigenvalues by an arc cosine are known to, which costs half of the digits where two are near each other.
+const ROUNDED: f64 = -1e-7;
+
+/// The least eigenvalue of the dissipation inequality of every region for a port f:v, from the files' numbers, in units of its diagonal.
+fn dissipated(model: &serde_json::Value, stability: &serde_json::Value) -> Vec<f64> {
+    let number = |value: &serde_json::Value| value.as_f64().unwrap();
+    let P: Vec<f64> = stability["metric"].as_array().unwrap().iter().map(number).collect();
+    let shortage = number(&stability["passivity"]["ports"][0]["shortage"]);
+    let latents = model["model"]["latents"].as_array().unwrap();
+    let regions = latents[0]["coefficients"].as_array().unwrap().len();
+    (0..regions)
+        .map(|region| {
+            let map = |i: usize, j: usize| number(&latents[i]["coefficients"][region][j]);
+            let supply = |i: usize, j: usize| match (i, j) {
+                (2, 2) => 0.05 * shortage,
+                (2, k) | (k, 2) => [0.0, 0.05][k],
+                _ => P[2 * i + j],
+            };
+            let taken = |i: usize, j: usize| -> f64 {
+                (0..2)
+                    .flat_map(|a| (0..2).map(move |b| (a, b)))
+                    .map(|(a, b)| map(a, i) * P[2 * a + b] * map(b, j))
+                    .sum()
+            };
+            let unit = |i: usize| supply(i, i).sqrt();
+            let left = |i: usize, j: usize| (supply(i, j) - taken(i, j)) / (unit(i) * unit(j));
+            // The least root of the characteristic polynomial of a symmetric matrix of three rows (Smith 1961).
+            let mean = (left(0, 0) + left(1, 1) + left(2, 2)) / 3.0;
+            let off = |i: usize, j: usize| left(i, j) - if i == j { mean } else { 0.0 };
+            let square: f64 = (0..3).flat_map(|i| (0..3).map(move |j| (i, j))).map(|(i, j)| off(i, j).powi(2)).sum();
+            let size = (square / 6.0).sqrt();
+            let determinant = off(0, 0) * (off(1, 1) * off(2, 2) - off(1, 2).powi(2))
+                - off(0, 1) * (off(0, 1) * off(2, 2) - off(1, 2) * off(0, 2))
+                + off(0, 2) * (off(0, 1) * off(1, 2) - off(1, 1) * off(0, 2));
+            let angle = (determinant / (2.0 * size.powi(3))).clamp(-1.0, 1.0).acos() / 3.0;
+            mean + 2.0 * size * (angle + 2.0 * std::f64::consts::PI / 3.0).cos()
+        })
+        .collect()
+}
+
+#[test]
+fn regions_give_no_more_than_they_took() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    std::fs::write(path.join("spring.csv"), sprung(3000)).unwrap();
+    let arguments = [
+        "fit",
+        "pwa",
+        "spring.csv",
+        "--states=x,v",
+        "--inputs=f",
+        "--predict=next",
+        "--time=t",
+        "--partition=kmeans:8",
+        "--json",
+    ];
+    let with = |more: &[&str]| fleetfoot(path, &[&arguments[..], more].concat());
+    let free = with(&["-o", "free.json"]).ok().json();
+    let found = with(&["-o", "passive.json", "--passive=f:v"]).ok().json();
+    let read =
+        |name: &str| -> serde_json::Value { serde_json::from_slice(&std::fs::read(path.join(name)).unwrap()).unwrap() };
+    let told = &found["candidates"][0]["stability"];
+    let (before, after) = (dissipated(&read("free.json"), told), dissipated(&read("passive.json"), told));
+    assert!(after.iter().all(|least| *least >= ROUNDED), "{after:?}");
+    let broken = before.iter().filter(|least| **least < -1e-3).count();
+    assert!(broken >= 3 && told["moved"].as_u64() >= Some(broken as u64), "{before:?} {told}");
+    let port = &told["passivity"]["ports"][0];
+    assert_eq!((port["input"].as_str(), port["state"].as_str()), (Some("f"), Some("v")));
+    let number = |value: &serde_json::Value| value.as_f64().unwrap();
+    // h/m is 1/30, and twice that is allowed.
+    assert!((number(&port["shortage"]) - 1.0 / 15.0).abs() < 0.01, "{port}");
+    let candidate = &found["candidates"][0];
+    assert_eq!(candidate["free_loss"], free["candidates"][0]["loss"]);
+    assert!(number(&candidate["loss"]) < 1.02 * number(&candidate["free_loss"]), "{candidate}");
+    // From a statistic to the same numbers, and fitted to simulations within the same set.
+    let scan = ["scan", "spring.csv", "-c", "scan.toml", "-o", "spring.stats"];
+    std::fs::write(
+        path.join("scan.toml"),
+        "[states]\nx = { column = \"x\" }\nv = { column = \"v\" }\n[inputs]\nf = \"f\"\n[time]\ncolumn = \"t\"\n[model]\npredict = \"next\"\npartition = \"kmeans:8\"\n",
+    )
+    .unwrap();
+    fleetfoot(path, &scan).ok();
+    let summed =
+        fleetfoot(path, &["fit", "pwa", "spring.stats", "--passive=f:v", "-o", "summed.json", "--json"]).ok().json();
+    let after = dissipated(&read("summed.json"), &summed["candidates"][0]["stability"]);
+    assert!(after.iter().all(|least| *least >= ROUNDED), "{after:?}");
+    let few: Vec<&str> =
+        arguments.iter().map(|one| if *one == "--partition=kmeans:8" { "--partition=kmeans:3" } else { one }).collect();
+    let steps = ["-o", "steps.json", "--passive=f:v", "--objective=steps:5", "--folds=0"];
+    let steps = fleetfoot(path, &[&few[..], &steps].concat()).ok().json();
+    let after = dissipated(&read("steps.json"), &steps["candidates"][0]["stability"]);
+    assert!(after.iter().all(|least| *least >= ROUNDED), "{after:?}");
+    let text = fleetfoot(path, &[&arguments[..8], &["-o", "text.json", "--passive=f:v:0.1"]].concat()).ok().out;
+    assert!(text.contains("passive at f:v") && text.contains("0.1000"), "{text}");
+    for (more, parts) in [
+        (&["--passive=f:w"][..], &["f:w is no port", "no state"][..]),
+        (&["--passive=g:v"], &["g:v is no port"]),
+        (&["--passive=f:v", "--continuous"], &["--continuous with --passive f:v"]),
+    ] {
+        with(&[&["-o", "wrong.json"], more].concat()).fails(parts);
+    }
+    let said = with(&["-o", "wrong.json", "--passive=f"]);
+    assert!(said.code == 2 && said.err.contains("force:speed"), "{}", said.err);
+    assert!(!path.join("wrong.json").exists());
+}

@@ -5,7 +5,7 @@ use std::fs;
 use crate::runner::*;
 
 /// A method, flags that say something of each kind, and a recipe that says otherwise.
-const METHODS: [(&str, &[&str], &str); 7] = [
+const METHODS: [(&str, &[&str], &str); 8] = [
     (
         "pwa",
         &[
@@ -28,6 +28,7 @@ const METHODS: [(&str, &[&str], &str); 7] = [
          restarts = 1\niterations = 2\nmemory = 64.0\ntsqr = true\nobjective = \"steps:3\"\nphase = \"wrap(v):8\"\n",
     ),
     ("pwa", &["--partition=kmeans:3", "--stable=0.9"], "[pwa]\nstable = 0.5\n"),
+    ("pwa", &["--partition=kmeans:3", "--passive=u:v:0.1"], "[pwa]\npassive = \"u:v:0.3\"\n"),
     (
         "sparse",
         &["--degree=2", "--lambda=auto", "--select=cv", "--folds=4", "--l1-ratio=0.9", "--adaptive=false", "--seed=2"],

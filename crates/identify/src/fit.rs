@@ -123,7 +123,7 @@ pub fn plan_pwa(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress)
         choice_passes,
         fit_passes: PWA_PASSES,
         objective: options.objective,
-        bounded: options.identification.stability.is_some(),
+        bounded: options.identification.stability.is_some() || !options.identification.ports.is_empty(),
         clustered_rows: cost.clustered_rows,
         memory: cost.bytes,
         notes,

@@ -112,7 +112,7 @@ pub use recipe::{
     Effort, EpisodeRule, EstimateKind, EstimateMethod, EstimateSection, FilterSection, FilterSwitching, Frame, Gap,
     GivenAs, Gravity, Input, InputTable, Join, JoinTable, JointSection, Kind, Lags, LatentSection, LibrarySection,
     Limits, ModelSection, Mounting, NarxSection, NarxSelection, NarxTerms, Normalize, Objective, Over,
-    ParameterSection, PartitionChoice, PhaseColumn, PrepareMethod, PrepareSection, PwaSection, Recipe,
+    ParameterSection, PartitionChoice, PhaseColumn, PortList, PrepareMethod, PrepareSection, PwaSection, Recipe,
     ResimulateSection, SensorKind, SensorSection, Settings, SindyOptimizer, SindySection, SmoothStates, SpanDerivative,
     SparseSection, State, TaskSection, Time, Tunable, UnseenLabels,
 };

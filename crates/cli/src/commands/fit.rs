@@ -4,7 +4,7 @@ use fleetfoot::{
     Derivative, Error, Fitted, Gap, Input, InputTable, Kind, Objective, PwaRequest, Recipe, Refinement,
     RolloutCandidate, RolloutChoice, fit_pwa, is_known, is_statistic,
     log::{Cache, Stamp},
-    pwa::{Score, Specification, Stability, StableRegion},
+    pwa::{PassiveRegion, Passivity, Score, Specification, Stability, StableRegion},
     rival, write_model,
 };
 use serde::Serialize;
@@ -34,7 +34,11 @@ pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
     if arguments.dry_run {
         return dry_run(&recipe, &files, context);
     }
-    say_passes(recipe.pwa.objective, (fleetfoot::PWA_PASSES, recipe.pwa.stable.is_some()), context);
+    say_passes(
+        recipe.pwa.objective,
+        (fleetfoot::PWA_PASSES, recipe.pwa.stable.is_some() || recipe.pwa.passive.is_some()),
+        context,
+    );
     let bar = context.bar();
     let fitted = fit_pwa(&recipe, PwaRequest { keep_all: arguments.keep_all }, &files, &bar);
     bar.finish();
@@ -211,7 +215,7 @@ fn stability(candidates: &[Score], held_out: bool) -> String {
             format!("{:.4}", greatest(&|one| one.radius, found)),
             format!("{:.4}", greatest(&|one| one.norm, found)),
             ratio(score.free_loss),
-            ratio(if held_out { score.loss } else { 1.0 - score.r2.iter().sum::<f64>() / score.r2.len() as f64 }),
+            ratio(loss(score, held_out)),
         ]
     };
     let header = ["partition", "moved", "free radius", "radius", "norm", "free loss", "loss"];
@@ -219,12 +223,49 @@ fn stability(candidates: &[Score], held_out: bool) -> String {
         [] => String::new(),
         inputs => format!("; {} act as inputs", inputs.join(", ")),
     };
+    let dissipation = dissipation(&bounded, held_out);
     format!(
-        "\n\nstable: all regions' maps of {} over one sampling period contract by {} in one metric{inputs}; greatest of the regions\n{}",
+        "\n\nstable: all regions' maps of {} over one sampling period contract by {} in one metric{inputs}; greatest of the regions\n{}{dissipation}",
         any.variables.join(", "),
         any.bound,
         table(&header, bounded.iter().map(row).collect())
     )
+}
+
+/// How the regions' maps dissipate, where they are passive.
+fn dissipation(bounded: &[(&Score, &Stability)], held_out: bool) -> String {
+    let passive: Vec<(&Score, &Stability, &Passivity)> =
+        bounded.iter().filter_map(|&(score, found)| Some((score, found, found.passivity.as_ref()?))).collect();
+    let Some((_, _, any)) = passive.first() else { return String::new() };
+    let greatest =
+        |of: &dyn Fn(&PassiveRegion) -> f64, found: &Passivity| found.regions.iter().map(of).fold(0.0, f64::max);
+    let row = |&(score, found, passivity): &(&Score, &Stability, &Passivity)| {
+        let shortages: Vec<String> =
+            passivity.ports.iter().map(|port| number(port.shortage.unwrap_or(f64::NAN))).collect();
+        vec![
+            score.specification.to_string(),
+            format!("{} of {}", found.moved(), passivity.regions.len()),
+            shortages.join(", "),
+            format!("{:.4}", greatest(&|one| one.free, passivity)),
+            format!("{:.4}", greatest(&|one| one.norm, passivity)),
+            ratio(score.free_loss),
+            ratio(loss(score, held_out)),
+        ]
+    };
+    let ports: Vec<String> = any.ports.iter().map(|port| format!("{}:{}", port.input, port.output)).collect();
+    format!(
+        "\n\npassive at {}: with one storage no region's map gives more than it took, a norm of 1; greatest of the regions\n{}",
+        ports.join(", "),
+        table(
+            &["partition", "moved", "shortage", "free norm", "norm", "free loss", "loss"],
+            passive.iter().map(row).collect()
+        )
+    )
+}
+
+/// Squared error over variance, on rows that did not train where there are any.
+fn loss(score: &Score, held_out: bool) -> f64 {
+    if held_out { score.loss } else { 1.0 - score.r2.iter().sum::<f64>() / score.r2.len() as f64 }
 }
 
 /// Tells what a fit to simulations will cost, before it begins: of so many passes a fit of one step, and whether maps are bounded.

@@ -75,7 +75,8 @@ fn against_divergence(rolled: &RolledOut, model: &Model) -> Option<String> {
     let (diverged, all) = (rolled.rollouts.diverged(), rolled.rollouts.outcomes.len());
     let several =
         model.method.starts_with("pwa ") && model.partitions.iter().any(|partition| partition.regions.len() > 1);
-    let bounded = Recipe::parse(&model.training.recipe, "the model's recipe").is_ok_and(|own| own.pwa.stable.is_some());
+    let bounded = Recipe::parse(&model.training.recipe, "the model's recipe")
+        .is_ok_and(|own| own.pwa.stable.is_some() || own.pwa.passive.is_some());
     (several && !bounded && diverged > 0 && 100 * diverged >= all).then(|| {
         format!(
             "{diverged} of {all} rollouts diverged: what stays in a region whose map grows runs away. `fit pwa --stable` bounds the maps of all regions, and regions that fit the dynamics (--partition refined:10, tree:4) simulate more truly than clusters"

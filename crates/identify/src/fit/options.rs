@@ -50,6 +50,7 @@ impl PwaOptions {
         let is_bound = |bound: &f64| *bound > 0.0 && bound.is_finite();
         let stable = section.stable.map(|bound| checked("stable", bound, is_bound, "a bound above 0, such as 1"));
         options.stability = stable.transpose()?;
+        options.ports = section.passive.clone().map_or_else(Vec::new, |ports| ports.0);
         options.unseen = match section.unseen_labels {
             None | Some(UnseenLabels::Refuse) => UnseenLabel::Refuse,
             Some(UnseenLabels::Pool) => UnseenLabel::Pool,
@@ -65,6 +66,11 @@ impl PwaOptions {
         if let (true, Some(Objective::Steps(steps))) = (options.continuous, section.objective) {
             return Err(Error::conflict(format!(
                 "--continuous with --objective steps:{steps}: simulations move the maps of regions apart; leave one of them away"
+            )));
+        }
+        if let (true, Some(ports)) = (options.continuous, &section.passive) {
+            return Err(Error::conflict(format!(
+                "--continuous with --passive {ports}: maps that are bounded region by region do not meet at borders; leave one of them away"
             )));
         }
         if let (true, Some(bound)) = (options.continuous, options.stability) {
@@ -194,6 +200,7 @@ mod tests {
             ("[pwa]\nhorizon = 0\nselect = \"rollout\"", ["horizon = 0", "from 1 on"]),
             ("[pwa]\nfold = 3", ["fold", "folds"]),
             ("[pwa]\nstable = 1.0\ncontinuous = true", ["stable=1", "do not meet"]),
+            ("[pwa]\npassive = \"f:v\"\ncontinuous = true", ["passive f:v", "do not meet"]),
             ("[pwa]\nstable = 0.0", ["stable = 0", "above 0"]),
             ("[model]\npartition = \"kmeens:3\"", ["kmeens:3", "kmeans:10"]),
         ] {

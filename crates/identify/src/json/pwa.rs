@@ -1,6 +1,6 @@
 //! The report of a piecewise-affine fit.
 
-use fleetfoot_pwa::{Continuity, Score, Stability, StableRegion};
+use fleetfoot_pwa::{Continuity, Passivity, Score, Stability, StableRegion};
 use serde::{Serialize, Serializer};
 use serde_json::Value;
 
@@ -166,6 +166,35 @@ struct Contracting<'a> {
     radii: Vec<f64>,
     norms: Vec<f64>,
     gaps: Vec<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    passivity: Option<Dissipating<'a>>,
+}
+
+/// What the regions' maps take in at ports.
+#[derive(Serialize)]
+struct Dissipating<'a> {
+    ports: Vec<Port<'a>>,
+    free_norms: Vec<f64>,
+    norms: Vec<f64>,
+}
+
+#[derive(Serialize)]
+struct Port<'a> {
+    input: &'a str,
+    state: &'a str,
+    shortage: Option<f64>,
+}
+
+impl<'a> From<&'a Passivity> for Dissipating<'a> {
+    fn from(found: &'a Passivity) -> Self {
+        let port =
+            |port: &'a fleetfoot_pwa::Port| Port { input: &port.input, state: &port.output, shortage: port.shortage };
+        Self {
+            ports: found.ports.iter().map(port).collect(),
+            free_norms: found.regions.iter().map(|one| one.free).collect(),
+            norms: found.regions.iter().map(|one| one.norm).collect(),
+        }
+    }
 }
 
 impl<'a> From<&'a Stability> for Contracting<'a> {
@@ -182,6 +211,7 @@ impl<'a> From<&'a Stability> for Contracting<'a> {
             radii: each(|one| one.radius),
             norms: each(|one| one.norm),
             gaps: each(|one| one.gap),
+            passivity: found.passivity.as_ref().map(Dissipating::from),
         }
     }
 }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Objective, PhaseColumn,
+    Objective, PhaseColumn, PortList,
     settings::{Tunable, settings},
 };
 
@@ -58,6 +58,10 @@ settings! {
         /// Bound of every region's map over one sampling period, in a metric that all regions share: stable at 1; at 0.99 states shrink by a hundredth a row (default: free).
         #[arg(long, value_name = "BOUND", num_args = 0..=1, require_equals = true, default_missing_value = "1", allow_negative_numbers = true)]
         pub stable: f64,
+        /// Ports at which every region's map takes in at least what it gives, with one storage of energy: inputs and the states that they are a power with, `force:speed`,
+        /// several with commas; behind a second colon what a port may be short of, where not twice what sampling takes. Maps are stable too (default: free).
+        #[arg(long, value_name = "INPUT:STATE[:SHORTAGE],...")]
+        pub passive: PortList,
         /// Count regions along a phase, and from stride to stride: a column that comes round (or an expression), in 12 bins or as many as said, or labels:COLUMN;
         /// rows without it do not train. `show --transitions` tells.
         #[arg(long, value_name = "COLUMN[:BINS]")]

@@ -221,11 +221,10 @@ fn dissipating(own: &Loop, base: &Base, units: &[f64]) -> Vec<(Mat<f64>, Mat<f64
         }
         best
     };
-    let tries: [&dyn Fn() -> Vec<(Mat<f64>, Mat<f64>)>; 3] = [
-        &|| storages(1.0, 1.0),
-        &|| nearest(&|share| storages(share, 1.0)),
-        &|| nearest(&|share| storages(share, share)),
-    ];
+    let tries: [&dyn Fn() -> Vec<(Mat<f64>, Mat<f64>)>; 3] =
+        [&|| storages(1.0, 1.0), &|| nearest(&|share| storages(share, 1.0)), &|| {
+            nearest(&|share| storages(share, share))
+        }];
     tries.iter().map(|found| found()).find(|found| !found.is_empty()).unwrap_or_default()
 }
 
@@ -314,7 +313,8 @@ mod tests {
             let own = Loop::new(&problem(), 0.97, &ports).unwrap();
             // A free map that is not within, of a region whose rows weigh unevenly.
             let free = Mat::from_fn(4, 2, |j, t| [[1.05, -0.2], [0.12, 0.9], [0.05, 0.25], [0.2, -0.1]][j][t]);
-            let weigh = |i: usize, j: usize| if i == j { 2.0 + i as f64 } else { 0.3 * (i + 2 * j + j * i) as f64 / 5.0 };
+            let weigh =
+                |i: usize, j: usize| if i == j { 2.0 + i as f64 } else { 0.3 * (i + 2 * j + j * i) as f64 / 5.0 };
             let half = Mat::from_fn(5, 5, weigh);
             let weight = RegionWeight::new(half.transpose() * &half, vec![1.0, 2.5]);
             let (region, _) = Region::weighted(&own, &free, &weight).unwrap();
@@ -337,7 +337,8 @@ mod tests {
                     solved(&one * &root).0
                 };
                 let found = (at(1e-3) - at(-1e-3)) / 2e-3;
-                let told = -2.0 * (0..2).flat_map(|i| (0..2).map(move |j| (i, j))).map(|at| turned[at] * Z[at]).sum::<f64>();
+                let told =
+                    -2.0 * (0..2).flat_map(|i| (0..2).map(move |j| (i, j))).map(|at| turned[at] * Z[at]).sum::<f64>();
                 // The price is known to 1e-8 of itself, which differences make 1e-5; they err by a millionth of its third derivative.
                 assert!((found - told).abs() <= 1e-3 * price.max(told.abs()), "{ports:?} {Z:?}: {found} {told}");
             }

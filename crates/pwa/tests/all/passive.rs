@@ -227,7 +227,12 @@ fn what_is_passive_pays_nothing() {
     let tight = run(&problem, &options("average", vec![port]), &source);
     let candidate = &tight.candidates[0];
     let told = candidate.stability.as_ref().unwrap();
-    assert!(told.moved() == 1 && candidate.loss > 1.5 * candidate.free_loss, "{} {}", candidate.loss, candidate.free_loss);
+    assert!(
+        told.moved() == 1 && candidate.loss > 1.5 * candidate.free_loss,
+        "{} {}",
+        candidate.loss,
+        candidate.free_loss
+    );
     assert!(slack(&map(&tight.model, 0), &storage(told), 0.8 * H / MASS) >= -1e-12);
 }
 
@@ -244,7 +249,8 @@ fn no_passive_map_has_less_error() {
     let blocks = fleetfoot_data::Source::episodes(&source).len();
     let rows: Vec<[f64; 5]> = (0..blocks)
         .flat_map(|episode| {
-            let block = fleetfoot_data::Source::read(&source, episode, 0..200, fleetfoot_data::Halo::default()).unwrap();
+            let block =
+                fleetfoot_data::Source::read(&source, episode, 0..200, fleetfoot_data::Halo::default()).unwrap();
             let of = |c: usize, k: usize| block.core(c)[k];
             (0..199).map(|k| [of(0, k), of(1, k), of(2, k), of(0, k + 1), of(1, k + 1)]).collect::<Vec<_>>()
         })
@@ -306,7 +312,8 @@ fn models_are_kept_passive_where_they_are_nearest() {
     };
     let wanted = moved(0.2);
     let nearest = set.nearest(&wanted, &weights).unwrap();
-    let others: Vec<Model> = (0..200).map(|k| set.nearest(&moved(0.01 + 0.005 * k as f64), &weights).unwrap()).collect();
+    let others: Vec<Model> =
+        (0..200).map(|k| set.nearest(&moved(0.01 + 0.005 * k as f64), &weights).unwrap()).collect();
     let mut left = 0;
     for region in 0..6 {
         let within = slack(&map(&wanted, region), &P, E) >= 0.0;

@@ -57,6 +57,11 @@ class PWA(Identifier):
     stable : float, optional
         Bound of every region's map over one sampling period, in a metric that all regions share: 1 for a stable model;
         ``report_["candidates"]`` tells radii, norms, the metric and the loss of the free model.
+    passive : str or dict of str to str, optional
+        Ports at which every region's map takes in at least what it gives, with one storage of energy: inputs and the
+        states that they are a power with, ``"force:speed"`` or ``{"force": "speed"}``; behind a second colon what a port
+        may be short of, where not twice what sampling takes. ``report_["candidates"]`` tells in ``stability``, whose
+        ``metric`` is twice the energy then.
     phase : str, optional
         A phase along which regions are counted, and from stride to stride: ``"alpha_l:24"``, a column or an expression
         that comes round and its bins (12), or ``"labels:stance"``. ``model_.export("npz", ...)`` has the counts, and
@@ -111,6 +116,7 @@ class PWA(Identifier):
         shrinkage: float | str = 0.0,
         continuous: bool = False,
         stable: float | None = None,
+        passive: str | Mapping[str, str] | None = None,
         phase: str | None = None,
         unseen_labels: str = "refuse",
         seed: int = 0,
@@ -143,6 +149,7 @@ class PWA(Identifier):
         self.shrinkage = shrinkage
         self.continuous = continuous
         self.stable = stable
+        self.passive = passive
         self.phase = phase
         self.unseen_labels = unseen_labels
         self.seed = seed
@@ -167,6 +174,10 @@ class PWA(Identifier):
         said = self._said("lags")
         return said if isinstance(said, (str, Mapping)) else self._whole("lags", 0)
 
+    def _ports(self) -> str | None:
+        said = self._said("passive")
+        return ",".join(f"{force}:{speed}" for force, speed in said.items()) if isinstance(said, Mapping) else said
+
     def _own_recipe(self) -> dict[str, Any]:
         model = _recipe.said(
             predict=self._said("target"),
@@ -185,6 +196,7 @@ class PWA(Identifier):
             shrinkage=self._real("shrinkage", "auto"),
             continuous=self._said("continuous"),
             stable=self._real("stable"),
+            passive=self._ports(),
             phase=self._said("phase"),
             unseen_labels=self._said("unseen_labels"),
             # The recipe has MiB.
