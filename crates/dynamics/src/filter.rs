@@ -25,6 +25,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod coloured;
 mod consistency;
 mod gaussian;
 mod noise;
@@ -36,7 +37,7 @@ mod track;
 pub use consistency::{Consistency, MeanBand, chi_square_band};
 pub use gaussian::Gaussian;
 pub use steps::StepMap;
-pub use switched::{FilterOptions, Measured, ProcessFactor, SwitchedFilter, Switching};
+pub use switched::{FilterOptions, Measured, NoiseColour, ProcessFactor, SwitchedFilter, Switching};
 pub use track::Track;
 
 pub use crate::filter_error::FilterError;

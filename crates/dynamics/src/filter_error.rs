@@ -15,6 +15,11 @@ pub enum FilterError {
         "no transitions were counted for this model, so that regions cannot switch by them: fit with --partition refined:K, lattice:K or tree:DEPTH, or let them switch by the state"
     )]
     NoTransitions,
+    /// How residuals hang on those of the rows before is not known.
+    #[error(
+        "the model does not know how its residuals hang on those of the rows before: they are white, or their targets are measured over more than two rows, whose neighbours share them, or the model is not one that `fit pwa` made of logs; let the noise be white, or fit it with `fit pwa` to targets of one row (predict = \"next\", derivative = \"forward\")"
+    )]
+    NoCorrelation,
     /// The residuals of an equation are not known.
     #[error(
         "the model does not know the residuals of d({state})/dt or next({state}), which are the process noise; fit with `fit pwa`"

@@ -223,6 +223,8 @@ fn refined(
     if let Some(found) = refinement.as_ref().filter(|found| found.written) {
         let before = std::mem::replace(&mut identification.model, found.fitted.model.clone());
         move_residuals(&before, &mut identification.model, &identification.roots);
+        // That of the coefficients before.
+        identification.model.partitions.iter_mut().for_each(|partition| partition.correlation = None);
     }
     Ok(refinement)
 }

@@ -37,7 +37,7 @@ mod zip;
 
 pub use cost::{Cost, Operations};
 pub use error::ExportError;
-pub use filter::{FilterTables, export_filter};
+pub use filter::{FilterColour, FilterTables, export_filter};
 pub use options::{ExportOptions, Precision, StepMethod, Target};
 pub use vectors::{Signals, TestResult, TestVector, evaluate_at, signals, test_vectors};
 

@@ -15,8 +15,8 @@ use fleetfoot_library::{Expr, Scope};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Column, Equation, Join, Latent, Lattice, Level, Model, Partition, Prediction, Region, Role, RotationKind,
-    RotationPart, Transitions,
+    Column, Equation, Join, Latent, Lattice, Level, Model, Partition, Prediction, Region, ResidualCorrelation, Role,
+    RotationKind, RotationPart, Transitions,
 };
 use phases::{PairText, PhasesText};
 use rule::RuleText;
@@ -223,6 +223,9 @@ struct PartitionText {
     pairs: Vec<PairText>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     lattice: Option<LatticeText>,
+    /// Correlations of whitened residuals, lag by lag from 1 on; empty where there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    correlation: Vec<Reals>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -354,6 +357,8 @@ impl ModelText {
                     phases: p.phases.map(PhasesText::into_phases),
                     pairs: p.pairs.into_iter().map(PairText::into_pair).collect(),
                     lattice: p.lattice.map(LatticeText::into_lattice),
+                    correlation: (!p.correlation.is_empty())
+                        .then(|| ResidualCorrelation { lags: p.correlation.into_iter().map(floats).collect() }),
                 })
             })
             .collect::<Result<Vec<_>, String>>()?;
@@ -416,6 +421,7 @@ impl From<&Partition> for PartitionText {
             phases: p.phases.as_ref().map(PhasesText::from),
             pairs: p.pairs.iter().map(PairText::from).collect(),
             lattice: p.lattice.as_ref().map(LatticeText::from),
+            correlation: p.correlation.iter().flat_map(|own| own.lags.iter().map(|lag| reals(lag))).collect(),
         }
     }
 }

@@ -40,6 +40,7 @@ mod phases;
 mod print;
 mod region;
 mod region_pair;
+mod residual_correlation;
 mod rotation;
 mod rotations;
 mod trained;
@@ -52,8 +53,8 @@ pub use closed::{Closed, ClosedError, FirstOrderLag, auxiliary_columns, check_si
 pub use column::{Column, Role};
 pub use equation::{Equation, Prediction};
 pub use export::{
-    Cost, Export, ExportError, ExportOptions, ExportedFile, FilterTables, Operations, Precision, Signals, StepMethod,
-    Target, TestResult, TestVector, evaluate_at, export, export_filter, signals, test_vectors,
+    Cost, Export, ExportError, ExportOptions, ExportedFile, FilterColour, FilterTables, Operations, Precision, Signals,
+    StepMethod, Target, TestResult, TestVector, evaluate_at, export, export_filter, signals, test_vectors,
 };
 pub use file::{FORMAT_VERSION, FileError};
 pub use latent::Latent;
@@ -64,6 +65,7 @@ pub use phases::{Passage, PhaseBins, Phases};
 pub use print::{describe, describe_transitions, factor};
 pub use region::{Estimated, Region, Training};
 pub use region_pair::{RegionPair, holm};
+pub use residual_correlation::ResidualCorrelation;
 pub use rotation::{RotationKind, RotationPart};
 pub use rotations::{Rotation, rotations};
 pub use trained::{TrainedEpisode, known};

@@ -34,6 +34,8 @@ pub struct Partition {
     pub pairs: Vec<crate::RegionPair>,
     /// The tree of joins that the regions are a level of, where they are.
     pub lattice: Option<crate::Lattice>,
+    /// How residuals go on from row to row, where they do.
+    pub correlation: Option<crate::ResidualCorrelation>,
 }
 
 /// How a region follows from standardised columns.
@@ -159,6 +161,7 @@ impl Partition {
             phases: None,
             pairs: Vec::new(),
             lattice: None,
+            correlation: None,
         }
     }
 

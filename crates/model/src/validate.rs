@@ -151,6 +151,9 @@ fn check_partition(partition: &Partition, functions: usize, fitted: usize) -> Re
             return Err(format!("partition {name}: {} joins of {count} regions", lattice.joins.len()));
         }
     }
+    if let Some(correlation) = &partition.correlation {
+        correlation.check(fitted).map_err(|problem| format!("partition {name}: {problem}"))?;
+    }
     for region in &partition.regions {
         check_region(region, functions, fitted)
             .map_err(|problem| format!("partition {name}, region {}: {problem}", region.name))?;

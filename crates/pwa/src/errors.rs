@@ -13,6 +13,7 @@ use fleetfoot_stats::{
 use crate::{
     Error,
     assignment::Assigner,
+    lagged::{Lagged, Whitening},
     phase::Scale,
     region_model::RegionModel,
     residual::{Maps, Scatter, Sums, by_rows},
@@ -37,6 +38,8 @@ pub(crate) struct Errors {
     pub(crate) residuals: Vec<Scatter>,
     /// Which region follows which, of each kept model whose regions fit the dynamics.
     pub(crate) walks: Vec<Option<Walks>>,
+    /// How residuals hang on those of the rows before, of each kept model of which that is asked.
+    pub(crate) lagged: Vec<Option<Lagged>>,
     /// Sums of absolute errors by (episode, fold), in the order of the chunks.
     parts: Vec<((usize, u16), PartErrors)>,
 }
@@ -122,6 +125,8 @@ pub(crate) struct Measure<'a> {
     pub(crate) whitening: &'a [f64],
     /// What the phase's values are bins of, where there is one.
     pub(crate) phase: Option<&'a Scale>,
+    /// What whitens the residuals of each kept model, where their correlation from row to row is asked.
+    pub(crate) whitening_by_region: &'a [Option<Whitening>],
 }
 
 impl Measure<'_> {
@@ -152,6 +157,11 @@ impl Measure<'_> {
                         total.merge(walks, self.phase);
                     }
                 }
+                for (total, lagged) in total.lagged.iter_mut().zip(&errors.lagged) {
+                    if let (Some(total), Some(lagged)) = (total, lagged) {
+                        total.merge(lagged);
+                    }
+                }
                 Ok(())
             },
         )?;
@@ -167,6 +177,7 @@ impl Measure<'_> {
             deviation: vec![0.0; q],
             residuals: self.kept.iter().map(|&kept| Scatter::new(self.orders[kept].full.len(), q)).collect(),
             walks: self.kept.iter().map(|&kept| self.walks(kept)).collect(),
+            lagged: self.whitening_by_region.iter().map(|own| own.as_ref().map(|_| Lagged::new(q))).collect(),
             parts: Vec::new(),
         }
     }
@@ -221,6 +232,12 @@ impl Measure<'_> {
                     maps.full.residuals(&part.regions, &part.x, &part.y, &mut part.residual);
                 }
                 part.errors.residuals[kept].add(&part.regions, &part.residual, weights);
+                if let (Some(lagged), Some(whitening)) =
+                    (&mut part.errors.lagged[kept], &self.whitening_by_region[kept])
+                {
+                    let rows = tile.index().iter().map(|row| place.first + row);
+                    lagged.extend(whitening, place.chunk.episode, rows, (&part.regions, &part.residual, weights));
+                }
                 if let Some(walks) = &mut part.errors.walks[kept] {
                     let rows = tile.index().iter().map(|row| place.first + row);
                     walks.extend(place.chunk.episode, rows.clone().zip(part.regions.iter().copied()));

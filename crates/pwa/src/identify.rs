@@ -11,6 +11,7 @@ use crate::{
     complete::Fit,
     errors::{Errors, Measure, PartErrors},
     fit::{Roots, Solver, held_out_error},
+    lagged::{Whitening, span},
     levels::described,
     notes::confounded,
     pairs::pairs,
@@ -137,6 +138,12 @@ impl Fit<'_> {
                 (partition.transitions, partition.phases) = (Some(transitions), phases);
             }
         }
+        let rows_over = self.rows_over();
+        for (model, lagged) in models.iter_mut().zip(&errors.lagged) {
+            if let (Some(partition), Some(lagged), Some(rows)) = (model.partitions.first_mut(), lagged, rows_over) {
+                partition.correlation = lagged.correlation(rows);
+            }
+        }
         for (model, &kept) in models.iter_mut().zip(&kept) {
             if let Some(partition) = model.partitions.first_mut() {
                 partition.lattice = self.lattice(kept, &orders, base.root.weight);
@@ -224,6 +231,18 @@ impl Fit<'_> {
         Ok(Some(roots))
     }
 
+    /// Rows over which the targets are measured, where residuals say what a step may be off.
+    fn rows_over(&self) -> Option<usize> {
+        span(self.problem.equations.iter().filter(|equation| equation.target.is_some()))
+    }
+
+    /// What whitens the residuals of a candidate, where their correlation is kept: a model without regressors leaves more than least squares do.
+    fn whitening(&self, candidate: usize, order: &Order, solver: &Solver<'_>) -> Option<Whitening> {
+        let Candidate { specification, full, .. } = &self.segmentation.candidates[candidate];
+        let asked = self.rows_over().is_some() && *specification != Specification::Null;
+        asked.then(|| Whitening::new(&solver.grams(*full, None), order.full.len(), self.preconditioner))
+    }
+
     fn measure<'m>(
         &'m self,
         orders: &'m [Order],
@@ -236,8 +255,10 @@ impl Fit<'_> {
             .map(|fold| solver.base(Some(fold)).map_or_else(|| base.root.mean_y.clone(), |base| base.root.mean_y))
             .collect();
         let q = self.rows.targets;
+        let whitening = |&candidate: &usize| self.whitening(candidate, &orders[candidate], solver);
         MeasureInput {
             fit: self,
+            whitening: kept.iter().map(whitening).collect(),
             orders,
             kept,
             mean: base.root.mean_y.clone(),
@@ -286,6 +307,7 @@ struct MeasureInput<'m> {
     mean: Vec<f64>,
     fold_means: Vec<Vec<f64>>,
     metric: Mahalanobis,
+    whitening: Vec<Option<Whitening>>,
 }
 
 impl MeasureInput<'_> {
@@ -299,6 +321,7 @@ impl MeasureInput<'_> {
             fold_means: &self.fold_means,
             whitening: self.metric.whitening(),
             phase: self.fit.phase,
+            whitening_by_region: &self.whitening,
         }
         .run(source, chunks, progress)
     }

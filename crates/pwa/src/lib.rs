@@ -34,6 +34,7 @@ mod identify;
 mod kept;
 mod kmeans;
 mod labels;
+mod lagged;
 mod lattice;
 mod levels;
 mod memory;

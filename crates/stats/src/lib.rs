@@ -36,6 +36,7 @@ pub use reduce::{TILE_ROWS, reduce};
 
 // numerics
 mod autocorrelation;
+mod autoregression;
 mod batch_means;
 mod cholesky;
 mod collinearity;
@@ -67,6 +68,7 @@ mod svd;
 mod tile;
 mod triangle;
 pub use autocorrelation::Autocorrelation;
+pub use autoregression::Autoregression;
 pub use batch_means::BatchMeans;
 pub use cholesky::PivotedCholesky;
 pub use collinearity::Collinearity;

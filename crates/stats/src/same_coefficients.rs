@@ -71,6 +71,18 @@ impl Preconditioner {
 }
 
 impl Leftover {
+    /// The covariance of the residuals (divisor: the weight), packed lower triangle by rows, in raw units; `None` where one of them is no more than rounding, or there are not more rows than numbers.
+    pub fn covariance(&self, preconditioner: &Preconditioner) -> Option<Vec<f64>> {
+        let (p, q) = (preconditioner.regressors(), self.rounding.len());
+        let large = |t: usize| self.residual[packed(t, t)] > self.rounding[t].max(f64::MIN_POSITIVE);
+        if self.weight <= self.numbers as f64 || !(0..q).all(large) {
+            return None;
+        }
+        let size = |t: usize| preconditioner.column(p + t)[p + t];
+        let entry = |(s, t): (usize, usize)| self.residual[packed(s, t)] * size(s) * size(t) / self.weight;
+        Some((0..q).flat_map(|s| (0..=s).map(move |t| (s, t))).map(entry).collect())
+    }
+
     /// How much larger the variances of these errors are than those of others, the geometric mean over the targets that both leave something of; 1 where nothing is told.
     fn noise_over(&self, other: &Self) -> f64 {
         let free = |own: &Self| own.weight - own.numbers as f64;

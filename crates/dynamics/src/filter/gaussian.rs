@@ -1,5 +1,7 @@
 //! Normal distributions of states: prediction, measurement, mixture.
 
+use fleetfoot_stats::Autoregression;
+
 use super::steps::StepMap;
 use crate::geometry::Geometry;
 
@@ -22,6 +24,29 @@ impl Gaussian {
         let mut covariance = vec![0.0; n * n];
         deviations.iter().enumerate().for_each(|(i, deviation)| covariance[i * n + i] = deviation * deviation);
         Self { mean, covariance }
+    }
+
+    /// Independent of these, the residuals of the rows before that the noise hangs on, as they are at any time.
+    pub(super) fn with_residuals(self, colour: &Autoregression) -> Self {
+        let (n, behind) = (self.mean.len(), colour.targets() * colour.order());
+        let entry = |i: usize, j: usize| match (i < n, j < n) {
+            (true, true) => self.covariance[i * n + j],
+            (false, false) => colour.stationary[(i - n) * behind + j - n],
+            _ => 0.0,
+        };
+        let all = n + behind;
+        let covariance = (0..all * all).map(|at| entry(at / all, at % all)).collect();
+        Self { mean: self.mean.iter().copied().chain(std::iter::repeat_n(0.0, behind)).collect(), covariance }
+    }
+
+    /// The first n alone.
+    pub(super) fn leading(self, n: usize) -> Self {
+        let all = self.mean.len();
+        if all == n {
+            return self;
+        }
+        let covariance = self.covariance.chunks_exact(all).take(n).flat_map(|row| row[..n].to_vec()).collect();
+        Self { mean: self.mean[..n].to_vec(), covariance }
     }
 
     /// One step on: `A m + B u + c`, `A P A' + f Q`.
@@ -117,20 +142,21 @@ impl Gaussian {
         Self { mean, covariance }
     }
 
-    /// The distribution of a part of this one: of `count` of the points that stand for it, at these offsets from its mean.
+    /// The distribution of a part of this one: of `count` of the points that stand for its first n numbers, at these offsets from their mean. What stands behind them follows from them by regression.
     pub(super) fn around<'a>(
         &self,
+        n: usize,
         count: usize,
         offsets: impl Iterator<Item = &'a [f64]> + Clone,
         geometry: &Geometry,
     ) -> Self {
-        let n = self.mean.len();
+        let all = self.mean.len();
         let mut centre = vec![0.0; n];
         for offset in offsets.clone() {
             centre.iter_mut().zip(offset).for_each(|(sum, value)| *sum += value);
         }
         centre.iter_mut().for_each(|sum| *sum /= count as f64);
-        let mut covariance: Vec<f64> = self.covariance.iter().map(|value| BLENDED * value).collect();
+        let mut covariance: Vec<f64> = (0..n * n).map(|at| BLENDED * self.covariance[at / n * all + at % n]).collect();
         for offset in offsets {
             for i in 0..n {
                 for j in 0..=i {
@@ -149,17 +175,77 @@ impl Gaussian {
             geometry.wrapped(s, value)
         };
         let mut mean: Vec<f64> = (0..n).map(mean).collect();
+        if all > n {
+            (mean, covariance) = self.followed(mean, &centre, &covariance);
+        }
         geometry.retract_distribution(&mut mean, &mut covariance);
         Self { mean, covariance }
     }
 
-    /// The lower Cholesky factor by rows; a direction without spread has a column of zeros.
-    pub(super) fn factor(&self) -> Vec<f64> {
-        let n = self.mean.len();
+    /// Mean and covariance of all numbers where the first n have another distribution, `centre` off and of this covariance: with W their regression on those, `h + W centre` and `P + W D W'`, D the change of
+    /// the first n's covariance.
+    fn followed(&self, mean: Vec<f64>, centre: &[f64], first: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let (n, all) = (mean.len(), self.mean.len());
+        let (lower, behind) = (self.factor(n), all - n);
+        let mut gain = vec![0.0; behind * n];
+        for (h, row) in gain.chunks_exact_mut(n).enumerate() {
+            for i in 0..n {
+                let mut value = self.covariance[(n + h) * all + i];
+                for k in 0..i {
+                    value -= lower[i * n + k] * row[k];
+                }
+                row[i] = if lower[i * n + i] > 0.0 { value / lower[i * n + i] } else { 0.0 };
+            }
+            for i in (0..n).rev() {
+                let mut value = row[i];
+                for k in i + 1..n {
+                    value -= lower[k * n + i] * row[k];
+                }
+                row[i] = if lower[i * n + i] > 0.0 { value / lower[i * n + i] } else { 0.0 };
+            }
+        }
+        let mut moved = mean;
+        let mut covariance = vec![0.0; all * all];
+        for i in 0..n {
+            (0..n).for_each(|j| covariance[i * all + j] = first[i * n + j]);
+        }
+        let mut changed = vec![0.0; n];
+        for h in 0..behind {
+            let row = &gain[h * n..][..n];
+            let mut value = self.mean[n + h];
+            for k in 0..n {
+                value += row[k] * centre[k];
+            }
+            moved.push(value);
+            for j in 0..n {
+                let (mut both, mut change) = (0.0, 0.0);
+                for k in 0..n {
+                    both += row[k] * first[k * n + j];
+                    change += row[k] * (first[k * n + j] - self.covariance[k * all + j]);
+                }
+                covariance[(n + h) * all + j] = both;
+                covariance[j * all + n + h] = both;
+                changed[j] = change;
+            }
+            for other in 0..=h {
+                let mut value = self.covariance[(n + h) * all + n + other];
+                for j in 0..n {
+                    value += changed[j] * gain[other * n + j];
+                }
+                covariance[(n + h) * all + n + other] = value;
+                covariance[(n + other) * all + n + h] = value;
+            }
+        }
+        (moved, covariance)
+    }
+
+    /// The lower Cholesky factor of the first n numbers' covariance, by rows; a direction without spread has a column of zeros.
+    pub(super) fn factor(&self, n: usize) -> Vec<f64> {
+        let all = self.mean.len();
         let mut lower = vec![0.0; n * n];
         for j in 0..n {
             for i in j..n {
-                let mut value = self.covariance[i * n + j];
+                let mut value = self.covariance[i * all + j];
                 for k in 0..j {
                     value -= lower[i * n + k] * lower[j * n + k];
                 }
@@ -180,7 +266,7 @@ impl Gaussian {
             mean: vec![0.0; d],
             covariance: (0..d * d).map(|at| self.covariance[states[at / d] * n + states[at % d]]).collect(),
         };
-        let lower = part.factor();
+        let lower = part.factor(d);
         let mut whitened = vec![0.0; d];
         for i in 0..d {
             let mut value = errors[i];

@@ -2,26 +2,30 @@
 
 use faer::Mat;
 use fleetfoot_data::packed;
-use fleetfoot_model::{Equation, Model, Prediction};
+use fleetfoot_model::{Equation, Model, Partition, Prediction, Region};
 
-use super::FilterError;
+use super::{FilterError, Gaussian};
 use crate::pieces::Pieces;
 
 /// The share of a state's size that a step of a given equation may be off: what keeps covariances definite.
 const GIVEN: f64 = 1e-6;
 
-/// The noise of a region: the covariance of a step's of a discrete model, the spectral density of a continuous one.
+/// The noise of a step in a region.
+pub(super) struct StepNoise {
+    /// The covariance of what is white, of a continuous model its spectral density: n x n.
+    pub(super) white: Mat<f64>,
+    /// What hangs on the rows before, by whitened residuals; of a continuous model as it goes into the derivatives: n x q, without columns where all is white.
+    pub(super) shape: Mat<f64>,
+}
+
+/// The noise of a region where all of it is white: the covariance of a step's of a discrete model, the spectral density of a continuous one.
 ///
 /// Residuals of derivatives that were measured over k rows are means over k steps of noise that is white, so that their variance is that of a step's by `k h^2`; a step's
 /// noise divided by h is the density. Few rows fit their own noise: a covariance over all rows is made one over the degrees of freedom.
-pub(super) fn region_noise(model: &Model, pieces: &Pieces, region: usize) -> Result<Mat<f64>, FilterError> {
+pub(super) fn white_noise(model: &Model, pieces: &Pieces, region: usize) -> Result<StepNoise, FilterError> {
     let n = pieces.states.len();
-    let described = pieces.partition.or((model.partitions.len() == 1).then_some(0));
-    let own = described.and_then(|index| model.partitions[index].regions.get(region));
-    let scale = own.map_or(1.0, |own| {
-        let (rows, spent) = (own.rows as f64, own.rank as f64 + 1.0);
-        if rows > spent { rows / (rows - spent) } else { 1.0 }
-    });
+    let own = described(model, pieces).and_then(|partition| partition.regions.get(region));
+    let scale = own.map_or(1.0, over_freedom);
     let mut place = vec![None; n];
     for (target, equation) in model.fitted().enumerate() {
         let state = pieces.states.iter().position(|state| *state == equation.subject);
@@ -44,8 +48,45 @@ pub(super) fn region_noise(model: &Model, pieces: &Pieces, region: usize) -> Res
     let noise = Mat::from_fn(n, n, entry);
     match (0..n).find(|&i| !noise[(i, i)].is_finite()) {
         Some(state) => Err(FilterError::NoResiduals { state: pieces.states[state].clone() }),
-        None => Ok(noise),
+        None => Ok(StepNoise { white: noise, shape: Mat::zeros(n, 0) }),
     }
+}
+
+/// The noise of a region whose residuals hang on those of the rows before: what the whitened residuals of a row become in the states, and the little that given equations may be off.
+///
+/// What a residual is in a row it is over the whole step, as inputs are. Residuals of central differences are means over two rows; they do over many rows what those of one row do, and are somewhat smaller over one.
+pub(super) fn coloured_noise(model: &Model, pieces: &Pieces, region: usize) -> Result<StepNoise, FilterError> {
+    let mut noise = white_noise(model, pieces, region)?.white;
+    let (n, q) = (pieces.states.len(), model.fitted().count());
+    let mut shape = Mat::zeros(n, q);
+    let Some(own) = described(model, pieces).and_then(|partition| partition.regions.get(region)) else {
+        return Ok(StepNoise { white: noise, shape });
+    };
+    let scale = over_freedom(own);
+    let entry = |s: usize, t: usize| {
+        let value = own.residual_covariance[packed(s.max(t), s.min(t))];
+        scale * if value.is_finite() { value } else { 0.0 }
+    };
+    let lower = Gaussian { mean: vec![0.0; q], covariance: (0..q * q).map(|at| entry(at / q, at % q)).collect() };
+    let lower = lower.factor(q);
+    for (target, equation) in model.fitted().enumerate() {
+        let Some(state) = pieces.states.iter().position(|state| *state == equation.subject) else { continue };
+        (0..q).for_each(|t| shape[(state, t)] = lower[target * q + t]);
+        (0..n).for_each(|other| (noise[(state, other)], noise[(other, state)]) = (0.0, 0.0));
+    }
+    Ok(StepNoise { white: noise, shape })
+}
+
+/// The partition whose regions the pieces are.
+pub(super) fn described<'m>(model: &'m Model, pieces: &Pieces) -> Option<&'m Partition> {
+    let index = pieces.partition.or((model.partitions.len() == 1).then_some(0))?;
+    model.partitions.get(index)
+}
+
+/// What makes a covariance over all rows one over the degrees of freedom.
+fn over_freedom(own: &Region) -> f64 {
+    let (rows, spent) = (own.rows as f64, own.rank as f64 + 1.0);
+    if rows > spent { rows / (rows - spent) } else { 1.0 }
 }
 
 /// Over how many rows a derivative was measured: k of `over = k`, 2 of central differences, 1 of a column.

@@ -24,7 +24,7 @@ pub(super) fn standard_points(n: usize) -> Vec<f64> {
     let spread =
         |i: usize, j: usize| (0..half).map(|p| points[p * n + i] * points[p * n + j]).sum::<f64>() / half as f64;
     let covariance = (0..n * n).map(|at| spread(at / n, at % n)).collect();
-    let lower = Gaussian { mean: vec![0.0; n], covariance }.factor();
+    let lower = Gaussian { mean: vec![0.0; n], covariance }.factor(n);
     for point in points.chunks_exact_mut(n.max(1)) {
         for i in 0..n {
             for k in 0..i {

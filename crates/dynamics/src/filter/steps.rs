@@ -2,12 +2,13 @@
 
 use faer::{Mat, MatRef};
 
+use super::noise::StepNoise;
 use crate::{
     linear::{exponential, norm, symmetric},
     pieces::Affine,
 };
 
-/// A step `x+ = A x + B u + c + w`, w of covariance Q; matrices by rows.
+/// A step `x+ = A x + B u + c + S rho + w`, rho the whitened residuals that hang on those before, w white of covariance Q; matrices by rows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StepMap {
     /// n x n.
@@ -18,18 +19,31 @@ pub struct StepMap {
     pub c: Vec<f64>,
     /// n x n.
     pub q: Vec<f64>,
+    /// n x q; empty where all noise is white.
+    pub s: Vec<f64>,
 }
 
 impl StepMap {
     /// A discrete step with the covariance of its noise.
-    pub(super) fn discrete(step: &Affine, q: &Mat<f64>) -> Self {
-        Self { a: by_rows(step.a.as_ref()), b: by_rows(step.b.as_ref()), c: step.c.clone(), q: by_rows(q.as_ref()) }
+    pub(super) fn discrete(step: &Affine, noise: &StepNoise) -> Self {
+        Self {
+            a: by_rows(step.a.as_ref()),
+            b: by_rows(step.b.as_ref()),
+            c: step.c.clone(),
+            q: by_rows(noise.white.as_ref()),
+            s: by_rows(noise.shape.as_ref()),
+        }
     }
 
-    /// Derivatives over `seconds` with inputs held, driven by white noise of this spectral density.
-    pub(super) fn continuous(rates: &Affine, density: &Mat<f64>, seconds: f64) -> Self {
-        let noise = noise_over(rates.a.as_ref(), density, seconds);
-        Self::discrete(&rates.held(seconds), &noise)
+    /// Derivatives over `seconds` with inputs and residuals held, driven by white noise of this spectral density.
+    pub(super) fn continuous(rates: &Affine, noise: &StepNoise, seconds: f64) -> Self {
+        let white = noise_over(rates.a.as_ref(), &noise.white, seconds);
+        let (n, m, q) = (rates.c.len(), rates.b.ncols(), noise.shape.ncols());
+        let both = Mat::from_fn(n, m + q, |i, j| if j < m { rates.b[(i, j)] } else { noise.shape[(i, j - m)] });
+        let held = Affine { a: rates.a.clone(), b: both, c: rates.c.clone() }.held(seconds);
+        let part = |columns: std::ops::Range<usize>| held.b.subcols(columns.start, columns.len()).to_owned();
+        let (b, shape) = (part(0..m), part(m..m + q));
+        Self::discrete(&Affine { a: held.a, b, c: held.c }, &StepNoise { white, shape })
     }
 }
 

@@ -4,9 +4,14 @@ use std::cell::RefCell;
 
 use faer::Mat;
 use fleetfoot_data::packed;
-use fleetfoot_model::{FilterTables, Model};
+use fleetfoot_model::{FilterColour, FilterTables, Model};
+use fleetfoot_stats::Autoregression;
 
-use super::{FilterError, Gaussian, StepMap, noise::region_noise, points::standard_points};
+use super::{
+    FilterError, Gaussian, StepMap,
+    noise::{StepNoise, coloured_noise, described, white_noise},
+    points::standard_points,
+};
 use crate::{
     Error, Points, StepperWorkspace,
     geometry::{Geometry, Shape, Told, parts},
@@ -34,6 +39,8 @@ pub struct FilterOptions {
     pub initial: Vec<(String, f64, f64)>,
     /// The factor on the process noise, which is the residual covariance of the regions.
     pub process: ProcessFactor,
+    /// Whether the process noise hangs on that of the rows before.
+    pub noise: NoiseColour,
     /// How one region follows another.
     pub switching: Switching,
 }
@@ -60,6 +67,18 @@ impl Default for ProcessFactor {
     fn default() -> Self {
         Self::Given(1.0)
     }
+}
+
+/// Whether the process noise of a row hangs on that of the rows before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum NoiseColour {
+    /// Where the residuals of the model do.
+    #[default]
+    Found,
+    /// It does not.
+    White,
+    /// It does, by an autoregression of the residuals.
+    Coloured,
 }
 
 /// How one region follows another.
@@ -89,7 +108,9 @@ pub struct SwitchedFilter {
     pub(super) sensors: Vec<(usize, Option<f64>)>,
     /// Mean and deviation of the states before the first row.
     pub(super) prior: (Vec<f64>, Vec<f64>),
-    noise: Vec<Mat<f64>>,
+    noise: Vec<StepNoise>,
+    /// What the whitened residuals of the rows before say of those of a row, where they do.
+    colour: Option<Autoregression>,
     /// The steps of affine submodels, over the model's own period.
     steps: Option<Vec<StepMap>>,
     /// Points x states.
@@ -134,19 +155,23 @@ impl SwitchedFilter {
             positive("initial", name, *deviation)?;
             (prior.0[state], prior.1[state]) = (*mean, *deviation);
         }
-        let noise = (0..pieces.regions.len())
-            .map(|region| region_noise(model, &pieces, region))
-            .collect::<Result<Vec<_>, _>>()?;
+        let colour = colour(model, &pieces, options.noise)?;
+        let noise = if colour.is_some() { coloured_noise } else { white_noise };
+        let noise =
+            (0..pieces.regions.len()).map(|region| noise(model, &pieces, region)).collect::<Result<Vec<_>, _>>()?;
         let transitions = match options.switching {
             Switching::State => None,
             Switching::Transitions => Some(transitions(model, &pieces)?),
         };
-        let geometry = pieces.whole.geometry.clone();
+        let mut geometry = pieces.whole.geometry.clone();
+        let behind = colour.as_ref().map_or(0, |colour| colour.targets() * colour.order());
+        geometry.shapes.extend(std::iter::repeat_n(Shape::Line, behind));
         let mut filter = Self {
             geometry,
             sensors,
             prior,
             noise,
+            colour,
             steps: None,
             points: standard_points(n),
             transitions,
@@ -266,6 +291,11 @@ impl SwitchedFilter {
         self.steps.as_deref()
     }
 
+    /// The autoregression of whitened residuals that the process noise hangs on; `None` where it is white.
+    pub fn colour(&self) -> Option<&Autoregression> {
+        self.colour.as_ref()
+    }
+
     /// Points that stand for the standard normal distribution (points x states).
     pub fn points(&self) -> &[f64] {
         &self.points
@@ -296,6 +326,12 @@ impl SwitchedFilter {
             b: all(&|step| step.b.clone()),
             c: all(&|step| step.c.clone()),
             q: all(&|step| step.q.iter().map(|own| factor * own).collect()),
+            colour: self.colour.as_ref().map(|colour| FilterColour {
+                s: all(&|step| step.s.iter().map(|own| factor.sqrt() * own).collect()),
+                coefficients: colour.coefficients.clone(),
+                innovation: colour.innovation.clone(),
+                stationary: colour.stationary.clone(),
+            }),
             sensors: self.sensors.iter().map(|&(state, own)| Some((state, own?))).collect::<Option<_>>()?,
             prior: (0..self.states().len()).map(|state| self.prior(state)).collect(),
             points: self.points.clone(),
@@ -312,8 +348,8 @@ impl SwitchedFilter {
 
     /// The points of a distribution, as offsets from its mean (points x states).
     pub(super) fn offsets(&self, state: &Gaussian) -> Vec<f64> {
-        let n = state.mean.len();
-        let lower = state.factor();
+        let n = self.states().len();
+        let lower = state.factor(n);
         let mut offsets = vec![0.0; self.points.len()];
         for (offset, point) in offsets.chunks_exact_mut(n).zip(self.points.chunks_exact(n)) {
             for s in 0..n {
@@ -327,7 +363,7 @@ impl SwitchedFilter {
 
     /// The region of every point; `None` where none holds.
     pub(super) fn place(&self, mean: &[f64], offsets: &[f64], inputs: &[f64], placing: &Placing) -> Vec<Option<usize>> {
-        let n = mean.len();
+        let n = self.states().len();
         let (points, workspace) = &mut *placing.borrow_mut();
         for s in 0..n {
             let column = points.column_mut(self.pieces.whole.state_column(s), 0);
@@ -357,10 +393,26 @@ impl SwitchedFilter {
     }
 
     /// The step of a region about a mean.
-    pub(super) fn region_step(&self, region: usize, mean: &[f64], inputs: &[f64], seconds: f64) -> StepMap {
+    fn region_step(&self, region: usize, mean: &[f64], inputs: &[f64], seconds: f64) -> StepMap {
         match &self.steps {
             Some(steps) if self.is_own(seconds) => steps[region].clone(),
             _ => self.linearized(region, mean, inputs, seconds),
+        }
+    }
+
+    /// A distribution one step on, in a region.
+    pub(super) fn stepped(
+        &self,
+        region: usize,
+        state: &Gaussian,
+        inputs: &[f64],
+        seconds: f64,
+        factor: f64,
+    ) -> Gaussian {
+        let step = self.region_step(region, &state.mean[..self.states().len()], inputs, seconds);
+        match &self.colour {
+            None => state.predicted(&step, inputs, factor, &self.geometry),
+            Some(colour) => state.coloured(&step, inputs, factor, colour, &self.geometry),
         }
     }
 
@@ -414,6 +466,20 @@ impl SwitchedFilter {
         probabilities.iter_mut().filter(|own| **own < LEAST).for_each(|own| *own = 0.0);
         let all: f64 = probabilities.iter().sum();
         probabilities.iter_mut().for_each(|own| *own /= all);
+    }
+}
+
+/// The autoregression of the residuals, where it is asked and there is one.
+fn colour(model: &Model, pieces: &Pieces, asked: NoiseColour) -> Result<Option<Autoregression>, FilterError> {
+    let known = described(model, pieces).and_then(|partition| partition.correlation.as_ref());
+    let found = || {
+        let known = known.filter(|own| own.targets() == model.fitted().count())?;
+        Autoregression::yule_walker(&known.autocovariances(), known.targets())
+    };
+    match asked {
+        NoiseColour::White => Ok(None),
+        NoiseColour::Found => Ok(found()),
+        NoiseColour::Coloured => found().map(Some).ok_or(FilterError::NoCorrelation),
     }
 }
 

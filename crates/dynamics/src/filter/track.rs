@@ -104,13 +104,13 @@ impl Mode {
 
     /// What lies where a test says so, as a normal distribution; the whole, where all does or nothing.
     fn part(&self, inside: &dyn Fn(usize) -> bool, geometry: &Geometry) -> Gaussian {
-        let n = self.state.mean.len();
+        let n = self.offsets.len().checked_div(self.places.len()).unwrap_or(0);
         let count = (0..self.places.len()).filter(|&point| inside(point)).count();
         if count == 0 || count == self.places.len() {
             return self.state.clone();
         }
         let offsets = self.offsets.chunks_exact(n).enumerate().filter(|(point, _)| inside(*point));
-        self.state.around(count, offsets.map(|(_, offset)| offset), geometry)
+        self.state.around(n, count, offsets.map(|(_, offset)| offset), geometry)
     }
 
     /// Where this went from a region: probabilities and states by region, by what its points, which stood at `before`, have crossed. What stays is the whole, as it was.
@@ -178,7 +178,11 @@ impl Track {
         }
         filter.geometry.begin(&mut mean);
         begun.estimate = Gaussian::independent(mean, &spread);
-        let whole = Mode::new(filter, begun.estimate.clone(), &begun.inputs, &begun.placing);
+        let state = match filter.colour() {
+            None => begun.estimate.clone(),
+            Some(colour) => begun.estimate.clone().with_residuals(colour),
+        };
+        let whole = Mode::new(filter, state, &begun.inputs, &begun.placing);
         if filter.by_state() {
             let inside = |region: usize| whole.places.iter().filter(|place| **place == Some(region)).count() as f64;
             let shares: Vec<f64> = (0..count).map(inside).collect();
@@ -264,7 +268,7 @@ impl Track {
         };
         let parts: Vec<Gaussian> = active.iter().map(|&region| inside(region)).collect();
         let parts: Vec<(f64, &Gaussian)> = active.iter().map(|&region| self.weights[region]).zip(&parts).collect();
-        self.estimate = Gaussian::mixture(&parts, &filter.geometry);
+        self.estimate = Gaussian::mixture(&parts, &filter.geometry).leading(filter.states().len());
     }
 
     /// The regions that count.
@@ -312,8 +316,7 @@ impl Track {
     fn predict(&mut self, filter: &SwitchedFilter, seconds: f64) {
         let moved = self.active().into_iter().map(|region| {
             let mode = &self.modes[region];
-            let step = filter.region_step(region, &mode.state.mean, &self.inputs, seconds);
-            let state = mode.state.predicted(&step, &self.inputs, self.process.factor, &filter.geometry);
+            let state = filter.stepped(region, &mode.state, &self.inputs, seconds, self.process.factor);
             (region, Mode::new(filter, state, &self.inputs, &self.placing), mode.places.clone())
         });
         let moved: Vec<(usize, Mode, Vec<Option<usize>>)> = moved.collect();

@@ -6,9 +6,12 @@ use fleetfoot_data::{EpisodeId, packed};
 use fleetfoot_dynamics::{
     Error, Stepper, StepperWorkspace,
     control::ControlError,
-    filter::{Consistency, FilterError, FilterOptions, MeanBand, Measured, ProcessFactor, SwitchedFilter, Switching},
+    filter::{
+        Consistency, FilterError, FilterOptions, MeanBand, Measured, NoiseColour, ProcessFactor, SwitchedFilter,
+        Switching,
+    },
 };
-use fleetfoot_model::{Model, Partition, Prediction, Role, Rule, Transitions};
+use fleetfoot_model::{Model, Partition, Prediction, ResidualCorrelation, Role, Rule, Transitions};
 use proptest::prelude::*;
 
 /// A standard normal number from a key.
@@ -136,6 +139,118 @@ fn filtered_means_are_those_of_all_measurements_at_once() {
                 }
             }
         }
+    }
+}
+
+/// The mean and covariance of the last state given all measurements, of a model in one region whose whitened residuals have these autocovariances (of lag 0, 1, ...): by conditioning the normal
+/// distribution of everything, beginning and residuals of all rows. No autoregression, and no residual that is a state.
+fn conditioned(
+    model: &Model,
+    filter: &SwitchedFilter,
+    inputs: &[f64],
+    readings: &[Vec<f64>],
+    (r, autocovariances): (&[f64], &[Mat<f64>]),
+) -> (Vec<f64>, Mat<f64>) {
+    let (n, rows) = (filter.states().len(), readings.len());
+    let coefficient = |i: usize, j: usize| model.latents[i].coefficients[0][j];
+    let a = Mat::from_fn(n, n, coefficient);
+    let q = Mat::from_fn(n, n, |i, j| model.partitions[0].regions[0].residual_covariance[packed(i.max(j), i.min(j))]);
+    let lower = q.llt(faer::Side::Lower).unwrap().L().to_owned();
+    // What is drawn: the first state, then the residuals of every step.
+    let all = n * rows;
+    let mut drawn = Mat::<f64>::zeros(all, all);
+    let (mut mean, sensors) = (vec![0.0; n], filter.measured().collect::<Vec<_>>());
+    for s in 0..n {
+        let read = sensors.iter().position(|&own| own == s).filter(|&k| readings[0][k].is_finite());
+        let [prior, deviation] = filter.prior(s);
+        (mean[s], drawn[(s, s)]) = read.map_or((prior, deviation * deviation), |k| (readings[0][k], r[k] * r[k]));
+    }
+    for i in n..all {
+        for j in n..all {
+            let (one, other) = (i / n, j / n);
+            let own = &autocovariances[one.abs_diff(other)];
+            drawn[(i, j)] = if one >= other { own[(i % n, j % n)] } else { own[(j % n, i % n)] };
+        }
+    }
+    // The state of a row as a function of it.
+    let mut function = Mat::from_fn(n, all, |i, j| f64::from(u8::from(i == j)));
+    let (mut observed, mut left, mut variances) = (Vec::new(), Vec::new(), Vec::new());
+    for row in 1..rows {
+        function = &a * &function;
+        for i in 0..n {
+            (0..n).for_each(|t| function[(i, row * n + t)] = lower[(i, t)]);
+        }
+        let next = |i: usize| {
+            let states: f64 = (0..n).map(|j| coefficient(i, j) * mean[j]).sum();
+            states + coefficient(i, n) * inputs[row - 1] + model.latents[i].constants[0]
+        };
+        mean = (0..n).map(next).collect();
+        for (k, &s) in sensors.iter().enumerate().filter(|(k, _)| readings[row][*k].is_finite()) {
+            observed.push((0..all).map(|j| function[(s, j)]).collect::<Vec<f64>>());
+            left.push(readings[row][k] - mean[s]);
+            variances.push(r[k] * r[k]);
+        }
+    }
+    let seen = Mat::from_fn(observed.len(), all, |i, j| observed[i][j]);
+    let cross = &function * &drawn * seen.transpose();
+    let mut spread = &seen * &drawn * seen.transpose();
+    variances.iter().enumerate().for_each(|(i, own)| spread[(i, i)] += own);
+    let lu = spread.partial_piv_lu();
+    let moved = &cross * lu.solve(Mat::from_fn(left.len(), 1, |i, _| left[i]));
+    let covariance = &function * &drawn * function.transpose() - &cross * lu.solve(cross.transpose().to_owned());
+    ((0..n).map(|i| mean[i] + moved[(i, 0)]).collect(), covariance)
+}
+
+#[test]
+fn noise_that_hangs_on_the_rows_before_is_conditioned_as_all_of_it_at_once() {
+    let rows = 30;
+    // Of order 1 every lag is a power of the first; of order 2 a recursion of one number.
+    let first = Mat::from_fn(3, 3, |i, j| [[0.8, 0.1, 0.0], [-0.2, 0.5, 0.1], [0.0, 0.3, 0.6]][i][j]);
+    let mut powers = vec![Mat::<f64>::identity(3, 3)];
+    (1..rows).for_each(|row| powers.push(&first * &powers[row - 1]));
+    let mut second = vec![1.0, 1.2 / 1.5];
+    (2..rows).for_each(|row| second.push(1.2 * second[row - 1] - 0.5 * second[row - 2]));
+    let second: Vec<Mat<f64>> = second.into_iter().map(|own| Mat::from_fn(1, 1, |_, _| own)).collect();
+    let of = |own: &Mat<f64>| (0..own.nrows().pow(2)).map(|at| own[(at / own.nrows(), at % own.nrows())]).collect();
+    /// Autocovariances, how many lags are kept, process noise, sensors with their deviations.
+    type Case<'a> = (&'a [Mat<f64>], usize, &'a [f64], &'a [(&'a str, f64)]);
+    let cases: [Case<'_>; 2] = [
+        (&powers, 1, &[0.04, 0.01, 0.02, -0.005, 0.002, 0.03], &[("x0", 0.3), ("x2", 0.1)]),
+        (&second, 2, &[0.04], &[("x0", 0.3)]),
+    ];
+    for (seed, (autocovariances, lags, covariance, sensors)) in cases.into_iter().enumerate() {
+        let n = autocovariances[0].nrows();
+        let mut model = linear(n, seed as u64 + 20, covariance);
+        let known = ResidualCorrelation { lags: autocovariances[1..=lags].iter().map(of).collect() };
+        model.partitions[0].correlation = Some(known);
+        let filter = SwitchedFilter::new(&model, &measured(sensors)).unwrap();
+        assert_eq!(filter.colour().map(|own| own.order()), Some(lags));
+        let inputs: Vec<f64> = (0..rows).map(|k| noise(k as u64 + 77)).collect();
+        let missing = |row: usize, k: usize| row % 7 == 3 || (row == 0 && k == 1) || (row % 5 == 1 && k == 0);
+        let read = |row: usize, k: usize| if missing(row, k) { f64::NAN } else { 2.0 * noise((row * 10 + k) as u64) };
+        let readings: Vec<Vec<f64>> = (0..rows).map(|row| (0..sensors.len()).map(|k| read(row, k)).collect()).collect();
+        let r: Vec<f64> = sensors.iter().map(|sensor| sensor.1).collect();
+        let untold = vec![f64::NAN; sensors.len()];
+        let mut track = filter.start(&readings[0], &untold);
+        for row in 1..rows {
+            filter.step(&mut track, &[inputs[row - 1]], 0.01, &readings[row], &untold);
+            let (mean, covariance) = conditioned(&model, &filter, &inputs, &readings[..=row], (&r, autocovariances));
+            for i in 0..n {
+                let (own, found) = (mean[i], track.estimate().mean[i]);
+                assert!((own - found).abs() < 1e-9 * own.abs().max(1.0), "{n} {row} {i}: {own} {found}");
+                for j in 0..n {
+                    let (own, found) = (covariance[(i, j)], track.estimate().covariance[i * n + j]);
+                    let size = (covariance[(i, i)] * covariance[(j, j)]).sqrt();
+                    assert!((own - found).abs() < 1e-9 * size, "{n} {row} {i} {j}: {own} {found}");
+                }
+            }
+        }
+        // White noise of the same size is another filter.
+        let white = FilterOptions { noise: NoiseColour::White, ..measured(sensors) };
+        let white = SwitchedFilter::new(&model, &white).unwrap();
+        let mut other = white.start(&readings[0], &untold);
+        (1..rows).for_each(|row| white.step(&mut other, &[inputs[row - 1]], 0.01, &readings[row], &untold));
+        assert!((other.estimate().mean[0] - track.estimate().mean[0]).abs() > 1e-3);
     }
 }
 
@@ -400,6 +515,8 @@ fn what_cannot_be_filtered_is_said() {
     assert!(matches!(refused(&measured(&[("x", 0.0)])), Error::Control(ControlError::Value { .. })));
     let by_counts = FilterOptions { switching: Switching::Transitions, ..measured(&[("x", 1.0)]) };
     assert!(matches!(refused(&by_counts), Error::Filter(FilterError::NoTransitions)));
+    let coloured = FilterOptions { noise: NoiseColour::Coloured, ..measured(&[("x", 1.0)]) };
+    assert!(matches!(refused(&coloured), Error::Filter(FilterError::NoCorrelation)));
     let unknown = with_noise(model.clone(), &[f64::NAN; 3]);
     let error = SwitchedFilter::new(&unknown, &measured(&[("x", 1.0)])).err().unwrap();
     assert!(matches!(error, Error::Filter(FilterError::NoResiduals { .. })), "{error}");

@@ -40,6 +40,8 @@ pub struct FilterTables {
     pub c: Vec<Vec<f64>>,
     /// n x n: the covariance of a step's noise.
     pub q: Vec<Vec<f64>>,
+    /// What hangs on the rows before, where the noise is not white.
+    pub colour: Option<FilterColour>,
     /// Of every sensor: the state that it measures, and its standard deviation.
     pub sensors: Vec<(usize, f64)>,
     /// Mean and standard deviation of every state before it is measured.
@@ -52,6 +54,19 @@ pub struct FilterTables {
     pub regions_read_inputs: bool,
     /// Seconds of a step.
     pub period: f64,
+}
+
+/// Process noise that hangs on that of the rows before: an autoregression of order p of the q whitened residuals, matrices by rows.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct FilterColour {
+    /// What the residuals of a row become in the states: n x q of every region.
+    pub s: Vec<Vec<f64>>,
+    /// q x (p q): by those of the row before, of the one before that, ...
+    pub coefficients: Vec<f64>,
+    /// q x q: the covariance of what is new.
+    pub innovation: Vec<f64>,
+    /// (p q) x (p q): the covariance of the residuals of p rows.
+    pub stationary: Vec<f64>,
 }
 
 /// The files `PREFIX_filter.h` and `PREFIX_filter.c` of a filter of a model.

@@ -87,6 +87,7 @@ impl Maker {
             phases: None,
             pairs: Vec::new(),
             lattice: None,
+            correlation: None,
         });
         self.model.partitions.len() - 1
     }

@@ -1,0 +1,38 @@
+//! How a model's residuals hang on those of the rows before.
+
+/// The correlation of a partition's residuals from row to row, where it is more than chance. Residuals of the q fitted equations are whitened by their region: `rho = L^-1 r`, L the lower Cholesky
+/// factor of the region's residual covariance, so that `E rho rho' = I`; what is kept is common to all regions.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ResidualCorrelation {
+    /// `E rho_k rho_(k-h)'` for h = 1, 2, ..., each q x q by rows. An autoregression of as many lags leaves white noise, as far as the rows tell.
+    pub lags: Vec<Vec<f64>>,
+}
+
+impl ResidualCorrelation {
+    /// Autocovariances from lag 0 on, each q x q by rows: those of an autoregression.
+    pub fn autocovariances(&self) -> Vec<Vec<f64>> {
+        let q = self.targets();
+        let identity = (0..q * q).map(|at| f64::from(u8::from(at / q == at % q))).collect();
+        std::iter::once(identity).chain(self.lags.iter().cloned()).collect()
+    }
+
+    /// Number of fitted equations.
+    pub fn targets(&self) -> usize {
+        self.lags.first().map_or(0, |own| own.len().isqrt())
+    }
+
+    /// The root mean square correlation of residuals with those of some rows before (1 up to the number of lags), each in its own direction.
+    pub fn size(&self, lag: usize) -> f64 {
+        let (own, q) = (&self.lags[lag - 1], self.targets());
+        (own.iter().map(|value| value * value).sum::<f64>() / q as f64).sqrt()
+    }
+
+    /// Whether it is of so many fitted equations.
+    pub(crate) fn check(&self, fitted: usize) -> Result<(), String> {
+        let fits = |own: &Vec<f64>| own.len() == fitted * fitted && own.iter().all(|value| value.is_finite());
+        match !self.lags.is_empty() && self.lags.iter().all(fits) {
+            true => Ok(()),
+            false => Err(format!("correlations of residuals are not {fitted} x {fitted} numbers")),
+        }
+    }
+}

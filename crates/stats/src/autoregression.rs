@@ -1,0 +1,127 @@
+//! Vector autoregressions by their autocovariances.
+
+use faer::{Mat, Side, linalg::solvers::Solve};
+
+/// A vector autoregression of q numbers, `r_k = sum_j Phi_j r_(k-j) + e_k` with e white.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Autoregression {
+    /// `[Phi_1 ... Phi_p]`: q x (p q) by rows.
+    pub coefficients: Vec<f64>,
+    /// The covariance of e: q x q by rows, symmetric to the bit.
+    pub innovation: Vec<f64>,
+    /// The covariance of `(r_k, ..., r_(k-p+1))`: (p q) x (p q) by rows, symmetric to the bit.
+    pub stationary: Vec<f64>,
+    /// The logarithm of the determinant of `innovation`.
+    pub log_determinant: f64,
+}
+
+impl Autoregression {
+    /// The autoregression whose autocovariances `E r_k r_(k-h)'` of lag 0, 1, ..., p (q x q by rows) are these: the equations of Yule and Walker (Luetkepohl, *New Introduction to Multiple Time
+    /// Series Analysis*, section 3.3.4). It is stable where the autocovariances are those of any series, in whole or divided by one number of rows for all lags. `None` where they are not positive
+    /// definite.
+    ///
+    /// # Panics
+    /// When there is no lag 0, or a matrix is not q x q.
+    pub fn yule_walker(autocovariances: &[Vec<f64>], q: usize) -> Option<Self> {
+        assert!(autocovariances.iter().all(|own| own.len() == q * q), "q x q autocovariances");
+        let order = autocovariances.len().checked_sub(1)?;
+        // E r_(k-i) r_(k-j)' = Gamma(j - i), and Gamma(-h) = Gamma(h)'.
+        let between = |i: usize, j: usize, a: usize, b: usize| match j >= i {
+            true => autocovariances[j - i][a * q + b],
+            false => autocovariances[i - j][b * q + a],
+        };
+        let all = order * q;
+        // The lower triangle stands for both.
+        let entry = |i: usize, j: usize| between(i / q, j / q, i % q, j % q);
+        let symmetric = |i: usize, j: usize| if i >= j { entry(i, j) } else { entry(j, i) };
+        let past = Mat::from_fn(all, all, symmetric);
+        let ahead = Mat::from_fn(all, q, |at, a| autocovariances[at / q + 1][a * q + at % q]);
+        let solved = match all {
+            0 => Mat::zeros(0, q),
+            _ => past.llt(Side::Lower).ok()?.solve(&ahead),
+        };
+        let explained = ahead.transpose() * &solved;
+        let left = |a: usize, b: usize| autocovariances[0][a * q + b] - 0.5 * (explained[(a, b)] + explained[(b, a)]);
+        let innovation: Vec<f64> = (0..q * q).map(|at| left((at / q).max(at % q), (at / q).min(at % q))).collect();
+        let factor = Mat::from_fn(q, q, |i, j| innovation[i * q + j]).llt(Side::Lower).ok()?;
+        let log_determinant = (0..q).map(|a| 2.0 * factor.L()[(a, a)].ln()).sum();
+        Some(Self {
+            coefficients: (0..q * all).map(|at| solved[(at % all, at / all)]).collect(),
+            innovation,
+            stationary: (0..all * all).map(|at| past[(at / all, at % all)]).collect(),
+            log_determinant,
+        })
+    }
+
+    /// Numbers of a row, q.
+    pub fn targets(&self) -> usize {
+        self.innovation.len().isqrt()
+    }
+
+    /// The order, p.
+    pub fn order(&self) -> usize {
+        let q = self.innovation.len();
+        self.coefficients.len().checked_div(q).unwrap_or(0)
+    }
+
+    /// The autoregression of least BIC, `n ln|innovation| + p q^2 ln n`, of the orders that the autocovariances allow: order 0 where rows of n are as good as independent. `None` where the numbers of a row
+    /// are not.
+    pub fn of_least_bic(autocovariances: &[Vec<f64>], q: usize, rows: f64) -> Option<Self> {
+        let orders = (0..autocovariances.len()).map_while(|p| Self::yule_walker(&autocovariances[..=p], q));
+        let price = |own: &Self| rows * own.log_determinant + (own.order() * q * q) as f64 * rows.ln();
+        orders.reduce(|best, next| if price(&next) < price(&best) { next } else { best })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Autocovariances of `r = Phi_1 r + Phi_2 r + e`, by the powers of its companion matrix from e on.
+    fn autocovariances(phi: [[f64; 4]; 2], innovation: [f64; 4], lags: usize) -> Vec<Vec<f64>> {
+        let companion = Mat::from_fn(4, 4, |i, j| match i < 2 {
+            true => phi[j / 2][i * 2 + j % 2],
+            false => f64::from(u8::from(i == j + 2)),
+        });
+        let pushed = Mat::from_fn(4, 4, |i, j| if i < 2 && j < 2 { innovation[i * 2 + j] } else { 0.0 });
+        let mut all = pushed.clone();
+        let mut power = companion.clone();
+        for _ in 0..60 {
+            all = &all + &power * &all * power.transpose();
+            power = &power * &power;
+        }
+        let mut ahead = all;
+        (0..=lags)
+            .map(|_| {
+                let own = (0..4).map(|at| ahead[(at / 2, at % 2)]).collect();
+                ahead = &companion * &ahead;
+                own
+            })
+            .collect()
+    }
+
+    #[test]
+    fn an_autoregression_is_found_again_from_its_autocovariances() {
+        let phi = [[0.9, 0.2, -0.1, 0.5], [-0.3, 0.0, 0.1, 0.2]];
+        let known = autocovariances(phi, [1.0, 0.3, 0.3, 0.5], 3);
+        let found = Autoregression::yule_walker(&known, 2).expect("a series");
+        assert_eq!(found.order(), 3);
+        for (at, value) in found.coefficients.iter().enumerate() {
+            let (row, lag, column) = (at / 6, at % 6 / 2, at % 2);
+            let truth = phi.get(lag).map_or(0.0, |own| own[row * 2 + column]);
+            assert!((value - truth).abs() < 1e-12, "{at}: {value} {truth}");
+        }
+        for (value, truth) in found.innovation.iter().zip([1.0, 0.3, 0.3, 0.5]) {
+            assert!((value - truth).abs() < 1e-12, "{value} {truth}");
+        }
+        // The third lag is worth no numbers.
+        assert_eq!(Autoregression::of_least_bic(&known, 2, 1e6).expect("a series").order(), 2);
+        let white = [known[0].clone(), vec![1e-4; 4]];
+        assert_eq!(Autoregression::of_least_bic(&white, 2, 1e4).expect("a series").order(), 0);
+    }
+
+    #[test]
+    fn numbers_that_are_one_number_have_none() {
+        assert_eq!(Autoregression::yule_walker(&[vec![1.0; 4], vec![0.5; 4]], 2), None);
+    }
+}
