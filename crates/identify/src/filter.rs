@@ -42,6 +42,8 @@ pub struct Filtered {
     pub switching: FilterSwitching,
     /// Factor on the process noise; of one that was found the mean of the episodes' last ones.
     pub process: f64,
+    /// Rows before that the process noise of a row hangs on; 0 where it is white.
+    pub noise_rows: usize,
     /// Whether every step is the exact one of an affine region; else regions are made linear about the present mean.
     pub exact: bool,
     /// The sensors.
@@ -250,6 +252,7 @@ fn filter_pieces(
         regions: filter.regions(),
         switching: recipe.filter.switching.unwrap_or_default(),
         process: sums.process(),
+        noise_rows: filter.colour().map_or(0, |colour| colour.order()),
         exact: filter.steps().is_some(),
         sensors: sums.sensors(&filter, &readings),
         log_likelihood: sums.log_likelihood(),

@@ -109,9 +109,9 @@ pub use problem::{
 pub use project::{Projected, project};
 pub use recipe::{
     AttitudeForm, BodySection, ClockSection, ConstraintSection, ControlSchedule, ControlSection, Criterion, Derivative,
-    Effort, EpisodeRule, EstimateKind, EstimateMethod, EstimateSection, FilterSection, FilterSwitching, Frame, Gap,
-    GivenAs, Gravity, Input, InputTable, Join, JoinTable, JointSection, Kind, Lags, LatentSection, LibrarySection,
-    Limits, ModelSection, Mounting, NarxSection, NarxSelection, NarxTerms, Normalize, Objective, Over,
+    Effort, EpisodeRule, EstimateKind, EstimateMethod, EstimateSection, FilterNoise, FilterSection, FilterSwitching,
+    Frame, Gap, GivenAs, Gravity, Input, InputTable, Join, JoinTable, JointSection, Kind, Lags, LatentSection,
+    LibrarySection, Limits, ModelSection, Mounting, NarxSection, NarxSelection, NarxTerms, Normalize, Objective, Over,
     ParameterSection, PartitionChoice, PhaseColumn, PortList, PrepareMethod, PrepareSection, PwaSection, Recipe,
     ResimulateSection, SensorKind, SensorSection, Settings, SindyOptimizer, SindySection, SmoothStates, SpanDerivative,
     SparseSection, State, TaskSection, Time, Tunable, UnseenLabels,

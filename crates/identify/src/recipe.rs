@@ -34,7 +34,7 @@ pub use control::{ControlSchedule, ControlSection};
 pub use criterion::Criterion;
 pub use derivative::{Derivative, Over, SpanDerivative};
 pub use estimate::{EstimateMethod, EstimateSection};
-pub use filter::{FilterSection, FilterSwitching};
+pub use filter::{FilterNoise, FilterSection, FilterSwitching};
 pub use lags::Lags;
 pub use narx::{Effort, GivenAs, NarxSection, NarxSelection, NarxTerms};
 pub use objective::Objective;

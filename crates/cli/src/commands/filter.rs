@@ -37,11 +37,15 @@ fn to_text(filtered: &Filtered) -> String {
         (regions, FilterSwitching::Transitions) => format!("{regions} regions, by counted transitions"),
     };
     let mut text = format!(
-        "{}, {} rows; {regions}; {}; process noise x {}; log-likelihood {} ({} a row)\n\n",
+        "{}, {} rows; {regions}; {}; process noise x {}{}; log-likelihood {} ({} a row)\n\n",
         count(filtered.episodes, "episode"),
         filtered.rows,
         if filtered.exact { "exact steps" } else { "steps made linear about the mean" },
         number(filtered.process),
+        match filtered.noise_rows {
+            0 => String::new(),
+            rows => format!(", by that of {} before", count(rows, "row")),
+        },
         number(filtered.log_likelihood),
         number(filtered.log_likelihood / filtered.rows as f64)
     );

@@ -3,13 +3,13 @@
 use std::{path::Path, process::Command};
 
 use fleetfoot::{
-    FilterSection, FilterSwitching, Tunable,
+    FilterNoise, FilterSection, FilterSwitching, Tunable,
     dynamics::filter::{SwitchedFilter, Track},
     export_filter, filter_of,
     library::Expr,
     model::{
-        Column, Equation, ExportOptions, Latent, Model, Partition, Precision, Prediction, Region, Role, Rule, Target,
-        Training, Transitions,
+        Column, Equation, ExportOptions, Latent, Model, Partition, Precision, Prediction, Region, ResidualCorrelation,
+        Role, Rule, Target, Training, Transitions,
     },
 };
 
@@ -222,6 +222,21 @@ fn c_gives_the_estimates_of_the_engine() {
         counted.partitions[0].transitions = Some(Transitions { counts: vec![vec![3; 4]; 4] });
         let (worst, _) = compared(&counted, &asked("x=0.2,yaw=0.1", FilterSwitching::Transitions));
         assert!(worst < 1e-12, "{prediction:?} by transitions: {worst:e}");
+        // Noise that hangs on that of two rows before.
+        let lags = vec![vec![0.8, 0.1, -0.05, 0.6], vec![0.5, 0.12, -0.08, 0.3]];
+        for coloured in [&model, &counted] {
+            let mut coloured = coloured.clone();
+            coloured.partitions[0].correlation = Some(ResidualCorrelation { lags: lags.clone() });
+            let by = if coloured.partitions[0].transitions.is_some() {
+                FilterSwitching::Transitions
+            } else {
+                FilterSwitching::State
+            };
+            let coloured_of = FilterSection { noise: Some(FilterNoise::Coloured), ..asked("x=0.2,yaw=0.1", by) };
+            let (worst, led) = compared(&coloured, &coloured_of);
+            println!("{prediction:?} coloured, {by:?}: {worst:e}, {led} regions led");
+            assert!(worst < 1e-12 && led >= 3, "{prediction:?} coloured, {by:?}: {worst:e}, {led} regions");
+        }
         // One region.
         let mut whole = model;
         let regions = vec![whole.partitions[0].regions[0].clone()];

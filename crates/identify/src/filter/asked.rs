@@ -3,12 +3,13 @@
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_dynamics::{
     Stepper,
-    filter::{FilterOptions, Measured, ProcessFactor, SwitchedFilter, Switching},
+    filter::{FilterOptions, Measured, NoiseColour, ProcessFactor, SwitchedFilter, Switching},
 };
 use fleetfoot_model::{Column, Model, Role};
 
 use crate::{
-    Dataset, Error, FilterSection, FilterSwitching, Logs, Recipe, Settings, Tunable, controller::source, items,
+    Dataset, Error, FilterNoise, FilterSection, FilterSwitching, Logs, Recipe, Settings, Tunable, controller::source,
+    items,
 };
 
 /// What is asked, resolved on logs.
@@ -236,6 +237,11 @@ fn options(settings: &FilterSection, measured: Vec<Measured>) -> Result<FilterOp
             Some(Tunable::Number(factor)) => ProcessFactor::Given(*factor),
             Some(Tunable::Word(word)) if word == "auto" => ProcessFactor::Found,
             Some(word) => return Err(Error::value(format!("[filter] process = {word}: write a number, or \"auto\""))),
+        },
+        noise: match settings.noise.unwrap_or_default() {
+            FilterNoise::Auto => NoiseColour::Found,
+            FilterNoise::White => NoiseColour::White,
+            FilterNoise::Coloured => NoiseColour::Coloured,
         },
         switching: match settings.switching.unwrap_or_default() {
             FilterSwitching::State => Switching::State,

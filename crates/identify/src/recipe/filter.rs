@@ -15,6 +15,19 @@ pub enum FilterSwitching {
     Transitions,
 }
 
+/// Whether the process noise of a row hangs on that of the rows before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum FilterNoise {
+    /// Where the model's residuals do.
+    #[default]
+    Auto,
+    /// It does not.
+    White,
+    /// It does, by an autoregression of the model's residuals.
+    Coloured,
+}
+
 settings! {
     filter, |_, _| {};
     /// How states are filtered. Every entry is the flag of `filter` of the same name.
@@ -36,6 +49,9 @@ settings! {
         /// (default: 1).
         #[arg(long, value_name = "FACTOR")]
         pub process: Tunable,
+        /// Whether the process noise of a row hangs on that of the rows before, by the correlation of the model's residuals (default: auto, where they are correlated).
+        #[arg(long, value_enum, value_name = "COLOUR")]
+        pub noise: FilterNoise,
         /// How one region follows another (default: state).
         #[arg(long, value_enum, value_name = "HOW")]
         pub switching: FilterSwitching,
