@@ -100,6 +100,9 @@ fn what_is_asked_stands_in_a_recipe_as_well_and_what_cannot_be_is_said() {
     filter(&["--sensors", "x"]).fails(&["STATE=FIELD"]);
     filter(&["--initial", "x=1"]).fails(&["STATE=MEAN:DEVIATION"]);
     filter(&["--process", "much"]).fails(&["a number, or \"auto\""]);
+    // Its residuals are rounding.
+    filter(&["--measured", "x=0.01", "--noise", "coloured"])
+        .fails(&["residuals hang on those of the rows before", "white"]);
     filter(&["-o", "estimates.bag"]).fails(&["*.parquet", "*.mcap"]);
     // The log's own columns are measured where nothing is said, and their noise is found.
     let told = filter(&[]).ok();
@@ -133,6 +136,8 @@ fn the_hexapods_errors_are_as_large_as_the_filter_says() {
     let number = |value: &serde_json::Value| value.as_f64().expect("a number");
     let nees = &told["nees"];
     assert!(told["regions"].as_u64().expect("regions") > 1 && told["exact"] == true);
+    // What neighbours share of a stride is no noise that goes on.
+    assert_eq!(told["noise_rows"], 0);
     assert!((number(&nees["low"])..=number(&nees["high"])).contains(&number(&nees["mean"])), "{nees}");
     assert!((number(&nees["share"]) - 0.95).abs() < 0.03, "{nees}");
     for truth in told["truth"].as_array().expect("errors") {
@@ -141,6 +146,38 @@ fn the_hexapods_errors_are_as_large_as_the_filter_says() {
     // Affine regions become code.
     run(&["export", "place.json", "--to", "c", "--filter", "--prefix", "place", "-o", "src"]).ok();
     assert!(folder.path().join("src/place_filter.c").is_file());
+}
+
+/// The hexapod from row to row: what a step is off hangs on the steps before, and errors are as large as a filter says that knows it.
+#[test]
+fn the_hexapods_errors_from_row_to_row_grow_as_its_residuals_go_on() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
+    let generate = ["generate", "hexapod", "--runs", "2", "--seconds", "10", "--speed", "0.3"];
+    run(&[&generate[..], &["--excitation", "ornstein-uhlenbeck", "--format", "parquet", "-o", "belt"]].concat()).ok();
+    let recipe = "[states]\nvx = {}\nvy = {}\nwz = {}\nyaw = { kind = \"angle\", regressor = false }\n[inputs]\nu_v = \"u_v\"\nu_w = \"u_w\"\n\
+         [time]\ncolumn = \"t\"\n[model]\npredict = \"delta\"\n[filter]\nmeasured = \"vx=0.02,yaw=0.02\"\ntruth = \"vx=vx,vy=vy,wz=wz\"\n";
+    fs::write(folder.path().join("rows.toml"), recipe).expect("written");
+    run(&["fit", "pwa", "-c", "rows.toml", "belt/hexapod_00.parquet", "--partition", "average", "-o", "rows.json"])
+        .ok();
+    let sensors = [noisy("vx", 0.02, 1), noisy("yaw", 0.02, 2)].join(",");
+    let told = |model: &str, noise: &str| {
+        let asked = ["filter", model, "belt/hexapod_01.parquet", "--sensors", &sensors, "--noise", noise, "--json"];
+        run(&asked).ok().json()
+    };
+    let (white, coloured) = (told("rows.json", "white"), told("rows.json", "auto"));
+    println!("{white}\n{coloured}");
+    let mean = |told: &serde_json::Value, of: &str| told[of]["mean"].as_f64().expect("a number");
+    assert!(white["noise_rows"] == 0 && coloured["noise_rows"].as_u64().expect("rows") > 1);
+    assert!(mean(&white, "nees") > 3.0 && mean(&white, "nis") > 1.3, "{white}");
+    assert!((mean(&coloured, "nees") - 1.0).abs() < 0.25 && (mean(&coloured, "nis") - 1.0).abs() < 0.1, "{coloured}");
+    assert!(coloured["log_likelihood"].as_f64() > white["log_likelihood"].as_f64());
+    // The rows of a statistic have no order.
+    run(&["scan", "-c", "rows.toml", "belt/hexapod_00.parquet", "--partition", "average", "-o", "rows.stats"]).ok();
+    run(&["fit", "pwa", "rows.stats", "-o", "summed.json"]).ok();
+    assert_eq!(told("summed.json", "auto")["noise_rows"], 0);
+    let asked = ["filter", "summed.json", "belt/hexapod_01.parquet", "--noise", "coloured"];
+    run(&asked).fails(&["made of logs", "let the noise be white"]);
 }
 
 #[test]

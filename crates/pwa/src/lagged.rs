@@ -11,9 +11,16 @@ use fleetfoot_stats::{
 };
 use pulp::NullaryFnOnce;
 
-/// The longest autoregression. Each order is as many more states of a filter as there are targets; on a hexapod at 1 kHz the first gains 0.89 nats a row, the second 0.02, the third and fourth 0.004
-/// together.
-pub(crate) const MOST_LAGS: usize = 3;
+/// Residuals that a filter carries at most: rows of them times targets. On a hexapod at 1 kHz (13 targets) the first row gains 0.89 nats a row, the second 0.02, the third and fourth 0.004 together.
+const MOST_CARRIED: usize = 40;
+/// Rows that few residuals hang on at most, and that many may hang on.
+const LAGS: [usize; 2] = [2, 8];
+
+/// The longest autoregression of so many targets.
+fn most_lags(targets: usize) -> usize {
+    (MOST_CARRIED / targets.max(1)).clamp(LAGS[0], LAGS[1])
+}
+
 /// Rows that derivatives may be measured over: two are those of a central difference. Over more, what neighbouring residuals share is the rows that they are measured over.
 const MOST_SPAN: usize = 2;
 
@@ -78,9 +85,13 @@ struct Row {
 
 impl Lagged {
     pub(crate) fn new(targets: usize) -> Self {
-        let products = vec![vec![0.0; targets * padded(targets)]; MOST_LAGS + 1];
+        let products = vec![vec![0.0; targets * padded(targets)]; most_lags(targets) + 1];
         let (head, tail) = (Vec::new(), VecDeque::new());
         Self { targets, weight: 0.0, products, episode: 0, head, whole: true, tail }
+    }
+
+    fn lags(&self) -> usize {
+        self.products.len() - 1
     }
 
     /// Goes on with rows of an episode: row numbers, ascending, their regions, residuals (padded) and weights.
@@ -114,14 +125,14 @@ impl Lagged {
             let before = self.tail[self.tail.len() - lag].values.clone();
             self.pair(lag, &row, &before);
         }
-        if self.whole && self.head.len() < MOST_LAGS {
+        if self.whole && self.head.len() < self.lags() {
             self.head.push(row.clone());
         }
         self.keep(row);
     }
 
     fn keep(&mut self, row: Row) {
-        if self.tail.len() == MOST_LAGS {
+        if self.tail.len() == self.lags() {
             self.tail.pop_front();
         }
         self.tail.push_back(row);
@@ -146,11 +157,11 @@ impl Lagged {
         // Pairs over the seam: products within what follows are known.
         let before = self.tail.clone();
         for (place, row) in next.head.iter().enumerate() {
-            for lag in place + 1..=MOST_LAGS {
+            for lag in place + 1..=self.lags() {
                 let Some(at) = (before.len() + place).checked_sub(lag) else { break };
                 self.pair(lag, row, &before[at].values);
             }
-            if self.whole && self.head.len() < MOST_LAGS {
+            if self.whole && self.head.len() < self.lags() {
                 self.head.push(row.clone());
             }
         }
@@ -166,7 +177,7 @@ impl Lagged {
     pub(crate) fn correlation(&self, span: usize) -> Option<ResidualCorrelation> {
         let (q, width) = (self.targets, padded(self.targets));
         let rows = self.weight / q as f64;
-        if rows <= (MOST_LAGS * q + 1) as f64 {
+        if rows <= (self.lags() * q + 1) as f64 {
             return None;
         }
         let raw = |lag: usize| Mat::from_fn(q, q, |a, b| self.products[lag][a * width + b] / rows);
@@ -176,11 +187,11 @@ impl Lagged {
             let own = &inverse * raw(lag) * inverse.transpose();
             (0..q * q).map(|at| own[(at / q, at % q)]).collect()
         };
-        let lags: Vec<Vec<f64>> = (1..=MOST_LAGS).map(scaled).collect();
+        let lags: Vec<Vec<f64>> = (1..=self.lags()).map(scaled).collect();
         let all = ResidualCorrelation { lags };
         // Squares of q^2 correlations that are 0 are 1/n each, somewhat more where neighbours share rows: twice the price of the BIC is beyond either.
         let free = |lag: usize| (q as f64 * all.size(lag).powi(2)) - 2.0 * (q * q) as f64 * rows.ln() / rows;
-        if (span..=MOST_LAGS).map(free).sum::<f64>() <= 0.0 {
+        if (span..=self.lags()).map(free).sum::<f64>() <= 0.0 {
             return None;
         }
         let order = Autoregression::of_least_bic(&all.autocovariances(), q, rows)?.order();
@@ -281,7 +292,7 @@ mod tests {
                 let columns = whitening.regions[row.0 as usize].as_ref()?;
                 Some([columns[0] * row.1, columns[1] * row.1 + columns[width + 1] * row.2])
             }).collect();
-            for lag in 0..=MOST_LAGS {
+            for lag in 0..=most_lags(q) {
                 for (a, b) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
                     let mut sum = 0.0;
                     for (k, now) in places.iter().enumerate().filter_map(|(k, place)| Some((*place, white[k]?))).map(|(place, own)| (place, own)) {

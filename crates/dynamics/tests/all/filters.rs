@@ -377,6 +377,45 @@ fn errors_are_as_large_as_they_are_said_to_be() {
 }
 
 #[test]
+fn errors_of_noise_that_hangs_on_the_rows_before_are_as_large_as_they_are_said_to_be() {
+    // Residuals go on by 0.9 of those before; the border is crossed every few rows.
+    let (white, step) = (jumping(0.0, 0.1), 0.9f64);
+    let mut model = white.clone();
+    model.partitions[0].correlation = Some(ResidualCorrelation { lags: vec![vec![step, 0.0, 0.0, step]] });
+    let mean = |noise: NoiseColour| {
+        let filter = SwitchedFilter::new(&model, &FilterOptions { noise, ..measured(&[("x", 0.3)]) }).unwrap();
+        let (mut nis, mut nees) = (Consistency::new(1), Consistency::new(2));
+        for seed in 0..40u64 {
+            let key = |row: usize, s: usize| seed * 1_000_003 + (row * 16 + s) as u64;
+            let inputs: Vec<Vec<f64>> = (0..400).map(|row| vec![(0.05 * f64::from(row) + seed as f64).sin()]).collect();
+            let (mut x, mut residual) =
+                (vec![normal(key(0, 5)), normal(key(0, 6))], [normal(key(0, 7)), normal(key(0, 8))]);
+            (0..2).for_each(|s| x[s] = filter.prior(s)[0] + filter.prior(s)[1] * x[s]);
+            let seen = |x: &[f64], row: usize| [x[0] + 0.3 * normal(key(row, 9) + (1 << 40))];
+            let mut track = filter.start(&seen(&x, 0), &[f64::NAN]);
+            for (row, input) in inputs.iter().enumerate() {
+                let next = simulated(&white, &x, std::slice::from_ref(input), &[0.0; 2], 0).remove(1);
+                for s in 0..2 {
+                    residual[s] = step * residual[s] + (1.0 - step * step).sqrt() * normal(key(row + 1, s));
+                    x[s] = next[s] + 0.1 * residual[s];
+                }
+                filter.step(&mut track, input, model.step, &seen(&x, row + 1), &[f64::NAN]);
+                nis.add(EpisodeId(u128::from(seed) + 1), [track.nis().0]);
+                let errors = [x[0] - track.estimate().mean[0], x[1] - track.estimate().mean[1]];
+                nees.add(EpisodeId(u128::from(seed) + 1), [track.estimate().square(&[0, 1], &errors)]);
+            }
+        }
+        (nis.mean().unwrap(), nees.mean().unwrap())
+    };
+    let (nis, nees) = mean(NoiseColour::Found);
+    println!("coloured: {nis:?} {nees:?}");
+    assert!(nis.holds() && nees.holds(), "{nis:?} {nees:?}");
+    let (nis, nees) = mean(NoiseColour::White);
+    println!("white: {nis:?} {nees:?}");
+    assert!(nis.mean > 1.1 && nees.mean > 2.0, "{nis:?} {nees:?}");
+}
+
+#[test]
 fn process_noise_is_found_from_innovations_so_far() {
     // The model knows a quarter of the noise.
     let (model, own) = (jumping(0.0, 0.1), jumping(0.0, 0.05));

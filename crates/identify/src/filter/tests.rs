@@ -60,12 +60,20 @@ fn said(rows: &FilteredRows) -> Vec<u64> {
 fn whatever_is_filtered_at_a_time_gives_the_same_bits_and_keeps_no_more() {
     let folder = tempfile::tempdir().expect("a folder");
     let logs = recordings(folder.path(), &[900, 40, 333, 1]);
-    let model = fitted(&logs[..1]);
+    let white = fitted(&logs[..1]);
+    let mut coloured = white.clone();
+    let lags = vec![vec![0.7, 0.1, -0.1, 0.5], vec![0.4, 0.1, -0.1, 0.3]];
+    coloured.partitions[0].correlation = Some(fleetfoot_model::ResidualCorrelation { lags });
+    assert_ne!(filtered_alike(&white, &logs), filtered_alike(&coloured, &logs));
+}
+
+/// What is told of some recordings, however many rows are filtered at a time.
+fn filtered_alike(model: &Model, logs: &[PathBuf]) -> String {
     let changes = Recipe::default();
     let found = |at_a_time: usize, threads: usize| {
         let (mut kept, mut most): (Vec<FilteredRows>, usize) = (Vec::new(), 0);
         let filtered = with_threads(threads, || {
-            filter_pieces(&model, &changes, &Logs::from(&logs), at_a_time, &Silent, |_, rows| {
+            filter_pieces(model, &changes, &Logs::from(logs), at_a_time, &Silent, |_, rows| {
                 most = most.max(rows.rows());
                 match kept.last_mut().filter(|_| rows.first() > 0) {
                     Some(before) => before.extend(rows),
@@ -85,6 +93,7 @@ fn whatever_is_filtered_at_a_time_gives_the_same_bits_and_keeps_no_more() {
     for (at_a_time, threads) in [(1, 2), (7, 7), (64, 1), (333, 2), (899, 7), (900, 2)] {
         assert_eq!(found(at_a_time, threads), whole, "{at_a_time} rows at a time, {threads} threads");
     }
+    whole.0
 }
 
 #[test]

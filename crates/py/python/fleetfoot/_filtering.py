@@ -31,6 +31,7 @@ class Filtering:
         truth: Mapping[str, str] | None = None,
         initial: Mapping[str, tuple[float, float]] | None = None,
         process: float | str | None = None,
+        noise: str | None = None,
         switching: str | None = None,
         keep: bool = False,
         output: str | os.PathLike[str] | None = None,
@@ -40,8 +41,8 @@ class Filtering:
     ) -> dict[str, Any]:
         """The states of recordings, estimated row by row from noisy measurements of some of them.
 
-        Every region has a Kalman filter whose process noise is the residual covariance of the region. What is told of
-        a row does not depend on later ones.
+        Every region has a Kalman filter whose process noise is the residual covariance of the region; where residuals
+        hang on those of the rows before, so does the noise. What is told of a row does not depend on later ones.
 
         Parameters
         ----------
@@ -59,6 +60,9 @@ class Filtering:
             Mean and standard deviation of states before their first measurement; those of the training when not given.
         process : float or "auto", optional
             Factor on the process noise; ``"auto"``: by the innovations so far. 1 when not given.
+        noise : {"auto", "white", "coloured"}, optional
+            Whether the process noise of a row hangs on that of the rows before: ``"auto"``, when not given, where the
+            model's residuals do.
         switching : {"state", "transitions"}, optional
             How one region follows another: by where the state is, or as it was counted in training.
         keep : bool
@@ -73,10 +77,11 @@ class Filtering:
         dict
             ``sensors`` (``state``, ``deviation`` and where it is from, ``share`` of the innovations in their 95 %
             band, ``correlation`` with the row before and how large it is where they are ``white``), ``nis`` and, with
-            a truth, ``nees`` (``mean`` by degree of freedom, its 95 % band ``low`` and ``high``, ``share``), ``truth``
-            (``rmse``, ``measured_rmse``), ``log_likelihood``, ``process``, ``notes``; and with ``keep`` ``estimates``:
-            for each episode a dict of ``episode``, ``t``, ``x`` and ``deviation`` (rows, states), ``probability``
-            (rows, regions), ``region``, ``innovation``, ``innovation_deviation`` (rows, sensors), ``log_likelihood``.
+            a truth, ``nees`` (``mean`` by degree of freedom, its 95 % band ``low`` and ``high``, ``share``),
+            ``truth`` (``rmse``, ``measured_rmse``), ``log_likelihood``, ``process``, ``noise_rows``, ``notes``; and
+            with ``keep`` ``estimates``: for each episode a dict of ``episode``, ``t``, ``x`` and ``deviation`` (rows,
+            states), ``probability`` (rows, regions), ``region``, ``innovation``, ``innovation_deviation`` (rows,
+            sensors), ``log_likelihood``.
 
         Raises
         ------
@@ -94,7 +99,7 @@ class Filtering:
         >>> found["estimates"][0]["x"].shape, bool(found["truth"][0]["rmse"] < 0.5 * v.std())
         ((2000, 2), True)
         """
-        said = _said(measured, sensors, truth, initial, process, switching)
+        said = _said(measured, sensors, truth, initial, process, noise, switching)
         opened, changes = self._opened(data, recipe, said={"filter": said} if said else {})  # type: ignore[attr-defined]
         written = None if output is None else os.fspath(output)
         with reporting(progress) as callback:
@@ -111,6 +116,7 @@ class Filtering:
         measured: Mapping[str, float] | None = None,
         initial: Mapping[str, tuple[float, float]] | None = None,
         process: float | None = None,
+        noise: str | None = None,
         switching: str | None = None,
         prefix: str = "model",
         precision: str = "double",
@@ -121,7 +127,7 @@ class Filtering:
         ----------
         folder : path
             Where the files go; made when needed.
-        measured, initial, process, switching : optional
+        measured, initial, process, noise, switching : optional
             As for :meth:`filter`; every sensor has its deviation.
         prefix : str
             In front of all names, and the name of the files.
@@ -138,7 +144,7 @@ class Filtering:
         RequestError
             A sensor without a deviation, regions that are not affine.
         """
-        said = _said(measured, None, None, initial, process, switching)
+        said = _said(measured, None, None, initial, process, noise, switching)
         files = engine.export_filter(
             self._core, _recipe.to_json({"filter": said}), os.fspath(folder), prefix, precision
         )
@@ -151,6 +157,7 @@ def _said(
     truth: Mapping[str, str] | None,
     initial: Mapping[str, tuple[float, float]] | None,
     process: float | str | None,
+    noise: str | None,
     switching: str | None,
 ) -> dict[str, Any]:
     """The arguments as entries of a recipe."""
@@ -169,5 +176,6 @@ def _said(
         truth=fields(truth),
         initial=None if initial is None else ",".join(f"{n}={float(m)!r}:{float(d)!r}" for n, (m, d) in starts),
         process=process if process is None or isinstance(process, str) else float(process),
+        noise=noise,
         switching=switching,
     )
