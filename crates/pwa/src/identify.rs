@@ -240,7 +240,9 @@ impl Fit<'_> {
     fn whitening(&self, candidate: usize, order: &Order, solver: &Solver<'_>) -> Option<Whitening> {
         let Candidate { specification, full, .. } = &self.segmentation.candidates[candidate];
         let asked = self.rows_over().is_some() && *specification != Specification::Null;
-        asked.then(|| Whitening::new(&solver.grams(*full, None), order.full.len(), self.preconditioner))
+        let scales = &self.survey.scales;
+        let variances: Vec<f64> = (0..self.rows.targets).map(|t| scales.get(t, t) / scales.weight).collect();
+        asked.then(|| Whitening::new(&solver.grams(*full, None), order.full.len(), self.preconditioner, &variances))
     }
 
     fn measure<'m>(

@@ -16,6 +16,9 @@ const MOST_CARRIED: usize = 40;
 /// Rows that few residuals hang on at most, and that many may hang on.
 const LAGS: [usize; 2] = [2, 8];
 
+/// Share of a target's variance that is no more than rounding: differences of neighbouring values have lost some seven digits of sixteen.
+const ROUNDED: f64 = 1e-18;
+
 /// The longest autoregression of so many targets.
 fn most_lags(targets: usize) -> usize {
     (MOST_CARRIED / targets.max(1)).clamp(LAGS[0], LAGS[1])
@@ -41,12 +44,20 @@ pub(crate) struct Whitening {
 }
 
 impl Whitening {
-    /// By what least squares leave of the rows of every region, of `count` of them.
-    pub(crate) fn new(grams: &BTreeMap<u32, Gram>, count: usize, preconditioner: &Preconditioner) -> Self {
+    /// By what least squares leave of the rows of every region, of `count` of them; `variances` are those of the targets.
+    pub(crate) fn new(
+        grams: &BTreeMap<u32, Gram>,
+        count: usize,
+        preconditioner: &Preconditioner,
+        variances: &[f64],
+    ) -> Self {
         let targets = preconditioner.targets();
         let of = |region: u32| {
             let left = preconditioner.leftover(grams.get(&region)?);
             let covariance = left.covariance(preconditioner)?;
+            if (0..targets).any(|t| covariance[packed(t, t)] <= ROUNDED * variances[t]) {
+                return None;
+            }
             let factor = Mat::from_fn(targets, targets, |i, j| covariance[packed(i.max(j), i.min(j))]);
             let lower = factor.llt(Side::Lower).ok()?.L().to_owned();
             let inverse = lower.partial_piv_lu().solve(Mat::<f64>::identity(targets, targets));
