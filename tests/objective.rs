@@ -269,7 +269,7 @@ const ROUNDED: f64 = -1e-7;
 /// The least eigenvalue of the dissipation inequality of every region for a port f:v, from the files' numbers, in units of its diagonal.
 fn dissipated(model: &serde_json::Value, stability: &serde_json::Value) -> Vec<f64> {
     let number = |value: &serde_json::Value| value.as_f64().unwrap();
-    let P: Vec<f64> = stability["metric"].as_array().unwrap().iter().map(number).collect();
+    let storage: Vec<f64> = stability["metric"].as_array().unwrap().iter().map(number).collect();
     let shortage = number(&stability["passivity"]["ports"][0]["shortage"]);
     let latents = model["model"]["latents"].as_array().unwrap();
     let regions = latents[0]["coefficients"].as_array().unwrap().len();
@@ -279,12 +279,12 @@ fn dissipated(model: &serde_json::Value, stability: &serde_json::Value) -> Vec<f
             let supply = |i: usize, j: usize| match (i, j) {
                 (2, 2) => 0.05 * shortage,
                 (2, k) | (k, 2) => [0.0, 0.05][k],
-                _ => P[2 * i + j],
+                _ => storage[2 * i + j],
             };
             let taken = |i: usize, j: usize| -> f64 {
                 (0..2)
                     .flat_map(|a| (0..2).map(move |b| (a, b)))
-                    .map(|(a, b)| map(a, i) * P[2 * a + b] * map(b, j))
+                    .map(|(a, b)| map(a, i) * storage[2 * a + b] * map(b, j))
                     .sum()
             };
             let unit = |i: usize| supply(i, i).sqrt();

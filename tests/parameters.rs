@@ -169,3 +169,172 @@ fn what_cannot_be_asked_is_refused_with_the_mend() {
     with("", "", &["--segment", "1"], &["segment = 1", "two rows"]);
     with("", "", &["--method", "equation-error", "--segment", "50"], &["segment"]);
 }
+
+/// A body on an air bearing, `w' = W torque - 0.1 w`, W the inverse of its inertia, measured with noise: about its long axis, tilted from the frame, it is light, about another so heavy
+/// that the rows hardly tell it.
+fn bearing(rows: u32, seed: u64) -> String {
+    let mut state = seed;
+    let mut noise = || {
+        let mut uniform = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        (0..12).map(|_| uniform()).sum::<f64>() - 6.0
+    };
+    let mobility = mobility();
+    let (mut w, mut text) = ([0.0; 3], String::from("t,wx,wy,wz,tx,ty,tz\n"));
+    for row in 0..rows {
+        let t = 0.05 * f64::from(row);
+        let torque = [(1.3 * t).sin(), (0.9 * t + 1.0).cos(), (2.1 * t).sin()].map(|value| 0.5 * value.signum());
+        let measured = w.map(|w| w + 0.3 * noise());
+        text.push_str(&format!(
+            "{t:.2},{},{},{},{},{},{}\n",
+            measured[0], measured[1], measured[2], torque[0], torque[1], torque[2]
+        ));
+        for _ in 0..100 {
+            for i in 0..3 {
+                w[i] += 0.0005 * ((0..3).map(|j| mobility[i][j] * torque[j]).sum::<f64>() - 0.1 * w[i]);
+            }
+        }
+    }
+    text
+}
+
+/// `R diag(2, 1.2, 0.01) R'`, R turns by 0.6 about z and then by 0.5 about x.
+fn mobility() -> [[f64; 3]; 3] {
+    let ((s, c), (n, m)) = (0.6_f64.sin_cos(), 0.5_f64.sin_cos());
+    let turned = [[c, -s, 0.0], [m * s, m * c, -n], [n * s, n * c, m]];
+    let size = [2.0, 1.2, 0.01];
+    [0, 1, 2].map(|i| [0, 1, 2].map(|j| (0..3).map(|k| turned[i][k] * size[k] * turned[j][k]).sum()))
+}
+
+/// The least eigenvalue of a symmetric matrix of three rows, by bisection on the signs of its leading minors.
+fn least(matrix: [[f64; 3]; 3]) -> f64 {
+    let definite = |shift: f64| {
+        let at = |i: usize, j: usize| matrix[i][j] - if i == j { shift } else { 0.0 };
+        let two = at(0, 0) * at(1, 1) - at(0, 1) * at(1, 0);
+        let three = at(0, 0) * (at(1, 1) * at(2, 2) - at(1, 2) * at(2, 1))
+            - at(0, 1) * (at(1, 0) * at(2, 2) - at(1, 2) * at(2, 0))
+            + at(0, 2) * (at(1, 0) * at(2, 1) - at(1, 1) * at(2, 0));
+        at(0, 0) > 0.0 && two > 0.0 && three > 0.0
+    };
+    let (mut low, mut high) = (-100.0, 100.0);
+    for _ in 0..80 {
+        let middle = 0.5 * (low + high);
+        if definite(middle) { low = middle } else { high = middle }
+    }
+    low
+}
+
+const BEARING: &str = r#"
+[inputs]
+tx = "tx"
+ty = "ty"
+tz = "tz"
+[time]
+column = "t"
+"#;
+
+#[test]
+fn an_inertia_stays_positive_where_noise_would_have_it_else() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path();
+    let states = "[states]\nwx = { known = \"W11*tx + W12*ty + W13*tz - c*wx\" }\nwy = { known = \"W12*tx + W22*ty + W23*tz - c*wy\" }\nwz = { known = \"W13*tx + W23*ty + W33*tz - c*wz\" }\n";
+    let open = "[parameters]\nW11 = { initial = 1.0 }\nW22 = { initial = 1.0 }\nW33 = { initial = 1.0 }\nW12 = { initial = 0.0 }\nW13 = { initial = 0.0 }\nW23 = { initial = 0.0 }\nc = { initial = 0.2, bounds = [0.0, 2.0] }\n";
+    let kept = "[constraints]\nmobility = { matrix = [[\"W11\"], [\"W12\", \"W22\"], [\"W13\", \"W23\", \"W33\"]], at_least = 0.005 }\n";
+    // At the bound the matrix less the bound has rank two: a factor of two columns, without any constraint.
+    let factor = states
+        .replace("W11", "(0.005 + a^2)")
+        .replace("W12", "(a*b)")
+        .replace("W13", "(a*d)")
+        .replace("W22", "(0.005 + b^2 + e^2)")
+        .replace("W23", "(b*d + e*f)")
+        .replace("W33", "(0.005 + d^2 + f^2)");
+    let turned = "[parameters]\na = { initial = 1.0 }\nb = { initial = 0.2 }\nd = { initial = 0.2 }\ne = { initial = 1.0 }\nf = { initial = 0.5 }\nc = { initial = 0.2, bounds = [0.0, 2.0] }\n";
+    let write = |name: &str, text: String| fs::write(path.join(name), text).unwrap();
+    write("free.toml", format!("{states}{BEARING}{open}"));
+    write("kept.toml", format!("{states}{BEARING}{open}{kept}"));
+    write("factor.toml", format!("{factor}{BEARING}{turned}"));
+    let run = |recipe: &str, more: &[&str]| {
+        let arguments =
+            [&["fit", "parameters", "-c", recipe, "body.csv", "-o", "model.json", "--folds=0", "--json"][..], more]
+                .concat();
+        fleetfoot(path, &arguments).ok().json()
+    };
+    let value = |found: &serde_json::Value, name: &str| -> f64 {
+        let all = found["parameters"].as_array().unwrap();
+        all.iter().find(|own| own["name"] == name).unwrap()["value"].as_f64().unwrap()
+    };
+    let matrix = |found: &serde_json::Value| -> [[f64; 3]; 3] {
+        let of = |i: usize, j: usize| value(found, &format!("W{}{}", i.min(j) + 1, i.max(j) + 1));
+        [0, 1, 2].map(|i| [0, 1, 2].map(|j| of(i, j)))
+    };
+    let away = |found: [[f64; 3]; 3]| -> f64 {
+        let truth = mobility();
+        (0..3).flat_map(|i| (0..3).map(move |j| (i, j))).map(|(i, j)| (found[i][j] - truth[i][j]).powi(2)).sum()
+    };
+    let (mut negative, mut nearer) = (0, 0);
+    for seed in 1..7 {
+        write("body.csv", bearing(300, seed));
+        let free = run("free.toml", &[]);
+        let found = run("kept.toml", &[]);
+        let bound = least(matrix(&found));
+        assert!(bound >= 0.005 - 1e-12 && found["converged"] == true, "{bound} {found}");
+        let limit = &found["limits"][0];
+        assert!((limit["nearest"].as_f64().unwrap() - (bound - 0.005)).abs() < 1e-9, "{limit}");
+        assert!((limit["free_nearest"].as_f64().unwrap() - (least(matrix(&free)) - 0.005)).abs() < 1e-9, "{limit}");
+        let noise = |found: &serde_json::Value, key: &str| -> f64 {
+            found["noise"].as_array().unwrap().iter().map(|own| own[key].as_f64().unwrap().ln()).sum()
+        };
+        assert!((noise(&found, "free_deviation") - noise(&free, "deviation")).abs() < 1e-9);
+        if least(matrix(&free)) >= 0.005 {
+            for name in ["W11", "W12", "W33", "c"] {
+                assert_eq!(value(&found, name), value(&free, name), "{seed} {name}");
+            }
+            continue;
+        }
+        negative += usize::from(least(matrix(&free)) < 0.0);
+        nearer += usize::from(away(matrix(&found)) < away(matrix(&free)));
+        assert!(noise(&found, "deviation") > noise(&found, "free_deviation") && bound < 0.005 + 1e-6, "{bound}");
+        let other = run("factor.toml", &[]);
+        let [a, b, d, e, f] = ["a", "b", "d", "e", "f"].map(|name| value(&other, name));
+        let expected = [
+            ("W11", 0.005 + a * a),
+            ("W12", a * b),
+            ("W13", a * d),
+            ("W22", 0.005 + b * b + e * e),
+            ("W23", b * d + e * f),
+            ("W33", 0.005 + d * d + f * f),
+            ("c", value(&other, "c")),
+        ];
+        for (name, expected) in expected {
+            // Costs are known to 1e-13, places to its root.
+            assert!((value(&found, name) - expected).abs() < 1e-5, "{seed} {name}: {} {expected}", value(&found, name));
+        }
+    }
+    assert!(
+        negative >= 2 && 2 * nearer > negative,
+        "{negative} of 6 have a negative eigenvalue, {nearer} are nearer with the bound"
+    );
+    // Row by row, and by filter error.
+    for method in ["equation-error", "filter-error"] {
+        let found = run("kept.toml", &["--method", method]);
+        assert!(least(matrix(&found)) >= 0.005 - 1e-12, "{method}: {found}");
+    }
+    let text =
+        fleetfoot(path, &["fit", "parameters", "-c", "kept.toml", "body.csv", "-o", "text.json", "--folds=3"]).ok().out;
+    assert!(text.contains("Without bounds of matrices") && text.contains("mobility"), "{text}");
+    for (constraints, parts) in [
+        (
+            "a = { matrix = [[\"W11\"], [\"W12\", \"tx\"]], at_least = 0.0 }",
+            &["[constraints] a", "speaks of columns"][..],
+        ),
+        ("a = { of = \"W11*W22\", at_least = 0.0 }", &["`W11` is multiplied with `W22`", "two parameters"]),
+        ("a = { of = \"tx\", at_least = 0.0 }", &["no parameter is in it"]),
+        ("a = { of = \"W11 - W22\", at_least = 0.0 }", &["limit `a`", "strictly"]),
+        ("a = { coefficients = { wx = [\"W11\"] }, at_least = 0.0 }", &["[constraints] a coefficients", "`bounds`"]),
+    ] {
+        write("wrong.toml", format!("{states}{BEARING}{open}[constraints]\n{constraints}\n"));
+        fleetfoot(path, &["fit", "parameters", "-c", "wrong.toml", "body.csv", "-o", "wrong.json"]).fails(parts);
+    }
+}

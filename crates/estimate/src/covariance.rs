@@ -16,7 +16,16 @@ pub(crate) struct Inverse {
 }
 
 impl Inverse {
-    pub(crate) fn new(at: &Evaluation, scale: &[f64], free: &[usize]) -> Result<Self, EstimateError> {
+    /// `held` are directions (of the free parameters each) in which nothing moves.
+    pub(crate) fn new(
+        at: &Evaluation,
+        scale: &[f64],
+        free: &[usize],
+        held: &[Vec<f64>],
+    ) -> Result<Self, EstimateError> {
+        if !held.is_empty() {
+            return Self::along(at, scale, free, held);
+        }
         let scaled = Mat::from_fn(at.rhs.len(), free.len(), |i, k| at.jacobian[(i, free[k])] / scale[free[k]]);
         let factors = svd(scaled.as_ref()).ok_or(EstimateError::Overflow)?;
         let least = factors.s.first().map_or(0.0, |largest| largest * rank_level(free.len()));
@@ -30,6 +39,33 @@ impl Inverse {
             root,
             condition: if rank > 0 { factors.s[0] / factors.s[rank - 1] } else { 1.0 },
             undetermined: (0..free.len()).filter(|&k| unseen(k)).map(|k| free[k]).collect(),
+        })
+    }
+
+    /// In the plane that is orthogonal to what is held.
+    fn along(at: &Evaluation, scale: &[f64], free: &[usize], held: &[Vec<f64>]) -> Result<Self, EstimateError> {
+        let f = free.len();
+        let normals = Mat::from_fn(f, held.len(), |k, h| held[h][k] / scale[free[k]]);
+        let across = svd(normals.as_ref()).ok_or(EstimateError::Overflow)?;
+        let least = across.s.first().map_or(0.0, |largest| largest * 1e-10);
+        let count = across.s.iter().filter(|&&s| s > least).count();
+        let plane = Mat::<f64>::identity(f, f) - across.u.subcols(0, count) * across.u.subcols(0, count).transpose();
+        let plane = svd(plane.as_ref()).ok_or(EstimateError::Overflow)?;
+        let basis = plane.u.subcols(0, f - count.min(f));
+        let scaled = Mat::from_fn(at.rhs.len(), f, |i, k| at.jacobian[(i, free[k])] / scale[free[k]]);
+        let factors = svd((&scaled * basis).as_ref()).ok_or(EstimateError::Overflow)?;
+        let least = factors.s.first().map_or(0.0, |largest| largest * rank_level(f));
+        let rank = factors.s.iter().filter(|&&s| s > least).count();
+        let along = basis * &factors.v;
+        let mut root = Mat::zeros(scale.len(), rank);
+        for (k, &j) in free.iter().enumerate() {
+            (0..rank).for_each(|i| root[(j, i)] = along[(k, i)] / factors.s[i] / scale[j]);
+        }
+        let unseen = |k: usize| (rank..along.ncols()).any(|i| along[(k, i)].abs() > 1e-6);
+        Ok(Self {
+            root,
+            condition: if rank > 0 { factors.s[0] / factors.s[rank - 1] } else { 1.0 },
+            undetermined: (0..f).filter(|&k| unseen(k)).map(|k| free[k]).collect(),
         })
     }
 

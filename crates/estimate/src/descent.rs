@@ -174,8 +174,26 @@ impl<'a> Descent<'a> {
         at.jacobian.col_as_slice(j).iter().zip(&at.rhs).map(|(a, r)| a * r).sum()
     }
 
-    /// The largest cosine between the residual and the columns of free parameters.
+    /// The directions of the free parameters in which limits of matrices let nothing move.
+    pub(crate) fn held(&self, lengths: &[f64], free: &[usize]) -> Vec<Vec<f64>> {
+        let slopes: Vec<f64> = (0..self.theta.len()).map(|j| self.slope(&self.at, j)).collect();
+        self.objective.limits().map_or_else(Vec::new, |limits| limits.pushed(&self.theta, &slopes, lengths, free).1)
+    }
+
+    /// The largest cosine between the residual and the columns of free parameters, what limits push against left out.
     pub(crate) fn gradient(&self, at: &Evaluation, room: &[[f64; 2]]) -> f64 {
+        self.gradient_at(&self.theta, at, room)
+    }
+
+    fn gradient_at(&self, theta: &[f64], at: &Evaluation, room: &[[f64; 2]]) -> f64 {
+        if let Some(limits) = self.objective.limits() {
+            let lengths: Vec<f64> =
+                (0..room.len()).map(|j| norm(at.jacobian.col_as_slice(j).iter().copied())).collect();
+            let free: Vec<usize> = (0..room.len()).filter(|&j| room[j][0] < room[j][1] && lengths[j] > 0.0).collect();
+            let slopes: Vec<f64> = (0..room.len()).map(|j| self.slope(at, j)).collect();
+            let (left, _) = limits.pushed(theta, &slopes, &lengths, &free);
+            return left.iter().map(|slope| slope.abs()).fold(0.0, f64::max) / at.cost.sqrt();
+        }
         let cosine = |j: usize| {
             let length = norm(at.jacobian.col_as_slice(j).iter().copied()) * at.cost.sqrt();
             if length > 0.0 { self.slope(at, j).abs() / length } else { 0.0 }
@@ -195,9 +213,15 @@ impl<'a> Descent<'a> {
     fn advance(&mut self) -> Result<Option<Status>, EstimateError> {
         let room = self.room();
         let region = Region { scale: &self.scale, radius: self.radius, room: &room };
-        let trial = step(&self.at.jacobian, &self.at.rhs, &region)?;
+        let mut trial = step(&self.at.jacobian, &self.at.rhs, &region)?;
+        if let Some(limits) = self.objective.limits() {
+            let theta: Vec<f64> = self.theta.iter().zip(&trial.step).map(|(theta, s)| theta + s).collect();
+            if !limits.kept(&theta) {
+                trial = limits.step(&self.at, &self.theta, &region, &trial);
+            }
+        }
         if !self.started {
-            self.radius = self.radius.min(trial.length.max(f64::MIN_POSITIVE));
+            self.radius = self.radius.min(trial.reach.max(f64::MIN_POSITIVE));
             self.started = true;
         }
         let bounds = self.objective.bounds();
@@ -206,14 +230,14 @@ impl<'a> Descent<'a> {
         let after = match self.objective.evaluate(&theta)? {
             Pass::Finite(after) if after.cost.is_finite() => after,
             _ => {
-                self.radius = 0.25 * self.radius.min(trial.length);
+                self.radius = 0.25 * self.radius.min(trial.reach);
                 return Ok((self.radius <= self.options.step * self.size()).then_some(Status::Step));
             }
         };
         let (predicted, actual) = (trial.predicted / self.at.cost, 1.0 - after.cost / self.at.cost);
         if predicted <= self.options.cost && actual.abs() <= 10.0 * self.options.cost {
             // Costs are equal up to rounding: a step is as good as the gradient that it leaves.
-            let better = self.gradient(&after, &room) <= LOWER_GRADIENT * self.gradient(&self.at, &room);
+            let better = self.gradient_at(&theta, &after, &room) <= LOWER_GRADIENT * self.gradient(&self.at, &room);
             if better {
                 self.accept(theta, after);
             }
@@ -244,9 +268,9 @@ impl<'a> Descent<'a> {
 pub(crate) fn radius_after(radius: f64, trial: &Step, (ratio, actual): (f64, f64), slope: f64) -> f64 {
     if ratio <= 0.25 {
         let factor = if actual >= 0.0 { 0.5 } else { 0.5 * slope / (slope + 0.5 * actual) };
-        factor.clamp(0.1, 0.5) * radius.min(10.0 * trial.length)
+        factor.clamp(0.1, 0.5) * radius.min(10.0 * trial.reach)
     } else if ratio >= 0.75 || !trial.bounded {
-        2.0 * trial.length
+        2.0 * trial.reach
     } else {
         radius
     }

@@ -2,7 +2,7 @@
 
 use fleetfoot_data::{Progress, Source};
 
-use crate::{Estimate, EstimateError, Options, Parameter, Residual, nonlinear_least_squares};
+use crate::{Bounded, Estimate, EstimateError, Options, Residual, nonlinear_least_squares};
 
 /// Rounds of the alternation, at most.
 const ROUNDS: usize = 50;
@@ -26,18 +26,21 @@ pub struct EquationError {
 ///
 /// # Errors
 /// Those of [`nonlinear_least_squares`].
-pub fn equation_error(
+pub fn equation_error<'a>(
     residuals: &[Residual],
-    parameters: &[Parameter],
+    parameters: impl Into<Bounded<'a>>,
     source: &dyn Source,
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<EquationError, EstimateError> {
-    let (mut residuals, mut parameters) = (residuals.to_vec(), parameters.to_vec());
+    let bounded = parameters.into();
+    let (mut residuals, mut parameters) = (residuals.to_vec(), bounded.parameters.to_vec());
+    let inside: Vec<f64> = parameters.iter().map(|parameter| parameter.initial).collect();
     let mut round = 0;
     loop {
         round += 1;
-        let estimate = nonlinear_least_squares(&residuals, &parameters, source, options, progress)?;
+        let own = Bounded { parameters: &parameters, inside: Some(bounded.inside.unwrap_or(&inside)), ..bounded };
+        let estimate = nonlinear_least_squares(&residuals, own, source, options, progress)?;
         let deviation = |(share, residual): (&f64, &Residual)| (share / residual.weight / estimate.rows as f64).sqrt();
         let deviations: Vec<f64> = estimate.shares.iter().zip(&residuals).map(deviation).collect();
         let stays = |(residual, deviation): (&Residual, &f64)| (residual.weight.sqrt() * deviation - 1.0).abs() < SAME;

@@ -46,6 +46,24 @@ pub enum EstimateError {
         /// Upper bound.
         high: f64,
     },
+    /// Entries that are no symmetric matrix of the parameters.
+    #[error(
+        "limit `{name}`: the lower triangle of a symmetric matrix has 1, 3, 6, 10, ... entries, of parameters that there are, and a finite bound"
+    )]
+    NoMatrix {
+        /// The limit.
+        name: String,
+    },
+    /// Initial values that do not keep a limit strictly.
+    #[error(
+        "limit `{name}`: the initial values are {beyond} beyond its bound, or at it: begin strictly within, a matrix at one with its eigenvalues on the right side"
+    )]
+    Outside {
+        /// The limit.
+        name: String,
+        /// By how much.
+        beyond: f64,
+    },
     /// A weight that is negative or not finite.
     #[error("the weight of residual `{residual}` is {weight}: weights are finite and not negative")]
     Weight {

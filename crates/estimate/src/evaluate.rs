@@ -6,6 +6,7 @@ use fleetfoot_stats::Factor;
 
 use crate::{
     EstimateError,
+    limits::Limits,
     problem::Problem,
     rows::{Rows, Scan, unfold},
 };
@@ -14,6 +15,11 @@ use crate::{
 pub(crate) trait Objective {
     /// Least and greatest value of every parameter.
     fn bounds(&self) -> &[[f64; 2]];
+
+    /// Matrices of parameters that keep a bound, where there are any.
+    fn limits(&self) -> Option<&Limits> {
+        None
+    }
 
     /// Residuals a row.
     fn residuals(&self) -> usize;
@@ -104,6 +110,10 @@ impl<'a> Nonlinear<'a> {
 impl Objective for Nonlinear<'_> {
     fn bounds(&self) -> &[[f64; 2]] {
         &self.problem.bounds
+    }
+
+    fn limits(&self) -> Option<&Limits> {
+        self.problem.limits.as_ref()
     }
 
     fn residuals(&self) -> usize {

@@ -24,7 +24,7 @@ use fleetfoot_model::Model;
 use fleetfoot_stats::student_t_95;
 
 use crate::{
-    EstimateError, Gains, OutputError, OutputErrorOptions, Parameter,
+    Bounded, EstimateError, Gains, OutputError, OutputErrorOptions,
     output_error::{Minimum, minimum},
 };
 
@@ -79,15 +79,15 @@ impl Gain {
 ///
 /// # Errors
 /// Those of output error; gains that are not between 0 and 1, or not one an output.
-pub fn filter_error(
+pub fn filter_error<'a>(
     model: &Model,
-    parameters: &[Parameter],
+    parameters: impl Into<Bounded<'a>>,
     source: &dyn Source,
     options: &FilterErrorOptions,
     progress: &dyn Progress,
 ) -> Result<FilterError, EstimateError> {
     progress.stage("filter error");
-    let found = minimum(model, parameters, Some(&options.gains), source, &options.simulation, progress)?;
+    let found = minimum(model, &parameters.into(), Some(&options.gains), source, &options.simulation, progress)?;
     let gains = (0..found.gains.len()).map(|at| gain(&found, at)).collect();
     Ok(FilterError { gains, innovations: found.residuals, parameters: found.parameters })
 }

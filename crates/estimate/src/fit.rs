@@ -6,7 +6,7 @@ use fleetfoot_library::Expr;
 use fleetfoot_stats::kernel::norm;
 
 use crate::{
-    EstimateError, Options, Parameter, Residual, Status, Uncertain,
+    Bounded, EstimateError, Options, Residual, Status, Uncertain,
     covariance::Inverse,
     descent::Descent,
     evaluate::{Nonlinear, Objective},
@@ -87,22 +87,26 @@ impl Estimate {
 /// inputs. A row counts where what lags read is there, and what delays read for as long as the delay's bounds allow, so that the rows do not
 /// depend on the parameters.
 ///
+/// Where symmetric matrices of parameters keep a bound ([`Bounded`]), every step is the best that keeps it. Covariances are then those of the parameters that can still move: along a bound that pushes, not across it.
+///
 /// # Errors
-/// When names clash, a parameter is unused or starts outside its bounds, a weight or an option is out of range, a column does not exist, a delay
+/// When names clash, a parameter is unused or starts outside its bounds, a matrix is none or starts beyond its bound, a weight or an option is out of range, a column does not exist, a delay
 /// has no upper bound, a model is not finite at the initial values, there are fewer residuals than parameters, the source cannot be read, or the
 /// user stops it.
-pub fn nonlinear_least_squares(
+pub fn nonlinear_least_squares<'a>(
     residuals: &[Residual],
-    parameters: &[Parameter],
+    parameters: impl Into<Bounded<'a>>,
     source: &dyn Source,
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Estimate, EstimateError> {
     options.check()?;
-    let problem = Problem::new(residuals, parameters, source)?;
+    let bounded = parameters.into();
+    let problem = Problem::new(residuals, &bounded, source)?;
     let objective = Nonlinear::new(&problem, source, options.chunk_rows, progress);
     progress.stage("nonlinear least squares");
-    let initial = parameters.iter().map(|parameter| parameter.initial).collect();
+    let initial: Vec<f64> = bounded.parameters.iter().map(|parameter| parameter.initial).collect();
+    let initial = problem.limits.as_ref().map_or(initial.clone(), |limits| limits.pulled(&initial));
     let mut descent = Descent::new(&objective, initial, options)?;
     let (status, iterations) = descent.run()?;
     Estimate::at(&objective, descent, status, iterations)
@@ -122,7 +126,7 @@ impl Estimate {
         let fixed = |j: &usize| !free.contains(j) && bounds[*j][0] < bounds[*j][1];
         let lengths = (0..room.len()).map(|j| norm(descent.at.jacobian.col_as_slice(j).iter().copied()));
         let lengths: Vec<f64> = lengths.map(|length| if length > 0.0 { length } else { 1.0 }).collect();
-        let inverse = Inverse::new(&descent.at, &lengths, &free)?;
+        let inverse = Inverse::new(&descent.at, &lengths, &free, &descent.held(&lengths, &free))?;
         let freedom = (descent.at.rows * objective.residuals() as u64) as f64 - free.len() as f64;
         let variance = if freedom > 0.0 { descent.at.cost / freedom } else { f64::NAN };
         Ok(Estimate {

@@ -28,7 +28,7 @@ use fleetfoot_model::{Latent, Model, Partition, Region};
 use fleetfoot_stats::{kernel::norm, student_t_95};
 
 use crate::{
-    EstimateError, Gains, Options, Parameter, Status,
+    Bounded, EstimateError, Gains, Options, Parameter, Status,
     covariance::Inverse,
     descent::Descent,
     evaluate::{Objective, Pass},
@@ -162,15 +162,15 @@ const LEAST: f64 = 1e-9;
 /// # Errors
 /// Names that clash, a parameter that no equation uses, initial values beyond bounds or at which a simulation diverges, an output that is no state, segments that all
 /// miss values, fewer residuals than unknowns, and those of reading.
-pub fn output_error(
+pub fn output_error<'a>(
     model: &Model,
-    parameters: &[Parameter],
+    parameters: impl Into<Bounded<'a>>,
     source: &dyn Source,
     options: &OutputErrorOptions,
     progress: &dyn Progress,
 ) -> Result<OutputError, EstimateError> {
     progress.stage("output error");
-    Ok(minimum(model, parameters, None, source, options, progress)?.parameters)
+    Ok(minimum(model, &parameters.into(), None, source, options, progress)?.parameters)
 }
 
 /// What a minimum tells, of the parameters and of the gains behind them.
@@ -193,17 +193,18 @@ pub(crate) struct Minimum {
 /// The minimum of output error, or with gains that of filter error.
 pub(crate) fn minimum(
     model: &Model,
-    parameters: &[Parameter],
+    bounded: &Bounded<'_>,
     gains: Option<&Gains>,
     source: &dyn Source,
     options: &OutputErrorOptions,
     progress: &dyn Progress,
 ) -> Result<Minimum, EstimateError> {
     options.descent.check()?;
+    let parameters = bounded.parameters;
     check_parameters(parameters, source)?;
     check_use(model, parameters)?;
     let model = with_parameters(model, parameters);
-    let mut segments = Segments::new(&model, parameters, gains, source, options, progress)?;
+    let mut segments = Segments::new(&model, bounded, gains, source, options, progress)?;
     let mut starts = vec![Vec::new()];
     if let Some(gains) = gains {
         starts = gains.starts(segments.outputs().len());
@@ -301,7 +302,7 @@ fn best_start(
     let with_gains = |mut start: Vec<f64>| {
         start.extend(gains);
         start.iter_mut().zip(segments.bounds()).for_each(|(value, [low, high])| *value = value.clamp(*low, *high));
-        start
+        segments.limits().map_or(start.clone(), |limits| limits.pulled(&start))
     };
     let initial = with_gains(parameters.iter().map(|parameter| parameter.initial).collect());
     let mut best = (f64::INFINITY, initial.clone());
@@ -326,7 +327,7 @@ fn found(
     let free: Vec<usize> = (0..room.len()).filter(|&j| room[j][0] < room[j][1]).collect();
     let lengths = (0..room.len()).map(|j| norm(descent.at.jacobian.col_as_slice(j).iter().copied()));
     let lengths: Vec<f64> = lengths.map(|length| if length > 0.0 { length } else { 1.0 }).collect();
-    let inverse = Inverse::new(&descent.at, &lengths, &free)?;
+    let inverse = Inverse::new(&descent.at, &lengths, &free, &descent.held(&lengths, &free))?;
     let last = segments.last(&descent.theta)?;
     let (residuals, states) = (descent.at.rows, segments.states().len());
     let unknowns = (free.len() + last.beginnings.len() * states) as f64;

@@ -3,7 +3,7 @@
 use fleetfoot_data::Source;
 use fleetfoot_library::Expr;
 
-use crate::{EstimateError, Parameter, parameter::check_parameters, reads::Reads, rows::Layout};
+use crate::{Bounded, EstimateError, limits::Limits, parameter::check_parameters, reads::Reads, rows::Layout};
 
 /// One equation: `target - model` should be small at every row.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,14 +38,16 @@ pub(crate) struct Problem {
     /// The parameter of every slope.
     pub(crate) slopes: Vec<Vec<usize>>,
     pub(crate) bounds: Vec<[f64; 2]>,
+    pub(crate) limits: Option<Limits>,
 }
 
 impl Problem {
     pub(crate) fn new(
         residuals: &[Residual],
-        parameters: &[Parameter],
+        bounded: &Bounded<'_>,
         source: &dyn Source,
     ) -> Result<Self, EstimateError> {
+        let parameters = bounded.parameters;
         check_parameters(parameters, source)?;
         let names: Vec<String> = parameters.iter().map(|parameter| parameter.name.clone()).collect();
         let mut layout = Layout { names, targets: Vec::new(), outputs: Vec::new(), presence: Vec::new() };
@@ -73,7 +75,8 @@ impl Problem {
             slopes.push(of);
         }
         layout.presence = reads.presence()?;
-        Ok(Self { layout, slopes, bounds: parameters.iter().map(|parameter| parameter.bounds).collect() })
+        let bounds = parameters.iter().map(|parameter| parameter.bounds).collect();
+        Ok(Self { layout, slopes, bounds, limits: Limits::new(bounded, &[])? })
     }
 }
 

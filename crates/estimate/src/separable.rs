@@ -227,7 +227,7 @@ impl Joint<'_> {
     ) -> Result<Separable, EstimateError> {
         let q = self.parameters.len();
         let (residuals, parameters) = self.problem(theta, linear);
-        let problem = Problem::new(&residuals, &parameters, self.source)?;
+        let problem = Problem::new(&residuals, &(&parameters).into(), self.source)?;
         let iteration = &self.options.iteration;
         let objective = Nonlinear::new(&problem, self.source, iteration.chunk_rows, self.progress);
         let initial = parameters.iter().map(|parameter| parameter.initial).collect();

@@ -17,10 +17,14 @@ pub(crate) struct Step {
     pub(crate) step: Vec<f64>,
     /// `|D s|`.
     pub(crate) length: f64,
+    /// The same of the step that the region holds back, where limits of matrices shorten it: at their border steps end while the region is to stay.
+    pub(crate) reach: f64,
     /// What the linear model takes off the cost.
     pub(crate) predicted: f64,
     /// Whether the region held it back.
     pub(crate) bounded: bool,
+    /// The damping mu with which it is least, of the parameters that no bound held.
+    pub(crate) damping: f64,
 }
 
 /// The region: `|D s| <= radius`, `low <= s <= high`.
@@ -39,10 +43,10 @@ pub(crate) fn step(jacobian: &Mat<f64>, rhs: &[f64], region: &Region<'_>) -> Res
     let mut step = vec![0.0; p];
     let mut free: Vec<usize> = (0..p).filter(|&j| region.room[j][0] < region.room[j][1]).collect();
     let mut left = rhs.to_vec();
-    let mut bounded = false;
+    let (mut bounded, mut damping) = (false, 0.0);
     while !free.is_empty() {
         let (found, held) = within_radius(jacobian, &left, region, &free)?;
-        bounded |= held;
+        (bounded, damping) = (bounded || held > 0.0, held);
         let beyond = |&(j, s): &(usize, f64)| s < region.room[j][0] || s > region.room[j][1];
         let pairs: Vec<(usize, f64)> = free.iter().copied().zip(found).collect();
         if !pairs.iter().any(beyond) {
@@ -61,16 +65,16 @@ pub(crate) fn step(jacobian: &Mat<f64>, rhs: &[f64], region: &Region<'_>) -> Res
     }
     let predicted = -moved.iter().zip(rhs).map(|(moved, rhs)| moved * (2.0 * rhs + moved)).sum::<f64>();
     let length = step.iter().zip(region.scale).map(|(s, d)| (s * d).powi(2)).sum::<f64>().sqrt();
-    Ok(Step { step, length, predicted, bounded })
+    Ok(Step { step, length, reach: length, predicted, bounded, damping })
 }
 
-/// The step of the free parameters, bounds aside, and whether the radius held it back.
+/// The step of the free parameters, bounds aside, and the damping by which the radius held it back.
 fn within_radius(
     jacobian: &Mat<f64>,
     rhs: &[f64],
     region: &Region<'_>,
     free: &[usize],
-) -> Result<(Vec<f64>, bool), EstimateError> {
+) -> Result<(Vec<f64>, f64), EstimateError> {
     let scaled = Mat::from_fn(rhs.len(), free.len(), |i, k| jacobian[(i, free[k])] / region.scale[free[k]]);
     let factors = svd(scaled.as_ref()).ok_or(EstimateError::Overflow)?;
     let least = factors.s.first().map_or(0.0, |largest| largest * rank_level(free.len()));
@@ -85,7 +89,7 @@ fn within_radius(
         found.iter_mut().zip(factors.v.col_as_slice(i)).for_each(|(value, v)| *value += share * v);
     }
     found.iter_mut().zip(free).for_each(|(value, &j)| *value /= region.scale[j]);
-    Ok((found, damping > 0.0))
+    Ok((found, damping))
 }
 
 /// The damping mu at which `|y(mu)|`, `y_i = s_i c_i / (s_i^2 + mu)`, is the radius up to a tenth; 0 when the undamped step is short enough.

@@ -8,8 +8,8 @@ pub use report::{ConfoundedPair, GainInterval, ParameterInterval, ParametersHeld
 use faer::Mat;
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_estimate::{
-    EquationError, EstimateError, FilterError, FilterErrorOptions, Gains, Options, OutputError, OutputErrorOptions,
-    equation_error, filter_error, output_error,
+    Bounded, EquationError, EstimateError, FilterError, FilterErrorOptions, Gains, MatrixLimit, Options, OutputError,
+    OutputErrorOptions, equation_error, filter_error, output_error,
 };
 use fleetfoot_model::{Column, Estimated, Model};
 
@@ -94,14 +94,30 @@ pub fn fit_parameters(
     // With the names of parameters in its equations.
     let open = given(&method, recipe, known, &dataset, progress)?;
     let view = dataset.view()?;
-    let found = estimate(&task, &open, &view, &options, progress)?;
+    let found = estimate(&task, &task.limits, &open, &view, &options, progress)?;
     let model = closed(&open, &task, &found);
     let mut notes = dataset.notes().to_vec();
+    let free = match task.limits.is_empty() {
+        true => None,
+        false => free(estimate(&task, &[], &open, &view, &options, progress), &mut notes)?,
+    };
     let rows = (&view as &dyn Source, smoothed_rows(options.smoothed, dataset.step()));
     let held_out = held_out::held_out(&task, &open, &found, rows, &options, &mut notes, progress)?;
     let provenance = (dataset.episodes().len(), logs.len());
-    let report = report(&task, &open, &found, held_out, provenance, notes);
+    let report = report(&task, &open, (&found, free.as_ref()), held_out, provenance, notes);
     Ok(ParametersFitted { model, report })
+}
+
+/// What is found without limits, as far as anything is.
+fn free(found: Result<Found, Error>, notes: &mut Vec<String>) -> Result<Option<Found>, Error> {
+    match found {
+        Ok(found) => Ok(Some(found)),
+        Err(error @ Error::Cancelled(_)) => Err(error),
+        Err(error) => {
+            notes.push(format!("without [constraints] nothing is found: {error}"));
+            Ok(None)
+        }
+    }
 }
 
 /// The states that are compared, a rotation by its parts.
@@ -114,9 +130,10 @@ fn written_out(compare: &[String], columns: &[Column]) -> Vec<String> {
     compare.iter().flat_map(parts).collect()
 }
 
-/// Estimates on the rows of a source.
+/// Estimates on the rows of a source, within these limits.
 fn estimate(
     task: &ParametersTask,
+    limits: &[MatrixLimit],
     open: &Model,
     source: &dyn Source,
     options: &EstimateOptions,
@@ -128,19 +145,19 @@ fn estimate(
                 "[parameters] {silent}: it stands in the rates of a rotation alone, whose kinematics no row can tell by itself: estimate it by simulations, method = \"output-error\""
             )));
         }
-        return Ok(Found::Equation(by_equations(task, source, progress)?));
+        return Ok(Found::Equation(by_equations(task, limits, source, progress)?));
     }
     // What the rows say one by one is a second place to begin; where they say nothing, there is one.
-    let starts = match by_equations(task, source, progress) {
+    let starts = match by_equations(task, limits, source, progress) {
         Ok(found) => vec![found.estimate.values],
         Err(EstimateError::Cancelled(cancelled)) => return Err(cancelled.into()),
         Err(_) => Vec::new(),
     };
     Ok(match options.method {
         EstimateMethod::FilterError => {
-            by_filter(task, open, source, options, (starts, Gains::Estimated), progress)?.into()
+            by_filter((task, limits), open, source, options, (starts, Gains::Estimated), progress)?.into()
         }
-        _ => by_outputs(task, open, source, options, starts, progress)?.into(),
+        _ => by_outputs((task, limits), open, source, options, starts, progress)?.into(),
     })
 }
 
@@ -155,38 +172,41 @@ fn again(
 ) -> Result<Found, EstimateError> {
     let starts = vec![before.values().to_vec()];
     Ok(match before {
-        Found::Equation(_) => Found::Equation(by_equations(task, source, progress)?),
-        Found::Simulated { filter: None, .. } => by_outputs(task, open, source, options, starts, progress)?.into(),
+        Found::Equation(_) => Found::Equation(by_equations(task, &task.limits, source, progress)?),
+        Found::Simulated { filter: None, .. } => {
+            by_outputs((task, &task.limits), open, source, options, starts, progress)?.into()
+        }
         Found::Simulated { filter: Some(before), .. } => {
             let gains = Gains::Near(before.gains.iter().map(|gain| gain.value).collect());
-            by_filter(task, open, source, options, (starts, gains), progress)?.into()
+            by_filter((task, &task.limits), open, source, options, (starts, gains), progress)?.into()
         }
     })
 }
 
 fn by_equations(
     task: &ParametersTask,
+    limits: &[MatrixLimit],
     source: &dyn Source,
     progress: &dyn Progress,
 ) -> Result<EquationError, EstimateError> {
     let chunk_rows = (source.rows() / CHUNKS).clamp(256, 65_536);
     let options = Options { chunk_rows, ..Options::default() };
-    equation_error(&task.residuals, &task.bounded(), source, &options, progress)
+    equation_error(&task.residuals, Bounded::new(&task.bounded(), limits), source, &options, progress)
 }
 
 fn by_outputs(
-    task: &ParametersTask,
+    (task, limits): (&ParametersTask, &[MatrixLimit]),
     open: &Model,
     source: &dyn Source,
     options: &EstimateOptions,
     starts: Vec<Vec<f64>>,
     progress: &dyn Progress,
 ) -> Result<OutputError, EstimateError> {
-    output_error(open, &task.bounded(), source, &simulated(options, starts), progress)
+    output_error(open, Bounded::new(&task.bounded(), limits), source, &simulated(options, starts), progress)
 }
 
 fn by_filter(
-    task: &ParametersTask,
+    (task, limits): (&ParametersTask, &[MatrixLimit]),
     open: &Model,
     source: &dyn Source,
     options: &EstimateOptions,
@@ -195,7 +215,7 @@ fn by_filter(
 ) -> Result<FilterError, EstimateError> {
     let mut own = FilterErrorOptions::default();
     (own.simulation, own.gains) = (simulated(options, starts), gains);
-    filter_error(open, &task.bounded(), source, &own, progress)
+    filter_error(open, Bounded::new(&task.bounded(), limits), source, &own, progress)
 }
 
 fn simulated(options: &EstimateOptions, starts: Vec<Vec<f64>>) -> OutputErrorOptions {

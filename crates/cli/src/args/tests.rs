@@ -20,6 +20,7 @@ fn values(argument: &clap::Arg) -> [String; 2] {
     match argument.get_possible_values().as_slice() {
         [first, second, ..] => [first, second].map(|value| value.get_name().to_owned()),
         _ if argument.get_id() == "objective" => ["steps:2", "steps:3"].map(str::to_owned),
+        _ if argument.get_id() == "passive" => ["f:v", "f:v:2"].map(str::to_owned),
         _ => ["2", "3"].map(str::to_owned),
     }
 }

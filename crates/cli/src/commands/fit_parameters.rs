@@ -5,7 +5,7 @@ use fleetfoot::{
     write_model,
 };
 
-use super::{Context, WithModel, fit, fit_sindy, logs_or_statistic, read_by};
+use super::{Context, WithModel, fit, fit_sindy, fit_sparse::limit_table, logs_or_statistic, read_by};
 use crate::{
     args::FitParameters,
     table::{count, number, table},
@@ -45,6 +45,13 @@ fn to_text(report: &ParametersReport) -> String {
     };
     let noise: Vec<String> = report.noise.iter().map(|(name, value)| format!("{name} {}", number(*value))).collect();
     text.push_str(&format!("\nStandard deviation of {of}: {}{}\n", noise.join(", "), correlated(report)));
+    if !report.free_noise.is_empty() {
+        let free: Vec<String> = report.free_noise.iter().map(|value| number(*value)).collect();
+        text.push_str(&format!("Without bounds of matrices: {}\n", free.join(", ")));
+    }
+    if !report.limits.is_empty() {
+        text.push_str(&format!("\n{}\n", limit_table(&report.limits)));
+    }
     if !report.gains.is_empty() {
         let gains: Vec<String> = report.gains.iter().map(gain).collect();
         text.push_str(&format!("Gains, from 0 (output error) to 1 (equation error): {}\n", gains.join(", ")));

@@ -245,15 +245,21 @@ pub(super) fn limit_table(limits: &[LimitReport]) -> String {
             (Some(episode), Some(row)) => format!("{episode}, row {row}"),
             _ => "everywhere".to_owned(),
         };
-        vec![
+        let mut row = vec![
             limit.name.clone(),
             format!("{} {}", limit.side, number(limit.bound)),
             format!("{:.3e}", limit.nearest),
             place,
             limit.cuts.to_string(),
-        ]
+        ];
+        row.extend(limit.free_nearest.map(|free| format!("{free:.3e}")));
+        row
     });
-    table(&["kept", "bound", "nearest by", "at", "cuts"], rows.collect())
+    let mut header = vec!["kept", "bound", "nearest by", "at", "cuts"];
+    if limits.iter().any(|limit| limit.free_nearest.is_some()) {
+        header.push("without bounds");
+    }
+    table(&header, rows.collect())
 }
 
 fn has_intervals(latent: &LatentReport) -> bool {

@@ -20,8 +20,9 @@ use super::{
     stretches,
 };
 use crate::{
-    EstimateError, Parameter,
+    Bounded, EstimateError, Parameter,
     evaluate::{Evaluation, Objective, Pass},
+    limits::Limits,
     products::compressed,
 };
 
@@ -34,6 +35,7 @@ pub(super) struct Segments<'a> {
     progress: &'a dyn Progress,
     /// Of the parameters, then of the outputs' gains where there are some: what is searched for.
     bounds: Vec<[f64; 2]>,
+    limits: Option<Limits>,
     /// Without bounds, one a state.
     open: Vec<[f64; 2]>,
     states: Vec<String>,
@@ -89,12 +91,13 @@ pub(super) struct Last {
 impl<'a> Segments<'a> {
     pub(super) fn new(
         model: &'a Model,
-        parameters: &'a [Parameter],
+        bounded: &Bounded<'a>,
         gains: Option<&Gains>,
         source: &'a dyn Source,
         options: &'a OutputErrorOptions,
         progress: &'a dyn Progress,
     ) -> Result<Self, EstimateError> {
+        let parameters = bounded.parameters;
         let mut theta: Vec<f64> = parameters.iter().map(|parameter| parameter.initial).collect();
         let compiled = stretches(model, &theta, source, &options.shooting)?;
         let states = compiled.states().to_vec();
@@ -103,6 +106,7 @@ impl<'a> Segments<'a> {
         if let Some(gains) = gains {
             bounds.extend(gains.bounds(outputs.len())?);
         }
+        let limits = Limits::new(bounded, &bounds[parameters.len()..])?;
         theta.resize(bounds.len(), 0.0);
         let cut = compiled.cut(options.rows);
         let (mut segments, mut beginnings, mut spread) = (Vec::new(), Vec::new(), Spread::new(outputs.len()));
@@ -127,6 +131,7 @@ impl<'a> Segments<'a> {
             options,
             progress,
             bounds,
+            limits,
             open: vec![[f64::NEG_INFINITY, f64::INFINITY]; states.len()],
             states,
             outputs,
@@ -284,6 +289,10 @@ impl<'a> Segments<'a> {
 impl Objective for Segments<'_> {
     fn bounds(&self) -> &[[f64; 2]] {
         &self.bounds
+    }
+
+    fn limits(&self) -> Option<&Limits> {
+        self.limits.as_ref()
     }
 
     /// The sums count residuals.

@@ -7,6 +7,7 @@ mod aircraft;
 mod filter_error;
 mod least_squares;
 mod many_coefficients;
+mod matrix_limits;
 mod nist;
 mod output_error;
 mod resimulation;

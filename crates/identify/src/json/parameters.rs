@@ -4,7 +4,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::report;
-use crate::{ConfoundedPair, EstimateMethod, GainInterval, ParameterInterval, ParametersReport};
+use crate::{ConfoundedPair, EstimateMethod, GainInterval, LimitReport, ParameterInterval, ParametersReport};
 
 impl ParametersReport {
     /// Parameters, intervals, noise and held-out rollouts for programs.
@@ -16,7 +16,17 @@ impl ParametersReport {
             files: self.files,
             parameters: &self.parameters,
             confounded: &self.confounded,
-            noise: self.noise.iter().map(|(of, deviation)| Noise { of, deviation: *deviation }).collect(),
+            noise: self
+                .noise
+                .iter()
+                .enumerate()
+                .map(|(at, (of, deviation))| Noise {
+                    of,
+                    deviation: *deviation,
+                    free_deviation: self.free_noise.get(at).copied(),
+                })
+                .collect(),
+            limits: &self.limits,
             gains: &self.gains,
             innovations: &self.innovations,
             segments: self.segments.map(|segments| segments[0]),
@@ -49,6 +59,8 @@ struct Told<'a> {
     confounded: &'a [ConfoundedPair],
     noise: Vec<Noise<'a>>,
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    limits: &'a [LimitReport],
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
     gains: &'a [GainInterval],
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
     innovations: &'a [Vec<f64>],
@@ -68,6 +80,8 @@ struct Told<'a> {
 struct Noise<'a> {
     of: &'a str,
     deviation: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    free_deviation: Option<f64>,
 }
 
 #[derive(Serialize)]

@@ -1,12 +1,12 @@
 //! What is known of estimated parameters.
 
 use faer::Mat;
-use fleetfoot_estimate::{EquationError, FilterError, Gain, OutputError, Status};
+use fleetfoot_estimate::{EquationError, FilterError, Gain, MatrixLimit, OutputError, Status};
 use fleetfoot_model::Model;
 use fleetfoot_stats::student_t_95;
 use serde::Serialize;
 
-use crate::{EstimateMethod, problem::ParametersTask};
+use crate::{EstimateMethod, LimitReport, problem::ParametersTask};
 
 /// Correlation beyond which two parameters can hardly be told apart (Klein and Morelli 2006, section 5.4).
 const CONFOUNDED: f64 = 0.9;
@@ -32,6 +32,10 @@ pub struct ParametersReport {
     pub confounded: Vec<ConfoundedPair>,
     /// Standard deviation of the noise: of the measured states, by filter error of what it predicts of them, by equation error of the derivatives.
     pub noise: Vec<(String, f64)>,
+    /// The same without `[constraints]`, where there are any and something is found: their price.
+    pub free_noise: Vec<f64>,
+    /// What matrices of parameters keep.
+    pub limits: Vec<LimitReport>,
     /// By filter error, by how much the measurements of every compared state correct the simulation; else none.
     pub gains: Vec<GainInterval>,
     /// By filter error the covariance of what the filter predicts and what was measured of the compared states, by rows; else none.
@@ -174,6 +178,14 @@ impl Found {
         }
     }
 
+    /// As [`ParametersReport::noise`].
+    fn deviations(&self) -> &[f64] {
+        match self {
+            Self::Equation(found) => &found.deviations,
+            Self::Simulated { found, .. } => &found.deviations,
+        }
+    }
+
     fn undetermined(&self) -> &[usize] {
         match self {
             Self::Equation(found) => &found.estimate.undetermined,
@@ -235,7 +247,7 @@ pub(super) fn word(method: EstimateMethod) -> &'static str {
 pub(super) fn report(
     task: &ParametersTask,
     open: &Model,
-    found: &Found,
+    (found, free): (&Found, Option<&Found>),
     held_out: Option<ParametersHeldOut>,
     (episodes, files): (usize, usize),
     mut notes: Vec<String>,
@@ -256,13 +268,18 @@ pub(super) fn report(
         }
     };
     let parameters: Vec<ParameterInterval> = (0..task.parameters.len()).map(interval).collect();
-    let free = |j: usize| !parameters[j].fixed && !parameters[j].at_bound && parameters[j].determined;
-    let confounded = confounded(&found.covariance(), &parameters, free);
+    let moves = |j: usize| !parameters[j].fixed && !parameters[j].at_bound && parameters[j].determined;
+    let confounded = confounded(&found.covariance(), &parameters, moves);
     // Six digits are what a person reads; the model has all.
     let rounded: Vec<f64> =
         found.values().iter().map(|value| format!("{value:.5e}").parse().unwrap_or(*value)).collect();
     let equation = |own: &fleetfoot_model::Equation| format!("{} = {}", own.label(), task.insert(&own.right, &rounded));
     let equations = open.equations.iter().map(equation);
+    let limit = |limit: &MatrixLimit| {
+        let clearance = |found: &Found| limit.clearance(found.values());
+        LimitReport::of_matrix(limit, clearance(found), free.map(clearance))
+    };
+    let limits = task.limits.iter().map(limit).collect();
     let (noise, segments, memory, condition, gradient, converged) = match found {
         Found::Equation(found) => {
             let labels = task.residuals.iter().map(|residual| residual.name.clone());
@@ -297,6 +314,8 @@ pub(super) fn report(
         parameters,
         confounded,
         noise,
+        free_noise: free.map_or_else(Vec::new, |free| free.deviations().to_vec()),
+        limits,
         gains,
         innovations,
         segments,

@@ -1,10 +1,12 @@
 //! A recipe resolved to given equations with parameters.
 
 use fleetfoot_data::Column as DataColumn;
-use fleetfoot_estimate::Residual;
+use fleetfoot_estimate::{Affine, MatrixLimit, Residual};
 use fleetfoot_library::Expr;
 
-use super::{Aliases, KnownTask, Parameter, derivative};
+use fleetfoot_sparse::constrained::{Form, Limit, RowLimit};
+
+use super::{Aliases, KnownTask, Parameter, derivative, structured::together};
 use crate::{Error, Recipe};
 
 /// Equations, parameters, and what the equations say of every row.
@@ -15,6 +17,8 @@ pub(crate) struct ParametersTask {
     pub(crate) parameters: Vec<Parameter>,
     /// Measured derivatives beside right sides, of the equations that have parameters.
     pub(crate) residuals: Vec<Residual>,
+    /// What matrices of parameters keep.
+    pub(crate) limits: Vec<MatrixLimit>,
 }
 
 impl ParametersTask {
@@ -32,6 +36,7 @@ impl ParametersTask {
             let x = Expr::column(name.as_str());
             measured.push(derivative::measured(state.derivative.as_ref(), &x, angle, &place, &mut aliases)?);
         }
+        let limits = limits(recipe, &names, &mut aliases)?;
         let mut known = KnownTask::over(recipe, aliases)?;
         let uses = |expr: &Expr, name: &str| expr.columns().iter().any(|column| **column == *name);
         if let Some(idle) = names.iter().find(|name| !known.equations.iter().any(|own| uses(&own.right, name))) {
@@ -53,7 +58,7 @@ impl ParametersTask {
                 equation.target = Some(target);
             }
         }
-        Ok(Self { known, parameters, residuals })
+        Ok(Self { known, parameters, residuals, limits })
     }
 
     /// A parameter of which no equation says anything row by row.
@@ -77,6 +82,36 @@ impl ParametersTask {
         let value = |name: &str| self.parameters.iter().position(|own| own.name == name);
         expr.substituted(|name| value(name).map(|at| Expr::number(values[at]))).simplified()
     }
+}
+
+/// `[constraints]`, over the parameters alone.
+fn limits(recipe: &Recipe, names: &[String], aliases: &mut Aliases<'_>) -> Result<Vec<MatrixLimit>, Error> {
+    if let Some((name, _)) = recipe.constraints.iter().find(|(_, section)| !section.coefficients.is_empty()) {
+        return Err(Error::conflict(format!(
+            "[constraints] {name} coefficients: they are those of sums of functions, in `fit sparse` and `fit sindy`; a parameter has `bounds` in [parameters]"
+        )));
+    }
+    let found = together(recipe, names, "parameter", aliases)?;
+    found.iter().map(|limit| matrix(limit, names)).collect()
+}
+
+fn matrix(limit: &RowLimit, names: &[String]) -> Result<MatrixLimit, Error> {
+    let affine = |form: &Form| -> Option<Affine> {
+        let coefficient =
+            |term: &fleetfoot_sparse::structured::Term| Some((term.latent, term.coefficient.as_number()?));
+        let coefficients = form.terms.iter().map(coefficient).collect::<Option<_>>()?;
+        Some(Affine { constant: form.rest.as_number()?, coefficients })
+    };
+    let entries: Option<Vec<Affine>> = limit.forms.iter().map(affine).collect();
+    let entries = entries.ok_or_else(|| {
+        Error::value(format!(
+            "[constraints] {}: it speaks of columns, and of parameters alone can be told what holds at every row; the parameters are {}",
+            limit.name,
+            names.join(", ")
+        ))
+    })?;
+    let bound = limit.bound.as_number().unwrap_or(f64::NAN);
+    Ok(MatrixLimit { name: limit.name.clone(), entries, at_least: limit.side == Limit::AtLeast, bound })
 }
 
 fn refuse_other_sections(recipe: &Recipe) -> Result<(), Error> {

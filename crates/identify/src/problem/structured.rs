@@ -20,6 +20,7 @@ use super::{
 };
 use crate::{Error, Recipe};
 use latent::{Latent, prior};
+pub(super) use limits::together;
 use right_side::linear;
 
 /// What a recipe means for a recording: the regression of `fit sparse`, and the model that will follow from it.
@@ -275,7 +276,7 @@ fn shared(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Parts, Error> {
         let target = aliases.over_latents(&section.target, &names, &format!("{place} target"))?;
         right_side::without_latents(&target, &names, &format!("{place} target"))?;
         let right = aliases.over_latents(&section.right, &names, &format!("{place} right"))?;
-        let Form { terms, rest } = linear(&right, &names, &format!("{place} right"), &section.right)?;
+        let Form { terms, rest } = linear(&right, &names, &format!("{place} right"), &section.right, "latent")?;
         if terms.is_empty() {
             return Err(no_latent(&place, &right, &names));
         }
@@ -299,7 +300,7 @@ fn shared(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Parts, Error> {
     for (latent, section) in latents.iter_mut().zip(recipe.latents.values()) {
         latent.prior = prior(recipe, section, &latent.name, &names, aliases)?;
     }
-    let limits = limits::together(recipe, &names, aliases)?;
+    let limits = limits::together(recipe, &names, "latent", aliases)?;
     let coefficients = coefficients(recipe, &latents, &names, aliases)?;
     Ok(Parts { latents, limits, coefficients, tasks, scales, equations })
 }

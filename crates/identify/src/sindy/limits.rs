@@ -40,8 +40,8 @@ pub(super) fn tell(evidence: &Evidence, regions: &[Vec<Solved>], free: &[Vec<Sol
                     && limit.clearance(value(regions, *region)) == 0.0
         };
         let held = (0..regions.len()).filter(broken).count();
-        let values = (0..regions.len()).map(|region| value(regions, region));
-        report.limits.push(LimitReport::of_coefficient(limit, values, held));
+        let [own, free] = [regions, free].map(|of| (0..regions.len()).map(|at| value(of, at)).collect::<Vec<f64>>());
+        report.limits.push(LimitReport::of_coefficient(limit, &own, Some(&free), held));
     }
     if !evidence.parameters.is_empty() {
         report.notes.push("numbers inside expressions ([parameters]) were estimated without [constraints]".into());

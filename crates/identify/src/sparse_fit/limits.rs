@@ -31,21 +31,41 @@ pub struct LimitReport {
     pub episode: Option<String>,
     /// The row of the episode.
     pub row: Option<usize>,
-    /// How many rows became constraints of the fit, of a matrix how many directions, of a coefficient in how many regions it holds a term: with none the bound costs nothing.
+    /// The same of the fit without the limits, where that is known: negative where it breaks this one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub free_nearest: Option<f64>,
+    /// How many rows became constraints of the fit, of a matrix how many directions, of a coefficient in how many regions it holds a term, of parameters whether the fit without it breaks it: with none the bound costs nothing.
     pub cuts: usize,
 }
 
 impl LimitReport {
     /// Of a coefficient; `values` are those of the regions, `held` in how many of them the bound holds it.
-    pub(crate) fn of_coefficient(limit: &CoefficientLimit, values: impl Iterator<Item = f64>, cuts: usize) -> Self {
+    pub(crate) fn of_coefficient(limit: &CoefficientLimit, values: &[f64], free: Option<&[f64]>, cuts: usize) -> Self {
+        let nearest = |values: &[f64]| values.iter().map(|value| limit.clearance(*value)).fold(f64::INFINITY, f64::min);
         Self {
             name: format!("{}, {}", limit.name, limit.of),
             side: words(limit.side),
             bound: limit.bound,
-            nearest: values.map(|value| limit.clearance(value)).fold(f64::INFINITY, f64::min),
+            nearest: nearest(values),
             episode: None,
             row: None,
+            free_nearest: free.map(nearest),
             cuts,
+        }
+    }
+
+    /// Of a matrix of parameters; `nearest` and `free` are distances from the bound with the limits and without.
+    pub(crate) fn of_matrix(limit: &fleetfoot_estimate::MatrixLimit, nearest: f64, free: Option<f64>) -> Self {
+        let side = if limit.at_least { Limit::AtLeast } else { Limit::AtMost };
+        Self {
+            name: limit.name.clone(),
+            side: words(side),
+            bound: limit.bound,
+            nearest,
+            episode: None,
+            row: None,
+            free_nearest: free,
+            cuts: usize::from(free.is_some_and(|free| free < 0.0)),
         }
     }
 }
@@ -171,6 +191,7 @@ impl Limited<'_> {
             nearest: clearance.least,
             episode: clearance.place.as_ref().map(|(episode, _)| episode.clone()),
             row: clearance.place.as_ref().map(|(_, row)| *row),
+            free_nearest: None,
             cuts: self.found.cuts_of[at],
         };
         let rows = self.problem.task.limits.iter().zip(&self.found.clearance).enumerate().map(of);
@@ -180,7 +201,7 @@ impl Limited<'_> {
             let value = self.found.fit.theta[j];
             let held =
                 self.support.contains(&j) && limit.clearance(value).abs() <= AT_BOUND * limit.bound.abs().max(1.0);
-            LimitReport::of_coefficient(limit, std::iter::once(value), usize::from(held))
+            LimitReport::of_coefficient(limit, &[value], None, usize::from(held))
         };
         rows.chain(task.coefficients.iter().map(coefficient)).collect()
     }

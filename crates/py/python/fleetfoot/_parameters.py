@@ -23,6 +23,10 @@ class Parameters(Identifier):
     parameters : dict
         For each name where the search begins, or a dict with ``initial`` and, if wanted, ``bounds``, ``fixed`` and
         ``unit``.
+    constraints : dict, optional
+        What parameters keep together, as a recipe's ``[constraints]``: ``{"inertia": {"matrix": [["J11", "J12"], ["J12",
+        "J22"]], "at_least": 1e-3}}``, eigenvalues, or ``{"of": "J11 - J22", "at_most": 0.0}``, a number. The initial values
+        are strictly within; ``report_["limits"]`` tells.
     method : {"output-error", "filter-error", "equation-error"}, default="output-error"
         What parameters are fitted to: simulations from estimated beginnings, the same corrected by measurements with
         gains that are estimated too, or the derivatives row by row.
@@ -59,6 +63,7 @@ class Parameters(Identifier):
         self,
         parameters: Mapping[str, Any] | None = None,
         *,
+        constraints: Mapping[str, Mapping[str, Any]] | None = None,
         method: str = "output-error",
         segment: int | None = None,
         compare: Sequence[str] | None = None,
@@ -75,6 +80,7 @@ class Parameters(Identifier):
         progress: Progress = None,
     ) -> None:
         self.parameters = parameters
+        self.constraints = constraints
         self.method = method
         self.segment = segment
         self.compare = compare
@@ -102,7 +108,8 @@ class Parameters(Identifier):
         parameters = {
             name: dict(one) if isinstance(one, Mapping) else {"initial": number(name, one)} for name, one in given
         }
-        sections = (("estimate", estimate), ("parameters", parameters))
+        constraints = {name: dict(one) for name, one in (self.constraints or {}).items()}
+        sections = (("estimate", estimate), ("parameters", parameters), ("constraints", constraints))
         return {name: section for name, section in sections if section}
 
     def _fit(self, data: _core.Data, recipe: str, progress: Any) -> tuple[Model, dict[str, Any]]:

@@ -72,3 +72,29 @@ def test_a_state_without_an_equation_is_told():
     x, t = oscillator(1)
     with pytest.raises(ff.exceptions.RequestError, match="known"):
         ff.Parameters({"mu": 1.0}, known={"x": "v"}).fit(x, t, **NAMES)
+
+
+def test_matrices_stay_positive_definite():
+    rng = np.random.default_rng(3)
+    t = np.arange(0.0, 20.0, 0.05)
+    force = np.column_stack([np.sign(np.sin(1.3 * t)), np.sign(np.cos(0.7 * t))])
+    matrix = np.array([[1.0, 0.48], [0.48, 0.24]])
+    v = np.vstack([np.zeros(2), np.cumsum(0.05 * force @ matrix, axis=0)[:-1]]) + 0.4 * rng.normal(size=(len(t), 2))
+    data = ff.open({"v": v[:, 0], "w": v[:, 1], "f": force[:, 0], "g": force[:, 1]}, dt=0.05)
+    known = {"v": "A*f + B*g", "w": "B*f + C*g"}
+    start = {"A": 1.0, "B": 0.0, "C": 1.0}
+    kept = {"mobility": {"matrix": [["A"], ["B", "C"]], "at_least": 0.03}}
+
+    def fit(**more):
+        found = ff.Parameters(start, known=known, inputs=["f", "g"], folds=0, **more).fit(data).report_
+        a, b, c = (one["value"] for one in found["parameters"])
+        return np.linalg.eigvalsh([[a, b], [b, c]])[0], found
+
+    free, plain = fit()
+    bound, report = fit(constraints=kept)
+    assert free < 0.03 <= bound < 0.03 + 1e-6
+    (limit,) = report["limits"]
+    assert limit["free_nearest"] == pytest.approx(free - 0.03, abs=1e-9) and limit["cuts"] == 1
+    noise = [(one["deviation"], one["free_deviation"]) for one in report["noise"]]
+    assert [one[1] for one in noise] == pytest.approx([one["deviation"] for one in plain["noise"]], rel=1e-9)
+    assert np.prod([own / other for own, other in noise]) > 1.0

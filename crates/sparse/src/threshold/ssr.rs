@@ -23,7 +23,8 @@ pub enum Removal {
 
 /// Stepwise sparse regression (Boninsegna, Nuske and Clementi 2018): regress on all terms with a ridge, remove one, regress on the rest, down to one term.
 ///
-/// Defaults, the order of removal and the choice are those of pysindy's `SSR`.
+/// Defaults, the order of removal and the choice are those of pysindy's `SSR`. Between bounds of [`Terms`] each regression is least squares within them; what a bound holds at 0 leaves
+/// first, and what one holds elsewhere stays there as the errors without another term are compared.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ssr {
     /// The ridge; it is not multiplied by the number of rows.

@@ -17,7 +17,7 @@ pub enum Status {
 #[non_exhaustive]
 pub struct StepCertificate {
     /// The largest `|x_j'(y - X b) - p_j b_j| / (|x_j| |y|)` over the support, p_j the ridge on the coefficient (0 for a refitted model): 0 up to rounding
-    /// (times the condition number) for least squares on the support. Infinite where it cannot be computed. For [`Sr3`](crate::threshold::Sr3) without a refit it is
+    /// (times the condition number) for least squares on the support. Of a coefficient at one of its bounds the part that points inwards counts. Infinite where it cannot be computed. For [`Sr3`](crate::threshold::Sr3) without a refit it is
     /// that of its relaxed coefficients.
     pub correlation: f64,
     /// The largest |coefficient| over the threshold of any term when it was removed: below 1. 0 when none was, or there is no threshold.

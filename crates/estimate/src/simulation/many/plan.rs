@@ -92,7 +92,8 @@ impl Way {
         let share = if self.length > radius { radius / self.length } else { 1.0 };
         let step: Vec<f64> = self.step.iter().map(|value| share * value).collect();
         let predicted = -2.0 * self.rise(share);
-        (step, Step { step: Vec::new(), length: share * self.length, predicted, bounded: share < 1.0 })
+        let length = share * self.length;
+        (step, Step { step: Vec::new(), length, reach: length, predicted, bounded: share < 1.0, damping: 0.0 })
     }
 }
 

@@ -15,17 +15,23 @@ pub(super) fn of_latent(name: &str, latent: usize, bounds: [f64; 2]) -> Vec<RowL
     sides.map(|(side, bound)| RowLimit::of_latent(name, latent, side, Expr::number(bound))).collect()
 }
 
-/// Those of `[constraints]` that are not of single coefficients.
+/// Those of `[constraints]` that are not of single coefficients, over unknowns of a kind, `latent` or `parameter`.
 ///
 /// # Errors
 /// Expressions that are not linear in the latents, or in none; a matrix that is not symmetric; no bound, or bounds between which nothing lies.
-pub(super) fn together(recipe: &Recipe, latents: &[String], aliases: &mut Aliases<'_>) -> Result<Vec<RowLimit>, Error> {
+pub(in crate::problem) fn together(
+    recipe: &Recipe,
+    latents: &[String],
+    kind: &str,
+    aliases: &mut Aliases<'_>,
+) -> Result<Vec<RowLimit>, Error> {
     let mut limits = Vec::new();
     for (name, section) in recipe.constraints.iter().filter(|(_, section)| section.coefficients.is_empty()) {
         let place = format!("[constraints] {name}");
-        let forms = forms(section, latents, &place, aliases)?;
+        let forms = forms(section, (latents, kind), &place, aliases)?;
         if forms.iter().all(|form| form.terms.is_empty()) {
-            return Err(Error::missing(format!("{place}: no latent is in it; the latents are {}", latents.join(", "))));
+            let latents = latents.join(", ");
+            return Err(Error::missing(format!("{place}: no {kind} is in it; the {kind}s are {latents}")));
         }
         let sides = coefficients::sides(section, &place)?.into_iter();
         limits.extend(sides.map(|(side, bound)| RowLimit {
@@ -41,13 +47,13 @@ pub(super) fn together(recipe: &Recipe, latents: &[String], aliases: &mut Aliase
 /// The matrix (packed lower triangle), of one form where it is a number.
 fn forms(
     section: &ConstraintSection,
-    latents: &[String],
+    (latents, kind): (&[String], &str),
     place: &str,
     aliases: &mut Aliases<'_>,
 ) -> Result<Vec<Form>, Error> {
     let mut form = |text: &str, place: &str| {
         let expression = aliases.over_latents(text, latents, place)?;
-        Ok::<_, Error>((linear(&expression, latents, place, text)?, expression.simplified().to_string()))
+        Ok::<_, Error>((linear(&expression, latents, place, text, kind)?, expression.simplified().to_string()))
     };
     let rows = match (&section.of, section.matrix.is_empty()) {
         (Some(text), true) => return Ok(vec![form(text, &format!("{place} of"))?.0]),

@@ -5,16 +5,16 @@ use fleetfoot_sparse::{constrained::Form, structured::Term};
 
 use crate::Error;
 
-/// Takes a right side apart: the coefficient of a latent is the derivative with respect to it, the rest is what stays when all latents are 0.
+/// Takes a right side apart, over unknowns of a kind, `latent` or `parameter`: the coefficient of a latent is the derivative with respect to it, the rest is what stays when all latents are 0.
 ///
 /// # Errors
 /// When it is not linear in the latents.
-pub(super) fn linear(right: &Expr, latents: &[String], place: &str, text: &str) -> Result<Form, Error> {
+pub(super) fn linear(right: &Expr, latents: &[String], place: &str, text: &str, kind: &str) -> Result<Form, Error> {
     let is_latent = |name: &str| latents.iter().any(|latent| latent == name);
     let problem = |problem: String| Error::value(format!("{place} = \"{text}\": {problem}"));
     if let Some(found) = kinked(right, &is_latent) {
         return Err(problem(format!(
-            "`{found}` is not linear in the latents; only sums of coefficients times latents can be regressed on"
+            "`{found}` is not linear in the {kind}s; only sums of coefficients times {kind}s will do"
         )));
     }
     let mut terms = Vec::new();
@@ -22,9 +22,9 @@ pub(super) fn linear(right: &Expr, latents: &[String], place: &str, text: &str) 
         let coefficient = right.derivative(name).simplified();
         if let Some(other) = coefficient.columns().iter().find(|column| is_latent(column)) {
             return Err(problem(if **other == **name {
-                format!("it is not linear in `{name}`; only sums of coefficients times latents can be regressed on")
+                format!("it is not linear in `{name}`; only sums of coefficients times {kind}s will do")
             } else {
-                format!("`{name}` is multiplied with `{other}`: a product of two latents cannot be regressed on")
+                format!("`{name}` is multiplied with `{other}`: a product of two {kind}s is not linear")
             }));
         }
         if coefficient.as_number() == Some(0.0) {
