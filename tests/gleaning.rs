@@ -72,3 +72,68 @@ fn equations_range_over_gleaned_rows() {
         assert!(!gleaned[part].is_null() && gleaned[part] == hand[part], "{part}");
     }
 }
+
+/// An autoregression of all lags of degree one is the affine map of one region: the same columns, and the same coefficients, by a flag, by a recipe, and from sums.
+#[test]
+fn autoregressions_range_over_gleaned_rows() {
+    let folder = folder();
+    let path = folder.path();
+    let affine = "[model]\npredict = \"next\"\nlags = { last = 12, every = 5 }\npartition = \"average\"\n";
+    fit(path, "pwa", affine, &[], "affine.json");
+    let all = ["--degree", "1", "--terms", "all"];
+    // A flag stands above lags of the recipe.
+    let narx = "[narx]\nlags_out = 1\nlags_in = 2\n";
+    fit(path, "narx", narx, &[&all[..], &["--lags", "12:5"]].concat(), "flag.json");
+    let gleaned = "[narx]\nterms = \"all\"\n[model]\ndegree = 1\nlags = { last = 12, every = 5 }\n";
+    fit(path, "narx", gleaned, &all, "gleaned.json");
+    let [affine, flag, gleaned] = ["affine.json", "flag.json", "gleaned.json"].map(|name| model(path, name));
+    for part in ["libraries", "latents", "equations"] {
+        assert!(!flag[part].is_null() && flag[part] == gleaned[part], "{part}");
+    }
+    let of = |model: &serde_json::Value| -> Vec<(String, f64)> {
+        let latent = &model["latents"][0];
+        let names = model["libraries"][0].as_array().unwrap().iter().map(|name| name.as_str().unwrap().to_owned());
+        let row = latent["coefficients"][0].as_array().unwrap().iter().map(|number| number.as_f64().unwrap());
+        let mut found: Vec<(String, f64)> = names.zip(row).collect();
+        found.sort_by(|a, b| a.0.cmp(&b.0));
+        found
+    };
+    let (map, own) = (of(&affine), of(&gleaned));
+    assert_eq!(map.len(), 6);
+    assert!(map.iter().zip(&own).all(|(a, b)| a.0 == b.0 && (a.1 - b.1).abs() < 1e-9), "{map:?} {own:?}");
+    // Sums of these lags are fitted as the logs are; of other lags they are refused.
+    fleetfoot(path, &["scan", "-c", "own.toml", "run0.csv", "run1.csv", "-o", "own.stats"]).ok();
+    fleetfoot(path, &[&["fit", "narx", "own.stats", "-o", "sums.json"], &all[..]].concat()).ok();
+    let sums = model(path, "sums.json");
+    assert!(["libraries", "latents", "equations"].iter().all(|part| sums[*part] == gleaned[*part]), "{sums:#}");
+    let said = fleetfoot(
+        path,
+        &[&["fit", "narx", "own.stats", "-c", "own.toml", "--lags-out", "3", "--lags-in", "3"], &all[..]].concat(),
+    );
+    assert!(
+        said.code == 1 && said.err.contains("ny 3 nu 3 every 5") && said.err.contains("scan again"),
+        "{}",
+        said.err
+    );
+    // Looked for is what --lags does not say: degree, terms, and whether inputs act at once.
+    let report = [
+        "fit",
+        "narx",
+        "-c",
+        "own.toml",
+        "run0.csv",
+        "run1.csv",
+        "-o",
+        "looked.json",
+        "--effort",
+        "low",
+        "--terms",
+        "auto",
+        "--json",
+    ];
+    let found = fleetfoot(path, &report).ok().json();
+    assert_eq!(found["order"]["every"], 5, "{found:#}");
+    assert_eq!((&found["order"]["lags_out"], &found["order"]["lags_in"]), (&3.into(), &3.into()), "{found:#}");
+    let said = fleetfoot(path, &["fit", "narx", "-c", "own.toml", "run0.csv", "--lags", "12:5", "--lags-out", "1"]);
+    assert!(said.code == 2 && said.err.contains("--lags-out"), "{}", said.err);
+}

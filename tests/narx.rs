@@ -146,7 +146,7 @@ fn what_cannot_be_fitted_says_why() {
     fails(&[&COLUMNS[..], &["--terms", "0"]].concat(), &["terms = 0"]);
     fails(&[&COLUMNS[..], &["--lags-out", "0", "--lags-in", "0"]].concat(), &["nothing is left"]);
     fails(&[&COLUMNS[..], &["--predict", "derivative"]].concat(), &["next value"]);
-    fails(&[&COLUMNS[..], &["--lags", "2"]].concat(), &["--lags-out"]);
+    fails(&[&COLUMNS[..], &["--lags", "40:2", "--terms", "all"]].concat(), &["rows", "fewer lags"]);
     fails(&[&COLUMNS[..], &["--lags-out", "30", "--terms", "all"]].concat(), &["rows", "fewer lags"]);
     fails(&[&COLUMNS[..], &["--output", "a.csv"]].concat(), &["one of the inputs"]);
 }

@@ -129,7 +129,7 @@ pub(crate) enum Fit {
     Sindy(Box<FitSindy>),
     /// Outputs from their own past and that of the inputs, polynomial and piecewise where asked for (NARX).
     // What these three say is settled by the method: they are refused, with the options that say it.
-    #[command(after_help = examples::FIT_NARX, mut_arg("derivative", |arg| arg.hide(true)), mut_arg("predict", |arg| arg.hide(true)), mut_arg("lags", |arg| arg.hide(true)))]
+    #[command(after_help = examples::FIT_NARX, mut_arg("derivative", |arg| arg.hide(true)), mut_arg("predict", |arg| arg.hide(true)), mut_arg("lags", |arg| arg.conflicts_with_all(["lags_out", "lags_in"])))]
     Narx(Box<FitNarx>),
     /// Parameters of given equations, by output error, filter error or equation error, with intervals.
     // The equations say what is predicted from what: these are refused.
@@ -218,7 +218,7 @@ pub(crate) struct RecipeArgs {
     /// Total degree of the polynomial library, 1 is affine (default: 1 of pwa and sparse, 2 of sindy; narx looks for it).
     #[arg(long, value_name = "N")]
     pub(crate) degree: Option<u32>,
-    /// Past rows of every state and input beside the present one: the last N, or every K-th of the last L, as L:K (default: 0).
+    /// Past rows of every state and input beside the present one: the last N, or every K-th of the last L, as L:K (default: 0; narx looks for them).
     #[arg(long, value_name = "ROWS")]
     pub(crate) lags: Option<Lags>,
     /// Non-negative row weights: a column or an expression. Weight w counts a row's squared error w times

@@ -51,12 +51,16 @@ pub(crate) fn decoded<S: Serializer>(decoded: &Option<(u64, bool)>, serializer: 
 pub(crate) struct Order {
     lags_out: usize,
     lags_in: usize,
+    /// Rows between past values, where these do not follow one another.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    every: Option<usize>,
     degree: usize,
 }
 
 impl From<NarxOrder> for Order {
     fn from(order: NarxOrder) -> Self {
-        Self { lags_out: order.outputs, lags_in: order.inputs, degree: order.degree }
+        let every = (order.every > 1).then_some(order.every);
+        Self { lags_out: order.outputs, lags_in: order.inputs, every, degree: order.degree }
     }
 }
 

@@ -341,8 +341,11 @@ pub(crate) fn recipe(arguments: &RecipeArgs) -> Result<Recipe, Error> {
     let model = &mut recipe.model;
     model.predict = arguments.predict.clone().or(model.predict.take());
     model.degree = arguments.degree.or(model.degree);
-    model.lags = arguments.lags.or(model.lags);
     model.weight = arguments.weight.clone().or(model.weight.take());
+    if let Some(lags) = arguments.lags {
+        model.lags = Some(lags);
+        (recipe.narx.lags_out, recipe.narx.lags_in) = (None, None);
+    }
     apply_time(&mut recipe, &arguments.time)?;
     Ok(recipe)
 }

@@ -130,7 +130,7 @@ impl Fit<'_> {
         let longest = |spans: &Spans<'_>| spans.episodes().iter().map(|episode| episode.rows).max().unwrap_or(0);
         let room = held.iter().map(longest).min().unwrap_or(0) / ROWS_PER_LAG;
         let first = match self.options.order {
-            OrderRule::Fixed(order) | OrderRule::UpTo(order) => order.outputs.max(order.inputs),
+            OrderRule::Fixed(order) | OrderRule::UpTo(order) => order.reach(),
             OrderRule::Look(given) => self.options.most_lags(given, room.max(1)),
         };
         let anew = self.anew(partitions, (&cut, &folds), progress)?;
@@ -261,7 +261,7 @@ impl Fit<'_> {
     fn check_rows(&self, progress: &dyn Progress) -> Result<(), Error> {
         let order = match self.options.order {
             OrderRule::Fixed(order) | OrderRule::UpTo(order) => order,
-            OrderRule::Look(given) => given.or(NarxOrder { outputs: 1, inputs: 1, degree: 1, direct: false }),
+            OrderRule::Look(given) => given.or(NarxOrder { outputs: 1, inputs: 1, degree: 1, direct: false, every: 1 }),
         };
         let lags = self.base.with(&[NarxOrder { degree: 1, ..order }])?;
         let whole = self.scan(&lags.task, None, progress)?;
@@ -398,6 +398,6 @@ impl NarxOptions {
     /// The most lags that a search may come to, where the spans have room for `room`.
     fn most_lags(&self, given: GivenOrder, room: usize) -> usize {
         let grid = self.effort.lags().iter().copied().max().unwrap_or(1).min(room).max(USUAL.outputs);
-        given.outputs.unwrap_or(grid).max(given.inputs.unwrap_or(grid))
+        given.or(NarxOrder { outputs: grid, inputs: grid, ..USUAL }).reach()
     }
 }

@@ -97,7 +97,7 @@ mod tests {
     use super::*;
 
     fn order(outputs: usize) -> NarxOrder {
-        NarxOrder { outputs, inputs: 1, degree: 1, direct: false }
+        NarxOrder { outputs, inputs: 1, degree: 1, direct: false, every: 1 }
     }
 
     #[test]

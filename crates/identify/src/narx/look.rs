@@ -161,8 +161,7 @@ impl Look<'_> {
         let usual = self.given.or(USUAL);
         let fits = |order: &NarxOrder| {
             let known = order.is_within(usual);
-            known
-                || (order.outputs.max(order.inputs) <= self.most_lags && self.selection.base.candidates(*order) <= most)
+            known || (order.reach() <= self.most_lags && self.selection.base.candidates(*order) <= most)
         };
         orders.into_iter().filter(fits).collect()
     }
@@ -171,14 +170,14 @@ impl Look<'_> {
     fn linear(&self) -> Vec<NarxOrder> {
         let grid = self.options.effort.lags();
         let lags = |given: Option<usize>| given.map_or_else(|| grid.to_vec(), |lags| vec![lags]);
-        let mut orders = Vec::new();
+        let (mut orders, every) = (Vec::new(), self.given.or(USUAL).every);
         for direct in self.directs() {
             for &outputs in &lags(self.given.outputs) {
                 let mut inputs = lags(self.given.inputs);
                 if direct && self.given.inputs.is_none() {
                     inputs.push(0);
                 }
-                orders.extend(inputs.iter().map(|&inputs| NarxOrder { outputs, inputs, degree: 1, direct }));
+                orders.extend(inputs.iter().map(|&inputs| NarxOrder { outputs, inputs, degree: 1, direct, every }));
             }
         }
         orders.retain(|order| order.outputs + order.inputs > 0 || order.direct);
@@ -210,7 +209,7 @@ impl Look<'_> {
         for (lag, direct) in
             [1, 2].into_iter().flat_map(|lag| self.directs().into_iter().map(move |direct| (lag, direct)))
         {
-            lags.push(self.given.or(NarxOrder { outputs: lag, inputs: lag, degree: 1, direct }));
+            lags.push(self.given.or(NarxOrder { outputs: lag, inputs: lag, degree: 1, direct, every: 1 }));
         }
         let degrees = self.degrees();
         let at = |order: &NarxOrder| degrees.iter().map(|&degree| NarxOrder { degree, ..*order }).collect::<Vec<_>>();

@@ -4,7 +4,7 @@ use fleetfoot_pwa::Specification;
 use fleetfoot_sparse::narx::NarxOrder;
 
 use crate::{
-    Criterion, Effort, Error, GivenAs, NarxSection, NarxSelection, NarxTerms, Objective, Recipe, recipe::seed,
+    Criterion, Effort, Error, GivenAs, Lags, NarxSection, NarxSelection, NarxTerms, Objective, Recipe, recipe::seed,
 };
 
 /// How many terms an equation has.
@@ -47,6 +47,8 @@ pub struct GivenOrder {
     pub degree: Option<usize>,
     /// Whether inputs act at once.
     pub direct: Option<bool>,
+    /// Rows between two past values.
+    pub every: Option<usize>,
 }
 
 impl GivenOrder {
@@ -57,6 +59,7 @@ impl GivenOrder {
             inputs: self.inputs.unwrap_or(other.inputs),
             degree: self.degree.unwrap_or(other.degree),
             direct: self.direct.unwrap_or(other.direct),
+            every: self.every.unwrap_or(other.every),
         }
     }
 }
@@ -92,7 +95,7 @@ pub struct NarxOptions {
 }
 
 /// The order where nothing is given and nothing is looked for.
-pub(crate) const USUAL: NarxOrder = NarxOrder { outputs: 2, inputs: 2, degree: 2, direct: false };
+pub(crate) const USUAL: NarxOrder = NarxOrder { outputs: 2, inputs: 2, degree: 2, direct: false, every: 1 };
 const FOLDS: usize = 5;
 /// The most terms when none are given.
 const MAX_TERMS: usize = 20;
@@ -160,6 +163,7 @@ fn order(recipe: &Recipe, selection: NarxSelection, terms: TermRule) -> Result<O
             "[narx] lags_in: there are no inputs; name them (--inputs, or [inputs] of the recipe)".into(),
         ));
     }
+    let past = recipe.model.lags.map(|lags| Past::new(lags, section, has_inputs)).transpose()?;
     let lags = |what, value: Option<usize>| value.map(|lags| within(what, lags, 0, MAX_LAGS)).transpose();
     let degree = recipe.model.degree.map(|degree| within("degree", degree as usize, 1, 20)).transpose()?;
     let additive = !recipe.library.functions.is_empty();
@@ -171,11 +175,20 @@ fn order(recipe: &Recipe, selection: NarxSelection, terms: TermRule) -> Result<O
         ));
     }
     let given = GivenOrder {
-        outputs: lags("lags_out", section.lags_out)?,
-        inputs: if has_inputs { lags("lags_in", section.lags_in)? } else { Some(0) },
+        outputs: past.map_or_else(|| lags("lags_out", section.lags_out), |past| Ok(Some(past.values)))?,
+        inputs: match past {
+            _ if !has_inputs => Some(0),
+            Some(past) => Some(past.values),
+            None => lags("lags_in", section.lags_in)?,
+        },
+        every: past.map(|past| past.every),
         degree: if additive { Some(1) } else { degree },
         // Who says how far back inputs go has said how they act.
-        direct: if has_inputs { section.direct.or(section.lags_in.map(|_| false)) } else { Some(false) },
+        direct: if has_inputs {
+            section.direct.or(section.lags_in.or(past.map(|past| past.values)).map(|_| false))
+        } else {
+            Some(false)
+        },
     };
     if given.outputs == Some(0) && given.inputs == Some(0) && given.direct == Some(false) {
         return Err(Error::value(
@@ -192,6 +205,28 @@ fn order(recipe: &Recipe, selection: NarxSelection, terms: TermRule) -> Result<O
         None if whole && !matches!(terms, TermRule::Auto(_)) => OrderRule::Fixed(all),
         None => OrderRule::Look(given),
     })
+}
+
+/// Past rows of outputs and inputs as all methods say them: the present row, from which the next is told, and those before it.
+#[derive(Clone, Copy)]
+struct Past {
+    values: usize,
+    every: usize,
+}
+
+impl Past {
+    fn new(lags: Lags, section: &NarxSection, has_inputs: bool) -> Result<Self, Error> {
+        let said = [("lags_out", section.lags_out), ("lags_in", section.lags_in)];
+        if let Some((own, _)) = said.iter().find(|(_, own)| own.is_some()) {
+            return Err(Error::conflict(format!(
+                "[narx] {own} and --lags {lags}: both say how far back the rows go; leave one away. --lags is that many rows before the present one, of outputs{}",
+                if has_inputs { " and inputs" } else { "" }
+            )));
+        }
+        let every = lags.steps().next().map_or(1, |first| first as usize);
+        let values = 1 + lags.steps().count();
+        Ok(Self { values: within("lags", values, 1, MAX_LAGS)?, every })
+    }
 }
 
 fn terms(section: &NarxSection) -> Result<TermRule, Error> {
@@ -237,7 +272,10 @@ mod tests {
         );
         let text = "[narx]\nlags_out = 3\nterms = 15\norder = \"auto\"\nselect = \"bic\"\n[model]\ndegree = 3\npartition = \"kmeans:4\"";
         let given = options(text).unwrap();
-        assert_eq!(given.order, OrderRule::UpTo(NarxOrder { outputs: 3, inputs: 0, degree: 3, direct: false }));
+        assert_eq!(
+            given.order,
+            OrderRule::UpTo(NarxOrder { outputs: 3, inputs: 0, degree: 3, direct: false, every: 1 })
+        );
         assert_eq!(given.selection, NarxSelection::OneStep(Criterion::Bic));
         assert_eq!(given.terms, TermRule::Count(15));
         assert_eq!(given.partitions, [Specification::KMeans(4)]);
@@ -251,7 +289,18 @@ mod tests {
         // The lags of the inputs say how they act.
         let given = GivenOrder { inputs: Some(2), direct: Some(false), ..GivenOrder::default() };
         assert_eq!(order("[narx]\nlags_in = 2"), OrderRule::Look(given));
-        let all = NarxOrder { outputs: 1, inputs: 2, degree: 3, direct: true };
+        let all = NarxOrder { outputs: 1, inputs: 2, degree: 3, direct: true, every: 1 };
+        // Every fifth of the last fifty rows beside the present one, which is one row before what is told.
+        let gleaned = order("[model]\nlags = { last = 50, every = 5 }");
+        let given = GivenOrder {
+            outputs: Some(11),
+            inputs: Some(11),
+            direct: Some(false),
+            every: Some(5),
+            ..GivenOrder::default()
+        };
+        assert_eq!(gleaned, OrderRule::Look(given));
+        assert_eq!(given.or(USUAL).reach(), 51);
         let text = "[narx]\nlags_out = 1\nlags_in = 2\ndirect = true\nterms = 5\n[model]\ndegree = 3";
         assert_eq!(order(text), OrderRule::Fixed(all));
         assert_eq!(order("[narx]\nselect = \"bic\""), OrderRule::Fixed(USUAL));
@@ -264,6 +313,8 @@ mod tests {
     fn what_is_not_allowed_is_said_with_what_is() {
         for (text, parts) in [
             ("[narx]\nlags_out = 0", &["nothing is left", "lag"][..]),
+            ("[narx]\nlags_out = 2\n[model]\nlags = 3", &["lags_out and --lags 3", "leave one away"]),
+            ("[model]\nlags = 5000", &["lags = 5001", "1000"]),
             ("[narx]\nlags_in = 2", &["no inputs", "--inputs"]),
             ("[narx]\nterms = 0", &["terms = 0", "from 1 on"]),
             ("[narx]\nterms = \"many\"", &["terms = many", "auto"]),

@@ -475,8 +475,10 @@ mod tests {
             step: 1.0,
             by: By::Simulations,
         };
-        let job =
-            Job { order: NarxOrder { outputs: 1, inputs: 1, degree: 2, direct: false }, terms: TermRule::Auto(4) };
+        let job = Job {
+            order: NarxOrder { outputs: 1, inputs: 1, degree: 2, direct: false, every: 1 },
+            terms: TermRule::Auto(4),
+        };
         let tried = with_threads(1, || selection.run(&[job], &Silent)).unwrap();
         let of = |tried: &[Tried]| tried.iter().map(|tried| tried.candidate.clone()).collect::<Vec<_>>();
         assert_eq!(of(&tried), of(&with_threads(3, || selection.run(&[job], &Silent)).unwrap()));
@@ -519,7 +521,10 @@ mod tests {
             step: 1.0,
             by: By::OneStep,
         };
-        let job = Job { order: NarxOrder { outputs: 1, inputs: 1, degree: 1, direct: false }, terms: TermRule::All };
+        let job = Job {
+            order: NarxOrder { outputs: 1, inputs: 1, degree: 1, direct: false, every: 1 },
+            terms: TermRule::All,
+        };
         let tried = selection.run(&[job], &Silent).unwrap();
         assert_eq!(tried.len(), 2);
         // Rows of a span whose successor is in it, too: 1, y, u and what follows.
@@ -593,7 +598,7 @@ mod tests {
                 step: 1.0,
                 by: By::Simulations,
             };
-            let job = Job { order: NarxOrder { outputs: 1, inputs: 1, degree: 1, direct: false }, terms };
+            let job = Job { order: NarxOrder { outputs: 1, inputs: 1, degree: 1, direct: false, every: 1 }, terms };
             let tried = selection.run(&[job], &Silent).unwrap();
             tried.into_iter().map(|tried| tried.candidate).collect::<Vec<_>>()
         };

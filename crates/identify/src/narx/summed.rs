@@ -184,7 +184,7 @@ pub(super) fn folds_of_chunks(
     smoothed: usize,
 ) -> Result<Vec<NarxFold>, Error> {
     let (keys, rows) = keys(scan);
-    let purge = Purge::Exactly(order.outputs.max(order.inputs) + smoothed);
+    let purge = Purge::Exactly(order.reach() + smoothed);
     let folds = Folds::of(&keys, &rows, FoldRule::Count(count), purge)?;
     let problems = |weights: MatRef<'_, f64>| scan.roots(0, weights).into_iter().map(|root| root.compressed(true));
     Ok(problems(folds.train()).zip(problems(folds.test())).map(|(train, test)| NarxFold { train, test }).collect())

@@ -56,9 +56,6 @@ pub(crate) fn one_row_ahead(recipe: &Recipe, options: &NarxOptions) -> Result<Re
             );
         }
     }
-    if recipe.model.lags.is_some() {
-        return refuse("--lags", "say how far back outputs and inputs go by --lags-out and --lags-in");
-    }
     if recipe.states.is_empty() {
         return refuse("no outputs", "name them in the recipe ([states]) or with --outputs");
     }
@@ -66,6 +63,8 @@ pub(crate) fn one_row_ahead(recipe: &Recipe, options: &NarxOptions) -> Result<Re
     // Of several partitions only a label has to be known there: it is one more column.
     recipe.model.partition = options.partitions.iter().find(|p| p.label().is_some()).map(ToString::to_string);
     recipe.model.predict = Some("next".into());
+    // The candidates have them.
+    recipe.model.lags = None;
     if recipe.library.functions.is_empty() {
         recipe.library.functions = vec!["1".into()];
     }
@@ -150,7 +149,7 @@ impl NarxBase {
 
     /// Refuses candidates that a free run could not evaluate; `direct`: with inputs that act at once.
     fn check_simulated(&self, direct: bool, step: f64) -> Result<(), Error> {
-        let task = self.with(&[NarxOrder { outputs: 1, inputs: 1, degree: 1, direct }])?.task;
+        let task = self.with(&[NarxOrder { outputs: 1, inputs: 1, degree: 1, direct, every: 1 }])?.task;
         fleetfoot_model::check_simulated(&task.columns, &task.equations, step, &task.functions).map_err(
             |error| match error {
                 ClosedError::Ahead { column, definition, state, ahead } => Error::conflict(format!(

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::settings::settings;
-use super::{Criterion, Objective};
+use super::{Criterion, Objective, Recipe};
 
 /// How far a search goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
@@ -75,7 +75,7 @@ pub enum GivenAs {
 }
 
 settings! {
-    narx, |_, _| {};
+    narx, NarxSection::silenced;
     /// How an autoregression is found. Every entry is the flag of `fit narx` of the same name; outputs are `[states]`, inputs `[inputs]`.
     pub struct NarxSection {
         /// Past values of every output, y(k-1) to y(k-N) (default: looked for).
@@ -121,6 +121,15 @@ settings! {
         /// Clusterings of every k-means to choose from by free runs, from the seed and the next ones (default: 1).
         #[arg(long, value_name = "N")]
         pub starts: usize,
+    }
+}
+
+impl NarxSection {
+    /// Who says how far back outputs or inputs go speaks of no rows that go before all of them.
+    fn silenced(&self, recipe: &mut Recipe) {
+        if self.lags_out.is_some() || self.lags_in.is_some() {
+            recipe.model.lags = None;
+        }
     }
 }
 

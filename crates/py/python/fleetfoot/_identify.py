@@ -112,6 +112,11 @@ class Identifier(Fitted, BaseEstimator):
         value = self._said(name)
         return None if value is None else count(name, value, least)
 
+    def _past(self) -> int | str | Mapping[str, int] | None:
+        """The past rows, a number checked, other ways of writing as they are."""
+        said = self._said("lags")
+        return said if isinstance(said, (str, Mapping)) else self._whole("lags", 0)
+
     def _real(self, name: str, *words: str) -> float | str | None:
         """A number, or one of some words, that an argument says."""
         value = self._said(name)

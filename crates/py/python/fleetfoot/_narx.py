@@ -24,6 +24,9 @@ class NARX(Identifier):
     ----------
     lags_out, lags_in : int, optional
         Past values of every output and input; looked for when not given.
+    lags : int, str or mapping, optional
+        In their place, past rows of every output and input that stand beside the present one, from which the next is
+        told: the last 3, ``3``, or every 5th of the last 50, ``"50:5"`` or ``{"last": 50, "every": 5}``.
     degree : int, optional
         Total degree of the polynomials; looked for up to 3 when not given.
     direct : bool, optional
@@ -87,6 +90,7 @@ class NARX(Identifier):
         lags_in: int | None = None,
         degree: int | None = None,
         *,
+        lags: int | str | Mapping[str, int] | None = None,
         direct: bool | None = None,
         order: str | None = None,
         effort: str = "normal",
@@ -117,6 +121,7 @@ class NARX(Identifier):
         self.lags_out = lags_out
         self.lags_in = lags_in
         self.degree = degree
+        self.lags = lags
         self.direct = direct
         self.order = order
         self.effort = effort
@@ -164,6 +169,7 @@ class NARX(Identifier):
         )
         model = _recipe.said(
             degree=self._whole("degree", 1),
+            lags=self._past(),
             partition=partition(self._said("partition")),
             partition_on=self._list("partition_on"),
         )

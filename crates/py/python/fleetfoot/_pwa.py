@@ -169,11 +169,6 @@ class PWA(Identifier):
         self.cache = cache
         self.progress = progress
 
-    def _past(self) -> int | str | Mapping[str, int] | None:
-        """The past rows, a number checked, other ways of writing as they are."""
-        said = self._said("lags")
-        return said if isinstance(said, (str, Mapping)) else self._whole("lags", 0)
-
     def _ports(self) -> str | None:
         said = self._said("passive")
         return ",".join(f"{force}:{speed}" for force, speed in said.items()) if isinstance(said, Mapping) else said

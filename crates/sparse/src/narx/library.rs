@@ -8,7 +8,7 @@ use super::NarxOrder;
 
 /// The functions of lagged outputs and inputs up to some orders, for a target one row ahead.
 ///
-/// The row that a candidate is evaluated at is k - 1, so that `y(k-1)` is the column itself and `y(k-2)` the column one row earlier.
+/// The row that a candidate is evaluated at is k - 1, so that `y(k-1)` is the column itself and `y(k-2)` the column one row earlier. Past values of all orders of a library are equally far apart.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NarxLibrary {
     /// The largest orders; none is within another.
@@ -29,7 +29,7 @@ pub struct Addend {
     pub inputs: bool,
 }
 
-const NONE: NarxOrder = NarxOrder { outputs: 0, inputs: 0, degree: 1, direct: false };
+const NONE: NarxOrder = NarxOrder { outputs: 0, inputs: 0, degree: 1, direct: false, every: 1 };
 
 impl NarxLibrary {
     /// All monomials of degree 1 to `order.degree` of the lags of `outputs` and `inputs`, in graded lexicographic order; where inputs act at once the input of row k
@@ -75,8 +75,9 @@ impl NarxLibrary {
                 }
                 lagged.extend((0..lags).map(|lag| {
                     let reach = |reads: bool| if reads { lag + 1 } else { 0 };
-                    let need = NarxOrder { outputs: reach(*outputs), inputs: reach(*inputs || !*outputs), ..NONE };
-                    (function.shifted(lag as i32), need)
+                    let (outputs, inputs) = (reach(*outputs), reach(*inputs || !*outputs));
+                    let need = NarxOrder { outputs, inputs, every: order.every, ..NONE };
+                    (function.shifted(past(lag, order)), need)
                 }));
             }
             Ok::<_, std::convert::Infallible>(lagged)
@@ -130,7 +131,7 @@ impl NarxLibrary {
             let least_inputs = usize::from(most.inputs > 0 && !most.direct);
             for degree in 1..=most.degree {
                 for outputs in most.outputs.min(1)..=most.outputs {
-                    let order = |inputs| NarxOrder { outputs, inputs, degree, direct: most.direct };
+                    let order = |inputs| NarxOrder { outputs, inputs, degree, ..*most };
                     orders.extend((least_inputs..=most.inputs).map(order));
                 }
             }
@@ -141,20 +142,25 @@ impl NarxLibrary {
     }
 }
 
+/// Rows from k - 1 back to the past value of this number, the first being 0.
+fn past(lag: usize, order: NarxOrder) -> i32 {
+    (lag * order.every) as i32
+}
+
 /// Lagged outputs, then inputs at once, then lagged inputs, each with the least order that has it.
 fn variables(outputs: &[Expr], inputs: &[Expr], order: NarxOrder) -> Vec<(Expr, NarxOrder)> {
     let mut variables: Vec<(Expr, NarxOrder)> = Vec::new();
     for lag in 0..order.outputs {
-        let need = NarxOrder { outputs: lag + 1, ..NONE };
-        variables.extend(outputs.iter().map(|output| (output.shifted(lag as i32), need)));
+        let need = NarxOrder { outputs: lag + 1, every: order.every, ..NONE };
+        variables.extend(outputs.iter().map(|output| (output.shifted(past(lag, order)), need)));
     }
     if order.direct {
         let need = NarxOrder { direct: true, ..NONE };
         variables.extend(inputs.iter().map(|input| (input.shifted(-1), need)));
     }
     for lag in 0..order.inputs {
-        let need = NarxOrder { inputs: lag + 1, ..NONE };
-        variables.extend(inputs.iter().map(|input| (input.shifted(lag as i32), need)));
+        let need = NarxOrder { inputs: lag + 1, every: order.every, ..NONE };
+        variables.extend(inputs.iter().map(|input| (input.shifted(past(lag, order)), need)));
     }
     variables
 }

@@ -12,7 +12,7 @@ use crate::{
 };
 
 fn order(outputs: usize, inputs: usize, degree: usize) -> NarxOrder {
-    NarxOrder { outputs, inputs, degree, direct: false }
+    NarxOrder { outputs, inputs, degree, direct: false, every: 1 }
 }
 
 fn direct(order: NarxOrder) -> NarxOrder {
@@ -90,6 +90,29 @@ fn one_library_holds_orders_that_are_not_within_each_other() {
     assert_eq!(once.len(), all.functions().len());
     // Ten lags; the squares and products of y, its lag and u; the input at once, its products, and all of degree three of three variables.
     assert_eq!(once.len(), 10 + 6 + (1 + 3) + 10);
+}
+
+/// Past values that are further apart: the columns of an order and of those within it, and what is not within.
+#[test]
+fn past_values_may_be_further_apart() {
+    let spread = |order: NarxOrder| NarxOrder { every: 5, ..order };
+    let all = library(spread(direct(order(3, 2, 2))));
+    let names = |own: NarxOrder| {
+        let columns = all.columns(own);
+        let own = columns[1..].iter().map(|&j| all.functions()[j - 1].to_string());
+        own.filter(|name| !name.contains(['*', '^'])).collect::<Vec<_>>()
+    };
+    assert_eq!(names(spread(direct(order(3, 2, 2)))), ["y", "lag(y, 5)", "lag(y, 10)", "lead(u, 1)", "u", "lag(u, 5)"]);
+    assert_eq!(names(spread(order(2, 1, 1))), ["y", "lag(y, 5)", "u"]);
+    assert!(all.orders().iter().all(|order| order.every == 5));
+    assert_eq!(all.orders().last(), Some(&spread(direct(order(3, 2, 2)))));
+    let (near, far) = (order(2, 2, 1), spread(order(3, 3, 2)));
+    assert!(!near.is_within(far) && spread(near).is_within(far) && order(1, 1, 2).is_within(far));
+    assert_eq!((far.reach(), near.reach(), order(0, 0, 1).reach()), (11, 2, 0));
+    let addend = Addend { function: Expr::column("y").powi(2), outputs: true, inputs: false };
+    let lagged = NarxLibrary::additive(&[addend], &[spread(order(3, 0, 1))]);
+    let found: Vec<String> = lagged.functions().iter().map(Expr::to_string).collect();
+    assert_eq!(found, ["y^2", "lag(y, 5)^2", "lag(y, 10)^2"]);
 }
 
 #[test]
