@@ -232,7 +232,7 @@ pub(crate) fn refine(
     let mut trials: Vec<Trial> = Vec::with_capacity(rule.folds);
     held.each(|train, rows| {
         let before = fit(train)?;
-        progress.stage("simulation error, without a fold");
+        progress.stage(&format!("simulation error, without fold {} of {}", trials.len() + 1, rule.folds));
         let after = match Coefficient::support(&before.0).is_empty() {
             true => vec![(None, before.0.clone())],
             false => fitted(objective, &before, most, train, progress)?

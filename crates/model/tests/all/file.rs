@@ -3,8 +3,8 @@
 use fleetfoot_library::Expr;
 use fleetfoot_model::{
     Column, Equation, Estimated, FileError, Join, Latent, Lattice, Level, Model, Partition, Passage, PhaseBins, Phases,
-    Prediction, Region, RegionPair, Role, RotationKind, RotationPart, Rule, TrainedEpisode, Training, Transitions,
-    UnseenLabel,
+    Prediction, Region, RegionPair, ResidualCorrelation, Role, RotationKind, RotationPart, Rule, TrainedEpisode,
+    Training, Transitions, UnseenLabel,
 };
 use proptest::prelude::*;
 
@@ -65,6 +65,7 @@ fn model(numbers: &[f64; 12]) -> Model {
             unseen: UnseenLabel::Pool,
         },
         regions: (0..5).map(region).collect(),
+        correlation: Some(ResidualCorrelation { lags: vec![vec![n(8)], vec![n(9)]] }),
         transitions: Some(Transitions {
             counts: (0..5).map(|from| (0..5).map(|to| from * 7 + to).collect()).collect(),
         }),
