@@ -64,6 +64,21 @@ impl Autoregression {
         self.coefficients.len().checked_div(q).unwrap_or(0)
     }
 
+    /// Rows that say of a mean what one independent row does, the mean of the q numbers in units of their deviations: the variance of a sum over many rows by theirs, `H cov(e) H'` with
+    /// `H = (I - sum_j Phi_j)^-1`; at least 1. NaN where they have no spread.
+    pub fn correlation_time(&self) -> f64 {
+        let (q, p) = (self.targets(), self.order());
+        let left = |a: usize, b: usize| {
+            let all: f64 = (0..p).map(|j| self.coefficients[a * p * q + j * q + b]).sum();
+            f64::from(u8::from(a == b)) - all
+        };
+        let innovation = Mat::from_fn(q, q, |a, b| self.innovation[a * q + b]);
+        let inverse = Mat::from_fn(q, q, left).partial_piv_lu().solve(Mat::<f64>::identity(q, q));
+        let long = &inverse * innovation * inverse.transpose();
+        let own = |a: usize| if p > 0 { self.stationary[a * p * q + a] } else { self.innovation[a * q + a] };
+        ((0..q).map(|a| long[(a, a)] / own(a)).sum::<f64>() / q as f64).max(1.0)
+    }
+
     /// The autoregression of least BIC, `n ln|innovation| + p q^2 ln n`, of the orders that the autocovariances allow: order 0 where rows of n are as good as independent. `None` where the numbers of a row
     /// are not.
     pub fn of_least_bic(autocovariances: &[Vec<f64>], q: usize, rows: f64) -> Option<Self> {
@@ -118,6 +133,15 @@ mod tests {
         assert_eq!(Autoregression::of_least_bic(&known, 2, 1e6).expect("a series").order(), 2);
         let white = [known[0].clone(), vec![1e-4; 4]];
         assert_eq!(Autoregression::of_least_bic(&white, 2, 1e4).expect("a series").order(), 0);
+    }
+
+    #[test]
+    fn an_autoregression_of_first_order_has_its_correlation_time() {
+        // (1 + a) / (1 - a) of 0.9 and 0.5.
+        let (one, other) = (0.9, 0.5);
+        let found = Autoregression::yule_walker(&[vec![2.0, 0.0, 0.0, 3.0], vec![2.0 * one, 0.0, 0.0, 3.0 * other]], 2);
+        let time = found.expect("a series").correlation_time();
+        assert!((time - 0.5 * (19.0 + 3.0)).abs() < 1e-12, "{time}");
     }
 
     #[test]

@@ -55,14 +55,22 @@ pub(super) fn white_noise(model: &Model, pieces: &Pieces, region: usize) -> Resu
 /// The noise of a region whose residuals hang on those of the rows before: what the whitened residuals of a row become in the states, and the little that given equations may be off.
 ///
 /// What a residual is in a row it is over the whole step, as inputs are. Residuals of central differences are means over two rows; they do over many rows what those of one row do, and are somewhat smaller over one.
-pub(super) fn coloured_noise(model: &Model, pieces: &Pieces, region: usize) -> Result<StepNoise, FilterError> {
+/// `time`: rows that say as much as an independent one. Few rows fit their own noise, and what coefficients are off by it adds to that of other rows: the covariance is that of rows which did not train,
+/// `(n + p) / (n - p)` times that of those which did, n of them independent (Akaike, "Fitting autoregressive models for prediction", Ann. Inst. Statist. Math. 21, 1969).
+pub(super) fn coloured_noise(
+    model: &Model,
+    pieces: &Pieces,
+    region: usize,
+    time: f64,
+) -> Result<StepNoise, FilterError> {
     let mut noise = white_noise(model, pieces, region)?.white;
     let (n, q) = (pieces.states.len(), model.fitted().count());
     let mut shape = Mat::zeros(n, q);
     let Some(own) = described(model, pieces).and_then(|partition| partition.regions.get(region)) else {
         return Ok(StepNoise { white: noise, shape });
     };
-    let scale = over_freedom(own);
+    let (rows, spent) = (own.rows as f64 / time, own.rank as f64 + 1.0);
+    let scale = if rows > 2.0 * spent { (rows + spent) / (rows - spent) } else { 3.0 };
     let entry = |s: usize, t: usize| {
         let value = own.residual_covariance[packed(s.max(t), s.min(t))];
         scale * if value.is_finite() { value } else { 0.0 }

@@ -156,9 +156,13 @@ impl SwitchedFilter {
             (prior.0[state], prior.1[state]) = (*mean, *deviation);
         }
         let colour = colour(model, &pieces, options.noise)?;
-        let noise = if colour.is_some() { coloured_noise } else { white_noise };
-        let noise =
-            (0..pieces.regions.len()).map(|region| noise(model, &pieces, region)).collect::<Result<Vec<_>, _>>()?;
+        let time = colour.as_ref().map(Autoregression::correlation_time);
+        let noise = (0..pieces.regions.len())
+            .map(|region| match time {
+                None => white_noise(model, &pieces, region),
+                Some(time) => coloured_noise(model, &pieces, region, time),
+            })
+            .collect::<Result<Vec<_>, _>>()?;
         let transitions = match options.switching {
             Switching::State => None,
             Switching::Transitions => Some(transitions(model, &pieces)?),
