@@ -23,6 +23,7 @@
 //! ```
 
 mod asked;
+mod coordinates;
 mod gains;
 mod lqr;
 mod options;

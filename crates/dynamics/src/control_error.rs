@@ -36,15 +36,15 @@ pub enum ControlError {
     /// Derivatives beside differences.
     #[error("some equations of the model give derivatives and others next values or differences: fit all states alike")]
     Mixed,
-    /// A rotation among the states that are kept.
+    /// A rotation of which a part alone is named.
     #[error(
-        "the states of the rotation {rotation} are no numbers of their own, which a linear law could feed back: leave them free (--free \"{parts}\"), or fit a model of angles, kind = \"angle\""
+        "{of}: a rotation is given, kept or left free as a whole: name all parts of {rotation}, or {rotation} itself (free, q, integral), or roll({rotation}), pitch({rotation}) and yaw({rotation}) (setpoint)"
     )]
-    Rotation {
+    HalfRotation {
+        /// The entry.
+        of: &'static str,
         /// Its name.
         rotation: String,
-        /// The names of its parts.
-        parts: String,
     },
     /// Two partitions.
     #[error("the model has several partitions with more than one region each: fit all equations over one")]

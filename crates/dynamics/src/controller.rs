@@ -17,7 +17,9 @@ use std::fmt;
 pub use differential_drive::DifferentialDrive;
 pub(crate) use driver::{Drive, Driver, Read};
 pub use pid::{Pid, PidState};
-pub use regulator::{DrivenInput, MeasuredColumn, RegionChoice, RegionLaw, RegulatedState, Regulator};
+pub use regulator::{
+    DrivenInput, MeasuredColumn, RegionChoice, RegionLaw, RegulatedRotation, RegulatedState, Regulator,
+};
 pub use sampling::Sampling;
 pub use treadmill::Treadmill;
 pub use treadmill_loop::{TreadmillLoop, TreadmillSpeed};

@@ -125,12 +125,6 @@ impl Piece {
         }
         Affine { a: of_rows(n, n, &a), b: all, c }
     }
-
-    /// The step of `period` seconds about a point, inputs held: of a continuous submodel exactly, by the exponential of `[A B c; 0]`; of a discrete one as it is.
-    pub(crate) fn step(&self, x: &[f64], u: &[f64], period: f64, continuous: bool) -> Affine {
-        let own = self.linearized(x, u);
-        if continuous { own.held(period) } else { own }
-    }
 }
 
 impl Affine {

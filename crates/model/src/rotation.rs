@@ -8,12 +8,16 @@
 
 use std::f64::consts::{PI, TAU};
 
+use serde::{Deserialize, Serialize};
+
 /// How a rotation is written in columns.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum RotationKind {
     /// A unit quaternion: w, x, y, z.
+    #[serde(rename = "quaternion")]
     Quaternion,
     /// A rotation vector, axis times angle in radians: x, y, z.
+    #[serde(rename = "rotation-vector")]
     Vector,
 }
 
@@ -164,6 +168,28 @@ impl RotationKind {
         }
     }
 
+    /// How the parts change as the rotation at `x` turns about the axes of the body, each rad (parts x 3, row by row): `x (0, phi)/2` of a quaternion, `Jr(x)^-1 phi` of a vector. [`RotationKind::turning`] undoes it.
+    pub fn turned(self, x: &[f64]) -> Vec<f64> {
+        match self {
+            Self::Quaternion => {
+                let (w, [x, y, z]) = (x[0], [x[1], x[2], x[3]]);
+                [-x, -y, -z, w, -z, y, z, w, -x, -y, x, w].map(|entry| 0.5 * entry).to_vec()
+            }
+            Self::Vector => {
+                let square: f64 = x.iter().map(|part| part * part).sum();
+                let half = 0.5 * square.sqrt();
+                let second = if square < SMALL { 1.0 / 12.0 } else { (1.0 - half / half.tan()) / square };
+                let [a, b, c] = [x[0], x[1], x[2]];
+                let hat = [[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]];
+                let entry = |i: usize, j: usize| {
+                    let twice = x[i] * x[j] - if i == j { square } else { 0.0 };
+                    f64::from(u8::from(i == j)) + 0.5 * hat[i][j] + second * twice
+                };
+                (0..9).map(|at| entry(at / 3, at % 3)).collect()
+            }
+        }
+    }
+
     /// How small changes of the parts turn the rotation at `x`, rad in the body's axes (3 x parts, row by row): `2 vec(x^-1 dx)` of a quaternion, `Jr(x) dx` of a
     /// vector.
     pub fn turning(self, x: &[f64]) -> Vec<f64> {
@@ -245,6 +271,31 @@ mod tests {
         match kind {
             RotationKind::Quaternion => exponential(phi).to_vec(),
             RotationKind::Vector => phi.to_vec(),
+        }
+    }
+
+    proptest! {
+        /// What the parts do while a rotation turns is undone by what turns it, and is the slope of moving it.
+        #[test]
+        fn turned_parts_turn_back(phi in vectors(3.0), axis in 0..3usize) {
+            for kind in KINDS {
+                let x = written(kind, phi);
+                let (turned, turning, parts) = (kind.turned(&x), kind.turning(&x), x.len());
+                for (i, j) in (0..9).map(|at| (at / 3, at % 3)) {
+                    let product: f64 = (0..parts).map(|k| turning[i * parts + k] * turned[3 * k + j]).sum();
+                    prop_assert!((product - f64::from(u8::from(i == j))).abs() < 1e-9, "{kind:?} {i} {j} {product}");
+                }
+                let step = |size: f64| {
+                    let mut small = [0.0; 3];
+                    small[axis] = size;
+                    kind.moved(&x, small)
+                };
+                // The error of a central difference of 1e-5 is some 1e-10, and more where vectors are near half a turn.
+                let (ahead, back) = (step(1e-5), step(-1e-5));
+                let slopes: Vec<f64> = (0..parts).map(|k| (ahead[k] - back[k]) / 2e-5).collect();
+                let own: Vec<f64> = (0..parts).map(|k| turned[3 * k + axis]).collect();
+                prop_assert!(near(&slopes, &own, 1e-6), "{kind:?} {slopes:?} {own:?}");
+            }
         }
     }
 

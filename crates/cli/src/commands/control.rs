@@ -31,7 +31,7 @@ pub(crate) fn lqr(arguments: &ControlLqr, context: &Context) -> Result<(), Error
 
 /// Gains of an input, those that are rounding beside the others as 0: what a state does, at its size.
 fn told_gains(made: &ControllerFile, gains: &[f64]) -> Vec<String> {
-    let sizes = made.law.states.iter().map(|state| state.size);
+    let sizes = made.law.sizes();
     let effects: Vec<f64> = gains.iter().zip(sizes).map(|(gain, size)| (gain * size).abs()).collect();
     let largest = effects.iter().copied().fold(0.0, f64::max);
     gains.iter().zip(effects).map(|(&gain, own)| number(if own < ROUNDING * largest { 0.0 } else { gain })).collect()
@@ -59,8 +59,8 @@ pub(super) fn describe(made: &ControllerFile, most: usize) -> String {
         set_point(made),
         laws(made, most),
     ];
-    let integrals: Vec<String> =
-        law.integrated.iter().map(|&state| format!("integral of {}", law.states[state].name)).collect();
+    let errors = law.errors();
+    let integrals: Vec<String> = law.integrated.iter().map(|&error| format!("integral of {}", errors[error])).collect();
     if !integrals.is_empty() {
         lines.push(further_gains(made, most, &integrals, |law| &law.integral));
     }
@@ -102,11 +102,9 @@ fn largest(made: &ControllerFile, most: usize) -> Vec<(&LqrRecord, &RegionLaw)> 
 /// The gains of the states, region by region.
 fn laws(made: &ControllerFile, most: usize) -> String {
     let mut header = vec!["region".to_owned(), "rows".into(), "radius".into(), "residual".into()];
+    let errors = made.law.errors();
     header.extend(
-        made.law
-            .inputs
-            .iter()
-            .flat_map(|input| made.law.states.iter().map(move |state| format!("{}/{}", input.name, state.name))),
+        made.law.inputs.iter().flat_map(|input| errors.iter().map(move |error| format!("{}/{error}", input.name))),
     );
     let rows = largest(made, most).into_iter().map(|(own, law)| {
         let told = |value: Option<f64>| value.map_or_else(|| "borrowed".to_owned(), number);

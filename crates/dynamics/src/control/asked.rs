@@ -2,7 +2,11 @@
 
 use fleetfoot_model::Model;
 
-use super::{LqrOptions, Named, gains::Weights};
+use super::{
+    LqrOptions, Named,
+    coordinates::{Coordinate, Coordinates, Of},
+    gains::Weights,
+};
 use crate::{control_error::ControlError, named::find, pieces::Pieces};
 
 /// Periods may differ by this share.
@@ -28,18 +32,19 @@ pub(super) fn period(model: &Model, pieces: &Pieces, given: Option<f64>) -> Resu
     Ok(period)
 }
 
-/// Weights and sizes, as given or by the variance in training.
+/// Weights and sizes, as given or by the variance in training; `given` are the coordinates that the set point gives.
 pub(super) fn weights(
     pieces: &Pieces,
+    coordinates: &Coordinates<'_>,
     options: &LqrOptions,
-    kept: &[usize],
+    (kept, given): (&[usize], &[bool]),
     driven: &[usize],
     period: f64,
 ) -> Result<Weights, ControlError> {
     let n = pieces.states.len();
-    let kept_names: Vec<&String> = kept.iter().map(|&s| &pieces.states[s]).collect();
+    let own: Vec<&Coordinate> = kept.iter().map(|&at| &coordinates.of[at]).collect();
     let driven_names: Vec<&String> = driven.iter().map(|&i| &pieces.inputs[i]).collect();
-    let mut q: Vec<f64> = kept.iter().map(|&s| pieces.size(s).powi(-2)).collect();
+    let mut q: Vec<f64> = own.iter().map(|own| own.size.powi(-2)).collect();
     let mut r: Vec<f64> = driven.iter().map(|&i| pieces.size(n + i).powi(-2)).collect();
     let not_negative = |of: &'static str, name: &String, value: f64, allowed: &'static str, ok: bool| {
         if ok && value.is_finite() {
@@ -50,16 +55,17 @@ pub(super) fn weights(
     };
     for (name, value) in &options.q {
         not_negative("q", name, *value, "0 or a positive weight", *value >= 0.0)?;
-        q[find("q", "kept state", name, &kept_names)?] = *value;
+        coordinates.find("q", "kept state", name, kept)?.into_iter().for_each(|at| q[at] = *value);
     }
     for (name, value) in &options.r {
         not_negative("r", name, *value, "a positive weight", *value > 0.0)?;
         r[find("r", "driven input", name, &driven_names)?] = *value;
     }
-    let mut integrated = Vec::new();
+    let mut integrated: Vec<(usize, f64)> = Vec::new();
     for (name, value) in &options.integral {
         not_negative("integral", name, *value, "a positive weight", *value > 0.0)?;
-        integrated.push((find("integral", "kept state", name, &kept_names)?, *value));
+        let found = coordinates.find("integral", "kept state", name, kept)?;
+        integrated.extend(found.into_iter().map(|at| (at, *value)));
     }
     for (name, lowest, highest) in &options.limits {
         find("limits", "driven input", name, &driven_names)?;
@@ -71,16 +77,19 @@ pub(super) fn weights(
             highest > lowest && lowest.is_finite(),
         )?;
     }
-    let held = |state: &usize| {
-        let named = |names: &[Named]| names.iter().any(|(name, _)| *name == pieces.states[*state]);
-        named(&options.setpoint) || named(&options.integral)
+    let is_integrated = |own: &Coordinate| {
+        let named = |(name, _): &Named| match own.of {
+            Of::State(_) => *name == own.name,
+            Of::Turn { group, .. } => *name == own.name || *name == coordinates.groups[group].name,
+        };
+        options.integral.iter().any(named)
     };
     Ok(Weights {
         q,
         r,
         integrated,
-        held: kept.iter().map(held).collect(),
-        state_sizes: kept.iter().map(|&s| pieces.size(s)).collect(),
+        held: kept.iter().zip(&own).map(|(&at, own)| given[at] || is_integrated(own)).collect(),
+        state_sizes: own.iter().map(|own| own.size).collect(),
         input_sizes: driven.iter().map(|&i| pieces.size(n + i)).collect(),
         period,
     })

@@ -6,15 +6,16 @@ use fleetfoot_model::{Model, Rule};
 use super::{
     LqrOptions, Named, Schedule,
     asked::{period, weights},
+    coordinates::{Coordinates, Of},
     gains::{Gains, Weights},
     setpoint::{AT_REST, Rest, Wanted, rest},
 };
 use crate::{
     Error,
     control_error::ControlError,
-    controller::{DrivenInput, MeasuredColumn, RegionChoice, RegionLaw, RegulatedState, Regulator},
+    controller::{DrivenInput, MeasuredColumn, RegionChoice, RegionLaw, RegulatedRotation, RegulatedState, Regulator},
     linear::Mode,
-    named::{find, finite, indices},
+    named::{find, indices},
     pieces::{Affine, Pieces},
 };
 
@@ -76,10 +77,14 @@ pub struct LqrRegion {
 /// A model, and what of it is kept, driven and measured.
 struct Design<'a> {
     pieces: &'a Pieces,
+    coordinates: Coordinates<'a>,
     options: &'a LqrOptions,
     period: f64,
-    /// Indices of the states that are kept.
+    /// Places of the coordinates that are kept.
     kept: Vec<usize>,
+    /// Where the search for a set point begins, and which coordinates, then inputs, it gives.
+    start: Vec<f64>,
+    given: Vec<bool>,
     /// Indices of the inputs that are driven.
     driven: Vec<usize>,
     /// Indices of those that are not.
@@ -107,12 +112,13 @@ pub fn lqr(model: &Model, options: &LqrOptions) -> Result<Lqr, Error> {
     };
     let steps: Vec<(String, u64, Affine)> = if by_region {
         let step = |piece: &crate::pieces::Piece| {
-            (piece.name.clone(), piece.rows, piece.step(&found.x, &found.u, design.period, pieces.continuous))
+            let own = design.step(&piece.linearized(&found.x, &found.u), &found.x);
+            (piece.name.clone(), piece.rows, own)
         };
         pieces.regions.iter().map(step).collect()
     } else {
         let rows = pieces.regions.iter().map(|piece| piece.rows).sum();
-        vec![("all".to_owned(), rows, design.mean_step(&found.x, &found.u))]
+        vec![("all".to_owned(), rows, design.step(&design.mean(&found.x, &found.u), &found.x))]
     };
     // A law that others may borrow is found first: that of the set point's region, else of the one with most rows.
     let most = (0..steps.len()).max_by_key(|&i| (steps[i].1, std::cmp::Reverse(i))).unwrap_or(0);
@@ -155,9 +161,8 @@ fn choice(pieces: &Pieces) -> Option<RegionChoice> {
 
 impl<'a> Design<'a> {
     fn new(model: &Model, pieces: &'a Pieces, options: &'a LqrOptions) -> Result<Self, Error> {
-        let (states, inputs) = (&pieces.states, &pieces.inputs);
+        let inputs = &pieces.inputs;
         let period = period(model, pieces, options.period)?;
-        let free = indices("free", "state", &options.free, states)?;
         let driven = match indices("drive", "input", &options.drive, inputs)? {
             none if none.is_empty() => {
                 let is_input = |i: &usize| {
@@ -173,51 +178,56 @@ impl<'a> Design<'a> {
         if driven.is_empty() {
             return Err(ControlError::NoInputs.into());
         }
-        let kept: Vec<usize> = (0..states.len()).filter(|state| !free.contains(state)).collect();
-        if let Some((group, _)) = kept.iter().find_map(|&state| pieces.whole.geometry.group(state)) {
-            let parts: Vec<String> = group.places.iter().map(|&place| states[place].clone()).collect();
-            return Err(ControlError::Rotation { rotation: group.name.clone(), parts: parts.join(",") }.into());
-        }
+        let coordinates = Coordinates::new(pieces, model);
+        let kept = coordinates.kept(&options.free)?;
         if kept.is_empty() {
             return Err(ControlError::NoStates.into());
         }
+        let (start, given) = given(model, pieces, &coordinates, &options.setpoint)?;
         let measured = (0..inputs.len()).filter(|input| !driven.contains(input)).collect();
-        let weights = weights(pieces, options, &kept, &driven, period)?;
-        Ok(Self { pieces, options, period, kept, driven, measured, weights, notes: Vec::new() })
+        let weights = weights(pieces, &coordinates, options, (&kept, &given), &driven, period)?;
+        Ok(Self {
+            pieces,
+            coordinates,
+            options,
+            period,
+            kept,
+            start,
+            given,
+            driven,
+            measured,
+            weights,
+            notes: Vec::new(),
+        })
     }
 
     /// The set point, and the region that rests there.
     fn setpoint(&mut self) -> Result<(Rest, Option<usize>), Error> {
         let pieces = self.pieces;
-        let (n, m) = (pieces.states.len(), pieces.inputs.len());
-        let names: Vec<&String> = pieces.states.iter().chain(&pieces.inputs).collect();
-        let mut start: Vec<f64> = pieces.seen.iter().map(|seen| seen.map_or(0.0, |[mean, _]| mean)).collect();
-        let mut given = vec![false; n + m];
-        for (name, value) in &self.options.setpoint {
-            let at = find("setpoint", "state or input", name, &names)?;
-            finite("setpoint", name, *value)?;
-            (start[at], given[at]) = (*value, true);
-        }
-        for &input in self.measured.iter().filter(|&&input| !given[n + input]) {
-            let known =
-                if pieces.seen[n + input].is_some() { "its mean in training" } else { "as nothing is known of it" };
-            let value = start[n + input];
+        let (n, m, states) = (self.coordinates.len(), pieces.inputs.len(), pieces.states.len());
+        for &input in self.measured.iter().filter(|&&input| !self.given[n + input]) {
+            let known = if pieces.seen[states + input].is_some() {
+                "its mean in training"
+            } else {
+                "as nothing is known of it"
+            };
+            let value = self.start[states + input];
             self.notes.push(format!(
                 "the set point takes {} = {value}, {known}: give it a value in the set point",
-                names[n + input]
+                pieces.inputs[input]
             ));
         }
         let unknown =
-            |v: usize| !given[v] && if v < n { self.kept.contains(&v) } else { self.driven.contains(&(v - n)) };
+            |v: usize| !self.given[v] && if v < n { self.kept.contains(&v) } else { self.driven.contains(&(v - n)) };
         let wanted = Wanted {
             unknown: (0..n + m).map(unknown).collect(),
-            rests: (0..n).map(|s| self.kept.contains(&s)).collect(),
-            x: start[..n].to_vec(),
-            u: start[n..].to_vec(),
+            rests: (0..n).map(|at| self.kept.contains(&at)).collect(),
+            x: self.start[..states].to_vec(),
+            u: self.start[states..].to_vec(),
         };
         let mut best: Option<(Rest, usize)> = None;
         for (i, piece) in pieces.regions.iter().enumerate() {
-            let found = rest(pieces, &wanted, &|x, u| piece.linearized(x, u));
+            let found = rest(pieces, &self.coordinates, &wanted, &|x, u| piece.linearized(x, u));
             let here = found.largest <= AT_REST && pieces.region(&found.x, &found.u) == Some(i);
             if here && best.as_ref().is_none_or(|&(_, other)| pieces.regions[other].rows < piece.rows) {
                 best = Some((found, i));
@@ -226,7 +236,7 @@ impl<'a> Design<'a> {
         if let Some((found, region)) = best {
             return Ok((found, Some(region)));
         }
-        let found = rest(pieces, &wanted, &|x, u| self.mean(x, u));
+        let found = rest(pieces, &self.coordinates, &wanted, &|x, u| self.mean(x, u));
         if pieces.regions.len() > 1 {
             self.notes.push(
                 "no region rests at the set point: it is found for the mean of all regions by their training rows"
@@ -237,14 +247,11 @@ impl<'a> Design<'a> {
             let moves: Vec<String> = self
                 .kept
                 .iter()
-                .filter(|&&s| (found.drift[s] / pieces.size(s)).abs() > AT_REST)
-                .map(|&s| {
-                    let what = if pieces.continuous {
-                        format!("d({})/dt", pieces.states[s])
-                    } else {
-                        format!("delta({})", pieces.states[s])
-                    };
-                    format!("{what} = {:.3e}", found.drift[s])
+                .map(|&at| (&self.coordinates.of[at], found.drift[at]))
+                .filter(|(own, drift)| (drift / own.size).abs() > AT_REST)
+                .map(|(own, drift)| match pieces.continuous {
+                    true => format!("d({})/dt = {drift:.3e}", own.name),
+                    false => format!("delta({}) = {drift:.3e}", own.name),
                 })
                 .collect();
             self.notes.push(format!(
@@ -270,9 +277,10 @@ impl<'a> Design<'a> {
         mean
     }
 
-    fn mean_step(&self, x: &[f64], u: &[f64]) -> Affine {
-        let mean = self.mean(x, u);
-        if self.pieces.continuous { mean.held(self.period) } else { mean }
+    /// The step of `period` seconds of a submodel about `x`, inputs held, in coordinates: of a continuous one exactly, by the exponential of a matrix.
+    fn step(&self, affine: &Affine, x: &[f64]) -> Affine {
+        let own = self.coordinates.reduced(affine, x, self.pieces.continuous);
+        if self.pieces.continuous { own.held(self.period) } else { own }
     }
 
     /// The step of the states that are kept by the inputs that are driven.
@@ -313,8 +321,9 @@ impl<'a> Design<'a> {
             let problem = format!("residual {:.1e}, closed loop's spectral radius {:.9}", gains.residual, gains.radius);
             return Err(untrusted(problem));
         }
-        let next = step.at(&found.x, &found.u);
-        let moved: Vec<f64> = self.kept.iter().map(|&s| next[s] - found.x[s]).collect();
+        let own = self.coordinates.values(&found.x);
+        let next = step.at(&own, &found.u);
+        let moved: Vec<f64> = self.kept.iter().map(|&at| next[at] - own[at]).collect();
         let (own, rests) = self.weights.answer(&gains, a.as_ref(), b.as_ref(), &moved);
         let inputs = self.driven.iter().zip(&own).map(|(&input, own)| found.u[input] + own).collect();
         let answers: Vec<Vec<f64>> = self
@@ -342,12 +351,10 @@ impl<'a> Design<'a> {
 
     /// A mode in words: `x and yaw (eigenvalue 1.02)`.
     fn in_words(&self, mode: &Mode) -> String {
-        let name = |i: usize| match self.kept.get(i) {
-            Some(&state) => self.pieces.states[state].clone(),
-            None => format!(
-                "the integral of {}",
-                self.pieces.states[self.kept[self.weights.integrated[i - self.kept.len()].0]]
-            ),
+        let kept = |at: usize| &self.coordinates.of[self.kept[at]].name;
+        let name = |i: usize| match i.checked_sub(self.kept.len()) {
+            None => kept(i).clone(),
+            Some(integral) => format!("the integral of {}", kept(self.weights.integrated[integral].0)),
         };
         let parts: Vec<String> = (0..mode.share.len()).filter(|&i| mode.share[i] >= TAKES_PART).map(name).collect();
         let [re, im] = mode.eigenvalue;
@@ -367,13 +374,17 @@ impl<'a> Design<'a> {
             states: self
                 .kept
                 .iter()
-                .map(|&s| RegulatedState {
-                    name: pieces.states[s].clone(),
-                    at: found.x[s],
-                    size: pieces.size(s),
-                    angle: angle(s),
+                .filter_map(|&at| match self.coordinates.of[at].of {
+                    Of::State(s) => Some(RegulatedState {
+                        name: pieces.states[s].clone(),
+                        at: found.x[s],
+                        size: pieces.size(s),
+                        angle: angle(s),
+                    }),
+                    Of::Turn { .. } => None,
                 })
                 .collect(),
+            rotations: self.rotations(found),
             inputs: self
                 .driven
                 .iter()
@@ -397,16 +408,59 @@ impl<'a> Design<'a> {
         }
     }
 
+    /// The rotations that are kept.
+    fn rotations(&self, found: &Rest) -> Vec<RegulatedRotation> {
+        let kept: Vec<_> = self.kept.iter().map(|&at| &self.coordinates.of[at]).collect();
+        let one = |(at, group): (usize, &crate::geometry::Group)| {
+            let own = kept.iter().filter(|own| matches!(own.of, Of::Turn { group, .. } if group == at));
+            let size: Vec<f64> = own.map(|own| own.size).collect();
+            Some(RegulatedRotation {
+                name: group.name.clone(),
+                kind: group.kind,
+                columns: group.places.iter().map(|&place| self.pieces.states[place].clone()).collect(),
+                at: self.coordinates.parts(at, &found.x),
+                size: size.try_into().ok()?,
+            })
+        };
+        self.coordinates.groups.iter().enumerate().filter_map(one).collect()
+    }
+
     fn told(&self, found: &Rest, region: Option<usize>) -> SetPoint {
         let named = |names: &[String], values: &[f64]| names.iter().cloned().zip(values.iter().copied()).collect();
         SetPoint {
             states: named(&self.pieces.states, &found.x),
             inputs: named(&self.pieces.inputs, &found.u),
             region: if self.pieces.regions.len() > 1 { region } else { None },
-            drift: self.kept.iter().map(|&s| (self.pieces.states[s].clone(), found.drift[s])).collect(),
+            drift: self.kept.iter().map(|&at| (self.coordinates.of[at].name.clone(), found.drift[at])).collect(),
             at_rest: found.largest <= AT_REST,
         }
     }
+}
+
+/// Where the search for a set point begins, states, then inputs, and which coordinates, then inputs, are given.
+fn given(
+    model: &Model,
+    pieces: &Pieces,
+    coordinates: &Coordinates<'_>,
+    setpoint: &[Named],
+) -> Result<(Vec<f64>, Vec<bool>), ControlError> {
+    let n = pieces.states.len();
+    let mut start: Vec<f64> = pieces.seen.iter().map(|seen| seen.map_or(0.0, |[mean, _]| mean)).collect();
+    let order = |place: usize| pieces.whole.states[place].order;
+    for &place in coordinates.groups.iter().flat_map(|group| &group.places) {
+        start[place] = order(place).and_then(|order| model.training.state_mean.get(order).copied()).unwrap_or(0.0);
+    }
+    pieces.whole.geometry.begin(&mut start[..n]);
+    let (mut given, rest) = coordinates.given(setpoint, &mut start[..n])?;
+    given.resize(coordinates.len() + pieces.inputs.len(), false);
+    let rotations = coordinates.groups.iter().map(|group| format!("yaw({})", group.name)).collect::<Vec<_>>();
+    let names: Vec<&String> = pieces.states.iter().chain(&rotations).chain(&pieces.inputs).collect();
+    let inputs = names.len() - pieces.inputs.len();
+    for (name, value) in &rest {
+        let at = find("setpoint", "state or input", name, &names)? - inputs;
+        (start[n + at], given[coordinates.len() + at]) = (*value, true);
+    }
+    Ok((start, given))
 }
 
 fn rows_of(matrix: &Mat<f64>) -> Vec<Vec<f64>> {

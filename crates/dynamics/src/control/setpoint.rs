@@ -3,6 +3,7 @@
 use faer::Mat;
 use fleetfoot_stats::svd;
 
+use super::coordinates::Coordinates;
 use crate::pieces::{Affine, Pieces};
 
 /// Newton's steps.
@@ -12,42 +13,53 @@ const STILL: f64 = 1e-12;
 /// Singular values below this share of the largest one are taken for zero: the directions they belong to stay as they are.
 const DEPENDENT: f64 = 1e-10;
 /// What is left of the motion, in sizes of states (per second, or per sample), below which the model is at rest.
-pub(crate) const AT_REST: f64 = 1e-7;
+pub(super) const AT_REST: f64 = 1e-7;
 
 /// A point where a submodel rests, or moves as little as it can.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Rest {
+pub(super) struct Rest {
     pub(crate) x: Vec<f64>,
     pub(crate) u: Vec<f64>,
-    /// What moves all the same: derivatives (or, of a discrete model, changes a sample), one a state.
+    /// What moves all the same: derivatives (or, of a discrete model, changes a sample), one a coordinate.
     pub(crate) drift: Vec<f64>,
-    /// The largest of them in sizes of states.
+    /// The largest of them in their sizes.
     pub(crate) largest: f64,
 }
 
 /// What is asked of a set point.
-pub(crate) struct Wanted {
+pub(super) struct Wanted {
     /// Where the search begins, and what is given.
     pub(crate) x: Vec<f64>,
     pub(crate) u: Vec<f64>,
-    /// States, then inputs, that may be chosen.
+    /// Coordinates, then inputs, that may be chosen.
     pub(crate) unknown: Vec<bool>,
-    /// States that must rest.
+    /// Coordinates that must rest.
     pub(crate) rests: Vec<bool>,
 }
 
-/// The rest of a submodel, by Gauss-Newton steps of least length in sizes of states and inputs, halved while they make things worse. `affine` gives the derivatives
+/// The rest of a submodel, by Gauss-Newton steps of least length in sizes of coordinates and inputs, halved while they make things worse. `affine` gives the derivatives
 /// (or next states) to first order at a point.
-pub(crate) fn rest(pieces: &Pieces, wanted: &Wanted, affine: &dyn Fn(&[f64], &[f64]) -> Affine) -> Rest {
-    let n = wanted.x.len();
+pub(super) fn rest(
+    pieces: &Pieces,
+    coordinates: &Coordinates<'_>,
+    wanted: &Wanted,
+    affine: &dyn Fn(&[f64], &[f64]) -> Affine,
+) -> Rest {
+    let n = coordinates.len();
+    let size = |v: usize| match coordinates.of.get(v) {
+        Some(own) => own.size,
+        None => pieces.size(wanted.x.len() + v - n),
+    };
     let unknown: Vec<usize> = (0..wanted.unknown.len()).filter(|&v| wanted.unknown[v]).collect();
     let rows: Vec<usize> = (0..n).filter(|&s| wanted.rests[s]).collect();
     let (mut x, mut u) = (wanted.x.clone(), wanted.u.clone());
     let drift_of = |affine: &Affine, x: &[f64], u: &[f64]| -> Vec<f64> {
-        let next = affine.at(x, u);
-        if pieces.continuous { next } else { next.iter().zip(x).map(|(next, x)| next - x).collect() }
+        let own = coordinates.values(x);
+        let next = affine.at(&own, u);
+        if pieces.continuous { next } else { next.iter().zip(&own).map(|(next, own)| next - own).collect() }
     };
-    let length = |drift: &[f64]| rows.iter().map(|&s| (drift[s] / pieces.size(s)).powi(2)).sum::<f64>().sqrt();
+    let affine = |x: &[f64], u: &[f64]| coordinates.reduced(&affine(x, u), x, pieces.continuous);
+    let length = |drift: &[f64]| rows.iter().map(|&s| (drift[s] / size(s)).powi(2)).sum::<f64>().sqrt();
     let mut here = affine(&x, &u);
     let mut drift = drift_of(&here, &x, &u);
     for _ in 0..MOST_STEPS {
@@ -55,18 +67,18 @@ pub(crate) fn rest(pieces: &Pieces, wanted: &Wanted, affine: &dyn Fn(&[f64], &[f
             let (s, v) = (rows[i], unknown[j]);
             let own = if v < n { here.a[(s, v)] } else { here.b[(s, v - n)] };
             let own = own - f64::from(u8::from(!pieces.continuous && v == s));
-            own * pieces.size(v) / pieces.size(s)
+            own * size(v) / size(s)
         });
-        let right: Vec<f64> = rows.iter().map(|&s| -drift[s] / pieces.size(s)).collect();
+        let right: Vec<f64> = rows.iter().map(|&s| -drift[s] / size(s)).collect();
         let Some(step) = shortest(&jacobian, &right) else { break };
         let (mut share, before) = (1.0, length(&drift));
         let moved = |share: f64| {
-            let (mut to_x, mut to_u) = (x.clone(), u.clone());
+            let (mut change, mut to_u) = (vec![0.0; n], u.clone());
             for (&v, step) in unknown.iter().zip(&step) {
-                let value = if v < n { &mut to_x[v] } else { &mut to_u[v - n] };
-                *value += share * step * pieces.size(v);
+                let value = if v < n { &mut change[v] } else { &mut to_u[v - n] };
+                *value += share * step * size(v);
             }
-            (to_x, to_u)
+            (coordinates.moved(&x, &change), to_u)
         };
         let (found, next, own) = loop {
             let (to_x, to_u) = moved(share);
@@ -88,12 +100,12 @@ pub(crate) fn rest(pieces: &Pieces, wanted: &Wanted, affine: &dyn Fn(&[f64], &[f
             break;
         }
     }
-    let largest = rows.iter().map(|&s| (drift[s] / pieces.size(s)).abs()).fold(0.0, f64::max);
+    let largest = rows.iter().map(|&s| (drift[s] / size(s)).abs()).fold(0.0, f64::max);
     Rest { x, u, drift, largest }
 }
 
 /// The shortest vector that minimises `|A v - b|`.
-pub(crate) fn shortest(a: &Mat<f64>, b: &[f64]) -> Option<Vec<f64>> {
+pub(super) fn shortest(a: &Mat<f64>, b: &[f64]) -> Option<Vec<f64>> {
     let found = svd(a.as_ref())?;
     let floor = DEPENDENT * found.s.first().copied().unwrap_or(0.0);
     let mut out = vec![0.0; a.ncols()];

@@ -1,7 +1,7 @@
 //! A linear law about a set point, region by region.
 
 use fleetfoot_library::{Expr, Leaf, Program, Scope, Scratch};
-use fleetfoot_model::Rule;
+use fleetfoot_model::{RotationKind, Rule};
 use serde::{Deserialize, Serialize};
 
 use super::{Controller, ControllerState, ParameterError, check};
@@ -11,7 +11,8 @@ use crate::angle::wrap;
 const SAME: f64 = 1e-9;
 
 /// Feedback of states about a set point, with gains for every region of a partition: `u = u_i - K_i (x - x*) - L_i z - F_i (w - w*)` within limits, where i is
-/// the region of the present row, z the integral of the error of some states, and w what is measured beside the states.
+/// the region of the present row, z the integral of the error of some states, and w what is measured beside the states. The error of a rotation q is that which turns its set point into it, the vector `Log(q*^-1 q)`, rad
+/// about the axes of the body.
 ///
 /// It is evaluated every `period` and held. At a limit the integral does not grow further outwards (conditional integration). Where no region holds, or something is missing, inputs and
 /// integrals stay as they are. It is plain data, so that the same law drives models, simulated robots and exported code.
@@ -20,14 +21,17 @@ const SAME: f64 = 1e-9;
 pub struct Regulator {
     /// Seconds between commands.
     pub period: f64,
-    /// The states that are fed back, n of them.
+    /// The states that are fed back, each an error.
     pub states: Vec<RegulatedState>,
+    /// The rotations that are, each three errors behind those of the states: n errors in all.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rotations: Vec<RegulatedRotation>,
     /// The inputs that are driven, m of them.
     pub inputs: Vec<DrivenInput>,
     /// Further columns that are looked at, k of them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub measured: Vec<MeasuredColumn>,
-    /// States whose error is integrated, indices, q of them.
+    /// Errors that are integrated, indices, q of them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub integrated: Vec<usize>,
     /// How the region follows; `None`: there is one.
@@ -50,6 +54,22 @@ pub struct RegulatedState {
     /// Whether its error is taken within half a turn.
     #[serde(default)]
     pub angle: bool,
+}
+
+/// A rotation that is fed back.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RegulatedRotation {
+    /// Its name.
+    pub name: String,
+    /// How its columns write it.
+    pub kind: RotationKind,
+    /// Its columns, in the order of [`RotationKind::letters`].
+    pub columns: Vec<String>,
+    /// Where it is kept, as its columns write it.
+    pub at: Vec<f64>,
+    /// How far from there is far, rad about each axis of the body: standard deviations in training, 1 where they are not known.
+    pub size: [f64; 3],
 }
 
 /// An input that is driven.
@@ -128,10 +148,41 @@ impl RegionChoice {
 }
 
 impl Regulator {
+    /// The names of the errors: those of the states, and `NAME about x`, `y` and `z` of a rotation.
+    pub fn errors(&self) -> Vec<String> {
+        let axes =
+            self.rotations.iter().flat_map(|own| ["x", "y", "z"].map(|axis| format!("{} about {axis}", own.name)));
+        self.states.iter().map(|state| state.name.clone()).chain(axes).collect()
+    }
+
+    /// What is far of each error.
+    pub fn sizes(&self) -> Vec<f64> {
+        self.states.iter().map(|state| state.size).chain(self.rotations.iter().flat_map(|own| own.size)).collect()
+    }
+
+    /// The errors of states and rotations in this row of the columns that it reads.
+    fn errors_in(&self, columns: &[f64], errors: &mut [f64]) {
+        for ((error, state), value) in errors.iter_mut().zip(&self.states).zip(columns) {
+            let off = value - state.at;
+            *error = if state.angle { wrap(off) } else { off };
+        }
+        let mut columns = &columns[self.states.len()..];
+        for (own, errors) in self.rotations.iter().zip(errors[self.states.len()..].chunks_exact_mut(3)) {
+            let (parts, rest) = columns.split_at(own.columns.len());
+            errors.copy_from_slice(&own.kind.difference(parts, &own.at));
+            columns = rest;
+        }
+    }
+
+    /// Columns that states and rotations are read from.
+    fn state_columns(&self) -> impl Iterator<Item = &String> {
+        self.states.iter().map(|state| &state.name).chain(self.rotations.iter().flat_map(|own| &own.columns))
+    }
+
     /// Columns that decide the region and are neither states nor inputs nor measured.
     fn choosing(&self) -> Vec<String> {
         let known = |name: &String| {
-            self.states.iter().any(|state| state.name == *name)
+            self.state_columns().any(|own| own == name)
                 || self.measured.iter().any(|column| column.name == *name)
                 || self.inputs.iter().any(|input| input.name == *name)
         };
@@ -165,7 +216,7 @@ impl Regulator {
     }
 
     fn check_shapes(&self) -> Result<(), ParameterError> {
-        let (n, m, q, k) = (self.states.len(), self.inputs.len(), self.integrated.len(), self.measured.len());
+        let (n, m, q, k) = (self.sizes().len(), self.inputs.len(), self.integrated.len(), self.measured.len());
         let is = |rows: &Vec<Vec<f64>>, columns: usize| {
             (columns == 0 && rows.is_empty()) || (rows.len() == m && rows.iter().all(|row| row.len() == columns))
         };
@@ -174,7 +225,7 @@ impl Regulator {
             let numbers = law.gain.iter().chain(&law.integral).chain(&law.measured).flatten().chain(&law.inputs);
             if !shapes || numbers.clone().any(|value| !value.is_finite()) {
                 let allowed =
-                    format!("finite gains of {m} inputs by {n} states, {q} integrals and {k} measured columns");
+                    format!("finite gains of {m} inputs by {n} errors, {q} integrals and {k} measured columns");
                 return Err(ParameterError::new("laws", format!("that of region {i}"), allowed));
             }
         }
@@ -183,7 +234,7 @@ impl Regulator {
             return Err(ParameterError::new("laws", self.laws.len(), format!("{regions}, one a region")));
         }
         match self.integrated.iter().find(|&&state| state >= n) {
-            Some(state) => Err(ParameterError::new("integrated", state, format!("the index of one of {n} states"))),
+            Some(state) => Err(ParameterError::new("integrated", state, format!("the index of one of {n} errors"))),
             None => Ok(()),
         }
     }
@@ -191,7 +242,7 @@ impl Regulator {
 
 impl Controller for Regulator {
     fn reads(&self) -> Vec<String> {
-        let states = self.states.iter().map(|state| state.name.clone());
+        let states = self.state_columns().cloned();
         states.chain(self.measured.iter().map(|column| column.name.clone())).chain(self.choosing()).collect()
     }
 
@@ -214,6 +265,21 @@ impl Controller for Regulator {
             check(&format!("{name}.at"), at, true, "a finite number")?;
             check(&format!("{name}.size"), size, size > 0.0, "a positive number")?;
         }
+        for own in &self.rotations {
+            let length = own.at.iter().map(|part| part * part).sum::<f64>().sqrt();
+            let is_one = own.kind == RotationKind::Vector || (length - 1.0).abs() < 1e-6;
+            if own.columns.len() != own.kind.parts()
+                || own.at.len() != own.kind.parts()
+                || !length.is_finite()
+                || !is_one
+            {
+                let allowed = format!("the {} parts of a {}", own.kind.parts(), own.kind.word());
+                return Err(ParameterError::new(&format!("{}.at", own.name), format!("{:?}", own.at), allowed));
+            }
+            for size in own.size {
+                check(&format!("{}.size", own.name), size, size > 0.0, "a positive number")?;
+            }
+        }
         if let Some(partition) = &self.partition {
             let columns = partition.columns.len();
             let shapes = partition.centre.len() == columns && partition.scale.len() == columns;
@@ -231,7 +297,7 @@ impl Controller for Regulator {
             chooser: self.compiled(),
             next: 0.0,
             integrals: vec![0.0; self.integrated.len()],
-            errors: vec![0.0; self.states.len()],
+            errors: vec![0.0; self.sizes().len()],
         })
     }
 }
@@ -280,11 +346,8 @@ impl ControllerState for RegulatorState {
             None => Some(0),
         };
         let Some(law) = region.and_then(|region| self.law.laws.get(region)) else { return };
-        for ((error, state), value) in self.errors.iter_mut().zip(&self.law.states).zip(columns) {
-            let off = value - state.at;
-            *error = if state.angle { wrap(off) } else { off };
-        }
-        let measured = &columns[self.law.states.len()..][..self.law.measured.len()];
+        self.law.errors_in(columns, &mut self.errors);
+        let measured = &columns[self.law.state_columns().count()..][..self.law.measured.len()];
         if self.errors.iter().chain(measured).any(|value| !value.is_finite()) {
             return;
         }

@@ -1,10 +1,12 @@
 //! A regulator as a model, so that it becomes code by the same way.
 
 use fleetfoot_data::packed;
-use fleetfoot_library::{Expr, Scope};
-use fleetfoot_model::{Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training};
+use fleetfoot_library::{Expr, Quaternion, Scope};
+use fleetfoot_model::{
+    Column, Equation, Latent, Model, Partition, Prediction, Region, Role, RotationKind, Rule, Training,
+};
 
-use super::{Controller, ParameterError, Regulator};
+use super::{Controller, ParameterError, RegulatedRotation, Regulator};
 
 impl Regulator {
     /// The law as a model of its own memory: states are the inputs that it drives, then the integrals; inputs are the columns that it reads; a step is a sample. After a step
@@ -56,6 +58,7 @@ impl Regulator {
             if state.angle { error.wrap() } else { error }
         };
         (self.states.iter().map(error))
+            .chain(self.rotations.iter().flat_map(rotation_error))
             .chain(names.integrals.iter().map(|name| Expr::column(name.as_str())))
             .chain(self.measured.iter().map(|column| from(&column.name, column.at)))
             .collect()
@@ -63,9 +66,10 @@ impl Regulator {
 
     /// The partition, with the sizes of states as what its regions saw.
     fn regions(&self) -> Partition {
-        let (n, q) = (self.states.len(), self.integrated.len());
-        let sizes: Vec<f64> = (self.states.iter().map(|state| state.size))
-            .chain(self.integrated.iter().map(|&state| self.states[state].size))
+        let own = self.sizes();
+        let (n, q) = (own.len(), self.integrated.len());
+        let sizes: Vec<f64> = (own.iter().copied())
+            .chain(self.integrated.iter().map(|&error| own[error]))
             .chain(self.measured.iter().map(|column| column.size))
             .collect();
         let functions = n + q + self.measured.len();
@@ -100,7 +104,7 @@ impl Regulator {
 
     /// What every input would be with the integrals as they are, and with them grown by a sample.
     fn latents(&self, names: &Names) -> Vec<Latent> {
-        let n = self.states.len();
+        let n = self.sizes().len();
         let row = |law: &super::RegionLaw, j: usize, grown: bool| -> Vec<f64> {
             let integral = law.integral.get(j).map_or(&[][..], Vec::as_slice);
             let mut row: Vec<f64> = law.gain[j].iter().map(|gain| -gain).collect();
@@ -174,6 +178,35 @@ impl Regulator {
     }
 }
 
+/// The vector that turns the set point of a rotation into what its columns say: twice the half angle along the vector part of `q*^-1 q`, the shorter way round.
+///
+/// Where nothing is off the direction is none, and the least positive length in its place gives zero.
+fn rotation_error(own: &RegulatedRotation) -> [Expr; 3] {
+    let column = |part: usize| Expr::column(own.columns[part].as_str());
+    let q = match own.kind {
+        RotationKind::Quaternion => Quaternion::new(column(1), column(2), column(3), column(0)),
+        RotationKind::Vector => Quaternion::of_vector(&[column(0), column(1), column(2)]),
+    };
+    let [w, x, y, z] = own.kind.quaternion(&own.at);
+    let ([a, b, c], d) = (q.vector.each_ref(), &q.w);
+    let sum = |terms: [(f64, &Expr); 4]| {
+        let own = terms.into_iter().filter(|(factor, _)| *factor != 0.0).map(|(factor, part)| factor * part);
+        own.reduce(|a, b| a + b).unwrap_or_else(|| Expr::number(0.0))
+    };
+    let scalar = sum([(w, d), (x, a), (y, b), (z, c)]);
+    let vector = [
+        sum([(w, a), (-x, d), (-y, c), (z, b)]),
+        sum([(w, b), (-y, d), (-z, a), (x, c)]),
+        sum([(w, c), (-z, d), (-x, b), (y, a)]),
+    ];
+    let length = (vector[0].powi(2) + vector[1].powi(2) + vector[2].powi(2)).sqrt();
+    // 1 or -1: where the scalar part is zero both ways are as long.
+    let sign = 2.0 * scalar.step() - 1.0;
+    let angle = 2.0 * length.atan2(scalar.abs());
+    let scale = sign * angle / length.max(f64::MIN_POSITIVE);
+    vector.map(|part| part * &scale)
+}
+
 /// What everything is called.
 struct Names {
     driven: Vec<String>,
@@ -186,7 +219,7 @@ struct Names {
 
 impl Names {
     fn new(law: &Regulator) -> Self {
-        let (driven, read) = (law.drives(), law.reads());
+        let (driven, read, errors) = (law.drives(), law.reads(), law.errors());
         let mut taken: Vec<String> = driven.iter().chain(&read).cloned().collect();
         let mut fresh = |wanted: String| {
             let mut name = wanted;
@@ -196,8 +229,11 @@ impl Names {
             taken.push(name.clone());
             name
         };
-        let integrals: Vec<String> =
-            law.integrated.iter().map(|&state| fresh(format!("integral_{}", law.states[state].name))).collect();
+        let integrals: Vec<String> = law
+            .integrated
+            .iter()
+            .map(|&error| fresh(format!("integral_{}", errors[error].replace(' ', "_"))))
+            .collect();
         let now = driven.iter().map(|name| fresh(format!("law_{name}"))).collect();
         let grown = if integrals.is_empty() {
             Vec::new()

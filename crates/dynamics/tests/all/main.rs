@@ -6,6 +6,7 @@ mod filters;
 mod horizons;
 mod latents;
 mod plane;
+mod regulated_rotations;
 mod regulators;
 mod replayed;
 mod rollouts;

@@ -231,7 +231,10 @@ fn units_change_nothing() {
 /// The wobble of a law at work: columns that go round the set point, with gaps.
 fn shown(law: &Regulator, key: u64) -> Vec<f64> {
     let states = law.states.iter().map(|state| (state.at, state.size));
-    let known: Vec<(f64, f64)> = states.chain(law.measured.iter().map(|column| (column.at, column.size))).collect();
+    // The parts of rotations are of any length: that of a quaternion does not matter.
+    let parts = law.rotations.iter().flat_map(|own| own.at.iter().map(|&at| (at, 0.3)));
+    let known: Vec<(f64, f64)> =
+        states.chain(parts).chain(law.measured.iter().map(|column| (column.at, column.size))).collect();
     let count = law.reads().len();
     (0..count)
         .map(|i| {
@@ -242,7 +245,7 @@ fn shown(law: &Regulator, key: u64) -> Vec<f64> {
 }
 
 /// The law and its model, sample by sample beside each other.
-fn assert_model_is_the_law(law: &Regulator) {
+pub(crate) fn assert_model_is_the_law(law: &Regulator) {
     let model = law.model().unwrap();
     model.validate().unwrap();
     let stepper = Stepper::new(&model).unwrap();

@@ -44,6 +44,9 @@ const GAP: f64 = 1.5;
 const ROUNDS: usize = 200;
 const SAME: f64 = 1e-5;
 
+/// The share by which an estimate may be off as motions are others than those that windows are taken for, a deviation beside that of chance: ringing after blows makes some 4 %, the trunk of a running robot 3 %.
+const MISTAKEN: f64 = 0.05;
+
 /// The ratio of neighbouring densities of motion on the grid.
 const FINE: f64 = 4.0;
 
@@ -80,7 +83,7 @@ fn binomial(n: usize, k: usize) -> f64 {
     (0..k).fold(1.0, |product, i| product * (n - i) as f64 / (i + 1) as f64).round()
 }
 
-/// The deviation of the white noise of single readings of rate (0) or force (1) along an axis, and that of its estimate; `None` where these readings do not tell it.
+/// The deviation of the white noise of single readings of rate (0) or force (1) along an axis, and that of its estimate, chance and what windows are mistaken for together; `None` where these readings do not tell it.
 pub(super) fn noise(records: &[ImuRecord<'_>], which: usize, axis: usize) -> Option<Prior<f64>> {
     let coordinates = COORDINATES.as_ref()?;
     Mixture::new(squares(records, which, axis, coordinates), coordinates)?.solved()
@@ -220,7 +223,7 @@ impl Mixture {
             }
         }
         let value = self.white.sqrt();
-        self.is_white().then(|| Prior { value, deviation: 0.5 * value * told.sqrt().recip() })
+        self.is_white().then(|| Prior { value, deviation: value * (0.5 * told.sqrt().recip()).hypot(MISTAKEN) })
     }
 
     /// Whether in windows without motion all coordinates are as large as noise that is white makes them, and windows alike, as they are not where it is now and then a blow.
@@ -283,7 +286,7 @@ mod tests {
         assert!((smooth.value / still.value - 1.0).abs() < 1e-3);
     }
 
-    /// Of a body that is kicked now and then, and swings, noise is told to 5 %: a window's ringing is none of the motions that it is taken for, which is more than the stated deviation. Kicks in every window leave nothing to tell.
+    /// Of a body that is kicked now and then, and swings, noise is told to 5 %: a window's ringing is none of the motions that it is taken for. Kicks in every window leave nothing to tell.
     #[test]
     fn noise_is_told_beside_kicks() {
         let kicked = |every: f64| {
@@ -292,10 +295,10 @@ mod tests {
                 (7.0 * t).sin() + 2.0 * (-since / 0.004).exp() * (900.0 * since).cos() + (t / every).floor() % 3.0
             }
         };
-        for (every, own) in [(0.2, 0.01), (0.05, 0.02)] {
+        for every in [0.2, 0.05] {
             let told = told(60_000, normal, kicked(every)).unwrap();
             assert!((told.value / 0.01 - 1.0).abs() < 0.05, "{every} {told:?}");
-            assert!(told.deviation / told.value < own, "{every} {told:?}");
+            assert!((MISTAKEN..1.1 * MISTAKEN).contains(&(told.deviation / told.value)), "{every} {told:?}");
         }
         assert_eq!(told(60_000, normal, kicked(0.006)), None);
     }

@@ -120,6 +120,7 @@ fn what_a_robot_does_not_show_or_have_is_refused() {
             angle: false,
         }],
         inputs: vec![fleetfoot_dynamics::controller::DrivenInput { name: "u_v".into(), lowest: 0.0, highest: 1.0 }],
+        rotations: Vec::new(),
         measured: Vec::new(),
         integrated: Vec::new(),
         partition: None,
