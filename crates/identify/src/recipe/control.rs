@@ -21,7 +21,7 @@ settings! {
     control, |_, _| {};
     /// What a regulator is to do. Every entry is the flag of `control lqr` of the same name.
     pub struct ControlSection {
-        /// Values that states and inputs are to have, `x=0,y=0`; the others are found, so that the model rests (default: none, the nearest rest to
+        /// Values that states and inputs are to have, `x=0,y=0`, of a rotation all of its parts, or `roll(attitude)`, `pitch(attitude)` and `yaw(attitude)`; the others are found, so that the model rests (default: none, the nearest rest to
         /// the means in training).
         #[arg(long, value_name = "NAME=VALUE,...", allow_hyphen_values = true)]
         pub setpoint: String,
@@ -40,7 +40,7 @@ settings! {
         /// Inputs that are driven, separated by commas; what moves the model beside them is measured, and answered at once (default: all inputs).
         #[arg(long, value_name = "INPUTS")]
         pub drive: String,
-        /// States that are neither kept nor fed back, separated by commas (default: none).
+        /// States that are neither kept nor fed back, separated by commas; rotations as a whole (default: none).
         #[arg(long, value_name = "STATES")]
         pub free: String,
         /// Seconds between commands (default: the model's sampling period).

@@ -24,7 +24,7 @@ class Controller:
     Attributes
     ----------
     states, inputs : tuple of str
-        What is fed back, and what is driven.
+        What is fed back, a rotation as ``"attitude about x"``, ``y`` and ``z``, and what is driven.
     setpoint : dict
         ``states`` and ``inputs`` by name, ``region`` (that rests there, or None), ``drift`` and ``at_rest``.
     regions : list of dict
@@ -43,7 +43,8 @@ class Controller:
         self.setpoint: dict[str, Any] = content["setpoint"]
         self.regions: list[dict[str, Any]] = content["regions"]
         self.notes: list[str] = tell_all(content["notes"])
-        self.states = tuple(state["name"] for state in self.law["states"])
+        turns = (f"{one['name']} about {axis}" for one in self.law.get("rotations", ()) for axis in "xyz")
+        self.states = (*(state["name"] for state in self.law["states"]), *turns)
         self.inputs = tuple(driven["name"] for driven in self.law["inputs"])
 
     @property
