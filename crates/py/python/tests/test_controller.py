@@ -60,3 +60,32 @@ def test_what_is_wrong_is_named(mass):
         mass.lqr({"x": 1.0}, r={"u": 0.0})
     with pytest.raises(ff.exceptions.ModelError):
         mass.lqr({"x": 1.0}).export("cobol")
+
+
+def test_a_rotation_is_three_numbers_of_a_law(tmp_path):
+    """A body whose rates are commanded: the quaternion's kinematics are given, and the law turns it about each axis by itself."""
+    rng, step, rows = np.random.default_rng(3), 0.02, 600
+    rates = np.repeat(rng.normal(size=(rows // 20, 3)), 20, axis=0)
+    spin, q = [np.zeros(3)], [np.array([1.0, 0.0, 0.0, 0.0])]
+    for k in range(rows - 1):
+        spin.append(spin[-1] + step * (rates[k] - spin[-1]))
+        size = max(np.linalg.norm(spin[k]), 1e-12)
+        w, v = np.cos(step * size / 2), np.sin(step * size / 2) * spin[k] / size
+        a, b = q[-1][0], q[-1][1:]
+        q.append(np.concatenate([[a * w - b @ v], a * v + w * b + np.cross(b, v)]))
+    names = ["q.w", "q.x", "q.y", "q.z", "wx", "wy", "wz"]
+    model = ff.SINDy(
+        library=["1", "wx", "wy", "wz", "ux", "uy", "uz"],
+        states={
+            "wx": {}, "wy": {}, "wz": {},
+            "attitude": {"kind": "quaternion", "columns": names[:4], "rate": names[4:]},
+        },
+    ).fit(np.hstack([q, spin]), step, u=rates, feature_names=names, input_names=["ux", "uy", "uz"]).model_
+    law = model.lqr({"roll(attitude)": 0.0, "pitch(attitude)": 0.0, "yaw(attitude)": 1.0}, q={"attitude": 4.0})
+    assert law.states == ("wx", "wy", "wz", "attitude about x", "attitude about y", "attitude about z")
+    assert law.gains.shape == (1, 3, 6) and law.setpoint["at_rest"]
+    np.testing.assert_allclose(law.law["rotations"][0]["at"], [np.cos(0.5), 0, 0, np.sin(0.5)], atol=1e-12)
+    # About each axis the body is the same: what an input does about another one is what the fit is off.
+    turn = law.gains[0][:, 3:]
+    np.testing.assert_allclose(turn, np.diag(np.diag(turn)), atol=0.02 * turn.max())
+    assert [name.rsplit("/", 1)[-1] for name in law.export("c", tmp_path, prefix="turn")][0] == "turn.h"

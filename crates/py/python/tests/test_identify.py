@@ -337,6 +337,8 @@ def test_bad_data_are_refused_by_name(arguments, keywords, error, words):
         (lambda: ff.SINDy(recipe={"sindy": {"thresold": 1}}), "thresold"),
         (lambda: ff.NARX(lags_out=0, lags_in=0), "nothing is left"),
         (lambda: ff.NARX(terms="many"), "many"),
+        (lambda: ff.NARX(2, lags="6:3"), "both say how far back"),
+        (lambda: ff.NARX(lags="3:6"), "50:5"),
         (lambda: ff.BlockSparse(lam="big"), "big"),
         (lambda: ff.BlockSparse(latents={"T": {"of": ["x0"]}}), "tasks"),
     ],
@@ -345,6 +347,16 @@ def test_bad_options_are_refused_by_name(estimator, words):
     t, x, _ = lorenz(60)
     with pytest.raises((RequestError, FitError), match=words):
         estimator().fit(x, t)
+
+
+def test_autoregressions_range_over_gleaned_rows():
+    """The present row and every third of the last six, as for every other method."""
+    t, x, _ = lorenz(400)
+    for lags in ("6:3", {"last": 6, "every": 3}):
+        narx = ff.NARX(lags=lags, degree=1, terms="all").fit(x[:, :1], t, feature_names=["x"])
+        assert narx.report_["order"] == {"lags_out": 3, "lags_in": 0, "every": 3, "degree": 1}
+        found = {term["function"] for term in narx.report_["regions"][0]["equations"][0]["terms"]}
+        assert found - {"1"} == {"x", "lag(x, 3)", "lag(x, 6)"}
 
 
 #: Entries that are words or switches: a value, and another one. The others take numbers.
