@@ -7,9 +7,10 @@ use faer::Mat;
 use fleetfoot_data::nearest;
 use fleetfoot_model::{Model, RotationKind};
 
+use super::Named;
 use crate::{
     control_error::ControlError,
-    geometry::{Group, Told, parts},
+    geometry::{Group, Told},
     named::finite,
     pieces::{Affine, Pieces},
 };
@@ -193,11 +194,7 @@ impl<'a> Coordinates<'a> {
 
     /// Takes what a set point says of states for theirs, and tells which coordinates it gives. A rotation is given by all of its parts, or by `roll(NAME)`, `pitch(NAME)` and `yaw(NAME)`, rad, of
     /// Rz(yaw) Ry(pitch) Rx(roll). What speaks of no state is handed back.
-    pub(super) fn given(
-        &self,
-        setpoint: &[(String, f64)],
-        x: &mut [f64],
-    ) -> Result<(Vec<bool>, Vec<(String, f64)>), ControlError> {
+    pub(super) fn given(&self, setpoint: &[Named], x: &mut [f64]) -> Result<(Vec<bool>, Vec<Named>), ControlError> {
         let (mut given, mut rest) = (vec![false; self.len()], Vec::new());
         let mut turns: Vec<Turned> = vec![Turned::default(); self.groups.len()];
         for (name, value) in setpoint {
@@ -309,7 +306,6 @@ fn turns(pieces: &Pieces, model: &Model, group: usize) -> [f64; 3] {
         ),
         false => vec![0.0; 6],
     };
-    debug_assert_eq!(parts(&told), [0..3]);
     std::array::from_fn(|axis| {
         let variance: f64 = covariance[fleetfoot_data::packed(axis, axis)];
         if variance.is_finite() && variance > 0.0 { variance.sqrt() } else { 1.0 }
