@@ -173,12 +173,15 @@ fn units(own: &Loop, base: &Base) -> Vec<f64> {
     (0..own.variables.len()).map(of).map(|unit| if unit > 0.0 { unit } else { 1.0 }).collect()
 }
 
+/// A metric's root, and coefficients (s x q) whose map is within it.
+type Begun = (Mat<f64>, Mat<f64>);
+
 /// Margins of the storages that are tried, in squares of the inputs' power at one deviation over a step.
 const MARGINS: [f64; 4] = [1e-1, 1e-2, 1e-3, 1e-4];
 
 /// Roots of storages with which the one-region model dissipates, and its coefficients (s x q): as they are, else as near to them as a storage is found for, those of the states first, then those of
 /// the ports too.
-fn dissipating(own: &Loop, base: &Base, units: &[f64]) -> Vec<(Mat<f64>, Mat<f64>)> {
+fn dissipating(own: &Loop, base: &Base, units: &[f64]) -> Vec<Begun> {
     let Some(ports) = &own.ports else { return Vec::new() };
     let n = units.len();
     let states = Loop {
@@ -199,7 +202,7 @@ fn dissipating(own: &Loop, base: &Base, units: &[f64]) -> Vec<(Mat<f64>, Mat<f64
     };
     let power = (0..ports.outputs.len()).map(|port| units[ports.outputs[port]] * own.input_unit(port, base));
     let power = ports.step * power.fold(0.0, f64::max);
-    let storages = |share: f64, of_ports: f64| -> Vec<(Mat<f64>, Mat<f64>)> {
+    let storages = |share: f64, of_ports: f64| -> Vec<Begun> {
         let start = at(share, of_ports);
         let map = own.of_read(&start);
         let root = |margin: &f64| {
@@ -208,7 +211,7 @@ fn dissipating(own: &Loop, base: &Base, units: &[f64]) -> Vec<(Mat<f64>, Mat<f64
         };
         MARGINS.iter().filter_map(root).collect()
     };
-    let nearest = |of: &dyn Fn(f64) -> Vec<(Mat<f64>, Mat<f64>)>| {
+    let nearest = |of: &dyn Fn(f64) -> Vec<Begun>| {
         let (mut low, mut high, mut best) = (0.0, 1.0, of(0.0));
         for _ in 0..12 {
             let middle = 0.5 * (low + high);
@@ -221,7 +224,7 @@ fn dissipating(own: &Loop, base: &Base, units: &[f64]) -> Vec<(Mat<f64>, Mat<f64
         }
         best
     };
-    let tries: [&dyn Fn() -> Vec<(Mat<f64>, Mat<f64>)>; 3] =
+    let tries: [&dyn Fn() -> Vec<Begun>; 3] =
         [&|| storages(1.0, 1.0), &|| nearest(&|share| storages(share, 1.0)), &|| {
             nearest(&|share| storages(share, share))
         }];

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 import pickle
 import re
 import xml.etree.ElementTree
@@ -421,6 +422,31 @@ def test_notebooks_show_what_there_is():
     assert "<th>a&lt;b</th>" in table and "300 rows" in table and table.count("<tr>") == 11
     compared = ff.compare({"piecewise": model}, ff.open({"x0": x[:, 0], "x1": x[:, 1]}, dt=PERIOD))._repr_html_()
     assert "<td>piecewise</td>" in compared and "95 % intervals" in compared
+
+
+def test_regions_are_passive_at_their_ports():
+    rng = np.random.default_rng(4)
+    h, mass, x, v, rows = 0.05, 1.5, 0.5, 0.0, []
+    for _ in range(1500):
+        f = rng.uniform(-4.0, 4.0)
+        rows.append((x + 0.15 * rng.uniform(-1, 1), v + 0.15 * rng.uniform(-1, 1), f))
+        for _ in range(20):
+            v += h / 20 * (f - (4.0 if x > 0 else 9.0) * x - 0.1 * v) / mass
+            x += h / 20 * v
+    data = ff.open(dict(zip("xvf", np.array(rows).T, strict=True)), dt=h)
+    model = ff.PWA("kmeans:5", states=["x", "v"], inputs=["f"], target="next", passive={"f": "v"}).fit(data)
+    candidate = model.report_["candidates"][0]
+    told = candidate["stability"]
+    (port,) = told["passivity"]["ports"]
+    assert (port["input"], port["state"]) == ("f", "v") and abs(port["shortage"] - 2 * h / mass) < 0.01
+    storage, supply = np.array(told["metric"]).reshape(2, 2), np.array([0.0, h])
+    allowed = np.block([[storage, supply[:, None]], [supply[None, :], h * port["shortage"]]])
+    for region in range(5):
+        latents = json.loads(model.model_.to_json())["model"]["latents"]
+        step = np.array([latent["coefficients"][region] for latent in latents])
+        assert np.linalg.eigvalsh(allowed - step.T @ storage @ step)[0] > -1e-9
+    assert max(told["passivity"]["norms"]) <= 1.0 < max(told["passivity"]["free_norms"])
+    assert candidate["loss"] < 1.05 * candidate["free_loss"]
 
 
 def test_sindy_keeps_signs_of_coefficients():

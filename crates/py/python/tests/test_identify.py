@@ -369,6 +369,7 @@ WORDS = {
     "bolasso": ("chunks:5", "rows:5"),
     "optimizer": ("stlsq", "sr3"),
     "groups": ("signal", "term"),
+    "passive": ("f:v", "f:v:0.1"),
     "phase": ("alpha_l:24", "labels:stance"),
     "objective": ("steps:3", "one-step"),
     "smooth_states": ("on", "off"),

@@ -86,7 +86,7 @@ def test_matrices_stay_positive_definite():
     kept = {"mobility": {"matrix": [["A"], ["B", "C"]], "at_least": 0.03}}
 
     def fit(**more):
-        found = ff.Parameters(start, known=known, inputs=["f", "g"], folds=0, **more).fit(data).report_
+        found = ff.Parameters(start, known=known, states=["v", "w"], inputs=["f", "g"], folds=0, **more).fit(data).report_
         a, b, c = (one["value"] for one in found["parameters"])
         return np.linalg.eigvalsh([[a, b], [b, c]])[0], found
 
