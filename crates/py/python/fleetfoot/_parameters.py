@@ -24,9 +24,9 @@ class Parameters(Identifier):
         For each name where the search begins, or a dict with ``initial`` and, if wanted, ``bounds``, ``fixed`` and
         ``unit``.
     constraints : dict, optional
-        What parameters keep together, as a recipe's ``[constraints]``: ``{"inertia": {"matrix": [["J11", "J12"], ["J12",
-        "J22"]], "at_least": 1e-3}}``, eigenvalues, or ``{"of": "J11 - J22", "at_most": 0.0}``, a number. The initial values
-        are strictly within; ``report_["limits"]`` tells.
+        What parameters keep together, as a recipe's ``[constraints]``: ``{"inertia": {"matrix": [["J11", "J12"],
+        ["J12", "J22"]], "at_least": 1e-3}}``, eigenvalues, or ``{"of": "J11 - J22", "at_most": 0.0}``, a number. The
+        initial values are strictly within; ``report_["limits"]`` tells.
     method : {"output-error", "filter-error", "equation-error"}, default="output-error"
         What parameters are fitted to: simulations from estimated beginnings, the same corrected by measurements with
         gains that are estimated too, or the derivatives row by row.

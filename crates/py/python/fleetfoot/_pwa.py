@@ -59,9 +59,9 @@ class PWA(Identifier):
         ``report_["candidates"]`` tells radii, norms, the metric and the loss of the free model.
     passive : str or dict of str to str, optional
         Ports at which every region's map takes in at least what it gives, with one storage of energy: inputs and the
-        states that they are a power with, ``"force:speed"`` or ``{"force": "speed"}``; behind a second colon what a port
-        may be short of, where not twice what sampling takes. ``report_["candidates"]`` tells in ``stability``, whose
-        ``metric`` is twice the energy then.
+        states that they are a power with, ``"force:speed"`` or ``{"force": "speed"}``; behind a second colon what a
+        port may be short of, where not twice what sampling takes. ``report_["candidates"]`` tells in ``stability``,
+        whose ``metric`` is twice the energy then.
     phase : str, optional
         A phase along which regions are counted, and from stride to stride: ``"alpha_l:24"``, a column or an expression
         that comes round and its bins (12), or ``"labels:stance"``. ``model_.export("npz", ...)`` has the counts, and
