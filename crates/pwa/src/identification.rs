@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use fleetfoot_model::Model;
-use fleetfoot_stats::{Basis, Concentration, Estimate, SquareRoot};
+use fleetfoot_stats::{Basis, Concentration, Estimate, SquareRoot, front};
 
 use crate::{Specification, Stability, continuous::Continuity};
 
@@ -59,6 +59,10 @@ pub struct Score {
     pub specification: Specification,
     /// Its regions.
     pub regions: usize,
+    /// Numbers that its maps have, of all regions and targets, constants among them; of maps that meet at borders those that are free.
+    pub coefficients: usize,
+    /// Whether no other partition of as few coefficients errs less on rows that did not train, or as little with fewer; false where no rows are held out.
+    pub front: bool,
     /// Shrinkage used, rows.
     pub shrinkage: f64,
     /// Mean absolute error of each target over that of the null model on the same rows (Table I's printed numbers).
@@ -91,11 +95,45 @@ pub struct Score {
     pub objective: Vec<f64>,
 }
 
+/// Marks what nothing of as few coefficients beats on rows that did not train.
+pub(crate) fn mark(mut scores: Vec<Score>) -> Vec<Score> {
+    let models: Vec<(usize, f64)> = scores.iter().map(|own| (own.coefficients, own.loss)).collect();
+    scores.iter_mut().zip(front(&models)).for_each(|(own, on)| own.front = on);
+    scores
+}
+
+/// Numbers of the maps of a partition with so many regions, of p regressors and q targets.
+pub(crate) fn coefficients(
+    specification: &Specification,
+    regions: usize,
+    (p, q): (usize, usize),
+    continuity: Option<Continuity>,
+) -> usize {
+    match (specification, continuity) {
+        (Specification::Null, _) => q,
+        (_, Some(own)) => own.numbers * q,
+        _ => regions * (p + 1) * q,
+    }
+}
+
 impl Identification {
     /// Absolute error of candidate `a` over that of candidate `b`, for each target, on the same rows: its interval is that of the paired parts, so that
     /// what makes a part hard for both does not widen it.
     pub fn error_ratio(&self, a: usize, b: usize) -> Vec<Estimate> {
         let (a, b) = (&self.candidates[a].absolute, &self.candidates[b].absolute);
         (0..self.targets.len()).map(|t| Estimate::of_ratio(a.iter().zip(b).map(|(a, b)| (a[t], b[t])))).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_of_maps_are_those_of_all_regions_and_targets() {
+        let count = |text: &str, regions: usize, continuity: Option<Continuity>| {
+            coefficients(&Specification::parse(text).unwrap(), regions, (4, 3), continuity)
+        };
+        assert_eq!([count("null", 1, None), count("average", 1, None), count("kmeans:5", 5, None)], [3, 15, 75]);
     }
 }

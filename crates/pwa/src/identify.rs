@@ -11,6 +11,7 @@ use crate::{
     complete::Fit,
     errors::{Errors, Measure, PartErrors},
     fit::{Roots, Solver, held_out_error},
+    identification::{coefficients, mark},
     lagged::{Whitening, span},
     levels::described,
     notes::confounded,
@@ -123,7 +124,7 @@ impl Fit<'_> {
             (0..q).map(|t| (self.survey.scales.get(t, t) / self.survey.scales.weight).sqrt()).collect();
         let (basis, parts) =
             errors.compared(self.folds.map_or(source.episodes().len() > 1, FoldLayout::whole_episodes));
-        let candidates = self.scores(&orders, &errors, &parts, &sigma);
+        let candidates = mark(self.scores(&orders, &errors, &parts, &sigma));
         let mut models: Vec<Model> = kept
             .iter()
             .zip(errors.residuals.iter().zip(&roots))
@@ -279,6 +280,13 @@ impl Fit<'_> {
             .map(|(index, ((order, sums), candidate))| Score {
                 specification: candidate.specification.clone(),
                 regions: order.full.len(),
+                coefficients: coefficients(
+                    &candidate.specification,
+                    order.full.len(),
+                    (self.rows.regressors, q),
+                    order.continuity,
+                ),
+                front: false,
                 shrinkage: order.shrinkage,
                 over_null: (0..q).map(|t| sums.absolute[t] / errors.null.absolute[t]).collect(),
                 over_null_interval: (0..q)

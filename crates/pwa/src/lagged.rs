@@ -202,7 +202,12 @@ impl Lagged {
         let all = ResidualCorrelation { lags };
         // Squares of q^2 correlations that are 0 are 1/n each, somewhat more where neighbours share rows: twice the price of the BIC is beyond either.
         let free = |lag: usize| (q as f64 * all.size(lag).powi(2)) - 2.0 * (q * q) as f64 * rows.ln() / rows;
-        if (span..=self.lags()).map(free).sum::<f64>() <= 0.0 {
+        let mut all_free = 0.0;
+        let beyond = (span..=self.lags()).any(|lag| {
+            all_free += free(lag);
+            all_free > 0.0
+        });
+        if !beyond {
             return None;
         }
         let order = Autoregression::of_least_bic(&all.autocovariances(), q, rows)?.order();

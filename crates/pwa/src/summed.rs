@@ -13,6 +13,7 @@ use crate::{
     Error, Identification, Options, Problem, Score, Specification,
     assemble::{assembled, described},
     fit::Roots,
+    identification::{coefficients, mark},
     notes::confounded,
     segmentation::Candidate,
     select::{Order, choose, evaluate},
@@ -99,7 +100,13 @@ pub fn identify_summed(
         model: model(chosen),
         models,
         roots: sums.training(candidates[chosen].full, None),
-        candidates: partitions.iter().zip(&orders).map(|(one, order)| score(one, order, &sigma)).collect(),
+        candidates: mark(
+            partitions
+                .iter()
+                .zip(&orders)
+                .map(|(one, order)| score(one, order, &sigma, problem.library.len()))
+                .collect(),
+        ),
         chosen,
         rule,
         targets: problem.equations.iter().filter(|e| e.target.is_some()).map(|e| e.label()).collect(),
@@ -149,12 +156,14 @@ fn candidate(at: usize, own: &SummedPartition<'_>, rows: &SummedRows) -> Candida
 }
 
 /// What an absolute error is asked for is NaN.
-fn score(own: &SummedPartition<'_>, order: &Order, sigma: &[f64]) -> Score {
+fn score(own: &SummedPartition<'_>, order: &Order, sigma: &[f64], regressors: usize) -> Score {
     let unknown = || vec![f64::NAN; sigma.len()];
     let no_interval = Estimate { value: f64::NAN, low: f64::NAN, high: f64::NAN };
     Score {
         specification: own.specification.clone(),
         regions: order.full.len(),
+        coefficients: coefficients(&own.specification, order.full.len(), (regressors, sigma.len()), None),
+        front: false,
         shrinkage: order.shrinkage,
         over_null: unknown(),
         over_null_interval: vec![no_interval; sigma.len()],

@@ -121,7 +121,7 @@ fn dry_run(recipe: &Recipe, files: &[std::path::PathBuf], context: &Context) -> 
 
 pub(crate) fn to_text(fitted: &Fitted) -> String {
     let found = &fitted.identification;
-    let mut header = vec!["partition", "regions"];
+    let mut header = vec!["partition", "regions", "coefficients"];
     header.extend(found.targets.iter().map(String::as_str));
     header.extend(["Mahalanobis", "loss"]);
     let continuous = found.candidates.iter().any(|score| score.continuity.is_some());
@@ -134,7 +134,8 @@ pub(crate) fn to_text(fitted: &Fitted) -> String {
         .iter()
         .enumerate()
         .map(|(index, score)| {
-            let mut row = vec![score.specification.to_string(), score.regions.to_string()];
+            let mut row =
+                vec![score.specification.to_string(), score.regions.to_string(), score.coefficients.to_string()];
             row.extend(if quadratic { &score.r2 } else { &score.over_null }.iter().map(|&value| ratio(value)));
             row.push(if quadratic { "-".into() } else { ratio(score.mahalanobis) });
             row.push(if score.loss.is_nan() {
@@ -145,11 +146,12 @@ pub(crate) fn to_text(fitted: &Fitted) -> String {
             if continuous {
                 row.push(score.continuity.map_or_else(|| "-".into(), |own| ratio(own.apart)));
             }
-            row.push(if index == found.chosen { "<- chosen".into() } else { String::new() });
+            let marks = [(index == found.chosen, "<- chosen"), (score.front && found.candidates.len() > 1, "front")];
+            row.push(marks.iter().filter(|(is, _)| *is).map(|(_, mark)| *mark).collect::<Vec<&str>>().join(", "));
             row
         })
         .collect();
-    let mut sigma = vec!["sigma".to_owned(), String::new()];
+    let mut sigma = vec!["sigma".to_owned(), String::new(), String::new()];
     sigma.extend(found.sigma.iter().map(|&value| number(value)));
     sigma.resize(header.len(), String::new());
     rows.push(sigma);

@@ -57,7 +57,9 @@ impl Fitted {
             chosen: found.chosen,
             chosen_by: found.rule,
             intervals: interval_in_words(&found.basis),
-            candidates: found.candidates.iter().map(Candidate::from).collect(),
+            candidates: (found.candidates.iter().enumerate())
+                .map(|(at, own)| Candidate { chosen: at == found.chosen, ..Candidate::from(own) })
+                .collect(),
             rollouts: self.rollouts.as_ref(),
             objective: self.refinement.as_ref(),
             notes: &self.notes,
@@ -95,6 +97,9 @@ struct Told<'a> {
 struct Candidate<'a> {
     partition: String,
     regions: usize,
+    coefficients: usize,
+    front: bool,
+    chosen: bool,
     shrinkage: f64,
     mae_over_null: &'a [f64],
     mae_over_null_intervals: Vec<Interval>,
@@ -120,6 +125,9 @@ impl<'a> From<&'a Score> for Candidate<'a> {
         Self {
             partition: score.specification.to_string(),
             regions: score.regions,
+            coefficients: score.coefficients,
+            front: score.front,
+            chosen: false,
             shrinkage: score.shrinkage,
             mae_over_null: &score.over_null,
             mae_over_null_intervals: score.over_null_interval.iter().map(Interval::from).collect(),

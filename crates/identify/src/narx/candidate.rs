@@ -1,6 +1,7 @@
 //! A model that was tried, those that nothing of as few coefficients beats, and the simplest of those that are as good as the best.
 
 use fleetfoot_sparse::narx::NarxOrder;
+use fleetfoot_stats::front;
 use serde::Serialize;
 
 use crate::told;
@@ -58,15 +59,8 @@ impl NarxCandidate {
 
 /// Marks the model that is written, and those that nothing with as few coefficients beats.
 pub(crate) fn mark(tried: &mut [NarxCandidate], chosen: usize) {
-    let mut order: Vec<usize> = (0..tried.len()).filter(|&at| tried[at].error().0.is_finite()).collect();
-    let key = |at: usize| (tried[at].coefficients, tried[at].error().0);
-    order.sort_by(|&a, &b| key(a).0.cmp(&key(b).0).then(key(a).1.total_cmp(&key(b).1)).then(a.cmp(&b)));
-    let mut least = f64::INFINITY;
-    for at in order {
-        let error = tried[at].error().0;
-        tried[at].front = error < least;
-        least = least.min(error);
-    }
+    let models: Vec<(usize, f64)> = tried.iter().map(|own| (own.coefficients, own.error().0)).collect();
+    tried.iter_mut().zip(front(&models)).for_each(|(own, on)| own.front = on);
     if let Some(own) = tried.get_mut(chosen) {
         own.chosen = true;
     }

@@ -269,9 +269,18 @@ impl Fit {
         Some(Figure::new(format!("front-{place}"), title, caption, Chart::Panels(Panels::new(panels))))
     }
 
+    /// The models that were tried: autoregressions, or the partitions of a piecewise-affine fit.
+    fn orders_tried(&self) -> Vec<Tried> {
+        if !self.tried.is_empty() {
+            return self.tried.clone();
+        }
+        Vec::deserialize(&self.candidates).unwrap_or_default()
+    }
+
     /// Held-out error, and the criterion where it is known, of the models that were tried over their coefficients: regions, lags and library together.
     fn orders(&self, place: usize, title: String) -> Option<Figure> {
-        let mut all: Vec<&Tried> = self.tried.iter().filter(|own| own.error().is_some()).collect();
+        let tried = self.orders_tried();
+        let mut all: Vec<&Tried> = tried.iter().filter(|own| own.error().is_some()).collect();
         all.sort_by_key(|own| own.coefficients);
         let front: Vec<&Tried> = all.iter().copied().filter(|own| own.front).collect();
         if front.len() < 2 {
@@ -301,7 +310,7 @@ impl Fit {
         let caption = format!(
             "Each mark is one of {} with its regions, lags and library, those of few coefficients to the left: its {what} on rows that did not train{}. On the line no model of as \
              few coefficients has a smaller error. The upright line is at the model that was taken.",
-            count(self.tried.len(), "model"),
+            count(tried.len(), "model"),
             if criterion { ", and the Bayesian information criterion" } else { "" }
         );
         Some(Figure::new(format!("orders-{place}"), title, caption, Chart::Panels(Panels::new(panels))))
