@@ -132,7 +132,7 @@ mod tests {
     #[test]
     fn numbers_of_maps_are_those_of_all_regions_and_targets() {
         let count = |text: &str, regions: usize, continuity: Option<Continuity>| {
-            coefficients(&Specification::parse(text).unwrap(), regions, (4, 3), continuity)
+            coefficients(&Specification::parse_list(text).unwrap()[0], regions, (4, 3), continuity)
         };
         assert_eq!([count("null", 1, None), count("average", 1, None), count("kmeans:5", 5, None)], [3, 15, 75]);
     }

@@ -311,7 +311,7 @@ mod tests {
             for lag in 0..=most_lags(q) {
                 for (a, b) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
                     let mut sum = 0.0;
-                    for (k, now) in places.iter().enumerate().filter_map(|(k, place)| Some((*place, white[k]?))).map(|(place, own)| (place, own)) {
+                    for (k, now) in places.iter().enumerate().filter_map(|(k, place)| Some((*place, white[k]?))) {
                         // All rows between are there.
                         let chain = (0..=lag).map(|h| {
                             let there = places.iter().position(|own| h <= k && *own == k - h)?;
@@ -339,7 +339,9 @@ mod tests {
     fn correlation_is_told_where_there_is_any() {
         let uniform = |key: u64| fleetfoot_data::mix(key + 1) as f64 / u64::MAX as f64 - 0.5;
         let width = padded(2);
-        let found = |series: &dyn Fn(usize, &[[f64; 2]], [f64; 2]) -> [f64; 2], span: usize| {
+        /// The residuals of a row, from its number, those before and noise of its own.
+        type Series<'s> = &'s dyn Fn(usize, &[[f64; 2]], [f64; 2]) -> [f64; 2];
+        let found = |series: Series<'_>, span: usize| {
             let mut rows: Vec<[f64; 2]> = Vec::new();
             for k in 0..20_000 {
                 let next = series(k, &rows, [uniform(2 * k as u64), uniform(2 * k as u64 + 1)]);
