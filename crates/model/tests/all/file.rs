@@ -83,7 +83,7 @@ fn model(numbers: &[f64; 12]) -> Model {
             joins: (0..4).map(|i| Join { kept: 0, gone: 4 - i, training: n(i as usize) }).collect(),
             levels: vec![Level { regions: 5, training: n(3), held_out: f64::NAN, standard_error: n(1), bic: n(2) }],
         }),
-        correlation: Some(ResidualCorrelation { lags: vec![vec![0.1 + 0.2], vec![-0.25]] }),
+        correlation: Some(ResidualCorrelation { lags: vec![vec![0.75], vec![-0.25]] }),
     }];
     model.latents = vec![Latent {
         name: "f_x".into(),
