@@ -65,7 +65,6 @@ fn model(numbers: &[f64; 12]) -> Model {
             unseen: UnseenLabel::Pool,
         },
         regions: (0..5).map(region).collect(),
-        correlation: Some(ResidualCorrelation { lags: vec![vec![n(8)], vec![n(9)]] }),
         transitions: Some(Transitions {
             counts: (0..5).map(|from| (0..5).map(|to| from * 7 + to).collect()).collect(),
         }),
