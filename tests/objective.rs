@@ -173,8 +173,7 @@ fn bounded_maps_are_fitted_to_simulations_within_their_bound() {
     let list = |of: &serde_json::Value| of.as_array().expect("numbers").iter().map(number).collect::<Vec<f64>>();
     let (centre, scale, offsets) =
         (list(&partition["centre"]), list(&partition["scale"]), list(&partition["rule"]["offsets"]));
-    let weights: Vec<Vec<f64>> =
-        partition["rule"]["weights"].as_array().expect("weights").iter().map(|row| list(row)).collect();
+    let weights: Vec<Vec<f64>> = partition["rule"]["weights"].as_array().expect("weights").iter().map(list).collect();
     residuals_are_those_of_the_rows(&model["model"], |row| {
         let score =
             |i: usize| offsets[i] + (0..2).map(|j| weights[i][j] * (row[j] - centre[j]) / scale[j]).sum::<f64>();
