@@ -114,32 +114,48 @@ impl Lagged {
         (regions, residuals, weights): (&[u32], &[f64], Option<&[f64]>),
     ) {
         self.episode = episode;
-        let (width, last) = (padded(self.targets), whitening.regions.len().saturating_sub(1));
-        for (((at, &region), residual), row) in rows.zip(regions).zip(residuals.chunks_exact(width)).zip(0..) {
-            let Some(columns) = &whitening.regions[(region as usize).min(last)] else { continue };
-            // Weights are shared by the rows of a product, so that the sums stay those of a series.
-            let root = weights.map_or(1.0, |weights: &[f64]| weights[row].sqrt());
-            let mut values = vec![0.0; width];
-            pulp::Arch::new().dispatch(Whiten { columns, residual, root, out: &mut values });
-            self.push(Row { at, values });
+        let (mut places, mut white) = (Vec::with_capacity(regions.len()), Vec::with_capacity(residuals.len()));
+        pulp::Arch::new().dispatch(Whiten {
+            whitening,
+            width: padded(self.targets),
+            rows,
+            given: (regions, residuals, weights),
+            places: &mut places,
+            white: &mut white,
+        });
+        let mut rest = white.as_slice();
+        for run in places.chunk_by(|before, at| before + 1 == *at) {
+            let own;
+            (own, rest) = rest.split_at(run.len() * padded(self.targets));
+            self.follow(run, own);
         }
     }
 
-    fn push(&mut self, row: Row) {
-        if self.tail.back().is_some_and(|last| last.at + 1 != row.at) {
+    /// Goes on with whitened rows without a gap.
+    fn follow(&mut self, places: &[usize], own: &[f64]) {
+        let (width, lags) = (padded(self.targets), self.lags());
+        if self.tail.back().is_some_and(|last| last.at + 1 != places[0]) {
             self.tail.clear();
             self.whole = false;
         }
-        self.weight += row.values.iter().map(|value| value * value).sum::<f64>();
-        self.pair(0, &row, &row.values.clone());
-        for lag in 1..=self.tail.len() {
-            let before = self.tail[self.tail.len() - lag].values.clone();
-            self.pair(lag, &row, &before);
+        let carried = self.tail.len();
+        let mut rows = Vec::with_capacity((carried + places.len()) * width);
+        self.tail.iter().for_each(|row| rows.extend_from_slice(&row.values));
+        rows.extend_from_slice(own);
+        let (targets, products) = (self.targets, &mut self.products);
+        pulp::Arch::new().dispatch(Products { rows: &rows, width, targets, carried, products });
+        for row in own.chunks_exact(width) {
+            self.weight += row.iter().map(|value| value * value).sum::<f64>();
         }
-        if self.whole && self.head.len() < self.lags() {
-            self.head.push(row.clone());
+        let row = |(&at, values): (&usize, &[f64])| Row { at, values: values.to_vec() };
+        if self.whole {
+            let open = lags - self.head.len();
+            self.head.extend(places.iter().zip(own.chunks_exact(width)).take(open).map(row));
         }
-        self.keep(row);
+        let late = places.len().saturating_sub(lags);
+        for row in places[late..].iter().zip(own[late * width..].chunks_exact(width)).map(row) {
+            self.keep(row);
+        }
     }
 
     fn keep(&mut self, row: Row) {
@@ -215,22 +231,98 @@ impl Lagged {
     }
 }
 
-/// `out = root L^-1 residual`.
-struct Whiten<'a> {
-    columns: &'a [f64],
-    residual: &'a [f64],
-    root: f64,
-    out: &'a mut [f64],
+/// `root L^-1 residual` of every row whose region has a factor, and the places of these rows.
+struct Whiten<'a, I> {
+    whitening: &'a Whitening,
+    width: usize,
+    rows: I,
+    given: (&'a [u32], &'a [f64], Option<&'a [f64]>),
+    places: &'a mut Vec<usize>,
+    white: &'a mut Vec<f64>,
 }
 
-impl NullaryFnOnce for Whiten<'_> {
+impl<I: Iterator<Item = usize>> NullaryFnOnce for Whiten<'_, I> {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
-        for (column, &value) in self.columns.chunks_exact(self.out.len()).zip(self.residual) {
-            add_scaled(self.out, column, self.root * value);
+        let (regions, residuals, weights) = self.given;
+        let last = self.whitening.regions.len().saturating_sub(1);
+        for (row, (at, &region)) in self.rows.zip(regions).enumerate() {
+            let Some(columns) = &self.whitening.regions[(region as usize).min(last)] else { continue };
+            // Weights are shared by the rows of a product, so that the sums stay those of a series.
+            let root = weights.map_or(1.0, |weights| weights[row].sqrt());
+            let from = self.white.len();
+            self.white.resize(from + self.width, 0.0);
+            let (out, residual) = (&mut self.white[from..], &residuals[row * self.width..][..self.width]);
+            for (column, &value) in columns.chunks_exact(self.width).zip(residual) {
+                add_scaled(out, column, root * value);
+            }
+            self.places.push(at);
         }
+    }
+}
+
+/// `products_h += sum rho_k rho_(k-h)'` over rows of padded length, of which the first were carried and paired before. Each sum is a chain over the rows in their order, however they are cut.
+struct Products<'a> {
+    rows: &'a [f64],
+    width: usize,
+    targets: usize,
+    carried: usize,
+    products: &'a mut [Vec<f64>],
+}
+
+/// Targets whose sums are made side by side.
+const ABREAST: usize = 4;
+
+impl NullaryFnOnce for Products<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let (count, width) = (self.rows.len() / self.width, self.width);
+        for (lag, products) in self.products.iter_mut().enumerate() {
+            let from = self.carried.max(lag);
+            if from >= count {
+                continue;
+            }
+            let (now, before) = (&self.rows[from * width..], &self.rows[(from - lag) * width..]);
+            for lane in (0..width).step_by(LANES) {
+                let mut target = 0;
+                while target + ABREAST <= self.targets {
+                    sums::<ABREAST>(products, (now, before), (width, target, lane));
+                    target += ABREAST;
+                }
+                while target < self.targets {
+                    sums::<1>(products, (now, before), (width, target, lane));
+                    target += 1;
+                }
+            }
+        }
+    }
+}
+
+/// The sums of `G` targets with a vector of those before.
+#[inline(always)]
+fn sums<const G: usize>(
+    products: &mut [f64],
+    (now, before): (&[f64], &[f64]),
+    (width, target, lane): (usize, usize, usize),
+) {
+    let mut sums = [[0.0; LANES]; G];
+    for g in 0..G {
+        sums[g].copy_from_slice(&products[(target + g) * width + lane..][..LANES]);
+    }
+    for (now, before) in now.chunks_exact(width).zip(before.chunks_exact(width)) {
+        let (now, before) = (&now[target..target + G], &before[lane..lane + LANES]);
+        for g in 0..G {
+            for i in 0..LANES {
+                sums[g][i] = now[g].mul_add(before[i], sums[g][i]);
+            }
+        }
+    }
+    for g in 0..G {
+        products[(target + g) * width + lane..][..LANES].copy_from_slice(&sums[g]);
     }
 }
 
