@@ -30,6 +30,7 @@ mod consistency;
 mod gaussian;
 mod noise;
 mod points;
+mod step_noise;
 mod steps;
 mod switched;
 mod track;

@@ -45,6 +45,7 @@ mod descent;
 mod equation_error;
 mod error;
 mod evaluate;
+mod evaluation;
 mod filter_error;
 mod fit;
 mod gains;

@@ -19,7 +19,7 @@ use fleetfoot_stats::{kernel::norm, svd};
 
 use crate::{
     EstimateError, Parameter,
-    evaluate::Evaluation,
+    evaluation::Evaluation,
     step::{Region, Step},
 };
 

@@ -43,6 +43,7 @@ mod json;
 mod known;
 mod labels;
 mod left_out;
+mod limit_report;
 mod list;
 mod logs;
 mod narx;
@@ -90,6 +91,7 @@ pub use in_words::{interval_in_words, replayed_in_words, spans_in_words, useful_
 pub use init::starter_recipe;
 pub use json::Interval;
 pub use known::{KnownModel, is_known, known_model};
+pub use limit_report::{FreeErrors, LimitReport};
 pub use list::items;
 pub use logs::{Logs, is_statistic};
 pub use narx::{
@@ -128,7 +130,7 @@ pub use sindy::{
     SindyOptions, SindyPlan, SindyReport, SindyRequest, StateNoise, StateSmoothing, TermReport, fit_sindy, plan_sindy,
 };
 pub use sparse_fit::{
-    CandidateReport, EpisodeInfluence, FreeErrors, LambdaChoice, LambdaRule, LatentReport, LeaveOneOutReport,
-    LimitReport, PathReport, Resampled, SolveMethod, Solved, SparseFitted, SparseOptions, SparseReport, SparseRequest,
-    TaskReport, file_by_value, fit_sparse, solve_statistic, write_frequencies,
+    CandidateReport, EpisodeInfluence, LambdaChoice, LambdaRule, LatentReport, LeaveOneOutReport, PathReport,
+    Resampled, SolveMethod, Solved, SparseFitted, SparseOptions, SparseReport, SparseRequest, TaskReport,
+    file_by_value, fit_sparse, solve_statistic, write_frequencies,
 };

@@ -40,12 +40,11 @@ use crate::{
 pub use frequencies::write_frequencies;
 pub use influence::{EpisodeInfluence, LeaveOneOutReport};
 pub use lambda::LambdaChoice;
-pub use limits::LimitReport;
 use limits::Limited;
 pub use options::{LambdaRule, Resampled, SparseOptions};
 use problem::Problem;
 use report::Price;
-pub use report::{CandidateReport, FreeErrors, LatentReport, SparseReport, TaskReport};
+pub use report::{CandidateReport, LatentReport, SparseReport, TaskReport};
 pub use shown_path::PathReport;
 pub use solve::{SolveMethod, Solved, solve_statistic};
 

@@ -42,6 +42,7 @@ mod notes;
 mod pairs;
 mod partition;
 mod phase;
+mod port;
 mod problem;
 mod refined;
 mod region_model;
@@ -71,7 +72,8 @@ pub use kmeans::{
 pub use memory::{Cost, cost};
 pub use partition::{Partitioned, partition};
 pub use phase::{Phase, PhaseKind};
+pub use port::Port;
 pub use problem::{Options, Problem, Selection, Shrinkage};
 pub use specification::{Specification, SpecificationError, Within};
-pub use stable::{Contracting, PassiveRegion, Passivity, Port, RegionWeight, Stability, StableRegion};
+pub use stable::{Contracting, PassiveRegion, Passivity, RegionWeight, Stability, StableRegion};
 pub use summed::{Summed, SummedPartition, SummedRows, identify_summed};

@@ -22,7 +22,6 @@
 mod held;
 mod looped;
 mod metric;
-mod ports;
 mod region;
 mod search;
 
@@ -36,8 +35,8 @@ use crate::{
 };
 pub use held::Contracting;
 pub(crate) use looped::Loop;
+pub use looped::{PassiveRegion, Passivity};
 use metric::Metric;
-pub use ports::{PassiveRegion, Passivity, Port};
 use region::Region;
 pub use region::RegionWeight;
 

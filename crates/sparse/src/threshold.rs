@@ -4,7 +4,6 @@
 //! The problem is a [`Compressed`](fleetfoot_stats::Compressed): least squares of targets on p candidate columns without an intercept of its own, so that
 //! the constant is a candidate like the others. Sums of squares are over weighted rows, not means: ridges and penalties have the units they have in pysindy.
 
-mod bounded;
 mod criteria;
 mod cross_validation;
 mod ensemble;

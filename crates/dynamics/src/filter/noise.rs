@@ -4,19 +4,11 @@ use faer::Mat;
 use fleetfoot_data::packed;
 use fleetfoot_model::{Equation, Model, Partition, Prediction, Region};
 
-use super::{FilterError, Gaussian};
+use super::{FilterError, Gaussian, step_noise::StepNoise};
 use crate::pieces::Pieces;
 
 /// The share of a state's size that a step of a given equation may be off: what keeps covariances definite.
 const GIVEN: f64 = 1e-6;
-
-/// The noise of a step in a region.
-pub(super) struct StepNoise {
-    /// The covariance of what is white, of a continuous model its spectral density: n x n.
-    pub(super) white: Mat<f64>,
-    /// What hangs on the rows before, by whitened residuals; of a continuous model as it goes into the derivatives: n x q, without columns where all is white.
-    pub(super) shape: Mat<f64>,
-}
 
 /// The noise of a region where all of it is white: the covariance of a step's of a discrete model, the spectral density of a continuous one.
 ///

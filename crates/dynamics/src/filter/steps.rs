@@ -2,7 +2,7 @@
 
 use faer::{Mat, MatRef};
 
-use super::noise::StepNoise;
+use super::step_noise::StepNoise;
 use crate::{
     linear::{exponential, norm, symmetric},
     pieces::Affine,

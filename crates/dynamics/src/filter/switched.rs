@@ -9,8 +9,9 @@ use fleetfoot_stats::Autoregression;
 
 use super::{
     FilterError, Gaussian, StepMap,
-    noise::{StepNoise, coloured_noise, described, white_noise},
+    noise::{coloured_noise, described, white_noise},
     points::standard_points,
+    step_noise::StepNoise,
 };
 use crate::{
     Error, Points, StepperWorkspace,

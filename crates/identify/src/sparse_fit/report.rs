@@ -4,10 +4,9 @@ use fleetfoot_sparse::{Certificate, inference::confounded};
 use serde::Serialize;
 
 use super::{
-    LambdaChoice, LeaveOneOutReport, LimitReport, PathReport, intervals::percentile_intervals, problem::Problem,
-    support::Support,
+    LambdaChoice, LeaveOneOutReport, PathReport, intervals::percentile_intervals, problem::Problem, support::Support,
 };
-use crate::{Error, told};
+use crate::{Error, FreeErrors, LimitReport, told};
 
 /// What a column may have beyond others, relative to its length, and still be called one with them.
 const CONFOUNDED: f64 = 1e-6;
@@ -77,17 +76,6 @@ pub struct TaskReport {
     /// `rms` and `held_out` of least squares on the same columns without the limits, where there are any: their price.
     #[serde(flatten)]
     pub free: Option<FreeErrors>,
-}
-
-/// Errors of a fit without limits.
-#[derive(Debug, Clone, Copy, Serialize)]
-pub struct FreeErrors {
-    /// Root mean squared error on the rows of the fit.
-    #[serde(rename = "free_rms")]
-    pub rms: f64,
-    /// Root mean squared error on held-out rows; NaN as [`TaskReport::held_out`].
-    #[serde(rename = "free_held_out_rms")]
-    pub held_out: f64,
 }
 
 /// What a fit without limits has: coefficients, and mean squared errors on held-out rows of the measured tasks.

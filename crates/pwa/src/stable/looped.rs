@@ -1,13 +1,17 @@
 //! Which states a model's regions advance, and how a region's coefficients do it.
 
+mod ports;
+
 use std::fmt::{self, Display, Formatter};
 
 use faer::Mat;
 use fleetfoot_library::{Expr, Node, Unary};
 use fleetfoot_model::{Equation, Model, Prediction, Training};
 
-use super::ports::{Port, Ports};
-use crate::{Error, Options, Problem};
+pub(crate) use ports::Ports;
+pub use ports::{PassiveRegion, Passivity};
+
+use crate::{Error, Options, Problem, port::Port};
 
 /// A state at some rows back.
 #[derive(Debug, Clone, PartialEq, Eq)]

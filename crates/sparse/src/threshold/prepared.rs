@@ -1,11 +1,13 @@
 //! A problem made ready for thresholding: columns in their units, the ridge folded in.
 
+mod bounded;
+
 use faer::Mat;
 use fleetfoot_stats::{Compressed, SquareRoot, least_squares, svd};
 
 use super::{
-    Scaling, Status, Step, StepCertificate, Terms, ThresholdError, bounded::within_bounds, error::not_negative,
-    terms::Checked, triangle::Triangle,
+    Scaling, Status, Step, StepCertificate, Terms, ThresholdError, error::not_negative, terms::Checked,
+    triangle::Triangle,
 };
 use crate::{SparseError, kernel::norm};
 
@@ -171,7 +173,7 @@ impl<'a> Prepared<'a> {
     /// Least squares on a triangle of `columns` within the bounds.
     pub(super) fn solve(&self, triangle: &Triangle, columns: &[usize]) -> Solved {
         let free = self.solve_free(triangle, columns);
-        if self.bounded() { within_bounds(self, triangle, columns, free) } else { free }
+        if self.bounded() { bounded::within_bounds(self, triangle, columns, free) } else { free }
     }
 
     /// Least squares on a triangle of `columns`: by substitution where every direction stands clear of rounding, else of minimum norm in units of the

@@ -5,10 +5,8 @@
 //! conditions of the minimum, and as the error falls no set of held coefficients comes twice (Lawson and Hanson 1974, chapter 23, of non-negative coefficients; Stark and Parker
 //! 1995, BVLS, of bounds).
 
-use super::{
-    prepared::{Prepared, Solved},
-    triangle::Triangle,
-};
+use super::{Prepared, Solved};
+use crate::threshold::triangle::Triangle;
 
 /// A slope, as a correlation with the target, that is rounding.
 const FLAT: f64 = 1e-13;

@@ -23,26 +23,8 @@
 use faer::{Mat, Side, linalg::solvers::Solve};
 use fleetfoot_library::Expr;
 
-use super::{Loop, looped};
-use crate::{Error, Problem, region_model::Base};
-
-/// Where a model exchanges energy.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Port {
-    /// The input.
-    pub input: String,
-    /// The state by which it is multiplied to be a power.
-    pub output: String,
-    /// E of the port, in units of the state over those of the input; `None`: twice what sampling takes by the one-region model.
-    pub shortage: Option<f64>,
-}
-
-impl Port {
-    /// With the shortage that sampling asks for.
-    pub fn new(input: impl Into<String>, output: impl Into<String>) -> Self {
-        Self { input: input.into(), output: output.into(), shortage: None }
-    }
-}
+use super::{Loop, reads, slopes};
+use crate::{Error, Problem, port::Port, region_model::Base};
 
 /// That the maps of a model dissipate, with what they are allowed.
 #[derive(Debug, Clone, PartialEq)]
@@ -100,12 +82,12 @@ impl Ports {
             if problem.equations.iter().any(|equation| equation.subject == port.input) {
                 return refused(port, "its input is predicted by the model, so that nothing outside gives it");
             }
-            let mut readers = library.iter().filter(|function| looped::reads(function, &port.input)).peekable();
+            let mut readers = library.iter().filter(|function| reads(function, &port.input)).peekable();
             if readers.peek().is_none() {
                 return refused(port, "no regressor reads its input");
             }
             let straight = |function: &Expr| {
-                looped::slopes(function, &port.input).is_some_and(|slopes| slopes.iter().all(|(lag, _)| *lag == 0))
+                slopes(function, &port.input).is_some_and(|slopes| slopes.iter().all(|(lag, _)| *lag == 0))
             };
             if let Some(function) = readers.find(|function| !straight(function)) {
                 return refused(port, &format!("the regressor `{function}` is not linear in its input at the row"));
