@@ -127,27 +127,40 @@ impl Contraction {
         let mut at = Centre::new(self, wanted, start.to_owned())?;
         // The gap at the first centre is about the distance of the start.
         let mut tau = 2.0 * n / at.distance.max(f64::MIN_POSITIVE);
+        // Of the points near a centre the one of least gap, and whether the weight still grows.
+        let (mut best, mut grows): (Option<(Centre<'_>, f64, f64)>, bool) = (None, true);
         for _ in 0..STEPS {
             checkpoint();
-            let step = at.newton(tau)?;
-            if step.decrement < 0.1 {
-                let wanted = tolerance * at.distance;
-                if at.gap(tau) <= wanted || step.decrement < 1e-12 {
+            let step = at.newton(tau);
+            if let Some(step) = step.as_ref().filter(|step| step.decrement < 0.1) {
+                let (wanted, gap) = (tolerance * at.distance, at.gap(tau));
+                let falls = best.as_ref().is_none_or(|(_, _, least)| gap < *least);
+                if falls {
+                    best = Some((at.clone(), tau, gap));
+                }
+                if gap <= wanted || step.decrement < 1e-12 || !(falls || grows) {
                     break;
                 }
                 // On the path at this weight; what is left of the gap is then Newton's.
-                if 4.0 * n / tau > wanted {
+                if grows && 4.0 * n / tau > wanted {
                     tau *= GROWTH;
                     continue;
                 }
             }
-            match moved(&at, &step, tau) {
-                Some(next) => at = next,
-                // Rounding: the border is as near as it can be told.
-                None => break,
+            if let Some(next) = step.and_then(|step| moved(&at, &step, tau)) {
+                at = next;
+            } else if grows && let Some((before, weight, _)) = best.take() {
+                // Rounding bars the way to the centre of this weight, and what is left is to be had at the one before.
+                (at, tau, grows) = (before, weight, false);
+            } else {
+                break;
             }
         }
-        Some(at.answer(tau))
+        let gap = at.gap(tau);
+        Some(match best {
+            Some((before, weight, least)) if least < gap => before.answer(weight),
+            _ => at.answer(tau),
+        })
     }
 }
 
@@ -161,6 +174,7 @@ fn pseudo_inverse(a: MatRef<'_, f64>) -> Option<Mat<f64>> {
 }
 
 /// A point within the bound.
+#[derive(Clone)]
 struct Centre<'a> {
     problem: &'a Contraction,
     wanted: MatRef<'a, f64>,

@@ -95,6 +95,38 @@ fn lyapunov_solves_its_equation_and_refuses_unstable_maps() {
     assert!((spectral_radius(turn.as_ref()) - 1.5).abs() < 1e-12);
 }
 
+/// A metric whose coordinates nearly agree: near the border Newton's matrix is no more definite than rounding leaves it.
+#[test]
+fn coordinates_that_nearly_agree_leave_an_answer_within_the_bound() {
+    let of = |values: [[f64; 3]; 3]| Mat::from_fn(3, 3, |i, j| values[i][j]);
+    let own = Contraction {
+        offset: Mat::zeros(3, 3),
+        left: of([
+            [43.87758061481223, -67.68428349001954, 31.947972010006914],
+            [-67.97760852835843, 116.0800306165028, -48.522823301500104],
+            [-48.839974119953894, 73.5693458831397, -35.67725195766747],
+        ]),
+        right: of([
+            [-0.004018407051456915, -0.0004527043059683148, -0.0029826698840116697],
+            [-4.784376364950955e-5, 2.350544837383983e-6, -4.603959676276428e-5],
+            [0.003487975897000421, 0.0004067414907985106, 0.002567064776279635],
+        ]),
+        bound: 1.0,
+    };
+    let free = of([
+        [7758.38646339512, 653.339715410432, -1283.839852457448],
+        [-0.4280383770778322, 8093.2591673496245, 678.7432833431908],
+        [14.950554911431704, -4.782733772277977, 8957.636747081136],
+    ]);
+    let start = Mat::zeros(3, 3);
+    for tolerance in [1e-3, 1e-8] {
+        let found = own.nearest(free.as_ref(), start.as_ref(), tolerance).unwrap();
+        let norm = svd(own.matrix(found.values.as_ref()).as_ref()).unwrap().s[0];
+        // The duality gap is the certificate; rounding leaves none of 1e-8 here.
+        assert!(norm < 1.0 && found.gap <= 1e-3 * found.distance, "{norm} {} {}", found.gap, found.distance);
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
