@@ -14,7 +14,7 @@ use crate::{
     identification::{coefficients, mark},
     lagged::{Whitening, span},
     levels::described,
-    notes::confounded,
+    notes::{confounded, no_better},
     pairs::pairs,
     partition::{Prepared, join_cells, prepare},
     region_model::Base,
@@ -159,6 +159,7 @@ impl Fit<'_> {
         confounded(self.problem, &base, &mut notes);
         self.empty_balls(&solver, &mut notes);
         notes.extend(self.uncounted(&kept));
+        notes.extend(no_better(&candidates[chosen]));
         Ok(Identification {
             model,
             models,

@@ -1,7 +1,7 @@
 //! What a user should know about a fit beside its numbers.
 
 use crate::{
-    Problem, Specification,
+    Problem, Score, Specification,
     complete::Fit,
     fit::{Roots, Solver},
     region_model::Base,
@@ -18,6 +18,20 @@ pub(crate) fn confounded(problem: &Problem, base: &Base, notes: &mut Vec<String>
             _ => format!("the data cannot separate {}: their coefficients are the smallest that fit", names.join(", ")),
         });
     }
+}
+
+/// A chosen model that is worth no more than the mean of the targets, whose held-out loss is 1.
+pub(crate) fn no_better(chosen: &Score) -> Option<String> {
+    let Score { specification, loss, standard_error, .. } = chosen;
+    let verb = match (specification, loss) {
+        (Specification::Null, _) => return None,
+        (_, loss) if *loss >= 1.0 => "predicts",
+        (_, loss) if loss + standard_error >= 1.0 => "may predict",
+        _ => return None,
+    };
+    Some(format!(
+        "{specification} {verb} rows that did not train it no better than their mean does: its loss is {loss:.3} +- {standard_error:.3}, that of the mean 1"
+    ))
 }
 
 impl Fit<'_> {

@@ -14,7 +14,7 @@ use crate::{
     assemble::{assembled, described},
     fit::Roots,
     identification::{coefficients, mark},
-    notes::confounded,
+    notes::{confounded, no_better},
     segmentation::Candidate,
     select::{Order, choose, evaluate},
     stable::Loop,
@@ -94,19 +94,17 @@ pub fn identify_summed(
     let sigma: Vec<f64> = (0..q).map(|t| (rows.scales.get(t, t) / rows.scales.weight).sqrt()).collect();
     let model = |at: usize| sums.model((problem, options), &partitions[at], &orders[at], &candidates[at], rows);
     let models = if options.keep_all { (0..orders.len()).map(model).collect() } else { Vec::new() };
+    let (model, roots) = (model(chosen), sums.training(candidates[chosen].full, None));
     let mut notes = Vec::new();
     confounded(problem, &base, &mut notes);
+    let scored = partitions.iter().zip(&orders).map(|(one, order)| score(one, order, &sigma, problem.library.len()));
+    let candidates = mark(scored.collect());
+    notes.extend(no_better(&candidates[chosen]));
     Ok(Identification {
-        model: model(chosen),
+        model,
         models,
-        roots: sums.training(candidates[chosen].full, None),
-        candidates: mark(
-            partitions
-                .iter()
-                .zip(&orders)
-                .map(|(one, order)| score(one, order, &sigma, problem.library.len()))
-                .collect(),
-        ),
+        roots,
+        candidates,
         chosen,
         rule,
         targets: problem.equations.iter().filter(|e| e.target.is_some()).map(|e| e.label()).collect(),

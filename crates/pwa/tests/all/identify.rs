@@ -278,6 +278,27 @@ fn a_constant_column_and_a_copy_are_named() {
     );
 }
 
+/// What explains nothing on rows that did not train is told; the null model, which promises nothing, is not.
+#[test]
+fn a_model_that_predicts_no_better_than_the_mean_is_told() {
+    let mut random = Pcg64::seed_from_u64(7);
+    let mut noise = MemorySource::new(["x", "u", "dx", "mode"].map(DataColumn::float).to_vec());
+    for _ in 0..4 {
+        let columns = (0..4).map(|_| (0..200).map(|_| random.random_range(-1.0..1.0)).collect()).collect();
+        noise.push_uniform("run", 0.01, columns);
+    }
+    let told = |partitions: &str, source: &MemorySource| -> Vec<String> {
+        let notes = run(&problem(&["x", "u"]), &options(partitions), source).notes;
+        notes.into_iter().filter(|note| note.contains("no better than their mean")).collect()
+    };
+    let own = told("average", &noise);
+    assert!(own.len() == 1 && own[0].starts_with("average "), "{own:?}");
+    let many = told("kmeans:40", &noise);
+    assert!(many.len() == 1 && many[0].starts_with("kmeans:40 predicts rows"), "{many:?}");
+    assert!(told("null", &noise).is_empty());
+    assert!(told("average,kmeans:2", &hybrid(2000, 4, 0.1, 8)).is_empty());
+}
+
 #[test]
 fn what_cannot_be_fitted_says_why() {
     let few = hybrid(3, 1, 0.0, 8);
