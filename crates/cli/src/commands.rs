@@ -91,12 +91,17 @@ impl Context {
     }
 }
 
-/// Writes to standard output. A reader that closes the pipe early (`| head`) wants no more, which is no error.
+/// Writes to standard output. A reader that closes the pipe early (`| head`) wants no more, which is no error; a full disk is one.
 pub(crate) fn write_out(text: &str) {
-    use std::io::Write;
+    use std::io::{ErrorKind, Write};
     let mut out = std::io::stdout().lock();
-    if out.write_all(text.as_bytes()).and_then(|()| out.flush()).is_err() {
-        std::process::exit(0);
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Ok(()) => {}
+        Err(problem) if problem.kind() == ErrorKind::BrokenPipe => std::process::exit(0),
+        Err(problem) => {
+            crate::report::tell(format!("error: standard output cannot be written: {problem}"));
+            std::process::exit(1);
+        }
     }
 }
 

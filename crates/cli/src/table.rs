@@ -3,6 +3,12 @@
 use comfy_table::{CellAlignment, Table, presets};
 pub(crate) use fleetfoot::report::words::{bytes, count, number, ratio, seconds};
 
+/// A table that pages have too, below its sentence.
+pub(crate) fn told_table(told: &fleetfoot::ToldTable) -> String {
+    let caption = if told.caption.is_empty() { String::new() } else { format!("{}\n", told.caption) };
+    caption + &table(&told.header, told.rows.clone())
+}
+
 /// A table without lines: the first column to the left, the others to the right.
 pub(crate) fn table(header: &[&str], rows: Vec<Vec<String>>) -> String {
     let mut table = Table::new();

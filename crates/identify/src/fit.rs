@@ -13,15 +13,14 @@ use fleetfoot_pwa::{Identification, Options, Problem, Selection, Shrinkage, Stab
 use serde::Serialize;
 
 use crate::{
-    Dataset, Derivative, Error, Logs, Objective, Recipe, Refinement, RolloutCandidate, RolloutChoice, RolloutRule,
-    Task, concentrated,
+    Dataset, Derivative, Error, Logs, Objective, ReadPlan, Recipe, Refinement, RolloutCandidate, RolloutChoice,
+    RolloutRule, Task, concentrated,
     left_out::left_out,
     not_finite, objective,
     objective::Beginning,
     open,
     output::refuse_not_finite,
     rollout_choice::{HeldOut, candidates, open_spans, settled, terms},
-    told,
 };
 pub use fitted::{Fitted, PwaRequest, rival};
 pub use options::PwaOptions;
@@ -32,17 +31,9 @@ pub(crate) use statistic::served;
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct FitPlan {
-    /// Files.
-    pub files: usize,
-    /// Episodes; robots' logs are not decoded to count them.
-    pub episodes: Option<usize>,
-    /// Rows; of robots' logs at most, from the counts in the files.
-    pub rows: usize,
-    /// Bytes of decoded columns, where logs must be decoded, and whether the cache has them already.
-    #[serde(flatten, serialize_with = "told::decoded")]
-    pub decoded: Option<(u64, bool)>,
-    /// Columns that are read.
-    pub columns: Vec<String>,
+    /// What its passes would read.
+    #[serde(flatten)]
+    pub reading: ReadPlan,
     /// Columns of the regression, the constant left out.
     pub regressors: usize,
     /// Fitted equations.
@@ -96,24 +87,16 @@ pub fn plan_pwa(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress)
     // The training rows of a fold are fewer, so that its passes are less than the fit's own.
     let choice_passes = rollouts.map_or(0, |rule| PWA_PASSES * rule.folds * spans);
     let recipe = &settled(recipe, None);
-    let (task, columns, rows, episodes, decoded, notes) =
-        match open::estimate(recipe, &options.labels(), logs, progress)? {
-            Some((task, columns, cost)) => {
-                (task, columns, cost.rows as usize, None, Some((cost.decoded_bytes, cost.cached)), Vec::new())
-            }
-            None => {
-                let (dataset, task) = Dataset::for_recipe(recipe, &options.labels(), logs, progress)?;
-                let (episodes, notes) = (dataset.episodes().len(), dataset.notes().to_vec());
-                (task, dataset.columns(), dataset.rows(), Some(episodes), None, notes)
-            }
-        };
-    let cost = fleetfoot_pwa::cost(&task.problem, &options.identification, rows);
+    let (task, reading, notes) = match open::estimate(recipe, &options.labels(), logs, progress)? {
+        Some((task, columns, cost)) => (task, ReadPlan::of_messages(logs, columns, &cost), Vec::new()),
+        None => {
+            let (dataset, task) = Dataset::for_recipe(recipe, &options.labels(), logs, progress)?;
+            (task, ReadPlan::of_tables(logs, &dataset), dataset.notes().to_vec())
+        }
+    };
+    let cost = fleetfoot_pwa::cost(&task.problem, &options.identification, reading.rows);
     Ok(FitPlan {
-        files: logs.len(),
-        episodes,
-        rows,
-        decoded,
-        columns,
+        reading,
         regressors: task.problem.library.len(),
         targets: task.problem.equations.iter().filter(|equation| equation.target.is_some()).count(),
         partitions: options.identification.partitions.len(),
@@ -182,6 +165,7 @@ pub fn fit_pwa(
         model.training.recipe.clone_from(&text);
     }
     let mut notes = dataset.notes().to_vec();
+    notes.extend(options::unused(recipe));
     notes.extend(said.objective.note(refinement.as_ref()));
     notes.extend(left_out(identification.incomplete, &dataset, functions(&task))?);
     let told = identification.targets.iter().cloned().zip(identification.concentrated.iter().map(Option::as_ref));

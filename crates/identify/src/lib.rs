@@ -23,6 +23,7 @@
 #[cfg(test)]
 extern crate self as fleetfoot;
 
+mod bounded_maps;
 pub mod clocks;
 mod concentrated;
 mod condition;
@@ -57,6 +58,7 @@ mod pieces;
 pub mod prepare;
 mod problem;
 mod project;
+mod read_plan;
 mod recipe;
 mod request;
 mod resimulate;
@@ -73,9 +75,11 @@ mod statistic_error;
 mod stats_file;
 mod subset;
 mod told;
+mod told_table;
 mod view;
 mod wildcard;
 
+pub use bounded_maps::{BoundedCandidate, BoundedMaps, PassiveMaps, PassivePort};
 pub use control::{ControllerFile, ControllerRecord, LqrRecord, SetPointRecord, control_lqr};
 pub use controller::{controller, controller_file, made_controller};
 pub use dataset::Dataset;
@@ -91,7 +95,7 @@ pub use in_words::{interval_in_words, replayed_in_words, spans_in_words, useful_
 pub use init::starter_recipe;
 pub use json::Interval;
 pub use known::{KnownModel, is_known, known_model};
-pub use limit_report::{FreeErrors, LimitReport};
+pub use limit_report::{FreeErrors, LimitReport, LimitSide};
 pub use list::items;
 pub use logs::{Logs, is_statistic};
 pub use narx::{
@@ -109,6 +113,7 @@ pub use problem::{
     SettledDifference, StructuredTask, Task, Windows,
 };
 pub use project::{Projected, project};
+pub use read_plan::ReadPlan;
 pub use recipe::{
     AttitudeForm, BodySection, ClockSection, ConstraintSection, ControlSchedule, ControlSection, Criterion, Derivative,
     Effort, EpisodeRule, EstimateKind, EstimateMethod, EstimateSection, FilterNoise, FilterSection, FilterSwitching,
@@ -134,3 +139,4 @@ pub use sparse_fit::{
     Resampled, SolveMethod, Solved, SparseFitted, SparseOptions, SparseReport, SparseRequest, TaskReport,
     file_by_value, fit_sparse, solve_statistic, write_frequencies,
 };
+pub use told_table::ToldTable;

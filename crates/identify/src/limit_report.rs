@@ -1,21 +1,56 @@
 //! What a fit kept within bounds tells of them, and what they cost.
 
-use fleetfoot_sparse::constrained::Limit;
-use serde::Serialize;
+use std::fmt;
 
-use crate::CoefficientLimit;
+use fleetfoot_report::words::number;
+use fleetfoot_sparse::constrained::Limit;
+use serde::{Deserialize, Serialize};
+
+use crate::{CoefficientLimit, told, told_table::ToldTable};
+
+/// The side of a bound.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum LimitSide {
+    /// From the bound up.
+    #[serde(rename = "at least")]
+    AtLeast,
+    /// Up to the bound.
+    #[serde(rename = "at most")]
+    AtMost,
+}
+
+impl From<Limit> for LimitSide {
+    fn from(side: Limit) -> Self {
+        match side {
+            Limit::AtLeast => Self::AtLeast,
+            Limit::AtMost => Self::AtMost,
+        }
+    }
+}
+
+impl fmt::Display for LimitSide {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::AtLeast => "at least",
+            Self::AtMost => "at most",
+        })
+    }
+}
 
 /// What a fit keeps, and how near it is to the bound.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct LimitReport {
     /// The latent, or the constraint.
     pub name: String,
     /// `at least` or `at most`.
-    pub side: &'static str,
+    pub side: LimitSide,
     /// The bound; of a matrix, of its eigenvalues.
+    #[serde(deserialize_with = "told::number")]
     pub bound: f64,
     /// The least distance from the bound at any row, or in any region; negative where it is broken.
+    #[serde(deserialize_with = "told::number")]
     pub nearest: f64,
     /// Where that is; `None` where it is the same at every row.
     pub episode: Option<String>,
@@ -34,7 +69,7 @@ impl LimitReport {
         let nearest = |values: &[f64]| values.iter().map(|value| limit.clearance(*value)).fold(f64::INFINITY, f64::min);
         Self {
             name: format!("{}, {}", limit.name, limit.of),
-            side: words(limit.side),
+            side: limit.side.into(),
             bound: limit.bound,
             nearest: nearest(values),
             episode: None,
@@ -46,10 +81,9 @@ impl LimitReport {
 
     /// Of a matrix of parameters; `nearest` and `free` are distances from the bound with the limits and without.
     pub(crate) fn of_matrix(limit: &fleetfoot_estimate::MatrixLimit, nearest: f64, free: Option<f64>) -> Self {
-        let side = if limit.at_least { Limit::AtLeast } else { Limit::AtMost };
         Self {
             name: limit.name.clone(),
-            side: words(side),
+            side: if limit.at_least { LimitSide::AtLeast } else { LimitSide::AtMost },
             bound: limit.bound,
             nearest,
             episode: None,
@@ -58,22 +92,41 @@ impl LimitReport {
             cuts: usize::from(free.is_some_and(|free| free < 0.0)),
         }
     }
+
+    /// The table of what is kept at every row, and where it is nearest to its bound.
+    pub fn table(limits: &[Self]) -> ToldTable {
+        let with_free = limits.iter().any(|limit| limit.free_nearest.is_some());
+        let row = |limit: &Self| {
+            let place = match (&limit.episode, limit.row) {
+                (Some(episode), Some(row)) => format!("{episode}, row {row}"),
+                _ => "everywhere".to_owned(),
+            };
+            let free = limit.free_nearest.map_or_else(|| "-".into(), |free| format!("{free:.3e}"));
+            let told = [
+                limit.name.clone(),
+                format!("{} {}", limit.side, number(limit.bound)),
+                format!("{:.3e}", limit.nearest),
+                place,
+                limit.cuts.to_string(),
+            ];
+            told.into_iter().chain(with_free.then_some(free)).collect()
+        };
+        let header = ["kept", "bound", "nearest by", "at", "cuts"].into_iter();
+        ToldTable {
+            caption: String::new(),
+            header: header.chain(with_free.then_some("without bounds")).collect(),
+            rows: limits.iter().map(row).collect(),
+        }
+    }
 }
 
 /// Errors of a fit without limits.
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FreeErrors {
     /// Root mean squared error on the rows of the fit.
-    #[serde(rename = "free_rms")]
+    #[serde(rename = "free_rms", deserialize_with = "told::number")]
     pub rms: f64,
     /// Root mean squared error on held-out rows; NaN where none are held out.
-    #[serde(rename = "free_held_out_rms")]
+    #[serde(rename = "free_held_out_rms", deserialize_with = "told::number")]
     pub held_out: f64,
-}
-
-pub(crate) fn words(side: Limit) -> &'static str {
-    match side {
-        Limit::AtLeast => "at least",
-        Limit::AtMost => "at most",
-    }
 }

@@ -12,7 +12,7 @@ use fleetfoot_dynamics::{
 };
 use fleetfoot_estimate::{EstimateError, Hold, Simulated, SimulationOptions, WHOLE_COEFFICIENTS, simulation_errors};
 use fleetfoot_model::Model;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::{
     Error, Objective, RolloutRule,
@@ -114,7 +114,7 @@ pub struct WeightErrors {
 }
 
 /// How the maps of a fitted model contract: the greatest of its regions.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Bounded {
     /// The bound of the norms.
@@ -123,6 +123,9 @@ pub struct Bounded {
     pub radius: f64,
     /// Norm in the metric of the fit of one step.
     pub norm: f64,
+    /// What maps give at their ports over what they may, where they are passive.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub passive_norm: Option<f64>,
 }
 
 /// Two models on rows that trained neither.

@@ -9,6 +9,7 @@ mod horizons;
 mod intervals;
 mod judged;
 mod leftover;
+mod limits;
 mod logs;
 mod missing;
 mod models;

@@ -151,7 +151,13 @@ fn minimise(
                         .to_owned();
                 return Err(ConstrainedError::Program { reason });
             }
-            let constraints: Vec<String> = rows.iter().map(|&at| name(scaled.rows[at].side)).collect();
+            let mut constraints: Vec<String> = Vec::new();
+            // A matrix has a row for every direction that was cut.
+            for name in rows.iter().map(|&at| name(scaled.rows[at].side)) {
+                if !constraints.contains(&name) {
+                    constraints.push(name);
+                }
+            }
             return Err(ConstrainedError::Infeasible { constraints });
         }
     };

@@ -1,19 +1,19 @@
 //! `fleetfoot fit pwa`.
 
 use fleetfoot::{
-    Derivative, Error, Fitted, Gap, Input, InputTable, Kind, Objective, PwaRequest, Recipe, Refinement,
-    RolloutCandidate, RolloutChoice, fit_pwa, is_known, is_statistic,
+    BoundedCandidate, Derivative, Error, Fitted, Gap, Input, InputTable, Kind, Objective, PwaRequest, Recipe,
+    Refinement, RolloutCandidate, RolloutChoice, fit_pwa, is_known, is_statistic,
     log::{Cache, Stamp},
-    pwa::{PassiveRegion, Passivity, Score, Specification, Stability, StableRegion},
+    pwa::{Score, Specification},
     rival, write_model,
 };
 use serde::Serialize;
 use serde_json::Value;
 
-use super::{Context, fit_known, is_replaced, logs_or_statistic, read_by, reading::Reading};
+use super::{Context, fit_known, is_replaced, logs_or_statistic, read_by, reading::reading};
 use crate::{
     args::{ChannelArgs, FitPwa, RecipeArgs, StampArg, TimeArgs},
-    table::{bytes, count, number, ratio, table},
+    table::{bytes, count, number, ratio, table, told_table},
 };
 
 pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
@@ -82,18 +82,10 @@ fn dry_run(recipe: &Recipe, files: &[std::path::PathBuf], context: &Context) -> 
     context.notes(&plan.notes);
     let clustered = if plan.clustered_rows == 0 {
         "none".to_owned()
-    } else if plan.clustered_rows < plan.rows {
+    } else if plan.clustered_rows < plan.reading.rows {
         format!("a sample of {} rows", plan.clustered_rows)
     } else {
         "all rows".to_owned()
-    };
-    let reading = Reading {
-        files: plan.files,
-        skipped: 0,
-        episodes: plan.episodes,
-        rows: plan.rows,
-        columns: &plan.columns,
-        decoded: plan.decoded,
     };
     let passes = plan.passes;
     let rollouts = plan.rollouts.map_or_else(String::new, |rule| {
@@ -109,7 +101,7 @@ fn dry_run(recipe: &Recipe, files: &[std::path::PathBuf], context: &Context) -> 
         || {
             format!(
                 "{}\n{} regressors and the constant, {} targets\n{passes} passes over the rows{rollouts}; clustered: {clustered}{simulations}\nabout {} of memory",
-                reading.in_words(),
+                reading(&plan.reading, 0),
                 plan.regressors,
                 plan.targets,
                 bytes(plan.memory as u64)
@@ -174,7 +166,7 @@ pub(crate) fn to_text(fitted: &Fitted) -> String {
     ) + &found.rule.map_or_else(String::new, |rule| format!("\nchosen: {rule}"))
         + &refinement(&found.candidates[found.chosen])
         + &continuity(&found.candidates[found.chosen])
-        + &stability(&found.candidates, found.held_out)
+        + &bounded(&found.candidates, found.held_out)
 }
 
 /// What it costs that maps meet at their borders.
@@ -202,72 +194,10 @@ fn refinement(score: &Score) -> String {
     }
 }
 
-/// How the regions' maps contract, and what that costs one step ahead.
-fn stability(candidates: &[Score], held_out: bool) -> String {
-    let bounded: Vec<(&Score, &Stability)> =
-        candidates.iter().filter_map(|score| Some((score, score.stability.as_ref()?))).collect();
-    let Some((_, any)) = bounded.first() else { return String::new() };
-    let greatest =
-        |of: &dyn Fn(&StableRegion) -> f64, found: &Stability| found.regions.iter().map(of).fold(0.0, f64::max);
-    let row = |(score, found): &(&Score, &Stability)| {
-        vec![
-            score.specification.to_string(),
-            format!("{} of {}", found.moved(), found.regions.len()),
-            format!("{:.4}", greatest(&|one| one.free_radius, found)),
-            format!("{:.4}", greatest(&|one| one.radius, found)),
-            format!("{:.4}", greatest(&|one| one.norm, found)),
-            ratio(score.free_loss),
-            ratio(loss(score, held_out)),
-        ]
-    };
-    let header = ["partition", "moved", "free radius", "radius", "norm", "free loss", "loss"];
-    let inputs = match any.inputs.as_slice() {
-        [] => String::new(),
-        inputs => format!("; {} act as inputs", inputs.join(", ")),
-    };
-    let dissipation = dissipation(&bounded, held_out);
-    format!(
-        "\n\nstable: all regions' maps of {} over one sampling period contract by {} in one metric{inputs}; greatest of the regions\n{}{dissipation}",
-        any.variables.join(", "),
-        any.bound,
-        table(&header, bounded.iter().map(row).collect())
-    )
-}
-
-/// How the regions' maps dissipate, where they are passive.
-fn dissipation(bounded: &[(&Score, &Stability)], held_out: bool) -> String {
-    let passive: Vec<(&Score, &Stability, &Passivity)> =
-        bounded.iter().filter_map(|&(score, found)| Some((score, found, found.passivity.as_ref()?))).collect();
-    let Some((_, _, any)) = passive.first() else { return String::new() };
-    let greatest =
-        |of: &dyn Fn(&PassiveRegion) -> f64, found: &Passivity| found.regions.iter().map(of).fold(0.0, f64::max);
-    let row = |&(score, found, passivity): &(&Score, &Stability, &Passivity)| {
-        let shortages: Vec<String> =
-            passivity.ports.iter().map(|port| number(port.shortage.unwrap_or(f64::NAN))).collect();
-        vec![
-            score.specification.to_string(),
-            format!("{} of {}", found.moved(), passivity.regions.len()),
-            shortages.join(", "),
-            format!("{:.4}", greatest(&|one| one.free, passivity)),
-            format!("{:.4}", greatest(&|one| one.norm, passivity)),
-            ratio(score.free_loss),
-            ratio(loss(score, held_out)),
-        ]
-    };
-    let ports: Vec<String> = any.ports.iter().map(|port| format!("{}:{}", port.input, port.output)).collect();
-    format!(
-        "\n\npassive at {}: with one storage no region's map gives more than it took, a norm of 1; greatest of the regions\n{}",
-        ports.join(", "),
-        table(
-            &["partition", "moved", "shortage", "free norm", "norm", "free loss", "loss"],
-            passive.iter().map(row).collect()
-        )
-    )
-}
-
-/// Squared error over variance, on rows that did not train where there are any.
-fn loss(score: &Score, held_out: bool) -> f64 {
-    if held_out { score.loss } else { 1.0 - score.r2.iter().sum::<f64>() / score.r2.len() as f64 }
+/// How the regions' maps are bounded, and what that costs one step ahead.
+fn bounded(candidates: &[Score], held_out: bool) -> String {
+    let tables = BoundedCandidate::tables(&BoundedCandidate::of(candidates, held_out));
+    tables.iter().map(|own| format!("\n\n{}", told_table(own))).collect()
 }
 
 /// Tells what a fit to simulations will cost, before it begins: of so many passes a fit of one step, and whether maps are bounded.

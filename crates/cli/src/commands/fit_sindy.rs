@@ -3,16 +3,14 @@
 use std::path::PathBuf;
 
 use fleetfoot::{
-    EquationReport, Error, FrontPoint, ParameterReport, ParameterSection, Recipe, RegionReport, SindyPlan, SindyReport,
-    SindyRequest, estimate::Uncertain, fit_sindy, is_known, is_statistic, plan_sindy, write_model,
+    EquationReport, Error, FrontPoint, LimitReport, ParameterReport, ParameterSection, Recipe, RegionReport, SindyPlan,
+    SindyReport, SindyRequest, estimate::Uncertain, fit_sindy, is_known, is_statistic, plan_sindy, write_model,
 };
 
-use super::{
-    Context, WithModel, fit, fit_known, fit_sparse::limit_table, logs_or_statistic, read_by, reading::Reading,
-};
+use super::{Context, WithModel, fit, fit_known, logs_or_statistic, read_by, reading::reading};
 use crate::{
     args::{EquationArgs, FitSindy},
-    table::{bytes, count, number, ratio, table},
+    table::{bytes, count, number, ratio, table, told_table},
 };
 
 pub(crate) fn sindy(arguments: &FitSindy, context: &Context) -> Result<(), Error> {
@@ -116,24 +114,22 @@ fn dry_run(recipe: &Recipe, files: &[PathBuf], context: &Context) -> Result<(), 
 }
 
 fn plan_text(plan: &SindyPlan) -> String {
-    let reading = Reading {
-        files: plan.files,
-        skipped: 0,
-        episodes: plan.episodes,
-        rows: plan.rows,
-        columns: &plan.columns,
-        decoded: plan.decoded,
-    };
     let parameters = match plan.parameters.as_slice() {
         [] => String::new(),
         names => format!("\nestimated first, a pass a step: {}", names.join(", ")),
     };
     let simulations = plan.objective.in_words(1, false).map_or_else(String::new, |words| format!("\n{words}"));
+    let smoothing = plan.smoothing.map_or_else(String::new, |most| {
+        format!(
+            "\nstates are smoothed where --smooth-states asks for it, or noise is more than a fifth of what differences vary by: some hundred passes over rows in memory, {} of it at most",
+            bytes(most as u64)
+        )
+    });
     let some: Vec<&str> = plan.candidates.iter().take(12).map(String::as_str).collect();
     let more = if plan.candidates.len() > some.len() { ", ..." } else { "" };
     format!(
-        "{}\n{}: {}\n{}: {}{more}{parameters}{simulations}\n{}, about {} of memory",
-        reading.in_words(),
+        "{}\n{}: {}\n{}: {}{more}{parameters}{simulations}{smoothing}\n{}, about {} of memory",
+        reading(&plan.reading, 0),
         count(plan.equations.len(), "equation"),
         plan.equations.join(", "),
         count(plan.candidates.len(), "candidate"),
@@ -174,7 +170,7 @@ fn to_text(report: &SindyReport, front: bool) -> String {
         text.push_str(&format!("{}\n", parameter_text(parameter)));
     }
     if !report.limits.is_empty() {
-        text.push_str(&format!("\n{}\n", limit_table(&report.limits)));
+        text.push_str(&format!("\n{}\n", told_table(&LimitReport::table(&report.limits))));
     }
     for region in &report.regions {
         if report.regions.len() > 1 {

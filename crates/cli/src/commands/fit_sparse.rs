@@ -3,17 +3,17 @@
 use std::path::PathBuf;
 
 use fleetfoot::{
-    CandidateReport, Error, LatentReport, LeaveOneOutReport, LimitReport, Recipe, SparseFitted, SparseReport,
+    CandidateReport, Error, LatentReport, LeaveOneOutReport, LimitReport, ReadPlan, Recipe, SparseFitted, SparseReport,
     SparseRequest, file_by_value, fit_sparse, is_statistic,
     statistic::{LabelKey, PlannedLatent, ScanOptions, ScanPlan, StatisticFile, plan_scan},
     write_frequencies, write_model,
 };
 use serde::Serialize;
 
-use super::{Context, WithModel, fit, logs_or_statistic, read_by};
+use super::{Context, WithModel, fit, logs_or_statistic, read_by, reading::reading};
 use crate::{
     args::FitSparse,
-    table::{bytes, count, number, ratio, table},
+    table::{bytes, count, number, ratio, table, told_table},
 };
 
 /// Tables of functions have their intervals while they are not wider.
@@ -82,10 +82,8 @@ struct PlannedOnStatistic {
 /// What a fit on logs would take: one pass, of which only the sums of the structured regression are kept.
 #[derive(Serialize)]
 struct Planned<'a> {
-    files: usize,
-    episodes: Option<usize>,
-    rows: usize,
-    columns: &'a [String],
+    #[serde(flatten)]
+    reading: &'a ReadPlan,
     passes: usize,
     tasks: &'a [String],
     latents: &'a [PlannedLatent],
@@ -97,10 +95,7 @@ struct Planned<'a> {
 impl<'a> From<&'a ScanPlan> for Planned<'a> {
     fn from(plan: &'a ScanPlan) -> Self {
         Self {
-            files: plan.files,
-            episodes: plan.episodes,
-            rows: plan.rows,
-            columns: &plan.columns,
+            reading: &plan.reading,
             passes: 1,
             tasks: &plan.tasks,
             latents: &plan.latents,
@@ -133,24 +128,17 @@ fn dry_run(recipe: &Recipe, options: &ScanOptions, files: &[PathBuf], context: &
     let plan = plan?;
     context.notes(&plan.notes);
     let latents: Vec<String> = plan.latents.iter().map(|own| format!("{} ({})", own.name, own.functions)).collect();
-    context.print(
-        Planned::from(&plan),
-        || {
-            format!(
-                "{}, {}{} rows\n{} columns read: {}\ntasks: {}\nlatents and their functions: {}\none pass over the rows; {} of at most {} rows, about {}",
-                count(plan.files, "file"),
-                plan.episodes.map_or("at most ".to_owned(), |episodes| format!("{}, ", count(episodes, "episode"))),
-                plan.rows,
-                plan.columns.len(),
-                plan.columns.join(", "),
-                plan.tasks.join(", "),
-                latents.join(", "),
-                count(plan.chunks, "chunk"),
-                plan.chunk_rows,
-                bytes(plan.bytes as u64)
-            )
-        },
-    );
+    context.print(Planned::from(&plan), || {
+        format!(
+            "{}\ntasks: {}\nlatents and their functions: {}\none pass over the rows; {} of at most {} rows, about {}",
+            reading(&plan.reading, 0),
+            plan.tasks.join(", "),
+            latents.join(", "),
+            count(plan.chunks, "chunk"),
+            plan.chunk_rows,
+            bytes(plan.bytes as u64)
+        )
+    });
     Ok(())
 }
 
@@ -217,7 +205,7 @@ fn one_text(report: &SparseReport) -> String {
     }
     text.push_str(&table(&header, rows.collect()));
     if !report.limits.is_empty() {
-        text.push_str(&format!("\n\n{}", limit_table(&report.limits)));
+        text.push_str(&format!("\n\n{}", told_table(&LimitReport::table(&report.limits))));
     }
     let tables = |intervals: bool| -> Vec<String> {
         report.latents.iter().map(|latent| latent_table(latent, intervals)).collect()
@@ -236,30 +224,6 @@ fn one_text(report: &SparseReport) -> String {
         text.push_str(&format!("\n\n{}", influence_text(influence)));
     }
     text
-}
-
-/// What is kept at every row, and where it is nearest to its bound.
-pub(super) fn limit_table(limits: &[LimitReport]) -> String {
-    let rows = limits.iter().map(|limit| {
-        let place = match (&limit.episode, limit.row) {
-            (Some(episode), Some(row)) => format!("{episode}, row {row}"),
-            _ => "everywhere".to_owned(),
-        };
-        let mut row = vec![
-            limit.name.clone(),
-            format!("{} {}", limit.side, number(limit.bound)),
-            format!("{:.3e}", limit.nearest),
-            place,
-            limit.cuts.to_string(),
-        ];
-        row.extend(limit.free_nearest.map(|free| format!("{free:.3e}")));
-        row
-    });
-    let mut header = vec!["kept", "bound", "nearest by", "at", "cuts"];
-    if limits.iter().any(|limit| limit.free_nearest.is_some()) {
-        header.push("without bounds");
-    }
-    table(&header, rows.collect())
 }
 
 fn has_intervals(latent: &LatentReport) -> bool {

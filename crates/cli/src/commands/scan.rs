@@ -7,7 +7,7 @@ use fleetfoot::{
 use serde::Serialize;
 use serde_json::Value;
 
-use super::{Context, files, fit, read_by, reading::Reading};
+use super::{Context, files, fit, read_by, reading::reading};
 use crate::{
     args::Scan,
     table::{bytes, count},
@@ -92,19 +92,11 @@ fn to_text(outcome: &ScanOutcome) -> String {
 }
 
 fn plan_text(plan: &fleetfoot::statistic::ScanPlan) -> String {
-    let reading = Reading {
-        files: plan.files,
-        skipped: plan.skipped,
-        episodes: plan.episodes,
-        rows: plan.rows,
-        columns: &plan.columns,
-        decoded: plan.decoded,
-    };
     let latents: Vec<String> =
         plan.latents.iter().map(|own| format!("{} ({})", own.name, count(own.functions, "function"))).collect();
     format!(
         "{}\n{}: {}\n{}: {}\n{} over the rows; {} of at most {} rows; about {} of statistics",
-        reading.in_words(),
+        reading(&plan.reading, plan.skipped),
         count(plan.tasks.len(), "task"),
         plan.tasks.join(", "),
         count(plan.latents.len(), "latent"),

@@ -35,6 +35,11 @@ impl PwaOptions {
     /// # Errors
     /// A number that is not allowed, with those that are; a partition that cannot be understood.
     pub fn new(recipe: &Recipe) -> Result<Self, Error> {
+        if let Some(name) = recipe.constraints.keys().next() {
+            return Err(Error::conflict(format!(
+                "[constraints] {name}: `fit sindy`, `fit sparse` and `fit parameters` keep constraints; leave [constraints] away, or bound the maps of regions by --stable and --passive"
+            )));
+        }
         let section = &recipe.pwa;
         let mut options = Options::default();
         if let Some(text) = &recipe.model.partition {
@@ -111,6 +116,16 @@ impl PwaOptions {
     }
 }
 
+/// What the recipe says of states that maps of regions have no use for, for people.
+pub(super) fn unused(recipe: &Recipe) -> Option<String> {
+    let has = |state: &crate::State| state.nominal.is_some() || state.library.is_some() || !state.fixed.is_empty();
+    let names: Vec<&str> =
+        recipe.states.iter().filter(|(_, state)| has(state)).map(|(name, _)| name.as_str()).collect();
+    (!names.is_empty()).then(|| {
+        format!("`nominal`, `library` and `fixed` of {} are not used: they are of `fit sindy`", names.join(", "))
+    })
+}
+
 /// How partitions and open spans are compared by rollouts, where they are.
 fn rollouts(section: &PwaSection, recipe: &Recipe) -> Result<Option<RolloutRule>, Error> {
     let compared = section.select == Some(PartitionChoice::Rollout) || !open_spans(recipe).is_empty();
@@ -155,6 +170,16 @@ mod tests {
     fn options(text: &str) -> Result<PwaOptions, String> {
         let recipe = Recipe::parse(text, "test").map_err(|error| error.to_string())?;
         PwaOptions::new(&recipe).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn what_maps_do_not_keep_is_said() {
+        let refused =
+            options("[constraints]\ndamping = { coefficients = { v = [\"v\"] }, at_most = 0.0 }\n").unwrap_err();
+        assert!(refused.contains("[constraints] damping") && refused.contains("--stable"), "{refused}");
+        let recipe = Recipe::parse("[states]\nx = {}\nv = { nominal = \"3*u\" }\nw = { fixed = [\"u\"] }\n", "test");
+        assert!(unused(&recipe.unwrap()).unwrap().contains("`fixed` of v, w are not used"));
+        assert_eq!(unused(&Recipe::parse("[states]\nx = {}\n", "test").unwrap()), None);
     }
 
     #[test]

@@ -6,7 +6,7 @@ use fleetfoot_pwa::{Options, Specification, Summed, SummedPartition, SummedRows,
 use fleetfoot_sparse::{inference::system_effective_rows, select::Folds, system::SystemScan};
 use fleetfoot_stats::{FoldRule, Purge, SquareRoot};
 
-use super::{Fitted, PwaOptions, PwaRequest};
+use super::{Fitted, PwaOptions, PwaRequest, options::unused};
 use crate::{
     Error, Logs, Recipe, Task, concentrated,
     folds::reached,
@@ -51,6 +51,7 @@ pub(crate) fn fit(recipe: &Recipe, request: PwaRequest, logs: &Logs) -> Result<F
         model.training.recipe.clone_from(&text);
     }
     let mut notes = std::mem::take(&mut identification.notes);
+    notes.extend(unused(&recipe));
     notes.push(
         "absolute errors and Mahalanobis scores need rows, which a statistic has not: R2 and the loss are told; `fleetfoot score` tells the others on logs".into(),
     );

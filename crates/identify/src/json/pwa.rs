@@ -1,11 +1,11 @@
 //! The report of a piecewise-affine fit.
 
-use fleetfoot_pwa::{Continuity, Passivity, Score, Stability, StableRegion};
+use fleetfoot_pwa::{Continuity, Score};
 use serde::{Serialize, Serializer};
 use serde_json::Value;
 
 use super::{Interval, report};
-use crate::{Fitted, Refinement, RolloutCandidate, RolloutChoice, interval_in_words};
+use crate::{BoundedMaps, Fitted, Refinement, RolloutCandidate, RolloutChoice, interval_in_words};
 
 impl Serialize for RolloutChoice {
     /// What was compared, and what was taken.
@@ -115,7 +115,7 @@ struct Candidate<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     free_loss: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    stability: Option<Contracting<'a>>,
+    stability: Option<BoundedMaps>,
     #[serde(skip_serializing_if = "<[f64]>::is_empty")]
     objective_by_pass: &'a [f64],
 }
@@ -140,7 +140,7 @@ impl<'a> From<&'a Score> for Candidate<'a> {
             bic: score.bic,
             continuity: score.continuity.map(Meeting::from),
             free_loss: score.stability.as_ref().map(|_| score.free_loss),
-            stability: score.stability.as_ref().map(Contracting::from),
+            stability: score.stability.as_ref().map(BoundedMaps::from),
             objective_by_pass: &score.objective,
         }
     }
@@ -158,68 +158,5 @@ struct Meeting {
 impl From<Continuity> for Meeting {
     fn from(Continuity { borders, numbers, apart, jump, .. }: Continuity) -> Self {
         Self { borders, numbers, loss_apart: apart, jump }
-    }
-}
-
-/// How the regions' maps contract.
-#[derive(Serialize)]
-struct Contracting<'a> {
-    bound: f64,
-    variables: &'a [String],
-    inputs: &'a [String],
-    metric: &'a [f64],
-    moved: usize,
-    free_radii: Vec<f64>,
-    free_norms: Vec<f64>,
-    radii: Vec<f64>,
-    norms: Vec<f64>,
-    gaps: Vec<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    passivity: Option<Dissipating<'a>>,
-}
-
-/// What the regions' maps take in at ports.
-#[derive(Serialize)]
-struct Dissipating<'a> {
-    ports: Vec<Port<'a>>,
-    free_norms: Vec<f64>,
-    norms: Vec<f64>,
-}
-
-#[derive(Serialize)]
-struct Port<'a> {
-    input: &'a str,
-    state: &'a str,
-    shortage: Option<f64>,
-}
-
-impl<'a> From<&'a Passivity> for Dissipating<'a> {
-    fn from(found: &'a Passivity) -> Self {
-        let port =
-            |port: &'a fleetfoot_pwa::Port| Port { input: &port.input, state: &port.output, shortage: port.shortage };
-        Self {
-            ports: found.ports.iter().map(port).collect(),
-            free_norms: found.regions.iter().map(|one| one.free).collect(),
-            norms: found.regions.iter().map(|one| one.norm).collect(),
-        }
-    }
-}
-
-impl<'a> From<&'a Stability> for Contracting<'a> {
-    fn from(found: &'a Stability) -> Self {
-        let each = |of: fn(&StableRegion) -> f64| found.regions.iter().map(of).collect();
-        Self {
-            bound: found.bound,
-            variables: &found.variables,
-            inputs: &found.inputs,
-            metric: &found.metric,
-            moved: found.moved(),
-            free_radii: each(|one| one.free_radius),
-            free_norms: each(|one| one.free_norm),
-            radii: each(|one| one.radius),
-            norms: each(|one| one.norm),
-            gaps: each(|one| one.gap),
-            passivity: found.passivity.as_ref().map(Dissipating::from),
-        }
     }
 }

@@ -8,22 +8,19 @@ use serde::{Serialize, Serializer};
 use serde_json::Value;
 
 use crate::{
+    ReadPlan,
     statistic::{PlannedLatent, ScanOutcome, ScanPlan, TaskSummary},
     stats_file::{ColumnRecord, EpisodeRecord, FileRecord, Sizes, StatisticFile},
-    told::{Decoded, value},
+    told::value,
 };
 
 impl Serialize for ScanPlan {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         #[derive(Serialize)]
         struct Planned<'a> {
-            files: usize,
-            skipped: usize,
-            episodes: Option<usize>,
-            rows: usize,
             #[serde(flatten)]
-            decoded: Decoded,
-            columns: &'a [String],
+            reading: &'a ReadPlan,
+            skipped: usize,
             tasks: &'a [String],
             latents: &'a [PlannedLatent],
             passes: usize,
@@ -32,12 +29,8 @@ impl Serialize for ScanPlan {
             bytes: usize,
         }
         Planned {
-            files: self.files,
+            reading: &self.reading,
             skipped: self.skipped,
-            episodes: self.episodes,
-            rows: self.rows,
-            decoded: self.decoded.into(),
-            columns: &self.columns,
             tasks: &self.tasks,
             latents: &self.latents,
             passes: 1 + self.equation_passes,

@@ -28,7 +28,12 @@ impl Bound {
     pub(crate) fn told(&self, before: &Stability, model: &Model) -> Bounded {
         let told = self.0.told(before, model);
         let greatest = |of: fn(&fleetfoot_pwa::StableRegion) -> f64| told.regions.iter().map(of).fold(0.0, f64::max);
-        Bounded { bound: told.bound, radius: greatest(|one| one.radius), norm: greatest(|one| one.norm) }
+        Bounded {
+            bound: told.bound,
+            radius: greatest(|one| one.radius),
+            norm: greatest(|one| one.norm),
+            passive_norm: told.passivity.map(|own| own.regions.iter().map(|one| one.norm).fold(0.0, f64::max)),
+        }
     }
 }
 

@@ -4,7 +4,7 @@ use fleetfoot_estimate::Status;
 use fleetfoot_model::Model;
 use serde::{Serialize, Serializer};
 
-use super::{HeldOutErrors, RefinedFold, Refinement};
+use super::{Bounded, HeldOutErrors, RefinedFold, Refinement};
 
 impl Refinement {
     fn mean(&self, of: impl Fn(&HeldOutErrors) -> f64) -> [f64; 2] {
@@ -44,7 +44,8 @@ impl Refinement {
             scores().map(|scores| scores.rows as f64 * of(&scores.targets[target]).powi(2)).sum::<f64>()
         };
         let (errors, spread) = (squares(|target| target.rmse), squares(|target| target.deviation));
-        [(errors / rows).sqrt(), 1.0 - errors / spread]
+        // Of what does not vary there is nothing to explain.
+        [(errors / rows).sqrt(), if spread > 0.0 { 1.0 - errors / spread } else { f64::NAN }]
     }
 
     /// Which model is written, and why.
@@ -110,12 +111,20 @@ impl Refinement {
 
     /// How the maps are bounded, where they are.
     fn bound_in_words(&self) -> String {
-        self.bound.map_or_else(String::new, |own| {
-            format!(
-                "Its regions contract by {} in the metric of one step: greatest radius {:.4}, greatest norm {:.4}.\n",
-                own.bound, own.radius, own.norm
-            )
-        })
+        self.bound.map_or_else(String::new, |own| format!("Its regions {}\n", own.in_words()))
+    }
+}
+
+impl Bounded {
+    /// The greatest of the regions, as sentences behind their subject.
+    pub(crate) fn in_words(self) -> String {
+        let passive = self.passive_norm.map_or_else(String::new, |norm| {
+            format!(" At its ports they give at most {norm:.4} of what they may, with the storage of one step.")
+        });
+        format!(
+            "contract by {} in the metric of one step: greatest radius {:.4}, greatest norm {:.4}.{passive}",
+            self.bound, self.radius, self.norm
+        )
     }
 }
 

@@ -122,6 +122,24 @@ pub(crate) fn coefficient_limits(
     Ok(limits)
 }
 
+/// Limits between which some value of every coefficient lies.
+///
+/// # Errors
+/// Two constraints that leave a coefficient no value.
+pub(crate) fn consistent(limits: Vec<CoefficientLimit>) -> Result<Vec<CoefficientLimit>, Error> {
+    let of = |side: Limit| limits.iter().filter(move |limit| limit.side == side);
+    for low in of(Limit::AtLeast) {
+        let same = |high: &&CoefficientLimit| (high.owner, high.candidate) == (low.owner, low.candidate);
+        if let Some(high) = of(Limit::AtMost).filter(same).find(|high| low.bound > high.bound) {
+            return Err(Error::conflict(format!(
+                "[constraints] {} and {}: no coefficient of {} is at least {} and at most {}; loosen one of them",
+                low.name, high.name, low.of, low.bound, high.bound
+            )));
+        }
+    }
+    Ok(limits)
+}
+
 /// The sides that a constraint bounds, one at least.
 ///
 /// # Errors

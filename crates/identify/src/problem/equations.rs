@@ -8,7 +8,7 @@ use fleetfoot_model::{Column, Equation, Prediction, Role};
 
 use super::{
     Aliases, Difference, Parameter, Windows,
-    coefficients::{CoefficientLimit, Owner, coefficient_limits, same},
+    coefficients::{CoefficientLimit, Owner, coefficient_limits, consistent, same},
     leak::refuse_target_in_partition,
     parameter::names,
     partition::specification,
@@ -434,7 +434,7 @@ fn limits(
         }
         limits.extend(coefficient_limits(name, section, &owners, names, aliases)?);
     }
-    Ok(limits)
+    consistent(limits)
 }
 
 /// Sections that other commands read.

@@ -15,7 +15,7 @@ use fleetfoot_sparse::{
 
 use super::{
     Aliases, CoefficientLimit,
-    coefficients::{Owner, coefficient_limits},
+    coefficients::{Owner, coefficient_limits, consistent},
     task::{equations, library, state_equation},
 };
 use crate::{Error, Recipe};
@@ -321,7 +321,7 @@ fn coefficients(
     for (name, section) in &recipe.constraints {
         limits.extend(coefficient_limits(name, section, &owners, names, aliases)?);
     }
-    Ok(limits)
+    consistent(limits)
 }
 
 fn no_latent(place: &str, right: &Expr, names: &[String]) -> Error {

@@ -8,8 +8,11 @@ use fleetfoot_report::{
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::Judged;
-use crate::Error;
+use super::{
+    Judged,
+    limits::{Deviation, Priced, Task},
+};
+use crate::{Bounded, Error, LimitReport};
 
 /// Functions whose frequencies are drawn, models beside them, and equations whose fronts are.
 const FUNCTIONS: usize = 24;
@@ -32,12 +35,29 @@ pub(super) struct Fit {
     #[serde(default)]
     latents: Vec<Latent>,
     #[serde(default)]
-    candidates: Value,
+    pub(super) candidates: Value,
+    /// Whether losses are of rows that did not train; of some fits something else.
+    pub(super) held_out: Option<Value>,
     #[serde(default)]
-    regions: Vec<Region>,
+    pub(super) regions: Vec<Region>,
+    /// What was kept within bounds, and what its errors are.
+    #[serde(default)]
+    pub(super) limits: Vec<LimitReport>,
+    #[serde(default)]
+    pub(super) tasks: Vec<Task>,
+    #[serde(default)]
+    pub(super) noise: Vec<Deviation>,
+    objective: Option<Simulated>,
     /// Models of an autoregression that were tried.
     #[serde(default)]
     tried: Vec<Tried>,
+}
+
+/// The fit to simulations.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+struct Simulated {
+    written: bool,
+    bound: Option<Bounded>,
 }
 
 /// An autoregression that was tried.
@@ -111,14 +131,16 @@ struct Function {
 }
 
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-struct Region {
-    name: String,
-    equations: Vec<Equation>,
+pub(super) struct Region {
+    pub(super) name: String,
+    pub(super) equations: Vec<Equation>,
 }
 
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-struct Equation {
-    label: String,
+pub(super) struct Equation {
+    pub(super) label: String,
+    #[serde(flatten)]
+    pub(super) priced: Priced,
     #[serde(default)]
     terms: Vec<Function>,
     inclusion: Option<Vec<Option<f64>>>,
@@ -335,6 +357,11 @@ impl Fit {
         let terms = own.filter(|equation| equation.label == label).flat_map(|equation| &equation.terms);
         let shared = self.latents.iter().filter(|own| own.name == latent).flat_map(|own| &own.functions);
         terms.chain(shared).filter_map(|term| Some((term.function.as_str(), term.standard_error?))).collect()
+    }
+
+    /// How the maps are bounded that were fitted to simulations, where these were written.
+    pub(super) fn bound_of_simulations(&self) -> Option<Bounded> {
+        self.objective.as_ref().filter(|own| own.written)?.bound
     }
 
     /// Rows, and how many of them count as independent.

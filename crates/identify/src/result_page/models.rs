@@ -6,7 +6,7 @@ use fleetfoot_report::{Cell, Equation, Math, Part, Section, Table};
 use super::{
     Judged, excitation,
     fitting::{self, Fit},
-    intervals, regions, transitions, verdict,
+    intervals, limits, regions, transitions, verdict,
 };
 
 /// Columns that stand unfolded.
@@ -34,7 +34,7 @@ pub(super) fn section(judged: &[Judged<'_>], fits: &[Fit]) -> Section {
         let heading = Part::Heading(judged.name.to_owned());
         vec![heading, Part::Findings(findings), Part::Fold("Equations and regions".into(), parts)]
     });
-    let parts: Vec<Part> = parts.chain(fitting::parts(judged, fits)).collect();
+    let parts: Vec<Part> = parts.chain(limits::parts(judged, fits)).chain(fitting::parts(judged, fits)).collect();
     Section::new("model", if one { "Model" } else { "Models" }, parts)
 }
 

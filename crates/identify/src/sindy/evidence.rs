@@ -1,14 +1,18 @@
 //! What equations are fitted on: a task whose parameters are known, and the statistic of its rows.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fmt,
+};
 
 use fleetfoot_data::{EpisodeId, Progress, Source};
 use fleetfoot_model::{Partition, TrainedEpisode};
+use fleetfoot_report::words::count;
 use fleetfoot_sparse::system::{System, SystemPlan, SystemScan, Weak};
 
 use super::frozen::Frozen;
 use crate::{
-    Dataset, EquationTask, Error, FittedEquation, Logs, ParameterReport, Provenance, Recipe, concentrated,
+    Dataset, EquationTask, Error, FittedEquation, Logs, ParameterReport, Provenance, Recipe, Tunable, concentrated,
     folds::{reached, smoothed_rows},
     left_out::left_out,
     not_finite,
@@ -45,6 +49,26 @@ pub struct Evidence {
     pub notes: Vec<String>,
 }
 
+/// Too few rows, or windows of them, for the candidates of an equation.
+struct Few {
+    /// Where there are several.
+    region: Option<String>,
+    rows: u64,
+    windows: bool,
+    candidates: u64,
+}
+
+impl fmt::Display for Few {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let place = match &self.region {
+            Some(name) => format!("region {name} of the partition has"),
+            None => "the data have".to_owned(),
+        };
+        let what = count(self.rows as usize, if self.windows { "complete window" } else { "complete row" });
+        write!(f, "{place} {what} for {}", count(self.candidates as usize, "candidate"))
+    }
+}
+
 impl Evidence {
     /// Reads logs: one pass for the statistic, one before it for a partition, and one a step for parameters.
     ///
@@ -62,6 +86,21 @@ impl Evidence {
         frozen.estimate(&mut dataset, &mut notes, progress)?;
         let mut found = Self::of_rows(recipe, seed, frozen, dataset.step(), &dataset.view()?, progress)?;
         notes.append(&mut found.notes);
+        if form == WeakForm::ByNoise
+            && let (Some(weak), Some(few)) = (&found.weak, found.few())
+        {
+            // Nobody asked for windows: where they are too few, rows are there still.
+            let note = format!(
+                "noise asks for windows of {} rows in the place of rows (--weak), and {few}: rows are taken as they are, and noise pulls coefficients towards zero",
+                weak.rows()
+            );
+            drop((found, dataset));
+            let mut plain = recipe.clone();
+            plain.sindy.weak = Some(Tunable::Word("off".into()));
+            let mut found = Self::of_logs(&plain, seed, logs, progress)?;
+            found.notes.push(note);
+            return Ok(found);
+        }
         (found.notes, found.rows_read) = (notes, Some(dataset.rows()));
         found.check().map_err(|error| not_finite::with_reasons(error, &dataset, found.task.row_functions()))?;
         found.notes.extend(left_out(found.scan.counts().incomplete, &dataset, found.task.row_functions())?);
@@ -216,27 +255,25 @@ impl Evidence {
                 ),
             ));
         }
-        let most = self.task.most_allowed() as u64;
-        let (region, least) = (0..self.scan.regions())
-            .map(|region| (region, self.scan.rows(region)))
-            .min_by_key(|(_, rows)| *rows)
-            .unwrap_or((0, rows));
-        if least <= most {
-            let place = if self.scan.regions() > 1 {
-                format!("region {} of the partition", self.region_name(region))
-            } else {
-                "the data".to_owned()
-            };
-            return Err(Error::too_few_rows(
-                least,
-                most + 1,
-                format!(
-                    "{place} have {least} complete rows for {most} candidates; name fewer candidates (--library, --degree){}, or give more data",
-                    if self.scan.regions() > 1 { ", or fewer regions" } else { "" }
-                ),
-            ));
+        match self.few() {
+            None => Ok(()),
+            Some(few) => {
+                let regions = if self.scan.regions() > 1 { ", or fewer regions" } else { "" };
+                let windows = if self.weak.is_some() { ", or take rows as they are (--weak off)" } else { "" };
+                let mend =
+                    format!("{few}; name fewer candidates (--library, --degree){regions}{windows}, or give more data");
+                Err(Error::too_few_rows(few.rows, few.candidates + 1, mend))
+            }
         }
-        Ok(())
+    }
+
+    /// The region of the fewest rows, where these are no more than candidates.
+    fn few(&self) -> Option<Few> {
+        let candidates = self.task.most_allowed() as u64;
+        let rows = (0..self.scan.regions()).map(|region| (region, self.scan.rows(region)));
+        let (region, rows) = rows.min_by_key(|(_, rows)| *rows).unwrap_or((0, 0));
+        let region = (self.scan.regions() > 1).then(|| self.region_name(region));
+        (rows <= candidates).then_some(Few { region, rows, windows: self.weak.is_some(), candidates })
     }
 
     /// The windows that take the place of rows, for people.

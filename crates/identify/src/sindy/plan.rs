@@ -1,28 +1,21 @@
 //! What a fit of equations would read and keep.
 
 use fleetfoot_data::Progress;
+use fleetfoot_estimate::SmoothingOptions;
 use serde::Serialize;
 
 use super::SindyOptions;
 use crate::{
-    Dataset, EquationTask, Error, Logs, Objective, Recipe, open::estimate_equations, problem::specification, told,
+    Dataset, EquationTask, Error, Logs, Objective, ReadPlan, Recipe, open::estimate_equations, problem::specification,
 };
 
 /// What a fit of equations would read and keep.
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct SindyPlan {
-    /// Files.
-    pub files: usize,
-    /// Episodes; robots' logs are not decoded to count them.
-    pub episodes: Option<usize>,
-    /// Rows; of robots' logs at most, from the counts in the files.
-    pub rows: usize,
-    /// Bytes of decoded columns, where logs must be decoded, and whether the cache has them already.
-    #[serde(flatten, serialize_with = "told::decoded")]
-    pub decoded: Option<(u64, bool)>,
-    /// Columns that are read.
-    pub columns: Vec<String>,
+    /// What its passes would read.
+    #[serde(flatten)]
+    pub reading: ReadPlan,
     /// Fitted equations.
     pub equations: Vec<String>,
     /// Candidates of any equation, the constant among them.
@@ -34,6 +27,9 @@ pub struct SindyPlan {
     /// What coefficients are fitted to.
     #[serde(skip)]
     pub objective: Objective,
+    /// Bytes that rows in memory may take beside, where states may be smoothed, at most.
+    #[serde(rename = "smoothing_bytes", skip_serializing_if = "Option::is_none")]
+    pub smoothing: Option<usize>,
     /// Bytes of statistics, about.
     #[serde(rename = "memory_bytes")]
     pub memory: usize,
@@ -48,32 +44,29 @@ pub struct SindyPlan {
 /// Those of the recipe and of opening.
 pub fn plan_sindy(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) -> Result<SindyPlan, Error> {
     let logs = &logs.into();
-    let objective = SindyOptions::new(&recipe.sindy)?.within(recipe)?.objective;
+    let options = SindyOptions::new(&recipe.sindy)?.within(recipe)?;
+    let objective = options.objective;
     if logs.is_statistic() {
         return Err(Error::needs_rows(
             "--dry-run tells what a pass over logs would cost, and a statistic needs none; leave it away".into(),
         ));
     }
     let regions = specification(recipe)?.and_then(|partition| partition.clusters()).unwrap_or(1);
-    let plan = |task: &EquationTask, columns, rows, episodes, decoded, notes| SindyPlan {
-        files: logs.len(),
-        episodes,
-        rows,
-        decoded,
-        columns,
+    let plan = |task: &EquationTask, reading: ReadPlan, notes| SindyPlan {
         equations: task.fitted.iter().map(|equation| equation.label.clone()).collect(),
         candidates: (0..task.candidates()).map(|j| task.candidate(j)).collect(),
         parameters: task.parameters.iter().map(|parameter| parameter.name.clone()).collect(),
         regions,
         objective,
-        memory: fleetfoot_sparse::system::SystemPlan::memory(&task.system(), regions, rows),
+        smoothing: (options.smooth_states.may_apply(task, recipe, regions > 1, reading.rows))
+            .then(|| SmoothingOptions::default().memory as usize),
+        memory: fleetfoot_sparse::system::SystemPlan::memory(&task.system(), regions, reading.rows),
+        reading,
         notes,
     };
     if let Some((task, columns, cost)) = estimate_equations(recipe, logs, progress)? {
-        let decoded = Some((cost.decoded_bytes, cost.cached));
-        return Ok(plan(&task, columns, cost.rows as usize, None, decoded, Vec::new()));
+        return Ok(plan(&task, ReadPlan::of_messages(logs, columns, &cost), Vec::new()));
     }
     let (dataset, task) = Dataset::for_equations(recipe, logs, progress)?;
-    let (episodes, notes) = (Some(dataset.episodes().len()), dataset.notes().to_vec());
-    Ok(plan(&task, dataset.columns(), dataset.rows(), episodes, None, notes))
+    Ok(plan(&task, ReadPlan::of_tables(logs, &dataset), dataset.notes().to_vec()))
 }

@@ -11,7 +11,8 @@ use fleetfoot_model::Model;
 use super::{Frozen, SindyOptions, SindyReport, StateNoise, coefficients_of, report, spans};
 use crate::{
     Dataset, EquationTask, Error, Evidence, Logs, Objective, Provenance, Recipe, RolloutRule, SindyOptimizer,
-    SindySection, SmoothStates, StateSmoothing, Windows, folds::smoothed_rows, rollout_choice::HeldOut,
+    SindySection, SmoothStates, StateSmoothing, Windows, folds::smoothed_rows, problem::WeakForm,
+    rollout_choice::HeldOut,
 };
 use search::{Found, Search};
 
@@ -52,20 +53,8 @@ impl SmoothStates {
             return Ok(false);
         }
         let task = &evidence.task;
-        let obstacle = if !task.parameters.is_empty() || !evidence.parameters.is_empty() {
-            Some("numbers inside expressions are estimated ([parameters])")
-        } else if evidence.partition.is_some() {
-            Some("there are regions (--partition)")
-        } else if task.weight.is_some() {
-            Some("rows have weights")
-        } else if recipe.time.smoothed.is_some() {
-            Some("the logs were smoothed before ([time] smoothed)")
-        } else if task.fitted.iter().any(|equation| equation.central.is_none()) {
-            Some("not every equation is of a derivative by central differences")
-        } else {
-            None
-        };
-        match (self, obstacle) {
+        let estimated = !evidence.parameters.is_empty();
+        match (self, obstacle(task, recipe, estimated, evidence.partition.is_some())) {
             (Self::On, Some(what)) => {
                 Err(Error::conflict(format!("[sindy] smooth_states = on, and {what}: leave one of them away")))
             }
@@ -73,6 +62,33 @@ impl SmoothStates {
             (_, Some(_)) => Ok(false),
             (_, None) => Ok(task.windows.as_ref().is_some_and(Windows::noisy)),
         }
+    }
+
+    /// Whether the states of so many rows may be smoothed, before it is known how noisy they are; `regions`: whether there is a partition.
+    pub(super) fn may_apply(self, task: &EquationTask, recipe: &Recipe, regions: bool, rows: usize) -> bool {
+        let asked = match self {
+            Self::Off => false,
+            Self::On => true,
+            Self::Auto => rows <= UNASKED && WeakForm::new(&recipe.sindy).is_ok_and(|form| form != WeakForm::Off),
+        };
+        asked && obstacle(task, recipe, false, regions).is_none()
+    }
+}
+
+/// What keeps states from being smoothed.
+fn obstacle(task: &EquationTask, recipe: &Recipe, estimated: bool, regions: bool) -> Option<&'static str> {
+    if !task.parameters.is_empty() || estimated {
+        Some("numbers inside expressions are estimated ([parameters])")
+    } else if regions {
+        Some("there are regions (--partition)")
+    } else if task.weight.is_some() {
+        Some("rows have weights")
+    } else if recipe.time.smoothed.is_some() {
+        Some("the logs were smoothed before ([time] smoothed)")
+    } else if task.fitted.iter().any(|equation| equation.central.is_none()) {
+        Some("not every equation is of a derivative by central differences")
+    } else {
+        None
     }
 }
 

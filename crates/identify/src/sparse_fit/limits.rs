@@ -4,15 +4,15 @@ use fleetfoot_data::{Progress, Silent, Source};
 use fleetfoot_sparse::{
     Penalty, Strength,
     constrained::{
-        Clearance, ConstrainedStatus, Constraints, LimitOptions, LimitedFit, LimitedRegression, LinearConstraint,
-        RowLimit, fit_within_limits,
+        Clearance, ConstrainedError, ConstrainedStatus, Constraints, LimitOptions, LimitedFit, LimitedRegression,
+        LinearConstraint, RowLimit, fit_within_limits,
     },
     structured::Assembled,
 };
 use fleetfoot_stats::SquareRoot;
 
 use super::problem::Problem;
-use crate::{CoefficientLimit, Error, LimitReport, limit_report::words, problem::bounds};
+use crate::{CoefficientLimit, Error, LimitReport, LimitSide, problem::bounds};
 
 /// Distance from a bound, relative to it or to 1, below which a coefficient is held by it: the tolerance of the program.
 const AT_BOUND: f64 = 1e-8;
@@ -42,7 +42,18 @@ pub(super) fn within_limits<'a>(
             limit.name
         )));
     }
-    let found = solve(problem, &problem.assembled, support, limits, Vec::new(), source, progress)?;
+    let of = |support| solve(problem, &problem.assembled, support, limits, Vec::new(), source, progress);
+    let found = match of(support) {
+        Err(Error::Constrained(ConstrainedError::Infeasible { constraints })) => {
+            // Of all columns, the constraints may contradict each other by themselves.
+            of(&(0..problem.assembled.scale.len()).collect::<Vec<usize>>())?;
+            return Err(Error::undetermined(format!(
+                "the functions that were selected cannot keep {}: one that is needed for it was left out; give the latents that it is about `penalty = 0.0`, or a smaller --lambda",
+                constraints.join(", ")
+            )));
+        }
+        found => found?,
+    };
     if found.fit.status != ConstrainedStatus::Solved {
         notes.push(format!(
             "the bounded fit did not converge: optimality conditions to {:.1e}, bounds to {:.1e}",
@@ -53,7 +64,7 @@ pub(super) fn within_limits<'a>(
         notes.push(format!(
             "{} is not {} {} everywhere: {} passes left a row that breaks it by {:.3e}{}",
             limit.name,
-            words(limit.side),
+            LimitSide::from(limit.side),
             limit.bound,
             found.passes,
             -clearance.least,
@@ -123,7 +134,7 @@ impl Limited<'_> {
     pub(super) fn report(&self) -> Vec<LimitReport> {
         let of = |(at, (limit, clearance)): (usize, (&RowLimit, &Clearance))| LimitReport {
             name: limit.name.clone(),
-            side: words(limit.side),
+            side: limit.side.into(),
             bound: limit.bound.as_number().unwrap_or(f64::NAN),
             nearest: clearance.least,
             episode: clearance.place.as_ref().map(|(episode, _)| episode.clone()),

@@ -11,7 +11,7 @@ use super::{
     scan::{chunk_bytes, default_chunk},
 };
 use crate::{
-    Dataset, Error, Logs, Recipe, StructuredTask,
+    Dataset, Error, Logs, ReadPlan, Recipe, StructuredTask,
     open::{OpenedStructure, estimate_structure},
     stats_file::{ContentHash, EquationStatistic, StatisticFile},
 };
@@ -20,18 +20,10 @@ use crate::{
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct ScanPlan {
-    /// Files to be scanned.
-    pub files: usize,
+    /// What its passes would read; files that are there already are not among it.
+    pub reading: ReadPlan,
     /// Files that are there already.
     pub skipped: usize,
-    /// Episodes; robots' logs are not decoded to count them.
-    pub episodes: Option<usize>,
-    /// Rows; of robots' logs at most, from the counts in the files.
-    pub rows: usize,
-    /// Bytes of decoded columns, where logs must be decoded, and whether the cache has them already.
-    pub decoded: Option<(u64, bool)>,
-    /// Fields that are read.
-    pub columns: Vec<String>,
     /// Names of the tasks.
     pub tasks: Vec<String>,
     /// The latents.
@@ -101,7 +93,7 @@ impl StatisticFile {
         self.accepts_equations(&expanded, &fields, ["the statistic", "the recipe"])?;
         let new = unknown(self.files.iter().map(|file| file.hash).collect(), logs, progress)?;
         let plan = match new.is_empty() {
-            true => ScanPlan::new(&task, 0, self.plan.chunk_rows, 0),
+            true => ScanPlan::new(&task, ReadPlan::default(), self.plan.chunk_rows, 0),
             false => plan_new(recipe, Some(self.plan.chunk_rows), &new, progress)?,
         };
         Ok(ScanPlan { skipped: logs.len() - new.len(), ..plan })
@@ -122,14 +114,13 @@ fn plan_new(
 ) -> Result<ScanPlan, Error> {
     let chunk = |task: &StructuredTask, rows| chunk_rows.unwrap_or_else(|| default_chunk(task, rows));
     if let Some((task, columns, cost)) = estimate_structure(recipe, logs, progress)? {
-        let rows = usize::try_from(cost.rows).unwrap_or(usize::MAX);
-        let chunk_rows = chunk(&task, rows);
-        let decoded = Some((cost.decoded_bytes, cost.cached));
-        let chunks = rows.div_ceil(chunk_rows).max(logs.len());
+        let reading = ReadPlan::of_messages(logs, columns, &cost);
+        let chunk_rows = chunk(&task, reading.rows);
+        let chunks = reading.rows.div_ceil(chunk_rows).max(logs.len());
         let (recipe, fields, _) = Dataset::structure(recipe, logs)?;
-        let (equation_passes, equation_bytes) = EquationStatistic::cost(&recipe, &fields, rows);
-        let plan = ScanPlan::new(&task, logs.len(), chunk_rows, chunks);
-        return Ok(ScanPlan { rows, decoded, columns, equation_bytes, equation_passes, ..plan });
+        let (equation_passes, equation_bytes) = EquationStatistic::cost(&recipe, &fields, reading.rows);
+        let plan = ScanPlan::new(&task, reading, chunk_rows, chunks);
+        return Ok(ScanPlan { equation_bytes, equation_passes, ..plan });
     }
     let OpenedStructure { dataset, task, recipe, fields, .. } = Dataset::for_scan(recipe, logs, true, progress)?;
     let view = dataset.view()?;
@@ -137,26 +128,19 @@ fn plan_new(
     let chunks = view.episodes().iter().map(|episode| episode.rows.div_ceil(chunk_rows)).sum();
     let (equation_passes, equation_bytes) = EquationStatistic::cost(&recipe, &fields, view.rows());
     Ok(ScanPlan {
-        episodes: Some(view.episodes().len()),
-        rows: view.rows(),
-        columns: dataset.columns(),
         notes: dataset.notes().to_vec(),
         equation_bytes,
         equation_passes,
-        ..ScanPlan::new(&task, logs.len(), chunk_rows, chunks)
+        ..ScanPlan::new(&task, ReadPlan::of_tables(logs, &dataset), chunk_rows, chunks)
     })
 }
 
 impl ScanPlan {
-    fn new(task: &StructuredTask, files: usize, chunk_rows: usize, chunks: usize) -> Self {
+    fn new(task: &StructuredTask, reading: ReadPlan, chunk_rows: usize, chunks: usize) -> Self {
         let regression = &task.regression;
         Self {
-            files,
+            reading,
             skipped: 0,
-            episodes: None,
-            rows: 0,
-            decoded: None,
-            columns: Vec::new(),
             tasks: regression.tasks.iter().map(|task| task.name.clone()).collect(),
             latents: (regression.latents.iter())
                 .map(|latent| PlannedLatent { name: latent.name.clone(), functions: latent.functions.len() })

@@ -1,5 +1,6 @@
 //! Tests of the crate, one program.
 
+mod bounded;
 mod continuous;
 mod identify;
 mod lattice;

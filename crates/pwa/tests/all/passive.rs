@@ -6,14 +6,13 @@
 use faer::{Mat, Side};
 use fleetfoot_data::{Column as DataColumn, MemorySource, Silent, with_threads};
 use fleetfoot_library::{Expr, Scope};
-use fleetfoot_model::{Column, Equation, Model, Prediction, Role};
-use fleetfoot_pwa::{
-    Contracting, Error, Identification, Options, Port, Problem, RegionWeight, Specification, Stability, identify,
-};
+use fleetfoot_model::{Column, Model, Prediction, Role};
+use fleetfoot_pwa::{Contracting, Error, Options, Port, Problem, Stability, identify};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-const H: f64 = 0.05;
+use crate::bounded::{self, H, Price, equation, goes_to_the_nearest, metric, run};
+
 const MASS: f64 = 1.5;
 
 /// A mass on a spring that is stiffer where it is pushed together, hardly damped, with a force on it: exact steps by many small ones. Rows `x, v, f, dv`.
@@ -41,28 +40,8 @@ fn mass(rows: usize, seed: u64, noise: f64) -> MemorySource {
     source
 }
 
-fn equation(subject: &str, prediction: Prediction, right: &str, target: Option<Expr>) -> Equation {
-    let scope = Scope::open();
-    Equation { subject: subject.into(), prediction, right: Expr::parse(right, &scope).unwrap(), target, unit: None }
-}
-
-fn columns() -> Vec<Column> {
-    [("x", Role::State), ("v", Role::State), ("f", Role::Input)].map(|(name, role)| Column::new(name, role)).to_vec()
-}
-
 fn next_rows() -> Problem {
-    let next = |name: &str| Some(Expr::lagged(name, -1));
-    Problem {
-        columns: columns(),
-        library: ["x", "v", "f"].map(Expr::column).to_vec(),
-        equations: vec![
-            equation("x", Prediction::Next, "f_x", next("x")),
-            equation("v", Prediction::Next, "f_v", next("v")),
-        ],
-        partition_columns: vec![Expr::column("x"), Expr::column("v")],
-        weight: None,
-        step: H,
-    }
+    bounded::next_rows("f")
 }
 
 /// `x' = v` is given, `v'` measured.
@@ -77,15 +56,9 @@ fn derivatives() -> Problem {
 }
 
 fn options(partitions: &str, ports: Vec<Port>) -> Options {
-    let mut options = Options::default();
-    options.partitions = Specification::parse_list(partitions).unwrap();
-    options.folds = 5;
+    let mut options = bounded::options(partitions);
     options.ports = ports;
     options
-}
-
-fn run(problem: &Problem, options: &Options, source: &MemorySource) -> Identification {
-    identify(problem, options, source, &Silent).unwrap()
 }
 
 fn force() -> Vec<Port> {
@@ -102,10 +75,6 @@ fn map(model: &Model, region: usize) -> Mat<f64> {
             _ => H * row("f_v").unwrap()[j] + [0.0, 1.0, 0.0][j],
         }),
     }
-}
-
-fn storage(told: &Stability) -> Mat<f64> {
-    Mat::from_fn(2, 2, |i, j| told.metric[2 * i + j])
 }
 
 fn shortage(told: &Stability) -> f64 {
@@ -141,7 +110,7 @@ fn all_regions_dissipate_with_the_storage_that_is_told() {
         for (at, candidate) in found.candidates.iter().enumerate() {
             let told = candidate.stability.as_ref().unwrap();
             let passivity = told.passivity.as_ref().unwrap();
-            let (P, E) = (storage(told), shortage(told));
+            let (P, E) = (metric(told), shortage(told));
             let mut active = 0;
             for (region, own) in passivity.regions.iter().enumerate() {
                 let (written, before) = (map(&found.models[at], region), map(&free.models[at], region));
@@ -164,7 +133,7 @@ fn all_regions_dissipate_with_the_storage_that_is_told() {
         }
         // Whatever region follows on whatever, no force draws more than went in and was stored.
         let (model, told) = (&found.models[1], found.candidates[1].stability.as_ref().unwrap());
-        let (P, E) = (storage(told), shortage(told));
+        let (P, E) = (metric(told), shortage(told));
         let mut random = Pcg64::seed_from_u64(9);
         for _ in 0..200 {
             let mut state = Mat::from_fn(2, 1, |_, _| random.random_range(-1.0..1.0));
@@ -194,7 +163,7 @@ fn all_regions_dissipate_with_the_storage_that_is_told() {
 fn the_flow_is_passive_too() {
     let found = run(&derivatives(), &options("kmeans:6", force()), &mass(2000, 5, 0.3));
     let told = found.candidates[0].stability.as_ref().unwrap();
-    let (P, E) = (storage(told), shortage(told));
+    let (P, E) = (metric(told), shortage(told));
     for region in 0..6 {
         let own = map(&found.model, region);
         let [A, B] = [(0, 2), (2, 1)].map(|(first, count)| {
@@ -233,7 +202,7 @@ fn what_is_passive_pays_nothing() {
         candidate.loss,
         candidate.free_loss
     );
-    assert!(slack(&map(&tight.model, 0), &storage(told), 0.8 * H / MASS) >= -1e-12);
+    assert!(slack(&map(&tight.model, 0), &metric(told), 0.8 * H / MASS) >= -1e-12);
 }
 
 /// The squared errors of the rows are least among passive maps: none that is found by random steps is better by more than the gap.
@@ -245,44 +214,10 @@ fn no_passive_map_has_less_error() {
     let found = run(&next_rows(), &asked, &source);
     let told = found.candidates[0].stability.as_ref().unwrap();
     assert_eq!(told.moved(), 1, "{told:?}");
-    let (P, E) = (storage(told), shortage(told));
-    let blocks = fleetfoot_data::Source::episodes(&source).len();
-    let rows: Vec<[f64; 5]> = (0..blocks)
-        .flat_map(|episode| {
-            let block =
-                fleetfoot_data::Source::read(&source, episode, 0..200, fleetfoot_data::Halo::default()).unwrap();
-            let of = |c: usize, k: usize| block.core(c)[k];
-            (0..199).map(|k| [of(0, k), of(1, k), of(2, k), of(0, k + 1), of(1, k + 1)]).collect::<Vec<_>>()
-        })
-        .collect();
+    let (P, E) = (metric(told), shortage(told));
     let free = run(&next_rows(), &options("average", Vec::new()), &source).model;
-    let numbers = |model: &Model, t: usize| -> [f64; 4] {
-        let own = &model.latents[t];
-        [own.coefficients[0][0], own.coefficients[0][1], own.coefficients[0][2], own.constants[0]]
-    };
-    let error = |own: &[f64; 4], t: usize| -> f64 {
-        let of = |row: &[f64; 5]| row[3 + t] - own[3] - (0..3).map(|j| own[j] * row[j]).sum::<f64>();
-        rows.iter().map(|row| of(row).powi(2)).sum()
-    };
-    let variance = [0, 1].map(|t| error(&numbers(&free, t), t) / rows.len() as f64);
-    let price = |own: &[[f64; 4]; 2]| -> f64 { (0..2).map(|t| error(&own[t], t) / variance[t]).sum() };
-    let own = [0, 1].map(|t| numbers(&found.model, t));
-    let (least, best) = (2.0 * rows.len() as f64, price(&own));
-    assert!(best > least * (1.0 + 1e-6), "passivity costs something here: {best} {least}");
-    let mut random = Pcg64::seed_from_u64(5);
-    let mut within = 0;
-    for size in [1e-2, 1e-3, 1e-4] {
-        for _ in 0..6000 {
-            let mut other = own;
-            other.iter_mut().flatten().for_each(|value| *value += size * random.random_range(-1.0..1.0));
-            let M = Mat::from_fn(2, 3, |i, j| other[i][j]);
-            if slack_at(&M, &P, E, 0.75) >= 0.0 {
-                within += 1;
-                assert!(price(&other) >= best - 1e-6 * (best - least), "{} {best}", price(&other));
-            }
-        }
-    }
-    assert!(within > 400, "{within}");
+    let is_within = |own: &[[f64; 4]; 2]| slack_at(&Mat::from_fn(2, 3, |i, j| own[i][j + 1]), &P, E, 0.75) >= 0.0;
+    Price::new(&source, &free).is_least(&found.model, is_within);
 }
 
 /// Coefficients that left the set go to where no way within it leads nearer.
@@ -290,50 +225,12 @@ fn no_passive_map_has_less_error() {
 fn models_are_kept_passive_where_they_are_nearest() {
     let found = run(&next_rows(), &options("kmeans:6", force()), &mass(2000, 4, 0.15));
     let told = found.candidates[0].stability.as_ref().unwrap();
-    let (P, E) = (storage(told), shortage(told));
+    let (P, E) = (metric(told), shortage(told));
     let set = Contracting::new(&next_rows(), told).unwrap();
-    let mut random = Pcg64::seed_from_u64(11);
-    let weights: Vec<RegionWeight> = (0..6)
-        .map(|_| {
-            let root = Mat::from_fn(9, 4, |_, j| if j == 0 { 1.0 } else { random.random_range(-1.0..2.0) });
-            RegionWeight::new(root.transpose() * &root, vec![1.0, random.random_range(0.2..5.0)])
-        })
-        .collect();
-    let mut moved = |size: f64| {
-        let mut model = found.model.clone();
-        for latent in &mut model.latents {
-            latent.coefficients.iter_mut().flatten().for_each(|value| *value += size * random.random_range(-1.0..1.0));
-        }
-        model
+    let is_within = |model: &Model, region: usize, rounded: bool| {
+        slack(&map(model, region), &P, E) >= if rounded { -1e-12 } else { 0.0 }
     };
-    let numbers = |model: &Model, region: usize, t: usize| -> Vec<f64> {
-        let own = &model.latents[t];
-        std::iter::once(own.constants[region]).chain(own.coefficients[region].iter().copied()).collect()
-    };
-    let wanted = moved(0.2);
-    let nearest = set.nearest(&wanted, &weights).unwrap();
-    let others: Vec<Model> =
-        (0..200).map(|k| set.nearest(&moved(0.01 + 0.005 * k as f64), &weights).unwrap()).collect();
-    let mut left = 0;
-    for region in 0..6 {
-        let within = slack(&map(&wanted, region), &P, E) >= 0.0;
-        assert!(slack(&map(&nearest, region), &P, E) >= -1e-12);
-        left += usize::from(!within);
-        let along = |to: &Model| -> f64 {
-            let of = |t: usize| {
-                let at = numbers(&nearest, region, t);
-                let away = |model: &Model| Mat::from_fn(4, 1, |j, _| numbers(model, region, t)[j] - at[j]);
-                weights[region].targets[t] * (away(&wanted).transpose() * &weights[region].products * away(to))[(0, 0)]
-            };
-            (0..2).map(of).sum()
-        };
-        let size = along(&wanted);
-        for other in others.iter().chain([&found.model]) {
-            // The gap is a millionth of the squared distance, and a thousandth its root.
-            assert!(along(other) <= 3e-3 * (size + size.sqrt()), "{region}: {} {size}", along(other));
-        }
-    }
-    assert!(left >= 3, "{left}");
+    let nearest = goes_to_the_nearest(&set, &found.model, 0.2, is_within);
     let again = set.told(told, &nearest);
     assert!(again.passivity.unwrap().regions.iter().all(|own| own.norm <= 1.0 + 1e-9));
 }

@@ -4,23 +4,15 @@
 #![allow(non_snake_case)]
 
 use faer::{Mat, Side};
-use fleetfoot_data::{Column as DataColumn, Halo, MemorySource, Silent, Source, with_threads};
+use fleetfoot_data::{Column as DataColumn, MemorySource, Silent, with_threads};
 use fleetfoot_library::{Expr, Scope};
-use fleetfoot_model::{Column, Equation, Model, Prediction, Role};
-use fleetfoot_pwa::{
-    Contracting, Error, Identification, Options, Problem, RegionWeight, Specification, Stability, identify,
-};
+use fleetfoot_model::{Column, Model, Prediction, Role};
+use fleetfoot_pwa::{Contracting, Error, Options, Problem, identify};
 use fleetfoot_stats::{spectral_radius, svd};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-fn column(name: &str, role: Role) -> Column {
-    Column::new(name, role)
-}
-
-fn equation(subject: &str, prediction: Prediction, right: &str, target: Option<Expr>) -> Equation {
-    Equation { subject: subject.into(), prediction, right: Expr::column(right), target, unit: None }
-}
+use crate::bounded::{self, H, Price, equation, goes_to_the_nearest, metric, run};
 
 /// An oscillator whose states are measured with noise, so that maps of small regions are wrong by much; rows of next values.
 fn oscillator(rows: usize, seed: u64) -> MemorySource {
@@ -36,46 +28,24 @@ fn oscillator(rows: usize, seed: u64) -> MemorySource {
             columns.iter_mut().zip(measured).for_each(|(column, value)| column.push(value));
             (x, v) = (0.98 * x + 0.2 * v, -0.2 * x + 0.97 * v + 0.3 * u);
         }
-        source.push_uniform("run", 0.05, columns);
+        source.push_uniform("run", H, columns);
     }
     source
 }
 
 fn problem() -> Problem {
-    let next = |name: &str| Some(Expr::lagged(name, -1));
-    Problem {
-        columns: vec![column("x", Role::State), column("v", Role::State), column("u", Role::Input)],
-        library: ["x", "v", "u"].map(Expr::column).to_vec(),
-        equations: vec![
-            equation("x", Prediction::Next, "f_x", next("x")),
-            equation("v", Prediction::Next, "f_v", next("v")),
-        ],
-        partition_columns: vec![Expr::column("x"), Expr::column("v")],
-        weight: None,
-        step: 0.05,
-    }
+    bounded::next_rows("u")
 }
 
 fn options(partitions: &str, bound: Option<f64>) -> Options {
-    let mut options = Options::default();
-    options.partitions = Specification::parse_list(partitions).unwrap();
-    options.folds = 5;
+    let mut options = bounded::options(partitions);
     options.stability = bound;
     options
-}
-
-fn run(problem: &Problem, options: &Options, source: &MemorySource) -> Identification {
-    identify(problem, options, source, &Silent).unwrap()
 }
 
 /// M of a region of a model of next values whose first functions are its states.
 fn map(model: &Model, region: usize, n: usize) -> Mat<f64> {
     Mat::from_fn(n, n, |i, j| model.latents[i].coefficients[region][j])
-}
-
-fn metric(stability: &Stability) -> Mat<f64> {
-    let n = stability.variables.len();
-    Mat::from_fn(n, n, |i, j| stability.metric[i * n + j])
 }
 
 /// The largest singular value of M in the metric: by the Cholesky factor of P, from nothing but what is told.
@@ -133,106 +103,21 @@ fn no_map_within_the_bound_has_less_error() {
     let found = run(&problem(), &options("average", Some(0.9)), &source);
     let told = found.candidates[0].stability.as_ref().unwrap();
     let P = metric(told);
-    let blocks: Vec<_> = (0..5).map(|e| source.read(e, 0..200, Halo::default()).unwrap()).collect();
-    let rows: Vec<[f64; 5]> = blocks
-        .iter()
-        .flat_map(|block| {
-            (0..199).map(|k| {
-                let [x, v, u] = [0, 1, 2].map(|c| block.core(c)[k]);
-                [x, v, u, block.core(0)[k + 1], block.core(1)[k + 1]]
-            })
-        })
-        .collect();
-    // The variances of the errors of the free one-region model: the weights of the two targets.
     let free = run(&problem(), &options("average", None), &source).model;
-    let error = |coefficients: &[[f64; 3]; 2], constants: [f64; 2], t: usize| -> f64 {
-        let of = |row: &[f64; 5]| row[3 + t] - constants[t] - (0..3).map(|j| coefficients[t][j] * row[j]).sum::<f64>();
-        rows.iter().map(|row| of(row).powi(2)).sum()
-    };
-    let numbers = |model: &Model| {
-        let of = |t: usize| [0, 1, 2].map(|j| model.latents[t].coefficients[0][j]);
-        ([of(0), of(1)], [model.latents[0].constants[0], model.latents[1].constants[0]])
-    };
-    let ((free, free_constants), (own, constants)) = (numbers(&free), numbers(&found.model));
-    let variance = [0, 1].map(|t| error(&free, free_constants, t) / rows.len() as f64);
-    let price = |coefficients: &[[f64; 3]; 2], constants: [f64; 2]| -> f64 {
-        (0..2).map(|t| error(coefficients, constants, t) / variance[t]).sum()
-    };
-    let (least, best) = (price(&free, free_constants), price(&own, constants));
-    assert!(best > least, "the bound costs something here");
-    let mut random = Pcg64::seed_from_u64(5);
-    let mut within = 0;
-    for size in [1e-2, 1e-3, 1e-4] {
-        for _ in 0..2000 {
-            let mut other = own;
-            let mut shift = constants;
-            other
-                .iter_mut()
-                .flatten()
-                .chain(&mut shift)
-                .for_each(|value| *value += size * random.random_range(-1.0..1.0));
-            let M = Mat::from_fn(2, 2, |i, j| other[i][j]);
-            if norm(&M, &P) <= 0.9 {
-                within += 1;
-                assert!(price(&other, shift) >= best - 1e-6 * (best - least), "{} {best}", price(&other, shift));
-            }
-        }
-    }
-    assert!(within > 500, "{within}");
+    let is_within = |own: &[[f64; 4]; 2]| norm(&Mat::from_fn(2, 2, |i, j| own[i][j + 1]), &P) <= 0.9;
+    Price::new(&source, &free).is_least(&found.model, is_within);
 }
 
-/// Coefficients that left the bound go to the nearest ones of it: from there no way within the bound leads nearer, the condition of a least distance over a convex set. What is within stays to the bit.
 #[test]
 fn models_are_kept_within_the_bound_where_they_are_nearest() {
     let source = oscillator(2000, 4);
     let found = run(&problem(), &options("kmeans:8", Some(0.98)), &source);
     let stability = found.candidates[0].stability.as_ref().unwrap();
     let (set, P) = (Contracting::new(&problem(), stability).unwrap(), metric(stability));
-    let mut random = Pcg64::seed_from_u64(11);
-    let weights: Vec<RegionWeight> = (0..8)
-        .map(|_| {
-            let root = Mat::from_fn(9, 4, |_, j| if j == 0 { 1.0 } else { random.random_range(-1.0..2.0) });
-            RegionWeight::new(root.transpose() * &root, vec![1.0, random.random_range(0.2..5.0)])
-        })
-        .collect();
-    let mut moved = |size: f64| {
-        let mut model = found.model.clone();
-        for latent in &mut model.latents {
-            latent.constants.iter_mut().for_each(|value| *value += size * random.random_range(-1.0..1.0));
-            latent.coefficients.iter_mut().flatten().for_each(|value| *value += size * random.random_range(-1.0..1.0));
-        }
-        model
+    let is_within = |model: &Model, region: usize, rounded: bool| {
+        norm(&map(model, region, 2), &P) <= 0.98 + if rounded { 1e-9 } else { 0.0 }
     };
-    let numbers = |model: &Model, region: usize, t: usize| -> Vec<f64> {
-        let own = &model.latents[t];
-        std::iter::once(own.constants[region]).chain(own.coefficients[region].iter().copied()).collect()
-    };
-    let wanted = moved(0.3);
-    let nearest = set.nearest(&wanted, &weights).unwrap();
-    let others: Vec<Model> = (0..200).map(|k| set.nearest(&moved(0.02 + 0.01 * k as f64), &weights).unwrap()).collect();
-    let mut left = 0;
-    for region in 0..8 {
-        let within = norm(&map(&wanted, region, 2), &P) <= 0.98;
-        assert!(norm(&map(&nearest, region, 2), &P) <= 0.98 + 1e-9);
-        let same = (0..2).all(|t| numbers(&wanted, region, t) == numbers(&nearest, region, t));
-        assert_eq!(same, within);
-        left += usize::from(!within);
-        // sum_t weight_t (wanted - nearest)' G (other - nearest)
-        let along = |to: &Model| -> f64 {
-            let of = |t: usize| {
-                let at = numbers(&nearest, region, t);
-                let away = |model: &Model| Mat::from_fn(4, 1, |j, _| numbers(model, region, t)[j] - at[j]);
-                weights[region].targets[t] * (away(&wanted).transpose() * &weights[region].products * away(to))[(0, 0)]
-            };
-            (0..2).map(of).sum()
-        };
-        let size = along(&wanted);
-        for other in others.iter().chain([&found.model]) {
-            // The gap is a millionth of the squared distance, and a thousandth its root.
-            assert!(along(other) <= 3e-3 * (size + size.sqrt()), "{region}: {} {size}", along(other));
-        }
-    }
-    assert!(left >= 3, "{left}");
+    let nearest = goes_to_the_nearest(&set, &found.model, 0.3, is_within);
     let told = set.told(stability, &nearest);
     assert!(told.regions.iter().all(|own| own.norm <= 0.98 + 1e-9 && own.radius <= own.norm + 1e-9));
 }
@@ -241,7 +126,9 @@ fn models_are_kept_within_the_bound_where_they_are_nearest() {
 fn earlier_rows_are_part_of_the_map() {
     let source = oscillator(1500, 3);
     let mut problem = problem();
-    problem.columns = vec![column("x", Role::State), column("u", Role::Input), column("v", Role::Auxiliary)];
+    problem.columns = [("x", Role::State), ("u", Role::Input), ("v", Role::Auxiliary)]
+        .map(|(name, role)| Column::new(name, role))
+        .to_vec();
     problem.library = vec![Expr::column("x"), Expr::lagged("x", 1), Expr::column("u")];
     problem.equations = vec![equation("x", Prediction::Next, "f_x", Some(Expr::lagged("x", -1)))];
     problem.partition_columns = vec![Expr::column("x"), Expr::lagged("x", 1)];
@@ -263,7 +150,7 @@ fn given_equations_are_part_of_the_map_and_derivatives_are_steps() {
     let source = oscillator(1500, 4);
     let mut problem = problem();
     problem.equations = vec![
-        Equation { right: Expr::column("v"), ..equation("x", Prediction::Derivative, "v", None) },
+        equation("x", Prediction::Derivative, "v", None),
         equation(
             "v",
             Prediction::Derivative,

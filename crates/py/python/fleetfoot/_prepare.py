@@ -170,8 +170,9 @@ def prepare(
     >>> t = np.arange(400) * 0.01
     >>> noise = np.random.default_rng(0).normal(0.0, 0.01, 400)
     >>> log = ff.open({"t": t, "x": np.sin(3 * t) + noise}, t="t", recipe={"states": {"x": {}}})
-    >>> clean = ff.prepare(log, tempfile.mkdtemp())
-    >>> table = ff.read(clean.files[0])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     clean = ff.prepare(log, folder)
+    ...     table = ff.read(clean.files[0])
     >>> bool(np.std(table["x_dot"] - 3 * np.cos(3 * t)) < 0.15)  # 0.7 by central differences
     True
     """

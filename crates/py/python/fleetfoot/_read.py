@@ -111,8 +111,9 @@ def read_mcap(
     Examples
     --------
     >>> import tempfile, fleetfoot as ff
-    >>> made = ff.generate("diffdrive", tempfile.mkdtemp(), seconds=2.0)
-    >>> odometry = ff.read_mcap(made.files[0], "/odom", fields=["twist.twist.linear.x"])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     made = ff.generate("diffdrive", folder, seconds=2.0)
+    ...     odometry = ff.read_mcap(made.files[0], "/odom", fields=["twist.twist.linear.x"])
     >>> odometry.columns
     ['log_time', 'publish_time', 'header_stamp', 'twist.twist.linear.x']
     """
@@ -241,9 +242,11 @@ def info(path: str | os.PathLike[str], *, values: bool = False, progress: Progre
     Examples
     --------
     >>> import pathlib, tempfile, fleetfoot as ff
-    >>> path = pathlib.Path(tempfile.mkdtemp()) / "log.csv"
-    >>> _ = path.write_text("t,speed [m/s]\\n0,1\\n0.1,2\\n")
-    >>> [(column["name"], column["unit"]) for column in ff.info(path)["columns"]]
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "log.csv")
+    ...     _ = path.write_text("t,speed [m/s]\\n0,1\\n0.1,2\\n")
+    ...     told = ff.info(path)
+    >>> [(column["name"], column["unit"]) for column in told["columns"]]
     [('t', None), ('speed [m/s]', 'm/s')]
     """
     with reporting(progress) as callback:
@@ -413,7 +416,8 @@ def generate(
     Examples
     --------
     >>> import tempfile, fleetfoot as ff
-    >>> made = ff.generate("diffdrive", tempfile.mkdtemp(), runs=2, seconds=1.0)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     made = ff.generate("diffdrive", folder, runs=2, seconds=1.0)
     >>> len(made.files), made.recipe.name
     (2, 'robot.toml')
     """

@@ -85,14 +85,15 @@ def report(
 
     Examples
     --------
-    >>> import numpy as np, fleetfoot as ff, tempfile, pathlib
+    >>> import os, tempfile, numpy as np, fleetfoot as ff
     >>> t = np.arange(0, 5, 0.01)
     >>> runs = [np.column_stack([a * np.cos(2 * t), -2 * a * np.sin(2 * t)]) for a in (1.0, 0.7, 0.4)]
     >>> model = ff.PWA().fit(runs[:2], dt=0.01, feature_names=["q", "v"]).model_
-    >>> page = pathlib.Path(tempfile.mkdtemp()) / "report.html"
-    >>> told = ff.report(model, ff.open({"q": runs[2][:, 0], "v": runs[2][:, 1]}, dt=0.01), page)
-    >>> told["findings"][0]["head"], page.read_text()[:15]
-    ('What was fitted.', '<!DOCTYPE html>')
+    >>> held_out = ff.open({"q": runs[2][:, 0], "v": runs[2][:, 1]}, dt=0.01)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     told = ff.report(model, held_out, os.path.join(folder, "report.html"))
+    >>> told["findings"][0]["head"]
+    'What was fitted.'
     """
     from ._model import Model
 

@@ -8,7 +8,7 @@ use std::{
     sync::OnceLock,
 };
 
-use fleetfoot::data::mix;
+use fleetfoot::{data::mix, log::write_atomic};
 
 /// Seconds from row to row.
 const DT: f64 = 0.01;
@@ -128,13 +128,14 @@ fn flight(run: u64, rows: usize) -> String {
     text
 }
 
-/// The folder of all logs, written once.
+/// The folder of all logs, written once a process: in the tests' own folder below `target`, as nobody drops what is static. Every process writes the same bytes.
 fn folder() -> &'static Path {
-    static FOLDER: OnceLock<tempfile::TempDir> = OnceLock::new();
-    let folder = FOLDER.get_or_init(|| {
-        let folder = tempfile::tempdir().unwrap();
+    static FOLDER: OnceLock<PathBuf> = OnceLock::new();
+    FOLDER.get_or_init(|| {
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("goldens");
+        fs::create_dir_all(&folder).unwrap();
         let write = |name: &str, run: u64, text: String| {
-            fs::write(folder.path().join(format!("{name}_{run}.csv")), text).unwrap();
+            write_atomic(folder.join(format!("{name}_{run}.csv")), text.as_bytes()).unwrap();
         };
         (0..6).for_each(|run| write("robot", run, robot(run, 300 + 10 * run as usize)));
         (0..4).for_each(|run| write("lorenz", run, lorenz(run, 400)));
@@ -142,8 +143,7 @@ fn folder() -> &'static Path {
         (0..3).for_each(|run| write("machine", run, machine(run, 300)));
         (0..7).for_each(|run| write("flight", run, flight(run, 200 + 10 * run as usize)));
         folder
-    });
-    folder.path()
+    })
 }
 
 /// Some runs of a plant.

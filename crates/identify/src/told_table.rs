@@ -1,0 +1,13 @@
+//! Tables that people are told, on a terminal as on a page.
+
+/// A table of words: its numbers are written already.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct ToldTable {
+    /// What it shows, in a sentence; empty where the header says it.
+    pub caption: String,
+    /// Heads of the columns.
+    pub header: Vec<&'static str>,
+    /// Cells, as many a row as there are heads.
+    pub rows: Vec<Vec<String>>,
+}
