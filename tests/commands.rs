@@ -485,3 +485,19 @@ fn nobody_need_read_what_is_said() {
     assert_eq!(child.wait().unwrap().code(), Some(0));
     assert!(folder.path().join("model.json").is_file());
 }
+
+/// What cannot be printed is an error, unless nobody reads on.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_told() {
+    let folder = logs();
+    let full = fs::File::options().write(true).open("/dev/full").expect("a device");
+    let said = Command::new(env!("CARGO_BIN_EXE_fleetfoot"))
+        .current_dir(folder.path())
+        .args(["info", "runs"])
+        .stdout(full)
+        .output()
+        .expect("the command runs");
+    let message = String::from_utf8_lossy(&said.stderr);
+    assert!(said.status.code() == Some(1) && message.contains("standard output cannot be written"), "{message}");
+}

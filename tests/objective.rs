@@ -133,6 +133,27 @@ fn what_does_not_simulate_better_is_not_written() {
     assert_eq!(read("one.json")["model"]["latents"], read("steps.json")["model"]["latents"]);
 }
 
+/// Of a state that never changes there is nothing to explain: no coefficient of determination is infinite.
+#[test]
+fn a_constant_state_has_no_share_that_is_explained() {
+    let folder = folder(0.3);
+    for log in LOGS {
+        let path = folder.path().join(log);
+        let text = fs::read_to_string(&path).expect("a log");
+        let still = |line: &str| {
+            let cells: Vec<&str> = line.split(',').collect();
+            if cells[0] == "t" { format!("{line}\n") } else { format!("{},3,{},{}\n", cells[0], cells[2], cells[3]) }
+        };
+        fs::write(&path, text.lines().map(still).collect::<String>()).expect("a log");
+    }
+    let report = fit(folder.path(), "sindy", "--library poly(1) --objective steps:20 --json").ok().json();
+    let equation = &report["regions"][0]["equations"][0];
+    assert!(report["objective"]["written"] == true && equation["label"] == "next(x)", "{report}");
+    assert!(equation["held_out_r2"].is_null(), "{equation}");
+    let text = fit(folder.path(), "sindy", "--library poly(1) --objective steps:20").ok().out;
+    assert!(!text.contains("inf"), "{text}");
+}
+
 /// Maps that are bounded stay so when they are fitted to simulations: the norms of what is written, in the metric that is told, from the files' own numbers. The weight of the prior is one that
 /// was tried, its rollouts are those that are told, and threads change no byte.
 #[test]
@@ -353,6 +374,9 @@ fn regions_give_no_more_than_they_took() {
     let steps = ["-o", "steps.json", "--passive=f:v", "--objective=steps:5", "--folds=0"];
     let steps = fleetfoot(path, &[&few[..], &steps].concat()).ok().json();
     let after = dissipated(&read("steps.json"), &steps["candidates"][0]["stability"]);
+    // Of the model that is written it is told, too.
+    let given = steps["objective"]["bound"]["passive_norm"].as_f64().expect("a number");
+    assert!(given > 0.5 && given <= 1.0 + 1e-9, "{given}");
     assert!(after.iter().all(|least| *least >= ROUNDED), "{after:?}");
     let text = fleetfoot(path, &[&arguments[..8], &["-o", "text.json", "--passive=f:v:0.1"]].concat()).ok().out;
     assert!(text.contains("passive at f:v") && text.contains("0.1000"), "{text}");

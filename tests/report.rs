@@ -241,7 +241,7 @@ fn how_a_model_was_chosen_is_shown_from_the_report_of_its_fit() {
     let said = run(&["report", "sindy.json", "--fit", "sparse-fit.json"]);
     assert!(said.err.contains("of no model on this page, by their hashes: 1"), "{}", said.err);
     let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
-    run(&["report", "sindy.json", "--fit", "one.csv"]).fails(&["one.csv is no JSON", "fit sparse --json"]);
+    run(&["report", "sindy.json", "--fit", "one.csv"]).fails(&["one.csv is no JSON", "what a fit told with --json"]);
     run(&["report", "sindy.json", "--fit", "sindy.json"]).fails(&["this is no report of a fit", "--json"]);
 }
 
@@ -532,5 +532,57 @@ fn a_browser_draws_every_figure_on_wide_and_narrow_pages() {
         // Light paper or dark, and texts that WCAG 2.1 (1.4.3) calls readable.
         assert!(if dark { number(10) < 0.05 } else { number(10) > 0.9 }, "{told}");
         assert!(number(12) >= 4.5, "{told}");
+    }
+}
+
+/// What a fit keeps stands on the page as it is told on the terminal: maps that are bounded, and coefficients with limits.
+#[test]
+fn what_a_fit_keeps_is_shown() {
+    let folder = models(400);
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+    let shown = |fit: &[&str]| {
+        let told = run(&[fit, &["-o", "kept.json", "--json"]].concat());
+        fs::write(folder.path().join("fit.json"), &told.out).expect("a file");
+        run(&["report", "kept.json", "--fit", "fit.json", "-o", "kept.html"]);
+        (told.json(), page(folder.path(), "kept.html"))
+    };
+    let maps =
+        ["fit", "pwa", "-c", "robot.toml", "one.csv", "two.csv", "--partition", "kmeans:4", "--partition-on", "v"];
+    let (_, free) = shown(&maps);
+    assert!(
+        !free.contains("What the fit keeps") && free.contains("95 % intervals of least squares"),
+        "nothing is kept"
+    );
+    let (told, html) = shown(&[&maps[..], &["--passive", "u:v"]].concat());
+    assert_eq!(html.matches("What the fit keeps").count(), 1);
+    let bounds = &told["candidates"][0]["stability"];
+    // Least squares do not tell how well coefficients are known that a bound has moved.
+    assert_eq!(html.contains("95 % intervals of least squares"), bounds["moved"] == 0);
+    assert_eq!(html.contains("Its maps are kept within bounds"), bounds["moved"] != 0);
+    let sentences =
+        ["Stable: all regions' maps of v over one sampling period contract by 1 in one metric", "Passive at u:v:"];
+    for sentence in sentences {
+        assert!(html.contains(sentence), "{sentence}");
+    }
+    let greatest = |of: &serde_json::Value| {
+        let all = of.as_array().expect("numbers").iter();
+        all.map(|one| one.as_f64().expect("a number")).fold(0.0, f64::max)
+    };
+    for list in [&bounds["free_radii"], &bounds["radii"], &bounds["norms"], &bounds["passivity"]["free_norms"]] {
+        let number = format!("{:.4}<", greatest(list));
+        assert!(html.contains(&number), "{number}");
+    }
+    let steps = ["--objective", "steps:5", "--folds", "0"];
+    let (told, html) = shown(&[&maps[..], &steps].concat());
+    assert_eq!(html.contains("Its coefficients were fitted to simulations"), told["objective"]["written"] == true);
+    let recipe = page(folder.path(), "robot.toml");
+    let limits = "[constraints]\ndamping = { coefficients = { v = [\"v\"] }, at_least = -1.0 }\n";
+    fs::write(folder.path().join("limited.toml"), format!("{recipe}{limits}")).expect("a file");
+    let (told, html) = shown(&["fit", "sindy", "-c", "limited.toml", "one.csv", "two.csv", "--library", "poly(1)"]);
+    assert!(html.contains("damping, v of d(v)/dt</th>") && html.contains("at least"), "the limit");
+    let equation = &told["regions"][0]["equations"][0];
+    for key in ["rms", "held_out_rms", "free_rms", "free_held_out_rms"] {
+        let number = fleetfoot::report::words::number(equation[key].as_f64().expect("a number"));
+        assert!(html.contains(&format!("<td class=\"n\">{number}</td>")), "{key} {number}");
     }
 }

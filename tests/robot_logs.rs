@@ -118,6 +118,15 @@ fn from_a_robots_log_to_messages_drawn_over_it() {
 
     let plan = run(&["fit", "pwa", "-c", "robot.toml", "run.mcap", "-p", "average", "--dry-run", "--json"]).json();
     assert_eq!((plan["rows"].as_u64(), plan["cached"].as_bool()), (Some(3000), Some(false)));
+    // One description of what is read stands in all of them, what must be decoded included.
+    for method in ["sparse", "sindy"] {
+        let other = run(&["fit", method, "-c", "robot.toml", "run.mcap", "--dry-run", "--json"]).json();
+        for key in ["files", "episodes", "rows", "decoded_bytes", "cached"] {
+            assert_eq!(other[key], plan[key], "{method} {key}");
+        }
+        let text = run(&["fit", method, "-c", "robot.toml", "run.mcap", "--dry-run"]).out;
+        assert!(text.contains("at most 3000 rows") && text.contains("one pass to decode them"), "{text}");
+    }
 
     // The commands have no header, so that the log's clock is taken, and the user is told.
     let fit = run(&["fit", "pwa", "-c", "robot.toml", "run.mcap", "-p", "average", "-o", "model.json"]);

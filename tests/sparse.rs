@@ -444,3 +444,24 @@ fn what_cannot_be_done_is_said() {
         fit(path, &all).fails(&words);
     }
 }
+
+/// A constraint that the selected functions cannot keep is not one that nothing can: the message tells the two apart.
+#[test]
+fn constraints_of_functions_that_were_left_out_are_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path();
+    fs::write(path.join("log.csv"), robot_csv(400, 0.0)).expect("a file");
+    let recipe = "[columns]\nv = \"`v [m/s]`\"\n[time]\ncolumn = \"t\"\n[latents]\nA = { functions = [\"1\"] }\nB = { functions = [\"1\"] }\n\
+                  [tasks]\none = { target = \"3*u + 0.01*v\", right = \"A*v + B*u\" }\n[constraints]\n";
+    let write =
+        |constraints: &str| fs::write(path.join("robot.toml"), format!("{recipe}{constraints}")).expect("a file");
+    let run = |more: &[&str]| fit(path, &[&["-c", "robot.toml", "log.csv", "-o", "out.json"], more].concat());
+    write("m = { matrix = [[\"A\"], [\"B - 3*A\", \"A\"]], at_least = 1.0 }\n");
+    run(&["--lambda", "0.1"]).fails(&["the functions that were selected cannot keep m >= 1", "penalty = 0.0"]);
+    assert!(!path.join("out.json").exists());
+    run(&["--lambda", "0"]).ok();
+    // Of a matrix there is a row for every direction that was cut, and one name.
+    write("m = { matrix = [[\"A\"], [\"B\", \"A\"]], at_least = 1.0 }\nn = { of = \"A\", at_most = 0.1 }\n");
+    let message = run(&[]).fails(&["no coefficients satisfy these constraints together", "n <= 0.1"]);
+    assert_eq!(message.matches("m >= 1").count(), 1, "{message}");
+}

@@ -124,3 +124,31 @@ fn a_statistic_keeps_its_windows() {
     // What `fit pwa` needs is summed beside the windows.
     run("fit pwa -c windows.toml all.stats --partition average -o pwa.json").ok();
 }
+
+/// Windows that nobody asked for are left away where the regions of a partition have too few of them; who asks for them is told.
+#[test]
+fn regions_without_windows_are_fitted_on_rows() {
+    let folder = folder(&[("log.csv", &oscillation(1500, 0.01, 0.3))]);
+    let path = folder.path();
+    let said = fit(path, &["log.csv", "--partition", "kmeans:6", "--json"]).ok();
+    assert!(said.err.contains("noise asks for windows of") && said.err.contains("complete window"), "{}", said.err);
+    let report = said.json();
+    assert!(report["weak"].is_null() && report["rows"].as_u64() > Some(1480), "{report}");
+    let asked = ["log.csv", "--partition", "kmeans:6", "--weak", "auto", "-o", "asked.json"];
+    fit(path, &asked).fails(&["complete", "candidates", "--weak"]);
+    assert!(!path.join("asked.json").exists());
+}
+
+/// A dry run tells that states may be smoothed, which takes memory that the sums do not; where they are not, it does not.
+#[test]
+fn a_dry_run_tells_of_smoothed_states() {
+    let folder = folder(&[("log.csv", &oscillation(600, 0.01, 0.3))]);
+    let path = folder.path();
+    let plan = |more: &[&str]| fit(path, &[&["log.csv", "--dry-run", "--json"], more].concat()).ok().json();
+    assert_eq!(plan(&[])["smoothing_bytes"].as_u64(), Some(1 << 30));
+    for more in [&["--weak", "off"][..], &["--smooth-states", "off"], &["--partition", "kmeans:2"], &["--terms", "2"]] {
+        assert!(plan(more)["smoothing_bytes"].is_null(), "{more:?}");
+    }
+    let text = fit(path, &["log.csv", "--dry-run"]).ok().out;
+    assert!(text.contains("1 file, 1 episode, 600 rows") && text.contains("states are smoothed where"), "{text}");
+}

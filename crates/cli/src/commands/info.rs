@@ -2,7 +2,7 @@
 
 use fleetfoot::{
     ColumnKind, Error,
-    log::{FileInfo, TopicInfo, inspect, inspect_values},
+    log::{FileInfo, Format, TopicInfo, inspect, inspect_values},
 };
 
 use super::{Context, files};
@@ -35,7 +35,9 @@ fn kind(kind: &ColumnKind) -> String {
 
 /// A robot's log: its topics, and its fields when they were scanned.
 fn log_to_text(info: &FileInfo) -> String {
-    let start = info.topics.iter().filter_map(|topic| topic.start).min();
+    // PX4 gives the stamp 0 to what was never set: no log of it begins with its clock.
+    let is_set = |stamp: &i64| *stamp != 0 || !matches!(info.format, Format::Ulog(_));
+    let start = info.topics.iter().filter_map(|topic| topic.start).filter(is_set).min();
     let end = info.topics.iter().filter_map(|topic| topic.end).max();
     let long = start.zip(end).map(|(start, end)| format!(", {} long", seconds((end - start) as f64 * 1e-9)));
     let messages: Option<u64> = info.topics.iter().map(|topic| topic.messages).sum();

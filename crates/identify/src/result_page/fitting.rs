@@ -364,6 +364,11 @@ impl Fit {
         self.objective.as_ref().filter(|own| own.written)?.bound
     }
 
+    /// Whether coefficients that were fitted to simulations were written.
+    pub(super) fn is_simulated(&self) -> bool {
+        self.objective.as_ref().is_some_and(|own| own.written)
+    }
+
     /// Rows, and how many of them count as independent.
     pub(super) fn independent(&self) -> Option<[f64; 2]> {
         Some([self.rows?, self.effective_rows?])

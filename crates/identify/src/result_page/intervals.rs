@@ -8,7 +8,7 @@ use fleetfoot_report::{
 };
 use fleetfoot_stats::{Gram, student_t_95};
 
-use super::fitting::Fit;
+use super::{fitting::Fit, limits::not_least_squares};
 
 /// Coefficients of a region that stand unfolded, and terms and equations that are told at most.
 const SHOWN: usize = 12;
@@ -47,6 +47,11 @@ pub(super) fn parts(
     fit: Option<&Fit>,
     said: &mut Option<String>,
 ) -> Vec<Part> {
+    if let Some(words) = not_least_squares(model, fit) {
+        let parts = if said.as_deref() == Some(words) { Vec::new() } else { vec![Part::Paragraph(words.to_owned())] };
+        *said = Some(words.to_owned());
+        return parts;
+    }
     let has_terms = |latent: &&Latent| !terms(model, latent, region).is_empty();
     let own = model.latents.iter().filter(|latent| latent.partition == partition).filter(has_terms);
     let mut known: Vec<Known> = Vec::new();

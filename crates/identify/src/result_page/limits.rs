@@ -1,11 +1,15 @@
 //! What a fit keeps within bounds: maps that contract or are passive, coefficients, functions and parameters with limits, and what that costs. The report of the fit has it.
 
+use fleetfoot_model::Model;
 use fleetfoot_report::{Cell, Part, Table};
 use serde::Deserialize;
 use serde_json::Value;
 
 use super::{Judged, fitting::Fit};
-use crate::{BoundedCandidate, BoundedMaps, LimitReport, bounded_maps::unexplained, told, told_table::ToldTable};
+use crate::{
+    BoundedCandidate, BoundedMaps, LimitReport, Objective, Recipe, bounded_maps::unexplained, told,
+    told_table::ToldTable,
+};
 
 /// Rows of a table of prices, at most.
 const ROWS: usize = 24;
@@ -48,6 +52,30 @@ pub(super) struct Deviation {
     free_deviation: Option<f64>,
 }
 
+/// Why intervals of least squares are not those of a model's coefficients, where that is so: by the recipe that the model carries, and by the report of its fit where that is known.
+pub(super) fn not_least_squares(model: &Model, fit: Option<&Fit>) -> Option<&'static str> {
+    let recipe = Recipe::parse(&model.training.recipe, "the recipe of the model").ok()?;
+    let objective = match model.method.split_whitespace().next() {
+        Some("pwa") => recipe.pwa.objective,
+        Some("sindy") => recipe.sindy.objective,
+        Some("narx") => recipe.narx.objective,
+        _ => None,
+    };
+    let simulated = objective.is_some_and(|objective| objective != Objective::OneStep);
+    if simulated && fit.is_none_or(Fit::is_simulated) {
+        return Some(
+            "Its coefficients were fitted to simulations: intervals of least squares are not theirs, and none are told.",
+        );
+    }
+    let bounded = model.method.starts_with("pwa") && (recipe.pwa.stable.is_some() || recipe.pwa.passive.is_some());
+    if bounded && fit.is_none_or(Fit::is_moved) {
+        return Some(
+            "Its maps are kept within bounds, which moves coefficients: intervals of least squares are not theirs, and none are told.",
+        );
+    }
+    None
+}
+
 /// What there is to show of all models; nothing where no fit kept anything.
 pub(super) fn parts(judged: &[Judged<'_>], fits: &[Fit]) -> Vec<Part> {
     let mut parts = Vec::new();
@@ -64,6 +92,13 @@ pub(super) fn parts(judged: &[Judged<'_>], fits: &[Fit]) -> Vec<Part> {
 }
 
 impl Fit {
+    /// Whether the bounds of a partition that was taken moved the map of a region.
+    fn is_moved(&self) -> bool {
+        let candidates = self.candidates.as_array().into_iter().flatten();
+        let chosen = candidates.filter(|own| own.get("chosen").and_then(Value::as_bool).unwrap_or(true));
+        chosen.filter_map(|own| Partition::deserialize(own).ok()).any(|own| own.stability.moved > 0)
+    }
+
     fn kept(&self) -> Vec<Part> {
         let tables = BoundedCandidate::tables(&self.bounded());
         let mut parts: Vec<Part> = tables.into_iter().map(|own| set(sentence(&own.caption), own)).collect();
