@@ -21,6 +21,38 @@ fn jitter_is_removed_and_gaps_are_kept() {
     assert!(worst < 4.0 * 2.0 * jitter / (rows as f64).sqrt() + 3e-7, "{worst:e}");
 }
 
+/// What computers do to stamps: a jitter of a third of a period, delays that only add, one stamp in a hundred that is late by up to three periods; beside a sample that is missing and a long gap. Counting
+/// every late stamp as missing samples had the period off by a hundredth, and the jitter at hundreds of milliseconds.
+#[test]
+fn late_stamps_are_no_missing_samples() {
+    let (rows, period) = (4000_u64, 0.01);
+    let count = |row: u64| row + u64::from(row >= 1000) + 137 * u64::from(row >= 3000);
+    let late: [(&str, fn(u64) -> f64); 4] = [
+        ("normal", |row| 0.3 * normal(31, row).clamp(-3.5, 3.5)),
+        ("half normal", |row| 0.2 * normal(32, row).abs()),
+        ("uniform", |row| 0.9 * uniform(33, row)),
+        ("spikes", |row| 0.02 * normal(34, row) + if uniform(35, row) < 0.01 { 3.0 * uniform(36, row) } else { 0.0 }),
+    ];
+    for (name, late) in late {
+        // A stamp is never before the one that was written before it.
+        let mut last = f64::NEG_INFINITY;
+        let stamp = |row: u64| {
+            last = (last + 1e-6).max(period * (count(row) as f64 + late(row)));
+            last
+        };
+        let times: Vec<f64> = (0..rows).map(stamp).collect();
+        let even = dejitter(&times).unwrap();
+        let counted: u64 = even.gaps.iter().map(|(_, missing)| missing).sum();
+        assert_eq!(counted, 138, "{name}: {:?}", even.gaps);
+        assert!((even.period / period - 1.0).abs() < 2e-5, "{name}: {}", even.period);
+        // Instants are known but for the mean of the delays.
+        let off: Vec<f64> = (0..rows).map(|row| even.times[row as usize] - period * count(row) as f64).collect();
+        let mean = off.iter().sum::<f64>() / rows as f64;
+        let wrong = off.iter().filter(|off| (*off - mean).abs() > 0.05 * period).count();
+        assert!(wrong <= 20, "{name}: {wrong} instants are off");
+    }
+}
+
 /// Two clocks that drift against each other leave residuals that go together.
 #[test]
 fn a_drift_is_told_by_its_correlation() {
