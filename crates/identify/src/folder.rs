@@ -28,6 +28,18 @@ pub struct Folder {
     /// Hidden folders of killed commands.
     leftovers: Vec<PathBuf>,
     _lock: WriteLock,
+    // After the lock, whose file is in the folder.
+    _made: Option<Made>,
+}
+
+/// A folder that was made for what is written: it goes again if nothing is in it in the end.
+struct Made(PathBuf);
+
+impl Drop for Made {
+    fn drop(&mut self) {
+        // A folder with files in it stays, and that is no error.
+        let _ = fs::remove_dir(&self.0);
+    }
 }
 
 impl Folder {
@@ -39,7 +51,9 @@ impl Folder {
     /// that another command is working on; one of the `inputs` among what would be replaced.
     pub fn create(target: &Path, force: bool, inputs: &[PathBuf], own: fn(&str) -> bool) -> Result<Self, Error> {
         let error = |path: &Path, source| Error::Write { path: path.to_owned(), source };
+        let is_there = target.exists();
         fs::create_dir_all(target).map_err(|source| error(target, source))?;
+        let made = (!is_there).then(|| Made(target.to_owned()));
         let lock = WriteLock::take(target.join(LOCK), target)?;
         let old = Self::check(target, force, own)?;
         check_outputs(&old, inputs)?;
@@ -52,7 +66,7 @@ impl Folder {
         }
         let staging = tempfile::Builder::new().prefix(STAGING).tempdir_in(target);
         let staging = staging.map_err(|source| error(target, source))?;
-        Ok(Self { target: target.to_owned(), staging, old, leftovers, _lock: lock })
+        Ok(Self { target: target.to_owned(), staging, old, leftovers, _lock: lock, _made: made })
     }
 
     /// What a person should know of the folder.
@@ -172,6 +186,20 @@ mod tests {
         fs::write(making.staged("a.md"), "new").unwrap();
         making.commit(&["a.md".to_owned()]).unwrap();
         assert!(!folder.path().join(RECIPE).exists() && folder.path().join("a.md").exists());
+    }
+
+    #[test]
+    fn a_folder_that_was_made_for_nothing_goes_again() {
+        let parent = tempfile::tempdir().unwrap();
+        let target = parent.path().join("clean");
+        let making = Folder::create(&target, false, &[], is_own).unwrap();
+        fs::write(making.staged("a.md"), "half").unwrap();
+        drop(making);
+        assert!(!target.exists());
+        let making = Folder::create(&target, false, &[], is_own).unwrap();
+        fs::write(making.staged("a.md"), "whole").unwrap();
+        making.commit(&["a.md".to_owned()]).unwrap();
+        assert_eq!(fs::read_to_string(target.join("a.md")).unwrap(), "whole");
     }
 
     #[test]
