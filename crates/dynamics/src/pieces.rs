@@ -2,7 +2,7 @@
 
 use faer::Mat;
 use fleetfoot_data::packed;
-use fleetfoot_model::{Model, Partition};
+use fleetfoot_model::{Model, Partition, Prediction, Region};
 
 use crate::{
     Error, Linearized, Points, Stepper, StepperWorkspace, Tangent,
@@ -30,6 +30,8 @@ pub(crate) struct Pieces {
 pub(crate) struct Piece {
     pub(crate) name: String,
     pub(crate) rows: u64,
+    /// The standard error of what it says of a state's derivative (next value), the root of the mean square over its own training rows; 0 where the equation is given or nothing is known.
+    pub(crate) doubt: Vec<f64>,
     stepper: Stepper,
     tangent: Tangent,
     /// The place of the submodel's inputs among the model's.
@@ -70,7 +72,8 @@ impl Pieces {
             let described = partition.or((model.partitions.len() == 1).then_some(0));
             let about = described.and_then(|index| model.partitions[index].regions.get(region));
             let name = about.map_or_else(|| "all".to_owned(), |about| about.name.clone());
-            Ok(Piece { name, rows: about.map_or(1, |about| about.rows), stepper, tangent, places })
+            let doubt = about.map_or_else(|| vec![0.0; states.len()], |about| doubt(model, &states, about));
+            Ok(Piece { name, rows: about.map_or(1, |about| about.rows), doubt, stepper, tangent, places })
         };
         let regions = (0..count).map(piece).collect::<Result<Vec<_>, Error>>()?;
         let names: Vec<&String> = states.iter().chain(&inputs).collect();
@@ -179,6 +182,21 @@ fn submodel(model: &Model, partition: usize, region: usize) -> Model {
     let regions = model.partitions[partition].regions[region].clone();
     own.partitions[partition] = Partition { regions: vec![regions], ..Partition::whole() };
     own
+}
+
+/// Standard errors of a region's least squares, by state: the leverages of n rows in a regression of p numbers add up to p, so that the variance of a prediction is `s^2 p / n` in their mean.
+fn doubt(model: &Model, states: &[String], about: &Region) -> Vec<f64> {
+    let (rows, spent) = (about.rows as f64, about.rank as f64 + 1.0);
+    let mut doubt = vec![0.0; states.len()];
+    for (target, equation) in model.fitted().enumerate() {
+        let state = states.iter().position(|state| *state == equation.subject);
+        if let Some(state) = state.filter(|_| equation.prediction != Prediction::Value && rows > spent) {
+            let square = about.residual_covariance.get(packed(target, target)).copied().unwrap_or(f64::NAN);
+            let error = (square * spent / (rows - spent)).sqrt();
+            doubt[state] = if error.is_finite() { error } else { 0.0 };
+        }
+    }
+    doubt
 }
 
 /// Mean and standard deviation of a column over the training rows of all regions, where it is a function of the first latent's library.

@@ -83,6 +83,11 @@ impl<'a> Coordinates<'a> {
         self.of.iter().map(value).collect()
     }
 
+    /// A state's own of some values of the states; 0 of a turn.
+    pub(super) fn of_state(&self, at: usize, values: &[f64]) -> f64 {
+        if let Of::State(state) = self.of[at].of { values[state] } else { 0.0 }
+    }
+
     /// The state that is off `x` by these changes.
     pub(super) fn moved(&self, x: &[f64], change: &[f64]) -> Vec<f64> {
         let (mut moved, mut turned) = (x.to_vec(), vec![[0.0; 3]; self.groups.len()]);

@@ -8,7 +8,7 @@ use super::{
     asked::{period, weights},
     coordinates::{Coordinates, Of},
     gains::{Gains, Weights},
-    setpoint::{AT_REST, Rest, Wanted, rest},
+    setpoint::{Rest, Wanted, rest},
 };
 use crate::{
     Error,
@@ -50,7 +50,7 @@ pub struct SetPoint {
     pub region: Option<usize>,
     /// What moves there all the same: derivatives, or changes a sample, of the states that are kept.
     pub drift: Vec<Named>,
-    /// Whether nothing does.
+    /// Whether nothing does, as far as the model's numbers are known: what is left is within three of their standard errors.
     pub at_rest: bool,
 }
 
@@ -227,39 +227,63 @@ impl<'a> Design<'a> {
         };
         let mut best: Option<(Rest, usize)> = None;
         for (i, piece) in pieces.regions.iter().enumerate() {
-            let found = rest(pieces, &self.coordinates, &wanted, &|x, u| piece.linearized(x, u));
-            let here = found.largest <= AT_REST && pieces.region(&found.x, &found.u) == Some(i);
-            if here && best.as_ref().is_none_or(|&(_, other)| pieces.regions[other].rows < piece.rows) {
+            let found = rest(pieces, &self.coordinates, &wanted, (&|x, u| piece.linearized(x, u), &piece.doubt));
+            let here = found.holds() && pieces.region(&found.x, &found.u) == Some(i);
+            // What rests exactly goes before what rests as far as it is known, then the region of more rows.
+            let rank = |rest: &Rest, region: usize| (rest.exact, pieces.regions[region].rows);
+            if here && best.as_ref().is_none_or(|(other, region)| rank(other, *region) < rank(&found, i)) {
                 best = Some((found, i));
             }
         }
         if let Some((found, region)) = best {
+            self.tell_input_limits(&found);
             return Ok((found, Some(region)));
         }
-        let found = rest(pieces, &self.coordinates, &wanted, &|x, u| self.mean(x, u));
+        let found = rest(pieces, &self.coordinates, &wanted, (&|x, u| self.mean(x, u), &self.mean_doubt()));
         if pieces.regions.len() > 1 {
             self.notes.push(
                 "no region rests at the set point: it is found for the mean of all regions by their training rows"
                     .to_owned(),
             );
         }
-        if found.largest > AT_REST {
-            let moves: Vec<String> = self
-                .kept
-                .iter()
-                .map(|&at| (&self.coordinates.of[at], found.drift[at]))
-                .filter(|(own, drift)| (drift / own.size).abs() > AT_REST)
-                .map(|(own, drift)| match pieces.continuous {
+        if !found.holds() {
+            let moved = |&at: &usize| {
+                let (own, drift) = (&self.coordinates.of[at], found.drift[at]);
+                match pieces.continuous {
                     true => format!("d({})/dt = {drift:.3e}", own.name),
                     false => format!("delta({}) = {drift:.3e}", own.name),
-                })
-                .collect();
+                }
+            };
+            let moves: Vec<String> = found.moving.iter().map(moved).collect();
             self.notes.push(format!(
                 "there is no rest at the set point: at best {}; leave more of it to be found, or states out (free)",
                 moves.join(", ")
             ));
         }
+        self.tell_input_limits(&found);
         Ok((found, None))
+    }
+
+    /// Says which inputs cannot be what the set point asks of them.
+    fn tell_input_limits(&mut self, found: &Rest) {
+        for (name, lowest, highest) in &self.options.limits {
+            let own = self.driven.iter().find(|&&input| self.pieces.inputs[input] == *name);
+            let Some(value) = own.map(|&input| found.u[input]).filter(|u| !(lowest..=highest).contains(&u)) else {
+                continue;
+            };
+            self.notes.push(format!(
+                "the set point asks for {name} = {value:.4}, beyond its limits {lowest} to {highest}: the law will not reach it; choose another one, or wider limits"
+            ));
+        }
+    }
+
+    /// Standard errors of [`Design::mean`].
+    fn mean_doubt(&self) -> Vec<f64> {
+        let rows: f64 = self.pieces.regions.iter().map(|piece| piece.rows as f64).sum();
+        let square = |s: usize| {
+            self.pieces.regions.iter().map(|piece| (piece.rows as f64 * piece.doubt[s]).powi(2)).sum::<f64>()
+        };
+        (0..self.pieces.states.len()).map(|s| if rows > 0.0 { square(s).sqrt() / rows } else { 0.0 }).collect()
     }
 
     /// The mean of the regions' derivatives, or of their next states.
@@ -432,7 +456,7 @@ impl<'a> Design<'a> {
             inputs: named(&self.pieces.inputs, &found.u),
             region: if self.pieces.regions.len() > 1 { region } else { None },
             drift: self.kept.iter().map(|&at| (self.coordinates.of[at].name.clone(), found.drift[at])).collect(),
-            at_rest: found.largest <= AT_REST,
+            at_rest: found.holds(),
         }
     }
 }

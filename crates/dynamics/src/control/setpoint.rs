@@ -13,7 +13,9 @@ const STILL: f64 = 1e-12;
 /// Singular values below this share of the largest one are taken for zero: the directions they belong to stay as they are.
 const DEPENDENT: f64 = 1e-10;
 /// What is left of the motion, in sizes of states (per second, or per sample), below which the model is at rest.
-pub(super) const AT_REST: f64 = 1e-7;
+const AT_REST: f64 = 1e-7;
+/// Standard errors of the model's own numbers within which what is left cannot be told from rest.
+const DOUBTED: f64 = 3.0;
 
 /// A point where a submodel rests, or moves as little as it can.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,8 +24,17 @@ pub(super) struct Rest {
     pub(crate) u: Vec<f64>,
     /// What moves all the same: derivatives (or, of a discrete model, changes a sample), one a coordinate.
     pub(crate) drift: Vec<f64>,
-    /// The largest of them in their sizes.
-    pub(crate) largest: f64,
+    /// What of it is motion: coordinates that neither stand still nor may do so for all that the submodel's rows tell.
+    pub(crate) moving: Vec<usize>,
+    /// Whether nothing is left but rounding.
+    pub(crate) exact: bool,
+}
+
+impl Rest {
+    /// Whether the submodel rests there, as far as its numbers are known.
+    pub(crate) fn holds(&self) -> bool {
+        self.moving.is_empty()
+    }
 }
 
 /// What is asked of a set point.
@@ -38,12 +49,12 @@ pub(super) struct Wanted {
 }
 
 /// The rest of a submodel, by Gauss-Newton steps of least length in sizes of coordinates and inputs, halved while they make things worse. `affine` gives the derivatives
-/// (or next states) to first order at a point.
+/// (or next states) to first order at a point, `doubt` the standard error of each, a state.
 pub(super) fn rest(
     pieces: &Pieces,
     coordinates: &Coordinates<'_>,
     wanted: &Wanted,
-    affine: &dyn Fn(&[f64], &[f64]) -> Affine,
+    (affine, doubt): (&dyn Fn(&[f64], &[f64]) -> Affine, &[f64]),
 ) -> Rest {
     let n = coordinates.len();
     let size = |v: usize| match coordinates.of.get(v) {
@@ -100,8 +111,10 @@ pub(super) fn rest(
             break;
         }
     }
-    let largest = rows.iter().map(|&s| (drift[s] / size(s)).abs()).fold(0.0, f64::max);
-    Rest { x, u, drift, largest }
+    let still = |s: usize, doubted: f64| drift[s].abs() <= AT_REST * size(s) + doubted * coordinates.of_state(s, doubt);
+    let moving = rows.iter().copied().filter(|&s| !still(s, DOUBTED)).collect();
+    let exact = rows.iter().all(|&s| still(s, 0.0));
+    Rest { x, u, drift, moving, exact }
 }
 
 /// The shortest vector that minimises `|A v - b|`.

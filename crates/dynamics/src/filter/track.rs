@@ -3,16 +3,14 @@
 use super::{Gaussian, ProcessFactor, SwitchedFilter, switched::Placing};
 use crate::geometry::Geometry;
 
-/// Innovations before which the noise of a sensor is guessed.
-const FIRST: u64 = 20;
-/// The guess, as a share of what is large for the state.
+/// The deviation of a sensor that the first rows go by, as a share of what is large for the state.
 const GUESS: f64 = 0.1;
+/// Rows that this guess counts for.
+const GUESSED: f64 = 10.0;
 /// Slope that the factor on the process noise begins with, rows: what it is moved by first.
 const FIRST_SLOPE: f64 = 20.0;
-/// A row moves that factor no more than this many times the expected square says: outliers are no process noise.
+/// A row moves that factor, and the deviation of a sensor, no more than this many times the expected square says: outliers are no noise.
 const MOST_OVER: f64 = 20.0;
-/// The least share of the squared innovations that is noise of the sensor.
-const LEAST_SHARE: f64 = 1e-3;
 
 /// What a filter knows at a row.
 pub struct Track {
@@ -66,20 +64,26 @@ struct Sensor {
     /// The innovation at the present row, NaN for none, and its variance.
     innovation: f64,
     variance: f64,
-    /// Of the innovations so far: how many, their squares, and the variance that the states have of them.
-    count: u64,
-    squares: f64,
-    states: f64,
+    /// The variance of its noise by the innovations so far, and what they tell of its logarithm.
+    noise: Option<f64>,
+    information: f64,
 }
 
 impl Sensor {
-    /// The variance of the sensor's noise that is expected of the innovations so far.
+    /// The variance of the sensor's noise that is expected of the innovations so far, of a state of this size.
     fn found(&self, size: f64) -> f64 {
-        if self.count < FIRST {
-            return (GUESS * size).powi(2);
-        }
-        let count = self.count as f64;
-        ((self.squares - self.states) / count).max(LEAST_SHARE * self.squares / count).max(f64::MIN_POSITIVE)
+        self.noise.unwrap_or((GUESS * size).powi(2))
+    }
+
+    /// A step of Fisher's scoring towards the most likely variance of the noise, which was taken for `noise` where an innovation of the variance `all` was `off`: a square over its expectation
+    /// tells of the logarithm as far as noise is a share of it, so that rows before which the state was hardly known tell next to nothing. Gains are four times those of a mean, so that a guess that was a
+    /// hundred times too large is forgotten within some hundred rows.
+    fn learn(&mut self, off: f64, noise: f64, all: f64) {
+        let share = noise / all;
+        self.information += share * share;
+        let over = (off * off / all - 1.0).min(MOST_OVER);
+        let next = noise * (4.0 * share * over / (GUESSED + self.information)).exp();
+        self.noise = Some(next.max(f64::MIN_POSITIVE));
     }
 }
 
@@ -389,10 +393,12 @@ impl Track {
             }
             let off = filter.geometry.wrapped(state, known[k] - prior.mean[state]);
             let expected = prior.covariance[state * n + state];
+            let learns = filter.sensors[k].1.is_none() && !(deviations[k].is_finite() && deviations[k] > 0.0);
             let sensor = &mut self.sensors[k];
             (sensor.innovation, sensor.variance) = (off, expected + variance);
-            (sensor.count, sensor.squares, sensor.states) =
-                (sensor.count + 1, sensor.squares + off * off, sensor.states + expected);
+            if learns {
+                sensor.learn(off, variance, expected + variance);
+            }
         }
         if self.observed == 0 {
             return;

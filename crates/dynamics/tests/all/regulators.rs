@@ -114,6 +114,57 @@ fn every_region_has_its_law_and_its_own_answer_to_what_pulls_there() {
     assert!(mean.regulator.partition.is_none() && mean.regulator.laws.len() == 1);
 }
 
+/// A spring that becomes stiffer beyond x = 0.2, as samples: fitted maps of x and v, what they say of x at a standstill off by so much.
+fn spring(off: f64) -> Model {
+    let columns =
+        vec![column("x", Role::State, false), column("v", Role::State, false), column("u", Role::Input, false)];
+    let rule = Rule::Linear { weights: vec![vec![-1.0], vec![1.0]], offsets: vec![0.0, 0.0] };
+    // constant; x, v, u
+    let next_x = vec![(off, vec![1.0, 0.01, 0.0]), (off, vec![1.0, 0.01, 0.0])];
+    let next_v = vec![(0.0, vec![-0.2, 0.98, 0.02]), (0.2, vec![-1.2, 0.9, 0.02])];
+    let fitted = vec![("x", Prediction::Next, "lead(x, 1)", next_x), ("v", Prediction::Next, "lead(v, 1)", next_v)];
+    let mut made = model(columns, &["x", "v", "u"], partition(&["x"], &[0.2], &[1.0], rule), fitted, &[]);
+    for region in &mut made.partitions[0].regions {
+        // 100 rows of 4 numbers, residuals of 1e-4 and 1e-3.
+        region.residual_covariance = vec![1e-8, 0.0, 1e-6];
+    }
+    made
+}
+
+#[test]
+fn what_cannot_be_told_from_rest_is_rest() {
+    let options = LqrOptions { setpoint: at(&[("x", 0.5), ("v", 0.0)]), ..LqrOptions::default() };
+    // Three standard errors: 3 * 1e-4 * sqrt(4 / 96) = 6.1e-5.
+    let found = lqr(&spring(5e-5), &options).unwrap();
+    assert!(found.setpoint.at_rest && found.notes.is_empty(), "{:?}", found.notes);
+    assert_eq!((found.setpoint.region, found.regions.len()), (Some(1), 2));
+    // 0 = 0.2 - 1.2 * 0.5 + 0.02 u; the mean of both regions would say 12.5.
+    assert!((found.setpoint.inputs[0].1 - 20.0).abs() < 1e-2, "{:?}", found.setpoint);
+    let moving = lqr(&spring(8e-5), &options).unwrap();
+    assert!(!moving.setpoint.at_rest && moving.setpoint.region.is_none());
+    assert!(moving.notes.iter().any(|note| note.contains("delta(x) = 8")), "{:?}", moving.notes);
+    // A given equation has no doubt: a place cannot stand still while it moves.
+    let rolling = LqrOptions { setpoint: at(&[("x", 1.0), ("v", 1e-3)]), ..LqrOptions::default() };
+    assert!(!lqr(&with_friction(), &rolling).unwrap().setpoint.at_rest);
+}
+
+#[test]
+fn a_set_point_beyond_the_limits_is_told() {
+    let options = LqrOptions {
+        setpoint: at(&[("x", 0.5), ("v", 0.0)]),
+        limits: vec![("u".into(), -1.0, 15.0)],
+        ..LqrOptions::default()
+    };
+    let found = lqr(&spring(0.0), &options).unwrap();
+    assert!(
+        found.notes.iter().any(|note| note.contains("u = 20.0000, beyond its limits -1 to 15")),
+        "{:?}",
+        found.notes
+    );
+    let wide = LqrOptions { limits: vec![("u".into(), -1.0, 25.0)], ..options };
+    assert!(lqr(&spring(0.0), &wide).unwrap().notes.is_empty());
+}
+
 /// A rollout of a model with its regulator from x = 0, v = 0.
 fn closed(model: &Model, regulator: &Regulator, extra: &[(&str, f64)], seconds: f64) -> (Vec<f64>, End) {
     let rows = (seconds / 0.01) as usize + 2;

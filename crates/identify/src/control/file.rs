@@ -63,7 +63,7 @@ pub struct SetPointRecord {
     pub region: Option<String>,
     /// What moves there all the same: derivatives, or changes a sample.
     pub drift: IndexMap<String, f64>,
-    /// Whether nothing does.
+    /// Whether nothing does, as far as the model's numbers are known.
     pub at_rest: bool,
 }
 
