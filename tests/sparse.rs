@@ -316,7 +316,11 @@ fn a_plain_recipe_is_what_pwa_fits_without_a_penalty() {
     let logs = ["run0.csv", "run1.csv", "run2.csv", "run3.csv"];
     let with = |arguments: &[&'static str]| -> Vec<&str> { arguments.iter().copied().chain(logs).collect() };
     fit(path, &with(&["-c", "robot.toml", "-o", "sparse.json", "--lambda", "0"])).ok();
-    fleetfoot(path, &[&["fit", "pwa"][..], &with(&["-c", "robot.toml", "-o", "pwa.json"])].concat()).ok();
+    fleetfoot(
+        path,
+        &[&["fit", "pwa"][..], &with(&["-c", "robot.toml", "--partition", "average", "-o", "pwa.json"])].concat(),
+    )
+    .ok();
     let latent = |file: &str| -> serde_json::Value {
         let text = fs::read_to_string(path.join(file)).unwrap();
         serde_json::from_str::<serde_json::Value>(&text).unwrap()["model"]["latents"][0].clone()

@@ -297,7 +297,7 @@ pub(crate) struct FitPwa {
     pub(crate) recipe: RecipeArgs,
     /// Partitions: null, average, zscore:1.5, kmeans:10, refined:5, lattice:5, tree:3, labels:COLUMN, labels:COLUMN+kmeans:5 (refined:5, tree:3). Of several
     /// (`average,kmeans:2,5,10`, `refined:2..20`, `lattice:2..50`, `tree:1..6`)
-    /// one is chosen (default: that of the recipe, else average).
+    /// one is chosen (default: those of the recipe, else `average,kmeans:2,5,10`; of a statistic those that were summed).
     #[arg(short, long, value_name = "PARTITIONS")]
     pub(crate) partition: Option<String>,
     /// What partitions look at, separated by commas (default: the states).

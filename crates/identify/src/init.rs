@@ -107,7 +107,7 @@ fn aliases(out: &mut String, columns: &[Column]) {
 
 fn heading(out: &mut String, file: &str) {
     let _ = writeln!(out, "# Recipe for {file} and files like it. Uncomment what the model shall use, then:");
-    let _ = writeln!(out, "#   fleetfoot fit pwa -c THIS FILES... --partition kmeans:10 -o model.json\n");
+    let _ = writeln!(out, "#   fleetfoot fit pwa -c THIS FILES... -o model.json\n");
     let _ = writeln!(
         out,
         "# Short names for fields and for expressions over them. Odd names stand in backticks within expressions."
@@ -147,7 +147,10 @@ fn model_section(out: &mut String) {
     let _ = writeln!(out, "# predict = \"derivative\"   # or next, delta, or a column (plain regression)");
     let _ = writeln!(out, "# degree = 1               # of the polynomial library in each region");
     let _ = writeln!(out, "# lags = 0                 # past rows beside the present one");
-    let _ = writeln!(out, "# partition = \"kmeans:10\"  # or null, average, zscore:1.5, labels:COLUMN");
+    let _ = writeln!(
+        out,
+        "# partition = \"kmeans:10\"  # or refined:10, tree:3, zscore:1.5, labels:COLUMN (fit pwa tries average,kmeans:2,5,10)"
+    );
 }
 
 fn method_section(out: &mut String) {

@@ -16,6 +16,9 @@ use crate::{
 /// Shrinkage in rows that [`Shrinkage::Auto`] tries.
 const SHRINKAGE_GRID: [f64; 7] = [0.0, 1.0, 10.0, 100.0, 1e3, 1e4, 1e5];
 
+/// Losses up to this differ by what rounding leaves of sums of squares.
+const ROUNDING: f64 = 64.0 * f64::EPSILON;
+
 /// What the statistic says about a candidate.
 #[derive(Debug, Clone)]
 pub(crate) struct Order {
@@ -233,7 +236,7 @@ pub(crate) fn choose(
         Selection::Given(index) => (index.min(orders.len() - 1), None),
         Selection::CrossValidation if orders.iter().all(|order| order.loss.is_finite()) => {
             let best = by(&|i| orders[i].loss);
-            let limit = orders[best].loss + orders[best].standard_error;
+            let limit = (orders[best].loss + orders[best].standard_error).max(ROUNDING);
             let simplest = (0..orders.len())
                 .filter(|&i| i == best || orders[i].loss <= limit)
                 .min_by_key(|&i| (size(i), i))

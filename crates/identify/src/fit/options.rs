@@ -29,6 +29,9 @@ pub struct PwaOptions {
 /// Most folds.
 const FOLDS: u16 = 100;
 
+/// What is tried where nothing is said of partitions: in one pass more than one region takes, each of the four with its error on rows that did not train.
+pub(crate) const TRIED: &str = "average,kmeans:2,5,10";
+
 impl PwaOptions {
     /// Reads `[pwa]`, the partitions of `[model]`, and whether the recipe leaves a span open.
     ///
@@ -42,10 +45,10 @@ impl PwaOptions {
         }
         let section = &recipe.pwa;
         let mut options = Options::default();
-        if let Some(text) = &recipe.model.partition {
-            options.partitions = Specification::parse_list(text)?;
-        }
         options.folds = checked("folds", section.folds.unwrap_or(options.folds), |&n| n <= FOLDS, "0 to 100")?;
+        // Where nothing is held out, more regions are better for all that training rows tell.
+        let unsaid = if options.folds > 1 || section.select.is_some() { TRIED } else { "average" };
+        options.partitions = Specification::parse_list(recipe.model.partition.as_deref().unwrap_or(unsaid))?;
         options.selection = match section.select {
             Some(PartitionChoice::Bic) => Selection::Bic,
             // By rollouts it is settled before it is asked for.
@@ -185,7 +188,10 @@ mod tests {
     #[test]
     fn words_are_read() {
         let default = options("").unwrap();
-        let own = Options::default();
+        let mut own = Options::default();
+        assert_eq!(options("[pwa]\nfolds = 0\n").unwrap().identification.partitions, own.partitions);
+        own.partitions = Specification::parse_list(TRIED).unwrap();
+        assert_eq!(options("[pwa]\nfolds = 0\nselect = \"bic\"\n").unwrap().identification.partitions, own.partitions);
         assert_eq!(format!("{:?}", default.identification), format!("{own:?}"), "what is not said is the default");
         assert_eq!((default.purge, default.rollouts), (None, None));
         let text = "[pwa]\nselect = \"bic\"\nfolds = 4\npurge = 0.25\nshrinkage = \"auto\"\nunseen_labels = \"pool\"\nseed = 3\nrestarts = 2\n\

@@ -6,7 +6,10 @@ use fleetfoot_pwa::{Options, Specification, Summed, SummedPartition, SummedRows,
 use fleetfoot_sparse::{inference::system_effective_rows, select::Folds, system::SystemScan};
 use fleetfoot_stats::{FoldRule, Purge, SquareRoot};
 
-use super::{Fitted, PwaOptions, PwaRequest, options::unused};
+use super::{
+    Fitted, PwaOptions, PwaRequest,
+    options::{TRIED, unused},
+};
 use crate::{
     Error, Logs, Recipe, Task, concentrated,
     folds::reached,
@@ -28,6 +31,10 @@ pub(crate) fn fit(recipe: &Recipe, request: PwaRequest, logs: &Logs) -> Result<F
     refuse_rows(&said)?;
     let mut options = said.of_step(file.step());
     options.keep_all = request.keep_all;
+    let unsaid = recipe.model.partition.is_none();
+    if unsaid {
+        options.partitions = vec![Specification::Average];
+    }
     let options = &options;
     let expanded = recipe.expand(&file.fields)?;
     let parts = options.partitions.iter().map(|one| Part::new(&file, &expanded, one, options));
@@ -57,6 +64,11 @@ pub(crate) fn fit(recipe: &Recipe, request: PwaRequest, logs: &Logs) -> Result<F
     );
     let told = identification.targets.iter().cloned().zip(whole.scan.concentrated().iter().map(Option::as_ref));
     notes.extend(concentrated::notes(told, |id| file.episode(id).map(|episode| episode.name.clone())));
+    if unsaid {
+        notes.push(format!(
+            "the statistic has one region: `fleetfoot scan --partition {TRIED}` sums those that are tried on logs"
+        ));
+    }
     let clustered = options.partitions.iter().any(|one| one.clusters().is_some());
     let section = &recipe.pwa;
     if clustered && (section.seed.is_some() || section.restarts.is_some() || section.iterations.is_some()) {

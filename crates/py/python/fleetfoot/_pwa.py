@@ -26,7 +26,8 @@ class PWA(Identifier):
         that fit the dynamics), ``"lattice:5"`` (small cells, joined where one map fits both), ``"tree:3"``
         (cuts of single columns, three at most one after another), ``"labels:COLUMN"``,
         ``"labels:COLUMN+kmeans:5"``, ``"labels:COLUMN+refined:5"``, ``"labels:COLUMN+tree:3"``;
-        of a list, or of a range ``"refined:2..20"``, ``"lattice:2..50"``, ``"tree:1..6"``, one is chosen. When not given what the recipe or the statistic says, else ``"average"``.
+        of a list, or of a range ``"refined:2..20"``, ``"lattice:2..50"``, ``"tree:1..6"``, one is chosen. When not given
+        those of the recipe or the statistic, else ``["average", 2, 5, 10]``, of a statistic without regions ``"average"``.
     target : str, optional
         ``"derivative"``, ``"next"``, ``"delta"``, or a column (plain regression). When not given what the recipe says,
         else ``"derivative"``.
