@@ -233,3 +233,20 @@ fn the_same_log_twice_is_refused() {
     let folder = folder(&[("log.csv", &text), ("copy.csv", &text)]);
     fit(folder.path(), &["copy.csv"]).fails(&["log.csv", "copy.csv"]);
 }
+
+/// A log without a column that the recipe, or the model, speaks of.
+#[test]
+fn a_missing_column_is_told_with_where_to_look() {
+    let log = robot_csv(300, 0.3);
+    let without = log.replacen(",u,", ",push,", 1);
+    let folder = folder(&[("log.csv", &log), ("other.csv", &without)]);
+    let path = folder.path();
+    fit(path, &["--time", "t"]).ok();
+    for command in ["score", "rollout", "resimulate"] {
+        let words = ["column u of the model: there is no column `u`", "`fleetfoot info` lists"];
+        fleetfoot(path, &[command, "model.json", "other.csv"]).fails(&words);
+    }
+    let arguments = ["fit", "pwa", "other.csv", "--states", "v [m/s]", "--inputs", "u", "-o", "none.json"];
+    fleetfoot(path, &arguments).fails(&["[inputs] u: there is no column `u`", "`fleetfoot info` lists"]);
+    assert!(!path.join("none.json").exists());
+}

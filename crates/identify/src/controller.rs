@@ -162,15 +162,17 @@ pub(crate) fn source(recipe: &Recipe, name: &str) -> String {
 
 /// An error about a column that the model did not ask for, told as the controller's.
 pub(crate) fn explained(error: Error, own: &Model) -> Error {
-    let of_controller = |name: &str| own.column(name).is_none();
+    let told = |place: String| {
+        let name = place.strip_prefix("column ").and_then(|rest| rest.strip_suffix(" of the model"));
+        match name {
+            Some(name) if own.column(name).is_none() => "a column of --controller".to_owned(),
+            _ => place,
+        }
+    };
     match error {
-        Error::Expression { place, text, source } => {
-            let name = place.strip_prefix("column ").and_then(|rest| rest.strip_suffix(" of the model"));
-            let place = match name {
-                Some(name) if of_controller(name) => "a column of --controller".to_owned(),
-                _ => place,
-            };
-            Error::Expression { place, text, source }
+        Error::Expression { place, text, source } => Error::Expression { place: told(place), text, source },
+        Error::UnknownColumn { place, name, candidates } => {
+            Error::UnknownColumn { place: told(place), name, candidates }
         }
         other => other,
     }

@@ -29,7 +29,7 @@ pub enum Error {
         source: fleetfoot_library::ParseError,
     },
     /// A column that does not exist.
-    #[error("{place}: there is no column `{name}`{}", did_you_mean(.candidates))]
+    #[error("{place}: there is no column `{name}`{}", meant(.candidates))]
     UnknownColumn {
         /// Where it was asked for.
         place: String,
@@ -293,4 +293,12 @@ impl From<fleetfoot_estimate::EstimateError> for Error {
 /// A positive number with five digits at most.
 pub(crate) fn short(value: f64) -> f64 {
     if value > 0.0 && value.is_finite() { format!("{value:.4e}").parse().unwrap_or(value) } else { value }
+}
+
+/// What a name may have meant, else where names are found.
+fn meant(candidates: &[String]) -> String {
+    match did_you_mean(candidates) {
+        nothing if nothing.is_empty() => "; `fleetfoot info` lists those of a log".to_owned(),
+        near => near,
+    }
 }

@@ -18,11 +18,12 @@ pub fn describe(model: &Model, regions: usize) -> String {
     let t = &model.training;
     let _ = writeln!(
         out,
-        "{} model {}: {} rows of {} episodes, fleetfoot {}",
+        "{} model {}: {} rows of {} episode{}, fleetfoot {}",
         model.method,
         model.hash(),
         t.rows,
         t.episodes.len(),
+        if t.episodes.len() == 1 { "" } else { "s" },
         t.version
     );
     if model.step > 0.0 {

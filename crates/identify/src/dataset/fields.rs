@@ -61,7 +61,11 @@ pub(crate) fn explained(error: Error, info: Option<&FileInfo>) -> Error {
 
 /// The error; where a model of prepared logs lacks a column, that logs must be prepared for it.
 pub(crate) fn unprepared(error: Error, recipe: &Recipe) -> Error {
-    let unknown = matches!(&error, Error::Expression { source, .. } if matches!(source.kind(), ParseErrorKind::UnknownName { .. }));
+    let unknown = match &error {
+        Error::UnknownColumn { .. } => true,
+        Error::Expression { source, .. } => matches!(source.kind(), ParseErrorKind::UnknownName { .. }),
+        _ => false,
+    };
     if !unknown || recipe.time.smoothed.is_none() {
         return error;
     }

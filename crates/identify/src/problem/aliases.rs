@@ -1,7 +1,7 @@
 //! The names that a recipe or a model gives to what is recorded.
 
 use fleetfoot_data::{Column as DataColumn, ColumnKind, nearest};
-use fleetfoot_library::{Expr, Quaternion, Scope};
+use fleetfoot_library::{Expr, ParseErrorKind, Quaternion, Scope};
 use fleetfoot_model::{Column, Role};
 use indexmap::IndexMap;
 
@@ -194,10 +194,13 @@ pub(crate) fn aliases_of_model(columns: &[Column], fields: &[DataColumn]) -> Res
     columns
         .iter()
         .map(|column| {
-            let expression = Expr::parse(&column.source, &scope).map_err(|source| Error::Expression {
-                place: format!("column {} of the model", column.name),
-                text: column.source.clone(),
-                source,
+            let place = format!("column {} of the model", column.name);
+            let expression = Expr::parse(&column.source, &scope).map_err(|source| match source.kind() {
+                // A mark under a name that stands alone says nothing.
+                ParseErrorKind::UnknownName { name, nearest, .. } if *name == column.source.trim_matches('`') => {
+                    Error::UnknownColumn { place, name: name.clone(), candidates: nearest.clone() }
+                }
+                _ => Error::Expression { place, text: column.source.clone(), source },
             })?;
             let field = expression.as_column().and_then(|name| fields.iter().find(|field| field.name == name));
             let kind = field.map_or(ColumnKind::Float, |field| field.kind.clone());

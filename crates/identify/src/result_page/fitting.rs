@@ -168,7 +168,7 @@ pub(super) fn read(reports: &[Value]) -> Result<Vec<Fit>, Error> {
     let one = |report: Value| {
         serde_json::from_value(report).map_err(|error| {
             Error::value(format!(
-                "this is no report of a fit ({error}): give what `fit sparse`, `fit sindy`, `fit narx` or `fit pwa` tell with --json"
+                "this is no report of a fit ({error}): give what a fit tells with --json"
             ))
         })
     };
