@@ -105,7 +105,7 @@ fn the_written_recipe_fits_unchanged() {
     // A position's rate is known; the model simulates both.
     fleetfoot(path, &["rollout", "model.json", "clean", "--horizon", "100", "--starts", "20"]).ok();
     // Of a raw log the model knows no column: it must be prepared first.
-    fleetfoot(path, &["score", "model.json", "run_0.csv"]).fails(&["unknown column", "fleetfoot prepare"]);
+    fleetfoot(path, &["score", "model.json", "run_0.csv"]).fails(&["there is no column", "fleetfoot prepare"]);
 }
 
 /// The same bytes on any number of threads, and no folder is overwritten unasked.

@@ -225,6 +225,7 @@ impl Evidence {
         let wanted = |key: &Key| episodes.contains(&key.episode);
         let problem = Problem::new(&self.task, &self.file, options, wanted)?;
         let mut notes = self.notes.clone();
+        notes.extend(options::unused(&self.recipe.sparse, options));
         notes.extend(self.concentrated());
         let view = self.rows.as_ref().map(Dataset::view).transpose()?;
         // A log that was given twice is in the statistic once.

@@ -8,10 +8,7 @@ use fleetfoot_report::{
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::{
-    Judged,
-    limits::{Deviation, Priced, Task},
-};
+use super::Judged;
 use crate::{Bounded, Error, LimitReport};
 
 /// Functions whose frequencies are drawn, models beside them, and equations whose fronts are.
@@ -51,6 +48,31 @@ pub(super) struct Fit {
     /// Models of an autoregression that were tried.
     #[serde(default)]
     tried: Vec<Tried>,
+}
+
+/// Errors of a task with limits and without.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub(super) struct Task {
+    pub(super) name: String,
+    #[serde(flatten)]
+    pub(super) priced: Priced,
+}
+
+/// Errors with limits and without.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub(super) struct Priced {
+    pub(super) rms: Option<f64>,
+    pub(super) held_out_rms: Option<f64>,
+    pub(super) free_rms: Option<f64>,
+    pub(super) free_held_out_rms: Option<f64>,
+}
+
+/// The deviation of a state's measurements, or of what is left, with limits and without.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub(super) struct Deviation {
+    pub(super) of: String,
+    pub(super) deviation: Option<f64>,
+    pub(super) free_deviation: Option<f64>,
 }
 
 /// The fit to simulations.
@@ -167,9 +189,7 @@ pub(super) fn read(reports: &[Value]) -> Result<Vec<Fit>, Error> {
     };
     let one = |report: Value| {
         serde_json::from_value(report).map_err(|error| {
-            Error::value(format!(
-                "this is no report of a fit ({error}): give what a fit tells with --json"
-            ))
+            Error::value(format!("this is no report of a fit ({error}): give what a fit tells with --json"))
         })
     };
     reports.iter().flat_map(of).map(one).collect()

@@ -5,7 +5,10 @@ use fleetfoot_report::{Cell, Part, Table};
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::{Judged, fitting::Fit};
+use super::{
+    Judged,
+    fitting::{Fit, Priced},
+};
 use crate::{
     BoundedCandidate, BoundedMaps, LimitReport, Objective, Recipe, bounded_maps::unexplained, told,
     told_table::ToldTable,
@@ -25,31 +28,6 @@ struct Partition {
     #[serde(deserialize_with = "told::number")]
     free_loss: f64,
     stability: BoundedMaps,
-}
-
-/// Errors of a task with limits and without.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-pub(super) struct Task {
-    name: String,
-    #[serde(flatten)]
-    priced: Priced,
-}
-
-/// Errors with limits and without.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-pub(super) struct Priced {
-    rms: Option<f64>,
-    held_out_rms: Option<f64>,
-    free_rms: Option<f64>,
-    free_held_out_rms: Option<f64>,
-}
-
-/// The deviation of a state's measurements, or of what is left, with limits and without.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-pub(super) struct Deviation {
-    of: String,
-    deviation: Option<f64>,
-    free_deviation: Option<f64>,
 }
 
 /// Why intervals of least squares are not those of a model's coefficients, where that is so: by the recipe that the model carries, and by the report of its fit where that is known.

@@ -110,6 +110,19 @@ impl SparseOptions {
     }
 }
 
+/// Entries that others leave without a meaning, for people.
+pub(super) fn unused(section: &SparseSection, options: &SparseOptions) -> Vec<String> {
+    let replicates = options.bolasso.is_some() || options.stability;
+    let threshold = options.threshold.filter(|_| !replicates).map(|share| {
+        format!(
+            "[sparse] threshold = {share} is not used: it is the share of replicates that select a function, which a bolasso or stability selection makes (--bolasso, --stability)"
+        )
+    });
+    let given = options.lambda != LambdaRule::Auto && section.select.is_some();
+    let select = given.then(|| "[sparse] select is not used: lambda is given".to_owned());
+    threshold.into_iter().chain(select).collect()
+}
+
 fn refused(what: &str, value: impl std::fmt::Display, allowed: &str) -> Error {
     Error::value(format!("[sparse] {what} = {value}: write {allowed}"))
 }
@@ -171,6 +184,25 @@ mod tests {
         assert_eq!(options("bolasso = \"rows\"").unwrap().bolasso, Some((Resampled::Rows, 128)));
         let episodes = Resampled::Units(BootstrapUnit::Episode);
         assert_eq!(options("bolasso = \"episodes:1000\"").unwrap().bolasso, Some((episodes, 1000)));
+    }
+
+    #[test]
+    fn what_has_no_meaning_is_said() {
+        let told = |text: &str| {
+            let section: SparseSection = toml::from_str(text).unwrap();
+            unused(&section, &SparseOptions::new(&section).unwrap())
+        };
+        assert!(told("threshold = 0.9")[0].contains("threshold = 0.9 is not used"));
+        assert!(told("select = \"bic\"\nlambda = \"0.1\"")[0].contains("select is not used"));
+        for text in [
+            "",
+            "threshold = 0.9\nbolasso = \"rows\"",
+            "threshold = 0.9\nstability = true",
+            "select = \"bic\"",
+            "lambda = \"0.1\"",
+        ] {
+            assert!(told(text).is_empty(), "{text}");
+        }
     }
 
     #[test]
