@@ -142,7 +142,7 @@ impl BoundedCandidate {
 
     fn contracting(&self) -> Vec<String> {
         let maps = &self.maps;
-        let greatest = [&maps.free_radii, &maps.radii, &maps.norms].map(|each| format!("{:.4}", greatest(each)));
+        let greatest = [&maps.free_radii, &maps.radii, &maps.norms].map(|each| fixed(greatest(each)));
         self.row(greatest)
     }
 
@@ -150,7 +150,7 @@ impl BoundedCandidate {
         let passivity = self.maps.passivity.as_ref()?;
         let shortages = passivity.ports.iter().map(|port| number(port.shortage.unwrap_or(f64::NAN)));
         let shortages = shortages.collect::<Vec<_>>().join(", ");
-        let [free, norm] = [&passivity.free_norms, &passivity.norms].map(|each| format!("{:.4}", greatest(each)));
+        let [free, norm] = [&passivity.free_norms, &passivity.norms].map(|each| fixed(greatest(each)));
         Some(self.row([shortages, free, norm]))
     }
 
@@ -190,6 +190,11 @@ impl PassiveMaps {
 /// The share of the targets' variance that is left.
 pub(crate) fn unexplained(r2: &[f64]) -> f64 {
     1.0 - r2.iter().sum::<f64>() / r2.len() as f64
+}
+
+/// Four decimals, as long as nobody has to count digits before them.
+fn fixed(value: f64) -> String {
+    if value < 1e4 { format!("{value:.4}") } else { number(value) }
 }
 
 fn greatest(each: &[f64]) -> f64 {

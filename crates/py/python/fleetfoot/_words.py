@@ -40,7 +40,7 @@ _NAMES = {
 #: What follows a flag and is its value, not the next word of the sentence.
 _VALUE = (
     r"[\w.]*:[\w.,+:]+|-?\d[\w.,:/()+-]*|null|average|rollout|bic|cv|one-se|aic|ebic|free-run|pool|refuse|next|delta|"
-    r"derivative|auto|term|signal|stlsq|sr3|frols|ssr|lasso|ols"
+    r"derivative|auto|off|term|signal|stlsq|sr3|frols|ssr|lasso|ols"
 )
 _COMMAND = re.compile(r"`(?:fleetfoot )?(fit \w+|stats \w+|info --values|info)( [^`]*)?`|`?fleetfoot (\w+)`")
 _FIRST = re.compile(r"^--([a-z][\w-]*) (\S+?):(?= )")
