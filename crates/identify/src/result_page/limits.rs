@@ -87,8 +87,7 @@ impl Fit {
             ))
         }));
         if !self.limits.is_empty() {
-            let caption =
-                "What the fit keeps, how near it comes to the bound and where; without cuts a bound costs nothing.";
+            let caption = "How near the fit comes to each bound, and where; without cuts a bound costs nothing.";
             parts.push(set(caption.into(), LimitReport::table(&self.limits)));
             parts.extend(self.prices().map(Part::Table));
         }
