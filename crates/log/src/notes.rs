@@ -9,8 +9,8 @@ use crate::{ClockSummary, index::Span};
 pub(crate) struct Notes {
     /// Sentences about single files and the files they are about.
     sentences: BTreeMap<String, Vec<String>>,
-    /// For each kind of event: how many, in how many files, and one of these.
-    counts: BTreeMap<&'static str, (usize, usize, String)>,
+    /// For each kind of event (of one, of several, and what there is to say of them): how many, in how many files, and one of these.
+    counts: BTreeMap<[&'static str; 3], (usize, usize, String)>,
 }
 
 impl Notes {
@@ -21,11 +21,11 @@ impl Notes {
         }
         let single = spans.iter().filter(|span| span.rows == 1).count();
         let events = [
-            ("rows without a readable stamp left out", clock.missing),
-            ("rows with the stamp of the row before left out", clock.repeated),
-            ("backward stamps, each starting an episode", clock.backward),
-            ("gaps longer than accepted, each starting an episode", clock.gaps),
-            ("episodes of a single row", single),
+            (["row", "rows", "without a readable stamp left out"], clock.missing),
+            (["row", "rows", "with the stamp of the row before left out"], clock.repeated),
+            (["backward stamp", "backward stamps", "where a new episode starts"], clock.backward),
+            (["gap", "gaps", "longer than accepted, where a new episode starts"], clock.gaps),
+            (["episode", "episodes", "of a single row"], single),
         ];
         for (what, count) in events.into_iter().filter(|(_, count)| *count > 0) {
             let entry = self.counts.entry(what).or_insert_with(|| (0, 0, path.display().to_string()));
@@ -42,10 +42,9 @@ impl Notes {
         };
         let sentences =
             self.sentences.into_iter().map(|(note, files)| format!("{}: {note}", place(files.len(), &files[0])));
-        let counts = self
-            .counts
-            .into_iter()
-            .map(|(what, (count, files, first))| format!("{}: {count} {what}", place(files, &first)));
+        let counts = self.counts.into_iter().map(|([one, more, what], (count, files, first))| {
+            format!("{}: {count} {} {what}", place(files, &first), if count == 1 { one } else { more })
+        });
         sentences.chain(counts).collect()
     }
 }

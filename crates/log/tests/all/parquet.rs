@@ -151,7 +151,7 @@ fn episodes_end_at_gaps_and_backward_stamps_and_repeats_are_dropped() {
     check(&recording, 1, 1_500, 0..500, Halo { before: 4, after: 4 }, &stamps);
     check(&recording, 2, 2_000, 0..10, Halo { before: 4, after: 4 }, &stamps);
     let notes = recording.notes().join("\n");
-    for word in ["1 rows with the stamp of the row before", "1 backward", "1 gaps"] {
+    for word in ["1 row with the stamp of the row before", "1 backward stamp where", "1 gap longer"] {
         assert!(notes.contains(word), "{notes}");
     }
     let whole = open(&[&path], &Selection { max_gap: MaxGap::Unlimited, ..all() }).unwrap();
