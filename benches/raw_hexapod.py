@@ -73,7 +73,7 @@ method = "none"
 """ + "".join(f"{name} = {{}}\n" for name in ("wx", "wy", "wz", "x", "y", "z", "pitch", "roll")) + "".join(
     f'{name} = {{ kind = "angle" }}\n' for name in ("yaw", "alpha_l", "alpha_r")
 )
-SPLINE = RAW.replace('method = "none"', "dejitter = true") + "".join(
+SPLINE = RAW.replace('method = "none"', 'method = "cubic"\ndejitter = true') + "".join(
     f'[channels.{name}]\nmethod = "quintic"\n' for name in ("x", "y", "z", "alpha_l", "alpha_r")
 )
 BODY = f"""[prepare]

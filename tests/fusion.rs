@@ -214,6 +214,16 @@ const SHORT: usize = 800;
 
 /// As many readings at 200 Hz, and poses at 100 Hz, stamped 8 ms late, of markers off the body's origin, turned by a quarter about z; a lamp at 50 Hz goes along.
 fn write_body(path: &Path, rows: usize) {
+    write_wrong(path, rows, &|_, _| {}, &|_, _, _| {});
+}
+
+/// The same with rates and forces, and with positions and quaternions at a second, as somebody's log has them.
+fn write_wrong(
+    path: &Path,
+    rows: usize,
+    read: &dyn Fn(&mut [f64; 3], &mut [f64; 3]),
+    see: &dyn Fn(f64, &mut [f64; 3], &mut [f64; 4]),
+) {
     let mut writer = McapWriter::create(path, &McapOptions::default()).unwrap();
     let imu = writer.channel::<Imu<'_>>("/imu").unwrap();
     let pose = writer.channel::<PoseStamped<'_>>("/mocap").unwrap();
@@ -225,8 +235,10 @@ fn write_body(path: &Path, rows: usize) {
         let [x, y, z, w] = attitude(t);
         let pushed = acceleration(t);
         let force = turned([-x, -y, -z, w], [pushed[0], pushed[1], pushed[2] + 9.81]);
-        let angular_velocity = [0, 1, 2].map(|axis| rate(t)[axis] + BIAS[axis] + 0.01 * noise(10 + axis as u64, row));
-        let linear_acceleration = [0, 1, 2].map(|axis| force[axis] + 0.05 * noise(20 + axis as u64, row));
+        let mut angular_velocity =
+            [0, 1, 2].map(|axis| rate(t)[axis] + BIAS[axis] + 0.01 * noise(10 + axis as u64, row));
+        let mut linear_acceleration = [0, 1, 2].map(|axis| force[axis] + 0.05 * noise(20 + axis as u64, row));
+        read(&mut angular_velocity, &mut linear_acceleration);
         let read = Imu { header: header(t), angular_velocity, linear_acceleration, ..Imu::default() };
         writer.write(imu, stamp(t), stamp(t), &read).unwrap();
         if row % 2 == 0 {
@@ -235,12 +247,13 @@ fn write_body(path: &Path, rows: usize) {
             let lever = turned([x, y, z, w], MOUNT);
             // A gross error now and then.
             let off = if row % 500 == 300 { 0.2 } else { 0.0 };
-            let position =
+            let mut position =
                 [0, 1, 2].map(|axis| position(at)[axis] + lever[axis] + off + 1e-3 * noise(30 + axis as u64, row));
             // q times a quarter turn about z, and errors of some milliradians, which are halved in a quaternion.
             let (s, c) = std::f64::consts::FRAC_PI_4.sin_cos();
             let turn = [x * c + y * s, y * c - x * s, z * c + w * s, w * c - z * s];
-            let orientation = [0, 1, 2, 3].map(|part| turn[part] + 2e-3 * noise(40 + part as u64, row));
+            let mut orientation = [0, 1, 2, 3].map(|part| turn[part] + 2e-3 * noise(40 + part as u64, row));
+            see(at, &mut position, &mut orientation);
             let seen = PoseStamped { header: header(at + 0.008), pose: Pose { position, orientation } };
             writer.write(pose, stamp(at + 0.008), stamp(at + 0.008), &seen).unwrap();
         }
@@ -514,6 +527,90 @@ fn a_killed_preparation_writes_the_same_bytes() {
     assert!(!killed.wait().unwrap().success() && kept.exists() && !path.join("clean/run.clean.parquet").exists());
     prepare(path, RECIPE, &[]).ok();
     assert!(files() == whole && !kept.exists());
+}
+
+/// What people's logs have in place of what is asked for: degrees, units of gravity, forces without gravity, parts of quaternions in another order or the other way round. Something is written, and what is wrong is told.
+#[test]
+fn wrong_units_and_frames_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let turn = |by: f64| move |vector: &mut [f64; 3]| vector.iter_mut().for_each(|own| *own *= by);
+    let degrees = |rate: &mut [f64; 3], _: &mut [f64; 3]| turn(180.0 / std::f64::consts::PI)(rate);
+    let in_g = |_: &mut [f64; 3], force: &mut [f64; 3]| turn(1.0 / 9.81)(force);
+    let as_is = |_: &mut [f64; 3], _: &mut [f64; 3]| {};
+    let seen = |_: f64, _: &mut [f64; 3], _: &mut [f64; 4]| {};
+    let first_w = |_: f64, _: &mut [f64; 3], own: &mut [f64; 4]| own.rotate_right(1);
+    let world_to_body = |_: f64, _: &mut [f64; 3], own: &mut [f64; 4]| own[3] = -own[3];
+    type Read<'a> = &'a dyn Fn(&mut [f64; 3], &mut [f64; 3]);
+    type See<'a> = &'a dyn Fn(f64, &mut [f64; 3], &mut [f64; 4]);
+    // It takes some seconds to know a bias.
+    let cases: [(Read<'_>, See<'_>, usize, &str); 4] = [
+        (&degrees, &seen, SHORT, "rad/s"),
+        (&in_g, &seen, LONG, "specific force in m/s^2"),
+        (&as_is, &first_w, SHORT, "quaternion"),
+        (&as_is, &world_to_body, SHORT, "markers' frame to the world"),
+    ];
+    for (read, see, rows, words) in cases {
+        write_wrong(&path.join("run.mcap"), rows, read, see);
+        let said = prepare(path, RECIPE, &["--json"]).ok().json();
+        let notes = said["notes"].to_string();
+        assert!(notes.contains("check") && notes.contains(words), "{words}: {notes}");
+    }
+    // Where all is right nothing of the kind is said.
+    write_body(&path.join("run.mcap"), SHORT);
+    let notes = prepare(path, RECIPE, &["--json"]).ok().json()["notes"].to_string();
+    assert!(!notes.contains("check"), "{notes}");
+}
+
+/// A camera that does not see the body says zeros or its last pose again: these are no poses. Quaternions that are longer than one are brought to it; both are told, as are rows that no pose tells.
+#[test]
+fn poses_that_are_none_are_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let as_is = |_: &mut [f64; 3], _: &mut [f64; 3]| {};
+    let is_lost = |t: f64| t > 1.0 && t < 1.5;
+    let zeros = |t: f64, position: &mut [f64; 3], own: &mut [f64; 4]| {
+        if is_lost(t) {
+            // A message whose quaternion is zero to the last bit has none: that is told already.
+            (*position, *own) = ([0.0; 3], [0.0, 0.0, 0.0, 1e-5]);
+        }
+    };
+    let last = std::cell::Cell::new(([0.0; 3], [0.0; 4]));
+    let again = |t: f64, position: &mut [f64; 3], own: &mut [f64; 4]| {
+        if is_lost(t) {
+            (*position, *own) = last.get();
+        }
+        last.set((*position, *own));
+    };
+    let long = |_: f64, _: &mut [f64; 3], own: &mut [f64; 4]| own.iter_mut().for_each(|part| *part *= 1.5);
+    let early = |t: f64, position: &mut [f64; 3], _: &mut [f64; 4]| {
+        if t > 3.0 {
+            *position = [f64::NAN; 3];
+        }
+    };
+    let worst = || {
+        let file = [path.join("clean/run.clean.parquet")];
+        let rows = read_rows(&Recipe::parse("", "test").unwrap(), None, &file, &Silent).unwrap();
+        let x = &rows.columns.iter().find(|(name, _)| name.name == "x").unwrap().1;
+        let off = |(stamp, x): (&i64, &f64)| (x - position((stamp - START) as f64 * 1e-9)[0]).abs();
+        rows.stamps.iter().zip(x).map(off).fold(0.0, f64::max)
+    };
+    for (see, words) in [
+        (&zeros as &dyn Fn(f64, &mut [f64; 3], &mut [f64; 4]), "50 poses have a quaternion of zeros"),
+        (&again, "50 poses repeat the one before"),
+        (&long, "400 poses are not of length 1 (1.4"),
+    ] {
+        write_wrong(&path.join("run.mcap"), SHORT, &as_is, see);
+        let said = prepare(path, RECIPE, &["--json"]).ok().json();
+        let notes = said["notes"].to_string();
+        assert!(notes.contains(words), "{words}: {notes}");
+        assert!((said["body"]["delay"].as_f64().unwrap() - 0.008).abs() < 2e-3, "{words}: {}", said["body"]);
+        // Half a second without poses is bridged by the inertial sensor.
+        assert!(worst() < 0.03, "{words}: {}", worst());
+    }
+    write_wrong(&path.join("run.mcap"), SHORT, &as_is, &early);
+    let said = prepare(path, RECIPE, &[]).ok();
+    assert!(said.out.contains("before, between or beyond what the sensors tell"), "{}", said.out);
 }
 
 #[test]

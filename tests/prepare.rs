@@ -147,6 +147,89 @@ fn bounds_end_episodes() {
     assert!(info.contains("x_dot") && info.contains("x_ddot") && !info.contains("deviation"), "{info}");
 }
 
+/// By itself `prepare` takes the spline that a state is more like: a smooth motion at 10 Hz is a quintic one, whose rate is better than a cubic one's by a third, and which knows its noise; what noise pushes about in every row is a cubic one.
+#[test]
+fn the_spline_is_the_one_that_a_state_is_like() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path();
+    let (mut rate, mut pushed) = (0.0, 0.0);
+    let motion = |t: f64| (0.7 * t).sin() + 0.5 * (2.3 * t).sin();
+    let rows = (0..1200).map(|row| {
+        let t = 0.1 * row as f64;
+        // The sum of two looks more like a normal number.
+        rate += 0.3 * (noise(91, row) + noise(92, row));
+        pushed += 0.1 * rate;
+        format!("{t:.1},{},{}\n", motion(t) + 1.7e-3 * noise(93, row), pushed + 1.7e-2 * noise(94, row))
+    });
+    fs::write(path.join("log.csv"), format!("t,smooth,pushed\n{}", rows.collect::<String>())).expect("a file");
+    fs::write(path.join("robot.toml"), "states = { smooth = {}, pushed = {} }\n").expect("a file");
+    let of = |flags: &[&str]| {
+        let run = ["prepare", "-c", "robot.toml", "log.csv", "-o", "clean", "--force", "--json"];
+        let said = fleetfoot(path, &[&run[..], flags].concat()).ok().json();
+        let channels = said["episodes"][0]["pieces"][0]["channels"].as_array().expect("channels").clone();
+        let file = [path.join("clean/log.clean.parquet")];
+        let rows = read_rows(&Recipe::parse("", "test").unwrap(), None, &file, &Silent).unwrap();
+        let column =
+            |name: &str| rows.columns.iter().find(|(own, _)| own.name == name).map(|(_, values)| values.clone());
+        let truth = |t: f64| 0.7 * (0.7 * t).cos() + 1.15 * (2.3 * t).cos();
+        let rates = column("smooth_dot").expect("a rate");
+        let squares = rates.iter().enumerate().map(|(row, rate)| (rate - truth(0.1 * row as f64)).powi(2)).sum::<f64>();
+        (channels, (squares / rates.len() as f64).sqrt(), column("smooth_ddot").is_some())
+    };
+    let (channels, error, accelerates) = of(&[]);
+    let by_name = |name: &str| channels.iter().find(|own| own["channel"] == name).expect("a channel");
+    assert_eq!((&by_name("smooth")["method"], &by_name("pushed")["method"]), (&"quintic".into(), &"cubic".into()));
+    assert!(!accelerates, "value and rate alone");
+    // Uniform noise of 1.7 mm has a deviation of 0.98 mm.
+    let noise_of = |channel: &serde_json::Value| channel["noise"].as_f64().expect("a noise") / 0.98e-3;
+    assert!((noise_of(by_name("smooth")) - 1.0).abs() < 0.2, "{}", by_name("smooth"));
+    let (cubic, by_cubic, _) = of(&["--method", "cubic"]);
+    assert!(error < 0.75 * by_cubic, "{error} {by_cubic}");
+    // So far apart samples do not tell a cubic spline what is noise, and it says so.
+    assert!(noise_of(&cubic[0]) < 0.5 || cubic[0]["through_all"] == true, "{}", cubic[0]);
+    let run = ["prepare", "-c", "robot.toml", "log.csv", "-o", "clean", "--force", "--lambda", "1e-3"];
+    let said = fleetfoot(path, &[&run[..], &["--json"]].concat()).ok().json();
+    assert_eq!(said["episodes"][0]["pieces"][0]["channels"][0]["method"], "cubic", "a number is a penalty of s^3");
+    fleetfoot(path, &[&run[..], &["--method", "auto"]].concat()).fails(&["lambda", "s^5"]);
+}
+
+/// A burst of errors that are alike, and a sensor that hangs, are told with what mends them; a preparation that fails leaves no folder.
+#[test]
+fn what_a_person_should_look_at_is_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path();
+    let write = |spoil: &dyn Fn(usize, f64) -> f64| {
+        let rows = (0..ROWS).map(|row| {
+            let t = DT * row as f64;
+            format!("{t:.2},{}\n", spoil(row, (0.7 * t).sin() + 0.5 * (2.3 * t).cos() + 0.01 * noise(95, row)))
+        });
+        fs::write(path.join("log.csv"), format!("t,x\n{}", rows.collect::<String>())).expect("a file");
+    };
+    fs::write(path.join("robot.toml"), "states = { x = {} }\n").expect("a file");
+    let said = |flags: &[&str]| {
+        let run = ["prepare", "-c", "robot.toml", "log.csv", "-o", "clean", "--force"];
+        fleetfoot(path, &[&run[..], flags].concat())
+    };
+    write(&|row, x| if (1000..1030).contains(&row) { x + 0.5 } else { x });
+    let out = said(&[]).ok().out;
+    assert!(out.contains("of 30 rejected values up to 30 follow one another") && out.contains("--reject 0"), "{out}");
+    let hung = std::cell::Cell::new(0.0);
+    let hang = |row: usize, x: f64| {
+        if !(1000..1200).contains(&row) {
+            hung.set(x);
+        }
+        hung.get()
+    };
+    write(&hang);
+    let out = said(&[]).ok().out;
+    assert!(out.contains("200 values repeated before a jump") && out.contains("--stuck 5"), "{out}");
+    let out = said(&["--stuck", "5"]).ok().out;
+    assert!(!out.contains("repeated before a jump") && !out.contains("follow one another"), "{out}");
+    fs::remove_dir_all(path.join("clean")).expect("a folder");
+    said(&["--min-rows", "5000"]).fails(&["long enough"]);
+    assert!(!path.join("clean").exists());
+}
+
 #[test]
 fn what_cannot_be_prepared_is_told() {
     let folder = folder();

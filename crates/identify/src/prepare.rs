@@ -253,6 +253,7 @@ impl Job<'_> {
             episode: info.name.clone(),
             rows: info.rows,
             clipped: found.clipped,
+            untold: Places::default(),
             out_of_bounds: Places::of(&found.outside, &times),
             too_short: Places::of(&too_short, &times),
             clock,

@@ -1,6 +1,6 @@
 //! From raw channels to clean states and derivatives.
 //!
-//! [`smooth`] is the smoothing spline: values, derivatives and their standard deviations at every stamp, however irregular, its penalty given or chosen.
+//! [`smooth`] is the smoothing spline: values, derivatives and their standard deviations at every stamp, however irregular, its penalty given or chosen; [`better`] tells the cubic from the quintic one.
 //! [`trend_filter`] is the curve of few pieces, [`Interpolant`] goes through every measurement. [`reject`] finds what no smooth curve explains, [`savitzky_golay`], [`Sections`] and [`decimate`] are the filters that published analyses name, [`dejitter`],
 //! [`align`] and [`align_edges`] are for clocks. [`fuse`] makes one motion of an inertial sensor and measured poses, [`joint`] one of encoders and sensors of rate.
 //!
@@ -40,8 +40,8 @@ pub use error::SignalError;
 pub use estimate::Estimate;
 pub use interpolate::{Interpolant, Interpolation, resampled};
 pub use loss::Loss;
-pub use outliers::{Rejected, hampel, noise_of_differences, reject, saturated, stuck};
+pub use outliers::{Rejected, hampel, hangs, noise_of_differences, reject, saturated, stuck};
 pub use savitzky_golay::savitzky_golay;
 pub use sections::{Section, Sections, anti_alias, decimate};
-pub use spline::{Lambda, Smoothed, Spline, smooth};
+pub use spline::{Lambda, Smoothed, Spline, better, smooth};
 pub use trend::{Trend, trend_filter};

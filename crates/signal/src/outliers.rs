@@ -25,6 +25,18 @@ const NEIGHBOURS: usize = 5;
 /// The share of the measurements that the curve must leave free, so that there is a noise to measure by.
 const LEAST: f64 = 0.02;
 
+/// Rows in a row, left out, from which on it is asked whether those beside them are the errors.
+const RUN: usize = 3;
+
+/// Noises of a difference of neighbours beyond which a step is a jump.
+const JUMP: f64 = 6.0;
+
+/// How many times as high as the other of two jumps one may be, there and back.
+const BACK: f64 = 2.0;
+
+/// By how much the noise may grow when a burst is left out in place of what surrounds it.
+const NO_WORSE: f64 = 1.05;
+
 /// A channel smoothed without its gross errors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rejected {
@@ -45,6 +57,9 @@ pub struct Rejected {
 /// not hidden by it. Of neighbours within two bandwidths only the worst is left out at a time, as it is what bends the curve away from the others. The penalty
 /// is chosen anew whenever the noise has fallen by a tenth, and at the end. Then rows that the last curve expects after all are taken back, once.
 ///
+/// A burst of errors that are alike, as of a marker that was taken for another, bends the curve to itself, and the good rows about it stand out. So where runs are left out, the search is made once more without what lies between a jump
+/// and the jump back beside them, and that is what is left out if it is no more rows and the noise without them is no greater.
+///
 /// # Errors
 /// Those of [`smooth`]; `sigmas` that is not positive.
 pub fn reject(
@@ -57,21 +72,60 @@ pub fn reject(
 ) -> Result<Rejected, SignalError> {
     check(sigmas > 0.0, "sigmas", sigmas, "a number of standard deviations is positive")?;
     let channel = Channel { times, values, weights, spline, lambda, sigmas };
-    let mut search = Search { kept: values.to_vec(), rows: BTreeSet::new(), passes: 0 };
-    let with_all = search.smooth(&channel, lambda)?;
-    let mut smoothed = with_all.clone();
-    let most = (MOST * smoothed.measured as f64) as usize;
-    search.leave_out(&channel, &mut smoothed, most)?;
-    if search.take_back(&channel, &smoothed) {
-        smoothed = search.smooth(&channel, lambda)?;
-        search.leave_out(&channel, &mut smoothed, most)?;
+    let mut search = Search::default();
+    let with_all = smooth(times, values, weights, spline, lambda)?;
+    let most = (MOST * with_all.measured as f64) as usize;
+    let mut smoothed = search.run(&channel, values.to_vec(), with_all.clone(), most)?;
+    let bursts = bursts(values, &search.rows);
+    if !bursts.is_empty() && search.rows.len() <= most {
+        let mut without = values.to_vec();
+        bursts.iter().for_each(|&row| without[row] = f64::NAN);
+        let mut again = Search { rows: bursts.into_iter().collect(), ..Search::default() };
+        // Too few rows may be left, where the record is short.
+        if let Ok(start) = smooth(times, &without, weights, spline, lambda) {
+            let other = again.run(&channel, without, start, most)?;
+            search.passes += again.passes;
+            if again.rows.len() <= search.rows.len() && other.noise <= NO_WORSE * smoothed.noise {
+                (search.rows, smoothed) = (again.rows, other);
+            }
+        }
     }
     // A curve through nearly every measurement knows no noise that anything could stand out of.
     let rest = smoothed.measured as f64 - smoothed.freedom;
     if search.rows.len() > most || smoothed.noise > with_all.noise || rest < LEAST * smoothed.measured as f64 {
-        return Ok(Rejected { smoothed: with_all, rows: Vec::new(), passes: search.passes, gave_up: true });
+        return Ok(Rejected { smoothed: with_all, rows: Vec::new(), passes: search.passes + 1, gave_up: true });
     }
-    Ok(Rejected { smoothed, rows: search.rows.into_iter().collect(), passes: search.passes, gave_up: false })
+    Ok(Rejected { smoothed, rows: search.rows.into_iter().collect(), passes: search.passes + 1, gave_up: false })
+}
+
+/// Rows between a jump and the jump back, where rows are left out in runs beside one another: what a search may have taken for motion. The rows are few, as many as the search compares.
+fn bursts(values: &[f64], left_out: &BTreeSet<usize>) -> Vec<usize> {
+    let mut runs: Vec<Range<usize>> = Vec::new();
+    for &row in left_out {
+        match runs.last_mut() {
+            Some(run) if run.end == row => run.end += 1,
+            _ => runs.push(row..row + 1),
+        }
+    }
+    let limit = JUMP * std::f64::consts::SQRT_2 * noise_of_differences(values);
+    // The highest step from the row before a run to the one behind it, and the row that it leads to.
+    let jump = |run: &Range<usize>| {
+        let steps = run.start.max(1)..(run.end + 1).min(values.len());
+        let steps = steps.map(|row| (row, values[row] - values[row - 1])).filter(|(_, step)| !step.is_nan());
+        steps.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).filter(|(_, step)| step.abs() > limit)
+    };
+    let jumps: Vec<(usize, f64)> = runs.iter().filter(|run| run.len() >= RUN).filter_map(jump).collect();
+    let mut rows = Vec::new();
+    let mut from = 0;
+    for pair in jumps.windows(2) {
+        let [(first, there), (end, back)] = [pair[0], pair[1]];
+        let are_opposite = there * back < 0.0 && there.abs() < BACK * back.abs() && back.abs() < BACK * there.abs();
+        if first >= from && are_opposite && end - first <= FARTHEST {
+            rows.extend(first..end);
+            from = end;
+        }
+    }
+    rows
 }
 
 /// What is searched.
@@ -86,6 +140,7 @@ struct Channel<'a> {
 }
 
 /// How far the search is.
+#[derive(Default)]
 struct Search {
     /// The values, NaN where they are left out.
     kept: Vec<f64>,
@@ -94,6 +149,23 @@ struct Search {
 }
 
 impl Search {
+    /// Searches from values of which some may be left out already, and the curve through them.
+    fn run(
+        &mut self,
+        channel: &Channel<'_>,
+        kept: Vec<f64>,
+        mut smoothed: Smoothed,
+        most: usize,
+    ) -> Result<Smoothed, SignalError> {
+        self.kept = kept;
+        self.leave_out(channel, &mut smoothed, most)?;
+        if self.take_back(channel, &smoothed) {
+            smoothed = self.smooth(channel, channel.lambda)?;
+            self.leave_out(channel, &mut smoothed, most)?;
+        }
+        Ok(smoothed)
+    }
+
     fn smooth(&mut self, channel: &Channel<'_>, lambda: Lambda) -> Result<Smoothed, SignalError> {
         self.passes += 1;
         smooth(channel.times, &self.kept, channel.weights, channel.spline, lambda)
@@ -249,4 +321,21 @@ pub fn stuck(values: &[f64], longest: usize) -> Vec<Range<usize>> {
 /// Rows at or beyond the ends of a sensor's range.
 pub fn saturated(values: &[f64], low: f64, high: f64) -> Vec<usize> {
     (0..values.len()).filter(|&row| values[row] <= low || values[row] >= high).collect()
+}
+
+/// Equal values in a row from which on a jump behind them is looked at.
+const HANG: usize = 6;
+
+/// Typical steps beyond which a step is no motion of a moment.
+const FAR: f64 = 8.0;
+
+/// Runs of six equal values and more behind which comes a step of more than eight typical ones (the median of those that are not zero): what a sensor looks like that hangs while the machine moves on. At rest a
+/// sensor goes on by a usual step, and a channel that is held between samples has jumps that are usual.
+pub fn hangs(values: &[f64]) -> Vec<Range<usize>> {
+    let mut steps: Vec<f64> =
+        values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|step| *step > 0.0).collect();
+    let Some(typical) = median(&mut steps) else { return Vec::new() };
+    let goes_on =
+        |run: &Range<usize>| run.end < values.len() && (values[run.end] - values[run.start]).abs() > FAR * typical;
+    stuck(values, HANG - 1).into_iter().filter(goes_on).collect()
 }

@@ -12,6 +12,7 @@
 //! so that a Kalman filter and a smoother find it in O(n) (Wecker and Ansley, "The signal extraction approach to nonlinear
 //! regression and spline smoothing", JASA 78, 1983), with the derivatives as further states, standard deviations of all, and the likelihood of lambda.
 
+mod better;
 pub(crate) mod chain;
 pub(crate) mod filter;
 pub(crate) mod head;
@@ -20,6 +21,7 @@ mod number;
 mod scores;
 pub(crate) mod smoother;
 
+pub use better::better;
 use scores::{Likelihood, Rest};
 use smoother::{Residuals, Rows, Smoother};
 

@@ -1,6 +1,6 @@
 //! `fleetfoot prepare`.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use fleetfoot::{
     Error, Recipe,
@@ -49,6 +49,12 @@ impl Row<'_> {
         self.pieces.iter().map(|piece| of(piece).rows).sum()
     }
 
+    /// How the pieces became smooth.
+    fn methods(&self) -> Vec<&str> {
+        let methods: BTreeSet<&str> = self.pieces.iter().map(|piece| piece.method.as_str()).collect();
+        methods.into_iter().collect()
+    }
+
     /// The least and the greatest of the pieces, or the one that they share.
     fn span(&self, of: impl Fn(&ChannelReport) -> Option<f64>) -> String {
         let mut values: Vec<f64> = self.pieces.iter().filter_map(|piece| of(piece)).collect();
@@ -64,7 +70,7 @@ impl Row<'_> {
         let left_out = |of: fn(&ChannelReport) -> &Places| self.rows(of).to_string();
         vec![
             channel.to_owned(),
-            self.pieces.first().map_or_else(String::new, |piece| piece.method.clone()),
+            self.methods().join(", "),
             self.pieces.iter().map(|piece| piece.missing).sum::<usize>().to_string(),
             left_out(|piece| &piece.saturated),
             left_out(|piece| &piece.stuck),
@@ -72,7 +78,8 @@ impl Row<'_> {
             left_out(|piece| &piece.rejected),
             left_out(|piece| &piece.left_empty),
             self.span(|piece| piece.noise),
-            self.span(|piece| piece.lambda),
+            // Penalties of two splines are no span.
+            if self.methods().len() > 1 { "-".into() } else { self.span(|piece| piece.lambda) },
             self.span(|piece| Some(piece.smoothed)),
         ]
     }
@@ -99,6 +106,10 @@ fn to_text(report: &PrepareReport) -> String {
     let cells = rows.iter().map(|(channel, row)| row.cells(channel)).collect();
     let ends = [
         (report.episodes.iter().map(|episode| episode.clipped).sum::<usize>(), "clipped"),
+        (
+            report.episodes.iter().map(|episode| episode.untold.rows).sum(),
+            "before, between or beyond what the sensors tell",
+        ),
         (report.episodes.iter().map(|episode| episode.out_of_bounds.rows).sum(), "out of bounds"),
         (report.episodes.iter().map(|episode| episode.too_short.rows).sum(), "in pieces that are too short"),
     ];
@@ -285,21 +296,49 @@ fn aligned(own: &AlignedClock) -> String {
     )
 }
 
+/// Rejected values in a row from which on they are no single gross errors.
+const BURST: usize = 5;
+
+/// What a person should look at.
 fn doubts(channel: &str, row: &Row<'_>) -> Vec<String> {
     let pieces = |is: fn(&ChannelReport) -> bool| row.pieces.iter().filter(|piece| is(piece)).count();
+    let most =
+        |of: fn(&ChannelReport) -> &Places| row.pieces.iter().map(|piece| of(piece)).max_by_key(|own| own.longest);
     let mut doubts = Vec::new();
-    let gave_up = pieces(|piece| piece.gave_up);
+    let through_all = pieces(|piece| piece.through_all);
+    if through_all > 0 {
+        doubts.push(format!(
+            "`{channel}`: the curve goes through every value in {}, and nothing is rejected: either there is no noise, or samples are too far apart to tell noise from motion, and deviations are too small then; compare with --method quintic, or give --lambda\n",
+            count(through_all, "piece")
+        ));
+    }
+    let gave_up = pieces(|piece| piece.gave_up && !piece.through_all);
     if gave_up > 0 {
         doubts.push(format!(
             "`{channel}`: nothing was rejected in {}: what lies off the curve is motion, jumps of it, or too much; --hampel finds single gross errors\n",
             count(gave_up, "piece")
         ));
     }
-    let at_end = pieces(|piece| piece.lambda_at_end);
+    let at_end = pieces(|piece| piece.lambda_at_end && !piece.through_all);
     if at_end > 0 {
         doubts.push(format!(
             "`{channel}`: the penalty is at an end of what was searched in {}: the channel is without noise, at rest, or a polynomial; give --lambda\n",
             count(at_end, "piece")
+        ));
+    }
+    if let Some(rejected) = most(|piece| &piece.rejected).filter(|rejected| rejected.longest >= BURST) {
+        doubts.push(format!(
+            "`{channel}`: of {} rejected values up to {} follow one another: a burst of errors, or motion that no smooth curve follows, as an impact; --json has the places, --reject 0 keeps all values\n",
+            row.rows(|piece| &piece.rejected),
+            rejected.longest
+        ));
+    }
+    if let Some(hangs) = most(|piece| &piece.hangs).filter(|hangs| hangs.rows > 0) {
+        doubts.push(format!(
+            "`{channel}`: {} repeated before a jump, up to {} in a row, the first at {:.3} s: if the sensor hung there, --stuck 5 leaves such values out\n",
+            count(row.rows(|piece| &piece.hangs), "value"),
+            hangs.longest,
+            hangs.spans.first().map_or(0.0, |span| span[0])
         ));
     }
     doubts

@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use fleetfoot_signal::{
-    Interpolant, Interpolation, Lambda, Sections, SignalError, Smoothed, Spline, anti_alias, hampel,
+    Interpolant, Interpolation, Lambda, Sections, SignalError, Smoothed, Spline, anti_alias, better, hampel, hangs,
     noise_of_differences, reject, resampled, saturated, savitzky_golay, smooth, stuck, trend_filter,
 };
 
@@ -59,6 +59,13 @@ impl Channel<'_> {
         let mut values = if self.angle { unwrapped(self.values) } else { self.values.to_vec() };
         self.leave_out(&mut values, &mut report)?;
         let (mut derivatives, mut deviations) = match self.options.method {
+            Method::Auto(lambda) => {
+                let (spline, smoothed) = self.better(&mut values, lambda, &mut report)?;
+                let (mut derivatives, mut deviations) = self.at_rows(&values, smoothed, spline)?;
+                derivatives.truncate(1 + self.options.method.rates());
+                deviations.truncate(1 + self.options.method.rates());
+                (derivatives, deviations)
+            }
             Method::Spline(spline, lambda) => {
                 let smoothed = self.smoothed(&mut values, spline, lambda, &mut report)?;
                 self.at_rows(&values, smoothed, spline)?
@@ -90,12 +97,14 @@ impl Channel<'_> {
             missing: self.values.iter().filter(|value| value.is_nan()).count(),
             saturated: Places::default(),
             stuck: Places::default(),
+            hangs: Places::default(),
             hampel: Places::default(),
             rejected: Places::default(),
             gave_up: false,
             left_empty: Places::default(),
             lambda: None,
             lambda_at_end: false,
+            through_all: false,
             noise: None,
             smoothed: 0.0,
         }
@@ -115,6 +124,9 @@ impl Channel<'_> {
             let rows: Vec<usize> =
                 stuck(self.values, self.options.stuck).into_iter().flat_map(|run| run.skip(1)).collect();
             report.stuck = leave(values, &rows);
+        } else if self.options.method != Method::None {
+            let rows: Vec<usize> = hangs(self.values).into_iter().flat_map(|run| run.skip(1)).collect();
+            report.hangs = Places::of(&rows, self.times);
         }
         if self.options.hampel > 0 {
             let floor = noise_of_differences(values);
@@ -142,8 +154,42 @@ impl Channel<'_> {
         };
         (report.lambda, report.lambda_at_end) = (Some(smoothed.lambda), smoothed.at_end);
         report.noise = Some(smoothed.noise);
+        // The least penalty has a bandwidth of a tenth of a row.
+        report.through_all = smoothed.at_end && smoothed.freedom > 0.5 * smoothed.measured as f64;
         report.smoothed = spline.correlation_rows(smoothed.lambda, self.period(), 1.0) * self.period();
         Ok(smoothed)
+    }
+
+    /// The better of the two smoothing splines, each with the penalty that is its own and without what it rejects, judged by what both keep.
+    fn better(
+        &self,
+        values: &mut Vec<f64>,
+        lambda: Lambda,
+        report: &mut ChannelReport,
+    ) -> Result<(Spline, Smoothed), SignalError> {
+        let (mut by_quintic, mut of_quintic) = (values.clone(), report.clone());
+        let cubic = self.smoothed(values, Spline::Cubic, lambda, report)?;
+        let quintic = match self.smoothed(&mut by_quintic, Spline::Quintic, lambda, &mut of_quintic) {
+            // Three measurements make a cubic spline.
+            Err(SignalError::TooFew { .. }) => None,
+            other => Some(other?),
+        };
+        let keep = |(cubic, quintic): (&f64, &f64)| if quintic.is_nan() { f64::NAN } else { *cubic };
+        let both: Vec<f64> = values.iter().zip(&by_quintic).map(keep).collect();
+        let chosen = |quintic: &Smoothed| better(self.times, &both, [cubic.lambda, quintic.lambda], lambda);
+        let spline = match quintic.as_ref().map(chosen) {
+            None | Some(Err(SignalError::TooFew { .. })) => Spline::Cubic,
+            Some(spline) => spline?,
+        };
+        let found = match (spline, quintic) {
+            (Spline::Quintic, Some(quintic)) => {
+                (*values, *report) = (by_quintic, of_quintic);
+                (Spline::Quintic, quintic)
+            }
+            _ => (Spline::Cubic, cubic),
+        };
+        report.method = Method::Spline(found.0, lambda).word().to_owned();
+        Ok(found)
     }
 
     /// Leaves out what a spline rejects, where that is asked for.
@@ -151,6 +197,7 @@ impl Channel<'_> {
         if self.options.reject.is_some() {
             self.smoothed(values, Spline::Cubic, Lambda::Likelihood, report)?;
             (report.lambda, report.lambda_at_end, report.noise, report.smoothed) = (None, false, None, 0.0);
+            report.through_all = false;
         }
         Ok(())
     }
@@ -315,7 +362,7 @@ fn period(times: &[f64]) -> f64 {
 }
 
 /// The median step between stamps.
-fn median_step(times: &[f64]) -> f64 {
+pub(super) fn median_step(times: &[f64]) -> f64 {
     let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let middle = steps.len() / 2;
     if steps.is_empty() { 1.0 } else { *steps.select_nth_unstable_by(middle, f64::total_cmp).1 }

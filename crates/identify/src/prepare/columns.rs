@@ -4,7 +4,7 @@ use fleetfoot_data::{Column, ColumnKind};
 use fleetfoot_library::Expr;
 use fleetfoot_model::{Column as ModelColumn, Role};
 
-use super::options::{ChannelOptions, Method, check_channels};
+use super::options::{ChannelOptions, check_channels};
 use crate::{Derivative, Error, Input, InputTable, Recipe, State, problem::rate_unit};
 
 /// A column of the view, and what becomes of it.
@@ -39,7 +39,7 @@ impl Planned {
 
     /// Whether standard deviations are written.
     pub(super) fn has_deviations(&self) -> bool {
-        matches!(self.options.map(|options| options.method), Some(Method::Spline(..)))
+        self.options.is_some_and(|options| options.method.is_smoothing())
     }
 
     /// The names of the value and its derivatives.

@@ -186,7 +186,7 @@ impl Body {
                     notes.push(format!("{name}: {missing} {what} have missing values and are left out"));
                 }
             }
-            poses.push(Poses::new(seen, own.epoch, sensors.pose_average));
+            poses.push(Poses::new(seen, own.epoch, sensors.pose_average, notes));
             true
         });
         if rows.is_empty() {
@@ -199,6 +199,7 @@ impl Body {
                 "the fusion did not come to rest: state noise, delay, lever or mounting, or give longer records".into(),
             );
         }
+        notes.extend(body::doubts(&fused, rows, &sensors));
         if fused.contradicted > 0 {
             notes.push(format!(
                 "{} poses lie in stretches of which the gate left fewer than two positions or no attitude: these stretches are left out",
@@ -236,13 +237,17 @@ impl Job<'_> {
             episode: rows.name.clone(),
             rows: rows.times.len(),
             clipped: 0,
+            untold: Places::default(),
             out_of_bounds: Places::default(),
             too_short: Places::default(),
             clock: None,
             pieces: Vec::new(),
         };
-        let mut too_short = Vec::new();
+        let (mut too_short, mut untold) = (Vec::new(), Vec::new());
+        let mut end = 0;
         for (stretch, track) in self.stretches(at) {
+            untold.extend(end.min(stretch.start)..stretch.start);
+            end = stretch.end;
             let found = pieces::pieces(&rows.times[stretch.clone()], &[], self.options.clip, self.options.min_rows);
             report.clipped += found.clipped;
             too_short.extend(found.too_short.iter().map(|row| stretch.start + row));
@@ -250,6 +255,8 @@ impl Job<'_> {
                 report.pieces.push(self.piece(at, track, stretch.start + piece.start..stretch.start + piece.end)?);
             }
         }
+        untold.extend(end..rows.times.len());
+        report.untold = Places::of(&untold, &rows.times);
         report.too_short = Places::of(&too_short, &rows.times);
         Ok(report)
     }

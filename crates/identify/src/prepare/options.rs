@@ -8,11 +8,22 @@ use crate::{Error, Limits, PrepareMethod, PrepareSection, Recipe, Settings, Tuna
 /// How a channel becomes smooth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Method {
+    /// The better of the two smoothing splines.
+    Auto(Lambda),
     Spline(Spline, Lambda),
-    Trend { degree: usize, lambda: Lambda },
+    Trend {
+        degree: usize,
+        lambda: Lambda,
+    },
     Interpolate(Interpolation),
-    SavitzkyGolay { window: usize, degree: usize },
-    Butterworth { order: usize, cutoff: f64 },
+    SavitzkyGolay {
+        window: usize,
+        degree: usize,
+    },
+    Butterworth {
+        order: usize,
+        cutoff: f64,
+    },
     None,
 }
 
@@ -36,15 +47,22 @@ impl Method {
     pub(super) fn rates(self) -> usize {
         match self {
             Self::None => 0,
+            Self::Auto(_) => Spline::Cubic.states() - 1,
             Self::Spline(spline, _) => spline.states() - 1,
             Self::Trend { degree: 1, .. } | Self::Interpolate(Interpolation::ShapePreserving) => 1,
             Self::Trend { .. } | Self::Interpolate(_) | Self::SavitzkyGolay { .. } | Self::Butterworth { .. } => 2,
         }
     }
 
+    /// Whether it is a smoothing spline, which knows how sure it is.
+    pub(super) fn is_smoothing(self) -> bool {
+        matches!(self, Self::Auto(_) | Self::Spline(..))
+    }
+
     /// Its word in a recipe.
     pub(super) fn word(self) -> &'static str {
         match self {
+            Self::Auto(_) => "auto",
             Self::Spline(Spline::Cubic, _) => "cubic",
             Self::Spline(Spline::Quintic, _) => "quintic",
             Self::Trend { .. } => "trend-filter",
@@ -108,7 +126,9 @@ impl ChannelOptions {
         let method = match section.method {
             _ if !is_state && !says => PrepareMethod::None,
             None if second_order => PrepareMethod::Quintic,
-            None => PrepareMethod::Cubic,
+            // A penalty is one of s^3 or of s^5.
+            None if matches!(section.lambda, Some(Tunable::Number(_))) => PrepareMethod::Cubic,
+            None => PrepareMethod::Auto,
             Some(method) => method,
         };
         Self::read(&place, &section, method, second_order)
@@ -120,7 +140,7 @@ impl ChannelOptions {
             let allowed = "quintic, trend-filter of degree 2 or 3, not-a-knot, savitzky-golay or butterworth with second_order: an acceleration is wanted";
             return Err(refused(place, "method", method.word(), allowed));
         }
-        let by_default = if matches!(method, Method::Spline(..)) { 4.0 } else { 0.0 };
+        let by_default = if method.is_smoothing() { 4.0 } else { 0.0 };
         let is_number = |sigmas: f64| sigmas >= 0.0 && sigmas.is_finite();
         let allowed = "a number of standard deviations, zero for none";
         let reject = checked(place, "reject", section.reject.unwrap_or(by_default), is_number, allowed)?;
@@ -153,6 +173,13 @@ fn late(place: &str, section: &PrepareSection) -> Result<f64, Error> {
 
 fn read_method(place: &str, section: &PrepareSection, method: PrepareMethod) -> Result<Method, Error> {
     Ok(match method {
+        PrepareMethod::Auto => match lambda(place, section)? {
+            Lambda::Given(lambda) => {
+                let allowed = "likelihood or gcv with method = \"auto\", or say which spline it is of: method = \"cubic\" (s^3) or \"quintic\" (s^5)";
+                return Err(refused(place, "lambda", lambda, allowed));
+            }
+            by => Method::Auto(by),
+        },
         PrepareMethod::Cubic => Method::Spline(Spline::Cubic, lambda(place, section)?),
         PrepareMethod::Quintic => Method::Spline(Spline::Quintic, lambda(place, section)?),
         PrepareMethod::None => Method::None,
@@ -231,7 +258,7 @@ mod tests {
     #[test]
     fn a_channel_stands_above_the_section_and_inputs_stay_as_they_are() {
         let default = options("", "q").unwrap();
-        assert_eq!(default.method, Method::Spline(Spline::Cubic, Lambda::Likelihood));
+        assert_eq!(default.method, Method::Auto(Lambda::Likelihood));
         assert_eq!((default.reject, default.second_order, default.range), (Some(4.0), false, None));
         let section = "[prepare]\nsecond_order = true\nlambda = \"gcv\"\nreject = 0.0\nrange = [-1.0, 1.0]\n";
         let own = options(section, "q").unwrap();
@@ -244,6 +271,8 @@ mod tests {
         assert_eq!((input.method, input.second_order), (Method::Butterworth { order: 4, cutoff: 3.0 }, false));
         assert_eq!(options(&channels, "q").unwrap().method, Method::Spline(Spline::Quintic, Lambda::Given(2.5)));
         let way = |text: &str| options(text, "q").unwrap().method;
+        assert_eq!(way("[prepare]\nlambda = \"gcv\"\n"), Method::Auto(Lambda::Gcv));
+        assert_eq!(way("[prepare]\nlambda = 2.5\n"), Method::Spline(Spline::Cubic, Lambda::Given(2.5)));
         assert_eq!(way("[prepare]\nmethod = \"pchip\"\n"), Method::Interpolate(Interpolation::ShapePreserving));
         let trend = way("[prepare]\nmethod = \"trend-filter\"\nlambda = \"gcv\"\n");
         assert_eq!(trend, Method::Trend { degree: 2, lambda: Lambda::Gcv });
@@ -262,6 +291,8 @@ mod tests {
             ),
             ("[prepare]\nmethod = \"butterworth\"\n", ["cutoff", "Hz"]),
             ("[prepare]\nlambda = 0.0\n", ["lambda = 0", "gcv"]),
+            ("[prepare]\nmethod = \"auto\"\nlambda = 2.5\n", ["lambda = 2.5", "s^5"]),
+            ("[prepare]\nmethod = \"auto\"\nsecond_order = true\n", ["method = auto", "quintic"]),
             ("[prepare]\nreject = -1.0\n", ["reject = -1", "zero for none"]),
             ("[prepare]\nbounds = [2.0, 1.0]\n", ["bounds = [2, 1]", "least"]),
             ("[prepare]\nmethod = \"cubic\"\nsecond_order = true\n", ["method = cubic", "acceleration"]),

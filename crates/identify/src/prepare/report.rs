@@ -44,6 +44,9 @@ pub struct EpisodeReport {
     pub rows: usize,
     /// Rows cut off at its ends.
     pub clipped: usize,
+    /// Rows of which the sensors that are fused do not tell the state: before, between and beyond what all of them measured.
+    #[serde(skip_serializing_if = "Places::is_empty")]
+    pub untold: Places,
     /// Rows beyond the bounds of a channel, which end an episode.
     pub out_of_bounds: Places,
     /// Rows of pieces that are too short to be written.
@@ -104,6 +107,8 @@ pub struct ChannelReport {
     pub saturated: Places,
     /// Values that hang.
     pub stuck: Places,
+    /// Values that are repeated before a jump, as of a sensor that hangs; they are not left out.
+    pub hangs: Places,
     /// Values off the median of their neighbours.
     pub hampel: Places,
     /// Values off the curve.
@@ -116,6 +121,8 @@ pub struct ChannelReport {
     pub lambda: Option<f64>,
     /// Whether the penalty is at an end of what was searched.
     pub lambda_at_end: bool,
+    /// Whether the penalty is the least that was searched, so that the curve goes through every value.
+    pub through_all: bool,
     /// Standard deviation of a measurement about the curve.
     pub noise: Option<f64>,
     /// Seconds over which neighbouring rows share smoothed values.

@@ -8,6 +8,8 @@ use super::settings::{Tunable, settings};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum PrepareMethod {
+    /// The cubic or the quintic smoothing spline, whichever the state is more like: value and rate, with standard deviations.
+    Auto,
     /// The cubic smoothing spline: value and rate, with standard deviations.
     Cubic,
     /// The quintic smoothing spline: value, rate and acceleration, with standard deviations.
@@ -46,18 +48,18 @@ settings! {
     prepare, |_, _| {};
     /// How channels are prepared. Every entry is the flag of `prepare` of the same name.
     pub struct PrepareSection {
-        /// How states become smooth (default: cubic; quintic with --second-order). Inputs stay as they are unless `[channels.NAME]` says how.
+        /// How states become smooth (default: auto; quintic with --second-order). Inputs stay as they are unless `[channels.NAME]` says how.
         #[arg(long, value_enum, value_name = "METHOD")]
         pub method: PrepareMethod,
         /// A state's rate is a state too, and its acceleration is what is fitted: for positions whose rates nobody measured (default: false).
         #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
         pub second_order: bool,
         /// The penalty of a spline, in s^3 (cubic) or s^5 (quintic), or of trend-filter, in units of the state times s^degree, or what it is chosen by: likelihood or gcv
-        /// (default: likelihood).
+        /// (default: likelihood). A number without a method is of the cubic spline.
         #[arg(long, value_name = "VALUE|RULE", allow_negative_numbers = true)]
         pub lambda: Tunable,
-        /// Values further off the curve than so many standard deviations are left out, again and again until there are none; 0 for none (default: 4 for cubic and
-        /// quintic, 0 for the others).
+        /// Values further off the curve than so many standard deviations are left out, again and again until there are none; 0 for none (default: 4 for smoothing
+        /// splines, 0 for the others).
         #[arg(long, value_name = "SIGMAS", allow_negative_numbers = true)]
         pub reject: f64,
         /// Values further off the median of so many rows on either side than six robust standard deviations are left out first; 0 for none (default: 0).

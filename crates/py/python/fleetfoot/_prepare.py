@@ -107,8 +107,9 @@ def prepare(
         "motion": ["speed", "turning"]}}``, two channels that saw one motion, by the reference clock and by this one.
         ``wave`` in place of ``motion`` for a square wave; ``offset`` in seconds, ``reach`` about it.
     method : str, optional
-        How states become smooth: the smoothing splines ``"cubic"`` (the default) and ``"quintic"`` (that with
-        ``second_order``), ``"trend-filter"``, the curves through every measurement ``"not-a-knot"`` and ``"pchip"``,
+        How states become smooth: the smoothing splines ``"cubic"`` and ``"quintic"`` (that with ``second_order``),
+        ``"auto"`` for whichever of the two the state is more like (the default; the cubic one where ``lam`` is a
+        number), ``"trend-filter"``, the curves through every measurement ``"not-a-knot"`` and ``"pchip"``,
         ``"savitzky-golay"``, ``"butterworth"``, ``"none"``. Inputs stay as they are unless ``channels`` says how.
     second_order : bool, optional
         A state's rate is a state too, and its acceleration is what is fitted (``False``).
@@ -117,7 +118,7 @@ def prepare(
         s^degree, or what it is chosen by (``"likelihood"``).
     reject : float, optional
         Values further off the curve than so many standard deviations are left out, again and again until there are
-        none; 0 for none (4 for cubic and quintic, 0 for the others).
+        none; 0 for none (4 for smoothing splines, 0 for the others).
     hampel : int, optional
         Values off the median of so many rows on either side by more than six robust standard deviations are left out
         first; 0 for none (0).

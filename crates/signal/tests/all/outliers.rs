@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use fleetfoot_signal::{Lambda, Spline, hampel, noise_of_differences, reject, saturated, smooth, stuck};
+use fleetfoot_signal::{Lambda, Spline, hampel, hangs, noise_of_differences, reject, saturated, smooth, stuck};
 
 use crate::common::{normal, uniform};
 
@@ -39,6 +39,28 @@ fn gross_errors_are_rejected_and_good_rows_kept() {
             let again = smooth(&times, &left, None, spline, Lambda::Given(found.smoothed.lambda)).unwrap();
             let apart = again.derivatives[1].iter().zip(&found.smoothed.derivatives[1]).map(|(a, b)| (a - b).abs());
             assert!(apart.fold(0.0, f64::max) < 1e-9);
+        }
+    }
+}
+
+/// Errors in a row that are alike, as of a marker that was taken for another: they are left out, and not the good rows about them, which stand out of a curve that was bent to the errors.
+#[test]
+fn a_burst_is_left_out_and_not_what_surrounds_it() {
+    for (seed, length, size) in [(1, 30, 0.5), (2, 12, -0.3), (3, 40, 2.0)] {
+        let times: Vec<f64> = (0..ROWS).map(|row| 0.01 * row as f64).collect();
+        let motion = |t: &f64| (0.7 * t).sin() + 0.5 * (2.3 * t).cos();
+        let wrong = 2000..2000 + length;
+        let error = |row: usize| if wrong.contains(&row) { size } else { 0.0 };
+        let value = |(t, row): (&f64, usize)| motion(t) + 0.01 * normal(seed, row as u64) + error(row);
+        let values: Vec<f64> = times.iter().zip(0..).map(value).collect();
+        for spline in [Spline::Cubic, Spline::Quintic] {
+            let found = reject(&times, &values, None, spline, Lambda::Likelihood, 4.0).unwrap();
+            let missed = wrong.clone().filter(|row| !found.rows.contains(row)).count();
+            let lost = found.rows.iter().filter(|row| !wrong.contains(row)).count();
+            assert!(missed == 0 && lost <= 2, "{spline:?}, {length} rows: {missed} missed, {lost} lost");
+            let off = |row: usize| (found.smoothed.derivatives[0][row] - motion(&times[row])).abs();
+            let worst = wrong.clone().map(|row| off(row) / found.smoothed.deviations[0][row]).fold(0.0, f64::max);
+            assert!(worst < 5.0, "{spline:?}, {length} rows: {worst} deviations off");
         }
     }
 }
@@ -111,4 +133,21 @@ fn stuck_and_saturated_stretches_have_their_places() {
     assert_eq!(stuck(&values, 3).first(), Some(&(1..5)));
     assert!(stuck(&[], 1).is_empty());
     assert_eq!(saturated(&values, 0.0, 5.0), [0, 10, 11, 12]);
+}
+
+/// A sensor that hangs while the machine moves on is told from one that is at rest, from the steps of a coarse one, and from a channel that is held between its samples.
+#[test]
+fn what_hangs_is_told_from_what_rests() {
+    let motion = |row: usize| (0.01 * row as f64).sin();
+    let noisy: Vec<f64> = (0..1000).map(|row| motion(row) + 1e-3 * normal(8, row as u64)).collect();
+    assert!(hangs(&noisy).is_empty());
+    let mut hung = noisy.clone();
+    hung[300..400].fill(noisy[300]);
+    assert_eq!(hangs(&hung), [300..400]);
+    let coarse: Vec<f64> = (0..1000).map(|row| (50.0 * motion(row)).round() / 50.0).collect();
+    assert!(hangs(&coarse).is_empty());
+    let held: Vec<f64> = (0..1000).map(|row| noisy[row / 10 * 10]).collect();
+    assert!(hangs(&held).is_empty(), "{:?}", hangs(&held));
+    let rests: Vec<f64> = (0..1000).map(|row| if row < 500 { 0.0 } else { motion(row - 500) }).collect();
+    assert!(hangs(&rests).is_empty() && hangs(&[1.0; 50]).is_empty() && hangs(&[]).is_empty());
 }

@@ -1,6 +1,6 @@
 //! Smoothing splines.
 
-use fleetfoot_signal::{Lambda, SignalError, Smoothed, Spline, reject, smooth};
+use fleetfoot_signal::{Lambda, SignalError, Smoothed, Spline, better, reject, smooth};
 use proptest::prelude::*;
 
 use crate::{
@@ -257,4 +257,102 @@ fn an_oscillation_is_not_taken_for_noise() {
             );
         }
     }
+}
+
+/// What tells a cubic from a quintic channel: motions that are draws of either prior, seen with noise, are taken for what they are, and a smooth one for a quintic spline.
+#[test]
+fn the_better_spline_is_the_one_that_a_motion_is_drawn_from() {
+    let (rows, period) = (2000, 0.01);
+    let times: Vec<f64> = (0..rows).map(|row| period * f64::from(row)).collect();
+    let choose = |values: &[f64], by: Lambda| {
+        let lambda = |spline| smooth(&times, values, None, spline, by).unwrap().lambda;
+        better(&times, values, [lambda(Spline::Cubic), lambda(Spline::Quintic)], by).unwrap()
+    };
+    for seed in 0..10 {
+        // Chains of integrators: the last number moves by white noise.
+        let walk = |order: usize, force: f64| -> Vec<f64> {
+            let mut state = [0.0; 3];
+            (0..rows as u64)
+                .map(|row| {
+                    for k in 0..order - 1 {
+                        state[k] += period * state[k + 1];
+                    }
+                    state[order - 1] += force * period.sqrt() * normal(60 + seed, row);
+                    state[0] + 0.01 * normal(90 + seed, row)
+                })
+                .collect()
+        };
+        assert_eq!(choose(&walk(2, 1.0), Lambda::Likelihood), Spline::Cubic, "{seed}");
+        assert_eq!(choose(&walk(3, 10.0), Lambda::Likelihood), Spline::Quintic, "{seed}");
+        let smooth: Vec<f64> =
+            times.iter().zip(0..).map(|(t, row)| (2.0 * t).sin() + 0.01 * normal(120 + seed, row)).collect();
+        for by in [Lambda::Likelihood, Lambda::Gcv] {
+            assert_eq!(choose(&smooth, by), Spline::Quintic, "{seed}");
+        }
+    }
+    let short = [0.0, 1.0, 0.5];
+    assert!(matches!(
+        better(&[0.0, 1.0, 2.0], &short, [1.0, 1.0], Lambda::Likelihood),
+        Err(SignalError::TooFew { found: 3, needed: 4 })
+    ));
+}
+
+/// The density that compares the splines, against that of a dense normal distribution: covariances of the process from a start of great variance, conditioned on the first three measurements.
+#[test]
+fn the_better_spline_has_the_greater_dense_density() {
+    let times: Vec<f64> = (0..14).map(|row| 0.1 * (f64::from(row) + 0.4 * uniform(7, row as u64))).collect();
+    for seed in 0..20 {
+        let mut values: Vec<f64> =
+            times.iter().zip(0..).map(|(t, row)| (4.0 * t).sin() + 0.1 * normal(200 + seed, row)).collect();
+        values[1] = f64::NAN;
+        let lambdas =
+            [0.5e-3 * 10.0_f64.powf(2.0 * uniform(300, seed)), 0.5e-4 * 10.0_f64.powf(3.0 * uniform(301, seed))];
+        let densities = [surprise(&times, &values, 2, lambdas[0]), surprise(&times, &values, 3, lambdas[1])];
+        // Where they differ by little a start of great variance is no vague one.
+        if (densities[0] - densities[1]).abs() < 1e-2 {
+            continue;
+        }
+        let expected = if densities[1] < densities[0] { Spline::Quintic } else { Spline::Cubic };
+        assert_eq!(better(&times, &values, lambdas, Lambda::Likelihood).unwrap(), expected, "{seed}: {densities:?}");
+    }
+}
+
+/// Minus twice the logarithm of the density of the measurements behind the first three, given these, the variance profiled out, up to a constant: by conditional covariances of all measured rows.
+fn surprise(times: &[f64], values: &[f64], order: i32, lambda: f64) -> f64 {
+    let rows: Vec<usize> = (0..times.len()).filter(|&row| !values[row].is_nan()).collect();
+    let factorial = |n: i32| (1..=n).map(f64::from).product::<f64>();
+    // The integral of (s - u)^(m-1) (t - u)^(m-1) / (m-1)!^2 over u from 0 to the earlier, by Boole's rule, which is exact to degree five.
+    let covariance = |s: f64, t: f64| {
+        let f = |u: f64| (s - u).powi(order - 1) * (t - u).powi(order - 1) / factorial(order - 1).powi(2);
+        let end = s.min(t);
+        let at = |quarter: f64| f(0.25 * quarter * end);
+        let own = end / 90.0 * (7.0 * at(0.0) + 32.0 * at(1.0) + 12.0 * at(2.0) + 32.0 * at(3.0) + 7.0 * at(4.0));
+        let start: f64 = (0..order).map(|k| 1e6 * (s * t).powi(k)).sum();
+        own + start * lambda
+    };
+    let n = rows.len();
+    // Variances in units of that of an error: the process has one over lambda.
+    let mut k = vec![vec![0.0; n]; n];
+    for (a, &i) in rows.iter().enumerate() {
+        for (b, &j) in rows.iter().enumerate() {
+            k[a][b] = covariance(times[i], times[j]) / lambda + if a == b { 1.0 } else { 0.0 };
+        }
+    }
+    // Cholesky's factor row by row: its diagonal and the solution are the innovations in order.
+    let (mut squares, mut logarithms) = (0.0, 0.0);
+    let mut l = vec![vec![0.0; n]; n];
+    let mut white = vec![0.0; n];
+    for a in 0..n {
+        for b in 0..=a {
+            let sum: f64 = (0..b).map(|c| l[a][c] * l[b][c]).sum();
+            l[a][b] = if a == b { (k[a][a] - sum).sqrt() } else { (k[a][b] - sum) / l[b][b] };
+        }
+        let sum: f64 = (0..a).map(|c| l[a][c] * white[c]).sum();
+        white[a] = (values[rows[a]] - sum) / l[a][a];
+        if a >= 3 {
+            squares += white[a] * white[a];
+            logarithms += 2.0 * l[a][a].ln();
+        }
+    }
+    (n - 3) as f64 * f64::ln(squares) + logarithms
 }

@@ -4,16 +4,29 @@ use std::path::{Path, PathBuf};
 
 use fleetfoot_signal::{
     Spline,
-    fuse::{BodyRun, BodyTrack, Fused, ImuRecord, PoseRecord, fuse_from},
+    fuse::{BodyRun, BodyState, BodyTrack, Fused, ImuRecord, PoseRecord, fuse_from},
+    hangs,
 };
 
 use super::{
-    super::{BodyReport, Places, RejectedPoses},
+    super::{BodyReport, Places, RejectedPoses, channel::median_step},
     kept::Kept,
     rows::LogRows,
     sensors::Sensors,
 };
 use crate::Error;
+
+/// How far a quaternion's length may be from one before that is told.
+const LENGTH: f64 = 0.01;
+
+/// The square of the length of a quaternion below which it is none.
+const NONE: f64 = 1e-6;
+
+/// A bias of an accelerometer, m/s^2, and of a gyroscope, rad/s, that no sensor has which works.
+const BIASES: [f64; 2] = [1.0, 0.3];
+
+/// How much noisier than by themselves readings may be beside the poses before it is told that they contradict each other.
+const NOISIER: f64 = 20.0;
 
 /// The poses of a log, in seconds after the first of its readings.
 pub(super) struct Poses {
@@ -23,16 +36,90 @@ pub(super) struct Poses {
 }
 
 impl Poses {
-    /// `seen` has positions as its vectors, and the parts of quaternions as its columns; each pose is the mean of so many seconds before its stamp.
-    pub(super) fn new(seen: LogRows, epoch: i64, average: f64) -> Self {
+    /// `seen` has positions as its vectors, and the parts of quaternions as its columns; each pose is the mean of so many seconds before its stamp. What a camera says that does not see the body is no pose: a quaternion of zeros, or the
+    /// last pose again and again until the body is seen elsewhere. It is left out, and told in `notes`.
+    pub(super) fn new(seen: LogRows, epoch: i64, average: f64, notes: &mut Vec<String>) -> Self {
+        let (log, rows) = (seen.log.display(), seen.times.len());
         let apart = (seen.epoch - epoch) as f64 * 1e-9 - 0.5 * average;
-        let part = |row: usize| std::array::from_fn(|i| seen.columns[i][row]);
+        let part = |row: usize| -> [f64; 4] { std::array::from_fn(|i| seen.columns[i][row]) };
+        let attitudes: Vec<[f64; 4]> = (0..rows).map(part).collect();
+        let positions = seen.vectors.into_iter().next().unwrap_or_default();
+        let squares: Vec<f64> =
+            attitudes.iter().map(|parts| parts.iter().map(|part| part * part).sum::<f64>()).collect();
+        let is_none = |row: usize| squares[row] < NONE;
+        let mut hung = vec![false; rows];
+        for axis in 0..3 {
+            let own: Vec<f64> = positions.iter().map(|position| position[axis]).collect();
+            // The first of equal poses was measured; an axis along which the body hardly moves may repeat itself alone.
+            let again = hangs(&own).into_iter().flat_map(|run| run.skip(1));
+            again.filter(|&row| positions[row] == positions[row - 1]).for_each(|row| hung[row] = true);
+        }
+        let count = |is: &dyn Fn(usize) -> bool| (0..rows).filter(|&row| is(row)).count();
+        let (none, stuck) = (count(&is_none), count(&|row| hung[row] && !is_none(row)));
+        if none > 0 {
+            notes.push(format!(
+                "{log}: {none} poses have a quaternion of zeros, as where the body was not seen, and are left out"
+            ));
+        }
+        if stuck > 0 {
+            notes.push(format!(
+                "{log}: {stuck} poses repeat the one before them until the body is elsewhere at once, as where it was not seen, and are left out"
+            ));
+        }
+        let kept = |row: &usize| !is_none(*row) && !hung[*row];
+        let lengths: Vec<f64> = (0..rows).filter(kept).map(|row| squares[row].sqrt()).collect();
+        let off = lengths.iter().filter(|length| (*length - 1.0).abs() > LENGTH).count();
+        if off > 0 {
+            let low = lengths.iter().copied().fold(f64::INFINITY, f64::min);
+            let high = lengths.iter().copied().fold(0.0, f64::max);
+            notes.push(format!(
+                "{log}: quaternions of {off} poses are not of length 1 ({low:.3} to {high:.3}), and are brought to it: check that the channels are its parts x, y, z, w"
+            ));
+        }
         Self {
-            attitudes: (0..seen.times.len()).map(part).collect(),
-            stamps: seen.times.into_iter().map(|time| time + apart).collect(),
-            positions: seen.vectors.into_iter().next().unwrap_or_default(),
+            stamps: (0..rows).filter(kept).map(|row| seen.times[row] + apart).collect(),
+            positions: (0..rows).filter(kept).map(|row| positions[row]).collect(),
+            attitudes: (0..rows).filter(kept).map(|row| attitudes[row]).collect(),
         }
     }
+}
+
+/// What fusion found that no body and no sensor is like: units, signs and frames are wrong then, and the motion that is written is, too.
+pub(super) fn doubts(fused: &Fused, rows: &[LogRows], sensors: &Sensors) -> Vec<String> {
+    let mut doubts = Vec::new();
+    let states = || fused.tracks.iter().flat_map(|track| &track.states);
+    // What a bias is at least.
+    let bias = |of: fn(&BodyState) -> [f64; 3], deviation: usize| {
+        let least = |state: &BodyState| {
+            let axes = of(state).into_iter().zip(&state.deviations[deviation..]);
+            axes.map(|(bias, deviation)| bias.abs() - 3.0 * deviation).fold(0.0, f64::max)
+        };
+        states().map(least).fold(0.0, f64::max)
+    };
+    let force = if sensors.has_forces() { bias(|state| state.accelerometer_bias, 12) } else { 0.0 };
+    if force > BIASES[0] {
+        doubts.push(format!(
+            "the accelerometer would have a bias of {force:.1} m/s^2 and more: check that its channels are the specific force in m/s^2, which at rest is 9.8 and points up, gravity included"
+        ));
+    }
+    let rate = bias(|state| state.gyro_bias, 9);
+    if rate > BIASES[1] {
+        doubts.push(format!(
+            "the gyroscope would have a bias of {rate:.2} rad/s and more: check that its channels are in rad/s, and that the poses' quaternions are x, y, z, w of the markers' frame to the world"
+        ));
+    }
+    let noise = &fused.noise.imu;
+    let told = |axis: &usize| sensors.options.fit_noise && fused.noise_deviations.imu.scatter[0][*axis].is_finite();
+    // A density as the readings have it, of the log that is read least often.
+    let period = rows.iter().map(|rows| median_step(&rows.times)).fold(0.0, f64::max);
+    let noisier = |axis: usize| noise.gyro[axis] / (noise.scatter[0][axis] * period.sqrt());
+    let most = (0..3).filter(told).map(noisier).fold(0.0, f64::max);
+    if most > NOISIER {
+        doubts.push(format!(
+            "beside the poses the gyroscope is {most:.0} times as noisy as its readings are by themselves: check its unit (rad/s), the order of the poses' quaternion (x, y, z, w) and its direction (the markers' frame to the world), the mounting, and the clocks"
+        ));
+    }
+    doubts
 }
 
 /// The readings of a log, which are means over so many seconds.
