@@ -212,7 +212,10 @@ fn what_a_person_should_look_at_is_told() {
     };
     write(&|row, x| if (1000..1030).contains(&row) { x + 0.5 } else { x });
     let out = said(&[]).ok().out;
-    assert!(out.contains("of 30 rejected values up to 30 follow one another") && out.contains("--reject 0"), "{out}");
+    assert!(
+        out.contains("of 30 rejected values up to 30 follow one another: a burst") && out.contains("--reject 0"),
+        "{out}"
+    );
     let hung = std::cell::Cell::new(0.0);
     let hang = |row: usize, x: f64| {
         if !(1000..1200).contains(&row) {

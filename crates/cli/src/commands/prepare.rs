@@ -117,7 +117,7 @@ fn to_text(report: &PrepareReport) -> String {
     let doubts: String = rows.iter().flat_map(|(channel, row)| doubts(channel, row)).collect();
     let channels = if rows.is_empty() { String::new() } else { format!("{}\n", table(&header, cells)) };
     format!(
-        "{} rows of {}{ends}\n{} rows in {} written, smoothed over {} at most\n{channels}{}{}{}{}{}{doubts}",
+        "{} rows of {}{ends}\n{} rows in {} written, smoothed over {} at most\n{channels}{}{}{}{}{}{}{doubts}",
         report.rows,
         count(report.episodes.len(), "episode"),
         report.written,
@@ -128,6 +128,7 @@ fn to_text(report: &PrepareReport) -> String {
         topics(&rows),
         clocks(report),
         report.clocks.iter().map(aligned).collect::<String>(),
+        left_out(report),
     )
 }
 
@@ -299,6 +300,39 @@ fn aligned(own: &AlignedClock) -> String {
 /// Rejected values in a row from which on they are no single gross errors.
 const BURST: usize = 5;
 
+/// A line of what is left out in a row, if it is.
+fn burst(of: &str, what: &str, all: usize, longest: &Places, mend: &str) -> Option<String> {
+    (longest.longest >= BURST).then(|| {
+        format!(
+            "{of}: of {all} {what} up to {} follow one another: a burst of errors, or motion that the curve does not follow, as an impact or a slip; --json has the places, {mend}\n",
+            longest.longest
+        )
+    })
+}
+
+/// What a person should look at of what fusion left out.
+fn left_out(report: &PrepareReport) -> String {
+    let most =
+        |places: &mut dyn Iterator<Item = &Places>| places.max_by_key(|own| own.longest).cloned().unwrap_or_default();
+    let rows = |places: &mut dyn Iterator<Item = &Places>| places.map(|own| own.rows).sum();
+    let of_body = report.body.iter().flat_map(|body| {
+        let positions = || body.rejected.iter().map(|log| &log.positions);
+        let attitudes = || body.rejected.iter().map(|log| &log.attitudes);
+        let mend = "gate = 0 of [body] leaves out none";
+        [
+            burst("body", "positions left out", rows(&mut positions()), &most(&mut positions()), mend),
+            burst("body", "attitudes left out", rows(&mut attitudes()), &most(&mut attitudes()), mend),
+        ]
+    });
+    let of_joints = report.joints.iter().flat_map(|joint| joint.sensors.iter().map(move |sensor| (joint, sensor)));
+    let of_joints = of_joints.map(|(joint, sensor)| {
+        let mend = format!("gate = 0 of [joint.{}] leaves out none", joint.joint);
+        let (all, longest) = (rows(&mut sensor.rejected.iter()), most(&mut sensor.rejected.iter()));
+        burst(&format!("`{}` of {}", sensor.sensor, joint.joint), "readings left out", all, &longest, &mend)
+    });
+    of_body.chain(of_joints).flatten().collect()
+}
+
 /// What a person should look at.
 fn doubts(channel: &str, row: &Row<'_>) -> Vec<String> {
     let pieces = |is: fn(&ChannelReport) -> bool| row.pieces.iter().filter(|piece| is(piece)).count();
@@ -326,12 +360,9 @@ fn doubts(channel: &str, row: &Row<'_>) -> Vec<String> {
             count(at_end, "piece")
         ));
     }
-    if let Some(rejected) = most(|piece| &piece.rejected).filter(|rejected| rejected.longest >= BURST) {
-        doubts.push(format!(
-            "`{channel}`: of {} rejected values up to {} follow one another: a burst of errors, or motion that no smooth curve follows, as an impact; --json has the places, --reject 0 keeps all values\n",
-            row.rows(|piece| &piece.rejected),
-            rejected.longest
-        ));
+    if let Some(rejected) = most(|piece| &piece.rejected) {
+        let all = row.rows(|piece| &piece.rejected);
+        doubts.extend(burst(&format!("`{channel}`"), "rejected values", all, rejected, "--reject 0 keeps all values"));
     }
     if let Some(hangs) = most(|piece| &piece.hangs).filter(|hangs| hangs.rows > 0) {
         doubts.push(format!(

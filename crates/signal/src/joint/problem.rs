@@ -28,6 +28,9 @@ const LEAST: f64 = 1e-8;
 /// The share of a constant's column that is left when the states have explained what they can, below which rounding is all that is left.
 const DETERMINED: f64 = 1e-9;
 
+/// What is said where the gate leaves too few readings.
+const CONTRADICTED: &str = "more than half of the readings of a sensor lie beyond the gate of what the others tell: check clocks, signs and units, or state greater noise";
+
 /// A change of a weight that is one.
 const WEIGHT: f64 = 1e-3;
 
@@ -184,6 +187,10 @@ impl<'a> Problem<'a> {
     /// Smooths all runs.
     pub(super) fn passes(&self) -> Result<Vec<Pass>, SignalError> {
         let runs = self.told();
+        // The gate may have left out all that tells where the joint is.
+        if runs.iter().any(|&run| !self.smoother(run, None).is_determined()) {
+            return Err(SignalError::NotFused { problem: CONTRADICTED });
+        }
         let passes = self.each(runs.len(), |at| self.pass(runs[at]));
         if passes.iter().any(|pass| !pass.squares.is_finite()) {
             return Err(SignalError::NotFused {
@@ -474,9 +481,7 @@ impl<'a> Problem<'a> {
         };
         match (0..self.variances.len()).any(rare) {
             false => Ok(()),
-            true => Err(SignalError::NotFused {
-                problem: "more than half of the readings of a sensor lie beyond the gate of what the others tell: check clocks, signs and units, or state greater noise",
-            }),
+            true => Err(SignalError::NotFused { problem: CONTRADICTED }),
         }
     }
 

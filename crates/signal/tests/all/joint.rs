@@ -476,6 +476,32 @@ fn what_cannot_be_fused_is_told() {
     ));
 }
 
+/// A rate of the other sign contradicts every position: that is told, and was an end of the program where no reading was left.
+#[test]
+fn a_rate_of_the_other_sign_is_told() {
+    let (w, size, phase) = ([0.7, 2.3, 5.1], [1.0, 0.5, 0.1], [0.3, 1.1, 2.0]);
+    let motion = |t: f64| (0..3).map(|k| size[k] * f64::sin(w[k] * t + phase[k])).sum::<f64>();
+    let rate = |t: f64| (0..3).map(|k| size[k] * w[k] * f64::cos(w[k] * t + phase[k])).sum::<f64>();
+    let stamps = |rows: u32, period: f64| -> Vec<f64> { (0..rows).map(|row| period * f64::from(row)).collect() };
+    let (often, seldom) = (stamps(30_000, 0.002), stamps(6000, 0.01));
+    for seed in 0..3 {
+        let positions: Vec<f64> =
+            seldom.iter().zip(0..).map(|(t, row)| motion(*t) + 2e-3 * normal(50 + seed, row)).collect();
+        let rates: Vec<f64> = often.iter().zip(0..).map(|(t, row)| -rate(*t) + 0.02 * normal(60 + seed, row)).collect();
+        let records =
+            vec![JointRecord { times: &seldom, values: &positions }, JointRecord { times: &often, values: &rates }];
+        let options = JointOptions::new([Quantity::Position, Quantity::Rate].map(JointSensor::new).to_vec());
+        match fuse_joint(&[JointRun { records, at: &[] }], &options) {
+            Err(SignalError::NotFused { problem }) => {
+                assert!(problem.contains("check clocks, signs and units"), "{problem}")
+            }
+            Err(other) => panic!("{other}"),
+            // What the command tells of.
+            Ok(fused) => assert!(fused.sensors.iter().any(|own| own.noise > 3.0 * own.alone), "{fused:?}"),
+        }
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
