@@ -228,6 +228,10 @@ fn what_a_person_should_look_at_is_told() {
     assert!(out.contains("200 values repeated before a jump") && out.contains("--stuck 5"), "{out}");
     let out = said(&["--stuck", "5"]).ok().out;
     assert!(!out.contains("repeated before a jump") && !out.contains("follow one another"), "{out}");
+    // What rests has no noise, which is another thing than a curve that takes noise for motion.
+    write(&|_, _| 1.5);
+    let out = said(&[]).ok().out;
+    assert!(out.contains("without noise, at rest") && !out.contains("goes through every value"), "{out}");
     fs::remove_dir_all(path.join("clean")).expect("a folder");
     said(&["--min-rows", "5000"]).fails(&["long enough"]);
     assert!(!path.join("clean").exists());

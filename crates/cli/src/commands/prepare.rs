@@ -31,8 +31,9 @@ pub(crate) fn prepare(arguments: &Prepare, context: &Context) -> Result<(), Erro
     context.print(prepared.to_json(), || to_text(&prepared.report));
     let folder = arguments.output.display();
     context.say(format!(
-        "wrote {} and its recipe in {folder}; next: fleetfoot fit sindy -c {} {folder}",
+        "wrote {} and {} recipe in {folder}; next: fleetfoot fit sindy -c {} {folder}",
         count(prepared.files.len(), "clean episode"),
+        if prepared.files.len() == 1 { "its" } else { "their" },
         prepared.recipe.display()
     ));
     Ok(())

@@ -154,8 +154,9 @@ impl Channel<'_> {
         };
         (report.lambda, report.lambda_at_end) = (Some(smoothed.lambda), smoothed.at_end);
         report.noise = Some(smoothed.noise);
-        // The least penalty has a bandwidth of a tenth of a row.
-        report.through_all = smoothed.at_end && smoothed.freedom > 0.5 * smoothed.measured as f64;
+        // The least penalty has a bandwidth of a tenth of a row. What rests has no noise under any.
+        let spends_all = smoothed.freedom > 0.5 * smoothed.measured as f64;
+        report.through_all = smoothed.at_end && spends_all && smoothed.noise > 0.0;
         report.smoothed = spline.correlation_rows(smoothed.lambda, self.period(), 1.0) * self.period();
         Ok(smoothed)
     }
