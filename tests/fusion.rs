@@ -217,13 +217,14 @@ fn write_body(path: &Path, rows: usize) {
     write_wrong(path, rows, &|_, _| {}, &|_, _, _| {});
 }
 
-/// The same with rates and forces, and with positions and quaternions at a second, as somebody's log has them.
-fn write_wrong(
-    path: &Path,
-    rows: usize,
-    read: &dyn Fn(&mut [f64; 3], &mut [f64; 3]),
-    see: &dyn Fn(f64, &mut [f64; 3], &mut [f64; 4]),
-) {
+/// What is done to rates and forces.
+type Read<'a> = &'a dyn Fn(&mut [f64; 3], &mut [f64; 3]);
+
+/// What is done to positions and quaternions at a second.
+type See<'a> = &'a dyn Fn(f64, &mut [f64; 3], &mut [f64; 4]);
+
+/// The same with readings and poses as somebody's log has them.
+fn write_wrong(path: &Path, rows: usize, read: Read<'_>, see: See<'_>) {
     let mut writer = McapWriter::create(path, &McapOptions::default()).unwrap();
     let imu = writer.channel::<Imu<'_>>("/imu").unwrap();
     let pose = writer.channel::<PoseStamped<'_>>("/mocap").unwrap();
@@ -541,8 +542,6 @@ fn wrong_units_and_frames_are_told() {
     let seen = |_: f64, _: &mut [f64; 3], _: &mut [f64; 4]| {};
     let first_w = |_: f64, _: &mut [f64; 3], own: &mut [f64; 4]| own.rotate_right(1);
     let world_to_body = |_: f64, _: &mut [f64; 3], own: &mut [f64; 4]| own[3] = -own[3];
-    type Read<'a> = &'a dyn Fn(&mut [f64; 3], &mut [f64; 3]);
-    type See<'a> = &'a dyn Fn(f64, &mut [f64; 3], &mut [f64; 4]);
     // It takes some seconds to know a bias.
     let cases: [(Read<'_>, See<'_>, usize, &str); 4] = [
         (&degrees, &seen, SHORT, "rad/s"),
@@ -596,7 +595,7 @@ fn poses_that_are_none_are_left_out() {
         rows.stamps.iter().zip(x).map(off).fold(0.0, f64::max)
     };
     for (see, words) in [
-        (&zeros as &dyn Fn(f64, &mut [f64; 3], &mut [f64; 4]), "50 poses have a quaternion of zeros"),
+        (&zeros as See<'_>, "50 poses have a quaternion of zeros"),
         (&again, "50 poses repeat the one before"),
         (&long, "400 poses are not of length 1 (1.4"),
     ] {

@@ -27,7 +27,8 @@ fn jitter_is_removed_and_gaps_are_kept() {
 fn late_stamps_are_no_missing_samples() {
     let (rows, period) = (4000_u64, 0.01);
     let count = |row: u64| row + u64::from(row >= 1000) + 137 * u64::from(row >= 3000);
-    let late: [(&str, fn(u64) -> f64); 4] = [
+    type Late = fn(u64) -> f64;
+    let late: [(&str, Late); 4] = [
         ("normal", |row| 0.3 * normal(31, row).clamp(-3.5, 3.5)),
         ("half normal", |row| 0.2 * normal(32, row).abs()),
         ("uniform", |row| 0.9 * uniform(33, row)),

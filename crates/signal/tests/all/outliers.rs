@@ -143,7 +143,7 @@ fn what_hangs_is_told_from_what_rests() {
     assert!(hangs(&noisy).is_empty());
     let mut hung = noisy.clone();
     hung[300..400].fill(noisy[300]);
-    assert_eq!(hangs(&hung), [300..400]);
+    assert!(matches!(&hangs(&hung)[..], [run] if *run == (300..400)));
     let coarse: Vec<f64> = (0..1000).map(|row| (50.0 * motion(row)).round() / 50.0).collect();
     assert!(hangs(&coarse).is_empty());
     let held: Vec<f64> = (0..1000).map(|row| noisy[row / 10 * 10]).collect();
