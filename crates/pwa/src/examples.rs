@@ -49,9 +49,15 @@ pub(crate) struct Chunk {
 }
 
 impl Chunk {
-    fn new(columns: &[Vec<f64>], (d, p, q): Shape, (centre, scale): (&[f64], &[f64]), range: Range<usize>) -> Self {
+    /// Rows of columns (partition columns, regressors, targets, and the weight where there are weights).
+    pub(crate) fn new<C: AsRef<[f64]>>(
+        columns: &[C],
+        (d, p, q): Shape,
+        (centre, scale): (&[f64], &[f64]),
+        range: Range<usize>,
+    ) -> Self {
         let n = range.len();
-        let part: Vec<&[f64]> = columns.iter().map(|column| &column[range.clone()]).collect();
+        let part: Vec<&[f64]> = columns.iter().map(|column| &column.as_ref()[range.clone()]).collect();
         let (z, rest) = part.split_at(d);
         let (regression, weights) = rest.split_at(p + q);
         let standard = |(column, (centre, scale)): (&&[f64], (&f64, &f64))| {
@@ -70,10 +76,29 @@ impl Chunk {
         chunk
     }
 
+    /// Partition columns alone.
+    pub(crate) fn places(columns: &[&[f64]], (centre, scale): (&[f64], &[f64]), rows: usize) -> Self {
+        let standard = |(column, (centre, scale)): (&&[f64], (&f64, &f64))| {
+            column.iter().map(|value| (value - centre) / scale).collect::<Vec<f64>>()
+        };
+        let z = columns.iter().zip(centre.iter().zip(scale)).flat_map(standard).collect();
+        Self { z, x: Vec::new(), y: Vec::new(), work: Vec::new(), weights: None, rows }
+    }
+
     /// The weight of a row.
     #[inline(always)]
     pub(crate) fn weight(&self, row: usize) -> f64 {
         self.weights.as_ref().map_or(1.0, |weights| weights[row])
+    }
+
+    /// For every row the squared error of a region's map, in units of the targets' variances.
+    pub(crate) fn errors(&self, maps: &Maps, region: u32, variance: &[f64], out: &mut [f64]) {
+        let width = padded(variance.len());
+        let mut residuals = vec![0.0; self.rows * width];
+        maps.residuals(&vec![region; self.rows], &self.x, &self.y, &mut residuals);
+        for (out, residual) in out.iter_mut().zip(residuals.chunks_exact(width)) {
+            *out = residual.iter().zip(variance).map(|(e, variance)| e * e / variance).sum();
+        }
     }
 
     /// A standardised partition column.
@@ -171,12 +196,7 @@ impl Examples {
 
     /// For every row of a chunk the squared error of a region's map, in units of the targets' variances.
     pub(crate) fn errors(&self, chunk: &Chunk, maps: &Maps, region: u32, out: &mut [f64]) {
-        let width = padded(self.targets);
-        let mut residuals = vec![0.0; chunk.rows * width];
-        maps.residuals(&vec![region; chunk.rows], &chunk.x, &chunk.y, &mut residuals);
-        for (out, residual) in out.iter_mut().zip(residuals.chunks_exact(width)) {
-            *out = residual.iter().zip(&self.variance).map(|(e, variance)| e * e / variance).sum();
-        }
+        chunk.errors(maps, region, &self.variance, out);
     }
 
     /// Maps laid out for rows.

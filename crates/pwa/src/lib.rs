@@ -22,6 +22,7 @@
 
 mod assemble;
 mod assignment;
+mod borders;
 mod budget;
 mod complete;
 mod continuous;

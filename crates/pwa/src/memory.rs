@@ -7,12 +7,17 @@ use crate::{
     survey::{example_bytes, examples, kept_bytes},
 };
 
-/// What an identification will keep in memory.
+/// Passes of an identification: where regions are, the sums in them, and the errors.
+const PASSES: usize = 3;
+
+/// What an identification will keep in memory, and how often it reads the rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Cost {
     /// Rows that are kept to find regions: all, or as many as the memory allows.
     pub clustered_rows: usize,
+    /// Passes over the rows: one more where borders of regions that are refined on a sample are drawn by all rows.
+    pub passes: usize,
     /// Bytes, about: kept rows, stored statistics, blocks in flight.
     pub bytes: usize,
 }
@@ -37,7 +42,9 @@ pub fn cost(problem: &Problem, options: &Options, rows: usize) -> Cost {
         options.partitions.iter().map(expected_regions).sum::<usize>() * (1 + usize::from(options.folds)) + 1;
     let statistics = (rows.div_ceil(256) * regions * gram_bytes(width)).min(STATS_BUDGET);
     let blocks = 2 * fleetfoot_data::thread_count() * 65_536 * 8 * (problem.columns.len() + 1);
+    let drawn = any(|one| matches!(one, Specification::Refined(_))) && !options.continuous && refined < rows;
     Cost {
+        passes: PASSES + usize::from(drawn),
         clustered_rows: clustered.max(refined),
         bytes: clustered * per_row + refined * per_example + statistics + cells + blocks,
     }

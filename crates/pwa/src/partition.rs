@@ -6,6 +6,7 @@ use fleetfoot_stats::{COARSE, Chunk, FoldLayout, FoldRule, Grid, Preconditioner}
 
 use crate::{
     Error, Options, Problem, Specification,
+    borders::close,
     budget::{STATS_BUDGET, expected_regions, gram_bytes},
     continuous::check as check_continuous,
     lattice::{Sets, Tree, grow, joined_ranges},
@@ -129,7 +130,8 @@ pub(crate) fn prepare(
     let phase = phase.map(|(seen, phase)| seen.scale(phase)).transpose()?;
     // Rows that are too few for a model are too few for folds: the former is said first.
     let folds = folds?;
-    let segmentation = segment((problem, &places), options, &rows, &survey, progress)?;
+    let mut segmentation = segment((problem, &places), options, &rows, &survey, progress)?;
+    close(&rows, &mut segmentation, source, &chunks, progress)?;
     Ok(Prepared { rows, grid, folds, chunks, survey, segmentation, phase })
 }
 

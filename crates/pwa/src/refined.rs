@@ -13,25 +13,28 @@
 //! and needs no tuning.
 //!
 //! Every region behaves as if it had seen `PULL` more rows that obey the one map of all (so a starved region has a map), and separators are penalised as if each
-//! weight had been drawn from a normal distribution of variance `1/PENALTY`. In the end the region is that of the greatest `w_k . z + b_k`; those that
+//! weight had been drawn from a normal distribution of variance `1/PENALTY`. In the end borders are drawn by the error itself ([`exact`](mod@exact)), and the region is that of the greatest `w_k . z + b_k`; those that
 //! hold too few rows for a map of their own are given up, and their rows are their second choice's.
 
 mod descent;
+mod exact;
 mod separators;
 mod start;
 
 use std::collections::{BTreeMap, btree_map::Entry};
 
-use fleetfoot_data::Progress;
+use fleetfoot_data::{Progress, mix};
 use fleetfoot_model::Rule;
 
 use crate::{
     Error,
     examples::{Examples, Shape},
 };
-use descent::Descent;
+use descent::{Descent, LEAST_ERROR};
+use exact::exact;
+pub(crate) use exact::{Near, Open, Sample};
 use separators::Separators;
-use start::{Joined, Start, by_kmeans, cells};
+use start::{Joined, Start, by_kmeans, by_maps, cells};
 
 /// Numbers in all separators of a partition, at most: their Hessian takes 8 bytes for each pair of them.
 const LIMIT: usize = 4096;
@@ -43,17 +46,28 @@ const BORDERS: [usize; 3] = [5, 10, 20];
 const STARTED: usize = 2048;
 const STARTS: usize = 16;
 
+/// Starts from maps of neighbours, times the square of the rows, and at most (two a row are enough, too): some hundred rows leave the most to chance.
+const BY_MAPS: usize = 1 << 20;
+const MOST_BY_MAPS: usize = 128;
+/// Descents that are followed to their end, of least objective.
+const ENDS: usize = 16;
+/// Of few rows, the ends of descents whose borders are sharpened, to see which one is the best.
+const SHARPENED: usize = 8;
+/// Rows up to which it is so many.
+const SHARPENED_ROWS: usize = 128;
+
 /// Rows that starts are compared on where there are many: the best goes on with all.
 const FEW: usize = 8192;
 /// The same, of each region and number of its map.
 const FEW_OF_A_REGION: usize = 16;
 
 /// Separators that were found, and how.
-#[derive(Debug, Clone)]
 pub(crate) struct Refined {
     pub(crate) rule: Rule,
     /// The objective after every pass.
     pub(crate) objective: Vec<f64>,
+    /// What of the borders is for a pass over all rows to decide, where they were found on a sample.
+    pub(crate) open: Option<Open>,
 }
 
 /// Rows to refine regions on, and the joined cells that refinements begin with, whatever the number of regions.
@@ -82,13 +96,18 @@ impl Ground {
     }
 
     /// Refines `regions` regions: from joined cells and from k-means, where rows are few several times; the one stays whose regions, as their separators
-    /// tell them, fit best. Where rows are many, it is found on few of them, and then refined on all.
+    /// tell them, fit best. Where rows are many, it is found on few of them, and then refined on all; of a `sample` a pass over all rows it stands for may draw the borders.
     ///
     /// # Errors
     /// More separators than their Hessian has room for; cancelled.
-    pub(crate) fn refine(&mut self, regions: usize, progress: &dyn Progress) -> Result<Refined, Error> {
+    pub(crate) fn refine(
+        &mut self,
+        regions: usize,
+        sample: Option<Sample>,
+        progress: &dyn Progress,
+    ) -> Result<Refined, Error> {
         let found = self.begun(regions, progress)?;
-        self.finished(found, progress)
+        self.finished(found, sample, progress)
     }
 
     /// The best of several starts, on few of the rows where there are many.
@@ -116,18 +135,21 @@ impl Ground {
             starts.extend(joined.starts(regions, d));
             starts.extend(by_kmeans(examples, regions, seed, progress)?);
         }
+        let maps = (BY_MAPS / (examples.rows * examples.rows)).min(2 * examples.rows).min(MOST_BY_MAPS) as u64;
+        starts.extend((0..maps).map(|draw| by_maps(examples, regions, mix(self.seed).wrapping_add(draw))));
         let (separators, objective) = descended(examples, starts, progress)?;
         Ok(Begun { separators, objective, few: few.is_some() })
     }
 
     /// What was begun, refined on all rows.
-    fn finished(&self, found: Begun, progress: &dyn Progress) -> Result<Refined, Error> {
+    fn finished(&self, found: Begun, sample: Option<Sample>, progress: &dyn Progress) -> Result<Refined, Error> {
         let Begun { mut separators, mut objective, few } = found;
         if few && separators.regions > 1 {
             let start = (separators.winners(&self.examples), separators);
             (separators, objective) = descended(&self.examples, vec![start], progress)?;
         }
-        Ok(Refined { rule: rule(&separators), objective })
+        let open = sample.and_then(|sample| Open::new(&self.examples, &separators, sample));
+        Ok(Refined { rule: rule(&separators), objective, open })
     }
 
     /// Borders between which maps hold: those of as many regions, of the numbers of [`BORDERS`], as the Bayesian information criterion says, of few of the rows where there are many.
@@ -143,7 +165,7 @@ impl Ground {
                 best = Some((criterion, found));
             }
         }
-        best.map_or(Ok(Rule::Whole), |(_, found)| Ok(self.finished(found, progress)?.rule))
+        best.map_or(Ok(Rule::Whole), |(_, found)| Ok(self.finished(found, None, progress)?.rule))
     }
 }
 
@@ -163,23 +185,42 @@ fn criterion(examples: &Examples, separators: &Separators) -> f64 {
     rows * q * square.max(f64::MIN_POSITIVE).ln() + separators.regions as f64 * numbers * rows.ln()
 }
 
-/// The separators that fit best of those which descents from some starts end with, and the objective on the way there.
+/// The separators that fit best of those which descents from some starts end with, and the objective on the way there: of the best few after the last step.
 fn descended(
     examples: &Examples,
     starts: Vec<Start>,
     progress: &dyn Progress,
 ) -> Result<(Separators, Vec<f64>), Error> {
-    let mut best = (Separators::zero(1, examples.dimensions), Vec::new());
-    let mut least = f64::INFINITY;
+    let mut descents = Vec::with_capacity(starts.len());
     for (labels, separators) in starts {
-        let (found, objective) = Descent::new(examples, labels, separators).run(progress)?;
-        for (error, separators) in found.map(|separators| settled(examples, separators)) {
-            if error < least {
-                (least, best) = (error, (separators, objective.clone()));
-            }
+        let mut descent = Descent::new(examples, labels, separators);
+        let objective = descent.run(progress)?;
+        descents.push((descent, objective));
+    }
+    if descents.len() > ENDS {
+        let last = |objective: &[f64]| objective.last().copied().unwrap_or(f64::INFINITY);
+        descents.sort_by(|a, b| last(&a.1).total_cmp(&last(&b.1)));
+        descents.truncate(ENDS);
+    }
+    // Of errors that are all rounding the first stays the first: sorts are stable.
+    let rounding = LEAST_ERROR * examples.weight * examples.targets as f64;
+    let mut found: Vec<(f64, Separators, Vec<f64>)> = Vec::new();
+    for (descent, objective) in descents {
+        for (error, separators) in descent.ends().map(|separators| settled(examples, separators)) {
+            found.push((error.max(rounding), separators, objective.clone()));
         }
     }
-    Ok(best)
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    found.truncate((SHARPENED * SHARPENED_ROWS / examples.rows).clamp(1, SHARPENED));
+    let mut best = (f64::INFINITY, Separators::zero(1, examples.dimensions), Vec::new());
+    for (_, separators, objective) in found {
+        let (error, separators) = exact(examples, separators);
+        let error = error.max(rounding);
+        if error < best.0 {
+            best = (error, separators, objective);
+        }
+    }
+    Ok((best.1, best.2))
 }
 
 /// Gives up regions that have too few rows for a map; the squared error that is left, as the separators tell the regions.
@@ -205,7 +246,7 @@ fn rule(separators: &Separators) -> Rule {
 mod tests {
     use super::*;
     use crate::examples::tests::rows_of;
-    use fleetfoot_data::{Silent, mix};
+    use fleetfoot_data::Silent;
 
     fn uniform(at: u64) -> f64 {
         2.0 * (mix(mix(at)) >> 11) as f64 * 2f64.powi(-53) - 1.0
@@ -230,7 +271,9 @@ mod tests {
             let joined = Joined::new(&examples, cells(&examples, 5), 0, &Silent).unwrap();
             let starts = [joined.starts(5, 2).swap_remove(0), by_kmeans(&examples, 5, 0, &Silent).unwrap().unwrap()];
             let errors = starts.map(|(labels, separators)| {
-                let [plain, sharp] = Descent::new(&examples, labels, separators).run(&Silent).unwrap().0;
+                let mut descent = Descent::new(&examples, labels, separators);
+                descent.run(&Silent).unwrap();
+                let [plain, sharp] = descent.ends();
                 settled(&examples, plain).0.min(settled(&examples, sharp).0)
             });
             sums.iter_mut().zip(errors).for_each(|(sum, error)| *sum += error);
@@ -247,8 +290,8 @@ mod tests {
         let ground = || Ground::new(&columns, (2, 2, 1), (&[0.0; 2], &[1.0; 2]), &all, 3).unwrap();
         let mut together = ground();
         for regions in [2, 5, 3] {
-            let alone = ground().refine(regions, &Silent).unwrap();
-            let found = together.refine(regions, &Silent).unwrap();
+            let alone = ground().refine(regions, None, &Silent).unwrap();
+            let found = together.refine(regions, None, &Silent).unwrap();
             assert_eq!((found.rule, found.objective), (alone.rule, alone.objective));
         }
     }

@@ -14,7 +14,7 @@ use crate::{
     continuous::{Ties, borders},
     kmeans,
     lattice::Lattice,
-    refined::Ground,
+    refined::{Ground, Open, Refined, Sample},
     rows::Rows,
     segmentation::{Candidate, Segmentation},
     survey::Survey,
@@ -74,7 +74,7 @@ fn not_joined_yet(k: usize, specification: &Specification, lattice: &Lattice) ->
     let count = lattice.count();
     let partition = Partition { specification: specification.to_string(), rule, ..lattice.partition.clone() };
     let few = || format!("{specification}: there are rows enough for {count} cells, and no more regions than that");
-    Made { partition, label: None, note: (count < k).then(few), objective: Vec::new(), ties: None }
+    Made { partition, label: None, note: (count < k).then(few), objective: Vec::new(), ties: None, open: None }
 }
 
 impl Segmentation {
@@ -90,6 +90,7 @@ impl Segmentation {
                 objective = made.objective;
             }
             ties.extend(made.ties);
+            self.open.extend(made.open.map(|open| (self.partitions.len(), open)));
             self.partitions.push(made.partition);
             self.labels.push(made.label);
             self.sets.push(at);
@@ -105,6 +106,7 @@ struct Made {
     note: Option<String>,
     objective: Vec<f64>,
     ties: Option<Ties>,
+    open: Option<Open>,
 }
 
 /// Makes the partitions of one training set.
@@ -162,7 +164,7 @@ impl Maker<'_> {
         let (mut centre, mut scale) = if specification.is_tree() { self.as_they_are() } else { self.units() };
         let mut columns = self.problem.partition_columns.clone();
         let runs = self.survey.kept.training_runs(self.held);
-        let mut objective = Vec::new();
+        let (mut objective, mut open) = (Vec::new(), None);
         let (rule, label, note) = match specification {
             Specification::Null | Specification::Average | Specification::Lattice(_) => (Rule::Whole, None, None),
             Specification::ZScore(radius) => (Rule::Ball { radius: *radius }, None, None),
@@ -171,9 +173,9 @@ impl Maker<'_> {
                 (rule, None, note)
             }
             Specification::Refined(k) => {
-                let (rule, passes, note) = self.refine(*k, None, (&centre, &scale), progress)?;
-                objective = passes;
-                (rule, None, note)
+                let found = self.refine(*k, None, (&centre, &scale), progress)?;
+                (objective, open) = (found.0.objective, found.0.open);
+                (found.0.rule, None, found.1)
             }
             Specification::Tree(depth) => {
                 let (rule, note) = self.cut(*depth, None, progress)?;
@@ -189,13 +191,16 @@ impl Maker<'_> {
                         Within::Whole => (Rule::Whole, None),
                         Within::KMeans(k) => {
                             let labels = &self.survey.kept.columns[self.rows.partition + index];
-                            self.cluster(*k, &runs, |row| labels[row] == value, &centre, &scale, progress)?
+                            let of_label = |row: usize| labels[row] == value;
+                            let (rule, note) = self.cluster(*k, &runs, of_label, &centre, &scale, progress)?;
+                            let name = self.rows.label_columns[index].label(value);
+                            (rule, note.map(|note| format!("{column} {name}: {note}")))
                         }
                         Within::Refined(k) => {
                             let of = Some((index, number));
-                            let (rule, _, note) = self.refine(*k, of, (&centre, &scale), progress)?;
+                            let (found, note) = self.refine(*k, of, (&centre, &scale), progress)?;
                             let name = self.rows.label_columns[index].label(value);
-                            (rule, note.map(|note| format!("{column} {name}: {note}")))
+                            (found.rule, note.map(|note| format!("{column} {name}: {note}")))
                         }
                         Within::Tree(depth) => self.cut(*depth, Some((index, number)), progress)?,
                     };
@@ -211,7 +216,7 @@ impl Maker<'_> {
         };
         let specification = specification.to_string();
         let partition = Partition { specification, columns, centre, scale, rule, ..Partition::whole() };
-        Ok(Made { partition, label, note, objective, ties: None })
+        Ok(Made { partition, label, note, objective, ties: None, open })
     }
 
     /// What is free in maps that meet at the borders of a rule.
@@ -236,6 +241,14 @@ impl Maker<'_> {
         kept.training_runs(self.held).into_iter().flatten().filter(wanted).collect()
     }
 
+    /// What the kept rows stand for, where they are a sample. Maps that meet are tied at the borders as the sample drew them.
+    fn sample(&self) -> Option<Sample> {
+        let (kept, all) = (self.survey.examples.rows(), self.survey.counts.complete);
+        let own = self.options.partitions.iter().filter(|one| matches!(one, Specification::Refined(_))).count();
+        let borders = own * (1 + usize::from(self.options.folds));
+        (kept < all && !self.options.continuous).then(|| Sample { share: kept as f64 / all as f64, borders })
+    }
+
     /// Regions that fit the dynamics of the kept training rows, all or those of a label.
     fn refine(
         &mut self,
@@ -243,19 +256,23 @@ impl Maker<'_> {
         label: Option<(usize, usize)>,
         units: (&[f64], &[f64]),
         progress: &dyn Progress,
-    ) -> Result<(Rule, Vec<f64>, Option<String>), Error> {
-        let Some(ground) = self.ground(label, units) else { return Ok((Rule::Whole, Vec::new(), None)) };
-        let found = ground.refine(k, progress)?;
+    ) -> Result<(Refined, Option<String>), Error> {
+        let sample = if label.is_none() { self.sample() } else { None };
+        let Some(ground) = self.ground(label, units) else {
+            return Ok((Refined { rule: Rule::Whole, objective: Vec::new(), open: None }, None));
+        };
+        let found = ground.refine(k, sample, progress)?;
         let (count, name) = (found.rule.count(), Specification::Refined(k));
         let (kept, all) = (self.survey.examples.rows(), self.survey.counts.complete);
         let note = if count < k {
-            Some(format!("{name}: only {count} regions have rows enough for a map of their own"))
+            let regions = if count == 1 { "1 region has".to_owned() } else { format!("{count} regions have") };
+            Some(format!("{name}: only {regions} rows enough for a map of their own"))
         } else if self.survey.examples_lack_memory {
             Some(format!("{name}: refined on a sample of {kept} of {all} rows; raise --memory for more"))
         } else {
             None
         };
-        Ok((found.rule, found.objective, note))
+        Ok((found, note))
     }
 
     /// The kept training rows, all or those of a label, for refinements; `None` where none weigh anything.
@@ -329,7 +346,8 @@ impl Maker<'_> {
         let clusters = found.centroids.len() / self.rows.partition.max(1);
         let kept = self.survey.kept.rows();
         let note = if clusters < k {
-            Some(format!("kmeans:{k}: only {clusters} different positions to cluster"))
+            let positions = if clusters == 1 { "position" } else { "positions" };
+            Some(format!("kmeans:{k}: only {clusters} different {positions} to cluster"))
         } else if !found.converged {
             Some(format!("kmeans:{k}: not converged after {} iterations; raise --iterations", found.iterations))
         } else if kept < self.survey.counts.complete {

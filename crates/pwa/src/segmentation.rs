@@ -6,6 +6,7 @@ use crate::{
     Specification,
     continuous::Ties,
     lattice::{Lattice, Tree},
+    refined::Open,
 };
 
 /// One kind of partition: made on all rows, and on the training rows of every fold.
@@ -39,6 +40,8 @@ pub(crate) struct Segmentation {
     pub(crate) sets: Vec<usize>,
     /// The cells of all partitions that are joined of cells, of every training set; none where nothing is joined.
     pub(crate) lattices: Vec<Lattice>,
+    /// Borders that a pass over all rows draws, and the partitions that have them.
+    pub(crate) open: Vec<(usize, Open)>,
     /// What the user should know.
     pub(crate) notes: Vec<String>,
 }
@@ -52,6 +55,7 @@ impl Segmentation {
             candidates: Vec::new(),
             sets: vec![0],
             lattices,
+            open: Vec::new(),
             notes: Vec::new(),
         }
     }

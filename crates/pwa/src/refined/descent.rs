@@ -24,7 +24,7 @@ const LEAST_FALL: f64 = 1e-5;
 const STEPS: usize = 3;
 const LAST_STEPS: usize = 20;
 /// Errors of maps below this share of a standard deviation are rounding (squared).
-const LEAST_ERROR: f64 = 1e-20;
+pub(super) const LEAST_ERROR: f64 = 1e-20;
 
 /// The state of a descent.
 pub(super) struct Descent<'a> {
@@ -39,8 +39,8 @@ impl<'a> Descent<'a> {
         Self { examples, labels, separators }
     }
 
-    /// Passes until the objective hardly falls: the separators in the end, as they were penalised and hardly penalised, and the objective after every pass.
-    pub(super) fn run(mut self, progress: &dyn Progress) -> Result<([Separators; 2], Vec<f64>), Cancelled> {
+    /// Passes until the objective hardly falls; the objective after every pass.
+    pub(super) fn run(&mut self, progress: &dyn Progress) -> Result<Vec<f64>, Cancelled> {
         let mut objective: Vec<f64> = Vec::new();
         for pass in 0..PASSES {
             if progress.cancelled() {
@@ -54,10 +54,15 @@ impl<'a> Descent<'a> {
                 break;
             }
         }
+        Ok(objective)
+    }
+
+    /// The separators in the end, as they were penalised and hardly penalised.
+    pub(super) fn ends(mut self) -> [Separators; 2] {
         self.separators.improve(self.examples, &self.labels, PENALTY, LAST_STEPS);
         let mut sharp = self.separators.clone();
         sharp.improve(self.examples, &self.labels, SHARP, LAST_STEPS);
-        Ok(([self.separators, sharp], objective))
+        [self.separators, sharp]
     }
 
     /// One pass: the objective after it, and whether a row changed its region.
@@ -137,8 +142,7 @@ mod tests {
             let examples = rows_of(&waves(rows));
             let label = |row: usize| (fleetfoot_data::mix(seed ^ row as u64) % regions as u64) as u32;
             let labels: Vec<Vec<u32>> = examples.map(|_, chunk| (0..chunk.rows).map(label).collect());
-            let descent = Descent::new(&examples, labels, Separators::zero(regions, 2));
-            let (_, objective) = descent.run(&Silent).unwrap();
+            let objective = Descent::new(&examples, labels, Separators::zero(regions, 2)).run(&Silent).unwrap();
             // What rounding leaves of sums of some hundred rows.
             prop_assert!(objective.windows(2).all(|pair| pair[1] <= pair[0] + 1e-10 * (1.0 + pair[0].abs())), "{:?}", objective);
         }

@@ -70,6 +70,18 @@ impl Separators {
         scores
     }
 
+    /// Scores of a row of partition columns and 1.
+    pub(super) fn of_row(&self, u: &[f64]) -> Vec<f64> {
+        let of = |own: &[f64]| own.iter().zip(u).map(|(w, u)| w * u).sum();
+        self.table.chunks_exact(self.dimensions + 1).map(of).collect()
+    }
+
+    /// Moves weights and offset of a region along a direction.
+    pub(super) fn push(&mut self, region: usize, direction: &[f64], step: f64) {
+        let own = &mut self.table[region * (self.dimensions + 1)..];
+        own.iter_mut().zip(direction).for_each(|(w, g)| *w += step * g);
+    }
+
     /// The region of the greatest score of every row, the first of equal ones.
     pub(super) fn winners(&self, examples: &Examples) -> Vec<Vec<u32>> {
         examples.map(|_, chunk| {
