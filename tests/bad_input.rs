@@ -203,6 +203,34 @@ fn labels_unseen_in_training() {
     assert_eq!((region["statistics"]["min"].as_f64(), region["statistics"]["max"].as_f64()), (Some(1.0), Some(2.0)));
 }
 
+/// Rows without a label are in no region: every method says so, and where.
+#[test]
+fn labels_that_are_missing_and_labels_of_few_rows_are_told() {
+    let gaps =
+        changed(600, |row, cells| cells[4] = if row % 10 == 3 { String::new() } else { (row / 300).to_string() });
+    let rare = changed(600, |row, cells| cells[4] = if row == 200 { "7" } else { "0" }.into());
+    let folder = folder(&[("log.csv", &gaps), ("rare.csv", &rare)]);
+    let run = |arguments: &str| fleetfoot(folder.path(), &arguments.split_whitespace().collect::<Vec<_>>()).ok().err;
+    let told = fit(folder.path(), &["--partition", "average,labels:mode"]).ok().err;
+    assert!(told.contains("60 rows with a missing value") && told.contains("`mode` in row 4 of log.csv"), "{told}");
+    let told = run("fit sindy log.csv --states x --inputs u --degree 1 --partition labels:mode -o s.json");
+    assert!(told.contains("`mode` in row 4 of log.csv"), "{told}");
+    let told = run(
+        "fit narx log.csv --outputs x --inputs u --lags-out 1 --lags-in 1 --degree 1 --partition labels:mode -o n.json",
+    );
+    assert!(told.contains("labels:mode: 60 of 599 rows have no region"), "{told}");
+    run("scan log.csv --states x --inputs u --predict next --partition labels:mode -o log.stats");
+    let told = run("fit pwa log.stats --partition average,labels:mode -o p.json");
+    assert!(told.contains("labels:mode: 60 of 599 rows have no region"), "{told}");
+    let told = run("fit pwa rare.csv --states x --inputs u --predict next --partition labels:mode -o r.json");
+    assert!(told.contains("labels:mode: 1 of 2 regions (the first: 7) have fewer rows than the 3 numbers"), "{told}");
+    let pulled =
+        run("fit pwa rare.csv --states x --inputs u --predict next --partition labels:mode --shrinkage 5 -o r.json");
+    assert!(!pulled.contains("fewer rows"), "{pulled}");
+    let told = run("fit pwa rare.csv --states x --inputs u --predict next --partition labels:mode+kmeans:3 -o r.json");
+    assert!(told.contains("mode 7: kmeans:3: only 1 different position to cluster"), "{told}");
+}
+
 #[test]
 fn folds_that_leave_nothing_to_train_on_are_refused() {
     let folder = folder(&[("log.csv", &robot_csv(500, 0.0))]);

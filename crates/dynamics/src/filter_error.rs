@@ -5,7 +5,9 @@
 #[non_exhaustive]
 pub enum FilterError {
     /// Nothing is measured.
-    #[error("no state is measured: a filter needs at least one; the states are {states}")]
+    #[error(
+        "no state is measured: a filter needs at least one of {states}; say it and the deviation of its sensor, `x=0.01`, in `measured` of [filter] of the recipe that the model is fitted by, or, to `filter`, by --measured"
+    )]
     NotMeasured {
         /// Those that there are.
         states: String,

@@ -102,9 +102,9 @@ pub fn plan_pwa(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress)
         partitions: options.identification.partitions.len(),
         rollouts,
         spans,
-        passes: PWA_PASSES + choice_passes,
+        passes: cost.passes + choice_passes,
         choice_passes,
-        fit_passes: PWA_PASSES,
+        fit_passes: cost.passes,
         objective: options.objective,
         bounded: options.identification.stability.is_some() || !options.identification.ports.is_empty(),
         clustered_rows: cost.clustered_rows,
@@ -117,12 +117,13 @@ pub fn plan_pwa(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress)
 pub const PWA_PASSES: usize = 3;
 
 /// All expressions over the aliases that a row needs.
-fn functions(task: &Task) -> Vec<Expr> {
+fn functions(task: &Task, labels: &[String]) -> Vec<Expr> {
     let problem = &task.problem;
     let targets = problem.equations.iter().filter_map(|equation| equation.target.as_ref());
     let phase = task.phase.iter().map(|phase| &phase.column);
     let also = problem.partition_columns.iter().chain(&problem.weight).chain(phase);
-    problem.library.iter().chain(targets).chain(also).cloned().collect()
+    let labels = labels.iter().map(|label| Expr::column(label.as_str()));
+    problem.library.iter().chain(targets).chain(also).cloned().chain(labels).collect()
 }
 
 /// Fits a piecewise-affine model to logs, or to one `.stats` file without a pass, as the recipe says: its partitions, else one region; chosen as `[pwa]` says.
@@ -157,7 +158,7 @@ pub fn fit_pwa(
     }
     let found = fleetfoot_pwa::identify(&task.problem, &options, &view, progress);
     let mut identification =
-        found.map_err(|error| not_finite::with_reasons(error.into(), &dataset, functions(&task)))?;
+        found.map_err(|error| not_finite::with_reasons(error.into(), &dataset, functions(&task, &said.labels())))?;
     refuse_not_finite(&identification.model)?;
     let refinement = refined(said.objective, &task.problem, &options, &mut identification, &view, progress)?;
     let text = recipe.to_toml();
@@ -167,7 +168,7 @@ pub fn fit_pwa(
     let mut notes = dataset.notes().to_vec();
     notes.extend(options::unused(recipe));
     notes.extend(said.objective.note(refinement.as_ref()));
-    notes.extend(left_out(identification.incomplete, &dataset, functions(&task))?);
+    notes.extend(left_out(identification.incomplete, &dataset, functions(&task, &said.labels()))?);
     let told = identification.targets.iter().cloned().zip(identification.concentrated.iter().map(Option::as_ref));
     let name = |id| dataset.episodes().iter().find(|episode| episode.id == id).map(|episode| episode.name.clone());
     notes.extend(concentrated::notes(told, name));

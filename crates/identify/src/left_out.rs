@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use fleetfoot_data::{Halo, Source};
 use fleetfoot_library::Expr;
+use fleetfoot_sparse::system::SystemScan;
 
 use crate::{Dataset, Error, not_finite};
 
@@ -24,6 +25,17 @@ pub(crate) fn left_out(incomplete: u64, dataset: &Dataset, read: Vec<Expr>) -> R
     let mut told = vec![sentence(incomplete, &dataset.view()?, &read)?];
     told.extend(not_finite::explain(dataset, read)?);
     Ok(told)
+}
+
+/// What to say where the regions of a partition have fewer rows than the `complete` ones that other partitions are fitted on.
+pub(crate) fn in_no_region(partition: &str, scan: &SystemScan, complete: u64) -> Option<String> {
+    let missing = complete.saturating_sub((0..scan.regions()).map(|region| scan.rows(region)).sum());
+    (missing > 0).then(|| {
+        format!(
+            "{partition}: {missing} of {complete} rows have no region, as their label is missing, and count in other partitions alone: \
+             errors are not of the same rows; leave these rows out (--where)"
+        )
+    })
 }
 
 fn sentence(incomplete: u64, source: &dyn Source, read: &[Expr]) -> Result<String, Error> {

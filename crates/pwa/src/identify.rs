@@ -160,6 +160,7 @@ impl Fit<'_> {
         self.empty_balls(&solver, &mut notes);
         notes.extend(self.uncounted(&kept));
         notes.extend(no_better(&candidates[chosen]));
+        notes.extend(self.starved(&kept, &orders, &solver));
         Ok(Identification {
             model,
             models,

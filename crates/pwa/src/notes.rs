@@ -1,10 +1,13 @@
 //! What a user should know about a fit beside its numbers.
 
+use fleetfoot_stats::SquareRoot;
+
 use crate::{
     Problem, Score, Specification,
     complete::Fit,
     fit::{Roots, Solver},
     region_model::Base,
+    select::Order,
     walks::MOST_REGIONS,
 };
 
@@ -51,6 +54,29 @@ impl Fit<'_> {
                 }
             }
         }
+    }
+
+    /// Kept models with regions of fewer rows than a map of theirs has numbers, that nothing pulls towards the map of all rows.
+    pub(crate) fn starved(&self, kept: &[usize], orders: &[Order], solver: &Solver<'_>) -> Vec<String> {
+        let numbers = self.rows.regressors + 1;
+        let told = |&candidate: &usize| {
+            let (own, order) = (&self.segmentation.candidates[candidate], &orders[candidate]);
+            if own.specification == Specification::Null || order.shrinkage > 0.0 || order.continuity.is_some() {
+                return None;
+            }
+            let partition = &self.segmentation.partitions[own.full];
+            let few =
+                |(region, root): (&u32, &SquareRoot)| (root.rows > 0 && root.rows < numbers as u64).then_some(*region);
+            let regions: Vec<u32> = solver.training(own.full, None).iter().filter_map(few).collect();
+            let first = partition.region_name(*regions.first()? as usize);
+            let (count, all) = (regions.len(), partition.rule.count());
+            Some(format!(
+                "{}: {count} of {all} regions (the first: {first}) have fewer rows than the {numbers} numbers of a map: theirs are the smallest that fit, and say nothing of other rows; \
+                 ask for fewer regions, or pull them towards the map of all rows (--shrinkage)",
+                own.specification
+            ))
+        };
+        kept.iter().filter_map(told).collect()
     }
 
     /// Kept models whose regions are too many for their pairs to be counted along the phase.

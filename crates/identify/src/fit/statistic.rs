@@ -13,6 +13,7 @@ use super::{
 use crate::{
     Error, Logs, Recipe, Task, concentrated,
     folds::reached,
+    left_out::in_no_region,
     output::refuse_not_finite,
     problem::piecewise,
     sindy::{beneath, keys},
@@ -62,6 +63,9 @@ pub(crate) fn fit(recipe: &Recipe, request: PwaRequest, logs: &Logs) -> Result<F
     notes.push(
         "absolute errors and Mahalanobis scores need rows, which a statistic has not: R2 and the loss are told; `fleetfoot score` tells the others on logs".into(),
     );
+    for (one, part) in options.partitions.iter().zip(&parts) {
+        notes.extend(in_no_region(&one.to_string(), &part.scan, whole.scan.counts().complete));
+    }
     let told = identification.targets.iter().cloned().zip(whole.scan.concentrated().iter().map(Option::as_ref));
     notes.extend(concentrated::notes(told, |id| file.episode(id).map(|episode| episode.name.clone())));
     if unsaid {

@@ -20,7 +20,7 @@ use super::{
 use crate::{
     Dataset, EquationTask, Error, Logs, Objective, Recipe, Refinement, concentrated,
     folds::smoothed_rows,
-    left_out::left_out,
+    left_out::{in_no_region, left_out},
     not_finite,
     objective::{coefficient, refine},
     output::refuse_not_finite,
@@ -193,6 +193,9 @@ impl Fit<'_> {
         };
         notes.extend(concentrated::notes(labels.zip(chosen.whole.concentrated().iter().map(Option::as_ref)), name));
         let counts = chosen.whole.counts();
+        if let Some(partition) = partition {
+            notes.extend(in_no_region(&partition.specification, scan, counts.complete));
+        }
         let regions = regions(&chosen, &model, scan, partition, &mut notes);
         let how = chosen.how;
         let report = NarxReport {

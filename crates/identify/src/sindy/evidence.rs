@@ -6,6 +6,7 @@ use std::{
 };
 
 use fleetfoot_data::{EpisodeId, Progress, Source};
+use fleetfoot_library::Expr;
 use fleetfoot_model::{Partition, TrainedEpisode};
 use fleetfoot_report::words::count;
 use fleetfoot_sparse::system::{System, SystemPlan, SystemScan, Weak};
@@ -16,7 +17,7 @@ use crate::{
     folds::{reached, smoothed_rows},
     left_out::left_out,
     not_finite,
-    problem::WeakForm,
+    problem::{WeakForm, specification},
 };
 
 /// A task and the statistic of its rows.
@@ -103,7 +104,9 @@ impl Evidence {
         }
         (found.notes, found.rows_read) = (notes, Some(dataset.rows()));
         found.check().map_err(|error| not_finite::with_reasons(error, &dataset, found.task.row_functions()))?;
-        found.notes.extend(left_out(found.scan.counts().incomplete, &dataset, found.task.row_functions())?);
+        let label = specification(recipe)?.and_then(|partition| partition.label().map(Expr::column));
+        let read = found.task.row_functions().into_iter().chain(label).collect();
+        found.notes.extend(left_out(found.scan.counts().incomplete, &dataset, read)?);
         Ok(found)
     }
 
