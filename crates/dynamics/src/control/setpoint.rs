@@ -48,13 +48,16 @@ pub(super) struct Wanted {
     pub(crate) rests: Vec<bool>,
 }
 
+/// Derivatives, or next states, to first order at states and inputs.
+type About<'a> = &'a dyn Fn(&[f64], &[f64]) -> Affine;
+
 /// The rest of a submodel, by Gauss-Newton steps of least length in sizes of coordinates and inputs, halved while they make things worse. `affine` gives the derivatives
 /// (or next states) to first order at a point, `doubt` the standard error of each, a state.
 pub(super) fn rest(
     pieces: &Pieces,
     coordinates: &Coordinates<'_>,
     wanted: &Wanted,
-    (affine, doubt): (&dyn Fn(&[f64], &[f64]) -> Affine, &[f64]),
+    (affine, doubt): (About<'_>, &[f64]),
 ) -> Rest {
     let n = coordinates.len();
     let size = |v: usize| match coordinates.of.get(v) {
