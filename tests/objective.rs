@@ -85,6 +85,50 @@ fn noisy_states_are_simulated_better_by_every_method() {
     }
 }
 
+/// A free run is as long as what is held out, whole logs here, and its coefficients are nearer to the truth than those of one step, which noise in the states shrinks.
+#[test]
+fn free_runs_are_as_long_as_what_is_held_out() {
+    let folder = folder(0.3);
+    for (method, options) in [
+        ("pwa", "--folds 0"),
+        ("sindy", "--library poly(1) --threshold 0"),
+        ("narx", "--lags-out 1 --lags-in 1 --degree 1 --terms all"),
+    ] {
+        fit(folder.path(), method, &format!("{options} -o one.json")).ok();
+        let said = fit(folder.path(), method, &format!("{options} --objective free-run -o free.json --json")).ok();
+        assert!(said.err.contains("--objective free-run: at most"), "{}", said.err);
+        assert!(said.err.contains("rollouts of as many steps as they have room for"), "{}", said.err);
+        let report = &said.json()["objective"];
+        // A rollout of n steps needs one row before its start and n behind it, of 400.
+        assert_eq!((report["steps"].as_u64(), report["segments"].as_u64()), (Some(398), Some(6)), "{method}: {report}");
+        let [before, after] = pairs(report, "rollouts_over_persistence");
+        assert!(after < before && report["written"] == true, "{method}: {report}");
+        let read = |name: &str| -> serde_json::Value {
+            serde_json::from_str(&fs::read_to_string(folder.path().join(name)).expect("a model")).expect("JSON")
+        };
+        let (one, free) = (read("one.json"), read("free.json"));
+        let recipe = free["model"]["training"]["recipe"].as_str().expect("a recipe");
+        assert!(recipe.contains("objective = \"free-run\""), "{recipe}");
+        let off = |model: &serde_json::Value| -> f64 {
+            let model = &model["model"];
+            let library = model["libraries"][0].as_array().expect("functions");
+            let of = |t: usize, name: &str| {
+                let at = library.iter().position(|function| *function == name);
+                at.and_then(|at| model["latents"][t]["coefficients"][0][at].as_f64()).unwrap_or(f64::NAN)
+            };
+            let truth = [[0.95, 0.2, 0.0], [-0.25, 0.9, 0.3]];
+            let squares =
+                (0..2).flat_map(|t| ["x", "v", "u"].into_iter().enumerate().map(move |(j, name)| (t, j, name)));
+            squares.map(|(t, j, name)| (of(t, name) - truth[t][j]).powi(2)).sum::<f64>().sqrt()
+        };
+        assert!(off(&free) < 0.5 * off(&one), "{method}: {} {}", off(&free), off(&one));
+    }
+    let short = folder.path().join("short.csv");
+    fs::write(&short, oscillator(14, 9, 0.3)).expect("a log");
+    let text = "fit pwa --states x,v --inputs u --predict next --folds 0 --time t --objective free-run short.csv";
+    fleetfoot(folder.path(), &text.split(' ').collect::<Vec<_>>()).fails(&["--objective free-run", "longer logs"]);
+}
+
 /// The residual covariances of the written coefficients, told without a pass, are those of the rows in their regions.
 fn residuals_are_those_of_the_rows(model: &serde_json::Value, region: impl Fn(&[f64]) -> usize) {
     let number = |value: &serde_json::Value| value.as_f64().expect("a number");
@@ -214,7 +258,7 @@ fn what_cannot_be_is_refused_with_the_mend() {
     let folder = folder(0.1);
     for wrong in ["steps:0", "steps:", "many", "steps:1e3"] {
         let said = fit(folder.path(), "pwa", &format!("--objective {wrong}"));
-        assert!(said.code == 2 && said.err.contains("one-step, or steps:N"), "{wrong}: {}", said.err);
+        assert!(said.code == 2 && said.err.contains("one-step, free-run, or steps:N"), "{wrong}: {}", said.err);
     }
     fit(folder.path(), "pwa", "--objective steps:399").fails(&["--objective steps:399", "399 steps", "longer logs"]);
     let recipe = "[states]\nx = {}\nv = {}\n[time]\ncolumn = \"t\"\n[model]\npredict = \"next\"\n";

@@ -8,7 +8,7 @@ pub(crate) use report::coefficient;
 
 use fleetfoot_data::{Progress, Silent, Source};
 use fleetfoot_dynamics::{
-    Coefficient, Error as DynamicsError, Method, RolloutOptions, ScoreOptions, Scores, Starts, score,
+    Coefficient, Error as DynamicsError, Method, RolloutOptions, ScoreOptions, Scores, Simulator, Starts, score,
 };
 use fleetfoot_estimate::{EstimateError, Hold, Simulated, SimulationOptions, WHOLE_COEFFICIENTS, simulation_errors};
 use fleetfoot_model::Model;
@@ -22,21 +22,25 @@ use crate::{
 
 /// Rollouts of every fold, at most, by which the two models are compared.
 const STARTS: usize = 200;
+/// Numbers that the derivatives of a segment may take where its length is not said: 128 MiB, of which every chunk in flight has one.
+const DERIVATIVES: usize = 1 << 24;
 /// How much longer the second horizon is by which they are compared: what is fitted to N steps may run away later.
 const FAR: usize = 10;
 
 impl Objective {
-    /// How the model of the simulations is compared with that of one step, where there is one.
-    pub fn rule(self) -> Option<RolloutRule> {
-        match self {
-            Self::OneStep => None,
-            Self::Steps(steps) => Some(RolloutRule { starts: STARTS, ..RolloutRule::new(steps as usize) }),
-        }
+    /// How the model of the simulations is compared with that of one step, where there is one; a free run has the steps that `free` says.
+    pub(crate) fn rule(self, free: usize) -> Option<RolloutRule> {
+        let steps = match self {
+            Self::OneStep => return None,
+            Self::Steps(steps) => steps as usize,
+            Self::FreeRun => free,
+        };
+        Some(RolloutRule { starts: STARTS, ..RolloutRule::new(steps) })
     }
 
     /// Passes over the rows that it takes beside those of the fit, at most; `fit` passes make a model of one step. `many`: of more than 2,000 coefficients, or of maps that are bounded.
     pub fn passes(self, fit: usize, many: bool) -> usize {
-        self.rule().map_or(0, |rule| {
+        self.rule(1).map_or(0, |rule| {
             let own = SimulationOptions::new(rule.horizon).passes(0, many);
             // The training rows of a fold are fewer, so that its passes are less than the fit's own.
             own + rule.folds * (fit + own)
@@ -45,17 +49,20 @@ impl Objective {
 
     /// What a job will cost, for people; nothing where the objective is one step. `bounded`: of maps that are bounded.
     pub fn in_words(self, fit: usize, bounded: bool) -> Option<String> {
-        let rule = self.rule()?;
+        let rule = self.rule(1)?;
+        let steps = match self {
+            Self::FreeRun => "as many steps as they have room for".to_owned(),
+            _ => format!("{} steps", rule.horizon),
+        };
         let more = match bounded {
             true => String::new(),
             false => format!(", {} of more than {WHOLE_COEFFICIENTS} coefficients", self.passes(fit, true)),
         };
         Some(format!(
-            "--objective {self}: at most {} passes over the rows more{more}, with {} x {} rollouts of {} steps on rows that did not train",
+            "--objective {self}: at most {} passes over the rows more{more}, with {} x {} rollouts of {steps} on rows that did not train",
             self.passes(fit, bounded),
             2 * rule.folds,
-            rule.starts,
-            rule.horizon
+            rule.starts
         ))
     }
 
@@ -71,7 +78,7 @@ impl Objective {
     pub(crate) fn refuse_statistic(self) -> Result<(), Error> {
         match self {
             Self::OneStep => Ok(()),
-            Self::Steps(_) => Err(Error::needs_rows(format!(
+            Self::Steps(_) | Self::FreeRun => Err(Error::needs_rows(format!(
                 "objective = \"{self}\" simulates the rows of logs, and a statistic has none: fit on the logs, or leave it away"
             ))),
         }
@@ -186,11 +193,11 @@ pub(crate) type Beginning = (Model, Option<Box<dyn Hold>>);
 fn fitted(
     objective: Objective,
     (model, hold): &Beginning,
-    weights: usize,
+    (steps, weights): (usize, usize),
     source: &dyn Source,
     progress: &dyn Progress,
 ) -> Result<Vec<Simulated>, Error> {
-    let mut options = SimulationOptions::new(objective.rule().map_or(1, |rule| rule.horizon));
+    let mut options = SimulationOptions::new(steps);
     options.many.weights.truncate(weights);
     simulation_errors(model, source, &options, hold.as_deref(), progress).map_err(|error| match error {
         EstimateError::Dynamics(error @ DynamicsError::TooShort { .. }) => {
@@ -228,8 +235,15 @@ pub(crate) fn refine(
     mut fit: impl FnMut(&dyn Source) -> Result<Beginning, Error>,
 ) -> Result<Option<Refinement>, Error> {
     let model = &beginning.0;
-    let Some(rule) = objective.rule().filter(|_| !Coefficient::support(model).is_empty()) else { return Ok(None) };
-    let held = HeldOut::new((source, smoothed), rule, format!("--objective {objective}"))?;
+    if Coefficient::support(model).is_empty() {
+        return Ok(None);
+    }
+    let Some(rule) = objective.rule(1) else { return Ok(None) };
+    let mut held = HeldOut::new((source, smoothed), rule, format!("--objective {objective}"))?;
+    if objective == Objective::FreeRun {
+        held.reach(longest(model, source, held.room())?);
+    }
+    let rule = held.rule();
     let far = held.far(FAR * rule.horizon);
     let most = SimulationOptions::new(rule.horizon).many.weights.len();
     let mut trials: Vec<Trial> = Vec::with_capacity(rule.folds);
@@ -238,7 +252,7 @@ pub(crate) fn refine(
         progress.stage(&format!("simulation error, without fold {} of {}", trials.len() + 1, rule.folds));
         let after = match Coefficient::support(&before.0).is_empty() {
             true => vec![(None, before.0.clone())],
-            false => fitted(objective, &before, most, train, progress)?
+            false => fitted(objective, &before, (rule.horizon, most), train, progress)?
                 .into_iter()
                 .map(|found| (found.weight, found.model))
                 .collect(),
@@ -254,7 +268,7 @@ pub(crate) fn refine(
     let chosen = chosen(&weights, one_far);
     let folds = trials.into_iter().map(|trial| trial.fold(chosen)).collect();
     progress.stage("simulation error");
-    let fitted = fitted(objective, beginning, chosen + 1, source, progress)?.pop();
+    let fitted = fitted(objective, beginning, (rule.horizon, chosen + 1), source, progress)?.pop();
     let Some(fitted) = fitted else { return Ok(None) };
     refuse_not_finite(&fitted.model)?;
     let changed = fitted.model.latents != model.latents;
@@ -263,6 +277,22 @@ pub(crate) fn refine(
     let ([one_step, simulated], [one_far, simulated_far]) = (refinement.rollouts(), refinement.far_rollouts());
     refinement.written = changed && simulated < one_step * (1.0 - SAME) && simulated_far <= one_far;
     Ok(Some(refinement))
+}
+
+/// Steps of a free run through so many rows, as far as its derivatives have room in memory.
+fn longest(model: &Model, source: &dyn Source, rows: usize) -> Result<usize, Error> {
+    let simulator = Simulator::for_source(model, source, RolloutOptions::new(1).step)?;
+    let taken = |steps: usize| {
+        let needed = simulator.needed_rows(steps);
+        needed.before + 1 + needed.after
+    };
+    let room = (2..=rows).rev().find(|&steps| taken(steps) <= rows).ok_or_else(|| {
+        Error::undetermined(format!(
+            "--objective free-run: the longest of the held-out spans have {rows} rows, too few for a simulation: give longer logs"
+        ))
+    })?;
+    let numbers = Coefficient::support(model).len() * simulator.states().len();
+    Ok(room.min(DERIVATIVES / numbers.max(1)).max(1))
 }
 
 /// The models of a fold, on the rows that it holds out.

@@ -136,12 +136,21 @@ impl<'a> HeldOut<'a> {
         self.rule
     }
 
-    /// A horizon of so many steps, shortened to half of what every fold has room for; that of the rule at least.
-    pub(crate) fn far(&self, steps: usize) -> usize {
+    /// Rows of the longest span of every fold, the least of them.
+    pub(crate) fn room(&self) -> usize {
         let spans = || self.cut.episodes().iter().zip(&self.fold_of);
         let longest = |fold: usize| spans().filter(|(_, own)| **own == fold).map(|(span, _)| span.rows).max();
-        let room = (0..self.rule.folds).filter_map(longest).min().unwrap_or(0) / 2;
-        steps.min(room).max(self.rule.horizon)
+        (0..self.rule.folds).filter_map(longest).min().unwrap_or(0)
+    }
+
+    /// Rollouts of so many steps from now on.
+    pub(crate) fn reach(&mut self, steps: usize) {
+        self.rule.horizon = steps;
+    }
+
+    /// A horizon of so many steps, shortened to half of what every fold has room for; that of the rule at least.
+    pub(crate) fn far(&self, steps: usize) -> usize {
+        steps.min(self.room() / 2).max(self.rule.horizon)
     }
 
     /// The spans that train in a fold, or those that are held out. Differences and lags do not reach over their borders.

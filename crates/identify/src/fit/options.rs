@@ -71,9 +71,10 @@ impl PwaOptions {
         options.iterations = from_one("iterations", section.iterations, options.iterations)?;
         options.tsqr = section.tsqr.unwrap_or(options.tsqr);
         options.continuous = section.continuous.unwrap_or(options.continuous);
-        if let (true, Some(Objective::Steps(steps))) = (options.continuous, section.objective) {
+        let simulated = section.objective.filter(|objective| *objective != Objective::OneStep);
+        if let (true, Some(objective)) = (options.continuous, simulated) {
             return Err(Error::conflict(format!(
-                "--continuous with --objective steps:{steps}: simulations move the maps of regions apart; leave one of them away"
+                "--continuous with --objective {objective}: simulations move the maps of regions apart; leave one of them away"
             )));
         }
         if let (true, Some(ports)) = (options.continuous, &section.passive) {

@@ -102,7 +102,7 @@ settings! {
         /// What order, terms and partition are chosen by: free runs, or criteria of one-step errors (default: free-run).
         #[arg(long, value_enum, value_name = "RULE")]
         pub select: NarxSelection,
-        /// What coefficients are fitted to: one-step, or steps:N, simulations of N steps; the simulations' model is written where its rollouts of held-out rows
+        /// What coefficients are fitted to: one-step; steps:N, simulations of N steps; or free-run, as long as held-out rows allow. The simulations' model is written where its rollouts of held-out rows
         /// are the better ones (default: one-step).
         #[arg(long, value_name = "OBJECTIVE")]
         pub objective: Objective,

@@ -16,6 +16,8 @@ pub enum Objective {
     OneStep,
     /// `steps:20`: simulations of so many steps, from the coefficients of one step.
     Steps(u32),
+    /// `free-run`: simulations as long as the rows that are held out allow.
+    FreeRun,
 }
 
 /// Most steps of a segment.
@@ -25,13 +27,15 @@ impl FromStr for Objective {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        if text == "one-step" {
-            return Ok(Self::OneStep);
+        match text {
+            "one-step" => return Ok(Self::OneStep),
+            "free-run" => return Ok(Self::FreeRun),
+            _ => {}
         }
         let steps = text.strip_prefix("steps:").and_then(|steps| steps.trim().parse().ok());
         let steps = steps.filter(|steps| (1..=MOST_STEPS).contains(steps)).map(Self::Steps);
         steps.ok_or_else(|| {
-            format!("objective = \"{text}\": write one-step, or steps:N with 1 to {MOST_STEPS} steps, such as steps:20")
+            format!("objective = \"{text}\": write one-step, free-run, or steps:N with 1 to {MOST_STEPS} steps, such as steps:20")
         })
     }
 }
@@ -41,6 +45,7 @@ impl Display for Objective {
         match self {
             Self::OneStep => f.write_str("one-step"),
             Self::Steps(steps) => write!(f, "steps:{steps}"),
+            Self::FreeRun => f.write_str("free-run"),
         }
     }
 }

@@ -39,7 +39,7 @@ settings! {
         /// Steps of the rollouts that `--select rollout`, or a span of `over:auto`, compares (default: 50).
         #[arg(long, value_name = "STEPS")]
         pub horizon: u32,
-        /// What coefficients are fitted to: one-step, or steps:N, simulations of N steps; the simulations' model is written where its rollouts of held-out rows
+        /// What coefficients are fitted to: one-step; steps:N, simulations of N steps; or free-run, as long as held-out rows allow. The simulations' model is written where its rollouts of held-out rows
         /// are the better ones (default: one-step).
         #[arg(long, value_name = "OBJECTIVE")]
         pub objective: Objective,

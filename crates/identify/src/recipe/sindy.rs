@@ -141,7 +141,7 @@ settings! {
         /// What the number of terms is chosen by (default: one-se).
         #[arg(long, value_enum, value_name = "RULE")]
         pub select: Criterion,
-        /// What coefficients are fitted to: one-step, or steps:N, simulations of N steps; the simulations' model is written where its rollouts of held-out rows
+        /// What coefficients are fitted to: one-step; steps:N, simulations of N steps; or free-run, as long as held-out rows allow. The simulations' model is written where its rollouts of held-out rows
         /// are the better ones (default: one-step).
         #[arg(long, value_name = "OBJECTIVE")]
         pub objective: Objective,

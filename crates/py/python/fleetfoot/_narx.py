@@ -45,7 +45,8 @@ class NARX(Identifier):
     select : {"free-run", "one-se", "cv", "aic", "bic", "ebic"}, default="free-run"
         What is chosen by.
     objective : str, default="one-step"
-        What coefficients are fitted to: ``"one-step"`` or ``"steps:20"``, simulations of 20 steps, written where they
+        What coefficients are fitted to: ``"one-step"``, ``"steps:20"``, simulations of 20 steps, or ``"free-run"``, as long
+        as held-out rows allow, written where they
         simulate rows that did not train better; ``report_["objective"]`` tells.
     folds : int, default=5
         Spans that are held out in turn.

@@ -42,7 +42,8 @@ class PWA(Identifier):
         How one of several partitions is chosen; ``"rollout"`` by simulations of spans that did
         not train.
     objective : str, default="one-step"
-        What coefficients are fitted to: ``"one-step"`` or ``"steps:20"``, simulations of 20 steps, written where they
+        What coefficients are fitted to: ``"one-step"``, ``"steps:20"``, simulations of 20 steps, or ``"free-run"``, as long
+        as held-out rows allow, written where they
         simulate rows that did not train better; ``report_["objective"]`` tells.
     horizon : int, default=50
         Steps of the rollouts of ``select``, and of those that choose a span ``{"over": "auto"}``.

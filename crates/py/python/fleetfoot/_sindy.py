@@ -72,7 +72,8 @@ class SINDy(Identifier):
     select : {"one-se", "cv", "aic", "bic", "ebic"}, default="one-se"
         What is chosen by.
     objective : str, default="one-step"
-        What coefficients are fitted to: ``"one-step"`` or ``"steps:20"``, simulations of 20 steps, written where they
+        What coefficients are fitted to: ``"one-step"``, ``"steps:20"``, simulations of 20 steps, or ``"free-run"``, as long
+        as held-out rows allow, written where they
         simulate rows that did not train better; ``report_["objective"]`` tells.
     weak : int or {"auto", "off"}, optional
         Fit on windows of so many rows in the place of rows (weak form), so that no noisy row is differentiated;

@@ -414,7 +414,7 @@ def test_an_objective_of_simulations_is_told_beside_that_of_one_step():
     assert report["written"] and report["steps"] == 10 and "objective" not in found["one-step"].report_
     before, after = report["rollouts_over_persistence"]
     assert after < before
-    with pytest.raises(ff.exceptions.FleetfootError, match="one-step, or steps:N"):
+    with pytest.raises(ff.exceptions.FleetfootError, match="one-step, free-run, or steps:N"):
         ff.PWA(objective="many").fit(x, **given)
 
 
