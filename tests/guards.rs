@@ -61,6 +61,15 @@ fn no_input_is_an_output_whatever_its_name() {
         &["fit", "pwa", "-c", "m_kmeans2.json", "log.csv", "-p", "average,kmeans:2", "--keep-all", "-o", "m.json"],
     )
     .fails(&["m_kmeans2.json", "input"]);
+    // Those that are tried where nothing is said, too.
+    let said = fit(path, &["--keep-all", "-o", "n.json"]).ok();
+    assert!(said.err.contains("--partition refined:2,5,10"), "{}", said.err);
+    for rival in ["n_average.json", "n_kmeans2.json", "n_kmeans5.json", "n_kmeans10.json"] {
+        assert!(path.join(rival).exists(), "{rival}");
+    }
+    fs::copy(path.join("r.toml"), path.join("n_kmeans5.json")).unwrap();
+    fleetfoot(path, &["fit", "pwa", "-c", "n_kmeans5.json", "log.csv", "--keep-all", "-o", "n.json"])
+        .fails(&["n_kmeans5.json", "input"]);
     #[cfg(unix)]
     {
         fs::hard_link(path.join("log.csv"), path.join("hard.json")).unwrap();

@@ -173,9 +173,6 @@ pub fn fit_pwa(
     let name = |id| dataset.episodes().iter().find(|episode| episode.id == id).map(|episode| episode.name.clone());
     notes.extend(concentrated::notes(told, name));
     notes.append(&mut identification.notes);
-    if recipe.model.partition.is_none() && identification.candidates[identification.chosen].regions > 1 {
-        notes.push("the regions are those of k-means, as no --partition is given; `--partition refined:2,5,10` fits them to the dynamics, which takes several times as long".into());
-    }
     Ok(Fitted { identification, episodes: dataset.episodes().len(), files: logs.len(), rollouts, refinement, notes })
 }
 

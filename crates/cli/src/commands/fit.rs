@@ -1,10 +1,10 @@
 //! `fleetfoot fit pwa`.
 
 use fleetfoot::{
-    BoundedCandidate, Derivative, Error, Fitted, Gap, Input, InputTable, Kind, Objective, PwaRequest, Recipe,
-    Refinement, RolloutCandidate, RolloutChoice, fit_pwa, is_known, is_statistic,
+    BoundedCandidate, Derivative, Error, Fitted, Gap, Input, InputTable, Kind, Objective, PwaOptions, PwaRequest,
+    Recipe, Refinement, RolloutCandidate, RolloutChoice, fit_pwa, is_known, is_statistic,
     log::{Cache, Stamp},
-    pwa::{Score, Specification},
+    pwa::Score,
     rival, write_model,
 };
 use serde::Serialize;
@@ -48,6 +48,11 @@ pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
     context.notes(&fitted.notes);
     let told = Told { fitted: fitted.to_json(), model: arguments.output.display().to_string() };
     context.print(told, || to_text(&fitted));
+    if recipe.model.partition.is_none() && fitted.identification.candidates.len() > 1 {
+        context.say(
+            "regions of k-means were tried; --partition refined:2,5,10 looks for regions that fit the dynamics, which takes several times as long",
+        );
+    }
     for path in std::iter::once(&arguments.output).chain(&rivals) {
         context.say(format!("wrote {}", path.display()));
     }
@@ -57,8 +62,9 @@ pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
 /// The model's file, and those of its rivals.
 fn outputs(arguments: &FitPwa, recipe: &Recipe) -> Result<Vec<std::path::PathBuf>, Error> {
     let mut outputs = vec![arguments.output.clone()];
-    if let Some(partitions) = recipe.model.partition.as_ref().filter(|_| arguments.keep_all) {
-        outputs.extend(Specification::parse_list(partitions)?.iter().map(|own| rival(&arguments.output, own)));
+    if arguments.keep_all {
+        let tried = PwaOptions::new(recipe)?.identification.partitions;
+        outputs.extend(tried.iter().map(|own| rival(&arguments.output, own)));
     }
     Ok(outputs)
 }
