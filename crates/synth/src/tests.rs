@@ -420,5 +420,5 @@ fn cancelling_leaves_nothing_and_progress_counts_seconds() {
     let target = folder.path().join("stopped");
     let error = generate(&job(&target), &Until(4, Mutex::default())).unwrap_err();
     assert!(matches!(error, Error::Cancelled(_)), "{error}");
-    assert_eq!(fs::read_dir(&target).unwrap().count(), 0);
+    assert!(!target.exists());
 }
