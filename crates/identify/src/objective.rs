@@ -17,6 +17,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     Error, Objective, RolloutRule,
     output::refuse_not_finite,
+    recipe::MOST_STEPS,
     rollout_choice::{HeldOut, SAME},
 };
 
@@ -292,7 +293,8 @@ fn longest(model: &Model, source: &dyn Source, rows: usize) -> Result<usize, Err
         ))
     })?;
     let numbers = Coefficient::support(model).len() * simulator.states().len();
-    Ok(room.min(DERIVATIVES / numbers.max(1)).max(1))
+    // Every chunk of rows is read with a segment's behind it: no free run is longer than segments that are asked for may be.
+    Ok(room.min(DERIVATIVES / numbers.max(1)).clamp(1, MOST_STEPS as usize))
 }
 
 /// The models of a fold, on the rows that it holds out.

@@ -37,6 +37,7 @@ pub use estimate::{EstimateMethod, EstimateSection};
 pub use filter::{FilterNoise, FilterSection, FilterSwitching};
 pub use lags::Lags;
 pub use narx::{Effort, GivenAs, NarxSection, NarxSelection, NarxTerms};
+pub(crate) use objective::MOST_STEPS;
 pub use objective::Objective;
 pub use phase::PhaseColumn;
 pub use ports::PortList;

@@ -21,7 +21,7 @@ pub enum Objective {
 }
 
 /// Most steps of a segment.
-const MOST_STEPS: u32 = 100_000;
+pub(crate) const MOST_STEPS: u32 = 100_000;
 
 impl FromStr for Objective {
     type Err = String;
