@@ -79,6 +79,12 @@ pub(crate) fn from_i64(value: i64, unit: TimeUnit) -> i64 {
     value.checked_mul(unit.nanoseconds()).unwrap_or(MISSING)
 }
 
+/// Nanoseconds in seconds, split so that the fraction keeps its digits as far as f64 goes: the same number from every format.
+pub(crate) fn seconds(stamp: i64) -> f64 {
+    const SECOND: i64 = 1_000_000_000;
+    (stamp / SECOND) as f64 + (stamp % SECOND) as f64 / SECOND as f64
+}
+
 /// A date with a time of day (ISO 8601, a space for the `T` accepted, fractional seconds, `Z`, an offset, or none for UTC), or a plain date.
 pub(crate) fn parse_date(text: &[u8]) -> Option<i64> {
     // The cheapest test that rejects numbers: a date has its first dash or slash after the year.

@@ -283,7 +283,7 @@ impl Decoder {
                 self.any = true;
                 let stamp = stamp::parse_date(cell.trim_ascii())
                     .ok_or_else(|| self.misfit("a date such as 2011-07-23 13:23:09"))?;
-                Ok(stamp as f64 * 1e-9)
+                Ok(stamp::seconds(stamp))
             }
             Sort::Text => {
                 self.any = true;

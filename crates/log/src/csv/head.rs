@@ -128,9 +128,7 @@ impl Head {
                     _ => CandidateKind::Other,
                 };
                 let value = |cell: &[u8]| match (sort, number(cell, self.decimal_comma)) {
-                    (Sort::Date, _) => {
-                        stamp::parse_date(cell.trim_ascii()).map_or(f64::NAN, |stamp| stamp as f64 * 1e-9)
-                    }
+                    (Sort::Date, _) => stamp::parse_date(cell.trim_ascii()).map_or(f64::NAN, stamp::seconds),
                     (_, Cell::Number(value)) => value,
                     _ => f64::NAN,
                 };

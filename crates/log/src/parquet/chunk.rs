@@ -8,6 +8,7 @@ use std::{
 
 use bytes::Bytes;
 use parquet::{
+    basic::Encoding,
     column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader},
     data_type::{
         BoolType, ByteArrayType, DataType, DoubleType, FixedLenByteArrayType, FloatType, Int32Type, Int64Type,
@@ -105,7 +106,12 @@ pub(super) struct ChunkDecoder {
     values: Values,
     levels: Vec<i16>,
     full_level: i16,
+    /// Values of 32 bits as packed differences: see [`ChunkDecoder::skip`].
+    packed: bool,
 }
+
+/// Values that are read at once where they cannot be skipped.
+const SKIPPED: usize = 1 << 16;
 
 enum Values {
     Bool(ColumnReaderImpl<BoolType>, Vec<bool>),
@@ -128,6 +134,7 @@ impl ChunkDecoder {
         pages: Option<Vec<PageLocation>>,
     ) -> Result<Self> {
         let full_level = descriptor.max_def_level();
+        let packed = chunk.encodings().any(|encoding| encoding == Encoding::DELTA_BINARY_PACKED);
         let pages = SerializedPageReader::new(file, chunk, rows, pages)?;
         let values = match get_column_reader(descriptor, Box::new(pages)) {
             ColumnReader::BoolColumnReader(reader) => Values::Bool(reader, Vec::new()),
@@ -139,12 +146,27 @@ impl ChunkDecoder {
             ColumnReader::ByteArrayColumnReader(reader) => Values::Bytes(reader, Vec::new()),
             ColumnReader::FixedLenByteArrayColumnReader(reader) => Values::Fixed(reader, Vec::new()),
         };
-        Ok(Self { values, levels: Vec::new(), full_level })
+        Ok(Self { values, levels: Vec::new(), full_level, packed })
     }
 
     /// Skips rows.
+    ///
+    /// Packed differences of 32 bits are read: to skip them fails in the `parquet` crate (59.3) where equal steps pass the range of 32 bits.
     pub(super) fn skip(&mut self, rows: usize) -> Result<()> {
-        let skipped = match &mut self.values {
+        let Self { values, levels, full_level, packed } = self;
+        let skipped = match values {
+            Values::Int32(reader, buffer) if *packed => {
+                let mut left = rows;
+                while left > 0 {
+                    buffer.clear();
+                    levels.clear();
+                    let levels = (*full_level > 0).then_some(&mut *levels);
+                    let (read, _, _) = reader.read_records(left.min(SKIPPED), levels, None, buffer)?;
+                    enough(read, left.min(SKIPPED))?;
+                    left -= read;
+                }
+                Ok(rows)
+            }
             Values::Bool(reader, _) => reader.skip_records(rows),
             Values::Int32(reader, _) => reader.skip_records(rows),
             Values::Int64(reader, _) => reader.skip_records(rows),
@@ -159,7 +181,7 @@ impl ChunkDecoder {
 
     /// Appends the next rows, converted.
     pub(super) fn read<W: Word>(&mut self, rows: usize, rule: &Rule, out: &mut Vec<W>) -> Result<()> {
-        let Self { values, levels, full_level } = self;
+        let Self { values, levels, full_level, .. } = self;
         let full = *full_level;
         match values {
             Values::Bool(reader, buffer) => {

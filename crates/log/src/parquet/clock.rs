@@ -53,7 +53,7 @@ fn sample(file: &ParquetFile, leaf: &Leaf) -> Vec<f64> {
     if leaf.meaning == Meaning::Text {
         let mut stamps: Vec<i64> = Vec::new();
         first_rows(file, leaf, |decoder, rows| decoder.read(rows, &rule, &mut stamps));
-        return stamps.iter().map(|&stamp| if stamp == MISSING { f64::NAN } else { stamp as f64 * 1e-9 }).collect();
+        return stamps.iter().map(|&stamp| if stamp == MISSING { f64::NAN } else { stamp::seconds(stamp) }).collect();
     }
     let mut values: Vec<f64> = Vec::new();
     first_rows(file, leaf, |decoder, rows| decoder.read(rows, &rule, &mut values));

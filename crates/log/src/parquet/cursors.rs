@@ -15,11 +15,13 @@ use super::{buffers::Buffers, chunk::ChunkDecoder};
 /// Values kept behind a decoder's place at least.
 const TAIL: usize = 64;
 
-/// Which decoder: file, leaf and row group.
+/// Which decoder: file, place among the columns of a read, and row group.
+///
+/// The place, not the leaf: the clock's leaf may be a column too. It is then converted by another rule, and a tail holds converted values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Key {
     pub file: u64,
-    pub leaf: usize,
+    pub order: usize,
     pub group: usize,
 }
 
@@ -101,14 +103,14 @@ impl Cursors {
 }
 
 impl Turn<'_> {
-    /// The best decoder for the row `row` of a row group that begins at `group_start`, for the `order`-th column of this read.
+    /// The best decoder for the row `row` of a row group that begins at `group_start`.
     ///
     /// Waits for a read that is about to leave its decoder there.
-    pub(super) fn take(&self, order: usize, key: Key, group_start: usize, row: usize) -> Option<Cursor> {
+    pub(super) fn take(&self, key: Key, group_start: usize, row: usize) -> Option<Cursor> {
         let mut state = self.cursors.lock();
         while state.reads.iter().any(|read| {
             let ahead =
-                read.file == self.file && read.rows.start < self.from && read.done <= order && read.id != self.id;
+                read.file == self.file && read.rows.start < self.from && read.done <= key.order && read.id != self.id;
             let reaches = read.rows.end > group_start && (self.from..=self.from + self.keep).contains(&read.rows.end);
             ahead && reaches
         }) {

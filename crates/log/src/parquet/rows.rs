@@ -73,8 +73,8 @@ impl ParquetTable {
             let end = start + self.file.group_rows(group);
             let to = rows.end.min(end);
             if at < to {
-                let key = Key { file: self.number, leaf: *leaf, group };
-                let mut cursor = match turn.take(order, key, start, at - start) {
+                let key = Key { file: self.number, order, group };
+                let mut cursor = match turn.take(key, start, at - start) {
                     Some(cursor) => cursor,
                     None => Cursor {
                         decoder: Some(self.file.decoder(&handle.get()?, *leaf, group)?),

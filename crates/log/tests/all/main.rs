@@ -11,5 +11,6 @@ mod fixtures;
 mod mcap_writer;
 mod parquet;
 mod peers;
+mod same_table;
 mod ulog;
 mod ulog_writer;
