@@ -1,7 +1,8 @@
-//! The Arrow schema that Parquet files carry in their key-value metadata: it tells readers the fields' own metadata, which is where units are.
+//! The Arrow schema that Parquet files carry in their key-value metadata: it tells readers the fields' own metadata, which is where units are, and the types
+//! that Parquet does not have: a duration is a plain whole number there.
 //!
 //! It is a flatbuffer (`Message` and `Schema` of Arrow's columnar format, "Encapsulated message format"), in base64. Of a schema that is read
-//! only names and units are wanted, so that the Arrow libraries, half of the time that compiling a reader of Parquet takes, are not needed. The numbers
+//! only names, units and durations are wanted, so that the Arrow libraries, half of the time that compiling a reader of Parquet takes, are not needed. The numbers
 //! below are the places of the fields in the format's tables.
 
 use std::collections::BTreeMap;
@@ -28,6 +29,11 @@ const UTF8: u8 = 5;
 const BOOL: u8 = 6;
 const TIMESTAMP: u8 = 10;
 const STRUCT: u8 = 13;
+const DURATION: u8 = 18;
+
+/// Nanoseconds in a count of a `Duration` by its unit, and the unit where none is written.
+const DURATION_UNITS: [i64; 4] = [1_000_000_000, 1_000_000, 1_000, 1];
+const DURATION_DEFAULT: usize = 1;
 
 /// Structs in structs; deeper ones have no units.
 const DEEPEST: usize = 64;
@@ -99,21 +105,35 @@ fn field(builder: &mut FlatBufferBuilder<'_>, column: &WriteColumn) -> Finished 
     })
 }
 
-/// The units (`unit` or `units`) of the fields of a schema, by their paths. What is damaged or of another kind has none.
-pub(crate) fn units(text: &str) -> BTreeMap<Vec<String>, String> {
-    let mut units = BTreeMap::new();
+/// A field of a schema, as far as Parquet's own schema does not tell it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct ArrowField {
+    /// Its `unit` (or `units`).
+    pub unit: Option<String>,
+    /// Of durations: nanoseconds in a count.
+    pub duration: Option<i64>,
+}
+
+/// The fields of a schema that have a unit or are durations, by their paths. What is damaged or of another kind has none.
+pub(crate) fn fields(text: &str) -> BTreeMap<Vec<String>, ArrowField> {
+    let mut found = BTreeMap::new();
     if let Ok(bytes) = BASE64_STANDARD.decode(text) {
         let message = bytes.strip_prefix(&CONTINUES).map_or(&*bytes, |rest| rest.get(4..).unwrap_or_default());
         if let Some(schema) = root(message).and_then(|message| message.table(2)) {
             // Every field and every pair takes some bytes of its own, unless the offsets lie.
             let mut left = message.len();
-            collect(&schema.tables(1), &mut Vec::new(), &mut left, &mut units);
+            collect(&schema.tables(1), &mut Vec::new(), &mut left, &mut found);
         }
     }
-    units
+    found
 }
 
-fn collect(fields: &[Table<'_>], path: &mut Vec<String>, left: &mut usize, units: &mut BTreeMap<Vec<String>, String>) {
+fn collect(
+    fields: &[Table<'_>],
+    path: &mut Vec<String>,
+    left: &mut usize,
+    found: &mut BTreeMap<Vec<String>, ArrowField>,
+) {
     for field in fields {
         let pairs = field.tables(6);
         let Some(rest) = left.checked_sub(1 + pairs.len()) else { return };
@@ -121,11 +141,14 @@ fn collect(fields: &[Table<'_>], path: &mut Vec<String>, left: &mut usize, units
         let Some(name) = field.text(0) else { continue };
         path.push(name.to_owned());
         let find = |key| pairs.iter().find(|pair| pair.text(0) == Some(key)).and_then(|pair| pair.text(1));
-        if let Some(unit) = find("unit").or_else(|| find("units")) {
-            units.insert(path.clone(), unit.to_owned());
+        let unit = find("unit").or_else(|| find("units")).map(str::to_owned);
+        let kind = field.byte(2);
+        let duration = if kind == Some(DURATION) { field.table(3).and_then(|detail| detail.duration()) } else { None };
+        if unit.is_some() || duration.is_some() {
+            found.insert(path.clone(), ArrowField { unit, duration });
         }
-        if field.byte(2) == Some(STRUCT) && path.len() < DEEPEST {
-            collect(&field.tables(5), path, left, units);
+        if kind == Some(STRUCT) && path.len() < DEEPEST {
+            collect(&field.tables(5), path, left, found);
         }
         path.pop();
     }
@@ -174,6 +197,12 @@ impl<'a> Table<'a> {
         self.bytes.get(self.place(field)?).copied()
     }
 
+    /// Of the details of a duration: nanoseconds in a count.
+    fn duration(&self) -> Option<i64> {
+        let unit = self.place(0).map_or(Some(DURATION_DEFAULT), |place| half_word(self.bytes, place));
+        DURATION_UNITS.get(unit?).copied()
+    }
+
     fn table(&self, field: VOffsetT) -> Option<Table<'a>> {
         Some(Self { at: self.target(field)?, ..*self })
     }
@@ -210,33 +239,50 @@ mod tests {
         ]
     }
 
+    fn with_unit(unit: &str) -> ArrowField {
+        ArrowField { unit: Some(unit.to_owned()), duration: None }
+    }
+
     #[test]
     fn units_come_back_by_name() {
-        let found = units(&encode(&columns()));
+        let found = fields(&encode(&columns()));
         let expected = [("x", "m"), ("n", "1/s"), ("mode", "")];
-        assert_eq!(found, expected.into_iter().map(|(name, unit)| (vec![name.to_owned()], unit.to_owned())).collect());
-        assert!(units(&encode(&[])).is_empty());
+        assert_eq!(found, expected.into_iter().map(|(name, unit)| (vec![name.to_owned()], with_unit(unit))).collect());
+        assert!(fields(&encode(&[])).is_empty());
     }
 
     /// `{a: struct<v: double {units: m/s}>, l: list<v: double {unit: no}>}`, as pyarrow 26 writes it.
     #[test]
     fn fields_of_structs_have_units() {
         let text = include_str!("arrow_schema_nested.txt").trim();
-        let expected = BTreeMap::from([(vec!["a".to_owned(), "v".to_owned()], "m/s".to_owned())]);
-        assert_eq!(units(text), expected);
+        let expected = BTreeMap::from([(vec!["a".to_owned(), "v".to_owned()], with_unit("m/s"))]);
+        assert_eq!(fields(text), expected);
+    }
+
+    /// `{s: duration[s], ms: duration[ms], a: struct<us: duration[us] {unit: us}>, ns: dictionary<duration[ns]>, i: int64}`, as pyarrow 26 writes it.
+    #[test]
+    fn durations_have_the_nanoseconds_of_a_count() {
+        let found = fields(include_str!("arrow_schema_durations.txt").trim());
+        let durations: Vec<_> = found.iter().map(|(path, field)| (path.join("."), field.duration.unwrap())).collect();
+        let expected = [("a.us", 1_000), ("ms", 1_000_000), ("ns", 1), ("s", 1_000_000_000)];
+        assert_eq!(durations, expected.map(|(path, count)| (path.to_owned(), count)));
+        assert_eq!(found[&["a".to_owned(), "us".to_owned()][..]].unit.as_deref(), Some("us"));
     }
 
     #[test]
     fn changed_bytes_do_no_harm() {
-        let bytes = BASE64_STANDARD.decode(encode(&columns())).unwrap();
-        for at in 0..bytes.len() {
-            for value in [0, 1, 4, 127, 128, 255, bytes[at] ^ 1] {
-                let mut damaged = bytes.clone();
-                damaged[at] = value;
-                assert!(units(&BASE64_STANDARD.encode(&damaged)).len() <= 5);
+        let durations = include_str!("arrow_schema_durations.txt").trim().to_owned();
+        for text in [encode(&columns()), durations] {
+            let bytes = BASE64_STANDARD.decode(text).unwrap();
+            for at in 0..bytes.len() {
+                for value in [0, 1, 4, 127, 128, 255, bytes[at] ^ 1] {
+                    let mut damaged = bytes.clone();
+                    damaged[at] = value;
+                    assert!(fields(&BASE64_STANDARD.encode(&damaged)).len() <= 6);
+                }
+                fields(&BASE64_STANDARD.encode(&bytes[..at]));
             }
-            units(&BASE64_STANDARD.encode(&bytes[..at]));
         }
-        assert!(units("no base64").is_empty());
+        assert!(fields("no base64").is_empty());
     }
 }

@@ -9,6 +9,7 @@ use parquet::{
     schema::types::{ColumnDescriptor, SchemaDescriptor},
 };
 
+use super::arrow_schema::ArrowField;
 use crate::{TimeUnit, stamp, table::MISSING};
 
 /// What a leaf holds.
@@ -22,7 +23,7 @@ pub(super) enum Meaning {
     Float,
     /// Whole numbers over a power of ten.
     Decimal { scale: i32 },
-    /// Time since 1970, so many nanoseconds a count.
+    /// Time since 1970, of the day, or between two moments: so many nanoseconds a count.
     Time { nanoseconds: i64 },
     /// UTF-8.
     Text,
@@ -53,13 +54,17 @@ impl Leaf {
     }
 }
 
-/// All leaves, with the units by their paths.
-pub(super) fn leaves(schema: &SchemaDescriptor, units: &BTreeMap<Vec<String>, String>) -> Vec<Leaf> {
+/// All leaves, with what the Arrow schema tells of them by their paths.
+pub(super) fn leaves(schema: &SchemaDescriptor, fields: &BTreeMap<Vec<String>, ArrowField>) -> Vec<Leaf> {
     (0..schema.num_columns())
         .map(|index| {
             let descriptor = schema.column(index);
-            let unit = units.get(descriptor.path().parts()).cloned();
-            Leaf { index, name: descriptor.path().string(), unit, meaning: meaning(&descriptor) }
+            let field = fields.get(descriptor.path().parts()).cloned().unwrap_or_default();
+            let meaning = match (meaning(&descriptor), field.duration) {
+                (Meaning::Integer { unsigned: false }, Some(nanoseconds)) => Meaning::Time { nanoseconds },
+                (meaning, _) => meaning,
+            };
+            Leaf { index, name: descriptor.path().string(), unit: field.unit, meaning }
         })
         .collect()
 }

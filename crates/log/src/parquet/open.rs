@@ -167,10 +167,10 @@ fn load(path: &Path, buffers: &Arc<Buffers>) -> Result<(ParquetFile, Vec<Leaf>),
     let metadata =
         Arc::new(with_pages(metadata, &FileBytes { file: Arc::new(file), length, buffers: buffers.clone() }));
     let schema = metadata.file_metadata();
-    // The Arrow schema only adds units; a file without a valid one is read without them.
+    // The Arrow schema only adds units and durations; a file without a valid one is read without them.
     let pairs = schema.key_value_metadata().into_iter().flatten();
     let text = pairs.filter(|pair| pair.key == arrow_schema::KEY).find_map(|pair| pair.value.as_deref());
-    let leaves = leaves(schema.schema_descr(), &text.map(arrow_schema::units).unwrap_or_default());
+    let leaves = leaves(schema.schema_descr(), &text.map(arrow_schema::fields).unwrap_or_default());
     let file = ParquetFile {
         path: path.into(),
         metadata: metadata.clone(),

@@ -106,6 +106,30 @@ fn clocks_of_all_units() {
 }
 
 #[test]
+fn durations_are_seconds_and_may_be_the_clock() {
+    let names = ["s", "ms", "us", "ns", "a.us", "__index_level_0__"];
+    let index = TimeSpec::Column { name: "__index_level_0__".into(), unit: None };
+    // The index is the first that rises, and found by itself too.
+    for time in [index, TimeSpec::Auto] {
+        let selection = Selection { time, ..Selection::new(names) };
+        let recording = open(&[fixture("durations")], &selection).unwrap();
+        let episode = &recording.episodes()[0];
+        assert_eq!((episode.rows, episode.start, episode.end), (ROWS, 0, 299 * 50_000_000));
+        assert_eq!(episode.period, 0.05);
+        let found = columns(&recording);
+        for row in 0..episode.rows {
+            let count = row as f64 * 1_500.0;
+            let null = row % 7 == 3;
+            for (c, per_second) in [(0, 1.0), (1, 1e3), (2, 1e6), (3, 1e9)] {
+                let value = found[c][row];
+                assert!(if null { value.is_nan() } else { value == count / per_second }, "{} {row}: {value}", names[c]);
+            }
+            assert_eq!((found[4][row], found[5][row]), (row as f64 / 1e6, row as f64 * 5e7 / 1e9));
+        }
+    }
+}
+
+#[test]
 fn codecs_encodings_and_units() {
     let recording = open(&[fixture("codecs")], &Selection::new(["v"])).unwrap();
     assert_eq!(recording.columns()[0].unit.as_deref(), Some("m/s"));

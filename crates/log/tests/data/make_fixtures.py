@@ -77,3 +77,12 @@ write(
 )
 write("lz4_delta", pa.table({"t_ms": pa.array((i * 20).tolist(), pa.int64()), "n": pa.array(i)}), compression="lz4", use_dictionary=False, column_encoding={"t_ms": "DELTA_BINARY_PACKED", "n": "DELTA_BINARY_PACKED"})
 write("empty", pa.table({"t": pa.array([], pa.float64()), "x": pa.array([], pa.float64())}))
+write(
+    "durations",
+    pa.table(
+        # The name that pandas gives a TimedeltaIndex.
+        {"__index_level_0__": pa.array((i * 50_000_000).tolist(), pa.duration("ns"))}
+        | {unit: nullable((i * 1_500).tolist(), pa.duration(unit)) for unit in ["s", "ms", "us", "ns"]}
+        | {"a": pa.array([{"us": int(k)} for k in i], pa.struct([("us", pa.duration("us"))]))}
+    ),
+)
