@@ -57,12 +57,15 @@ unsafe impl Send for Array {}
 unsafe impl Sync for Array {}
 
 impl Array {
-    /// Borrows an array of numbers, or what numpy makes one of (`numpy.asarray`); `what` is its name for messages.
+    /// Borrows an array of numbers, or what becomes one ([`plain`]); `what` is its name for messages.
     pub(crate) fn of(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Self> {
-        let py = object.py();
-        let array = match object.cast::<PyUntypedArray>() {
-            Ok(array) => array.clone(),
-            Err(_) => py.import("numpy")?.call_method1("asarray", (object,))?.cast_into::<PyUntypedArray>()?,
+        let as_it_lies = match object.cast_exact::<PyUntypedArray>() {
+            Ok(array) if scalar(array)?.is_some() => Some(array.clone()),
+            _ => None,
+        };
+        let array = match as_it_lies {
+            Some(array) => array,
+            None => plain(object, what, "numbers")?.cast_into::<PyUntypedArray>()?,
         };
         let (shape, strides) = (array.shape().to_vec(), array.strides().to_vec());
         let (rows, columns, strides) = match (shape.as_slice(), strides.as_slice()) {
@@ -205,6 +208,11 @@ impl Array {
             Scalar::U64 => read!(u64),
         })
     }
+}
+
+/// A plain array of what a caller gives, by a function of `fleetfoot._arrays`, which all arrays go through that are not of this machine's numbers already.
+pub(crate) fn plain<'py>(object: &Bound<'py, PyAny>, what: &str, function: &str) -> PyResult<Bound<'py, PyAny>> {
+    object.py().import("fleetfoot._arrays")?.call_method1(function, (object, what))
 }
 
 /// What the cells of an array are; `None` when they are no numbers of this machine.

@@ -1,10 +1,10 @@
 //! Points of a model as numpy arrays: read, and given back.
 
 use fleetfoot::dynamics::{Points, Stepper};
-use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods, ndarray::IxDyn};
+use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods, ndarray::IxDyn};
 use pyo3::prelude::*;
 
-use crate::error::Kind;
+use crate::{array::plain, error::Kind};
 
 /// Numbers of an array in the order of its indices, and its shape.
 pub(crate) struct Floats {
@@ -13,22 +13,18 @@ pub(crate) struct Floats {
 }
 
 impl Floats {
-    /// Reads an array, or what numpy makes one of; `what` is the argument's name.
+    /// Reads an array of any order of memory, any strides and any type of number, or what becomes one; `what` is the argument's name.
     pub(crate) fn of(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Self> {
-        let array = match object.extract::<PyReadonlyArrayDyn<'_, f64>>() {
-            Ok(array) => array,
-            Err(_) => {
-                let numpy = object.py().import("numpy")?;
-                let converted = numpy.call_method1("asarray", (object, numpy.getattr("float64")?));
-                let refused = |error: PyErr| Kind::Data.error(format!("{what} cannot be read as numbers: {error}"));
-                converted.map_err(refused)?.extract::<PyReadonlyArrayDyn<'_, f64>>()?
-            }
+        let as_it_lies = object
+            .cast_exact::<PyArrayDyn<f64>>()
+            .ok()
+            .filter(|array| array.is_c_contiguous() && array.data().is_aligned());
+        let array = match as_it_lies {
+            Some(array) => array.clone(),
+            None => plain(object, what, "floats")?.cast_into::<PyArrayDyn<f64>>()?,
         };
-        let values = match array.as_slice() {
-            Ok(values) => values.to_vec(),
-            Err(_) => array.as_array().iter().copied().collect(),
-        };
-        Ok(Self { values, shape: array.shape().to_vec() })
+        // Of an array in the order of C, and no other, the memory is the order of the indices.
+        Ok(Self { values: array.to_vec()?, shape: array.shape().to_vec() })
     }
 
     /// The argument, or nothing of this width where it was not given.

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _plain
+from ._arrays import numbers, unmasked
 
 if TYPE_CHECKING:
     from ._plain import (
@@ -95,6 +96,7 @@ def check_x(estimator: Any, X: Any, *, reset: bool, min_samples: int = 1, sparse
     compressed rows where `sparse` allows it (that needs scikit-learn), else it is a `TypeError`; anything that is not a
     matrix of finite numbers is a `ValueError`.
     """
+    X = unmasked(X)
     if HAS_SKLEARN:
         options: dict[str, Any] = {
             "dtype": [np.float64, np.float32],
@@ -126,6 +128,7 @@ def check_xy(
         raise ValueError(
             f"This {type(estimator).__name__} estimator requires y to be passed, but the target y is None."
         )
+    X, y = unmasked(X), unmasked(y)
     if HAS_SKLEARN:
         options: dict[str, Any] = {
             "dtype": [np.float64, np.float32],
@@ -150,7 +153,7 @@ def is_sparse(X: Any) -> bool:
 
 def as_given(X: Any) -> Any:
     """X that nobody checks: an array, or compressed rows of a sparse one."""
-    return X.tocsr() if is_sparse(X) else np.asarray(X)
+    return X.tocsr() if is_sparse(X) else numbers(X, "X")
 
 
 def check_rows(X: Any, owner: str) -> Any:
@@ -178,7 +181,7 @@ def check_weight(sample_weight: Any, rows: int) -> NDArray[np.float64] | None:
     if isinstance(sample_weight, (int, float, np.number)):
         weight = np.full(rows, float(sample_weight))
     else:
-        weight = np.asarray(sample_weight, dtype=np.float64)
+        weight = numbers(sample_weight, "sample_weight").astype(np.float64, copy=False)
     if weight.ndim != 1:
         raise ValueError(f"Sample weights must be 1D array or scalar, got {weight.ndim}D array.")
     if weight.shape != (rows,):

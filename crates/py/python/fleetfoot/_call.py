@@ -10,6 +10,7 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
+from ._arrays import numbers, unmasked
 from ._base import DataConversionWarning
 from ._frames import CLOCKS, Frame, frame, frames
 from ._runs import Columns, array_runs, is_arrays
@@ -246,7 +247,7 @@ def _clock(t: Any) -> Any:
     one = frame(t)
     if one is not None:
         return one.column(one.names[0])
-    return np.asarray(t) if hasattr(t, "__array__") and np.ndim(t) else t
+    return numbers(t, "t") if hasattr(t, "__array__") and np.ndim(t) else t
 
 
 def _values(given: Any) -> Any:
@@ -279,7 +280,7 @@ def vector(array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
 def _matrix(one: Any) -> np.ndarray[Any, Any]:
     if isinstance(one, Columns):
         return np.column_stack(one.arrays)
-    array = np.asarray(one)
+    array = numbers(one, "x")
     return array[:, None] if array.ndim == 1 else array
 
 
@@ -308,4 +309,4 @@ def _is_lazy(table: Any) -> bool:
 def _plain_array(given: Any) -> Any:
     """numpy's array of what is an array of somebody else's."""
     is_other = hasattr(given, "__array__") and not isinstance(given, (np.ndarray, np.generic))
-    return np.asarray(given) if is_other and frame(given) is None else given
+    return np.asarray(given) if is_other and frame(given) is None else unmasked(given)

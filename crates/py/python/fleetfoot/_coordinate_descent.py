@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
+from ._arrays import numbers
 from ._base import MultiOutputMixin, as_given, check_rows, check_weight, check_xy
 from ._descent import Posed, grid, largest_alpha, pose
 from ._linear import LinearModel
@@ -141,7 +142,7 @@ def enet_path(
         if len(y) != X.shape[0]:
             raise ValueError(f"X has {X.shape[0]} rows and y has {len(y)}: give one target a row")
     else:
-        X, y = as_given(X), np.asarray(y)
+        X, y = as_given(X), numbers(y, "y")
     if y.ndim != 1 and positive:
         raise ValueError("positive=True is not allowed for multi-output (y.ndim != 1)")
     if X.dtype == np.float32:
@@ -459,7 +460,7 @@ class ElasticNet(MultiOutputMixin, LinearModel):
         if check_input:
             X, y = check_xy(self, X, y, multi_output=True, sparse=True)
         else:
-            X, y = as_given(X), np.asarray(y)
+            X, y = as_given(X), numbers(y, "y")
             self.n_features_in_ = X.shape[1]
         if X.dtype == np.float32:
             y = np.asarray(y, dtype=np.float32)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from . import _core
+from ._arrays import numbers, period_seconds
 from ._frames import frame
 from ._html import of_dataset
 
@@ -210,7 +211,7 @@ def _memory(source: Any, name: Any, t: Any, *, has_clock: bool) -> tuple[_core.D
     elif isinstance(source, (list, tuple)):
         runs, single = list(source), False
         if runs and all(np.isscalar(one) for one in runs):
-            runs, single = [np.asarray(source)], True
+            runs, single = [numbers(source, "source")], True
     elif isinstance(source, Iterator) or isinstance(source, Iterable):
         runs, single = [_Batches(source)], True
     else:
@@ -256,7 +257,7 @@ def _clocked(run: Any, stamps: Any, has_clock: bool) -> tuple[Any, tuple[str, st
         run = {**columns, ("t",): values}
     if values is None or (index is not None and has_clock):
         return run, None
-    return run, (name, None if np.asarray(values).dtype.kind in "mM" else "s")
+    return run, (name, None if numbers(values, "t").dtype.kind in "mM" else "s")
 
 
 def _names(name: Any, count: int, single: bool) -> list[str]:
@@ -272,12 +273,12 @@ def _names(name: Any, count: int, single: bool) -> list[str]:
 
 def _stamps(t: Any, count: int, single: bool) -> list[Any]:
     if single and not (isinstance(t, (list, tuple)) and len(t) == 1 and np.ndim(t[0]) == 1):
-        return [np.asarray(t)]
+        return [numbers(t, "t")]
     if not isinstance(t, (list, tuple)):
         raise ValueError(f"t: give a list of {count} arrays, one for each run")
     if len(t) != count:
         raise ValueError(f"t has {len(t)} arrays for {count} runs")
-    return [np.asarray(one) for one in t]
+    return [numbers(one, "t") for one in t]
 
 
 class _Batches:
@@ -309,7 +310,7 @@ def _run(name: str, run: Any) -> _core.Data:
 def _parts(name: str, run: Any) -> list[tuple[Any, list[str]]]:
     """Arrays with the names of their columns."""
     if not isinstance(run, Mapping):
-        array = np.asarray(run)
+        array = numbers(run, name)
         if array.ndim not in (1, 2):
             raise ValueError(f"{name} has {array.ndim} dimensions; give rows and columns")
         return [(array, [f"x{i}" for i in range(1 if array.ndim == 1 else array.shape[1])])]
@@ -317,7 +318,7 @@ def _parts(name: str, run: Any) -> list[tuple[Any, list[str]]]:
         raise ValueError(f"{name} has no columns")
     parts = []
     for key, values in run.items():
-        array = values if isinstance(values, np.ndarray) else np.asarray(values)
+        array = numbers(values, f"{name}, column {key!r}")
         if isinstance(key, tuple):
             names = [str(one) for one in key]
         elif array.ndim == 2:
@@ -351,7 +352,7 @@ def _recipe(
             ) from error
     else:
         raise TypeError(f"recipe is a {type(recipe).__name__}; give a TOML file, TOML text or a dict")
-    return _core.recipe(text, origin, is_json, clock, unit, None if dt is None else float(dt), where)
+    return _core.recipe(text, origin, is_json, clock, unit, None if dt is None else period_seconds(dt, "dt"), where)
 
 
 def _plain(value: Any) -> Any:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
+from ._arrays import floats, numbers
 from ._base import ConvergenceWarning, is_sparse
 
 #: The smallest alpha that a grid starts from: that of a target which no feature explains.
@@ -92,14 +93,14 @@ def pose(
     # As in the Gram matrix, the weights sum to the number of rows.
     scaled = None if weight is None else weight * (rows / weight.sum())
     offset = np.average(X, axis=0, weights=scaled).astype(np.float64) if intercept else np.zeros(X.shape[1])
-    targets = np.asarray(y, dtype=np.float64).reshape(rows, -1)
+    targets = floats(y, "y").reshape(rows, -1)
     target_offset = np.average(targets, axis=0, weights=scaled) if intercept else np.zeros(targets.shape[1])
     left = targets - target_offset
     right = left if scaled is None else left * scaled[:, None]
     if Xy is None:
         products = X.T @ right
     else:
-        products = np.asarray(Xy, dtype=np.float64).reshape(X.shape[1], -1)
+        products = floats(Xy, "Xy").reshape(X.shape[1], -1)
         if products.shape[1] != targets.shape[1]:
             raise ValueError(f"Xy has {products.shape[1]} columns and y has {targets.shape[1]}: give X.T @ y")
     squares = np.einsum("ij,ij->j", left, right)
@@ -117,7 +118,7 @@ def given_gram(
     """
     if isinstance(precompute, (bool, np.bool_, str)) or is_sparse(X):
         return None
-    gram = np.asarray(precompute)
+    gram = numbers(precompute, "precompute")
     features = X.shape[1]
     if gram.shape != (features, features):
         raise ValueError(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _recipe
+from ._arrays import numbers
 from ._base import check_is_fitted
 from ._call import OF_STATES, TASKS, Call, second_by_position
 from ._frames import frame
@@ -91,7 +92,7 @@ class Fitted:
                 raise ModelError(f"x is a list of {len(x)} runs; give lists of as many for u and t")
             return [self.predict(*run, **options) for run in zip(x, us, ts)]
         if hasattr(x, "__array__") and not isinstance(x, np.ndarray) and frame(x) is None:
-            x = np.asarray(x)
+            x = numbers(x, "x")
         if not is_arrays(x) or self._fitted_names is None:
             found = model.predict(x, u, t, **options)
             # Of one target that was a vector, a table's column.
@@ -118,9 +119,9 @@ class Fitted:
     def _placed(self, model: Model, x: Any, u: Any) -> tuple[Any, Any]:
         """Arrays with the columns of the fit as the model's states and inputs."""
         features, inputs = self._fitted_names or ((), ())
-        rows = np.asarray(x)
+        rows = numbers(x, "x")
         rows = rows[:, None] if rows.ndim == 1 and len(features) == 1 else rows
-        beside = None if u is None else np.asarray(u)
+        beside = None if u is None else numbers(u, "u")
         beside = beside[:, None] if beside is not None and beside.ndim == 1 and len(inputs) == 1 else beside
         if features == model.states or rows.ndim != 2:
             return rows, beside

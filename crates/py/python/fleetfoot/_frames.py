@@ -11,6 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from ._arrays import numbers
+from .exceptions import ModelError
+
 Array = np.ndarray[Any, Any]
 #: Names of what is a clock in a table where nobody says which column is: the first that there is.
 CLOCKS = ("stamp", "t", "time", "timestamp")
@@ -57,7 +60,7 @@ class Frame:
 
     def matrix(self, names: Sequence[str]) -> Array:
         """Columns side by side (rows, names)."""
-        columns = [np.asarray(self.column(name), dtype=np.float64) for name in names]
+        columns = [numbers(self.column(name), f"column {name!r}").astype(np.float64, copy=False) for name in names]
         return np.column_stack(columns) if columns else np.empty((self.rows, 0))
 
 
@@ -77,6 +80,28 @@ def frames(thing: Any) -> list[Frame] | None:
         return None if any(one is None for one in found) else [one for one in found if one is not None]
     one = frame(thing)
     return None if one is None else [one]
+
+
+def in_order(values: Any, names: Sequence[str], what: str) -> Any:
+    """The columns of a table, or the entries of a row of pandas, by their names; anything else as it is.
+
+    Raises
+    ------
+    ModelError
+        The table has names, and lacks one of these.
+    """
+    table = None if isinstance(values, np.ndarray) else frame(values)
+    if table is None:
+        return values
+    if type(values).__name__ == "Series":
+        labels = [str(label) for label in getattr(values, "index", ())]
+        return values.iloc[[labels.index(name) for name in names]] if set(names) <= set(labels) else values
+    if all(name.isdecimal() for name in table.names):
+        return table.matrix(table.names)
+    missing = [name for name in names if name not in table.names]
+    if missing:
+        raise ModelError(f"{what}: the table has no column `{missing[0]}`; it has {', '.join(table.names)}")
+    return table.matrix(names)
 
 
 # -- pandas

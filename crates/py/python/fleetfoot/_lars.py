@@ -8,6 +8,7 @@ from typing import Any, Literal, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
+from ._arrays import numbers
 from ._base import ConvergenceWarning
 from ._core import Design, LarsPath, lars_path_of_products, lars_paths
 from ._params import ARRAY, BOOLEAN, NONE, VERBOSE, Rule, check_params, integer, one_of, real
@@ -146,7 +147,7 @@ def lars_path(
         raise ValueError("y cannot be None: give a target (n_samples,)")
     request = path_request(method, positive, alpha_min, max_iter)
     check_eps("lars_path", eps)
-    X, y = np.asarray(X), np.asarray(y)
+    X, y = numbers(X, "X"), numbers(y, "y")
     if X.ndim != 2 or y.ndim != 1 or len(X) != len(y):
         raise ValueError(f"X has the shape {X.shape} and y {y.shape}: give (n_samples, n_features) and (n_samples,)")
     known = [X, y]
@@ -158,7 +159,7 @@ def lars_path(
             products = _wide(X).T @ _wide(X)
         else:
             known.append(products)
-        moments = _wide(X).T @ _wide(y) if Xy is None else np.asarray(Xy)
+        moments = _wide(X).T @ _wide(y) if Xy is None else numbers(Xy, "Xy")
         if Xy is not None:
             known.append(moments)
         path = path_of_products(products, moments, float(_wide(y) @ _wide(y)), len(X), request)
@@ -219,7 +220,7 @@ def lars_path_gram(
     check_params("lars_path_gram", rules, **given, n_samples=n_samples, Xy=Xy, Gram=Gram)
     request = path_request(method, positive, alpha_min, max_iter)
     check_eps("lars_path_gram", eps)
-    products, moments = np.asarray(Gram), np.asarray(Xy)
+    products, moments = numbers(Gram, "Gram"), numbers(Xy, "Xy")
     path = path_of_products(products, moments, None, n_samples, request)
     return _answer(path, _dtype([products, moments]), verbose, return_path, return_n_iter)
 
@@ -252,7 +253,7 @@ def known_gram(Gram: Any) -> NDArray[Any] | None:
         return None
     if isinstance(Gram, str):
         raise ValueError(f"Gram is {Gram!r}: give 'auto', a bool, None, or X.T @ X")
-    return np.asarray(Gram)
+    return numbers(Gram, "Gram")
 
 
 def path_of_products(

@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _core, _recipe
+from ._arrays import floats, period_seconds, since_first
 from ._equations import Content
 from ._filtering import Filtering
+from ._frames import in_order
 from ._html import of_model
 from ._on_recordings import OnRecordings
 from ._regulated import Regulated
@@ -297,7 +299,8 @@ class Model(OnRecordings, Filtering, Regulated):
         ModelError
             An argument is missing or of the wrong shape.
         """
-        return self._core.step(x, u, dt, method, history, t)
+        x, u, history = self._by_name(x, u, history)
+        return self._core.step(x, u, self._period(dt), method, history, t)
 
     def derivative(
         self,
@@ -312,6 +315,7 @@ class Model(OnRecordings, Filtering, Regulated):
 
         Parameters and errors as for :meth:`step`; the result has the shape of ``x``.
         """
+        x, u, history = self._by_name(x, u, history)
         return self._core.right_sides(x, u, history, t)
 
     def linearize(
@@ -340,7 +344,8 @@ class Model(OnRecordings, Filtering, Regulated):
         ModelError
             An argument is missing or of the wrong shape.
         """
-        return self._core.linearize(x, u, dt, method, history, t)
+        x, u, history = self._by_name(x, u, history)
+        return self._core.linearize(x, u, self._period(dt), method, history, t)
 
     def region(
         self,
@@ -357,8 +362,18 @@ class Model(OnRecordings, Filtering, Regulated):
         """
         if u is None and self.inputs:
             u = np.zeros(len(self.inputs)) if self._regions_need_no_input() else None
+        x, u, history = self._by_name(x, u, history)
         found, single = self._core.regions(x, u, history, t)
         return int(found[0]) if single else found
+
+    def _by_name(self, x: Any, u: Any, history: Any) -> tuple[Any, Any, Any]:
+        """States, inputs and rows before in the order of the model, where they are of tables."""
+        if history is not None:
+            history = (in_order(history[0], self.states, "history: x"), in_order(history[1], self.inputs, "history: u"))
+        return in_order(x, self.states, "x"), in_order(u, self.inputs, "u"), history
+
+    def _period(self, dt: Any) -> float | None:
+        return None if dt is None else period_seconds(dt, "dt")
 
     def _regions_need_no_input(self) -> bool:
         if not self.content.latents:
@@ -433,13 +448,14 @@ class Model(OnRecordings, Filtering, Regulated):
         array([1.   , 0.607, 0.368])
         """
         how = self._passing(method, substeps, rtol, atol)
+        x0, u, history = self._by_name(x0, u, history)
         grid = _core.time_grid(self._core, self._times(t))
         if interpolate:
             u = _lines(grid.times, u, len(self.inputs))
         if callable(u):
             fine, places = grid.refined() if substeps is None else (grid, np.arange(len(grid) + 1))
             if _takes_state(u):
-                found, missed = self._closed_loop(np.asarray(x0, dtype=float), fine, u, how, history)
+                found, missed = self._closed_loop(floats(x0, "x0"), fine, u, how, history)
             else:
                 sequence = np.array([np.atleast_1d(np.asarray(u(time), dtype=float)) for time in fine.times])
                 found, missed = _core.simulate(self._core, x0, fine, sequence, how, history)
@@ -461,7 +477,7 @@ class Model(OnRecordings, Filtering, Regulated):
     def _times(self, t: ArrayLike | int) -> ArrayLike:
         """The times of a simulation; of as many rows, for models that go by rows."""
         if isinstance(t, (bool, np.bool_)) or not isinstance(t, (int, np.integer)):
-            return t
+            return since_first(t, "t")
         if self.is_continuous and not self.lags:
             raise ModelError(f"t={t}: derivatives are integrated over seconds; give the times, np.arange({t}) * dt")
         if t < 1:
@@ -478,9 +494,9 @@ class Model(OnRecordings, Filtering, Regulated):
     ) -> tuple[Array, float]:
         """Step by step, the inputs from a function of time and states."""
         states, missed = [x0], 0.0
-        past = None if history is None else [np.asarray(rows, dtype=float) for rows in history]
+        past = None if history is None else [floats(rows, "history") for rows in history]
         for at, now in enumerate(grid.times[:-1]):
-            given = np.broadcast_to(np.asarray(u(now, states[-1]), dtype=float), (*x0.shape[:-1], len(self.inputs)))
+            given = np.broadcast_to(floats(u(now, states[-1]), "u"), (*x0.shape[:-1], len(self.inputs)))
             before = None if past is None else (past[0], past[1])
             step, more = _core.simulate(self._core, states[-1], grid.interval(at), given[..., None, :], how, before)
             missed += more

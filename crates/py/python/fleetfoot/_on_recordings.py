@@ -10,9 +10,10 @@ import numpy as np
 
 from . import _core as engine
 from . import _recipe
+from ._arrays import floats, numbers, seconds, since_first
 from ._controller import Controller, what
 from ._equations import Content
-from ._frames import CLOCKS, Frame, frame
+from ._frames import CLOCKS, Frame, frame, in_order
 from ._progress import Progress, reporting
 from ._runs import is_arrays, runs
 from ._warnings import tell_all
@@ -87,16 +88,16 @@ class OnRecordings:
         ModelError, DataError, RequestError
         """
         if isinstance(x, (list, tuple)) and any(isinstance(run, np.ndarray) or frame(run) is not None for run in x):
-            us: Any = u if self.inputs else [None] * len(x)
-            ts: Any = [None] * len(x) if t is None else t
-            if not all(isinstance(beside, (list, tuple)) and len(beside) == len(x) for beside in (us, ts)):
-                raise ModelError(f"x is a list of {len(x)} runs; give lists of as many for u and t")
-            return [self.predict(*run) for run in zip(x, us, ts)]
+            us, ts = (_of_runs(beside, len(x), what) for beside, what in ((u, "u"), (t, "t")))
+            how: dict[str, Any] = {"recipe": recipe, "cache": cache, "progress": progress}
+            return [self.predict(*run, **how) for run in zip(x, us, ts)]
         table = frame(x)
         if table is not None:
             return self._predict_table(table, x, u, t, recipe, cache, progress)
         if x is None or is_arrays(x):
-            return self._core.fitted(x, u, t)[0]
+            if u is not None:
+                u = in_order(u, self.inputs, "u")
+            return self._core.fitted(x, u, None if t is None else since_first(t, "t"))[0]
         data, changes = self._opened(x, recipe)
         with reporting(progress) as callback:
             return engine.predict_rows(self._core, data, changes, cache, callback)
@@ -111,9 +112,12 @@ class OnRecordings:
         wanted = (*self.states, *(self.inputs if u is None or beside is not None else ()))
         # A table alone says by its clock where rows follow each other, beside inputs all its rows do.
         if all(name in columns for name in wanted) and (not self.lags or u is not None):
-            rows, given = (_beside(columns, names, table.rows) for names in (self.states, self.inputs))
-            seconds = _seconds(table, t) if self.uses_time else None
-            found = self._core.fitted(rows, given if u is None or beside is not None else u, seconds)[0]
+            rows = _beside(columns, self.states, table.rows)
+            given = _beside(columns, self.inputs, table.rows) if u is None or beside is not None else u
+            found = self._core.fitted(rows, given, _seconds(table, t) if self.uses_time else None)[0]
+        elif u is not None:
+            missing = next(name for name in wanted if name not in columns)
+            raise ModelError(f"the table has no column `{missing}`; it has {', '.join(columns)}")
         else:
             data, changes = self._opened(x, recipe, t if isinstance(t, str) else None)
             with reporting(progress) as callback:
@@ -402,9 +406,18 @@ class OnRecordings:
         return self._core.over_own_columns(), found.core, _recipe.to_json({"time": found.time})
 
 
+def _of_runs(beside: Any, count: int, what: str) -> Sequence[Any]:
+    """What stands beside a list of runs, one for each; nothing is nothing for each."""
+    if beside is None:
+        return [None] * count
+    if not isinstance(beside, (list, tuple)) or len(beside) != count:
+        raise ModelError(f"x is a list of {count} runs; give a list of as many for {what}")
+    return beside
+
+
 def _beside(columns: Mapping[str, Any], names: Sequence[str], rows: int) -> Any:
     """Columns side by side; no columns are nothing, but rows of a model of constants."""
-    values = [np.asarray(columns[name](name), dtype=np.float64) for name in names]
+    values = [floats(columns[name](name), f"column {name!r}") for name in names]
     return np.column_stack(values) if values else np.empty((rows, 0))
 
 
@@ -412,10 +425,9 @@ def _seconds(table: Frame, t: Any) -> Any:
     """Seconds since the first row, by stamps or by the table's clock."""
     named = t if isinstance(t, str) else next((name for name in CLOCKS if name in table.names), None)
     if t is not None and not isinstance(t, str):
-        return t
+        return since_first(t, "t")
     if table.clock is None and named is None:
         return None
     stamps = table.column(named) if named in table.names else table.clock[1] if table.clock is not None else None
-    stamps = np.asarray(stamps)
-    since = stamps - stamps[:1]
-    return since / np.timedelta64(1, "s") if since.dtype.kind == "m" else since.astype(np.float64)
+    stamps = seconds(numbers(stamps, "t") - numbers(stamps, "t")[:1])
+    return stamps.astype(np.float64)

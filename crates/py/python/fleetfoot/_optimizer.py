@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ._arrays import unmasked
 from ._base import BaseEstimator, MultiOutputMixin, RegressorMixin, check_is_fitted, check_weight, check_x, check_xy
 from ._params import Rule, check_params, real
 
@@ -120,6 +121,7 @@ class Optimizer(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
 def without_missing(X: Any, y: Any, sample_weight: Any) -> tuple[Any, Any, Any]:
     """Leaves out the rows in which all of X or all of y is missing; what is no array of floats passes as it is."""
+    X, y = unmasked(X), unmasked(y)
     if not (isinstance(X, np.ndarray) and isinstance(y, np.ndarray)):
         return X, y, sample_weight
     # Subclasses (pysindy's arrays with named axes) become plain.

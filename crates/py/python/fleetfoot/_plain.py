@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ._arrays import unmasked
+
 if TYPE_CHECKING:
     from typing_extensions import Self
 
@@ -93,7 +95,7 @@ class RegressorMixin:
         sample_weight : array-like of shape (n_samples,), optional
             Row weights.
         """
-        truth = np.asarray(y, dtype=np.float64)
+        truth = np.asarray(unmasked(y), dtype=np.float64)
         found = np.asarray(self.predict(X), dtype=np.float64)  # type: ignore[attr-defined]
         truth, found = truth.reshape(len(truth), -1), found.reshape(len(found), -1)
         if truth.shape != found.shape:
@@ -211,7 +213,7 @@ def as_target(y: Any, multi_output: bool) -> NDArray[Any]:
 
 
 def _numbers(values: Any, name: str) -> NDArray[Any]:
-    array = np.asarray(values)
+    array = np.asarray(unmasked(values))
     if np.iscomplexobj(array):
         raise ValueError(f"{name} holds complex numbers, which are not supported: give real ones")
     if array.dtype not in (np.float32, np.float64):

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from . import _core
+from ._arrays import numbers, period_seconds
 
 Differentiate = Callable[[np.ndarray[Any, Any], Any], Any]
 
@@ -55,21 +56,13 @@ def is_arrays(x: Any) -> bool:
     return all(isinstance(one, (np.ndarray, Columns, list, tuple, int, float, np.generic)) for one in x)
 
 
-def _numbers(values: Any, what: str) -> np.ndarray[Any, Any]:
-    """Values as an array; objects that are numbers become such."""
-    array = np.asarray(values)
-    if array.dtype.kind == "c":
-        raise ValueError(f"{what} holds complex numbers. Complex data not supported: give real and imaginary parts")
-    return array.astype(np.float64) if array.dtype.kind == "O" else array
-
-
 def array_runs(values: Any, what: str) -> list[Any]:
     """One array for each run."""
     if isinstance(values, Columns):
         return [values]
     many = isinstance(values, (list, tuple)) and any(isinstance(one, (np.ndarray, Columns)) for one in values)
     each = values if many else [values]
-    arrays = [one if isinstance(one, Columns) else _numbers(one, what) for one in each]
+    arrays = [one if isinstance(one, Columns) else numbers(one, what) for one in each]
     for run, array in enumerate(arrays):
         if array.ndim not in (1, 2):
             where = f"{what}[{run}]" if many else what
@@ -98,16 +91,16 @@ def _stamps(t: Any, count: int, rows: list[int]) -> tuple[list[np.ndarray[Any, A
     if t is None:
         return None, None
     if np.isscalar(t) or (isinstance(t, np.ndarray) and t.ndim == 0):
-        return None, float(np.asarray(t))
+        return None, period_seconds(t, "t")
     if isinstance(t, (list, tuple)) and any(isinstance(one, np.ndarray) and one.ndim == 1 for one in t):
-        stamps = [np.asarray(one) for one in t]
+        stamps = [numbers(one, "t") for one in t]
     elif isinstance(t, (list, tuple)) and len(t) == count and count > 1:
-        periods = {float(one) for one in t}
+        periods = {period_seconds(one, "t") for one in t}
         if len(periods) > 1:
             raise ValueError(f"t: the runs have the periods {sorted(periods)}; give stamps, or fit runs of one rate")
         return None, periods.pop()
     else:
-        stamps = [np.asarray(t)] * count
+        stamps = [numbers(t, "t")] * count
     if len(stamps) != count:
         raise ValueError(f"t has {len(stamps)} arrays for {count} runs")
     for run, (stamp, length) in enumerate(zip(stamps, rows)):
@@ -202,7 +195,7 @@ def runs(
     if len(taken) < len(every):
         twice = sorted({name for name in every if every.count(name) > 1})
         raise ValueError(f"feature_names, input_names and columns: {', '.join(twice)} stands for two columns")
-    stamps, period = _stamps(t if dt is None else float(dt), len(xs), [len(one) for one in xs])
+    stamps, period = _stamps(t if dt is None else period_seconds(dt, "dt"), len(xs), [len(one) for one in xs])
     period = default_dt if stamps is None and period is None else period
     if stamps is None and period is None:
         raise ValueError("t is missing: give the stamps of every run in seconds, or dt=, the seconds from row to row")
@@ -232,13 +225,13 @@ def runs(
 def differentiated(x: Any, t: Any, dt: float | None, default_dt: float | None, differentiate: Differentiate) -> Any:
     """Derivatives of every run by a function of the caller's."""
     xs = array_runs(x, "x")
-    stamps, period = _stamps(t if dt is None else float(dt), len(xs), [len(one) for one in xs])
+    stamps, period = _stamps(t if dt is None else period_seconds(dt, "dt"), len(xs), [len(one) for one in xs])
     clocks: Sequence[Any] = stamps if stamps is not None else [default_dt if period is None else period] * len(xs)
     return [_derivative(differentiate, one, clock, run) for run, (one, clock) in enumerate(zip(xs, clocks))]
 
 
 def _derivative(differentiate: Differentiate, x: Any, t: Any, run: int) -> np.ndarray[Any, Any]:
-    found = np.asarray(differentiate(_columns(x), t))
+    found = numbers(differentiate(_columns(x), t), "derivative")
     if found.shape != _columns(x).shape:
         shape = _columns(x).shape
         raise ValueError(f"derivative: run {run} of the shape {shape} has derivatives of the shape {found.shape}")
@@ -247,7 +240,7 @@ def _derivative(differentiate: Differentiate, x: Any, t: Any, run: int) -> np.nd
 
 def _columns(array: Any) -> np.ndarray[Any, Any]:
     if isinstance(array, Columns):
-        return np.column_stack(array.arrays)
+        return np.column_stack([numbers(one, "x") for one in array.arrays])
     return np.asarray(array[:, None] if array.ndim == 1 else array)
 
 
