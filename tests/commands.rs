@@ -24,7 +24,7 @@ fn from_logs_to_a_scored_model() {
 
     let info = run(&["info", "runs/run_0.csv", "--values", "--json"]).json();
     assert_eq!(info[0]["rows"], 3000);
-    assert_eq!(info[0]["time"]["column"], "t");
+    assert_eq!(info[0]["clock"]["column"], "t");
     assert!((info[0]["clock"]["period"].as_f64().unwrap() - 0.01).abs() < 1e-9);
     assert!(run(&["info", "runs"]).out.contains("run_3.csv"));
 

@@ -180,7 +180,7 @@ fn airliner_with_date_stamps() {
     let Some(file) = data("a320-flight.csv") else { return };
     let folder = tempfile::tempdir().unwrap();
     let info = fleetfoot(folder.path(), &["info", file.to_str().unwrap(), "--values", "--json"]).ok().json();
-    assert_eq!(info[0]["time"]["column"], "timestamp");
+    assert_eq!(info[0]["clock"]["column"], "timestamp");
     assert!((value(&info, "/0/clock/period") - 1.0).abs() < 1e-9);
     assert_eq!(value(&info, "/0/clock/start"), 1_311_427_389e9, "2011-07-23 13:23:09");
     let fit = fleetfoot(

@@ -7,7 +7,7 @@ use std::fmt::Write;
 
 use fleetfoot_data::{Column, ColumnKind};
 use fleetfoot_library::Expr;
-use fleetfoot_log::FileInfo;
+use fleetfoot_log::{ClockInfo, FileInfo};
 use names::Names;
 
 /// Names that usually stand for angles in radians.
@@ -25,13 +25,14 @@ pub fn starter_recipe(info: &FileInfo) -> String {
         .collect();
     let file = info.path.file_name().unwrap_or_default().to_string_lossy();
     if info.topics.is_empty() {
-        table_recipe(&file, &columns, info.time.as_ref().map(|time| time.column.as_str()))
+        table_recipe(&file, &columns, info.clock.as_ref())
     } else {
         channels::recipe(&file, &columns, &info.topics)
     }
 }
 
-fn table_recipe(file: &str, columns: &[Column], time: Option<&str>) -> String {
+fn table_recipe(file: &str, columns: &[Column], clock: Option<&ClockInfo>) -> String {
+    let time = clock.map(|clock| clock.column.as_str());
     // A name that two columns share says nothing.
     let is_unique = |name: &str| columns.iter().filter(|column| column.name == name).count() == 1;
     let fields: Vec<&Column> =
@@ -56,13 +57,23 @@ fn table_recipe(file: &str, columns: &[Column], time: Option<&str>) -> String {
     }
     let _ = writeln!(out, "\n# The clock. Without a time column: dt = 0.01");
     let _ = writeln!(out, "[time]");
-    match time {
-        Some(name) => {
-            let _ = writeln!(out, "column = {}", text(name));
+    match clock {
+        // A clock in two columns is found, and cannot be named.
+        Some(ClockInfo { beside: None, column, .. }) => {
+            let _ = writeln!(out, "column = {}", text(column));
         }
-        None => {
+        _ => {
             let _ = writeln!(out, "# column = \"t\"");
         }
+    }
+    match clock.map(|clock| (clock.unit, clock.assumed.as_ref())) {
+        Some((Some(unit), Some(assumed))) => {
+            let _ = writeln!(out, "unit = \"{}\"   # {}", unit.symbol(), one_line(assumed));
+        }
+        Some((None, Some(assumed))) => {
+            let _ = writeln!(out, "# unit = \"ms\"   # {}", one_line(assumed));
+        }
+        _ => {}
     }
     model_section(&mut out);
     let labels: Vec<&str> = fields
@@ -190,6 +201,11 @@ fn is_angle(name: &str) -> bool {
     ANGLES.iter().any(|angle| last == *angle || last.strip_suffix("_rad") == Some(angle))
 }
 
+/// Text for a comment.
+fn one_line(text: &str) -> String {
+    text.replace(['\n', '\r'], " ")
+}
+
 /// A TOML key.
 fn key(name: &str) -> String {
     let bare = !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
@@ -209,14 +225,20 @@ fn unit(column: &Column) -> String {
 mod tests {
     use super::*;
     use crate::Recipe;
+    use fleetfoot_log::TimeUnit;
 
     #[test]
     fn it_is_a_recipe_before_and_after_uncommenting() {
         let names = ["t", "q_x", "q_y", "q_z", "q_w", "yaw", "v [m/s]", "odd \"name\""];
         let columns: Vec<Column> = names.iter().map(|name| Column::float(*name)).collect();
-        let text = table_recipe("a.csv", &columns, Some("t"));
+        let mut clock = ClockInfo::default();
+        (clock.column, clock.guess, clock.assumed) = ("t".into(), true, Some("its numbers could be s or\nms".into()));
+        let text = table_recipe("a.csv", &columns, Some(&clock));
+        assert!(text.contains("# unit = \"ms\"   # its numbers could be s or ms\n"), "{text}");
+        (clock.unit, clock.assumed) = (Some(TimeUnit::Microseconds), Some("no other unit fits".into()));
+        let text = table_recipe("a.csv", &columns, Some(&clock));
         let recipe = Recipe::parse(&text, "starter").unwrap();
-        assert_eq!(recipe.time.column.as_deref(), Some("t"));
+        assert_eq!((recipe.time.column.as_deref(), recipe.time.unit.as_deref()), (Some("t"), Some("us")));
         assert!(text.contains("yaw(q)"));
         let start = text.find("[states]").unwrap();
         let end = text.find("# What is given").unwrap();

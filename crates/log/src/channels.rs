@@ -33,6 +33,7 @@ use crate::{
     parquet,
     store::{Budget, StoreBuilder, StoredTable},
     table::{MAX_CATEGORIES, Table, TableColumn},
+    time_column::Chosen,
 };
 use cache::{Meta, SlotWriter};
 use decode::{Decoded, decode};
@@ -145,7 +146,8 @@ pub(crate) fn estimate(
 
 fn opened(table: Box<dyn Table>, meta: Meta) -> Opened {
     let Meta { notes, stamp, log_offset, breaks, .. } = meta;
-    Opened { table, assumed_unit: None, time_column: Some("its clock".into()), notes, stamp, log_offset, breaks }
+    let (time_column, chosen) = (Some("its clock".into()), Chosen::Caller);
+    Opened { table, time_column, chosen, notes, stamp, log_offset, breaks }
 }
 
 /// Stamps are the messages': a column or a fixed step would join what does not belong together.

@@ -12,10 +12,9 @@ use fleetfoot_data::{Column, nearest_one};
 
 use crate::{
     Compression, Error, Selection, TimeSpec,
-    error::list,
     opened::Opened,
     store::{Budget, StoredTable},
-    time_column::{self, Clock},
+    time_column::{self, Agreed, Clock},
 };
 use decode::{Plan, TimeField};
 use head::Head;
@@ -30,7 +29,7 @@ pub(crate) struct Description {
 /// Describes a file by its first rows.
 pub(crate) fn describe(path: &Path, compression: Compression) -> Result<Description, Error> {
     let (head, _) = head::open(path, compression)?;
-    let clock = time_column::choose(&head.candidates(), &TimeSpec::Auto);
+    let clock = choose(&head, &TimeSpec::Auto);
     let columns = (0..head.columns.len()).map(|c| Column { kind: head.kind(c), ..head.columns[c].clone() }).collect();
     Ok(Description { columns, clock, notes: head.notes })
 }
@@ -40,22 +39,31 @@ pub(crate) fn open(
     path: &Path,
     compression: Compression,
     selection: &Selection,
+    agreed: &Agreed,
     budget: &Arc<Budget>,
 ) -> Result<Opened, Error> {
     let (head, stream) = head::open(path, compression)?;
     let fields = selection.columns.iter().map(|name| find(path, &head, name)).collect::<Result<Vec<_>, _>>()?;
     let clock = find_clock(path, &head, &selection.time)?;
-    let time =
-        clock.as_ref().map(|clock| TimeField { field: clock.column, unit: clock.unit, sort: head.sorts[clock.column] });
+    let clock = clock.map(|clock| clock.settle(path, agreed, selection)).transpose()?;
+    let time = clock.iter().flat_map(|clock| clock.parts());
+    let time = time.map(|(field, unit)| TimeField { field, unit, sort: head.sorts[field] }).collect();
     let mut notes = head.notes.clone();
-    notes.extend(clock.as_ref().and_then(|clock| clock.assumed.clone()));
-    let assumed_unit = clock.as_ref().filter(|clock| clock.assumed.is_some()).map(|clock| clock.unit);
-    let time_column = clock.map(|clock| head.columns[clock.column].name.clone());
+    notes.extend(clock.iter().filter_map(|clock| clock.assumed.clone()));
     let plan = Plan { path, compression, head, fields, time };
     let decoded = decode::decode(plan, stream, budget)?;
     notes.extend(decoded.notes);
-    let table = StoredTable { store: decoded.store, columns: decoded.columns, has_time: time_column.is_some() };
-    Ok(Opened::of_table(Box::new(table), assumed_unit, time_column, notes))
+    let table = StoredTable { store: decoded.store, columns: decoded.columns, has_time: clock.is_some() };
+    Ok(Opened::of_table(Box::new(table), clock, notes))
+}
+
+/// The clock of a file, as far as its first rows tell; `None` where it has none.
+pub(crate) fn clock(path: &Path, compression: Compression, spec: &TimeSpec) -> Result<Option<Clock>, Error> {
+    Ok(choose(&head::open(path, compression)?.0, spec))
+}
+
+fn choose(head: &Head, spec: &TimeSpec) -> Option<Clock> {
+    time_column::choose(&head.candidates(), &|column| head.values(column), spec)
 }
 
 fn find(path: &Path, head: &Head, name: &str) -> Result<usize, Error> {
@@ -78,12 +86,12 @@ fn find_clock(path: &Path, head: &Head, spec: &TimeSpec) -> Result<Option<Clock>
         }
         TimeSpec::Auto | TimeSpec::Dispensable { .. } => {}
     }
-    match time_column::choose(&head.candidates(), spec) {
+    match choose(head, spec) {
         Some(clock) => Ok(Some(clock)),
         None if matches!(spec, TimeSpec::Dispensable { .. }) => Ok(None),
         None => {
             let names: Vec<&str> = head.columns.iter().map(|column| column.name.as_str()).collect();
-            Err(Error::NoTimeColumn { path: path.into(), columns: list(&names) })
+            Err(time_column::no_clock(path, &names))
         }
     }
 }

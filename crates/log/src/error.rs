@@ -1,8 +1,10 @@
 //! Errors: each names the file, the place in it, and the mend.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use fleetfoot_data::Cancelled;
+
+use crate::Reading;
 
 /// What is readable, for messages.
 pub(crate) const KNOWN: &str =
@@ -147,6 +149,37 @@ pub enum Error {
         path: PathBuf,
         /// The columns there are, shortened.
         columns: String,
+    },
+    /// Stamps whose numbers fit several units of time, or none.
+    #[error(
+        "{}: the numbers of `{column}` {}: name the unit (--time {column} --time-unit {unit}; in a recipe [time] column = \"{column}\", unit = \"{unit}\")",
+        path.display(),
+        if readings.is_empty() { "fit no unit of time".to_owned() } else { format!("could be {readings}") }
+    )]
+    UnknownTimeUnit {
+        /// The file.
+        path: PathBuf,
+        /// The time column.
+        column: String,
+        /// What they could be, with the rate and the first stamp of each.
+        readings: String,
+        /// One of the units.
+        unit: &'static str,
+    },
+    /// A column whose name is a clock's, but whose values are not.
+    #[error(
+        "{}: `{column}` rises in only {rising} of {steps} steps, so it is not used as time: name the clock (--time; [time] column in a recipe), or give the sampling period (--dt)",
+        path.display()
+    )]
+    ClockFalls {
+        /// The file.
+        path: PathBuf,
+        /// The column.
+        column: String,
+        /// Rows whose stamp is above the one of the row before.
+        rising: usize,
+        /// Rows that have a row before them.
+        steps: usize,
     },
     /// A sampling period or a gap that is not a positive number.
     #[error("the {what} must be a positive number of seconds below 1e9, not {seconds}")]
@@ -367,6 +400,15 @@ pub enum Error {
     /// The user stopped the work.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
+}
+
+impl Error {
+    /// Stamps of a column that fit these units.
+    pub(crate) fn unknown_unit(path: &Path, column: &str, readings: &[Reading]) -> Self {
+        let all: Vec<String> = readings.iter().map(ToString::to_string).collect();
+        let unit = readings.last().map_or("ms", |reading| reading.unit.symbol());
+        Self::UnknownTimeUnit { path: path.into(), column: column.into(), readings: all.join(" or "), unit }
+    }
 }
 
 impl From<Error> for fleetfoot_data::Error {

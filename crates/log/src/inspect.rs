@@ -9,8 +9,8 @@ use fleetfoot_data::{Halo, Progress, Silent, Source, parallel_fold};
 use serde::{Serialize, Serializer};
 
 use crate::{
-    ClockSummary, ColumnInfo, ColumnStatistics, Error, Format, MaxGap, Recording, Selection, TimeSpec, TimeUnit,
-    TopicInfo, channels, csv, open_with_progress, parquet,
+    ClockInfo, ColumnInfo, ColumnStatistics, Error, Format, MaxGap, Recording, Selection, TimeSpec, TopicInfo,
+    channels, csv, open_with_progress, parquet,
 };
 
 /// Rows of a block of the scan for [`ColumnStatistics`].
@@ -34,10 +34,8 @@ pub struct FileInfo {
     pub columns: Vec<ColumnInfo>,
     /// The topics of a robot's log; empty for tables.
     pub topics: Vec<TopicInfo>,
-    /// The column that is taken as the clock when none is named.
-    pub time: Option<TimeInfo>,
-    /// Rates and gaps; only when the values were scanned and there is a clock.
-    pub clock: Option<ClockSummary>,
+    /// The column that is taken as the clock when none is named; `None` of a robot's log, whose messages are stamped.
+    pub clock: Option<ClockInfo>,
     /// Episodes; only when the values were scanned.
     pub episodes: Option<usize>,
     /// What a robot's log says of itself beside its messages ([`crate::metadata`]); empty for tables.
@@ -70,19 +68,6 @@ impl FileInfo {
     }
 }
 
-/// The guessed clock.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[non_exhaustive]
-pub struct TimeInfo {
-    /// The column's name.
-    pub column: String,
-    /// The unit of its numbers; of dates and time types, nanoseconds.
-    #[serde(serialize_with = "unit_symbol")]
-    pub unit: TimeUnit,
-    /// What was assumed and why, when something was.
-    pub assumed: Option<String>,
-}
-
 /// A path for programs as people see it: names of files need not be text, which all of JSON is.
 ///
 /// # Errors
@@ -93,10 +78,6 @@ pub fn path_in_words<S: Serializer>(path: &Path, to: S) -> Result<S::Ok, S::Erro
 
 fn format_name<S: Serializer>(format: &Format, to: S) -> Result<S::Ok, S::Error> {
     to.serialize_str(format.name())
-}
-
-fn unit_symbol<S: Serializer>(unit: &TimeUnit, to: S) -> Result<S::Ok, S::Error> {
-    to.serialize_str(unit.symbol())
 }
 
 /// Looks at a file's header, metadata and first rows.
@@ -117,11 +98,8 @@ pub fn inspect(path: impl AsRef<Path>) -> Result<FileInfo, Error> {
         }
         _ => return Ok(log_info(path, format, bytes, channels::describe(path, format, &Silent)?)),
     };
-    let time = clock.map(|clock| TimeInfo {
-        column: columns[clock.column].0.name.clone(),
-        unit: clock.unit,
-        assumed: clock.assumed,
-    });
+    let names: Vec<&str> = columns.iter().map(|(column, _)| column.name.as_str()).collect();
+    let clock = clock.map(|clock| ClockInfo::new(path, clock, &names));
     let columns = columns
         .into_iter()
         .map(|(column, support)| ColumnInfo {
@@ -140,8 +118,7 @@ pub fn inspect(path: impl AsRef<Path>) -> Result<FileInfo, Error> {
         columns,
         topics: Vec::new(),
         metadata: BTreeMap::new(),
-        time,
-        clock: None,
+        clock,
         episodes: None,
         notes,
     })
@@ -170,7 +147,6 @@ fn log_info(path: &Path, format: Format, bytes: u64, found: channels::Descriptio
         columns: found.columns,
         topics: found.topics,
         metadata: found.metadata,
-        time: None,
         clock: None,
         episodes: None,
         notes: found.notes,
@@ -184,9 +160,9 @@ pub fn inspect_values(path: impl AsRef<Path>, progress: &dyn Progress) -> Result
         return Ok(log_info(path, format, size(path)?, channels::statistics(path, format, progress)?));
     }
     let mut info = inspect(path)?;
-    let time = match &info.time {
-        Some(time) => TimeSpec::Column { name: time.column.clone(), unit: Some(time.unit) },
-        None => TimeSpec::Uniform { dt_seconds: 1.0 },
+    let mut time = match &info.clock {
+        Some(clock) if !clock.is_open() => TimeSpec::Auto,
+        _ => TimeSpec::Uniform { dt_seconds: 1.0 },
     };
     // A name that occurs twice cannot be asked for, and a text with too many values is no category: leave these out and say so.
     let mut readable: Vec<usize> = (0..info.columns.len()).filter(|&c| info.columns[c].unsupported.is_none()).collect();
@@ -197,6 +173,10 @@ pub fn inspect_values(path: impl AsRef<Path>, progress: &dyn Progress) -> Result
             Selection { time: time.clone(), max_gap: MaxGap::Auto, allow_duplicates: true, ..Selection::new(names) };
         match open_with_progress(&[&info.path], &selection, progress) {
             Ok(recording) => break recording,
+            Err(error @ Error::ClockFalls { .. }) => {
+                (info.clock, time) = (None, TimeSpec::Uniform { dt_seconds: 1.0 });
+                info.notes.push(error.to_string());
+            }
             Err(Error::TooManyCategories { column, limit, .. }) => {
                 let Some(at) = readable.iter().position(|&c| info.columns[c].name == column) else {
                     return Err(Error::TooManyCategories { path: info.path, column, limit });
@@ -211,12 +191,14 @@ pub fn inspect_values(path: impl AsRef<Path>, progress: &dyn Progress) -> Result
         info.columns[c].kind = column.kind.clone();
         info.columns[c].statistics = Some(statistics);
     }
-    let clock = recording.files().next().map(|(_, clock)| *clock);
-    info.rows = Some(clock.map_or(rows, |clock| clock.rows));
-    info.clock = clock.filter(|_| info.time.is_some());
+    let summary = recording.files().next().map(|(_, clock)| *clock);
+    info.rows = Some(summary.map_or(rows, |clock| clock.rows));
+    let has_stamps = time == TimeSpec::Auto;
+    if let Some(clock) = info.clock.as_mut().filter(|_| has_stamps) {
+        clock.summary = summary;
+    }
     info.episodes = Some(recording.episodes().len());
-    info.notes
-        .extend(recording.notes().iter().filter(|note| info.time.is_some() || !note.contains("episode")).cloned());
+    info.notes.extend(recording.notes().iter().filter(|note| has_stamps || !note.contains("episode")).cloned());
     Ok(info)
 }
 

@@ -24,9 +24,11 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod agreement;
 mod atomic;
 mod breaks;
 mod channels;
+mod clock_info;
 mod column_info;
 mod column_set;
 mod container;
@@ -73,6 +75,7 @@ mod writer;
 
 pub use atomic::{AtomicFile, write_atomic};
 pub use channels::{MessageColumns, MessageField, MessageRow, Messages};
+pub use clock_info::ClockInfo;
 pub use column_info::{ColumnInfo, ColumnStatistics};
 pub use cost::Estimate;
 pub use csv_writer::CsvWriter;
@@ -81,7 +84,7 @@ pub use error::Error;
 pub use estimate::estimate;
 pub use format::{Compression, Format};
 pub use index::ClockSummary;
-pub use inspect::{FileInfo, TimeInfo, inspect, inspect_values, path_in_words};
+pub use inspect::{FileInfo, inspect, inspect_values, path_in_words};
 pub use join::JoinKind;
 pub use join_spec::{Base, Cache, ColumnJoin, JoinSpec, Stamp, TopicClock};
 pub use lock::WriteLock;
@@ -94,6 +97,7 @@ pub use paths::paths;
 pub use recording::{Recording, open, open_logs, open_with_progress};
 pub use selection::{LabelRule, Selection, TimeSpec, TimeUnit};
 pub use table_writer::TableWriter;
+pub use time_column::Reading;
 pub use topic_info::{HeaderOffset, TopicInfo};
 pub use write_column::{WriteColumn, WriteKind};
 pub use writer::{ParquetWriter, Values, WriteOptions};

@@ -10,12 +10,11 @@ use fleetfoot_data::{Column, ColumnKind, ScalarBuffer, nearest_one};
 
 use crate::{
     Error, Selection, TimeSpec, TimeUnit,
-    error::list,
     opened::Opened,
     stamp,
     store::SEGMENT,
     table::{MISSING, Table, TableColumn, TableRows},
-    time_column::{self, Candidate, CandidateKind, Clock},
+    time_column::{self, Agreed, Candidate, CandidateKind, Clock, ClockUnit, SettledClock},
 };
 
 /// Rows that are looked at to find the clock.
@@ -90,16 +89,17 @@ struct Selected {
     /// Places of the selected columns.
     places: Vec<usize>,
     columns: Vec<TableColumn>,
-    clock: Option<(usize, TimeUnit)>,
+    /// Where the stamps are; of several columns they are added up.
+    clock: Vec<(usize, TimeUnit)>,
 }
 
 /// Opens a table for reading the selected columns.
-pub(crate) fn open(table: &Arc<dyn MemoryTable>, selection: &Selection) -> Result<Opened, Error> {
+pub(crate) fn open(table: &Arc<dyn MemoryTable>, selection: &Selection, agreed: &Agreed) -> Result<Opened, Error> {
     let path = Path::new(table.name());
     let places =
         selection.columns.iter().map(|name| find(path, table.columns(), name)).collect::<Result<Vec<_>, _>>()?;
     let clock = find_clock(path, table.as_ref(), &selection.time)?;
-    let time_column = clock.as_ref().map(|clock| table.columns()[clock.column].name.clone());
+    let clock = clock.map(|clock| clock.settle(path, agreed, selection)).transpose()?;
     let columns = places.iter().map(|&place| {
         let column = table.selected(place)?;
         let empty = matches!(&column.kind, ColumnKind::Category(names) if names.is_empty());
@@ -108,12 +108,11 @@ pub(crate) fn open(table: &Arc<dyn MemoryTable>, selection: &Selection) -> Resul
     let selected = Selected {
         columns: columns.collect::<Result<_, Error>>()?,
         places,
-        clock: clock.as_ref().map(|clock| (clock.column, clock.unit)),
+        clock: clock.iter().flat_map(SettledClock::parts).collect(),
         table: table.clone(),
     };
-    let assumed_unit = clock.as_ref().filter(|clock| clock.assumed.is_some()).map(|clock| clock.unit);
-    let notes = clock.and_then(|clock| clock.assumed).into_iter().collect();
-    Ok(Opened::of_table(Box::new(selected), assumed_unit, time_column, notes))
+    let notes = clock.iter().filter_map(|clock| clock.assumed.clone()).collect();
+    Ok(Opened::of_table(Box::new(selected), clock, notes))
 }
 
 fn find(path: &Path, columns: &[Column], name: &str) -> Result<usize, Error> {
@@ -140,17 +139,23 @@ fn find_clock(path: &Path, table: &dyn MemoryTable, spec: &TimeSpec) -> Result<O
         }
         TimeSpec::Auto | TimeSpec::Dispensable { .. } => {}
     }
-    let candidates: Vec<Candidate> = (0..table.columns().len()).map(|column| candidate(table, column)).collect();
-    match time_column::choose(&candidates, spec) {
-        Some(Clock { column, unit, assumed }) => {
-            Ok(Some(Clock { column, unit: table.time_unit(column).unwrap_or(unit), assumed }))
-        }
+    match clock(table, spec) {
+        Some(clock) => Ok(Some(clock)),
         None if matches!(spec, TimeSpec::Dispensable { .. }) => Ok(None),
         None => {
             let names: Vec<&str> = table.columns().iter().map(|column| column.name.as_str()).collect();
-            Err(Error::NoTimeColumn { path: path.into(), columns: list(&names) })
+            Err(time_column::no_clock(path, &names))
         }
     }
+}
+
+/// The clock of a table, as far as its first rows tell; `None` where it has none.
+pub(crate) fn clock(table: &dyn MemoryTable, spec: &TimeSpec) -> Option<Clock> {
+    let candidates: Vec<Candidate> = (0..table.columns().len()).map(|column| candidate(table, column)).collect();
+    let clock = time_column::choose(&candidates, &|column| sample(table, column), spec)?;
+    let typed = table.time_unit(clock.column).map(ClockUnit::Told);
+    let beside = clock.beside.map(|(column, unit)| (column, table.time_unit(column).unwrap_or(unit)));
+    Some(Clock { unit: typed.unwrap_or(clock.unit), beside, ..clock })
 }
 
 fn of_column(table: &dyn MemoryTable, column: usize, rows: Range<usize>) -> ScalarBuffer<f64> {
@@ -159,18 +164,39 @@ fn of_column(table: &dyn MemoryTable, column: usize, rows: Range<usize>) -> Scal
 
 fn candidate(table: &dyn MemoryTable, column: usize) -> Candidate {
     let Column { name, unit, kind } = &table.columns()[column];
-    let rows = 0..table.rows().min(SAMPLE);
-    let (kind, sample) = match (table.time_unit(column), kind) {
-        (Some(unit), _) => {
-            let seconds = |&value: &i64| if value == MISSING { f64::NAN } else { value as f64 * unit.seconds() };
-            let values = table.integers(column, rows).map_or_else(Vec::new, |all| all.iter().map(seconds).collect());
-            (CandidateKind::Time, values)
-        }
-        (None, ColumnKind::Float) => (CandidateKind::Float, of_column(table, column, rows).to_vec()),
-        (None, ColumnKind::Integer) => (CandidateKind::Integer, of_column(table, column, rows).to_vec()),
-        (None, _) => (CandidateKind::Other, Vec::new()),
+    let kind = match (table.time_unit(column), kind) {
+        (Some(_), _) => CandidateKind::Time,
+        (None, ColumnKind::Float) => CandidateKind::Float,
+        (None, ColumnKind::Integer) => CandidateKind::Integer,
+        (None, _) => CandidateKind::Other,
     };
-    Candidate { name: name.clone(), unit: unit.clone(), kind, sample }
+    Candidate { name: name.clone(), unit: unit.clone(), kind }
+}
+
+/// The first values of a column: numbers as they are, times in seconds.
+fn sample(table: &dyn MemoryTable, column: usize) -> Vec<f64> {
+    let rows = 0..table.rows().min(SAMPLE);
+    match table.time_unit(column) {
+        None => of_column(table, column, rows).to_vec(),
+        Some(unit) => {
+            let seconds = |&value: &i64| if value == MISSING { f64::NAN } else { value as f64 * unit.seconds() };
+            table.integers(column, rows).map_or_else(Vec::new, |all| all.iter().map(seconds).collect())
+        }
+    }
+}
+
+impl Selected {
+    /// The stamps that one column tells.
+    fn part_of_stamps(&self, (column, unit): (usize, TimeUnit), rows: Range<usize>) -> ScalarBuffer<i64> {
+        match self.table.integers(column, rows.clone()) {
+            Some(whole) if unit == TimeUnit::Nanoseconds => whole,
+            Some(whole) => whole.iter().map(|&value| stamp::from_i64(value, unit)).collect::<Vec<_>>().into(),
+            None => {
+                let values = of_column(self.table.as_ref(), column, rows);
+                values.iter().map(|&value| stamp::from_f64(value, unit)).collect::<Vec<_>>().into()
+            }
+        }
+    }
 }
 
 impl Table for Selected {
@@ -188,15 +214,7 @@ impl Table for Selected {
     }
 
     fn stamps(&self, rows: Range<usize>) -> Result<ScalarBuffer<i64>, Error> {
-        let Some((column, unit)) = self.clock else { return Ok(Vec::new().into()) };
-        let stamps: Vec<i64> = match self.table.integers(column, rows.clone()) {
-            Some(whole) if unit == TimeUnit::Nanoseconds => return Ok(whole),
-            Some(whole) => whole.iter().map(|&value| stamp::from_i64(value, unit)).collect(),
-            None => {
-                of_column(self.table.as_ref(), column, rows).iter().map(|&value| stamp::from_f64(value, unit)).collect()
-            }
-        };
-        Ok(stamps.into())
+        Ok(stamp::sum(self.clock.iter().map(|&part| self.part_of_stamps(part, rows.clone()))))
     }
 
     fn values(&self, rows: Range<usize>, _keep: usize) -> Result<TableRows, Error> {

@@ -1,13 +1,19 @@
 //! What opening a file gives, whichever format it is in.
 
-use crate::{Stamp, TimeUnit, breaks::Breaks, table::Table};
+use crate::{
+    Stamp,
+    breaks::Breaks,
+    table::Table,
+    time_column::{Chosen, SettledClock},
+};
 
 /// What opening a file gives: its table and what had to be assumed.
 pub(crate) struct Opened {
     pub table: Box<dyn Table>,
-    /// The unit that was assumed for whole-number stamps: it must be the same in all files.
-    pub assumed_unit: Option<TimeUnit>,
+    /// Where its stamps are, for messages; `None` without a clock.
     pub time_column: Option<String>,
+    /// Who chose that column.
+    pub chosen: Chosen,
     pub notes: Vec<String>,
     /// Which of its messages' stamps were taken, of a robot's log.
     pub stamp: Option<Stamp>,
@@ -19,12 +25,9 @@ pub(crate) struct Opened {
 
 impl Opened {
     /// A table whose stamps are a column of its own, or none.
-    pub(crate) fn of_table(
-        table: Box<dyn Table>,
-        assumed_unit: Option<TimeUnit>,
-        time_column: Option<String>,
-        notes: Vec<String>,
-    ) -> Self {
-        Self { table, assumed_unit, time_column, notes, stamp: None, log_offset: 0, breaks: Breaks::default() }
+    pub(crate) fn of_table(table: Box<dyn Table>, clock: Option<SettledClock>, notes: Vec<String>) -> Self {
+        let chosen = clock.as_ref().map_or(Chosen::Caller, |clock| clock.chosen);
+        let time_column = clock.map(|clock| clock.name);
+        Self { table, time_column, chosen, notes, stamp: None, log_offset: 0, breaks: Breaks::default() }
     }
 }

@@ -12,4 +12,4 @@ mod open;
 mod rows;
 
 pub(crate) use cursors::Cursors;
-pub(crate) use open::{describe, key_value, metadata, open};
+pub(crate) use open::{clock, describe, key_value, metadata, open};

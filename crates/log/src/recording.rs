@@ -14,7 +14,7 @@ use fleetfoot_data::{
 };
 
 use crate::{
-    ClockSummary, Error, Format, LabelRule, MaxGap, Selection, TimeSpec, channels,
+    ClockSummary, Error, Format, LabelRule, MaxGap, Selection, TimeSpec, agreement, channels,
     column_set::{self, ColumnSet},
     csv, index,
     index::{FileIndex, Span},
@@ -27,6 +27,7 @@ use crate::{
     row_mask::RowMask,
     store::Budget,
     table::{Table, TableRows},
+    time_column::{self, Agreed, Chosen},
 };
 
 /// Files opened for reading: their episodes, and rows on demand.
@@ -112,11 +113,11 @@ pub fn open_logs(logs: &[Log], selection: &Selection, progress: &dyn Progress) -
     progress.stage("opening files");
     let inner = Quiet { outer: progress };
     let paths: Vec<PathBuf> = logs.iter().map(|log| log.path().to_path_buf()).collect();
+    let agreed = agreement::agreed(&logs, &selection, &inner)?;
     let opened = parallel_map(logs.len(), progress, |i| match &logs[i] {
-        Log::File(path) => open_file(path, &selection, &budget, &cache, &inner),
-        Log::Table(table) => memory::open(table, &selection),
+        Log::File(path) => open_file(path, &selection, &agreed, &budget, &cache, &inner),
+        Log::Table(table) => memory::open(table, &selection, &agreed),
     })?;
-    agree_on_units(&paths, &opened)?;
     agree_on_clocks(&paths, &opened)?;
     let dispensable = matches!(selection.time, TimeSpec::Dispensable { .. });
     let without_clock = dispensable && opened.iter().any(|file| file.time_column.is_none());
@@ -199,40 +200,17 @@ fn without_repeats(names: &[String]) -> Vec<String> {
 fn open_file(
     path: &Path,
     selection: &Selection,
+    agreed: &Agreed,
     budget: &Arc<Budget>,
     cache: &Arc<parquet::Cursors>,
     progress: &dyn Progress,
 ) -> Result<Opened, Error> {
     match Format::of(path) {
-        Some(Format::Parquet) => parquet::open(path, selection, cache),
-        Some(Format::Csv(compression)) => csv::open(path, compression, selection, budget),
+        Some(Format::Parquet) => parquet::open(path, selection, agreed, cache),
+        Some(Format::Csv(compression)) => csv::open(path, compression, selection, agreed, budget),
         Some(format) => channels::open(path, format, selection, budget, cache, progress),
         None => Err(Error::UnknownFormat { path: path.into() }),
     }
-}
-
-/// Guessed units must be the same everywhere: two guesses that differ mean that one is wrong.
-fn agree_on_units(paths: &[PathBuf], opened: &[Opened]) -> Result<(), Error> {
-    let mut guesses = paths
-        .iter()
-        .zip(opened)
-        .filter_map(|(path, opened)| Some((path, opened.time_column.clone()?, opened.assumed_unit?)));
-    let Some((first, column, unit)) = guesses.next() else {
-        return Ok(());
-    };
-    for (path, _, other) in guesses {
-        if other != unit {
-            let says = |unit: crate::TimeUnit| format!("in {} as far as its whole numbers tell", unit.symbol());
-            return Err(Error::ColumnsDisagree {
-                column,
-                first: first.clone(),
-                first_is: says(unit),
-                second: path.clone(),
-                second_is: format!("{} (or name the unit of the time column)", says(other)),
-            });
-        }
-    }
-    Ok(())
 }
 
 /// Logs that were left to choose their clock must have chosen the same.
@@ -270,7 +248,21 @@ fn index_file(
         let column = opened.time_column.clone().unwrap_or_default();
         return Err(Error::NoStamps { path: path.into(), rows: table.rows(), column });
     }
+    check_rising(path, opened, &index.clock)?;
     Ok(index)
+}
+
+/// A column that nobody named is a clock only if it rises: over all rows where its values chose it, else but for new episodes and rows that came twice.
+fn check_rising(path: &Path, opened: &Opened, clock: &ClockSummary) -> Result<(), Error> {
+    let steps = (clock.rows - clock.missing).saturating_sub(1);
+    let rising = steps.saturating_sub(clock.backward + clock.repeated);
+    let is_clock = match opened.chosen {
+        Chosen::Caller => true,
+        Chosen::Name => time_column::rises(rising, clock.backward, steps),
+        Chosen::Values => rising == steps,
+    };
+    let column = opened.time_column.clone().unwrap_or_default();
+    if is_clock { Ok(()) } else { Err(Error::ClockFalls { path: path.into(), column, rising, steps }) }
 }
 
 /// Hands on the wish to stop, and no counts: those of inner work would mix with the outer ones.

@@ -1,26 +1,15 @@
 //! Which column is the clock, and in which unit.
 
-use crate::{TimeUnit, selection::TimeSpec};
+mod names;
+#[cfg(test)]
+mod tests;
+mod units;
 
-/// Base names of clocks, the most telling first; a unit suffix (`_ns`) or bracket (`[ms]`) may follow.
-const NAMES: [&str; 16] = [
-    "t",
-    "time",
-    "timestamp",
-    "stamp",
-    "header.stamp",
-    "ts",
-    "time_stamp",
-    "datetime",
-    "date_time",
-    "utc",
-    "epoch",
-    "unix_time",
-    "seconds",
-    "secs",
-    "sec",
-    "date",
-];
+use std::{collections::BTreeMap, path::Path};
+
+use crate::{Error, MaxGap, Selection, TimeUnit, error::list, selection::TimeSpec};
+pub(crate) use names::split_unit;
+pub use units::Reading;
 
 /// A column that might be the clock.
 #[derive(Debug, Clone)]
@@ -31,8 +20,6 @@ pub(crate) struct Candidate {
     pub unit: Option<String>,
     /// What its cells look like.
     pub kind: CandidateKind,
-    /// Its first values: numbers as they are, dates and times in seconds.
-    pub sample: Vec<f64>,
 }
 
 /// What the cells of a candidate look like.
@@ -51,221 +38,249 @@ pub(crate) enum CandidateKind {
 /// The chosen clock.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Clock {
-    /// The column's index among the candidates.
+    /// The column's name.
+    pub name: String,
+    /// Its index among the candidates.
     pub column: usize,
-    /// The unit of numbers.
+    /// A second column whose stamps are added to it, and their unit: the time of the day beside the date, nanoseconds beside seconds.
+    pub beside: Option<(usize, TimeUnit)>,
+    /// The unit of its numbers.
+    pub unit: ClockUnit,
+    /// What its cells look like.
+    pub kind: CandidateKind,
+    /// Who chose the column.
+    pub chosen: Chosen,
+}
+
+/// The unit of a clock's numbers.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum ClockUnit {
+    /// The caller, the name, the file or the type of the column tells it.
+    Told(TimeUnit),
+    /// What its numbers may be.
+    Guessed(Vec<Reading>),
+}
+
+/// Who chose the column of a clock.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Chosen {
+    /// The caller.
+    Caller,
+    /// Its name.
+    Name,
+    /// Its values: no other column rises evenly over all rows.
+    Values,
+}
+
+/// The units that all files of a call leave for the numbers of a column, by its name.
+pub(crate) type Agreed = BTreeMap<String, TimeUnit>;
+
+/// A clock whose unit is settled.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct SettledClock {
+    /// Its column's name.
+    pub name: String,
+    pub column: usize,
+    pub beside: Option<(usize, TimeUnit)>,
     pub unit: TimeUnit,
+    pub chosen: Chosen,
     /// What was assumed and why, when something was.
     pub assumed: Option<String>,
 }
 
-/// The index of the named column or the guessed one; `None` when there is none (or the rows are equally spaced).
-pub(crate) fn choose(candidates: &[Candidate], spec: &TimeSpec) -> Option<Clock> {
-    match spec {
-        TimeSpec::Uniform { .. } => None,
-        TimeSpec::Column { name, unit } => {
-            let column = candidates.iter().position(|candidate| candidate.name == *name)?;
-            Some(with_unit(candidates, column, *unit, None))
+impl SettledClock {
+    /// The columns whose stamps are added up, with their units.
+    pub(crate) fn parts(&self) -> impl Iterator<Item = (usize, TimeUnit)> {
+        std::iter::once((self.column, self.unit)).chain(self.beside)
+    }
+}
+
+/// The values of the first rows of a candidate, by its index: numbers as they are, dates and times in seconds.
+pub(crate) type Sampler<'a> = &'a dyn Fn(usize) -> Vec<f64>;
+
+/// The named column or the guessed one; `None` when there is none (or the rows are equally spaced).
+pub(crate) fn choose(candidates: &[Candidate], sampler: Sampler<'_>, spec: &TimeSpec) -> Option<Clock> {
+    let (column, chosen) = match spec {
+        TimeSpec::Uniform { .. } => return None,
+        TimeSpec::Column { name, .. } => {
+            (candidates.iter().position(|candidate| candidate.name == *name)?, Chosen::Caller)
         }
-        TimeSpec::Dispensable { ordered: false } => {
-            by_name(candidates).map(|column| with_unit(candidates, column, None, None))
-        }
-        TimeSpec::Auto | TimeSpec::Dispensable { ordered: true } => {
-            if let Some(column) = by_name(candidates) {
-                return Some(with_unit(candidates, column, None, None));
+        TimeSpec::Auto | TimeSpec::Dispensable { .. } => {
+            let by_values = !matches!(spec, TimeSpec::Dispensable { ordered: false });
+            let named = by_name(candidates, sampler);
+            if let Some(clock) = in_two_parts(candidates, sampler)
+                && named.is_none_or(|column| clock.has(column))
+            {
+                return Some(clock);
             }
-            let column = candidates.iter().position(increases)?;
-            let why = format!(
-                "`{}` is taken as the time: it is the first column that always increases",
-                candidates[column].name
-            );
-            Some(with_unit(candidates, column, None, Some(why)))
+            match named {
+                Some(column) => (column, Chosen::Name),
+                None => (by_values.then(|| only_even(candidates, sampler))??, Chosen::Values),
+            }
         }
-    }
-}
-
-fn with_unit(candidates: &[Candidate], column: usize, unit: Option<TimeUnit>, why: Option<String>) -> Clock {
+    };
     let candidate = &candidates[column];
-    let (unit, guess) = match unit {
-        Some(unit) => (unit, None),
-        None => guess_unit(candidate),
-    };
-    let assumed = match (why, guess) {
-        (Some(why), Some(guess)) => Some(format!("{why}; {guess}")),
-        (why, guess) => why.or(guess),
-    };
-    Clock { column, unit, assumed }
-}
-
-/// The unit of a candidate's numbers, and what was assumed when neither its name nor its unit says it.
-fn guess_unit(candidate: &Candidate) -> (TimeUnit, Option<String>) {
-    let told = candidate.unit.as_deref().and_then(TimeUnit::parse).or_else(|| suffix(&candidate.name).1);
-    if let Some(unit) = told {
-        return (unit, None);
-    }
-    let largest = candidate.sample.iter().copied().filter(|value| value.is_finite()).map(f64::abs).fold(0.0, f64::max);
-    let by_size = match largest {
-        1e17.. => Some(TimeUnit::Nanoseconds),
-        1e14.. => Some(TimeUnit::Microseconds),
-        1e11.. => Some(TimeUnit::Milliseconds),
-        1e8.. => Some(TimeUnit::Seconds),
+    let given = match spec {
+        TimeSpec::Column { unit, .. } => *unit,
         _ => None,
     };
-    let say = |unit: TimeUnit, why: &str| {
-        (
-            unit,
-            Some(format!(
-                "the whole numbers of `{}` are taken as {} ({why}); give the unit if that is wrong",
-                candidate.name,
-                unit.symbol()
-            )),
-        )
+    let told = given.or_else(|| names::named(&candidate.name, candidate.unit.as_deref()).unit);
+    let unit = match (candidate.kind, told) {
+        (_, Some(unit)) => ClockUnit::Told(unit),
+        (CandidateKind::Time | CandidateKind::Other, None) => ClockUnit::Told(TimeUnit::Nanoseconds),
+        (CandidateKind::Float | CandidateKind::Integer, None) => ClockUnit::Guessed(units::readings(&sampler(column))),
     };
-    match (candidate.kind, by_size) {
-        (CandidateKind::Time | CandidateKind::Other, _) => (TimeUnit::Nanoseconds, None),
-        (CandidateKind::Float, None | Some(TimeUnit::Seconds)) => (TimeUnit::Seconds, None),
-        (_, Some(unit)) => say(unit, "their size fits a date since 1970 in that unit"),
-        (CandidateKind::Integer, None) => {
-            let mut steps: Vec<f64> =
-                candidate.sample.windows(2).map(|pair| pair[1] - pair[0]).filter(|&step| step > 0.0).collect();
-            steps.sort_by(f64::total_cmp);
-            // Robot logs run between about 1 Hz and 2 kHz.
-            match steps.get(steps.len() / 2).copied().unwrap_or(0.0) {
-                5e5.. => say(TimeUnit::Nanoseconds, "by their step"),
-                5e2.. => say(TimeUnit::Microseconds, "by their step"),
-                2.0.. => say(TimeUnit::Milliseconds, "by their step"),
-                _ => say(TimeUnit::Seconds, "by their step"),
-            }
-        }
+    Some(Clock { name: candidate.name.clone(), column, beside: None, unit, kind: candidate.kind, chosen })
+}
+
+/// A date and a time of the day, or seconds and nanoseconds.
+fn in_two_parts(candidates: &[Candidate], sampler: Sampler<'_>) -> Option<Clock> {
+    let kinds = |kind: CandidateKind| (0..candidates.len()).filter(move |&c| candidates[c].kind == kind);
+    let all = |column: usize, holds: &dyn Fn(f64) -> bool| {
+        let sample = sampler(column);
+        !sample.is_empty() && sample.into_iter().all(holds)
+    };
+    const DAY: f64 = 86_400.0;
+    let is_date = |&column: &usize| all(column, &|value| value.rem_euclid(DAY) == 0.0 && value != 0.0);
+    let is_time = |&column: &usize| all(column, &|value| (0.0..DAY).contains(&value));
+    let (dates, times): (Vec<usize>, Vec<usize>) =
+        (kinds(CandidateKind::Time).filter(is_date).collect(), kinds(CandidateKind::Time).filter(is_time).collect());
+    if let (&[date], &[time]) = (&dates[..], &times[..]) {
+        let unit = ClockUnit::Told(TimeUnit::Nanoseconds);
+        let beside = Some((time, TimeUnit::Nanoseconds));
+        let name = candidates[date].name.clone();
+        return Some(Clock { name, column: date, beside, unit, kind: CandidateKind::Time, chosen: Chosen::Name });
+    }
+    let pairs: Vec<(usize, usize)> = kinds(CandidateKind::Integer)
+        .flat_map(|seconds| kinds(CandidateKind::Integer).map(move |nanoseconds| (seconds, nanoseconds)))
+        .filter(|&(seconds, nanoseconds)| {
+            names::are_seconds_and_nanoseconds(&candidates[seconds].name, &candidates[nanoseconds].name)
+        })
+        .collect();
+    match pairs[..] {
+        [(column, nanoseconds)] if all(nanoseconds, &|value| (0.0..1e9).contains(&value)) => Some(Clock {
+            name: candidates[column].name.clone(),
+            column,
+            beside: Some((nanoseconds, TimeUnit::Nanoseconds)),
+            unit: ClockUnit::Told(TimeUnit::Seconds),
+            kind: CandidateKind::Integer,
+            chosen: Chosen::Name,
+        }),
+        _ => None,
     }
 }
 
-fn by_name(candidates: &[Candidate]) -> Option<usize> {
-    let ranked = candidates
+/// The column with the most telling name among those that rise.
+fn by_name(candidates: &[Candidate], sampler: Sampler<'_>) -> Option<usize> {
+    let mut ranked: Vec<(usize, usize)> = candidates
         .iter()
         .enumerate()
         .filter(|(_, candidate)| candidate.kind != CandidateKind::Other)
-        .filter_map(|(i, candidate)| {
-            let (base, _) = suffix(&candidate.name);
-            let rank =
-                NAMES.iter().position(|name| *name == base).or_else(|| base.ends_with("header.stamp").then_some(4))?;
-            Some((rank, i))
-        });
-    ranked.min().map(|(_, i)| i)
+        .filter_map(|(c, candidate)| Some((names::named(&candidate.name, candidate.unit.as_deref()).rank?, c)))
+        .collect();
+    ranked.sort_unstable();
+    ranked.into_iter().map(|(_, c)| c).find(|&c| mostly_rises(&sampler(c)))
 }
 
-/// A name in lower case without its unit, and that unit: `Time_ns`, `t [ms]`, `t (s)`.
-fn suffix(name: &str) -> (String, Option<TimeUnit>) {
-    let lower = name.trim().to_lowercase();
-    let (bare, bracket) = split_unit(&lower);
-    let unit = bracket.and_then(TimeUnit::parse);
-    if unit.is_some() {
-        return (bare.to_owned(), unit);
-    }
-    if let Some((base, tail)) = bare.rsplit_once('_')
-        && let Some(unit) = TimeUnit::parse(tail)
-    {
-        return (base.to_owned(), Some(unit));
-    }
-    // `sec` and `seconds` alone say it too.
-    (bare.to_owned(), TimeUnit::parse(bare).filter(|_| bare.len() > 2))
+/// Whether a sample rises but for the beginnings of new episodes and rows that were written twice.
+fn mostly_rises(sample: &[f64]) -> bool {
+    let values: Vec<f64> = sample.iter().copied().filter(|value| value.is_finite()).collect();
+    // Decimals of a date go beyond what `f64` holds: the pass over the stamps sees them all.
+    let is_finer = |pair: &[f64]| pair[1] == pair[0] && pair[0].fract() != 0.0;
+    let rising = values.windows(2).filter(|pair| pair[1] > pair[0] || is_finer(pair)).count();
+    let falling = values.windows(2).filter(|pair| pair[1] < pair[0]).count();
+    rises(rising, falling, values.len().saturating_sub(1))
 }
 
-/// A header such as `v [m/s]` or `v (m/s)`: the name without its unit, and the unit.
-pub(crate) fn split_unit(header: &str) -> (&str, Option<&str>) {
-    let header = header.trim();
-    for (open, close) in [('[', ']'), ('(', ')')] {
-        if let Some(inside) = header.strip_suffix(close)
-            && let Some((name, unit)) = inside.rsplit_once(open)
-        {
-            let (name, unit) = (name.trim_end(), unit.trim());
-            if !name.is_empty() && !unit.is_empty() && !unit.starts_with(|first: char| first.is_ascii_digit()) {
-                return (name, Some(unit));
-            }
-        }
-    }
-    (header, None)
+/// Whether steps, of which so many rise and so many fall, are those of a clock.
+pub(crate) fn rises(rising: usize, falling: usize, steps: usize) -> bool {
+    2 * rising >= steps && 5 * falling <= steps
 }
 
-/// Whether the sample increases at every row and is not a mere row counter.
-fn increases(candidate: &Candidate) -> bool {
-    let sample = &candidate.sample;
+/// The one column that rises evenly at every row and is no row counter; `None` where there are several.
+fn only_even(candidates: &[Candidate], sampler: Sampler<'_>) -> Option<usize> {
+    let mut rising = (0..candidates.len()).filter(|&c| {
+        let kind = candidates[c].kind;
+        kind != CandidateKind::Other && always_rises(&sampler(c), kind)
+    });
+    let first = rising.next()?;
+    let is_only = rising.next().is_none();
+    (is_only && (candidates[first].kind == CandidateKind::Time || is_even(&sampler(first)))).then_some(first)
+}
+
+/// Whether the sample rises at every row and is not a mere row counter.
+fn always_rises(sample: &[f64], kind: CandidateKind) -> bool {
     let rising = sample.len() >= 3 && sample.windows(2).all(|pair| pair[1] > pair[0]);
-    match candidate.kind {
-        CandidateKind::Other => false,
-        CandidateKind::Integer => rising && sample.windows(2).any(|pair| pair[1] - pair[0] != 1.0),
-        CandidateKind::Float | CandidateKind::Time => rising,
+    rising && (kind != CandidateKind::Integer || sample.windows(2).any(|pair| pair[1] - pair[0] != 1.0))
+}
+
+/// Whether nine of ten steps are within a quarter of their median: a position rises as fast as its body goes.
+fn is_even(sample: &[f64]) -> bool {
+    let mut steps: Vec<f64> = sample.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    let median = steps.get(steps.len() / 2).copied().unwrap_or(0.0);
+    let near = steps.iter().filter(|&&step| (step - median).abs() <= 0.25 * median).count();
+    10 * near >= 9 * steps.len()
+}
+
+impl Clock {
+    /// Whether a column is one of its parts.
+    fn has(&self, column: usize) -> bool {
+        self.column == column || self.beside.is_some_and(|(beside, _)| beside == column)
+    }
+
+    /// The unit of its numbers where it is told; dates have none.
+    pub(crate) fn told(&self) -> Option<TimeUnit> {
+        match self.unit {
+            ClockUnit::Told(unit) if self.kind != CandidateKind::Time => Some(unit),
+            _ => None,
+        }
+    }
+
+    /// What its numbers may be; empty where the unit is told.
+    pub(crate) fn readings(&self) -> &[Reading] {
+        match &self.unit {
+            ClockUnit::Told(_) => &[],
+            ClockUnit::Guessed(readings) => readings,
+        }
+    }
+
+    /// The clock with its unit: the only one that is possible, or what all files of the call agree on.
+    ///
+    /// # Errors
+    /// Several units are possible, or none.
+    pub(crate) fn settle(self, path: &Path, agreed: &Agreed, selection: &Selection) -> Result<SettledClock, Error> {
+        let (name, readings) = (&self.name, self.readings());
+        let agreed = agreed.get(name).copied();
+        let reading = readings.iter().find(|reading| agreed.is_none_or(|unit| unit == reading.unit));
+        // Rows whose order alone counts need no seconds.
+        let by_order = matches!(selection.time, TimeSpec::Dispensable { .. }) && selection.max_gap == MaxGap::Auto;
+        let (unit, reason) = match (&self.unit, reading) {
+            (ClockUnit::Told(unit), _) => (*unit, None),
+            (_, Some(reading)) if agreed.is_some() => (reading.unit, Some("the only unit that fits all files")),
+            (_, Some(reading)) if readings.len() == 1 => (reading.unit, Some("no other unit fits")),
+            (_, Some(reading)) if by_order => {
+                (reading.unit, Some("other units fit too, but only the order of rows counts"))
+            }
+            _ => return Err(Error::unknown_unit(path, name, readings)),
+        };
+        // Numbers with decimals are expected to be seconds.
+        let is_usual = unit == TimeUnit::Seconds && self.kind != CandidateKind::Integer && readings.len() <= 1;
+        let guess = reason.zip(reading).filter(|_| !is_usual).map(|(reason, reading)| {
+            format!("the numbers of `{name}` are taken as {reading}: {reason}; name the unit if that is wrong")
+        });
+        let why = (self.chosen == Chosen::Values)
+            .then(|| format!("`{name}` is taken as the time: it is the only column that rises evenly at every row"));
+        let assumed = match (why, guess) {
+            (Some(why), Some(guess)) => Some(format!("{why}; {guess}")),
+            (why, guess) => why.or(guess),
+        };
+        let Self { name, column, beside, chosen, .. } = self;
+        Ok(SettledClock { name, column, beside, unit, chosen, assumed })
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn candidate(name: &str, kind: CandidateKind, sample: &[f64]) -> Candidate {
-        Candidate { name: name.into(), unit: None, kind, sample: sample.into() }
-    }
-
-    #[test]
-    fn what_needs_no_clock_takes_one_by_its_name_or_for_the_order_of_rows() {
-        use CandidateKind::Float;
-        let rising = candidate("level", Float, &[1.0, 2.0, 4.0]);
-        let named = candidate("t", Float, &[3.0, 1.0, 2.0]);
-        let other = candidate("x", Float, &[3.0, 1.0, 2.0]);
-        let taken = |candidates: &[Candidate], ordered: bool| {
-            choose(candidates, &TimeSpec::Dispensable { ordered }).map(|clock| clock.column)
-        };
-        for ordered in [false, true] {
-            assert_eq!(taken(&[other.clone(), rising.clone(), named.clone()], ordered), Some(2));
-            assert_eq!(taken(std::slice::from_ref(&other), ordered), None);
-        }
-        assert_eq!(taken(&[other.clone(), rising.clone()], false), None, "a sorted column is no clock");
-        assert_eq!(taken(&[other, rising], true), Some(1));
-    }
-
-    #[test]
-    fn names_before_behaviour() {
-        use CandidateKind::{Float, Integer, Other, Time};
-        let rising = [1.0, 2.0, 4.0];
-        let all =
-            [candidate("x", Float, &rising), candidate("Time_ns", Integer, &rising), candidate("label", Other, &[])];
-        let clock = choose(&all, &TimeSpec::Auto).unwrap();
-        assert_eq!((clock.column, clock.unit, clock.assumed), (1, TimeUnit::Nanoseconds, None));
-        let all = [
-            candidate("count", Integer, &[0.0, 1.0, 2.0]),
-            candidate("x", Float, &[0.0, 1.0, 0.5]),
-            candidate("when", Time, &rising),
-        ];
-        let clock = choose(&all, &TimeSpec::Auto).unwrap();
-        assert_eq!(clock.column, 2);
-        assert!(clock.assumed.unwrap().contains("`when`"));
-        assert_eq!(choose(&all[..2], &TimeSpec::Auto), None);
-        assert_eq!(choose(&[candidate("/odom.header.stamp", Float, &[])], &TimeSpec::Auto).unwrap().column, 0);
-        assert_eq!(choose(&[candidate("t (ms)", Float, &[])], &TimeSpec::Auto).unwrap().unit, TimeUnit::Milliseconds);
-    }
-
-    #[test]
-    fn whole_numbers_are_placed_by_size_and_step() {
-        let unit = |sample: &[f64]| choose(&[candidate("t", CandidateKind::Integer, sample)], &TimeSpec::Auto).unwrap();
-        assert_eq!(unit(&[1.7e18]).unit, TimeUnit::Nanoseconds);
-        assert_eq!(unit(&[1.7e15]).unit, TimeUnit::Microseconds);
-        assert_eq!(unit(&[1.7e12]).unit, TimeUnit::Milliseconds);
-        assert_eq!(unit(&[1.7e9]).unit, TimeUnit::Seconds);
-        assert_eq!(unit(&[0.0, 1e6, 2e6]).unit, TimeUnit::Nanoseconds);
-        assert_eq!(unit(&[0.0, 1e4, 2e4]).unit, TimeUnit::Microseconds);
-        assert_eq!(unit(&[0.0, 10.0, 20.0]).unit, TimeUnit::Milliseconds);
-        assert_eq!(unit(&[0.0, 1.0, 2.0]).unit, TimeUnit::Seconds);
-        assert!(unit(&[0.0, 10.0]).assumed.is_some());
-        let float = choose(&[candidate("t", CandidateKind::Float, &[0.0, 10.0])], &TimeSpec::Auto).unwrap();
-        assert_eq!((float.unit, float.assumed), (TimeUnit::Seconds, None));
-    }
-
-    #[test]
-    fn units_in_headers() {
-        assert_eq!(split_unit("v [m/s]"), ("v", Some("m/s")));
-        assert_eq!(split_unit("v (m/s)"), ("v", Some("m/s")));
-        assert_eq!(split_unit("position[0]"), ("position[0]", None));
-        assert_eq!(split_unit("[m]"), ("[m]", None));
-        assert_eq!(split_unit("v"), ("v", None));
-    }
+/// A column's names for the message that no clock is among them.
+pub(crate) fn no_clock(path: &Path, names: &[&str]) -> Error {
+    Error::NoTimeColumn { path: path.into(), columns: list(names) }
 }

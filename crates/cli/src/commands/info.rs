@@ -2,7 +2,7 @@
 
 use fleetfoot::{
     ColumnKind, Error,
-    log::{FileInfo, Format, TopicInfo, inspect, inspect_values},
+    log::{ClockInfo, FileInfo, Format, TopicInfo, inspect, inspect_values},
 };
 
 use super::{Context, files};
@@ -110,11 +110,11 @@ fn to_text(info: &FileInfo) -> String {
         bytes(info.bytes),
         info.columns.len()
     );
-    match &info.time {
-        Some(time) => text.push_str(&format!("\n  clock: `{}` in {}", time.column, time.unit.symbol())),
+    match &info.clock {
+        Some(clock) => text.push_str(&format!("\n  clock: {}", clock_text(clock))),
         None => text.push_str("\n  clock: none found; name one with --time, or give --dt"),
     }
-    if let Some(clock) = &info.clock {
+    if let Some(clock) = info.clock.as_ref().and_then(|clock| clock.summary) {
         let rate = if clock.period > 0.0 { format!(", {} Hz", number(1.0 / clock.period)) } else { String::new() };
         text.push_str(&format!(
             "\n  {} long{rate}, largest step {}; {} gaps, {} backward, {} repeated, {} missing stamps; {} episodes",
@@ -133,6 +133,18 @@ fn to_text(info: &FileInfo) -> String {
         text.push_str(&format!("\n  note: {note}"));
     }
     text
+}
+
+/// The clock's column, its unit, and whether that is a guess.
+fn clock_text(clock: &ClockInfo) -> String {
+    let beside = clock.beside.as_ref().map(|beside| format!(" and `{beside}`")).unwrap_or_default();
+    let unit = match clock.unit {
+        Some(unit) => format!(" in {}", unit.symbol()),
+        None if clock.is_open() => ", its unit is open".to_owned(),
+        None => ", dates".to_owned(),
+    };
+    let assumed = clock.assumed.as_ref().map(|assumed| format!(" (a guess: {assumed})")).unwrap_or_default();
+    format!("`{}`{beside}{unit}{assumed}", clock.column)
 }
 
 fn columns_table(info: &FileInfo) -> String {

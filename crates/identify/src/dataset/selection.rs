@@ -136,6 +136,11 @@ fn selection(recipe: &Recipe, columns: Vec<String>) -> Result<Selection, Error> 
             };
             TimeSpec::Column { name: name.clone(), unit }
         }
+        (None, None) if time.unit.is_some() => {
+            return Err(Error::missing(
+                "[time] has a unit and no column: name the column of the stamps (column)".into(),
+            ));
+        }
         (None, None) => TimeSpec::Auto,
     };
     selection.max_gap = max_gap(time.max_gap.as_ref(), "[time]")?;

@@ -15,6 +15,7 @@ use crate::{
     breaks::Breaks,
     parquet,
     table::{Table, TableColumn, TableRows},
+    time_column::Agreed,
 };
 
 /// Changes with what is stored and with how it is computed from the same file: an older cache is not read.
@@ -93,7 +94,7 @@ impl Slot {
             time: TimeSpec::Column { name: STAMP.into(), unit: Some(TimeUnit::Nanoseconds) },
             ..Selection::new(names)
         };
-        let opened = parquet::open(&self.path, &selection, cursors).ok()?;
+        let opened = parquet::open(&self.path, &selection, &Agreed::new(), cursors).ok()?;
         let table = CachedTable { inner: opened.table, columns: meta.columns.clone() };
         Some((Box::new(table), meta))
     }

@@ -29,7 +29,8 @@ pub(super) struct Plan<'a> {
     pub head: Head,
     /// The fields of the selected columns.
     pub fields: Vec<usize>,
-    pub time: Option<TimeField>,
+    /// Where the stamps are; of several fields they are added up.
+    pub time: Vec<TimeField>,
 }
 
 /// Where the stamps are.
@@ -148,9 +149,19 @@ fn check_categories(plan: &Plan<'_>, columns: &[Decoder]) -> Result<(), Error> {
 
 impl Plan<'_> {
     fn stamp(&self, record: &csv::ByteRecord) -> Result<i64, Misfit> {
-        let Some(TimeField { field, unit, sort }) = self.time else {
-            return Ok(0);
-        };
+        let mut sum = 0i64;
+        for time in &self.time {
+            let stamp = Some(self.part_of_stamp(record, *time)?).filter(|&stamp| stamp != MISSING);
+            match stamp.and_then(|stamp| sum.checked_add(stamp)) {
+                Some(added) => sum = added,
+                None => return Ok(MISSING),
+            }
+        }
+        Ok(sum)
+    }
+
+    fn part_of_stamp(&self, record: &csv::ByteRecord, time: TimeField) -> Result<i64, Misfit> {
+        let TimeField { field, unit, sort } = time;
         let cell = record[field].trim_ascii();
         let date = sort == Sort::Date;
         let parsed = match sort {
@@ -175,7 +186,7 @@ impl Plan<'_> {
     /// What to say of a last row without an end of its line: a copy that was cut ends like this, and its last number may have lost digits.
     fn cut_value(&self, last: &csv::ByteRecord) -> Option<String> {
         let field = last.len().checked_sub(1)?;
-        let used = self.fields.contains(&field) || self.time.is_some_and(|time| time.field == field);
+        let used = self.fields.contains(&field) || self.time.iter().any(|time| time.field == field);
         let name = &self.head.columns.get(field)?.name;
         used.then(|| {
             format!(

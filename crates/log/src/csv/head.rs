@@ -112,34 +112,35 @@ pub(super) fn read(path: &Path, compression: Compression, stream: &mut dyn Read)
 impl Head {
     /// The columns as possible clocks.
     pub(super) fn candidates(&self) -> Vec<Candidate> {
-        self.columns
-            .iter()
-            .zip(&self.sorts)
-            .enumerate()
-            .map(|(c, (column, sort))| {
-                let cells =
-                    || self.sample.iter().filter_map(move |record| record.get(c)).filter(|cell| !is_missing(cell));
-                let kind = match sort {
-                    Sort::Number if cells().all(is_whole) => CandidateKind::Integer,
-                    Sort::Number => CandidateKind::Float,
-                    Sort::Date => CandidateKind::Time,
-                    // Its name may still say that it is the clock.
-                    Sort::Unknown => CandidateKind::Float,
-                    _ => CandidateKind::Other,
-                };
-                let value = |cell: &[u8]| match (sort, number(cell, self.decimal_comma)) {
-                    (Sort::Date, _) => stamp::parse_date(cell.trim_ascii()).map_or(f64::NAN, stamp::seconds),
-                    (_, Cell::Number(value)) => value,
-                    _ => f64::NAN,
-                };
-                Candidate {
-                    name: column.name.clone(),
-                    unit: column.unit.clone(),
-                    kind,
-                    sample: cells().map(value).collect(),
-                }
-            })
-            .collect()
+        let kind = |c: usize| match self.sorts[c] {
+            Sort::Number if self.cells(c).all(is_whole) => CandidateKind::Integer,
+            Sort::Number => CandidateKind::Float,
+            Sort::Date => CandidateKind::Time,
+            // Its name may still say that it is the clock.
+            Sort::Unknown => CandidateKind::Float,
+            _ => CandidateKind::Other,
+        };
+        let candidate = |(c, column): (usize, &Column)| Candidate {
+            name: column.name.clone(),
+            unit: column.unit.clone(),
+            kind: kind(c),
+        };
+        self.columns.iter().enumerate().map(candidate).collect()
+    }
+
+    /// The first values of a column: numbers as they are, dates in seconds.
+    pub(super) fn values(&self, c: usize) -> Vec<f64> {
+        let value = |cell: &[u8]| match (self.sorts[c], number(cell, self.decimal_comma)) {
+            (Sort::Date, _) => stamp::parse_date(cell.trim_ascii()).map_or(f64::NAN, stamp::seconds),
+            (_, Cell::Number(value)) => value,
+            _ => f64::NAN,
+        };
+        self.cells(c).map(value).collect()
+    }
+
+    /// The first cells of a column that are not missing.
+    fn cells(&self, c: usize) -> impl Iterator<Item = &[u8]> {
+        self.sample.iter().filter_map(move |record| record.get(c)).filter(|cell| !is_missing(cell))
     }
 
     /// What a column is, as far as the first rows tell.

@@ -25,16 +25,7 @@ pub(super) fn find_clock(file: &ParquetFile, all: &[Leaf], spec: &TimeSpec) -> O
             candidate.kind = CandidateKind::Time;
         }
     }
-    if let Some(clock) = time_column::choose(&candidates, spec) {
-        candidates[clock.column].sample = sample(file, &all[clock.column]);
-    } else {
-        for (candidate, leaf) in candidates.iter_mut().zip(all) {
-            if candidate.kind != CandidateKind::Other {
-                candidate.sample = sample(file, leaf);
-            }
-        }
-    }
-    time_column::choose(&candidates, spec)
+    time_column::choose(&candidates, &|column| sample(file, &all[column]), spec)
 }
 
 fn bare_candidate(leaf: &Leaf) -> Candidate {
@@ -44,7 +35,7 @@ fn bare_candidate(leaf: &Leaf) -> Candidate {
         Meaning::Time { .. } => CandidateKind::Time,
         _ => CandidateKind::Other,
     };
-    Candidate { name: leaf.name.clone(), unit: leaf.unit.clone(), kind, sample: Vec::new() }
+    Candidate { name: leaf.name.clone(), unit: leaf.unit.clone(), kind }
 }
 
 /// The first rows of a leaf; empty when they cannot be read, which the pass over the stamps will tell if it matters.

@@ -27,10 +27,9 @@ use super::{
 };
 use crate::{
     Error, Selection, TimeSpec, TimeUnit,
-    error::list,
     opened::Opened,
     table::{MAX_CATEGORIES, TableColumn},
-    time_column::Clock,
+    time_column::{self, Agreed, Clock},
 };
 
 /// Rows decoded at a time when texts are collected.
@@ -79,7 +78,12 @@ pub(crate) fn metadata(path: &Path) -> Result<BTreeMap<String, String>, Error> {
 }
 
 /// Opens a file for reading the selected columns.
-pub(crate) fn open(path: &Path, selection: &Selection, cursors: &Arc<Cursors>) -> Result<Opened, Error> {
+pub(crate) fn open(
+    path: &Path,
+    selection: &Selection,
+    agreed: &Agreed,
+    cursors: &Arc<Cursors>,
+) -> Result<Opened, Error> {
     let (file, all) = load(path, &cursors.buffers)?;
     let (rows, starts) = check_rows(&file)?;
     let mut columns = Vec::with_capacity(selection.columns.len());
@@ -98,10 +102,15 @@ pub(crate) fn open(path: &Path, selection: &Selection, cursors: &Arc<Cursors>) -
         columns.push(TableColumn { column: Column { name: name.clone(), unit: leaf.unit.clone(), kind }, empty });
         wanted.push((leaf.index, rule));
     }
-    let (time, clock) = open_clock(&file, &all, &selection.time)?;
-    let assumed_unit = clock.as_ref().filter(|clock| clock.assumed.is_some()).map(|clock| clock.unit);
+    let clock = open_clock(&file, &all, &selection.time)?;
+    let clock = clock.map(|clock| clock.settle(path, agreed, selection)).transpose()?;
     let notes = clock.iter().filter_map(|clock| clock.assumed.clone()).collect();
-    let time_column = clock.map(|clock| all[clock.column].name.clone());
+    let mut time = Vec::new();
+    for (column, unit) in clock.iter().flat_map(|clock| clock.parts()) {
+        let leaf = &all[column];
+        check_chunks(&file, leaf)?;
+        time.push((leaf.index, Rule { meaning: leaf.meaning.clone(), unit, names: Vec::new() }));
+    }
     let table = ParquetTable {
         file,
         cursors: cursors.clone(),
@@ -112,30 +121,30 @@ pub(crate) fn open(path: &Path, selection: &Selection, cursors: &Arc<Cursors>) -
         time,
         leaves: wanted,
     };
-    Ok(Opened::of_table(Box::new(table), assumed_unit, time_column, notes))
+    Ok(Opened::of_table(Box::new(table), clock, notes))
 }
 
-type TimeRule = Option<(usize, Rule)>;
+/// The clock of a file, as far as its first rows tell; `None` where it has none.
+pub(crate) fn clock(path: &Path, spec: &TimeSpec) -> Result<Option<Clock>, Error> {
+    let (file, leaves) = load(path, &Arc::default())?;
+    Ok(find_clock(&file, &leaves, spec))
+}
 
-fn open_clock(file: &ParquetFile, all: &[Leaf], spec: &TimeSpec) -> Result<(TimeRule, Option<Clock>), Error> {
+fn open_clock(file: &ParquetFile, all: &[Leaf], spec: &TimeSpec) -> Result<Option<Clock>, Error> {
     if matches!(spec, TimeSpec::Uniform { .. }) {
-        return Ok((None, None));
+        return Ok(None);
     }
     if let TimeSpec::Column { name, .. } = spec {
         let leaf = find(&file.path, all, name)?;
         check_chunks(file, leaf)?;
     }
-    let Some(clock) = find_clock(file, all, spec) else {
-        if matches!(spec, TimeSpec::Dispensable { .. }) {
-            return Ok((None, None));
+    match find_clock(file, all, spec) {
+        None if !matches!(spec, TimeSpec::Dispensable { .. }) => {
+            let names: Vec<&str> = all.iter().map(|leaf| leaf.name.as_str()).collect();
+            Err(time_column::no_clock(&file.path, &names))
         }
-        let names: Vec<&str> = all.iter().map(|leaf| leaf.name.as_str()).collect();
-        return Err(Error::NoTimeColumn { path: file.path.clone(), columns: list(&names) });
-    };
-    let leaf = &all[clock.column];
-    check_chunks(file, leaf)?;
-    let rule = Rule { meaning: leaf.meaning.clone(), unit: clock.unit, names: Vec::new() };
-    Ok((Some((leaf.index, rule)), Some(clock)))
+        clock => Ok(clock),
+    }
 }
 
 fn find<'a>(path: &Path, all: &'a [Leaf], name: &str) -> Result<&'a Leaf, Error> {

@@ -15,7 +15,7 @@ use super::{
     leaf::{Rule, Word},
 };
 use crate::{
-    Error,
+    Error, stamp,
     table::{Table, TableColumn, TableRows},
 };
 
@@ -33,8 +33,8 @@ pub(super) struct ParquetTable {
     /// First rows of the row groups.
     pub(super) starts: Vec<usize>,
     pub(super) columns: Vec<TableColumn>,
-    /// Leaf and conversion of the stamps.
-    pub(super) time: Option<(usize, Rule)>,
+    /// Leaves and conversions of the stamps; of several they are added up.
+    pub(super) time: Vec<(usize, Rule)>,
     /// Leaf and conversion of the columns.
     pub(super) leaves: Vec<(usize, Rule)>,
 }
@@ -97,6 +97,20 @@ impl ParquetTable {
         Ok(out)
     }
 
+    /// The stamps of these rows; empty without a clock.
+    fn sum_of_stamps(
+        &self,
+        turn: &Turn<'_>,
+        handle: &Handle<'_>,
+        rows: Range<usize>,
+    ) -> Result<ScalarBuffer<i64>, Error> {
+        let parts = self.time.iter().enumerate();
+        let parts: Result<Vec<ScalarBuffer<i64>>, Error> = parts
+            .map(|(order, part)| Ok(self.column::<i64>(turn, handle, order, part, rows.clone())?.into()))
+            .collect();
+        Ok(stamp::sum(parts?.into_iter()))
+    }
+
     fn handle(&self) -> Handle<'_> {
         Handle { file: &self.file, open: OnceLock::new() }
     }
@@ -151,24 +165,24 @@ impl Table for ParquetTable {
     }
 
     fn stamps(&self, rows: Range<usize>) -> Result<ScalarBuffer<i64>, Error> {
-        let Some(time) = &self.time else {
-            return Ok(Vec::new().into());
-        };
         let turn = self.cursors.begin(self.number, rows.clone(), 0);
-        Ok(self.column(&turn, &self.handle(), 0, time, rows)?.into())
+        self.sum_of_stamps(&turn, &self.handle(), rows)
     }
 
     fn values(&self, rows: Range<usize>, keep: usize) -> Result<TableRows, Error> {
         let turn = self.cursors.begin(self.number, rows.clone(), keep);
         let handle = self.handle();
-        let time = match &self.time {
-            Some(time) => self.column(&turn, &handle, 0, time, rows.clone())?,
-            None => Vec::new(),
-        };
+        let time = self.sum_of_stamps(&turn, &handle, rows.clone())?;
         let mut columns = Vec::with_capacity(self.leaves.len());
         for (order, leaf) in self.leaves.iter().enumerate() {
-            columns.push(ScalarBuffer::from(self.column::<f64>(&turn, &handle, order + 1, leaf, rows.clone())?));
+            columns.push(ScalarBuffer::from(self.column::<f64>(
+                &turn,
+                &handle,
+                order + self.time.len(),
+                leaf,
+                rows.clone(),
+            )?));
         }
-        Ok(TableRows { time: time.into(), columns })
+        Ok(TableRows { time, columns })
     }
 }

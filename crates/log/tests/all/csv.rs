@@ -116,8 +116,8 @@ fn dates_and_whole_numbers_as_clocks() {
 fn missing_values_categories_and_truth_values() {
     let folder = Folder::new();
     let a = folder
-        .file("a.csv", "t,x,ground,on,sparse\n0,1,sand,true,\n1,NaN,grass,False,\n2,null,,yes,\n3,inf,sand,0,7\n");
-    let b = folder.file("b.csv", "t,x,ground,on,sparse\n0,5,ice,no,\n1,6,grass,1,\n");
+        .file("a.csv", "t_s,x,ground,on,sparse\n0,1,sand,true,\n1,NaN,grass,False,\n2,null,,yes,\n3,inf,sand,0,7\n");
+    let b = folder.file("b.csv", "t_s,x,ground,on,sparse\n0,5,ice,no,\n1,6,grass,1,\n");
     let recording = open(&[&b, &a], &Selection::new(["x", "ground", "on", "sparse"])).unwrap();
     assert_eq!(recording.columns()[1].kind, ColumnKind::Category(["grass", "ice", "sand"].map(String::from).into()));
     assert_eq!(recording.columns()[2].kind, ColumnKind::Boolean);
@@ -156,9 +156,9 @@ fn units_in_headers_and_files_without_one() {
     assert_eq!(recording.columns()[0].unit.as_deref(), Some("m/s"));
     assert_eq!(recording.columns()[1].unit.as_deref(), Some("rad/s"));
     assert_eq!(recording.episodes()[0].end, 10_000_000);
-    let path = folder.file("b.csv", "0,1.5\n0.5,2.5\n1.0,3.5\n");
+    let path = folder.file("b.csv", "0,1.5\n0.5,3.5\n1.0,2.5\n");
     let recording = open_one(&path, &["c1"]).unwrap();
-    assert_eq!(read(&recording).1, [[1.5, 2.5, 3.5]]);
+    assert_eq!(read(&recording).1, [[1.5, 3.5, 2.5]]);
     assert!(recording.notes().iter().any(|note| note.contains("no header")), "{:?}", recording.notes());
     assert!(recording.notes().iter().any(|note| note.contains("`c0` is taken as the time")), "{:?}", recording.notes());
 }
@@ -167,14 +167,14 @@ fn units_in_headers_and_files_without_one() {
 fn wrong_cells_and_ragged_rows_name_the_line() {
     let folder = Folder::new();
     for end in ["\n", "\r\n"] {
-        let body = ["t,x,y", "", "0,1,1", "# note", "1,2,2", "", "2,oops,3", "3,4,4", ""].join(end);
+        let body = ["t_s,x,y", "", "0,1,1", "# note", "1,2,2", "", "2,oops,3", "3,4,4", ""].join(end);
         let text = message(&folder.file("a.csv", &body), &["x"]);
         assert!(
             text.contains("a.csv:7:") && text.contains("`x`") && text.contains("`oops`") && text.contains("number"),
             "{text}"
         );
         assert!(open_one(&folder.file("a.csv", &body), &["y"]).is_ok(), "an unselected column is not read");
-        let body = ["t,x,y", "0,1,1", "1,2", "2,3,3", ""].join(end);
+        let body = ["t_s,x,y", "0,1,1", "1,2", "2,3,3", ""].join(end);
         let text = message(&folder.file("b.csv", &body), &["x"]);
         assert!(text.contains("b.csv:3:") && text.contains("2 fields") && text.contains("has 3"), "{text}");
     }
@@ -183,7 +183,7 @@ fn wrong_cells_and_ragged_rows_name_the_line() {
     assert!(text.contains("c.csv:3:") && text.contains("`never`") && text.contains("date"), "{text}");
     // Too many fields are never a cut line.
     assert!(matches!(
-        open_one(&folder.file("e.csv", "t,x\n0,1\n1,2,3"), &["x"]),
+        open_one(&folder.file("e.csv", "t_s,x\n0,1\n1,2,3"), &["x"]),
         Err(Error::RaggedRow { line: 3, found: 3, .. })
     ));
 }
@@ -191,10 +191,10 @@ fn wrong_cells_and_ragged_rows_name_the_line() {
 #[test]
 fn a_cut_last_line_is_dropped_with_a_note() {
     let folder = Folder::new();
-    let recording = open_one(&folder.file("a.csv", "t,x\n0,1\n1,2\n2"), &["x"]).unwrap();
+    let recording = open_one(&folder.file("a.csv", "t_s,x\n0,1\n1,2\n2"), &["x"]).unwrap();
     assert_eq!(recording.episodes()[0].rows, 2);
     assert!(recording.notes()[0].contains("cut off"), "{:?}", recording.notes());
-    assert_eq!(open_one(&folder.file("b.csv", "t,x\n0,1\n1,2"), &["x"]).unwrap().episodes()[0].rows, 2);
+    assert_eq!(open_one(&folder.file("b.csv", "t_s,x\n0,1\n1,2"), &["x"]).unwrap().episodes()[0].rows, 2);
 }
 
 #[test]
@@ -253,7 +253,7 @@ fn inspection_of_text() {
     let folder = Folder::new();
     let path = folder.file("a.csv", "t,v [m/s],mode,weird,weird\n0,1,a,1,1\n0.1,3,b,1,1\n0.2,,a,1,1\n");
     let info = inspect(&path).unwrap();
-    assert_eq!((info.rows, info.time.unwrap().column.as_str()), (None, "t"));
+    assert_eq!((info.rows, info.clock.unwrap().column.as_str()), (None, "t"));
     assert_eq!(info.columns[1].unit.as_deref(), Some("m/s"));
     let info = inspect_values(&path, &fleetfoot_data::Silent).unwrap();
     let v = info.columns[1].statistics.unwrap();

@@ -117,7 +117,7 @@ fn flipped_bytes_of_a_parquet_file_do_no_harm() {
 fn garbage_and_wrong_names_are_told_apart() {
     let folder = tempfile::tempdir().unwrap();
     let garbage: Vec<u8> = (0..5_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
-    let text = b"t,x,c\n0,1,a\n1,2,b\n".to_vec();
+    let text = b"t_s,x,c\n0,1,a\n1,2,b\n".to_vec();
     let framed = [&b"PAR1"[..], &garbage, &[0x10, 0x10, 0, 0], b"PAR1"].concat();
     let huge = [&b"PAR1"[..], &garbage, &[0xff, 0xff, 0xff, 0x7f], b"PAR1"].concat();
     let zeros = vec![0u8; 1000];
@@ -143,7 +143,7 @@ fn garbage_and_wrong_names_are_told_apart() {
 #[test]
 fn a_compressed_text_cut_anywhere_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
-    let text: String = std::iter::once("t,x,c\n".to_owned())
+    let text: String = std::iter::once("t_s,x,c\n".to_owned())
         .chain((0..ROWS).map(|i| format!("{i},{},a\n", i * 7919 % 1000)))
         .collect();
     let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
@@ -167,7 +167,7 @@ fn a_plain_text_cut_anywhere_gives_whole_rows_or_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("hostile.csv");
     let text: String =
-        std::iter::once("t,x,c\n".to_owned()).chain((0..40).map(|i| format!("{i},{},a\n", i + 100))).collect();
+        std::iter::once("t_s,x,c\n".to_owned()).chain((0..40).map(|i| format!("{i},{},a\n", i + 100))).collect();
     for end in 0..text.len() {
         std::fs::write(&path, &text[..end]).unwrap();
         if let Ok(values) = exercise(&path, TimeSpec::Auto) {
@@ -188,7 +188,7 @@ fn endless_rows_are_stopped() {
     // 200 MB of one row in a file of 200 kB; and a quote that never closes.
     for filler in [&b"1"[..], b"\"1,2,3\n"] {
         let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
-        encoder.write_all(b"t,x,c\n0,1,a\n1,2,b\n2,").unwrap();
+        encoder.write_all(b"t_s,x,c\n0,1,a\n1,2,b\n2,").unwrap();
         encoder.write_all(&filler[..1]).unwrap();
         let block = filler[filler.len().min(1)..].repeat(200_000);
         let block = if block.is_empty() { vec![b'1'; 1_000_000] } else { block };

@@ -12,5 +12,6 @@ mod mcap_writer;
 mod parquet;
 mod peers;
 mod same_table;
+mod stamps;
 mod ulog;
 mod ulog_writer;

@@ -213,11 +213,11 @@ fn inspection_tells_columns_clock_and_ranges() {
     stamps[1_000..].iter_mut().for_each(|stamp| *stamp += 1_000_000_000);
     write(&path, &stamps, 512);
     let info = inspect(&path).unwrap();
-    assert_eq!((info.rows, info.columns.len(), info.time.as_ref().unwrap().column.as_str()), (Some(2_000), 5, "t"));
+    assert_eq!((info.rows, info.columns.len(), info.clock.as_ref().unwrap().column.as_str()), (Some(2_000), 5, "t"));
     assert_eq!(info.columns[1].unit.as_deref(), Some("m"));
     assert_eq!(info.columns[1].statistics, None);
     let info = inspect_values(&path, &fleetfoot_data::Silent).unwrap();
-    let clock = info.clock.unwrap();
+    let clock = info.clock.unwrap().summary.unwrap();
     assert_eq!((clock.gaps, clock.backward, info.episodes), (1, 0, Some(2)));
     assert!((clock.period - 1e-3).abs() < 1e-12 && (clock.largest_step - 1.001).abs() < 1e-9);
     let x = info.columns[1].statistics.unwrap();

@@ -160,7 +160,7 @@ def test_info_tells_ranges(log, tmp_path):
     csv = tmp_path / "a.csv"
     csv.write_text("t,speed [m/s]\n0,1\n0.1,3\n0.2,2\n")
     told = ff.info(csv, values=True)
-    assert told["rows"] == 3 and told["time"]["column"] == "t"
+    assert told["rows"] == 3 and told["clock"]["column"] == "t"
     assert told["columns"][1]["unit"] == "m/s" and told["columns"][1]["statistics"]["max"] == 3.0
     with pytest.raises(ff.exceptions.DataError, match="nowhere"):
         ff.info(tmp_path / "nowhere.csv")

@@ -1,0 +1,87 @@
+//! The unit of a clock's numbers that all files of a call agree on.
+
+use std::{collections::BTreeMap, path::PathBuf};
+
+use fleetfoot_data::{Progress, parallel_map};
+
+use crate::{
+    Error, Format, Log, Selection, TimeSpec, TimeUnit, csv, memory, parquet,
+    time_column::{Agreed, Clock, ClockUnit},
+};
+
+/// The units that remain for each time column whose unit nothing tells, where only one remains: what one file leaves open another one says.
+///
+/// # Errors
+/// Two files of which no unit fits both.
+pub(crate) fn agreed(logs: &[Log], selection: &Selection, progress: &dyn Progress) -> Result<Agreed, Error> {
+    let is_told = matches!(selection.time, TimeSpec::Uniform { .. } | TimeSpec::Column { unit: Some(_), .. });
+    if is_told || logs.len() < 2 {
+        return Ok(Agreed::new());
+    }
+    // What cannot be read is told when it is opened.
+    let clocks = parallel_map(logs.len(), progress, |at| Ok::<_, Error>(clock(&logs[at], &selection.time)))?;
+    let mut columns: BTreeMap<String, Vec<(PathBuf, Clock)>> = BTreeMap::new();
+    for (log, clock) in logs.iter().zip(clocks) {
+        if let Some(clock) = clock {
+            columns.entry(clock.name.clone()).or_default().push((log.path().to_path_buf(), clock));
+        }
+    }
+    let mut agreed = Agreed::new();
+    for (column, files) in columns.iter().filter(|(_, files)| files.len() > 1) {
+        if let Some(unit) = common_unit(column, files)? {
+            agreed.insert(column.clone(), unit);
+        }
+    }
+    Ok(agreed)
+}
+
+fn clock(log: &Log, spec: &TimeSpec) -> Option<Clock> {
+    match log {
+        Log::Table(table) => memory::clock(table.as_ref(), spec),
+        Log::File(path) => match Format::of(path)? {
+            Format::Parquet => parquet::clock(path, spec).ok().flatten(),
+            Format::Csv(compression) => csv::clock(path, compression, spec).ok().flatten(),
+            _ => None,
+        },
+    }
+}
+
+/// The one unit that fits all files; `None` where several do. Files that tell their unit decide among those that fit the numbers of the others.
+fn common_unit(column: &str, files: &[(PathBuf, Clock)]) -> Result<Option<TimeUnit>, Error> {
+    let mut common: Option<(&PathBuf, Vec<TimeUnit>)> = None;
+    for (path, clock) in files {
+        let ClockUnit::Guessed(readings) = &clock.unit else { continue };
+        let own: Vec<TimeUnit> = readings.iter().map(|reading| reading.unit).collect();
+        let Some((first, units)) = &mut common else {
+            common = Some((path, own));
+            continue;
+        };
+        let before = units.clone();
+        units.retain(|unit| own.contains(unit));
+        if units.is_empty() {
+            return Err(Error::ColumnsDisagree {
+                column: column.into(),
+                first: first.clone(),
+                first_is: format!("a clock in {}", symbols(&before)),
+                second: path.clone(),
+                second_is: format!("one in {} (as far as the numbers tell; --time-unit names the unit)", symbols(&own)),
+            });
+        }
+        if units.len() < before.len() {
+            *first = path;
+        }
+    }
+    let told = || {
+        let mut units = files.iter().filter_map(|(_, clock)| clock.told());
+        units.next().filter(|unit| units.all(|other| other == *unit))
+    };
+    Ok(common.and_then(|(_, units)| match units[..] {
+        [unit] => Some(unit),
+        _ => told().filter(|unit| units.contains(unit)),
+    }))
+}
+
+fn symbols(units: &[TimeUnit]) -> String {
+    let symbols: Vec<&str> = units.iter().map(|unit| unit.symbol()).collect();
+    if symbols.is_empty() { "no unit".into() } else { symbols.join(" or ") }
+}

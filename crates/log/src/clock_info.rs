@@ -1,0 +1,62 @@
+//! What is told of a table's clock.
+
+use std::path::Path;
+
+use serde::{Serialize, Serializer};
+
+use crate::{
+    ClockSummary, Error, Selection, TimeUnit,
+    time_column::{Agreed, Clock},
+};
+
+/// The column that is taken as the clock when none is named.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct ClockInfo {
+    /// Its name.
+    pub column: String,
+    /// The column that is added to it: the time of the day beside a date, nanoseconds beside seconds.
+    pub beside: Option<String>,
+    /// The unit of its numbers; `None` of dates, and where several units fit.
+    #[serde(serialize_with = "unit_symbol")]
+    pub unit: Option<TimeUnit>,
+    /// Seconds in one unit.
+    pub seconds: Option<f64>,
+    /// Whether column or unit is a guess.
+    pub guess: bool,
+    /// What was assumed and why, or between which units there is no choice.
+    pub assumed: Option<String>,
+    /// Rates and gaps; only when the values were scanned.
+    #[serde(flatten)]
+    pub summary: Option<ClockSummary>,
+}
+
+impl ClockInfo {
+    /// What is known of the clock of a file alone.
+    pub(crate) fn new(path: &Path, clock: Clock, names: &[&str]) -> Self {
+        let (column, told) = (clock.name.clone(), clock.told());
+        let beside = clock.beside.and_then(|(place, _)| names.get(place)).map(ToString::to_string);
+        let is_number = told.is_some() || !clock.readings().is_empty();
+        let (unit, assumed, open) = match clock.settle(path, &Agreed::new(), &Selection::default()) {
+            Ok(settled) => (Some(settled.unit).filter(|_| is_number), settled.assumed, false),
+            Err(Error::UnknownTimeUnit { readings, .. }) if readings.is_empty() => {
+                (None, Some("its numbers fit no unit of time".into()), true)
+            }
+            Err(Error::UnknownTimeUnit { readings, .. }) => {
+                (None, Some(format!("its numbers could be {readings}")), true)
+            }
+            Err(error) => (None, Some(error.to_string()), true),
+        };
+        let guess = open || assumed.is_some();
+        Self { column, beside, unit, seconds: unit.map(TimeUnit::seconds), guess, assumed, summary: None }
+    }
+
+    /// Whether its numbers could be of several units, or of none.
+    pub fn is_open(&self) -> bool {
+        self.unit.is_none() && self.guess
+    }
+}
+
+fn unit_symbol<S: Serializer>(unit: &Option<TimeUnit>, to: S) -> Result<S::Ok, S::Error> {
+    unit.map(TimeUnit::symbol).serialize(to)
+}

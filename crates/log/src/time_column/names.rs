@@ -1,0 +1,154 @@
+//! Names of clocks, and the units that names and headers tell.
+
+use crate::TimeUnit;
+
+/// Base names of clocks, the most telling first; a unit suffix (`_ns`) or bracket (`[ms]`) may follow.
+const NAMES: [&str; 23] = [
+    "t",
+    "time",
+    "timestamp",
+    "stamp",
+    "header.stamp",
+    "ts",
+    "time_stamp",
+    "datetime",
+    "date_time",
+    "utc",
+    "epoch",
+    "unix_time",
+    "elapsed",
+    "elapsed_time",
+    "uptime",
+    "time_boot",
+    "rosbagtimestamp",
+    "zeit",
+    "zeitstempel",
+    "seconds",
+    "secs",
+    "sec",
+    "date",
+];
+
+/// What a column's name says of a clock.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Named {
+    /// How telling the name is; smaller is better. `None`: nothing in it speaks of a clock.
+    pub rank: Option<usize>,
+    /// The unit of time that stands in it.
+    pub unit: Option<TimeUnit>,
+}
+
+/// What a column's name and its unit in the file say of a clock: `Time_ns`, `t [ms]`, `TimeUS`, `Zeit [s]`.
+///
+/// A capital `T` alone is a temperature as often as a time, and `t [V]` is a voltage: neither names a clock.
+pub(super) fn named(name: &str, unit: Option<&str>) -> Named {
+    let (bare, bracket) = split_unit(name);
+    let written = unit.or(bracket);
+    let told = written.and_then(TimeUnit::parse);
+    if written.is_some() && told.is_none() {
+        return Named { rank: None, unit: None };
+    }
+    let lower = bare.to_lowercase();
+    let (base, suffix) = split_suffix(&lower);
+    let by_name = NAMES.iter().position(|known| *known == base).or_else(|| base.ends_with("header.stamp").then_some(4));
+    let is_temperature = bare == "T" && told.is_none();
+    // A unit of time in brackets says it of any name.
+    let rank = by_name.or(told.map(|_| NAMES.len())).filter(|_| !is_temperature);
+    Named { rank, unit: told.or(suffix) }
+}
+
+/// A lower-case name without the unit at its end, and that unit.
+fn split_suffix(lower: &str) -> (&str, Option<TimeUnit>) {
+    if let Some((base, tail)) = lower.rsplit_once(['_', '-', ' '])
+        && let Some(unit) = TimeUnit::parse(tail)
+    {
+        return (base, Some(unit));
+    }
+    // `timeus` of `TimeUS`: one letter alone says too little (`times`).
+    let glued = NAMES.iter().find_map(|known| {
+        let tail = lower.strip_prefix(known).filter(|tail| tail.len() > 1)?;
+        Some((*known, TimeUnit::parse(tail)?))
+    });
+    if let Some((base, unit)) = glued {
+        return (base, Some(unit));
+    }
+    // `sec` and `seconds` alone say it too.
+    (lower, TimeUnit::parse(lower).filter(|_| lower.len() > 2))
+}
+
+/// A header such as `v [m/s]` or `v (m/s)`: the name without its unit, and the unit.
+pub(crate) fn split_unit(header: &str) -> (&str, Option<&str>) {
+    let header = header.trim();
+    for (open, close) in [('[', ']'), ('(', ')')] {
+        if let Some(inside) = header.strip_suffix(close)
+            && let Some((name, unit)) = inside.rsplit_once(open)
+        {
+            let (name, unit) = (name.trim_end(), unit.trim());
+            if !name.is_empty() && !unit.is_empty() && !unit.starts_with(|first: char| first.is_ascii_digit()) {
+                return (name, Some(unit));
+            }
+        }
+    }
+    (header, None)
+}
+
+/// Whether two names are those of one stamp in two parts, whole seconds and the nanoseconds beyond: `stamp.sec` and `stamp.nanosec`.
+pub(super) fn are_seconds_and_nanoseconds(seconds: &str, nanoseconds: &str) -> bool {
+    const PARTS: [(&str, &[&str]); 3] =
+        [("sec", &["nanosec", "nsec"]), ("secs", &["nsecs", "nanosecs"]), ("seconds", &["nanoseconds", "nanos"])];
+    let (seconds, nanoseconds) = (seconds.to_lowercase(), nanoseconds.to_lowercase());
+    PARTS.iter().any(|(whole, parts)| {
+        seconds.strip_suffix(whole).is_some_and(|stem| {
+            (stem.is_empty() || stem.ends_with(['.', '_', '/']))
+                && parts.iter().any(|part| nanoseconds.strip_suffix(part) == Some(stem))
+        })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_in_headers() {
+        assert_eq!(split_unit("v [m/s]"), ("v", Some("m/s")));
+        assert_eq!(split_unit("v (m/s)"), ("v", Some("m/s")));
+        assert_eq!(split_unit("position[0]"), ("position[0]", None));
+        assert_eq!(split_unit("[m]"), ("[m]", None));
+        assert_eq!(split_unit("v"), ("v", None));
+    }
+
+    #[test]
+    fn names_tell_clocks_and_units() {
+        use TimeUnit::{Microseconds, Milliseconds, Nanoseconds, Seconds};
+        for (name, rank, unit) in [
+            ("t", Some(0), None),
+            ("Time_ns", Some(1), Some(Nanoseconds)),
+            ("TimeUS", Some(1), Some(Microseconds)),
+            ("timestampNs", Some(2), Some(Nanoseconds)),
+            ("time_boot_ms", Some(15), Some(Milliseconds)),
+            ("t [ms]", Some(0), Some(Milliseconds)),
+            ("Zeit [ms]", Some(17), Some(Milliseconds)),
+            ("Tid (s)", Some(NAMES.len()), Some(Seconds)),
+            ("/odom.header.stamp", Some(4), None),
+            ("seconds", Some(19), Some(Seconds)),
+            ("T [s]", Some(0), Some(Seconds)),
+            ("T", None, None),
+            ("t [V]", None, None),
+            ("T (\u{b0}C)", None, None),
+            ("times", None, None),
+            ("v_ms", None, Some(Milliseconds)),
+            ("x", None, None),
+        ] {
+            assert_eq!(named(name, None), Named { rank, unit }, "{name}");
+        }
+        assert_eq!(named("t", Some("us")).unit, Some(Microseconds));
+    }
+
+    #[test]
+    fn stamps_in_two_parts() {
+        assert!(are_seconds_and_nanoseconds("header.stamp.sec", "header.stamp.nanosec"));
+        assert!(are_seconds_and_nanoseconds("secs", "nsecs"));
+        assert!(!are_seconds_and_nanoseconds("a.sec", "b.nanosec") && !are_seconds_and_nanoseconds("x", "y"));
+    }
+}

@@ -1,0 +1,140 @@
+//! The units that the numbers of a clock may be in: by their size and by their steps.
+//!
+//! A unit is possible where the stamps are dates of this century or count from a start at most ten days ago, and where the rows come at a rate that logs
+//! have. Logs between 9 and 110 Hz leave one unit; others leave two, and only a name, a date or another file tells which.
+
+use std::fmt;
+
+use crate::{TimeUnit, stamp};
+
+/// All units, the coarsest first.
+const UNITS: [TimeUnit; 4] = [TimeUnit::Seconds, TimeUnit::Milliseconds, TimeUnit::Microseconds, TimeUnit::Nanoseconds];
+/// Rates of logs, Hz: five decades less what would make 100 Hz in ms also a log of 0.1 Hz in s.
+const SLOWEST: f64 = 0.11;
+const FASTEST: f64 = 9e3;
+/// The slowest rate of rows that come unevenly: events may be far apart.
+const SLOWEST_EVENTS: f64 = 1e-3;
+/// The fastest rate at which numbers with decimals are taken for another unit than seconds.
+const FASTEST_FRACTIONS: f64 = 500.0;
+/// The longest time since a clock's start, seconds. Dates in one unit are beyond it in the next finer one.
+const LONGEST: f64 = 864e3;
+/// Seconds since 1970 of the dates from 2000 to 2100.
+const DATES: [f64; 2] = [946_684_800.0, 4_102_444_800.0];
+/// Seconds since a start that are more than [`LONGEST`], but not out of the question where no other unit fits.
+const FAR: f64 = 3e8;
+
+/// What the stamps of a file are if they are in one unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reading {
+    /// The unit.
+    pub unit: TimeUnit,
+    /// Rows a second, by the median step; `None` of a single stamp.
+    pub rate: Option<f64>,
+    /// The first stamp, seconds.
+    pub start: f64,
+}
+
+impl fmt::Display for Reading {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let rate = self.rate.map(|rate| format!("{} Hz, ", digits(rate))).unwrap_or_default();
+        write!(f, "{} ({rate}from {} on)", self.unit.symbol(), moment(self.start))
+    }
+}
+
+/// Four digits of a number.
+fn digits(value: f64) -> String {
+    let scale = 10f64.powf(3.0 - value.abs().log10().floor());
+    if value == 0.0 || !scale.is_finite() { format!("{value}") } else { format!("{}", (value * scale).round() / scale) }
+}
+
+/// A date, or the time since a start in a unit that people read.
+fn moment(seconds: f64) -> String {
+    if (DATES[0]..DATES[1]).contains(&seconds) {
+        let date = jiff::Timestamp::from_nanosecond(i128::from(stamp::from_f64(seconds, TimeUnit::Seconds)));
+        return date.map_or_else(|_| format!("{seconds} s"), |date| date.strftime("%F %T").to_string());
+    }
+    match seconds.abs() {
+        86_400.0.. => format!("{} days", digits(seconds / 86_400.0)),
+        3600.0.. => format!("{} h", digits(seconds / 3600.0)),
+        _ => format!("{} s", digits(seconds)),
+    }
+}
+
+/// The units that a sample of stamps may be in; no unit where it says nothing.
+pub(super) fn readings(sample: &[f64]) -> Vec<Reading> {
+    let values: Vec<f64> = sample.iter().copied().filter(|value| value.is_finite()).collect();
+    let largest = values.iter().copied().map(f64::abs).fold(0.0, f64::max);
+    let steps = Steps::of(&values);
+    let is_whole = values.iter().all(|value| value.fract() == 0.0);
+    let reading = |unit: TimeUnit| Reading {
+        unit,
+        rate: steps.as_ref().map(|steps| 1.0 / (steps.median * unit.seconds())),
+        start: values.first().copied().unwrap_or(0.0) * unit.seconds(),
+    };
+    if largest == 0.0 {
+        // Nought is nought in every unit.
+        return vec![reading(TimeUnit::Seconds)];
+    }
+    let is_date = |unit: &TimeUnit| (DATES[0]..DATES[1]).contains(&(largest * unit.seconds()));
+    let fits = |unit: &TimeUnit| largest * unit.seconds() <= LONGEST || is_date(unit);
+    let by_size: Vec<TimeUnit> = UNITS.into_iter().filter(fits).collect();
+    let has_rate = |unit: &TimeUnit| steps.as_ref().is_some_and(|steps| steps.are_of(*unit, is_whole));
+    let by_rate: Vec<TimeUnit> = by_size.iter().copied().filter(has_rate).collect();
+    // A date at a common rate is no accident.
+    let is_common =
+        |unit: &TimeUnit| steps.as_ref().is_some_and(|steps| steps.is_common(unit.seconds(), [SLOWEST, FASTEST]));
+    let units = match by_rate.iter().find(|unit| is_date(unit) && is_common(unit)) {
+        Some(&date) => vec![date],
+        None if !by_rate.is_empty() => by_rate,
+        // Numbers with decimals are seconds where nothing speaks for another unit.
+        None if !is_whole && by_size.first().is_none_or(|&unit| unit == TimeUnit::Seconds) => vec![TimeUnit::Seconds],
+        None if steps.is_none() => by_size,
+        None => {
+            let is_far = |unit: &TimeUnit| largest * unit.seconds() <= FAR && has_rate(unit);
+            let dates = UNITS.into_iter().filter(|unit| is_date(unit) || is_far(unit)).collect::<Vec<_>>();
+            if dates.is_empty() { by_size } else { dates }
+        }
+    };
+    units.into_iter().map(reading).collect()
+}
+
+/// The steps between the rows of a sample, in its numbers.
+struct Steps {
+    median: f64,
+    mean: f64,
+    even: bool,
+}
+
+impl Steps {
+    fn of(values: &[f64]) -> Option<Self> {
+        let mut steps: Vec<f64> = values.windows(2).map(|pair| pair[1] - pair[0]).filter(|&step| step > 0.0).collect();
+        steps.sort_by(f64::total_cmp);
+        let median = *steps.get(steps.len() / 2)?;
+        // A jump from a stamp that was never set to a date is no step.
+        let real: Vec<f64> = steps.iter().copied().filter(|&step| step < 1e6 * median).collect();
+        let near = steps.iter().filter(|&&step| (step - median).abs() <= 0.25 * median).count();
+        let mean = real.iter().sum::<f64>() / real.len() as f64;
+        Some(Self { median, mean, even: steps.len() > 1 && 2 * near > steps.len() })
+    }
+
+    /// Whether rows come at such a rate, by their median step or, of bursts, their mean one.
+    fn is_common(&self, unit: f64, [slowest, fastest]: [f64; 2]) -> bool {
+        [self.median, self.mean].into_iter().any(|step| (slowest..=fastest).contains(&(1.0 / (step * unit))))
+    }
+
+    fn are_of(&self, unit: TimeUnit, is_whole: bool) -> bool {
+        let slowest = if self.even { SLOWEST } else { SLOWEST_EVENTS };
+        let seconds = unit.seconds();
+        if !is_whole {
+            return match unit {
+                TimeUnit::Seconds => self.is_common(seconds, [SLOWEST_EVENTS, f64::INFINITY]),
+                _ => self.is_common(seconds, [slowest, FASTEST_FRACTIONS]),
+            };
+        }
+        // Slow loggers write every so many minutes.
+        let minutes = self.median * seconds / 60.0;
+        let is_minutes =
+            (1.0..=1440.0).contains(&minutes.round()) && (minutes - minutes.round()).abs() < 1e-9 * minutes;
+        is_minutes || self.is_common(seconds, [slowest, FASTEST])
+    }
+}

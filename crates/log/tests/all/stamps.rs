@@ -1,0 +1,327 @@
+//! Stamps in every unit, at every rate, from every start, under every name and in every type: read right, or refused.
+
+use std::sync::Arc;
+
+use fleetfoot_data::{Column, ColumnKind, ScalarBuffer, Silent, Source};
+use fleetfoot_log::{
+    Error, Log, MemoryTable, ParquetWriter, Recording, Selection, TimeUnit, Values, WriteColumn, WriteKind,
+    WriteOptions, open, open_logs,
+};
+
+const UNITS: [TimeUnit; 4] = [TimeUnit::Seconds, TimeUnit::Milliseconds, TimeUnit::Microseconds, TimeUnit::Nanoseconds];
+const RATES: [f64; 16] =
+    [0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 50.0, 60.0, 100.0, 200.0, 250.0, 1000.0, 4000.0, 8000.0];
+/// From a start, an hour after it, a day after it (simulated), and dates.
+const STARTS: [f64; 6] = [0.0, 20.3, 3600.0, 94_000.0, 1.71e9, 0.98e9];
+const ROWS: usize = 40;
+
+/// A clock of 40 rows, with some jitter where the unit is fine enough.
+struct Clock {
+    unit: TimeUnit,
+    counts: Vec<i64>,
+}
+
+impl Clock {
+    /// `None` where the unit is too coarse for the rate.
+    fn new(unit: TimeUnit, rate: f64, start: f64, jitter: bool) -> Option<Self> {
+        let per_second = 1_000_000_000 / unit.nanoseconds();
+        let step = per_second as f64 / rate;
+        if step < 1.0 {
+            return None;
+        }
+        let noise = |row: usize| if jitter { ((row * 7919) % 11) as f64 / 11.0 * 0.02 * step } else { 0.0 };
+        let first = (start * per_second as f64).round();
+        let counts = (0..ROWS).map(|row| (first + row as f64 * step + noise(row)).round() as i64).collect();
+        Some(Self { unit, counts })
+    }
+
+    fn nanoseconds(&self) -> Vec<i64> {
+        self.counts.iter().map(|count| count * self.unit.nanoseconds()).collect()
+    }
+}
+
+/// A table in memory with the stamps as whole numbers or as doubles.
+struct InMemory {
+    columns: Vec<Column>,
+    counts: Vec<i64>,
+}
+
+impl MemoryTable for InMemory {
+    fn name(&self) -> &str {
+        "run"
+    }
+    fn rows(&self) -> usize {
+        self.counts.len()
+    }
+    fn columns(&self) -> &[Column] {
+        &self.columns
+    }
+    fn time_unit(&self, _column: usize) -> Option<TimeUnit> {
+        None
+    }
+    fn values(&self, columns: &[usize], rows: std::ops::Range<usize>) -> Vec<ScalarBuffer<f64>> {
+        columns.iter().map(|_| self.counts[rows.clone()].iter().map(|&count| count as f64).collect()).collect()
+    }
+    fn integers(&self, column: usize, rows: std::ops::Range<usize>) -> Option<ScalarBuffer<i64>> {
+        (self.columns[column].kind == ColumnKind::Integer).then(|| self.counts[rows].to_vec().into())
+    }
+}
+
+/// How the stamps are handed over.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Type {
+    Text,
+    TextWithPoint,
+    ParquetInteger,
+    ParquetDouble,
+    MemoryInteger,
+    MemoryDouble,
+}
+
+const TYPES: [Type; 6] = [
+    Type::Text,
+    Type::TextWithPoint,
+    Type::ParquetInteger,
+    Type::ParquetDouble,
+    Type::MemoryInteger,
+    Type::MemoryDouble,
+];
+
+fn read(clock: &Clock, name: &str, kind: Type, folder: &std::path::Path) -> Result<Recording, Error> {
+    let selection = Selection::new(["x"]);
+    let x = |row: usize| ((row * 37) % 17) as f64;
+    match kind {
+        Type::Text | Type::TextWithPoint => {
+            let point = if kind == Type::Text { "" } else { ".0" };
+            let row = |(row, count): (usize, &i64)| format!("{count}{point},{}\n", x(row));
+            let text: String =
+                std::iter::once(format!("{name},x\n")).chain(clock.counts.iter().enumerate().map(row)).collect();
+            let path = folder.join("run.csv");
+            std::fs::write(&path, text).unwrap();
+            open(&[path], &selection)
+        }
+        Type::ParquetInteger | Type::ParquetDouble => {
+            let path = folder.join("run.parquet");
+            let whole = kind == Type::ParquetInteger;
+            let kind = if whole { WriteKind::Integer } else { WriteKind::Float };
+            let columns = vec![WriteColumn::new(name, kind), WriteColumn::new("x", WriteKind::Float)];
+            let mut writer = ParquetWriter::create(&path, columns, &WriteOptions::default()).unwrap();
+            let doubles: Vec<f64> = clock.counts.iter().map(|&count| count as f64).collect();
+            let stamps = if whole { Values::Integer(&clock.counts) } else { Values::Float(&doubles) };
+            let other: Vec<f64> = (0..clock.counts.len()).map(x).collect();
+            writer.write(&[stamps, Values::Float(&other)]).unwrap();
+            writer.finish().unwrap();
+            open(&[path], &selection)
+        }
+        Type::MemoryInteger | Type::MemoryDouble => {
+            let of = if kind == Type::MemoryInteger { ColumnKind::Integer } else { ColumnKind::Float };
+            let columns = vec![
+                Column { name: name.into(), unit: None, kind: of },
+                Column { name: "x".into(), unit: None, kind: ColumnKind::Boolean },
+            ];
+            let table = InMemory { columns, counts: clock.counts.clone() };
+            open_logs(&[Log::Table(Arc::new(table))], &selection, &Silent)
+        }
+    }
+}
+
+fn stamps(recording: &Recording) -> Vec<i64> {
+    let read = |e: usize| recording.read(e, 0..recording.episodes()[e].rows, Default::default()).unwrap();
+    (0..recording.episodes().len()).flat_map(|e| read(e).stamps().to_vec()).collect()
+}
+
+/// What became of a recording.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Outcome {
+    Right,
+    Refused,
+    Wrong,
+}
+
+fn outcome(clock: &Clock, name: &str, kind: Type, folder: &std::path::Path) -> Outcome {
+    match read(clock, name, kind, folder) {
+        Err(Error::UnknownTimeUnit { .. }) => Outcome::Refused,
+        Err(error) => panic!("{name}, {kind:?}: {error}"),
+        Ok(recording) => {
+            // Doubles hold the nanoseconds of a date to 256 ns.
+            let is_near = |(a, b): (&i64, &i64)| (a - b).abs() <= if (*a).abs() > 1 << 53 { 256 } else { 0 };
+            let (found, truth) = (stamps(&recording), clock.nanoseconds());
+            let right = found.len() == truth.len() && found.iter().zip(&truth).all(is_near);
+            if right { Outcome::Right } else { Outcome::Wrong }
+        }
+    }
+}
+
+/// Every combination of unit, rate, start and jitter, each under one of the names and in one of the types, all of which come with all units.
+fn combinations() -> Vec<(Clock, f64, f64, bool)> {
+    let mut all = Vec::new();
+    for unit in UNITS {
+        for rate in RATES {
+            for start in STARTS {
+                for jitter in [false, true] {
+                    all.extend(Clock::new(unit, rate, start, jitter).map(|clock| (clock, rate, start, jitter)));
+                }
+            }
+        }
+    }
+    all
+}
+
+#[test]
+fn stamps_of_any_unit_rate_start_name_and_type_are_read_right_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let names = ["t", "time", "timestamp", "header.stamp", "Elapsed"];
+    let (mut counts, mut unread) = ([0usize; 2], Vec::new());
+    for (at, (clock, rate, start, jitter)) in combinations().iter().enumerate() {
+        let (name, kind) = (names[at % names.len()], TYPES[(at / 2) % TYPES.len()]);
+        let what =
+            format!("{} at {rate} Hz from {start} s as `{name}`, {kind:?}, jitter {jitter}", clock.unit.symbol());
+        match outcome(clock, name, kind, folder.path()) {
+            Outcome::Right => counts[0] += 1,
+            Outcome::Refused => {
+                counts[1] += 1;
+                // Dates, and the usual rates of robots, are told apart.
+                if *start > 1e9 || (9.5..=100.0).contains(rate) {
+                    unread.push(what);
+                }
+            }
+            Outcome::Wrong => panic!("read wrongly: {what}"),
+        }
+    }
+    assert!(counts[0] + counts[1] >= 500 && counts[0] >= 400, "{counts:?}");
+    assert!(
+        unread.is_empty(),
+        "{} refused without need, among them {:?}",
+        unread.len(),
+        &unread[..unread.len().min(5)]
+    );
+}
+
+#[test]
+fn stamps_with_a_unit_in_their_name_are_always_read_right() {
+    let folder = tempfile::tempdir().unwrap();
+    for (at, (clock, rate, start, _)) in combinations().iter().enumerate() {
+        let symbol = clock.unit.symbol();
+        let names = [format!("time_{symbol}"), format!("t [{symbol}]"), format!("Time ({symbol})")];
+        let (name, kind) = (&names[at % names.len()], TYPES[(at / 2) % TYPES.len()]);
+        assert_eq!(outcome(clock, name, kind, folder.path()), Outcome::Right, "{name}, {rate} Hz, {start} s, {kind:?}");
+    }
+}
+
+#[test]
+fn files_of_a_call_agree_on_the_unit() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, unit: TimeUnit, rate: f64| {
+        let clock = Clock::new(unit, rate, 20.3, false).unwrap();
+        let row = |(row, count): (usize, &i64)| format!("{count},{}\n", (row * 37) % 17 + rate as usize);
+        let text: String =
+            std::iter::once("timestamp,x\n".into()).chain(clock.counts.iter().enumerate().map(row)).collect();
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        (path, clock)
+    };
+    // As PX4's converter writes them: microseconds since boot, topics at 1 Hz and at 250 Hz.
+    let (slow, clock) = write("slow.csv", TimeUnit::Microseconds, 1.0);
+    let (fast, _) = write("fast.csv", TimeUnit::Microseconds, 250.0);
+    for alone in [&slow, &fast] {
+        let error = open(&[alone], &Selection::new(["x"])).unwrap_err();
+        assert!(matches!(error, Error::UnknownTimeUnit { .. }), "{error}");
+    }
+    let recording = open(&[&slow, &fast], &Selection::new(["x"])).unwrap();
+    assert_eq!(stamps(&recording)[ROWS..], clock.nanoseconds());
+    assert!(
+        recording.notes().iter().any(|note| note.contains("only unit that fits all files")),
+        "{:?}",
+        recording.notes()
+    );
+    // Files that can be of no common unit.
+    let (other, _) = write("other.csv", TimeUnit::Nanoseconds, 30.0);
+    let error = open(&[&slow, &fast, &other], &Selection::new(["x"])).unwrap_err();
+    assert!(matches!(error, Error::ColumnsDisagree { .. }), "{error}");
+}
+
+#[test]
+fn files_of_px4_are_read_in_microseconds_or_refused() {
+    // Rates of topics of a flight (Hz), a row every second among them, and bursts.
+    let folder = tempfile::tempdir().unwrap();
+    let burst = Clock {
+        unit: TimeUnit::Microseconds,
+        counts: (0..20).map(|row| 11_919_825 + 90 * row + 1_000_000 * (row / 10)).collect(),
+    };
+    assert_eq!(outcome(&burst, "timestamp", Type::Text, folder.path()), Outcome::Refused);
+    for rate in
+        [0.16, 0.56, 0.8, 1.0, 2.0, 3.33, 5.0, 9.43, 10.4, 19.2, 31.3, 50.0, 93.6, 102.3, 125.0, 204.6, 250.0, 404.0]
+    {
+        let clock = Clock::new(TimeUnit::Microseconds, rate, 20.32, true).unwrap();
+        assert_ne!(outcome(&clock, "timestamp", Type::Text, folder.path()), Outcome::Wrong, "{rate} Hz");
+        let simulated = Clock::new(TimeUnit::Microseconds, rate, 1.710_773_35e9, true).unwrap();
+        assert_eq!(outcome(&simulated, "timestamp", Type::Text, folder.path()), Outcome::Right, "{rate} Hz, a date");
+    }
+}
+
+#[test]
+fn a_date_and_a_time_are_one_clock() {
+    let folder = tempfile::tempdir().unwrap();
+    // Thirty rows over midnight.
+    let row = |row: usize| {
+        let second = 86_390 + row;
+        let (day, of_day) = (19 + second / 86_400, second % 86_400);
+        format!(
+            "2020-09-{day},{:02}:{:02}:{:02}.250,{}\n",
+            of_day / 3600,
+            of_day / 60 % 60,
+            of_day % 60,
+            (row * 37) % 17
+        )
+    };
+    let path = folder.path().join("run.csv");
+    std::fs::write(&path, format!("Date,Time,x\n{}", (0..30).map(row).collect::<String>())).unwrap();
+    let recording = open(&[&path], &Selection::new(["x"])).unwrap();
+    let start = 1_600_473_600 + 86_390;
+    let truth: Vec<i64> = (0..30).map(|row| (start + row) * 1_000_000_000 + 250_000_000).collect();
+    assert_eq!(stamps(&recording), truth);
+    assert!(recording.notes().is_empty(), "{:?}", recording.notes());
+    let info = fleetfoot_log::inspect_values(&path, &Silent).unwrap();
+    let clock = info.clock.unwrap();
+    assert_eq!((clock.column.as_str(), clock.beside.as_deref(), clock.unit), ("Date", Some("Time"), None));
+    assert_eq!((clock.guess, clock.summary.unwrap().repeated, info.rows), (false, 0, Some(30)));
+    // Whole seconds and the nanoseconds beyond.
+    let row = |row: i64| format!("{},{},{}\n", 1_700_000_000 + row / 10, row % 10 * 100_000_000, (row * 37) % 17);
+    std::fs::write(&path, format!("stamp.sec,stamp.nanosec,x\n{}", (0..30).map(row).collect::<String>())).unwrap();
+    let recording = open(&[&path], &Selection::new(["x"])).unwrap();
+    let truth: Vec<i64> = (0..30).map(|row| 1_700_000_000_000_000_000 + row * 100_000_000).collect();
+    assert_eq!(stamps(&recording), truth);
+}
+
+#[test]
+fn columns_that_do_not_rise_are_no_clock() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, header: &str, row: &dyn Fn(f64) -> String| {
+        let path = folder.path().join(name);
+        let rows: String = (0..3000).map(|k| row(f64::from(k))).collect();
+        std::fs::write(&path, format!("{header}\n{rows}")).unwrap();
+        path
+    };
+    let refusal = |path: &std::path::PathBuf| open(&[path], &Selection::new(["u"])).unwrap_err();
+    // A temperature; a car's position; a column that rises in its first thousand rows only.
+    let warm = write("warm.csv", "T,u", &|k| format!("{},{}\n", 20.0 + (0.01 * k).sin(), k % 7.0));
+    assert!(matches!(refusal(&warm), Error::NoTimeColumn { .. }));
+    let heated = write("heated.csv", "T,u", &|k| format!("{},{}\n", 80.0 - 60.0 * (-0.002 * k).exp(), k % 7.0));
+    assert!(matches!(refusal(&heated), Error::NoTimeColumn { .. }));
+    let car =
+        write("car.csv", "x,y,u", &|k| format!("{},{},{}\n", k - 0.9 * (0.5 * k).sin(), (0.1 * k).cos(), k % 7.0));
+    assert!(matches!(refusal(&car), Error::NoTimeColumn { .. }));
+    let turned = write("turned.csv", "x,u", &|k| {
+        format!("{},{}\n", if k < 2000.0 { 0.5 * k } else { 2000.0 - 0.5 * k }, k % 7.0)
+    });
+    let message = refusal(&turned).to_string();
+    assert!(message.contains("`x` rises in only 2") && message.contains("--time"), "{message}");
+    // `info` says so, and reads the values all the same.
+    let info = fleetfoot_log::inspect_values(&turned, &Silent).unwrap();
+    assert!(
+        info.clock.is_none() && info.rows == Some(3000) && info.notes.iter().any(|note| note.contains("rises in only"))
+    );
+    // Named, it is the clock.
+    let named = fleetfoot_log::TimeSpec::Column { name: "x".into(), unit: Some(TimeUnit::Seconds) };
+    assert!(open(&[&turned], &Selection { time: named, ..Selection::new(["u"]) }).is_ok());
+}
