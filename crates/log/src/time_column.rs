@@ -170,14 +170,18 @@ fn in_two_parts(candidates: &[Candidate], sampler: Sampler<'_>) -> Option<Clock>
     }
 }
 
+/// What pandas calls an index without a name in a file.
+const INDEX: &str = "__index_level_0__";
+
 /// The column with the most telling name among those that rise.
 fn by_name(candidates: &[Candidate], sampler: Sampler<'_>) -> Option<usize> {
-    let mut ranked: Vec<(usize, usize)> = candidates
-        .iter()
-        .enumerate()
-        .filter(|(_, candidate)| candidate.kind != CandidateKind::Other)
-        .filter_map(|(c, candidate)| Some((names::named(&candidate.name, candidate.unit.as_deref()).rank?, c)))
-        .collect();
+    let rank = |candidate: &Candidate| match candidate.kind {
+        CandidateKind::Other => None,
+        CandidateKind::Time if candidate.name == INDEX => Some(usize::MAX),
+        _ => names::named(&candidate.name, candidate.unit.as_deref()).rank,
+    };
+    let ranked = candidates.iter().enumerate();
+    let mut ranked: Vec<(usize, usize)> = ranked.filter_map(|(c, candidate)| Some((rank(candidate)?, c))).collect();
     ranked.sort_unstable();
     ranked.into_iter().map(|(_, c)| c).find(|&c| mostly_rises(&sampler(c)))
 }
