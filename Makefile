@@ -7,7 +7,7 @@ WHEELS := target/wheels
 DOCS := target/docs
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: test test-all test-rust compile test-python tools wheel bench-python lint format clippy doc lint-python docs docs-check bench
+.PHONY: test test-all test-rust test-simd compile test-python tools wheel bench-python lint format clippy doc lint-python docs docs-check bench
 
 # Both at once when all is compiled: tests of the crates leave one core idle half of the time. What they say comes as it comes.
 test:
@@ -18,8 +18,19 @@ test:
 test-all: export FLEETFOOT_SWEEPS := full
 test-all: test
 
+# Every test runs, whatever fails before it; the last line says how many passed and where the others are.
 test-rust:
-	cargo test --workspace --locked
+	@{ cargo test --workspace --locked --no-fail-fast 2>&1; echo "exit status $$?"; } | awk -f tests/summary.awk
+
+# Pages, goldens and the tests of kernels once more, with a narrower instruction set than the processor's widest.
+SIMD := $(if $(shell grep -m 1 -o avx512f /proc/cpuinfo 2>/dev/null),avx2,scalar)
+KERNELS := data library stats model signal pwa sparse dynamics
+test-simd: export FLEETFOOT_SIMD := $(SIMD)
+test-simd:
+	@echo "instruction set of the kernels: $(SIMD)"
+	@{ cargo test --locked --no-fail-fast $(addprefix -p fleetfoot-,$(KERNELS)) --lib 2>&1 && \
+	cargo test --locked -p fleetfoot --test all goldens 2>&1 && \
+	cargo test --locked -p fleetfoot-cli --test system docs:: 2>&1; echo "exit status $$?"; } | awk -f tests/summary.awk
 
 # What the tests are compiled of, without running them.
 compile:

@@ -85,3 +85,27 @@ fn build_scripts_read_only_what_their_row_allows() {
     }
     assert!(scripts > 0, "no build script was found below {}", crates.display());
 }
+
+/// Sources of a folder and of the folders below it.
+fn sources(folder: &Path, found: &mut Vec<std::path::PathBuf>) {
+    for entry in fs::read_dir(folder).expect("a folder of sources") {
+        let path = entry.expect("an entry").path();
+        if path.is_dir() {
+            sources(&path, found);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            found.push(path);
+        }
+    }
+}
+
+#[test]
+fn the_instruction_set_is_chosen_in_one_place() {
+    let crates = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the folder of the crates");
+    let mut found = Vec::new();
+    sources(crates, &mut found);
+    found.retain(|path| {
+        let text = fs::read_to_string(path).expect("a source");
+        ["Arch::new()", "Arch::default()"].iter().any(|call| text.contains(call))
+    });
+    assert_eq!(found, [crates.join("data/src/simd.rs")], "kernels are dispatched by `fleetfoot_data::arch`");
+}

@@ -147,28 +147,111 @@ fn matches<A: AsRef<str>, B: AsRef<str>>(shown: &[A], said: &[B]) -> bool {
     }
 }
 
+/// Whether a line is as shown: `[..]` stands for anything, a run of blanks for another one, and numbers are the same to a unit of their last digit, since
+/// other instruction sets round otherwise.
 fn matches_line(shown: &str, said: &str) -> bool {
-    match shown.split_once("[..]") {
-        None => shortened(shown.trim_end()) == shortened(said),
-        Some((before, after)) => said.strip_prefix(before).is_some_and(|rest| {
-            (0..=rest.len()).filter(|&at| rest.is_char_boundary(at)).any(|at| matches_line(after, &rest[at..]))
-        }),
+    let (shown, said) = (shown.trim_end(), said.trim_end());
+    shown == said || matches_from((shown, 0), (said, 0))
+}
+
+/// The same from a place of each line on.
+fn matches_from((shown, at): (&str, usize), (said, from): (&str, usize)) -> bool {
+    let (left, right) = (&shown[at..], &said[from..]);
+    if let Some(after) = left.strip_prefix("[..]") {
+        let at = shown.len() - after.len();
+        return (from..=said.len())
+            .filter(|&from| said.is_char_boundary(from))
+            .any(|from| matches_from((shown, at), (said, from)));
+    }
+    if let (Some(one), Some(other)) = (number(shown, at), number(said, from)) {
+        return same_number(one, other) && matches_from((shown, at + one.len()), (said, from + other.len()));
+    }
+    match (left.chars().next(), right.chars().next()) {
+        (None, None) => true,
+        (Some(' '), Some(' ')) => {
+            let blanks = |line: &str| line.len() - line.trim_start_matches(' ').len();
+            matches_from((shown, at + blanks(left)), (said, from + blanks(right)))
+        }
+        (Some(one), Some(other)) if one == other => {
+            matches_from((shown, at + one.len_utf8()), (said, from + other.len_utf8()))
+        }
+        _ => false,
     }
 }
 
-/// A line whose numbers have twelve digits after the point at most: the last ones of a double are other ones on another processor.
-fn shortened(line: &str) -> String {
-    let mut after = None;
-    line.chars()
-        .filter(|c| {
-            after = match (c, after) {
-                ('.', _) => Some(0),
-                ('0'..='9', Some(digits)) => Some(digits + 1),
-                _ => None,
-            };
-            after.is_none_or(|digits| digits <= 12)
-        })
-        .collect()
+/// The number that begins at a place of a line: digits with a point or an exponent or neither, not a part of a name, a version or a hash.
+fn number(line: &str, at: usize) -> Option<&str> {
+    let in_name = |c: char| c.is_alphanumeric() || c == '_' || c == '.';
+    if line[..at].chars().next_back().is_some_and(in_name) {
+        return None;
+    }
+    let digits = |text: &str| text.len() - text.trim_start_matches(|c: char| c.is_ascii_digit()).len();
+    let text = &line[at..];
+    let mut end = digits(text);
+    if end == 0 {
+        return None;
+    }
+    if let Some(fraction) = text[end..].strip_prefix('.').map(digits).filter(|&length| length > 0) {
+        end += 1 + fraction;
+    }
+    if let Some(exponent) = text[end..].strip_prefix('e') {
+        let sign = usize::from(exponent.starts_with(['-', '+']));
+        let length = digits(&exponent[sign..]);
+        end += if length > 0 { 1 + sign + length } else { 0 };
+    }
+    let mut after = text[end..].chars();
+    let goes_on = match after.next() {
+        Some('.') => after.next().is_some_and(in_name),
+        Some(c) => in_name(c) && c != '.',
+        None => false,
+    };
+    (!goes_on && !text[end..].starts_with("[..]")).then(|| &text[..end])
+}
+
+/// Whether two numbers differ by no more than a unit of the last digit of the one with more digits. Counts, which have neither point nor exponent, are equal.
+fn same_number(one: &str, other: &str) -> bool {
+    if one == other {
+        return true;
+    }
+    let unit = unit(one).min(unit(other));
+    let value = |text: &str| text.parse::<f64>().unwrap_or(f64::NAN);
+    unit < 1.0 && (value(one) - value(other)).abs() <= 1.000_001 * unit.max(LEAST_UNIT)
+}
+
+/// Doubles are printed with up to seventeen digits, of which the last ones are rounding.
+const LEAST_UNIT: f64 = 1e-12;
+
+/// A unit of the last digit of a number; 1 of a count.
+fn unit(number: &str) -> f64 {
+    let (mantissa, exponent) = number.split_once('e').unwrap_or((number, "0"));
+    let fraction = mantissa.split_once('.').map_or(0, |(_, digits)| digits.len() as i32);
+    10f64.powi(exponent.parse::<i32>().unwrap_or(0) - fraction)
+}
+
+#[test]
+fn numbers_are_compared_to_a_unit_of_the_last_digit_and_counts_exactly() {
+    for (shown, said) in [
+        ("       0       2          35424        3", "       0       2        35423.9        3"),
+        ("loss 0.115 +- 0.005", "loss 0.116 +- 0.005"),
+        ("4.0000000000000004 m", "3.9999999999999996 m"),
+        ("1.2346e-5", "1.2345e-5"),
+        ("to [..] of 2.51", "to 3e-16 of 2.50"),
+        ("  f_y = -0.782373 + 0.792377*y", "  f_y = -0.782372 + 0.792377*y"),
+    ] {
+        assert!(matches_line(shown, said), "{shown} | {said}");
+    }
+    for (shown, said) in [
+        ("399 rows", "400 rows"),
+        ("loss 0.115", "loss 0.117"),
+        ("-0.5", "0.5"),
+        ("fleetfoot 0.1.0", "fleetfoot 0.2.0"),
+        ("f_y1.5", "f_y1.6"),
+        ("35424", "35422.9"),
+        ("1e-5", "2e-6"),
+        ("a 1", "a1"),
+    ] {
+        assert!(!matches_line(shown, said), "{shown} | {said}");
+    }
 }
 
 #[test]

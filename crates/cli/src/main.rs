@@ -20,6 +20,10 @@ use crate::args::{Cli, Command, Control, Fit};
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
+    if let Err(error) = fleetfoot::data::check_instruction_set() {
+        report::tell(error);
+        return ExitCode::from(2);
+    }
     progress::stop_on_interrupt();
     let context = Context { json: cli.json, quiet: cli.quiet };
     let result = fleetfoot::with_threads(cli.threads, || match &cli.command {

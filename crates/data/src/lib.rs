@@ -30,6 +30,7 @@ mod nearest;
 mod packed;
 mod parallel;
 mod random;
+mod simd;
 mod source;
 mod stop;
 mod watch;
@@ -48,6 +49,7 @@ pub use parallel::{
     with_threads,
 };
 pub use random::mix;
+pub use simd::{SWITCH as SIMD_SWITCH, UnknownInstructionSet, arch, check_instruction_set, instruction_set};
 pub use source::{Source, sample_ranges};
 pub use stop::{Cancelled, Stop, checkpoint, stoppable};
 pub use watch::{Known, Watch, Watched};

@@ -36,7 +36,7 @@ impl AffineKernel {
             let fresh = runs.iter().zip(cells.drain(..));
             let mut tracks: Vec<Track<'_>> =
                 fresh.map(|(run, cell)| Track::new(self, simulator, run, cell.anew())).collect();
-            pulp::Arch::new().dispatch(Advancing { kernel: self, tracks: &mut tracks, method });
+            fleetfoot_data::arch().dispatch(Advancing { kernel: self, tracks: &mut tracks, method });
             for track in tracks {
                 let (trajectory, cell) = track.finish(self.states);
                 done.push(trajectory);

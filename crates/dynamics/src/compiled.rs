@@ -142,7 +142,7 @@ impl Compiled {
         self.assign(rows, workspace);
         for (at, group) in self.groups.iter().enumerate() {
             let held = held.iter().find(|ranges| ranges.group == at);
-            pulp::Arch::new().dispatch(EvaluateLatents { group, rows, held, workspace });
+            fleetfoot_data::arch().dispatch(EvaluateLatents { group, rows, held, workspace });
         }
         let leaves: Vec<&[f64]> = self
             .rights

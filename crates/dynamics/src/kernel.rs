@@ -154,6 +154,6 @@ mod tests {
             }
         }
         Checks.with_simd(pulp::Scalar);
-        pulp::Arch::new().dispatch(Checks);
+        fleetfoot_data::arch().dispatch(Checks);
     }
 }

@@ -197,7 +197,7 @@ impl Predictor {
             out.status[shift + row] = self.finish_row(workspace, row, shift + row, inside, out);
         }
         for (group, domain) in &self.domains {
-            pulp::Arch::new().dispatch(Places {
+            fleetfoot_data::arch().dispatch(Places {
                 group: &self.compiled.groups[*group],
                 domain,
                 rows: predictable.len(),

@@ -127,7 +127,7 @@ impl<'a> Recursion<'a> {
                 let (width, panels) = (self.width, &self.panels);
                 let kept = if number == 0 { Some(&mut self.first[..]) } else { None };
                 let (slope, mean, weight) = (&self.slope, &mut self.mean, stage.weight);
-                pulp::Arch::new().dispatch(Averaging { width, panels, slope, mean, kept, weight });
+                fleetfoot_data::arch().dispatch(Averaging { width, panels, slope, mean, kept, weight });
             }
             std::mem::swap(&mut self.slope, &mut self.before);
         }
@@ -140,7 +140,7 @@ impl<'a> Recursion<'a> {
             let slope = if state.advance.continuous { &mean[row.clone()] } else { &first[row.clone()] };
             let (factor, gain) = (state.advance.factor(seconds), state.advance.gain(seconds));
             let (now, next, panels) = (&now[row.clone()], &mut next[row], &self.panels);
-            pulp::Arch::new().dispatch(Advancing { panels, factor, now, gain, slope, next });
+            fleetfoot_data::arch().dispatch(Advancing { panels, factor, now, gain, slope, next });
         }
     }
 
@@ -164,7 +164,7 @@ impl<'a> Recursion<'a> {
                 self.factors.extend(own.map(|slope| slope * stage.offset[k]));
             }
         }
-        pulp::Arch::new().dispatch(Product {
+        fleetfoot_data::arch().dispatch(Product {
             states,
             width,
             panels: &self.panels,

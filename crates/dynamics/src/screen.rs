@@ -249,7 +249,7 @@ mod tests {
             }
             let screen = Screen::new(&weights, &offsets, columns, |_, _| false);
             let found = Search(&screen, &z).with_simd(pulp::Scalar);
-            let wide = pulp::Arch::new().dispatch(Search(&screen, &z));
+            let wide = fleetfoot_data::arch().dispatch(Search(&screen, &z));
             prop_assert_eq!(found, wide, "every sum is the same chain on any machine");
             let Some((cell, free)) = found else { return Ok(()) };
             prop_assert!(free > 0.0 && !(tie && cells.len() > 1));

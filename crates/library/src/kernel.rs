@@ -54,7 +54,7 @@ impl Program {
             scratch.registers.resize(needed, 0.0);
         }
         let registers = &mut scratch.registers[..needed];
-        pulp::Arch::new().dispatch(Tiles { tape: &self.tape, leaves, rows, tile, out, stride, registers });
+        fleetfoot_data::arch().dispatch(Tiles { tape: &self.tape, leaves, rows, tile, out, stride, registers });
     }
 
     /// Evaluates core rows of a block: row `rows.start` of the core is row 0 of `out`, laid out as for [`Program::evaluate`].
@@ -185,7 +185,7 @@ impl pulp::WithSimd for Tiles<'_> {
 
 /// Whether no value is NaN or larger than a limit, either sign.
 pub(crate) fn all_within(values: &[f64], limit: f64) -> bool {
-    pulp::Arch::new().dispatch(AllWithin { values, limit })
+    fleetfoot_data::arch().dispatch(AllWithin { values, limit })
 }
 
 struct AllWithin<'a> {

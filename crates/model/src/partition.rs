@@ -114,7 +114,7 @@ impl Rule {
             Rule::Whole => regions.fill(0),
             Rule::Ball { radius } => ball(z, *radius, regions),
             Rule::Linear { weights, offsets } => {
-                pulp::Arch::new().dispatch(Linear { weights, offsets, z, regions });
+                fleetfoot_data::arch().dispatch(Linear { weights, offsets, z, regions });
             }
             Rule::Joined { cells, regions: table } => {
                 cells.assign(z, regions);

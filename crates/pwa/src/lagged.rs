@@ -115,7 +115,7 @@ impl Lagged {
     ) {
         self.episode = episode;
         let (mut places, mut white) = (Vec::with_capacity(regions.len()), Vec::with_capacity(residuals.len()));
-        pulp::Arch::new().dispatch(Whiten {
+        fleetfoot_data::arch().dispatch(Whiten {
             whitening,
             width: padded(self.targets),
             rows,
@@ -143,7 +143,7 @@ impl Lagged {
         self.tail.iter().for_each(|row| rows.extend_from_slice(&row.values));
         rows.extend_from_slice(own);
         let (targets, products) = (self.targets, &mut self.products);
-        pulp::Arch::new().dispatch(Products { rows: &rows, width, targets, carried, products });
+        fleetfoot_data::arch().dispatch(Products { rows: &rows, width, targets, carried, products });
         for row in own.chunks_exact(width) {
             self.weight += row.iter().map(|value| value * value).sum::<f64>();
         }
@@ -166,7 +166,7 @@ impl Lagged {
     }
 
     fn pair(&mut self, lag: usize, row: &Row, before: &[f64]) {
-        pulp::Arch::new().dispatch(Outer { products: &mut self.products[lag], row: &row.values, before });
+        fleetfoot_data::arch().dispatch(Outer { products: &mut self.products[lag], row: &row.values, before });
     }
 
     /// Adds the rows that follow.

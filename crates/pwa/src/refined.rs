@@ -148,6 +148,7 @@ impl Ground {
             let start = (separators.winners(&self.examples), separators);
             (separators, objective) = descended(&self.examples, vec![start], progress)?;
         }
+        let separators = separators.ordered(&self.examples);
         let open = sample.and_then(|sample| Open::new(&self.examples, &separators, sample));
         Ok(Refined { rule: rule(&separators), objective, open })
     }

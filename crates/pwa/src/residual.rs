@@ -37,7 +37,7 @@ impl Maps {
 
     /// `out = y - map(x)`, rows of `x` (regressors) and of `y` and `out` (padded targets); a row without a region gets the last one's.
     pub(crate) fn residuals(&self, regions: &[u32], x: &[f64], y: &[f64], out: &mut [f64]) {
-        pulp::Arch::new().dispatch(Residuals { maps: self, regions, x, y, out });
+        fleetfoot_data::arch().dispatch(Residuals { maps: self, regions, x, y, out });
     }
 }
 
@@ -102,7 +102,7 @@ impl Sums {
 
     /// Adds rows of residuals. `whitening` is the transpose of the whitening matrix, q rows of padded length.
     pub(crate) fn add(&mut self, residuals: &[f64], whitening: &[f64], weights: Option<&[f64]>) {
-        pulp::Arch::new().dispatch(Add { sums: self, residuals, whitening, weights });
+        fleetfoot_data::arch().dispatch(Add { sums: self, residuals, whitening, weights });
     }
 }
 
@@ -164,7 +164,7 @@ impl Scatter {
     }
 
     pub(crate) fn add(&mut self, regions: &[u32], residuals: &[f64], weights: Option<&[f64]>) {
-        pulp::Arch::new().dispatch(AddScatter { scatter: self, regions, residuals, weights });
+        fleetfoot_data::arch().dispatch(AddScatter { scatter: self, regions, residuals, weights });
     }
 
     /// Covariance (divisor: weight) of a region, packed lower triangle; NaN without rows.

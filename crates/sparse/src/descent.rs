@@ -68,7 +68,7 @@ impl Small {
         let mut due = first;
         for epoch in 1..=max_epochs {
             checkpoint();
-            pulp::Arch::new().dispatch(Epoch { problem: self, delta, gradient: &mut gradient });
+            fleetfoot_data::arch().dispatch(Epoch { problem: self, delta, gradient: &mut gradient });
             if self.violation(delta, &gradient) <= tolerance {
                 // The gradient was updated along the way: the verdict is that of a fresh one.
                 gradient = self.gradient(delta);

@@ -56,7 +56,14 @@ impl PivotedCholesky {
             return found;
         }
         while let Some(pivot) = next(&mut found, &mut open) {
-            pulp::Arch::new().dispatch(Eliminate { found: &mut found, entry: &entry, pivot, open: &open, p, from: 0 });
+            fleetfoot_data::arch().dispatch(Eliminate {
+                found: &mut found,
+                entry: &entry,
+                pivot,
+                open: &open,
+                p,
+                from: 0,
+            });
         }
         found
     }
@@ -92,7 +99,7 @@ impl PivotedCholesky {
             for _ in 0..PANEL {
                 let Some(pivot) = next(self, open) else { return };
                 let entry = |i: usize, j: usize| left.entry(i, j);
-                pulp::Arch::new().dispatch(Eliminate { found: self, entry: &entry, pivot, open, p, from });
+                fleetfoot_data::arch().dispatch(Eliminate { found: self, entry: &entry, pivot, open, p, from });
             }
             checkpoint();
             left = left.after(open, behind.clone(), |j| &self.factor.column(j)[from..from + PANEL]);

@@ -57,7 +57,7 @@ pub fn fold_rows(r: &mut Mat<f64>, rows: &mut Slab) {
         return blocked::fold_rows(r, rows);
     }
     let (to, until) = (r.nrows(), r.ncols());
-    pulp::Arch::new().dispatch(Fold { r, rows, from: 0, to, until });
+    fleetfoot_data::arch().dispatch(Fold { r, rows, from: 0, to, until });
     rows.values[..to * rows.stride].fill(0.0);
 }
 
@@ -153,7 +153,7 @@ fn reduce(values: &mut Slab, last: &[usize], keep: &mut dyn FnMut(usize, f64, &[
     let until = values.columns();
     let mut v = vec![0.0; values.stride()];
     for (column, &last) in last.iter().enumerate() {
-        let beta = pulp::Arch::new().dispatch(Reduce { values, v: &mut v, column, last, until });
+        let beta = fleetfoot_data::arch().dispatch(Reduce { values, v: &mut v, column, last, until });
         keep(column, beta, v.get(column..=last).unwrap_or(&[]));
     }
 }
@@ -262,7 +262,7 @@ fn reflect_behind(values: &mut Slab, u: &[f64], beta: f64, k: usize) -> Vec<f64>
         return reflected.collect();
     }
     let lengths = parallel_pieces(behind, COLUMNS_AT_ONCE * stride, |_, columns| {
-        pulp::Arch::new().dispatch(ReflectBehind { columns, u, beta, k })
+        fleetfoot_data::arch().dispatch(ReflectBehind { columns, u, beta, k })
     });
     lengths.concat()
 }

@@ -158,13 +158,13 @@ impl Slab {
     pub fn subtract_below(&self, first: usize, x: &[f64], target: &mut [f64]) {
         debug_assert_eq!((x.len(), target.len()), (self.columns(), self.stride));
         let first = (first / LANES * LANES).min(self.stride);
-        pulp::Arch::new().dispatch(Subtract { slab: self, first, x, target, place: |k| k });
+        fleetfoot_data::arch().dispatch(Subtract { slab: self, first, x, target, place: |k| k });
     }
 
     /// [`Slab::subtract`] of some of the columns, by their entries of x.
     pub fn subtract_columns(&self, columns: &[usize], x: &[f64], target: &mut [f64]) {
         debug_assert_eq!((x.len(), target.len()), (columns.len(), self.stride));
-        pulp::Arch::new().dispatch(Subtract { slab: self, first: 0, x, target, place: |k| columns[k] });
+        fleetfoot_data::arch().dispatch(Subtract { slab: self, first: 0, x, target, place: |k| columns[k] });
     }
 
     /// Exchanges two columns.
@@ -188,10 +188,10 @@ impl Slab {
         debug_assert_eq!(x.len(), self.stride);
         let piece = (PIECE / self.stride).max(1);
         if out.len() <= 2 * piece {
-            return pulp::Arch::new().dispatch(Products { slab: self, first: 0, x, out });
+            return fleetfoot_data::arch().dispatch(Products { slab: self, first: 0, x, out });
         }
         parallel_pieces(out, piece, |at, out| {
-            pulp::Arch::new().dispatch(Products { slab: self, first: at * piece, x, out });
+            fleetfoot_data::arch().dispatch(Products { slab: self, first: at * piece, x, out });
         });
     }
 
@@ -211,12 +211,12 @@ impl Slab {
 
 /// `x . y`, both padded to the same whole number of vectors.
 pub fn dot(x: &[f64], y: &[f64]) -> f64 {
-    pulp::Arch::new().dispatch(Dot { x, y })
+    fleetfoot_data::arch().dispatch(Dot { x, y })
 }
 
 /// `y += factor x`, both padded to the same whole number of vectors.
 pub fn add_scaled(factor: f64, x: &[f64], y: &mut [f64]) {
-    pulp::Arch::new().dispatch(AddScaled { factor, x, y });
+    fleetfoot_data::arch().dispatch(AddScaled { factor, x, y });
 }
 
 /// Euclidean norm, safe against overflow and underflow of the squares.
@@ -341,7 +341,7 @@ pub fn least_length<'r>(column: impl Fn(usize) -> &'r [f64], units: &[f64]) -> f
 
 /// `x <- U^-1 x` and `y <- U^-1 y` for an upper triangle, column by column.
 pub fn substitute_back(u: &[Vec<f64>], x: &mut [f64], y: &mut [f64]) {
-    pulp::Arch::new().dispatch(SubstituteBack { u, x, y });
+    fleetfoot_data::arch().dispatch(SubstituteBack { u, x, y });
 }
 
 struct SubstituteBack<'a> {

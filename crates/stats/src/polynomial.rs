@@ -153,7 +153,7 @@ impl PolynomialPlan {
     fn of_map(degree: usize, map: AffineMap, target_centre: Vec<f64>) -> Self {
         let library = Graded::new(map.variables(), degree);
         let moments = Graded::new(map.variables(), 2 * degree);
-        let registers = pulp::Arch::new().dispatch(Registers);
+        let registers = fleetfoot_data::arch().dispatch(Registers);
         Self {
             degree,
             map,
@@ -380,7 +380,7 @@ impl PolynomialPlan {
 
     fn add_rows(&self, rows: Rows<'_>, workspace: &mut Workspace, total: impl FnMut(usize, f64)) {
         let (program, map, target_centre) = (&self.program, &self.map, &self.target_centre);
-        pulp::Arch::new().dispatch(AddRows { program, map, target_centre, rows, workspace, total });
+        fleetfoot_data::arch().dispatch(AddRows { program, map, target_centre, rows, workspace, total });
     }
 }
 

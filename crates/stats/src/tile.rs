@@ -75,7 +75,7 @@ impl Tile {
                 weights[rows.clone()].iter().sum()
             }
         };
-        let arch = pulp::Arch::new();
+        let arch = fleetfoot_data::arch();
         let few = self.columns <= FEW_COLUMNS;
         arch.dispatch(Centre { tile: self, design, rows });
         if few {

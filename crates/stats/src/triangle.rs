@@ -44,7 +44,7 @@ impl Triangle {
     /// Every row solves a triangular system by substitution, which is backward stable by row (Higham 2002, theorem 8.5), as the
     /// product with an explicit inverse is not.
     pub(crate) fn solve(&self, panel: &mut [f64]) {
-        pulp::Arch::new().dispatch(Solve { triangle: self, panel });
+        fleetfoot_data::arch().dispatch(Solve { triangle: self, panel });
     }
 }
 

@@ -1,6 +1,6 @@
 //! Nearest centroids for streamed rows, by the arithmetic of the fit.
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 use super::{
     KMeansError,
@@ -60,7 +60,7 @@ impl Assigner {
         if let Some(found) = lengths.into_iter().flatten().find(|length| *length != frame.rows) {
             return Err(KMeansError::Shape { what: "places for results", expected: frame.rows, found });
         }
-        let arch = Arch::new();
+        let arch = fleetfoot_data::arch();
         let mut rows = vec![0.0; BATCH.min(frame.rows) * self.dimensions];
         let mut high = vec![0.0; rows.len()];
         let mut tile = Tile::new(self.dimensions);

@@ -9,7 +9,7 @@ use std::sync::{
 };
 
 use fleetfoot_data::{Cancelled, Progress, Silent, parallel_map, thread_count};
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 use super::{
     KMeansError, Points,
@@ -57,7 +57,7 @@ impl<'a> Lloyd<'a> {
         let d = self.points.dimensions();
         let screen = Screen::new(&self.centroids, d);
         let next = AtomicUsize::new(0);
-        let arch = Arch::new();
+        let arch = fleetfoot_data::arch();
         // Workers take chunks as they come: the sums are exact, so their order does not matter.
         let parts = parallel_map(thread_count().min(self.chunks.len()), &Silent, |_| {
             let mut sums = self.sums.emptied();
@@ -176,7 +176,7 @@ impl<'a> Lloyd<'a> {
                 distances
             }
         }
-        Arch::new().dispatch(Distances(rows, labels, &self.centroids, self.points.dimensions()))
+        fleetfoot_data::arch().dispatch(Distances(rows, labels, &self.centroids, self.points.dimensions()))
     }
 
     fn map_chunks<R: Send>(

@@ -11,7 +11,7 @@
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use fleetfoot_data::{Cancelled, Progress, Silent, parallel_map};
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 use super::{
     Points,
@@ -173,7 +173,7 @@ impl<'a> Round<'a> {
     }
 
     fn chunk(&self, rows: ChunkRows<'_>, closest: &mut Closest) -> Found {
-        Arch::new().dispatch(Visit { round: self, rows, closest })
+        fleetfoot_data::arch().dispatch(Visit { round: self, rows, closest })
     }
 }
 

@@ -341,7 +341,7 @@ mod tests {
         random::uniform,
     };
     use super::*;
-    use pulp::{Arch, Scalar, WithSimd};
+    use pulp::{Scalar, WithSimd};
 
     struct Run<'a>(&'a Screen, &'a [f32], &'a [u32], &'a mut Tile, &'a mut [Lane]);
 
@@ -404,7 +404,7 @@ mod tests {
                 .count();
             let open = [
                 check(&rows, d, &centroids, |run| run.with_simd(Scalar::new())),
-                check(&rows, d, &centroids, |run| Arch::new().dispatch(run)),
+                check(&rows, d, &centroids, |run| fleetfoot_data::arch().dispatch(run)),
             ];
             #[cfg(target_arch = "x86_64")]
             if let Some(simd) = pulp::x86::V3::try_new() {

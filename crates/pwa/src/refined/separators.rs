@@ -22,6 +22,9 @@ const NEGLIGIBLE: f64 = 1e-9;
 /// Shortest step of the backtracking.
 const SHORTEST: f64 = 1e-6;
 
+/// Centres of regions that differ by less, in standard deviations of a partition column, count as equal.
+const GRAIN: f64 = 1e-6;
+
 /// `argmax_k (w_k . z + b_k)`: K rows of the d weights and the offset.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Separators {
@@ -96,6 +99,35 @@ impl Separators {
             }
             winner
         })
+    }
+
+    /// The regions in the order of their centres: by the first partition column, by the next where centres are equal there.
+    ///
+    /// Descents end with regions numbered as their start was, and rounding may choose between equally good starts. Centres are compared to [`GRAIN`], so that
+    /// rounding does not choose the numbers.
+    pub(super) fn ordered(&self, examples: &Examples) -> Self {
+        let width = self.dimensions + 1;
+        let winners = self.winners(examples);
+        let parts = examples.map(|at, chunk| {
+            let mut sums = vec![0.0; self.regions * width];
+            for (row, &region) in winners[at].iter().enumerate() {
+                let sums = &mut sums[region as usize * width..][..width];
+                let weight = chunk.weight(row);
+                sums[self.dimensions] += weight;
+                (0..self.dimensions).for_each(|column| sums[column] += weight * chunk.column(column)[row]);
+            }
+            sums
+        });
+        let mut sums = vec![0.0; self.regions * width];
+        parts.iter().for_each(|part| sums.iter_mut().zip(part).for_each(|(sum, part)| *sum += part));
+        let centre = |region: usize| -> Vec<i64> {
+            let sums = &sums[region * width..][..width];
+            let weight = sums[self.dimensions].max(f64::MIN_POSITIVE);
+            sums[..self.dimensions].iter().map(|sum| (sum / weight / GRAIN).round() as i64).collect()
+        };
+        let mut order: Vec<usize> = (0..self.regions).collect();
+        order.sort_by_cached_key(|&region| centre(region));
+        self.only(&order)
     }
 
     /// At most `steps` steps of Newton's method towards the minimum for these regions of the rows; the objective.
@@ -326,6 +358,17 @@ mod tests {
             let slope = (at_step(1e-4) - at_step(-1e-4)) / 2e-4;
             assert!(slope.abs() < 1e-5, "{at}: {slope}");
         }
+    }
+
+    #[test]
+    fn the_order_of_regions_follows_their_centres_and_not_their_numbers() {
+        let examples = rows_of(&waves(300));
+        let separators = |centroids: [[f64; 2]; 3]| Separators::voronoi(&centroids.map(Vec::from), 2);
+        let one = separators([[0.9, 0.1], [-1.0, 0.2], [0.1, -0.4]]).ordered(&examples);
+        let other = separators([[0.1, -0.4], [0.9, 0.1], [-1.0, 0.2]]).ordered(&examples);
+        assert_eq!(one, other);
+        assert_eq!(one, separators([[-1.0, 0.2], [0.1, -0.4], [0.9, 0.1]]));
+        assert_eq!(one.ordered(&examples), one);
     }
 
     #[test]

@@ -7,7 +7,7 @@
 
 use fleetfoot_data::checkpoint;
 use nalgebra::SMatrix;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 use super::state::{BORDER, BorderError, STATE, StateError};
 
@@ -80,7 +80,7 @@ pub(super) struct Joint {
 ///
 /// The greatest entry of a column is its pivot, and rows that have none in it are left alone, which spares most of the work on rows that are triangular already.
 fn reduce(rows: &mut [Row], columns: std::ops::Range<usize>, first: usize, width: usize) -> usize {
-    Arch::new().dispatch(Reduction { rows, columns, first, width })
+    fleetfoot_data::arch().dispatch(Reduction { rows, columns, first, width })
 }
 
 struct Reduction<'a> {
@@ -384,7 +384,7 @@ impl Head<'_> {
 
     /// x = A x_next + B theta + C e, e of variance one and independent of all that comes later.
     fn joint(&self, next: Option<&Joint>, theta: &SMatrix<f64, BORDER, BORDER>) -> Joint {
-        Arch::new().dispatch(Spread { head: self.0, next, theta })
+        fleetfoot_data::arch().dispatch(Spread { head: self.0, next, theta })
     }
 }
 

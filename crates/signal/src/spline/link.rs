@@ -1,6 +1,6 @@
 //! The way back: the state of a row from that of the next, what leads there made for several rows in a register.
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 use super::{
     chain::{Chain, Matrix, Step, transposed},
@@ -165,7 +165,7 @@ impl<const M: usize> Links<M> {
     pub(super) fn make(&mut self, chain: &Chain<M>, beliefs: &Beliefs<M>, first: usize, steps: &[f64; PIECE]) {
         let blocks = &beliefs.blocks[first / BESIDE..];
         let blocks = &blocks[..blocks.len().min(PIECE / BESIDE)];
-        Arch::new().dispatch(Made { links: self, chain, blocks, steps });
+        fleetfoot_data::arch().dispatch(Made { links: self, chain, blocks, steps });
     }
 
     /// That of a row.

@@ -11,7 +11,7 @@
 //! so that both are slopes of what the filter sums (e its innovations, v their variances), which go along with it: nothing is kept of the rows.
 
 use fleetfoot_data::parallel_all;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 use super::{
     chain::{Chain, Matrix},
@@ -48,12 +48,12 @@ pub(super) struct Rest {
 
 /// The likelihood of each of these penalties.
 pub(super) fn likelihoods<const M: usize>(rows: Rows<'_>, lambdas: &[f64]) -> Vec<Likelihood> {
-    of_all(lambdas, |lambdas| Arch::new().dispatch(Likelihoods::<M> { rows, lambdas }))
+    of_all(lambdas, |lambdas| fleetfoot_data::arch().dispatch(Likelihoods::<M> { rows, lambdas }))
 }
 
 /// What each of these penalties leaves of the measurements.
 pub(super) fn rests<const M: usize>(rows: Rows<'_>, lambdas: &[f64]) -> Vec<Rest> {
-    of_all(lambdas, |lambdas| Arch::new().dispatch(Rests::<M> { rows, lambdas }))
+    of_all(lambdas, |lambdas| fleetfoot_data::arch().dispatch(Rests::<M> { rows, lambdas }))
 }
 
 /// All penalties, some at a time, on all threads.

@@ -58,7 +58,7 @@ impl PoissonCounts {
     pub(crate) fn fill(&self, rows: &[usize], first: usize, stride: usize, counts: &mut [f64]) {
         debug_assert_eq!((counts.len(), stride % BLOCK), (rows.len() * stride, 0));
         if stride > 0 {
-            pulp::Arch::new().dispatch(Fill { key: self.key, rows, first, stride, counts });
+            fleetfoot_data::arch().dispatch(Fill { key: self.key, rows, first, stride, counts });
         }
     }
 }

@@ -81,7 +81,7 @@ impl Tile {
         self.work.iter_mut().for_each(|work| work.resize(n, 0.0));
         self.e.resize((pool.pairs.columns + 2 * pool.centres.len()) * n, 0.0);
         let weights = weights.map(|weights| &weights[range.clone()]);
-        pulp::Arch::new().dispatch(Fill { tile: self, pool, rows, weights, range });
+        fleetfoot_data::arch().dispatch(Fill { tile: self, pool, rows, weights, range });
     }
 }
 

@@ -70,7 +70,7 @@ impl MonomialRanges {
         scratch.bounds.resize(count * 2 * SPANS, 0.0);
         scratch.values.resize(count * SPAN, 0.0);
         scratch.wanted.resize(count * SPANS, 0.0);
-        pulp::Arch::new().dispatch(AddBlocks { recipes: &self.recipes, ranges, variables, scratch });
+        fleetfoot_data::arch().dispatch(AddBlocks { recipes: &self.recipes, ranges, variables, scratch });
     }
 }
 

@@ -24,7 +24,7 @@ pub(super) fn fold_rows(r: &mut Mat<f64>, rows: &mut Slab) {
     let (stride, d) = (rows.stride, rows.columns());
     for from in (0..r.nrows()).step_by(BLOCK) {
         let to = (from + BLOCK).min(r.nrows());
-        let steps = pulp::Arch::new().dispatch(Fold { r, rows, from, to, until: to });
+        let steps = fleetfoot_data::arch().dispatch(Fold { r, rows, from, to, until: to });
         let (head, tail) = rows.values.split_at_mut(to * stride);
         let head = &mut head[from * stride..];
         let v = MatRef::from_column_major_slice(head, stride, to - from);
@@ -59,7 +59,7 @@ pub(super) fn reduce_columns(values: &mut Slab, last: &[usize], keep: &mut dyn F
         let mut reflect = |column: usize| {
             let vector = v.column_mut(column - from);
             let reduce = Reduce { values: &mut *values, v: &mut *vector, column, last: last[column], until: to };
-            let beta = pulp::Arch::new().dispatch(reduce);
+            let beta = fleetfoot_data::arch().dispatch(reduce);
             if beta == 0.0 {
                 vector.fill(0.0);
             }
@@ -152,7 +152,7 @@ mod tests {
             });
             let (mut one, mut other) = (start.clone(), start);
             let (mut rows, mut same) = (Slab::from_fn(m, d, entry), Slab::from_fn(m, d, entry));
-            pulp::Arch::new().dispatch(Fold { r: &mut one, rows: &mut rows, from: 0, to: k, until: d });
+            fleetfoot_data::arch().dispatch(Fold { r: &mut one, rows: &mut rows, from: 0, to: k, until: d });
             rows.values[..k * rows.stride].fill(0.0);
             fold_rows(&mut other, &mut same);
             assert!(apart(|i, j| one[(i, j)], |i, j| other[(i, j)], (k, d)) < 1e-12, "{m} {k} {d}");
@@ -170,7 +170,7 @@ mod tests {
             let (mut one, mut other) = (Slab::from_fn(rows, k + q, entry), Slab::from_fn(rows, k + q, entry));
             let mut v = vec![0.0; one.stride()];
             for (column, &last) in last.iter().enumerate() {
-                pulp::Arch::new().dispatch(Reduce { values: &mut one, v: &mut v, column, last, until: k + q });
+                fleetfoot_data::arch().dispatch(Reduce { values: &mut one, v: &mut v, column, last, until: k + q });
             }
             reduce_columns(&mut other, &last, &mut |_, _, _| ());
             assert!(apart(|i, j| one.column(j)[i], |i, j| other.column(j)[i], (rows, k + q)) < 1e-12, "{k} {q}");

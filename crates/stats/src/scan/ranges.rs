@@ -54,7 +54,7 @@ pub fn widen(ranges: &mut [[f64; 2]], others: &[[f64; 2]]) {
 
 /// Widens the range of every column by its values, which are finite.
 pub fn extremes(columns: &[&[f64]], ranges: &mut [[f64; 2]]) {
-    pulp::Arch::new().dispatch(Extremes { columns, ranges });
+    fleetfoot_data::arch().dispatch(Extremes { columns, ranges });
 }
 
 struct Extremes<'a> {

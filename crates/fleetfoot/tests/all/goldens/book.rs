@@ -192,19 +192,22 @@ fn items(line: &str) -> Option<Vec<Item<'_>>> {
         .collect()
 }
 
-/// Where bytes are the same: operating system (its elementary functions), architecture, and the widest vectors that the kernels choose between.
+/// Where bytes are the same: operating system (its elementary functions), architecture, the instruction set of the kernels, and that of the processor where
+/// third-party libraries choose a wider one.
 fn platform() -> String {
+    let kernels = fleetfoot::data::instruction_set();
     #[cfg(target_arch = "x86_64")]
-    let vectors = if std::arch::is_x86_feature_detected!("avx512f") {
+    let processor = if std::arch::is_x86_feature_detected!("avx512f") {
         "avx512"
     } else if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
         "avx2"
     } else {
-        "sse2"
+        "scalar"
     };
     #[cfg(not(target_arch = "x86_64"))]
-    let vectors = "vectors";
-    format!("{} {} {vectors}", std::env::consts::OS, std::env::consts::ARCH)
+    let processor = kernels;
+    let of = if processor == kernels { String::new() } else { format!(" on {processor}") };
+    format!("{} {} {kernels}{of}", std::env::consts::OS, std::env::consts::ARCH)
 }
 
 /// Holds entries against those of a file, or writes them there where that is asked for.
