@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import sys
+import time
 import uuid
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 from . import _core
 from ._data import open as open_data
@@ -29,9 +31,10 @@ def scan(
     files: Any,
     client: Any = None,
     *,
-    backend: str | None = None,
+    backend: Literal["dask", "ray"] | None = None,
     keys: str | Iterable[str] = (),
     batch: int = 1,
+    timeout: float | None = 600.0,
     progress: Progress = None,
 ) -> Stats:
     """Scans recordings on the workers of a cluster: one task for each file, then a tree of merges.
@@ -57,6 +60,10 @@ def scan(
         Labels from paths, as in :func:`fleetfoot.scan`.
     batch : int, optional
         Files of a task; more than one for many small files.
+    timeout : float, optional
+        Seconds that the scan waits while no task ends and no worker of the cluster works: all of them are gone, or none
+        takes a task. Then it ends with an error that names the files that are missing. Give more where workers wait in
+        a queue of their own before they start; ``None`` waits without end.
     progress : bool or callable, optional
         ``True`` for a bar of tqdm, or a function of the stage's name, the tasks done and the tasks in all.
 
@@ -71,7 +78,9 @@ def scan(
     DataError
         A recording cannot be read; what a worker raises is raised here.
     RuntimeError
-        There is no cluster.
+        There is no cluster; workers died under a task too often, or the cluster cancelled it: the files are named.
+    TimeoutError
+        No worker has worked for ``timeout`` seconds; the files that are missing are named.
     ImportError
         The backend is not installed.
 
@@ -96,13 +105,15 @@ def scan(
     labels = [keys] if isinstance(keys, str) else list(keys)
     if isinstance(batch, bool) or not isinstance(batch, int) or batch < 1:
         raise ValueError(f"batch = {batch!r}: give a number of files from 1 on")
+    if timeout is not None and not (isinstance(timeout, (int, float)) and timeout > 0):
+        raise ValueError(f"timeout = {timeout!r}: give seconds above 0, or None to wait without end")
     cluster = _cluster(client, backend)
     sources = _sources(files)
     if not isinstance(plan, Plan):
         plan = Plan(plan, files)
     groups = [sources[at : at + batch] for at in range(0, len(sources), batch)]
     with reporting(progress) as callback:
-        whole, skipped, notes = cluster.run(plan.to_bytes(), labels, groups, callback)
+        whole, skipped, notes = cluster.run(plan.to_bytes(), labels, groups, Watch(groups, timeout, callback))
     if whole.rows.complete == 0:
         rows = whole.rows
         raise RequestError(
@@ -154,10 +165,89 @@ def _tree(parts: Sequence[Any], merge: Callable[[Sequence[Any]], Any]) -> Any:
     return parts[0]
 
 
+#: Seconds between two looks at the tasks, and between two at the workers.
+LOOK, LOOK_AT_WORKERS = 0.1, 1.0
+#: Files that a message names.
+NAMED = 20
+
+
+class Watch:
+    """The tasks of a scan while they run: how many are done, which files are missing, since when nobody has worked.
+
+    Parameters
+    ----------
+    groups : list of list of Source
+        What each task scans, in the order of the tasks.
+    timeout : float, optional
+        Seconds without work after which the scan ends.
+    callback : callable, optional
+        Hears of the tasks that are done.
+    """
+
+    def __init__(self, groups: list[list[Source]], timeout: float | None, callback: Any) -> None:
+        self._files = [[os.fspath(path) if name is None else name for name, path in group] for group in groups]
+        self._left = set(range(len(groups)))
+        self._timeout, self._callback = timeout, callback
+        self._done = 0
+        self._worked = self._looked = time.monotonic()
+
+    @property
+    def patience(self) -> float | None:
+        """Seconds that an answer of the cluster may take."""
+        return self._timeout
+
+    def ended(self, group: int | None, tasks: int) -> None:
+        """A task has ended, that of a group or a merge; there are so many in all."""
+        if group is not None:
+            self._left.discard(group)
+        self._done += 1
+        self._worked = time.monotonic()
+        if self._callback is not None:
+            self._callback("scan", self._done, tasks)
+
+    def look(self, working: Callable[[], bool]) -> None:
+        """Ends the scan where no worker has worked for too long; ``working`` asks the cluster."""
+        now = time.monotonic()
+        if self._timeout is None or now - self._looked < min(LOOK_AT_WORKERS, self._timeout / 2):
+            return
+        if working():
+            self._worked = time.monotonic()
+        elif now - self._worked > self._timeout:
+            raise TimeoutError(
+                f"no worker of the cluster has worked for {self._timeout:g} s, and {self.missing()}; start workers and "
+                "scan again, or give timeout= more seconds"
+            )
+        self._looked = now
+
+    def died(self, group: int | None) -> RuntimeError:
+        """Workers died under a task, that of a group or a merge."""
+        what = "a merge, or what a file is made of" if group is None else self._named(self._files[group])
+        return RuntimeError(
+            f"workers died under {what}: {self.missing()}; give the workers more memory, or leave these files out"
+        )
+
+    def cancelled(self, why: object) -> RuntimeError:
+        """Somebody else ended the tasks."""
+        return RuntimeError(f"the cluster ended the scan ({why}): {self.missing()}; scan again")
+
+    def missing(self) -> str:
+        """Which files are missing, in words."""
+        every = sum(map(len, self._files))
+        files = [file for group in sorted(self._left) for file in self._files[group]]
+        if not files:
+            return f"the sums of all {every} files are lost"
+        return f"{len(files)} of {every} files {'is' if len(files) == 1 else 'are'} missing: {self._named(files)}"
+
+    @staticmethod
+    def _named(files: list[str]) -> str:
+        more = f" and {len(files) - NAMED} more" if len(files) > NAMED else ""
+        return ", ".join(files[:NAMED]) + more
+
+
 class Cluster(Protocol):
     """Where tasks run."""
 
-    def run(self, plan: bytes, keys: list[str], groups: list[list[Source]], callback: Any) -> Part:
+    def run(self, plan: bytes, keys: list[str], groups: list[list[Source]], watch: Watch) -> Part:
         """Scans every group, and merges."""
 
 
@@ -175,6 +265,10 @@ def _cluster(client: Any, backend: str | None) -> Cluster:
 def _ray_is_up() -> bool:
     ray = sys.modules.get("ray")
     return ray is not None and bool(ray.is_initialized())
+
+
+#: What Dask raises when it has waited long enough, in all versions of Python.
+TimeoutErrors = (TimeoutError, asyncio.TimeoutError)
 
 
 class _Dask:
@@ -198,26 +292,26 @@ class _Dask:
             raise ValueError("client is asynchronous; give Client(asynchronous=False)")
         self._client: Any = client
 
-    def run(self, plan: bytes, keys: list[str], groups: list[list[Source]], callback: Any) -> Part:
+    def run(self, plan: bytes, keys: list[str], groups: list[list[Source]], watch: Watch) -> Part:
         """Scans every group, and merges."""
         import distributed
 
         # Nothing but this call holds the futures, so that statistics that are merged are forgotten.
         root, pending = self._submit(plan, keys, groups)
-        done, total = 0, len(pending)
+        group_of = {future.key: at for at, future in enumerate(pending[: len(groups)])}
+        total = len(pending)
         as_completed: Any = distributed.as_completed
         waiting = as_completed(pending)
         del pending
         try:
-            for future in waiting:
-                if future.status != "finished":
-                    future.result()
-                del future
-                done += 1
-                if callback is not None:
-                    callback("scan", done, total)
-            found: Part = root.result()
-            return found
+            while not waiting.is_empty():
+                for future in waiting.next_batch(block=False):
+                    self._check(future, group_of, watch)
+                    watch.ended(group_of.get(future.key), total)
+                    del future
+                watch.look(self._works)
+                time.sleep(LOOK)
+            return self._value(root, group_of, watch)
         except BaseException:
             self._client.cancel([root, *waiting.futures])
             waiting.clear()
@@ -225,6 +319,52 @@ class _Dask:
         finally:
             # A traceback keeps what this frame holds.
             del root, waiting
+
+    def _value(self, root: Any, group_of: dict[Any, int], watch: Watch) -> Part:
+        """The value of the last task, which is made again where it was lost."""
+        import distributed
+
+        wait: Any = distributed.wait
+        while True:
+            try:
+                wait([root], timeout=LOOK)
+            except TimeoutErrors:
+                watch.look(self._works)
+                continue
+            self._check(root, group_of, watch)
+            try:
+                found: Part = root.result(timeout=watch.patience)
+            except TimeoutErrors:
+                watch.look(lambda: False)
+            else:
+                return found
+
+    def _check(self, future: Any, group_of: dict[Any, int], watch: Watch) -> None:
+        """Raises what a task has failed with."""
+        import distributed
+
+        # One that is lost is made again.
+        if future.status == "error":
+            error = future.exception()
+            if isinstance(error, distributed.KilledWorker):
+                raise watch.died(group_of.get(error.task)) from error
+            raise error
+        if future.status == "cancelled":
+            raise watch.cancelled("the task was cancelled; a restart of the cluster does that, and its end")
+
+    def _works(self) -> bool:
+        """Whether a worker runs a task, or fetches what a task needs."""
+        try:
+            try:
+                info = self._client.scheduler_info(n_workers=-1)
+            except TypeError:
+                # Before 2025 it had no such argument, and told of all.
+                info = self._client.scheduler_info()
+        except OSError:
+            return False
+        metrics = [worker.get("metrics", {}) for worker in info["workers"].values()]
+        counts = [one.get("task_counts", one) for one in metrics]
+        return any(one.get(state, 0) for one in counts for state in ("executing", "flight", "long-running"))
 
     def _submit(self, plan: bytes, keys: list[str], groups: list[list[Source]]) -> tuple[Any, list[Any]]:
         token = uuid.uuid4().hex
@@ -267,28 +407,29 @@ class _Ray:
             raise RuntimeError("Ray is not running: call ray.init() first")
         self._ray = ray
 
-    def run(self, plan: bytes, keys: list[str], groups: list[list[Source]], callback: Any) -> Part:
+    def run(self, plan: bytes, keys: list[str], groups: list[list[Source]], watch: Watch) -> Part:
         """Scans every group, and merges."""
         scan_remote = self._ray.remote(num_returns=2, max_retries=self.RETRIES)(_signed_scan)
         merge_remote = self._ray.remote(num_returns=2, max_retries=self.RETRIES)(_signed_merge)
         frozen = self._ray.put(plan)
-        pending: list[Any] = []
+        # The sign of each task, with the number of its group; a merge has none.
+        pending: dict[Any, int | None] = {}
 
-        def started(references: Any) -> Any:
+        def started(references: Any, group: int | None = None) -> Any:
             part, sign = references
-            pending.append(sign)
+            pending[sign] = group
             return part
 
-        def scan_group(group: list[Source]) -> Any:
+        def scan_group(at: int, group: list[Source]) -> Any:
             names, sources = zip(*group, strict=True)
-            return started(scan_remote.remote(frozen, keys, list(names), *sources))
+            return started(scan_remote.remote(frozen, keys, list(names), *sources), at)
 
-        parts = [scan_group(group) for group in groups]
+        parts = [scan_group(at, group) for at, group in enumerate(groups)]
         root = _tree(parts, lambda group: started(merge_remote.remote(*group)))
         # Nothing holds a statistic but the merge that waits for it.
         del parts
         try:
-            return self._wait(root, pending, callback)
+            return self._wait(root, pending, watch)
         except BaseException as error:
             for reference in pending:
                 self._ray.cancel(reference)
@@ -297,17 +438,33 @@ class _Ray:
                 raise cause from error
             raise
 
-    def _wait(self, root: Any, pending: list[Any], callback: Any) -> Part:
+    def _wait(self, root: Any, pending: dict[Any, int | None], watch: Watch) -> Part:
         """Takes what is done from ``pending`` until nothing is left, and gets the root."""
-        done, total = 0, len(pending)
+        total = len(pending)
         while pending:
-            ready, pending[:] = self._ray.wait(pending, num_returns=1, timeout=0.5)
-            self._ray.get(ready)
-            done += len(ready)
-            if callback is not None:
-                callback("scan", done, total)
-        found: Part = self._ray.get(root)
+            ready, _ = self._ray.wait(list(pending), num_returns=1, timeout=0.5)
+            for reference in ready:
+                group = pending.pop(reference)
+                self._get(reference, group, watch)
+                watch.ended(group, total)
+            watch.look(self._works)
+        found: Part = self._get(root, None, watch)
         return found
+
+    def _get(self, reference: Any, group: int | None, watch: Watch) -> Any:
+        """The value of a task that has ended."""
+        errors = self._ray.exceptions
+        try:
+            return self._ray.get(reference, timeout=watch.patience)
+        except (errors.WorkerCrashedError, errors.NodeDiedError, errors.OutOfMemoryError) as error:
+            raise watch.died(group) from error
+        except errors.GetTimeoutError as error:
+            raise TimeoutError(f"a sum did not come within {watch.patience:g} s: {watch.missing()}") from error
+
+    def _works(self) -> bool:
+        """Whether some of the cluster's processors are in use."""
+        total, free = self._ray.cluster_resources(), self._ray.available_resources()
+        return bool(total.get("CPU", 0.0) > free.get("CPU", 0.0))
 
 
 def _signed_scan(*arguments: Any) -> tuple[Part, None]:

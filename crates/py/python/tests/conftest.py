@@ -17,6 +17,12 @@ def _fail_for_a_missing_peer(report: pytest.TestReport | pytest.CollectReport) -
         report.longrepr = f"{reason}; but the peers were installed (FLEETFOOT_PEERS)"
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Refuses to begin without the plugin that ends a test that hangs."""
+    if not config.pluginmanager.hasplugin("timeout"):
+        raise pytest.UsageError("pytest-timeout is not installed, so that a test may hang: pip install pytest-timeout")
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item, call):
     report = yield

@@ -69,6 +69,12 @@ def ray() -> Iterator[Any]:
     ray.shutdown()
 
 
+def revive(client: Any) -> None:
+    """Waits for both workers; one whose nanny has given up, as happens on a busy machine, is started anew."""
+    client.cluster.scale(2)
+    client.wait_for_workers(2, timeout=PATIENCE)
+
+
 def workers(client: Any) -> dict[str, int]:
     found: dict[str, int] = client.run(os.getpid)
     return found
@@ -154,7 +160,7 @@ def test_a_dask_worker_killed_in_the_middle_loses_nothing(
     once = Once(lambda: kill(victim))
     found = ff.distributed.scan(plan, files, dask, keys="aircraft={dir1}", progress=once)
     assert once.at is not None and found.to_bytes() == alone.to_bytes()
-    dask.wait_for_workers(2, timeout=PATIENCE)
+    revive(dask)
     assert victim not in workers(dask).values()
 
 
@@ -173,7 +179,7 @@ def test_a_dask_worker_that_dies_under_a_task_loses_nothing(dask: Any, plan: ff.
 
     found = ff.distributed.scan(plan, [*runs[:3], delayed(fatal)(runs[3]), *runs[4:]], dask)
     assert os.path.exists(marker) and found.to_bytes() == ff.scan(plan, runs).to_bytes()
-    dask.wait_for_workers(2, timeout=PATIENCE)
+    revive(dask)
 
 
 @pytest.mark.filterwarnings("ignore:left out")
@@ -182,12 +188,63 @@ def test_all_dask_workers_restarted_in_the_middle_lose_nothing(
 ) -> None:
     before = set(workers(dask).values())
     names = list(dask.scheduler_info()["workers"])
-    once = Once(lambda: dask.restart_workers(names, timeout=PATIENCE))
+
+    def restart() -> None:
+        dask.restart_workers(names, timeout=PATIENCE, raise_for_error=False)
+        revive(dask)
+
+    once = Once(restart)
     found = ff.distributed.scan(plan, files, dask, keys="aircraft={dir1}", progress=once)
     assert once.at is not None and found.to_bytes() == alone.to_bytes()
-    # One of them: on a busy machine Dask's nannies now and then give up on the other.
-    dask.wait_for_workers(1, timeout=PATIENCE)
     assert not before & set(workers(dask).values())
+
+
+@pytest.fixture
+def small_dask() -> Iterator[tuple[Any, Any]]:
+    """A cluster of one worker that a test may wreck, and its client."""
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed")
+    with (
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0") as cluster,
+        distributed.Client(cluster, timeout=PATIENCE) as client,
+    ):
+        yield cluster, client
+
+
+def test_a_dask_cluster_whose_workers_are_gone_names_the_missing_files(
+    small_dask: Any, plan: ff.Plan, files: list[str]
+) -> None:
+    cluster, client = small_dask
+    once = Once(lambda: cluster.scale(0))
+    with pytest.raises(TimeoutError, match=r"worked for 3 s, and \d+ of 9 files are missing: .*flight_") as raised:
+        ff.distributed.scan(plan, files[:9], client, timeout=3.0, progress=once)
+    assert str(raised.value).count("flight_") == int(str(raised.value).split(" of 9 files")[0].split()[-1])
+    # Workers that come within the time are waited for.
+    threading.Timer(1.0, lambda: cluster.scale(1)).start()
+    assert ff.distributed.scan(plan, files[:2], client, timeout=PATIENCE) == ff.scan(plan, files[:2])
+
+
+def test_a_dask_cluster_that_is_restarted_ends_the_scan(small_dask: Any, plan: ff.Plan, files: list[str]) -> None:
+    _, client = small_dask
+    with pytest.raises(RuntimeError, match=r"the cluster ended the scan .* of 9 files"):
+        ff.distributed.scan(plan, files[:9], client, progress=Once(lambda: client.restart(timeout=PATIENCE)))
+
+
+def test_files_that_kill_every_dask_worker_are_named(small_dask: Any, plan: ff.Plan) -> None:
+    dask = pytest.importorskip("dask")
+
+    def fatal(run: Any) -> Any:
+        import os
+
+        os._exit(1)
+
+    def impatient(dask_scheduler: Any) -> None:
+        dask_scheduler.allowed_failures = 0
+
+    client = small_dask[1]
+    client.run_on_scheduler(impatient)
+    runs = [fleet.run(70 + 9 * k, 3.0 * k) for k in range(2)]
+    with pytest.raises(RuntimeError, match="workers died under .*: .* of 2 files"):
+        ff.distributed.scan(plan, [runs[0], dask.delayed(fatal)(runs[1])], client)
 
 
 def test_what_a_dask_worker_raises_is_raised_here(dask: Any, plan: ff.Plan, files: list[str], tmp_path: Path) -> None:
@@ -294,6 +351,30 @@ def test_a_ray_worker_that_dies_under_a_task_loses_nothing(ray: Any, plan: ff.Pl
     assert os.path.exists(marker) and found.to_bytes() == ff.scan(plan, runs).to_bytes()
 
 
+def test_a_ray_task_that_no_worker_takes_names_the_missing_files(ray: Any, plan: ff.Plan, files: list[str]) -> None:
+    class Idle:
+        """A cluster whose workers are gone: nothing ever ends."""
+
+        exceptions = ray.exceptions
+        cancel = staticmethod(ray.cancel)
+
+        def wait(self, references: Any, **_: Any) -> Any:
+            time.sleep(0.05)
+            return [], references
+
+        def cluster_resources(self) -> dict[str, float]:
+            return {}
+
+        available_resources = cluster_resources
+
+    pending = {ray.put(at): at for at in range(3)}
+    cluster = ff.distributed._Ray()
+    cluster._ray = Idle()
+    watch = ff.distributed.Watch([[(None, name)] for name in files[:3]], 0.5, None)
+    with pytest.raises(TimeoutError, match=r"worked for 0.5 s, and 3 of 3 files are missing: .*flight_0.csv, "):
+        cluster._wait(None, pending, watch)
+
+
 def test_what_a_ray_worker_raises_is_raised_here(ray: Any, plan: ff.Plan, files: list[str], tmp_path: Path) -> None:
     broken = tmp_path / "broken.csv"
     broken.write_text("t,x,v\n0,1,2\n1,2,3\n")
@@ -310,6 +391,9 @@ def test_wrong_calls_are_refused(plan: ff.Plan, files: list[str], monkeypatch: p
         ff.distributed.scan(plan, files, backend="spark")
     with pytest.raises(ValueError, match="batch = 0"):
         ff.distributed.scan(plan, files, batch=0)
+    for wrong in (0, -1.0, "10"):
+        with pytest.raises(ValueError, match="timeout = .*: give seconds above 0, or None"):
+            ff.distributed.scan(plan, files, timeout=wrong)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="client is a int"):
         ff.distributed.scan(plan, files, client=3)
     with pytest.raises(StatisticError):
