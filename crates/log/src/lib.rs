@@ -27,6 +27,7 @@
 mod agreement;
 mod atomic;
 mod breaks;
+mod by_name;
 mod channels;
 mod clock_info;
 mod column_info;

@@ -1,7 +1,7 @@
 //! Columns into Parquet files, streamed row group by row group; the file appears whole or not at all.
 
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, BTreeSet},
     fmt, io,
     path::{Path, PathBuf},
     sync::Arc,
@@ -212,9 +212,9 @@ impl ParquetWriter {
 
 /// An error when two columns have one name.
 pub(crate) fn check_names(path: &Path, columns: &[WriteColumn]) -> Result<(), Error> {
-    let twice = |(i, column): &(usize, &WriteColumn)| columns[..*i].iter().any(|other| other.name == column.name);
-    match columns.iter().enumerate().find(twice) {
-        Some((_, column)) => {
+    let mut seen = BTreeSet::new();
+    match columns.iter().find(|column| !seen.insert(column.name.as_str())) {
+        Some(column) => {
             Err(Error::BadBatch { path: path.into(), problem: format!("two columns named `{}`", column.name) })
         }
         None => Ok(()),

@@ -1,6 +1,6 @@
 //! Short names for the columns of a recipe: none twice, and each can stand in an expression as it is.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 
 /// The reserved words of expressions.
 const RESERVED: [&str; 3] = ["pi", "inf", "nan"];
@@ -9,12 +9,14 @@ const RESERVED: [&str; 3] = ["pi", "inf", "nan"];
 #[derive(Debug, Default)]
 pub(super) struct Names {
     taken: BTreeSet<String>,
+    /// The number behind a word from which on free ones are looked for.
+    next: HashMap<String, usize>,
 }
 
 impl Names {
     /// Names that stand for something else already.
     pub(super) fn besides<'a>(taken: impl IntoIterator<Item = &'a str>) -> Self {
-        Self { taken: taken.into_iter().map(str::to_owned).collect() }
+        Self { taken: taken.into_iter().map(str::to_owned).collect(), next: HashMap::new() }
     }
 
     /// A free name as like `wanted` as can be: letters, digits and `_`, not a digit first, with a number behind it where it is taken.
@@ -25,11 +27,14 @@ impl Names {
             word if word.starts_with(|c: char| c.is_numeric()) => format!("_{word}"),
             word => word.to_owned(),
         };
-        let numbered = (2..).map(|number| format!("{word}_{number}"));
-        let is_free = |name: &String| !self.taken.contains(name) && !RESERVED.contains(&name.as_str());
-        let name = std::iter::once(word.clone()).chain(numbered).find(is_free).unwrap_or(word);
-        self.taken.insert(name.clone());
-        name
+        let next = self.next.entry(word.clone()).or_insert(1);
+        loop {
+            let name = if *next == 1 { word.clone() } else { format!("{word}_{next}") };
+            *next += 1;
+            if !RESERVED.contains(&name.as_str()) && self.taken.insert(name.clone()) {
+                return name;
+            }
+        }
     }
 }
 

@@ -8,7 +8,7 @@ use std::{
     sync::Arc,
 };
 
-use fleetfoot_data::{Column, ColumnKind, Silent, nearest_one, parallel_map};
+use fleetfoot_data::{Column, ColumnKind, Silent, parallel_map};
 use parquet::{
     errors::ParquetError,
     file::metadata::{PageIndexPolicy, ParquetMetaData, ParquetMetaDataReader},
@@ -27,6 +27,7 @@ use super::{
 };
 use crate::{
     Error, Selection, TimeSpec, TimeUnit,
+    by_name::ByName,
     opened::Opened,
     table::{MAX_CATEGORIES, TableColumn},
     time_column::{self, Agreed, Clock},
@@ -88,8 +89,9 @@ pub(crate) fn open(
     let (rows, starts) = check_rows(&file)?;
     let mut columns = Vec::with_capacity(selection.columns.len());
     let mut wanted = Vec::with_capacity(selection.columns.len());
+    let names = ByName::new(all.iter().map(|leaf| leaf.name.as_str()));
     for name in &selection.columns {
-        let leaf = find(path, &all, name)?;
+        let leaf = find(path, &all, &names, name)?;
         check_chunks(&file, leaf)?;
         let mut rule = Rule { meaning: leaf.meaning.clone(), unit: TimeUnit::Seconds, names: Vec::new() };
         let mut kind = leaf.kind();
@@ -102,7 +104,7 @@ pub(crate) fn open(
         columns.push(TableColumn { column: Column { name: name.clone(), unit: leaf.unit.clone(), kind }, empty });
         wanted.push((leaf.index, rule));
     }
-    let clock = open_clock(&file, &all, &selection.time)?;
+    let clock = open_clock(&file, &all, &names, &selection.time)?;
     let clock = clock.map(|clock| clock.settle(path, agreed, selection)).transpose()?;
     let notes = clock.iter().filter_map(|clock| clock.assumed.clone()).collect();
     let mut time = Vec::new();
@@ -130,12 +132,17 @@ pub(crate) fn clock(path: &Path, spec: &TimeSpec) -> Result<Option<Clock>, Error
     Ok(find_clock(&file, &leaves, spec))
 }
 
-fn open_clock(file: &ParquetFile, all: &[Leaf], spec: &TimeSpec) -> Result<Option<Clock>, Error> {
+fn open_clock(
+    file: &ParquetFile,
+    all: &[Leaf],
+    names: &ByName<'_>,
+    spec: &TimeSpec,
+) -> Result<Option<Clock>, Error> {
     if matches!(spec, TimeSpec::Uniform { .. }) {
         return Ok(None);
     }
     if let TimeSpec::Column { name, .. } = spec {
-        let leaf = find(&file.path, all, name)?;
+        let leaf = find(&file.path, all, names, name)?;
         check_chunks(file, leaf)?;
     }
     match find_clock(file, all, spec) {
@@ -147,16 +154,8 @@ fn open_clock(file: &ParquetFile, all: &[Leaf], spec: &TimeSpec) -> Result<Optio
     }
 }
 
-fn find<'a>(path: &Path, all: &'a [Leaf], name: &str) -> Result<&'a Leaf, Error> {
-    let mut matching = all.iter().filter(|leaf| leaf.name == name);
-    let Some(leaf) = matching.next() else {
-        let nearest = nearest_one(name, all.iter().map(|leaf| leaf.name.as_str()));
-        return Err(Error::MissingColumn { path: path.into(), column: name.into(), nearest });
-    };
-    let more = matching.count();
-    if more > 0 {
-        return Err(Error::AmbiguousColumn { path: path.into(), column: name.into(), count: more + 1 });
-    }
+fn find<'a>(path: &Path, all: &'a [Leaf], names: &ByName<'_>, name: &str) -> Result<&'a Leaf, Error> {
+    let leaf = &all[names.find(path, name)?];
     match &leaf.meaning {
         Meaning::Unsupported(kind) => {
             Err(Error::UnsupportedColumn { path: path.into(), column: name.into(), kind: kind.clone() })
