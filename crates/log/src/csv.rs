@@ -3,15 +3,17 @@
 mod blanks;
 mod cell;
 mod decode;
+mod dialect;
 mod head;
 mod input;
 
 use std::{path::Path, sync::Arc};
 
-use fleetfoot_data::{Column, nearest_one};
+use fleetfoot_data::Column;
 
 use crate::{
     Compression, Error, Selection, TimeSpec,
+    by_name::ByName,
     opened::Opened,
     store::{Budget, StoredTable},
     time_column::{self, Agreed, Clock},
@@ -42,9 +44,31 @@ pub(crate) fn open(
     agreed: &Agreed,
     budget: &Arc<Budget>,
 ) -> Result<Opened, Error> {
-    let (head, stream) = head::open(path, compression)?;
-    let fields = selection.columns.iter().map(|name| find(path, &head, name)).collect::<Result<Vec<_>, _>>()?;
-    let clock = find_clock(path, &head, &selection.time)?;
+    match open_in_order(path, compression, selection, agreed, budget, false) {
+        // The rows behind the first ones decide which of two numbers is the day.
+        Err(problem @ Error::BadCell { .. }) => {
+            open_in_order(path, compression, selection, agreed, budget, true).map_err(|_| problem)
+        }
+        opened => opened,
+    }
+}
+
+/// Decodes a file; `turned`: with day and month in the other order where the first rows are dates in both.
+fn open_in_order(
+    path: &Path,
+    compression: Compression,
+    selection: &Selection,
+    agreed: &Agreed,
+    budget: &Arc<Budget>,
+    turned: bool,
+) -> Result<Opened, Error> {
+    let (mut head, stream) = head::open(path, compression)?;
+    if turned && !head.turn_dates() {
+        return Err(Error::NoRows { path: path.into() });
+    }
+    let names = ByName::new(head.columns.iter().map(|column| column.name.as_str()));
+    let fields = selection.columns.iter().map(|name| names.find(path, name)).collect::<Result<Vec<_>, _>>()?;
+    let clock = find_clock(path, &head, &names, &selection.time)?;
     let clock = clock.map(|clock| clock.settle(path, agreed, selection)).transpose()?;
     let time = clock.iter().flat_map(|clock| clock.parts());
     let time = time.map(|(field, unit)| TimeField { field, unit, sort: head.sorts[field] }).collect();
@@ -54,7 +78,8 @@ pub(crate) fn open(
     let decoded = decode::decode(plan, stream, budget)?;
     notes.extend(decoded.notes);
     let table = StoredTable { store: decoded.store, columns: decoded.columns, has_time: clock.is_some() };
-    Ok(Opened::of_table(Box::new(table), clock, notes))
+    let opened = Opened::of_table(Box::new(table), clock, notes);
+    Ok(Opened { sessions: decoded.sessions, ..opened })
 }
 
 /// The clock of a file, as far as its first rows tell; `None` where it has none.
@@ -66,23 +91,11 @@ fn choose(head: &Head, spec: &TimeSpec) -> Option<Clock> {
     time_column::choose(&head.candidates(), &|column| head.values(column), spec)
 }
 
-fn find(path: &Path, head: &Head, name: &str) -> Result<usize, Error> {
-    let mut matching = (0..head.columns.len()).filter(|&c| head.columns[c].name == name);
-    let Some(first) = matching.next() else {
-        let nearest = nearest_one(name, head.columns.iter().map(|column| column.name.as_str()));
-        return Err(Error::MissingColumn { path: path.into(), column: name.into(), nearest });
-    };
-    match matching.count() {
-        0 => Ok(first),
-        more => Err(Error::AmbiguousColumn { path: path.into(), column: name.into(), count: more + 1 }),
-    }
-}
-
-fn find_clock(path: &Path, head: &Head, spec: &TimeSpec) -> Result<Option<Clock>, Error> {
+fn find_clock(path: &Path, head: &Head, names: &ByName<'_>, spec: &TimeSpec) -> Result<Option<Clock>, Error> {
     match spec {
         TimeSpec::Uniform { .. } => return Ok(None),
         TimeSpec::Column { name, .. } => {
-            find(path, head, name)?;
+            names.find(path, name)?;
         }
         TimeSpec::Auto | TimeSpec::Dispensable { .. } => {}
     }

@@ -69,8 +69,8 @@ pub(crate) fn uniform_stamps(rows: Range<usize>, dt: f64) -> ScalarBuffer<i64> {
     rows.map(|row| uniform_stamp(row, dt)).collect::<Vec<_>>().into()
 }
 
-/// One episode of equally spaced rows.
-pub(crate) fn uniform(path: &Path, rows: usize, dt: f64) -> Result<FileIndex, Error> {
+/// Equally spaced rows: one episode, or one a session where `sessions` are the first rows of those behind the first.
+pub(crate) fn uniform(path: &Path, rows: usize, dt: f64, sessions: &[usize]) -> Result<FileIndex, Error> {
     let end = rows.saturating_sub(1) as f64 * dt * 1e9;
     // i64 nanoseconds reach 292 years.
     if end > 9.2e18 {
@@ -81,19 +81,30 @@ pub(crate) fn uniform(path: &Path, rows: usize, dt: f64) -> Result<FileIndex, Er
             mend: "check the sampling period and the file",
         });
     }
-    let mut fingerprint = Fingerprint::new();
-    let mut row = 0;
-    while row < rows {
-        let next = (row + 65_536).min(rows);
-        fingerprint.stamps(&uniform_stamps(row..next, dt));
-        row = next;
-    }
+    let firsts = std::iter::once(0).chain(sessions.iter().copied());
+    let ends = sessions.iter().copied().chain([rows]);
+    let spans: Vec<Span> = firsts.zip(ends).map(|(first, end)| uniform_span(first, end - first, dt)).collect();
+    let longest = spans.iter().map(|span| span.end).max().unwrap_or(0);
     let period = if rows > 1 { dt } else { 0.0 };
-    let end = uniform_stamp(rows.saturating_sub(1), dt);
-    let clock =
-        ClockSummary { rows, max_gap: f64::INFINITY, period, largest_step: period, end, ..ClockSummary::default() };
-    let span = Span { first: 0, rows, start: 0, end, period, fingerprint };
-    Ok(FileIndex { mask: RowMask::default(), spans: vec![span], clock })
+    let clock = ClockSummary {
+        rows,
+        max_gap: f64::INFINITY,
+        period,
+        largest_step: period,
+        end: longest,
+        ..ClockSummary::default()
+    };
+    Ok(FileIndex { mask: RowMask::default(), spans, clock })
+}
+
+/// An episode of equally spaced rows that starts at zero.
+fn uniform_span(first: usize, rows: usize, dt: f64) -> Span {
+    let mut fingerprint = Fingerprint::new();
+    for row in (0..rows).step_by(65_536) {
+        fingerprint.stamps(&uniform_stamps(row..(row + 65_536).min(rows), dt));
+    }
+    let (end, period) = (uniform_stamp(rows.saturating_sub(1), dt), if rows > 1 { dt } else { 0.0 });
+    Span { first, rows, start: 0, end, period, fingerprint }
 }
 
 /// Finds the episodes of a table with a time column: the stamps are read twice when the accepted gap follows from their median step, else once.

@@ -37,6 +37,7 @@ mod containers;
 mod cost;
 mod csv;
 mod csv_writer;
+mod dates;
 mod destination;
 mod error;
 mod estimate;

@@ -21,13 +21,23 @@ pub(crate) struct Opened {
     pub log_offset: i64,
     /// Where rows are known to be lost.
     pub breaks: Breaks,
+    /// First rows of the sessions behind the first one, of a text file that has several.
+    pub sessions: Vec<usize>,
 }
 
 impl Opened {
     /// A table whose stamps are a column of its own, or none.
     pub(crate) fn of_table(table: Box<dyn Table>, clock: Option<SettledClock>, notes: Vec<String>) -> Self {
         let chosen = clock.as_ref().map_or(Chosen::Caller, |clock| clock.chosen);
-        let time_column = clock.map(|clock| clock.name);
-        Self { table, time_column, chosen, notes, stamp: None, log_offset: 0, breaks: Breaks::default() }
+        Self {
+            table,
+            time_column: clock.map(|clock| clock.name),
+            chosen,
+            notes,
+            stamp: None,
+            log_offset: 0,
+            breaks: Breaks::default(),
+            sessions: Vec::new(),
+        }
     }
 }

@@ -241,7 +241,7 @@ fn index_file(
         return Err(Error::NoRows { path: path.into() });
     }
     if let TimeSpec::Uniform { dt_seconds } = selection.time {
-        return index::uniform(path, table.rows(), dt_seconds);
+        return index::uniform(path, table.rows(), dt_seconds, &opened.sessions);
     }
     let index = index::build(table, selection.max_gap, &opened.breaks, progress)?;
     if index.spans.is_empty() {

@@ -13,8 +13,14 @@ pub(super) enum Cell {
     Other,
 }
 
-/// Words for a missing value, in lower case.
-const MISSING_WORDS: [&str; 11] = ["nan", "null", "none", "na", "n/a", "#n/a", "nil", "-", "?", "-nan", "nat"];
+/// Words for a missing value, in lower case; those of spreadsheets and of Windows' C library among them.
+const MISSING_WORDS: [&str; 17] = [
+    "nan", "null", "none", "na", "n/a", "#n/a", "nil", "?", "-nan", "nat", "<na>", "(null)", "#div/0!", "#value!",
+    "#num!", "#ref!", "#null!",
+];
+
+/// What Windows' C library writes for what is no number, in lower case; digits may follow: `-1.#IND00`.
+const MICROSOFT_NAN: [&str; 3] = ["1.#ind", "1.#qnan", "1.#snan"];
 
 /// Reads a number; `decimal_comma` accepts `1,5`.
 pub(super) fn number(cell: &[u8], decimal_comma: bool) -> Cell {
@@ -32,6 +38,9 @@ pub(super) fn number(cell: &[u8], decimal_comma: bool) -> Cell {
     if is_missing_word(cell) {
         return Cell::Missing;
     }
+    if is_microsoft(cell, "1.#inf") {
+        return Cell::Infinite;
+    }
     if decimal_comma && cell.iter().filter(|&&byte| byte == b',').count() == 1 {
         let mended: Vec<u8> = cell.iter().map(|&byte| if byte == b',' { b'.' } else { byte }).collect();
         return number(&mended, false);
@@ -45,8 +54,19 @@ pub(super) fn is_missing(cell: &[u8]) -> bool {
     cell.is_empty() || is_missing_word(cell)
 }
 
+/// A word for what is missing, or dashes in the shape of a number (`-`, `--.--`, `-:--`).
 fn is_missing_word(cell: &[u8]) -> bool {
-    cell.len() <= 4 && MISSING_WORDS.iter().any(|word| cell.eq_ignore_ascii_case(word.as_bytes()))
+    let is_blank = || cell.contains(&b'-') && cell.iter().all(|byte| matches!(byte, b'-' | b'.' | b',' | b':'));
+    let is_word = || MISSING_WORDS.iter().any(|word| cell.eq_ignore_ascii_case(word.as_bytes()));
+    cell.len() <= 12 && (is_word() || is_blank() || MICROSOFT_NAN.iter().any(|word| is_microsoft(cell, word)))
+}
+
+/// Whether a cell is such a word with or without a sign, and zeros behind it.
+fn is_microsoft(cell: &[u8], word: &str) -> bool {
+    let bare = cell.strip_prefix(b"-").or(cell.strip_prefix(b"+")).unwrap_or(cell);
+    let parts = bare.split_at_checked(word.len());
+    parts
+        .is_some_and(|(start, rest)| start.eq_ignore_ascii_case(word.as_bytes()) && rest.iter().all(u8::is_ascii_digit))
 }
 
 /// Reads a truth value: `true`/`false`, `yes`/`no`.
@@ -77,13 +97,16 @@ mod tests {
         {
             assert_eq!(number(text.as_bytes(), false), Cell::Number(value));
         }
-        for text in ["", "  ", "nan", "NaN", "NAN", "null", "None", "N/A", "-"] {
+        for text in [
+            "", "  ", "nan", "NaN", "NAN", "null", "None", "N/A", "-", "<NA>", "-1.#IND", "1.#QNAN0", "--.--",
+            "#DIV/0!",
+        ] {
             assert_eq!(number(text.as_bytes(), false), Cell::Missing, "{text}");
         }
-        for text in ["inf", "-Inf", "infinity", "1e999"] {
+        for text in ["inf", "-Inf", "infinity", "1e999", "1.#INF", "-1.#INF00"] {
             assert_eq!(number(text.as_bytes(), false), Cell::Infinite, "{text}");
         }
-        for text in ["x", "1.2.3", "0x1f", "1,5", "12 V", "\u{ff11}"] {
+        for text in ["x", "1.2.3", "0x1f", "1,5", "12 V", "\u{ff11}", "..", "1.#x", "-x-"] {
             assert_eq!(number(text.as_bytes(), false), Cell::Other, "{text}");
         }
         assert_eq!(number(b"1,5", true), Cell::Number(1.5));

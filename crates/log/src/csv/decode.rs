@@ -10,12 +10,15 @@ use std::{
 use fleetfoot_data::{Column, ColumnKind};
 
 use super::{
+    blanks::Delimiter,
     cell::{Cell, boolean, is_missing, is_whole, number},
-    head::{Head, Sort, sort_of},
+    dialect::begins_comment,
+    head::{Head, Sort, is_header_again, sort_of},
     input::{Watched, line_of, read_error, reader},
 };
 use crate::{
     Compression, Error, TimeUnit,
+    dates::{self, DateOrder, Midnights},
     error::shorten,
     stamp,
     store::{Budget, ColumnStore, StoreBuilder},
@@ -46,6 +49,8 @@ pub(super) struct TimeField {
 pub(super) struct Decoded {
     pub store: ColumnStore,
     pub columns: Vec<TableColumn>,
+    /// First rows of the sessions behind the first one: the header stands before each.
+    pub sessions: Vec<usize>,
     pub notes: Vec<String>,
 }
 
@@ -54,6 +59,9 @@ struct Misfit {
     field: usize,
     expected: &'static str,
 }
+
+/// What a date is expected to look like.
+const A_DATE: &str = "a date or a time of the day such as 2011-07-23 13:23:09, 23.07.2011 13:23 or 13:23:09.5";
 
 /// What is said of a last row that cannot be whole.
 const CUT: &str = "the last line was cut off and is left out";
@@ -71,7 +79,10 @@ pub(super) fn decode(mut plan: Plan<'_>, stream: Box<dyn Read>, budget: &Arc<Bud
     // The row before, and whether its values are kept.
     let (mut previous, mut kept) = (csv::ByteRecord::new(), false);
     let expected = plan.head.columns.len();
-    let mut header = plan.head.has_header;
+    let semicolons = plan.head.delimiter != Delimiter::Byte(b';');
+    let mut header = None;
+    let units = plan.head.units.clone();
+    let (mut midnights, mut sessions, mut used) = (Midnights::default(), Vec::new(), 0);
     loop {
         watch.row();
         let more = rows.read_byte_record(&mut record).map_err(|problem| plan.csv_error(problem, number))?;
@@ -80,12 +91,27 @@ pub(super) fn decode(mut plan: Plan<'_>, stream: Box<dyn Read>, budget: &Arc<Bud
             break;
         }
         kept = false;
-        if std::mem::take(&mut header) {
+        if record.get(0).is_some_and(|cell| begins_comment(cell, semicolons)) {
             continue;
+        }
+        if plan.head.has_header {
+            match &header {
+                None => {
+                    header = Some(record.clone());
+                    continue;
+                }
+                Some(header) if is_header_again(&record, header) => {
+                    sessions.push(used);
+                    continue;
+                }
+                Some(_) if units.as_ref().is_some_and(|units| is_header_again(&record, units)) => continue,
+                Some(_) => {}
+            }
         }
         number += 1;
         let at = record.position().map_or(0, csv::Position::byte);
-        if record.len() != expected {
+        let ends_blank = || record.iter().skip(expected).all(|cell| cell.trim_ascii().is_empty());
+        if record.len() < expected || !ends_blank() {
             if record.len() == 1 && record[0].trim_ascii().is_empty() {
                 continue;
             }
@@ -97,7 +123,7 @@ pub(super) fn decode(mut plan: Plan<'_>, stream: Box<dyn Read>, budget: &Arc<Bud
             }
             return Err(plan.ragged(at, found));
         }
-        let stamp = plan.stamp(&record).and_then(|stamp| {
+        let stamp = plan.stamp(&record, &mut midnights).and_then(|stamp| {
             for (decoder, value) in columns.iter_mut().zip(&mut values) {
                 *value = decoder.cell(&record[decoder.field], plan.head.decimal_comma)?;
             }
@@ -116,13 +142,20 @@ pub(super) fn decode(mut plan: Plan<'_>, stream: Box<dyn Read>, budget: &Arc<Bud
         };
         columns.iter_mut().for_each(|decoder| decoder.place(at, &record));
         store.push(stamp, &values)?;
+        used += 1;
         std::mem::swap(&mut record, &mut previous);
         kept = true;
         if number % 1024 == 0 {
             check_categories(&plan, &columns)?;
         }
     }
-    finish(&plan, columns, store, notes)
+    sessions.retain(|&first| 0 < first && first < used);
+    sessions.dedup();
+    if !sessions.is_empty() {
+        notes.push(format!("its header comes again {} times: sessions one after another", sessions.len()));
+    }
+    let decoded = finish(&plan, columns, store, notes)?;
+    Ok(Decoded { sessions, ..decoded })
 }
 
 fn finish(
@@ -134,7 +167,7 @@ fn finish(
     check_categories(plan, &columns)?;
     notes.extend(columns.iter().filter_map(|decoder| plan.infinite(decoder)));
     let columns = columns.into_iter().map(|decoder| decoder.finish(&plan.head)).collect();
-    Ok(Decoded { store: store.finish()?, columns, notes })
+    Ok(Decoded { store: store.finish()?, columns, sessions: Vec::new(), notes })
 }
 
 fn check_categories(plan: &Plan<'_>, columns: &[Decoder]) -> Result<(), Error> {
@@ -148,7 +181,7 @@ fn check_categories(plan: &Plan<'_>, columns: &[Decoder]) -> Result<(), Error> {
 }
 
 impl Plan<'_> {
-    fn stamp(&self, record: &csv::ByteRecord) -> Result<i64, Misfit> {
+    fn stamp(&self, record: &csv::ByteRecord, midnights: &mut Midnights) -> Result<i64, Misfit> {
         let mut sum = 0i64;
         for time in &self.time {
             let stamp = Some(self.part_of_stamp(record, *time)?).filter(|&stamp| stamp != MISSING);
@@ -157,16 +190,18 @@ impl Plan<'_> {
                 None => return Ok(MISSING),
             }
         }
-        Ok(sum)
+        // Beside a date, a time of the day passes no midnight.
+        let is_time_of_day = matches!(self.time[..], [TimeField { sort: Sort::Date(_), .. }]);
+        Ok(if is_time_of_day { midnights.pass(sum) } else { sum })
     }
 
     fn part_of_stamp(&self, record: &csv::ByteRecord, time: TimeField) -> Result<i64, Misfit> {
         let TimeField { field, unit, sort } = time;
         let cell = record[field].trim_ascii();
-        let date = sort == Sort::Date;
+        let date = matches!(sort, Sort::Date(_));
         let parsed = match sort {
-            Sort::Date => stamp::parse_date(cell),
-            Sort::Unknown => stamp::parse_decimal(cell, unit).or_else(|| stamp::parse_date(cell)),
+            Sort::Date(order) => dates::parse(cell, order),
+            Sort::Unknown => stamp::parse_decimal(cell, unit).or_else(|| dates::parse(cell, DateOrder::MonthFirst)),
             _ => stamp::parse_decimal(cell, unit),
         };
         if let Some(stamp) = parsed {
@@ -176,10 +211,7 @@ impl Plan<'_> {
             Cell::Missing | Cell::Infinite => Ok(MISSING),
             // Out of the range of nanoseconds, or with a decimal comma.
             Cell::Number(value) if !date => Ok(stamp::from_f64(value, unit)),
-            _ => Err(Misfit {
-                field,
-                expected: if date { "a date such as 2011-07-23 13:23:09" } else { "a time in numbers" },
-            }),
+            _ => Err(Misfit { field, expected: if date { A_DATE } else { "a time in numbers" } }),
         }
     }
 
@@ -290,10 +322,9 @@ impl Decoder {
                     _ => Err(self.misfit("true or false")),
                 }
             }
-            Sort::Date => {
+            Sort::Date(order) => {
                 self.any = true;
-                let stamp = stamp::parse_date(cell.trim_ascii())
-                    .ok_or_else(|| self.misfit("a date such as 2011-07-23 13:23:09"))?;
+                let stamp = dates::parse(cell, order).ok_or_else(|| self.misfit(A_DATE))?;
                 Ok(stamp::seconds(stamp))
             }
             Sort::Text => {
@@ -323,7 +354,7 @@ impl Decoder {
     fn finish(self, head: &Head) -> TableColumn {
         let kind = match self.sort {
             Sort::Number if self.whole && self.any => ColumnKind::Integer,
-            Sort::Number | Sort::Date | Sort::Unknown => ColumnKind::Float,
+            Sort::Number | Sort::Date(_) | Sort::Unknown => ColumnKind::Float,
             Sort::Boolean => ColumnKind::Boolean,
             Sort::Text => {
                 let mut names: Vec<(usize, Vec<u8>)> =

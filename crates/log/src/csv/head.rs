@@ -5,12 +5,15 @@ use std::{io::Read, path::Path};
 use fleetfoot_data::{Column, ColumnKind};
 
 use super::{
-    blanks::{Delimiter, Separator},
+    blanks::Delimiter,
     cell::{Cell, boolean, is_missing, is_whole, number},
+    dialect::{self, Preamble, begins_comment, text_of, with_tabs},
     input::{self, read_error, reader},
 };
 use crate::{
-    Compression, Error, stamp,
+    Compression, Error,
+    dates::{self, DateOrder},
+    stamp,
     time_column::{Candidate, CandidateKind, split_unit},
 };
 
@@ -19,6 +22,9 @@ const HEAD: usize = 256 << 10;
 /// Rows looked at.
 const SAMPLE: usize = 1000;
 
+/// How the note ends about dates that can be read in two orders.
+const EITHER_ORDER: &str = "the other order of day and month fits its first rows as well";
+
 /// What a column's cells look like.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Sort {
@@ -26,8 +32,8 @@ pub(super) enum Sort {
     Number,
     /// Truth values.
     Boolean,
-    /// Dates.
-    Date,
+    /// Dates, or times of the day.
+    Date(DateOrder),
     /// Texts.
     Text,
     /// Nothing was there yet: the first cell that says something decides.
@@ -42,6 +48,10 @@ pub(super) struct Head {
     pub skipped: u64,
     pub delimiter: Delimiter,
     pub has_header: bool,
+    /// The row of units under the header.
+    pub units: Option<csv::ByteRecord>,
+    /// Columns whose dates may be read in the other order of day and month as well.
+    pub either_order: Vec<usize>,
     pub columns: Vec<Column>,
     pub sorts: Vec<Sort>,
     pub decimal_comma: bool,
@@ -58,16 +68,18 @@ pub(super) fn read(path: &Path, compression: Compression, stream: &mut dyn Read)
     }
     let complete = bytes.len() < HEAD;
     check_text(path, &bytes)?;
-    let begin = skip_preamble(&bytes);
+    let Preamble { begin, delimiter: named } = dialect::preamble(&bytes);
     bytes.drain(..begin);
     if bytes.is_empty() {
         return Err(Error::NoRows { path: path.into() });
     }
-    let delimiter = sniff_delimiter(&bytes, complete);
+    let delimiter = named.map_or_else(|| sniff_delimiter(&bytes, complete), Delimiter::Byte);
     let mut records = match delimiter {
         Delimiter::Byte(byte) => parse(&bytes, byte, SAMPLE + 1, complete),
         Delimiter::Blanks => parse(&with_tabs(&bytes), delimiter.byte(), SAMPLE + 1, complete),
     };
+    let semicolons = delimiter != Delimiter::Byte(b';');
+    records.retain(|record| !record.get(0).is_some_and(|cell| begins_comment(cell, semicolons)));
     if records.is_empty() {
         let problem = "its first line is longer than 256 KiB".into();
         return Err(Error::WrongFormat { path: path.into(), problem, mend: "check that it is delimited text" });
@@ -75,14 +87,25 @@ pub(super) fn read(path: &Path, compression: Compression, stream: &mut dyn Read)
     let first = records.remove(0);
     let decimal_comma = delimiter != Delimiter::Byte(b',') && writes_comma(&records);
     let has_header = first.iter().any(|cell| {
-        !is_missing(cell) && number(cell, decimal_comma) == Cell::Other && stamp::parse_date(cell).is_none()
+        !is_missing(cell) && number(cell, decimal_comma) == Cell::Other && dates::parse_any(cell).is_none()
     });
     let mut notes = Vec::new();
+    records.retain(|record| !has_header || !is_header_again(record, &first));
+    let second = if has_header { records.first().cloned() } else { None };
+    let below: Vec<_> = records.iter().filter(|record| second.as_ref() != Some(record)).cloned().collect();
+    let units = second.as_ref().and_then(|row| dialect::units(row, &below, decimal_comma));
+    if units.is_some() {
+        records = below;
+        notes.push("the row under its header is read as the units of its columns".into());
+    }
     if delimiter == Delimiter::Blanks {
         notes.push("its columns are separated by blanks".into());
     }
     let columns = if has_header {
-        first.iter().enumerate().map(|(i, cell)| header_column(i, cell)).collect()
+        let named = dialect::named_columns(&first, &records);
+        let unit = |i: usize| units.as_ref().and_then(|units| units.get(i)?.clone());
+        let names = first.iter().enumerate().take(named);
+        names.map(|(i, cell)| header_column(i, cell, unit(i))).collect()
     } else {
         notes.push(format!("no header: the columns are called c0 to c{}", first.len().saturating_sub(1)));
         (0..first.len()).map(|i| Column::float(format!("c{i}"))).collect::<Vec<_>>()
@@ -94,13 +117,24 @@ pub(super) fn read(path: &Path, compression: Compression, stream: &mut dyn Read)
         records.insert(0, first);
     }
     records.truncate(SAMPLE);
-    let sorts =
-        (0..columns.len()).map(|c| sort(records.iter().filter_map(|record| record.get(c)), decimal_comma)).collect();
+    let cells = |c: usize| records.iter().filter_map(move |record| record.get(c));
+    let sorts: Vec<Sort> = (0..columns.len()).map(|c| sort(cells(c), decimal_comma)).collect();
+    let mut either_order = Vec::new();
+    for (c, sort) in sorts.iter().enumerate() {
+        if let Sort::Date(order) = sort
+            && DateOrder::of(cells(c).filter(|cell| !is_missing(cell))).1
+        {
+            either_order.push(c);
+            notes.push(format!("the dates of `{}` are read {}: {EITHER_ORDER}", columns[c].name, order.words()));
+        }
+    }
     Ok(Head {
         bytes,
         skipped: begin as u64,
         delimiter,
         has_header,
+        units: second.filter(|_| units.is_some()),
+        either_order,
         columns,
         sorts,
         decimal_comma,
@@ -115,7 +149,7 @@ impl Head {
         let kind = |c: usize| match self.sorts[c] {
             Sort::Number if self.cells(c).all(is_whole) => CandidateKind::Integer,
             Sort::Number => CandidateKind::Float,
-            Sort::Date => CandidateKind::Time,
+            Sort::Date(_) => CandidateKind::Time,
             // Its name may still say that it is the clock.
             Sort::Unknown => CandidateKind::Float,
             _ => CandidateKind::Other,
@@ -131,7 +165,7 @@ impl Head {
     /// The first values of a column: numbers as they are, dates in seconds.
     pub(super) fn values(&self, c: usize) -> Vec<f64> {
         let value = |cell: &[u8]| match (self.sorts[c], number(cell, self.decimal_comma)) {
-            (Sort::Date, _) => stamp::parse_date(cell.trim_ascii()).map_or(f64::NAN, stamp::seconds),
+            (Sort::Date(order), _) => dates::parse(cell, order).map_or(f64::NAN, stamp::seconds),
             (_, Cell::Number(value)) => value,
             _ => f64::NAN,
         };
@@ -143,12 +177,23 @@ impl Head {
         self.sample.iter().filter_map(move |record| record.get(c)).filter(|cell| !is_missing(cell))
     }
 
+    /// Reads the dates that fit both orders of day and month in the other one; `false` where there are none.
+    pub(super) fn turn_dates(&mut self) -> bool {
+        for &c in &self.either_order {
+            if let Sort::Date(order) = &mut self.sorts[c] {
+                *order = order.other();
+            }
+        }
+        self.notes.retain(|note| !note.ends_with(EITHER_ORDER));
+        !self.either_order.is_empty()
+    }
+
     /// What a column is, as far as the first rows tell.
     pub(super) fn kind(&self, c: usize) -> ColumnKind {
         let mut cells = self.sample.iter().filter_map(|record| record.get(c)).filter(|cell| !is_missing(cell));
         match self.sorts[c] {
             Sort::Number if cells.all(is_whole) => ColumnKind::Integer,
-            Sort::Number | Sort::Date | Sort::Unknown => ColumnKind::Float,
+            Sort::Number | Sort::Date(_) | Sort::Unknown => ColumnKind::Float,
             Sort::Boolean => ColumnKind::Boolean,
             Sort::Text => ColumnKind::Category(Vec::new()),
         }
@@ -159,7 +204,7 @@ impl Head {
 fn check_text(path: &Path, bytes: &[u8]) -> Result<(), Error> {
     let wrong = |problem: &str, mend| Err(Error::WrongFormat { path: path.into(), problem: problem.into(), mend });
     match bytes {
-        [] => wrong("the file is empty", "record or copy it again"),
+        [] => wrong("the file is empty, or holds zero bytes alone", "record or copy it again"),
         [b'P', b'A', b'R', b'1', ..] => wrong("this is a Parquet file, not text", "rename it to end in .parquet"),
         [0x1f, 0x8b, ..] => wrong("this is gzip inside", "rename it to end in .gz, or decompress it"),
         [0x28, 0xb5, 0x2f, 0xfd, ..] => wrong("this is Zstandard inside", "rename it to end in .zst, or decompress it"),
@@ -171,59 +216,17 @@ fn check_text(path: &Path, bytes: &[u8]) -> Result<(), Error> {
     }
 }
 
-/// Skips a byte order mark, blank lines and comment lines; a comment right above the rows that has as many fields as they is their header.
-/// Returns where the header or the first row begins.
-fn skip_preamble(bytes: &[u8]) -> usize {
-    let mut at = if bytes.starts_with(&[0xef, 0xbb, 0xbf]) { 3 } else { 0 };
-    let mut comment = None;
-    while at < bytes.len() {
-        let line = bytes[at..].split_inclusive(|&byte| byte == b'\n').next().unwrap_or_default();
-        let text = line.trim_ascii();
-        if text.first() == Some(&b'#') {
-            comment = Some((at, text));
-        } else if !text.is_empty() {
-            if let Some((start, header)) = comment
-                && is_header_of(header, text)
-            {
-                let marks = bytes[start..].iter().take_while(|&&byte| matches!(byte, b'#' | b' ' | b'\t')).count();
-                return start + marks;
-            }
-            break;
-        }
-        at += line.len();
-    }
-    at
-}
-
-/// Whether a comment names the columns of the numbers below it.
-fn is_header_of(comment: &[u8], row: &[u8]) -> bool {
-    let fields = |line: &[u8], delimiter: u8| line.split(|&byte| byte == delimiter).count();
-    let agree = |comment: &[u8], row: &[u8], delimiter: u8| {
-        let count = fields(row, delimiter);
-        count > 1
-            && fields(comment, delimiter) == count
-            && row.split(|&byte| byte == delimiter).all(|cell| number(cell, delimiter != b',') != Cell::Other)
-    };
-    let names = comment.trim_ascii_start().strip_prefix(b"#").unwrap_or(comment).trim_ascii();
-    [b',', b';', b'\t'].into_iter().any(|delimiter| agree(comment, row, delimiter))
-        || agree(&with_tabs(names), &with_tabs(row), b'\t')
-}
-
-/// Text in which tabs stand for the runs of blanks between cells.
-fn with_tabs(bytes: &[u8]) -> Vec<u8> {
-    let mut bytes = bytes.to_vec();
-    Separator::new().convert(&mut bytes, true);
-    bytes
-}
-
-fn header_column(index: usize, cell: &[u8]) -> Column {
-    // A header that is not UTF-8 is Latin-1: its degree signs and micros are then right.
-    let text = match std::str::from_utf8(cell) {
-        Ok(text) => text.trim().to_owned(),
-        Err(_) => cell.iter().map(|&byte| char::from(byte)).collect::<String>().trim().to_owned(),
-    };
-    let unit = split_unit(&text).1.map(str::to_owned);
+fn header_column(index: usize, cell: &[u8], unit: Option<String>) -> Column {
+    let text = text_of(cell);
+    let text = text.trim().to_owned();
+    let unit = unit.or_else(|| split_unit(&text).1.map(str::to_owned));
     Column { unit, ..Column::float(if text.is_empty() { format!("c{index}") } else { text }) }
+}
+
+/// Whether a row is the header once more: another session of the same logger follows.
+pub(super) fn is_header_again(record: &csv::ByteRecord, header: &csv::ByteRecord) -> bool {
+    let cell = |record: &csv::ByteRecord, c: usize| record.get(c).map(|cell| cell.trim_ascii().to_vec());
+    record.len() == header.len() && (0..header.len()).all(|c| cell(record, c) == cell(header, c))
 }
 
 /// Rows that tell the delimiter.
@@ -238,7 +241,7 @@ fn sniff_delimiter(bytes: &[u8], complete: bool) -> Delimiter {
         let Some(fields) = records.first().map(csv::ByteRecord::len).filter(|&fields| fields > 1) else {
             continue;
         };
-        let agreeing = records.iter().filter(|record| record.len() == fields).count();
+        let agreeing = records.iter().filter(|record| as_long(record, &records[0])).count();
         let score = agreeing * 1000 / records.len() * 10_000 + fields.min(9999);
         if score > best.0 {
             best = (score, delimiter);
@@ -246,7 +249,7 @@ fn sniff_delimiter(bytes: &[u8], complete: bool) -> Delimiter {
     }
     let plain = parse(bytes, best.1, SNIFFED, complete);
     // A comma in the decimals of numbers, a tab among blanks: rows that do not agree are separated by something else.
-    let agree = |records: &[csv::ByteRecord]| records.iter().all(|record| record.len() == records[0].len());
+    let agree = |records: &[csv::ByteRecord]| records.iter().all(|record| as_long(record, &records[0]));
     if best.0 > 0 && agree(&plain) {
         return Delimiter::Byte(best.1);
     }
@@ -255,6 +258,13 @@ fn sniff_delimiter(bytes: &[u8], complete: bool) -> Delimiter {
     let numbers = cells().filter(|cell| number(cell, true) != Cell::Other).count();
     let separated = records.first().is_some_and(|record| record.len() > 1) && agree(&records);
     if separated && 2 * numbers > cells().count() { Delimiter::Blanks } else { Delimiter::Byte(best.1) }
+}
+
+/// Whether two rows have as many cells, but for a delimiter at the end of one of them.
+fn as_long(record: &csv::ByteRecord, first: &csv::ByteRecord) -> bool {
+    let (short, long) = if record.len() < first.len() { (record, first) } else { (first, record) };
+    let is_end = || long.iter().next_back().is_some_and(|cell| cell.trim_ascii().is_empty());
+    short.len() == long.len() || short.len() + 1 == long.len() && is_end()
 }
 
 /// Complete rows at the beginning of some bytes.
@@ -281,15 +291,17 @@ fn writes_comma(records: &[csv::ByteRecord]) -> bool {
     with > point
 }
 
-fn sort<'a>(cells: impl Iterator<Item = &'a [u8]>, decimal_comma: bool) -> Sort {
+/// What the cells of a column look like.
+pub(super) fn sort<'a>(cells: impl Iterator<Item = &'a [u8]> + Clone, decimal_comma: bool) -> Sort {
     let (mut numbers, mut truths, mut dates, mut all) = (0, 0, 0, 0);
-    for cell in cells.filter(|cell| !is_missing(cell)) {
+    let present = || cells.clone().filter(|cell| !is_missing(cell));
+    for cell in present() {
         // Infinities are missing values, but they are numbers.
         all += 1;
         match sort_of(cell, decimal_comma) {
             Sort::Number => numbers += 1,
             Sort::Boolean => truths += 1,
-            Sort::Date => dates += 1,
+            Sort::Date(_) => dates += 1,
             _ => {}
         }
     }
@@ -300,7 +312,7 @@ fn sort<'a>(cells: impl Iterator<Item = &'a [u8]>, decimal_comma: bool) -> Sort 
     } else if 2 * numbers >= all {
         Sort::Number
     } else if 2 * dates >= all {
-        Sort::Date
+        Sort::Date(DateOrder::of(present().filter(|cell| dates::parse_any(cell).is_some())).0)
     } else {
         Sort::Text
     }
@@ -312,8 +324,10 @@ pub(super) fn sort_of(cell: &[u8], decimal_comma: bool) -> Sort {
         Sort::Number
     } else if boolean(cell).is_some() {
         Sort::Boolean
-    } else if stamp::parse_date(cell.trim_ascii()).is_some() {
-        Sort::Date
+    } else if dates::parse(cell, DateOrder::MonthFirst).is_some() {
+        Sort::Date(DateOrder::MonthFirst)
+    } else if dates::parse(cell, DateOrder::DayFirst).is_some() {
+        Sort::Date(DateOrder::DayFirst)
     } else {
         Sort::Text
     }

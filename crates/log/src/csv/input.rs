@@ -13,15 +13,73 @@ use crate::{Compression, Error};
 /// Bytes that one row may have; more means an unclosed quote or no text at all.
 const MAX_ROW: usize = 64 << 20;
 
-/// Opens a file and decompresses it.
+/// Opens a file and decompresses it; zero bytes at its end are left out.
 pub(super) fn open(path: &Path, compression: Compression) -> Result<Box<dyn Read>, Error> {
     let io = |source| Error::Io { path: path.into(), action: "read", source };
     let file = File::open(path).map_err(io)?;
+    let buffered = |file| BufReader::with_capacity(1 << 16, file);
     Ok(match compression {
-        Compression::None => Box::new(file),
-        Compression::Gzip => Box::new(flate2::bufread::MultiGzDecoder::new(BufReader::with_capacity(1 << 16, file))),
-        Compression::Zstd => Box::new(zstd::Decoder::new(file).map_err(io)?),
+        Compression::None => Box::new(WithoutZeroTail::new(file)),
+        Compression::Gzip => Box::new(WithoutZeroTail::new(flate2::bufread::MultiGzDecoder::new(buffered(file)))),
+        Compression::Zstd => Box::new(WithoutZeroTail::new(zstd::Decoder::new(file).map_err(io)?)),
     })
+}
+
+/// Leaves out the zero bytes at the end of a file: a logger that lost its power leaves the rest of its file like this. Zeros before other bytes come through.
+struct WithoutZeroTail<R> {
+    inner: R,
+    /// What was read: `held` zeros, and then the bytes from `given` on.
+    held: usize,
+    bytes: Vec<u8>,
+    given: usize,
+}
+
+/// Bytes read at once.
+const PIECE: usize = 1 << 16;
+
+impl<R: Read> WithoutZeroTail<R> {
+    fn new(inner: R) -> Self {
+        Self { inner, held: 0, bytes: Vec::new(), given: 0 }
+    }
+
+    /// Reads on until something else than a zero is there, or the end.
+    fn fill(&mut self) -> io::Result<()> {
+        while self.given == self.bytes.len() {
+            self.bytes.resize(PIECE, 0);
+            self.given = 0;
+            let read = self.inner.read(&mut self.bytes);
+            self.bytes.truncate(*read.as_ref().unwrap_or(&0));
+            if read? == 0 {
+                self.held = 0;
+                return Ok(());
+            }
+            let zeros = self.bytes.iter().take_while(|&&byte| byte == 0).count();
+            self.held += zeros;
+            self.given = zeros;
+        }
+        Ok(())
+    }
+}
+
+impl<R: Read> Read for WithoutZeroTail<R> {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        self.fill()?;
+        if self.held > 0 {
+            let count = self.held.min(out.len());
+            out[..count].fill(0);
+            self.held -= count;
+            return Ok(count);
+        }
+        let left = &self.bytes[self.given..];
+        // Up to the next zero: what follows may be the end.
+        let count = left.iter().take(out.len()).take_while(|&&byte| byte != 0).count();
+        out[..count].copy_from_slice(&left[..count]);
+        self.given += count;
+        let zeros = self.bytes[self.given..].iter().take_while(|&&byte| byte == 0).count();
+        self.given += zeros;
+        self.held += zeros;
+        Ok(count)
+    }
 }
 
 /// Reads on and remembers: how much since the last row, and the last byte.
@@ -118,4 +176,45 @@ pub(super) fn reader<R: Read>(input: R, delimiter: u8) -> csv::Reader<R> {
         .comment(Some(b'#'))
         .buffer_capacity(1 << 16)
         .from_reader(input)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Hands out a few bytes at a time.
+    struct Slow<'a>(&'a [u8], usize);
+
+    impl Read for Slow<'_> {
+        fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+            let count = self.1.min(out.len()).min(self.0.len());
+            out[..count].copy_from_slice(&self.0[..count]);
+            self.0 = &self.0[count..];
+            Ok(count)
+        }
+    }
+
+    #[test]
+    fn zeros_at_the_end_are_left_out_and_others_are_not() {
+        for (bytes, expected) in [
+            (&b"a,b\n1,2\n\0\0\0\0"[..], &b"a,b\n1,2\n"[..]),
+            (b"\0\0a\0\0b\0", b"\0\0a\0\0b"),
+            (b"\0\0\0", b""),
+            (b"abc", b"abc"),
+            (b"", b""),
+        ] {
+            for piece in [1, 2, 3, 100] {
+                let mut found = Vec::new();
+                WithoutZeroTail::new(Slow(bytes, piece)).read_to_end(&mut found).unwrap();
+                assert_eq!(found, expected, "{piece} bytes at a time");
+                let mut found = Vec::new();
+                let mut one = [0];
+                let mut reader = WithoutZeroTail::new(Slow(bytes, piece));
+                while reader.read(&mut one).unwrap() == 1 {
+                    found.push(one[0]);
+                }
+                assert_eq!(found, expected, "{piece} bytes at a time, one by one");
+            }
+        }
+    }
 }

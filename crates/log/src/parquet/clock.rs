@@ -8,7 +8,7 @@ use super::{
     leaf::{Leaf, Meaning, Rule},
 };
 use crate::{
-    TimeSpec, TimeUnit, stamp,
+    TimeSpec, TimeUnit, dates, stamp,
     table::MISSING,
     time_column::{self, Candidate, CandidateKind, Clock},
 };
@@ -55,7 +55,7 @@ fn sample_dates(file: &ParquetFile, leaf: &Leaf) -> bool {
     let (mut dates, mut others) = (0, 0);
     first_rows(file, leaf, |decoder, rows| {
         decoder.texts(rows.min(8), |text| {
-            *if stamp::parse_date(text.trim_ascii()).is_some() { &mut dates } else { &mut others } += 1
+            *if dates::parse_certain(text).is_some() { &mut dates } else { &mut others } += 1
         })
     });
     dates > others

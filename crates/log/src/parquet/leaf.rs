@@ -10,7 +10,7 @@ use parquet::{
 };
 
 use super::arrow_schema::ArrowField;
-use crate::{TimeUnit, stamp, table::MISSING};
+use crate::{TimeUnit, dates, stamp, table::MISSING};
 
 /// What a leaf holds.
 #[derive(Debug, Clone, PartialEq)]
@@ -217,7 +217,7 @@ impl Word for i64 {
 
     fn from_text(text: &[u8], rule: &Rule) -> Self {
         let text = text.trim_ascii();
-        stamp::parse_date(text).or_else(|| stamp::parse_decimal(text, rule.unit)).unwrap_or(MISSING)
+        dates::parse_certain(text).or_else(|| stamp::parse_decimal(text, rule.unit)).unwrap_or(MISSING)
     }
 }
 

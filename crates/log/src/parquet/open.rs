@@ -132,12 +132,7 @@ pub(crate) fn clock(path: &Path, spec: &TimeSpec) -> Result<Option<Clock>, Error
     Ok(find_clock(&file, &leaves, spec))
 }
 
-fn open_clock(
-    file: &ParquetFile,
-    all: &[Leaf],
-    names: &ByName<'_>,
-    spec: &TimeSpec,
-) -> Result<Option<Clock>, Error> {
+fn open_clock(file: &ParquetFile, all: &[Leaf], names: &ByName<'_>, spec: &TimeSpec) -> Result<Option<Clock>, Error> {
     if matches!(spec, TimeSpec::Uniform { .. }) {
         return Ok(None);
     }

@@ -262,3 +262,130 @@ fn inspection_of_text() {
     assert_eq!(info.rows, Some(3));
     assert_eq!(info.columns[3].statistics, None);
 }
+
+#[test]
+fn dialects_of_loggers_and_spreadsheets() {
+    let folder = Folder::new();
+    let expected = (vec![0, 10_000_000, 20_000_000], vec![vec![1.5, -2.0, 3e3], vec![0.0, 1.0, 2.0]]);
+    let texts = [
+        // Delimiters at the ends of rows, in the header or not.
+        "t,x,n\n0,1.5,0,\n0.01,-2,1,\n0.02,3e3,2,\n",
+        "t,x,n,\n0,1.5,0,\n0.01,-2,1,\n0.02,3e3,2,\n",
+        "t,x,n,\n0,1.5,0\n0.01,-2,1\n0.02,3e3,2\n",
+        "t, x, n\n0, 1.5, 0,\n0.01, -2, 1,\n0.02, 3e3, 2,\n",
+        "t;x;n;;\n0;1,5;0;;\n0,01;-2;1;;\n0,02;3e3;2;;\n",
+        // A row of units.
+        "t,x,n\ns,m/s,-\n0,1.5,0\n0.01,-2,1\n0.02,3e3,2\n",
+        "t,x,n\n[ms],(m/s),\n0,1.5,0\n10,-2,1\n20,3e3,2\n",
+        // Excel's first line.
+        "sep=;\r\nt;x;n\r\n0;1.5;0\r\n0.01;-2;1\r\n0.02;3e3;2\r\n",
+        "\u{feff}SEP=\t\nt\tx\tn\n0\t1.5\t0\n0.01\t-2\t1\n0.02\t3e3\t2\n",
+        // Comments.
+        "% run 3\n%\n; by hand\n// of today\nt,x,n\n0,1.5,0\n% in between\n0.01,-2,1\n// and\n; here, too\n0.02,3e3,2\n",
+        "% t, x, n\n0,1.5,0\n0.01,-2,1\n0.02,3e3,2\n",
+        "%t x n\n0 1.5 0\n0.01 -2 1\n% so far\n0.02 3e3 2\n",
+        // A logger that lost its power.
+        "t,x,n\n0,1.5,0\n0.01,-2,1\n0.02,3e3,2\n\0\0\0\0\0\0",
+    ];
+    for (i, text) in texts.iter().enumerate() {
+        let recording = open_one(&folder.file(&format!("{i}.csv"), text), &["x", "n"]).unwrap();
+        assert_eq!(read(&recording), expected, "{text:?}");
+    }
+    let path = folder.file("units.csv", texts[5]);
+    let columns = inspect(&path).unwrap().columns;
+    let units: Vec<_> = columns.iter().map(|column| column.unit.as_deref()).collect();
+    assert_eq!(units, [Some("s"), Some("m/s"), None]);
+    // Delimiters at the ends of rows are no columns, and a cell beyond the last column is an error.
+    for text in &texts[..5] {
+        assert_eq!(inspect(folder.file("ends.csv", text)).unwrap().columns.len(), 3, "{text:?}");
+    }
+    let message = message(&folder.file("beyond.csv", "t,x\n0.5,1,\n1.5,2,3\n"), &["x"]);
+    assert!(message.contains(".csv:3:") && message.contains("3 fields"), "{message}");
+    // A first semicolon may be an empty cell, and a first row of words a row of values.
+    let recording = open_one(&folder.file("first.csv", "x;t\n;0.0\n;0.5\n2;1.0\n"), &["x"]).unwrap();
+    assert!(read(&recording).1[0][0].is_nan() && read(&recording).1[0][2] == 2.0);
+    let recording = open_one(&folder.file("words.csv", "ground,x\nsand,\ngrass,1\nsand,2\n"), &["ground"]);
+    assert!(matches!(recording, Err(Error::NoTimeColumn { .. })));
+    let uniform = Selection { time: TimeSpec::Uniform { dt_seconds: 1.0 }, ..Selection::new(["ground"]) };
+    assert_eq!(open(&[folder.0.path().join("words.csv")], &uniform).unwrap().episodes()[0].rows, 3);
+}
+
+#[test]
+fn a_header_in_a_comment_above_rows_with_words() {
+    let folder = Folder::new();
+    // `rostopic echo -p` writes its header like this.
+    let text = "%time,field.header.frame_id,field.x\n1700000000000000000,odom,1.5\n1700000000050000000,odom,2.5\n";
+    let recording = open_one(&folder.file("a.csv", text), &["field.x"]).unwrap();
+    assert_eq!(read(&recording), (vec![1_700_000_000_000_000_000, 1_700_000_000_050_000_000], vec![vec![1.5, 2.5]]));
+    // A remark with as many commas is no header where one follows.
+    let text = "# made by hand, version 2\nt,x\n0.0,1\n0.5,2\n";
+    assert_eq!(read(&open_one(&folder.file("b.csv", text), &["x"]).unwrap()).1[0], [1.0, 2.0]);
+}
+
+#[test]
+fn words_for_what_is_missing() {
+    let folder = Folder::new();
+    let text = "t,x\n0.0,1\n0.1,<NA>\n0.2,-1.#IND\n0.3,--.--\n0.4,#DIV/0!\n0.5,1.#QNAN\n0.6,-\n0.7,2\n";
+    let recording = open_one(&folder.file("a.csv", text), &["x"]).unwrap();
+    let (_, columns) = read(&recording);
+    assert_eq!((columns[0][0], columns[0][7]), (1.0, 2.0));
+    assert!(columns[0][1..7].iter().all(|value| value.is_nan()));
+}
+
+#[test]
+fn sessions_one_after_another() {
+    let folder = Folder::new();
+    let text = "t,x\ns,m\n0,1\n0.1,2\n0.2,3\n0.3,4\n0.4,4\n\n# second\nt,x\ns,m\n0,5\n0.1,6\n";
+    let path = folder.file("a.csv", text);
+    let rows = |recording: &Recording| recording.episodes().iter().map(|episode| episode.rows).collect::<Vec<_>>();
+    let recording = open_one(&path, &["x"]).unwrap();
+    assert_eq!(rows(&recording), [5, 2]);
+    assert_eq!(recording.read(1, 0..2, Halo::default()).unwrap().column(0), [5.0, 6.0]);
+    assert!(recording.notes().iter().any(|note| note.contains("sessions")), "{:?}", recording.notes());
+    // Without a clock no derivative goes from one to the next either.
+    let uniform = Selection { time: TimeSpec::Uniform { dt_seconds: 0.5 }, ..Selection::new(["x"]) };
+    let recording = open(&[&path], &uniform).unwrap();
+    assert_eq!(rows(&recording), [5, 2]);
+    assert_eq!((recording.episodes()[1].start, recording.episodes()[1].end), (0, 500_000_000));
+    assert_eq!(recording.read(1, 0..2, Halo::default()).unwrap().column(0), [5.0, 6.0]);
+}
+
+#[test]
+fn dates_of_spreadsheets_and_times_of_the_day_are_clocks() {
+    let folder = Folder::new();
+    let clock = |cells: &[&str]| {
+        let rows: String = cells.iter().enumerate().map(|(i, cell)| format!("\"{cell}\",{i}\n")).collect();
+        let recording = open_one(&folder.file("a.csv", format!("time,x\n{rows}")), &["x"]).unwrap();
+        let seconds = |stamp: i64| stamp as f64 / 1e9;
+        let episodes =
+            recording.episodes().iter().map(|one| (one.rows, seconds(one.end - one.start))).collect::<Vec<_>>();
+        (seconds(recording.episodes()[0].start), episodes, recording.notes().join("\n"))
+    };
+    let hour = 3600.0;
+    let new_year = 1_609_459_200.0;
+    let (start, episodes, notes) = clock(&["1/1/2021 0:00", "1/1/2021 1:00", "1/1/2021 2:00"]);
+    assert_eq!((start, episodes, notes.as_str()), (new_year, vec![(3, 2.0 * hour)], ""));
+    let (start, episodes, _) = clock(&["29/09/2020 13:45", "29/09/2020 13:46", "29/09/2020 13:47"]);
+    assert_eq!((start, episodes), (1_601_387_100.0, vec![(3, 120.0)]));
+    let (start, episodes, _) = clock(&["04.05.2021 09:00", "04.05.2021 09:01", "04.05.2021 09:02"]);
+    assert_eq!((start, episodes), (1_620_118_800.0, vec![(3, 120.0)]));
+    // A time of the day passes midnight.
+    let (start, episodes, _) =
+        clock(&["23:59:57.5", "23:59:58", "23:59:58.5", "23:59:59", "23:59:59.5", "00:00:00", "0:00:00.5"]);
+    assert_eq!((start, episodes), (86_397.5, vec![(7, 3.0)]));
+    let (_, episodes, _) = clock(&["12:00:01.5", "12:00:02", "12:00:02.5"]);
+    assert_eq!(episodes, [(3, 1.0)]);
+    let (start, episodes, _) = clock(&["0 days 00:00:00", "0 days 00:00:00.050000", "0 days 00:00:00.100000"]);
+    assert_eq!((start, episodes), (0.0, vec![(3, 0.1)]));
+    // Day or month first is a guess here, and is told; a later row decides.
+    let many = |last: &str| {
+        let mut cells: Vec<String> = (0..1_200).map(|i| format!("04/05/2021 {:02}:{:02}:00", i / 60, i % 60)).collect();
+        cells.push(last.to_owned());
+        clock(&cells.iter().map(String::as_str).collect::<Vec<_>>())
+    };
+    let (april, may) = (1_617_580_800.0, 1_620_086_400.0);
+    let (start, _, notes) = many("04/05/2021 20:00:00");
+    assert!(start == april && notes.contains("month first"), "{start} {notes}");
+    let (start, episodes, notes) = many("13/05/2021 20:00:00");
+    assert_eq!((start, episodes[0], notes.contains("order of day")), (may, (1_200, 1_199.0 * 60.0), false));
+}
