@@ -3,7 +3,7 @@
 use std::{
     fs::{self, File},
     io::Read,
-    path::{Path, PathBuf},
+    path::{Component, Path, PathBuf},
 };
 
 use granit_parser::{Event, Parser, ScalarStyle};
@@ -142,6 +142,11 @@ pub(crate) fn files(folder: &Path) -> Result<Vec<(PathBuf, Compression)>, Error>
         .relative_file_paths
         .iter()
         .map(|name| {
+            let inside = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
+            if !Path::new(name).components().all(inside) {
+                let mend = "copy the file into the folder, and name it without a path in the list";
+                return Err(damaged("relative_file_paths", format!("{name} is not in the folder"), mend));
+            }
             let file = locate(folder, name).ok_or_else(|| {
                 let problem = format!("{name} does not exist");
                 damaged("relative_file_paths", problem, "copy the file beside it, or remove its line from the list")
@@ -229,6 +234,20 @@ mod tests {
         assert_eq!(files(bag(&["a.mcap"], elsewhere).path()).unwrap().len(), 1);
         for broken in ["  relative_file_paths: [a\n", "  relative_file_paths: {a: 1}\n", "\t- x", "  a: *b\n"] {
             assert!(matches!(files(bag(&[], broken).path()), Err(Error::Damaged { .. })), "{broken}");
+        }
+    }
+
+    #[test]
+    fn files_outside_of_the_folder_are_refused() {
+        let outside = tempfile::tempdir().unwrap();
+        let secret = outside.path().join("a.mcap");
+        fs::write(&secret, "x").unwrap();
+        let absolute = secret.display().to_string();
+        for name in ["../a.mcap", "run/../../a.mcap", absolute.as_str(), "/a.mcap"] {
+            let information = format!("  storage_identifier: mcap\n  relative_file_paths: [{name}]\n");
+            // A file of that name in the folder is none that the list names.
+            let text = message(&bag(&["a.mcap"], &information));
+            assert!(text.contains("is not in the folder") && text.contains(name), "{text}");
         }
     }
 

@@ -101,7 +101,7 @@ impl TimeUnit {
 
     /// Seconds in one unit.
     pub(crate) fn seconds(self) -> f64 {
-        self.nanoseconds() as f64 * 1e-9
+        self.nanoseconds() as f64 / 1e9
     }
 
     /// `s`, `ms`, `us`, `ns`.

@@ -21,8 +21,12 @@ pub struct TopicInfo {
     pub start: Option<i64>,
     /// Stamp of the last message, nanoseconds.
     pub end: Option<i64>,
-    /// Messages a second: the inverse of the median period where the file has an index, else the mean.
+    /// Messages a second, from the first to the last.
     pub rate: Option<f64>,
+    /// The median deviation of the periods from their median, seconds, where the file has an index.
+    pub jitter: Option<f64>,
+    /// Groups of messages less than a tenth of the mean period apart, where the file has an index.
+    pub bursts: Option<usize>,
     /// Gaps longer than five median periods, where the file has an index.
     pub gaps: Option<usize>,
     /// The longest gap, seconds, where the file has an index.

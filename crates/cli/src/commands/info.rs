@@ -51,7 +51,18 @@ fn log_to_text(info: &FileInfo) -> String {
         count(info.topics.len(), "topic"),
         count(info.columns.len(), "field")
     );
-    let header = ["topic", "type", "encoding", "messages", "rate (Hz)", "gaps", "longest (s)", "log - header (s)"];
+    let header = [
+        "topic",
+        "type",
+        "encoding",
+        "messages",
+        "rate (Hz)",
+        "jitter (s)",
+        "bursts",
+        "gaps",
+        "longest (s)",
+        "log - header (s)",
+    ];
     let rows = info.topics.iter().map(topic_row).collect();
     text.push('\n');
     text.push_str(&table(&header, rows));
@@ -92,6 +103,8 @@ fn topic_row(topic: &TopicInfo) -> Vec<String> {
         encoding,
         topic.messages.map(|count| count.to_string()).unwrap_or_default(),
         topic.rate.map(number).unwrap_or_default(),
+        topic.jitter.map(number).unwrap_or_default(),
+        topic.bursts.map(|bursts| bursts.to_string()).unwrap_or_default(),
         topic.gaps.map(|gaps| gaps.to_string()).unwrap_or_default(),
         topic.largest_gap.map(number).unwrap_or_default(),
         offset,

@@ -30,11 +30,19 @@ pub(crate) fn describe(path: &Path, format: Format, progress: &dyn Progress) -> 
     let (topics, samples, mut notes) = look(container, progress)?;
     let mut columns = Vec::new();
     for (topic, sample) in container.topics().iter().zip(&samples) {
-        columns.extend(sample.tree.fields().iter().map(|field| column(topic, field, false)));
+        columns.extend(sample.tree.fields().iter().map(|field| column(topic, field, None)));
         notes.extend(skipped(topic, &sample.tree));
     }
     tell_damage(container, &mut notes);
     Ok(Description { columns, topics, metadata: container.metadata(), notes })
+}
+
+/// The fields of a topic's messages, and how many could be read and how many not.
+#[derive(Default)]
+struct Counted {
+    tree: FieldTree,
+    read: u64,
+    failed: u64,
 }
 
 /// As [`describe`], from all messages: the range of every field.
@@ -46,33 +54,36 @@ pub(crate) fn statistics(path: &Path, format: Format, progress: &dyn Progress) -
         samples.iter().map(|sample| sample.codec.as_ref().ok().map(AsRef::as_ref)).collect();
     let wanted: Vec<usize> =
         (0..codecs.len()).filter(|&t| codecs[t].is_some() && container.topics()[t].problem.is_none()).collect();
-    let mut trees: Vec<(FieldTree, u64)> = codecs.iter().map(|_| Default::default()).collect();
+    let mut trees: Vec<Counted> = codecs.iter().map(|_| Default::default()).collect();
     progress.stage("reading messages");
     parallel_fold(
         container.pieces(),
         progress,
         |piece| {
-            let mut own: Vec<(FieldTree, u64)> = codecs.iter().map(|_| Default::default()).collect();
+            let mut own: Vec<Counted> = codecs.iter().map(|_| Default::default()).collect();
             container.read_piece(piece, &wanted, &mut |topic, _, _, data| {
                 match codecs[topic].map(|codec| codec.value(data)) {
-                    Some(Ok(value)) => own[topic].0.add(&value),
-                    _ => own[topic].1 += 1,
+                    Some(Ok(value)) => {
+                        own[topic].read += 1;
+                        own[topic].tree.add(&value);
+                    }
+                    _ => own[topic].failed += 1,
                 }
                 Ok(())
             })?;
             Ok::<_, Error>(own)
         },
         |own| {
-            for (all, (tree, failed)) in trees.iter_mut().zip(own) {
-                all.0.merge(tree);
-                all.1 += failed;
+            for (all, own) in trees.iter_mut().zip(own) {
+                all.tree.merge(own.tree);
+                (all.read, all.failed) = (all.read + own.read, all.failed + own.failed);
             }
             Ok(())
         },
     )?;
     let mut columns = Vec::new();
-    for (topic, (tree, failed)) in container.topics().iter().zip(&trees) {
-        columns.extend(tree.fields().iter().map(|field| column(topic, field, true)));
+    for (topic, Counted { tree, read, failed }) in container.topics().iter().zip(&trees) {
+        columns.extend(tree.fields().iter().map(|field| column(topic, field, Some(*read))));
         notes.extend(skipped(topic, tree));
         if *failed > 0 {
             notes.push(format!("{}: {failed} messages cannot be decoded", topic.name));
@@ -97,7 +108,9 @@ fn skipped(topic: &Topic, tree: &FieldTree) -> Vec<String> {
     tree.skipped().into_iter().map(told).collect()
 }
 
-fn column(topic: &Topic, field: &FieldInfo, scanned: bool) -> ColumnInfo {
+/// A field, and where all messages were read how many these are: those that lack it, as sequences may, miss it.
+fn column(topic: &Topic, field: &FieldInfo, messages: Option<u64>) -> ColumnInfo {
+    let scanned = messages.is_some();
     let kind = match field.kind {
         FieldKind::Integer => ColumnKind::Integer,
         FieldKind::Boolean => ColumnKind::Boolean,
@@ -106,7 +119,7 @@ fn column(topic: &Topic, field: &FieldInfo, scanned: bool) -> ColumnInfo {
     };
     let statistics = (scanned && field.kind != FieldKind::Text).then_some(ColumnStatistics {
         count: field.count as usize,
-        missing: field.missing as usize,
+        missing: messages.map_or(field.missing, |all| all.saturating_sub(field.count)) as usize,
         min: field.min,
         mean: field.mean,
         max: field.max,
@@ -149,6 +162,8 @@ fn look(container: &dyn Container, progress: &dyn Progress) -> Result<Looked, Er
                 start: times.first,
                 end: times.last,
                 rate: times.rate,
+                jitter: times.jitter,
+                bursts: times.bursts,
                 gaps: times.gaps,
                 largest_gap: times.largest_gap,
                 header_offset,

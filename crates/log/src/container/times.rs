@@ -32,8 +32,12 @@ pub(crate) struct TopicTimes {
     pub(crate) first: Option<i64>,
     /// The last.
     pub(crate) last: Option<i64>,
-    /// Messages a second: the inverse of the median period, else of the mean one.
+    /// Messages a second, from the first to the last.
     pub(crate) rate: Option<f64>,
+    /// The median deviation of the periods from their median, seconds; `None` where they were not looked at.
+    pub(crate) jitter: Option<f64>,
+    /// Groups of messages less than a tenth of the mean period apart; `None` where they were not looked for.
+    pub(crate) bursts: Option<usize>,
     /// Periods above five medians; `None` where they were not looked for.
     pub(crate) gaps: Option<usize>,
     /// The longest period, seconds.
@@ -58,6 +62,12 @@ impl TopicTimes {
         }
         stamps.pop();
         let mut periods = stamps;
+        times.rate = times.mean_rate();
+        let mean = times.rate.map_or(0.0, |rate| 1e9 / rate);
+        let is_close = |period: &i64| (*period as f64) < mean / 10.0;
+        // A group begins where a close message follows one that is not.
+        let begins = |at: usize| is_close(&periods[at]) && (at == 0 || !is_close(&periods[at - 1]));
+        times.bursts = (!periods.is_empty()).then(|| (0..periods.len()).filter(|&at| begins(at)).count());
         times.largest_gap = periods.iter().max().map(|&longest| longest as f64 * 1e-9);
         let middle = periods.len() / 2;
         if periods.is_empty() {
@@ -65,7 +75,8 @@ impl TopicTimes {
         }
         let median = *periods.select_nth_unstable(middle).1;
         times.gaps = Some(periods.iter().filter(|&&period| median > 0 && period > GAP.saturating_mul(median)).count());
-        times.rate = if median > 0 { Some(1e9 / median as f64) } else { times.mean_rate() };
+        periods.iter_mut().for_each(|period| *period = (*period - median).abs());
+        times.jitter = Some(*periods.select_nth_unstable(middle).1 as f64 * 1e-9);
         times
     }
 
@@ -191,14 +202,13 @@ impl TopicTimes {
         spans.sort_by_key(|span| span.first);
         let mut times = Self::default();
         spans.iter().for_each(|span| times.add(span.count, span.first, span.last));
+        times.rate = times.mean_rate();
         let mut means: Vec<f64> = spans.iter().filter_map(Span::period).filter(|&period| period > 0.0).collect();
         if means.is_empty() {
-            times.rate = times.mean_rate();
             return times;
         }
         let middle = means.len() / 2;
         let median = *means.select_nth_unstable_by(middle, f64::total_cmp).1;
-        times.rate = Some(1e9 / median);
         let inside = spans.iter().map(|span| {
             let needed = span.count.saturating_sub(1) as f64 * median;
             median + (span.last.saturating_sub(span.first) as f64 - needed).max(0.0)
@@ -228,5 +238,13 @@ mod tests {
         assert!((coarse.rate.unwrap() - exact.rate.unwrap()).abs() < 1e-9);
         assert!((coarse.largest_gap.unwrap() - exact.largest_gap.unwrap()).abs() < 1e-9);
         assert_eq!(TopicTimes::of_spans(Vec::new()), TopicTimes::default());
+        // Messages over time, and the bursts that they come in: 24 messages, of which six come every second, 4 us apart.
+        let bursts: Vec<i64> = (0..24).map(|i| i / 6 * 1_000_000_000 + i % 6 * 4_000).collect();
+        let times = TopicTimes::of(bursts);
+        assert!((times.rate.unwrap() - 23.0 / 3.00002).abs() < 1e-9, "{times:?}");
+        assert_eq!((times.bursts, times.jitter), (Some(4), Some(0.0)));
+        let even = TopicTimes::of((0..100).map(|i| i * 10_000_000 + (i % 2) * 1_000_000).collect());
+        assert!((even.rate.unwrap() - 99.0 / 0.991).abs() < 1e-9 && even.bursts == Some(0), "{even:?}");
+        assert!((even.jitter.unwrap() - 2e-3).abs() < 1e-12 || even.jitter.unwrap() == 0.0, "{even:?}");
     }
 }

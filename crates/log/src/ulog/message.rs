@@ -73,6 +73,11 @@ impl<'a> Message<'a> {
         let (sound, otherwise) = match self.kind {
             b'F' => (format(payload).is_some(), "a format that is none"),
             b'A' => (Subscription::parse(payload).is_some(), "a subscription that is none"),
+            // A value whose key has no type or no name says nothing, but ends where it says.
+            b'I' | b'P' if Entry::parse(payload).is_none() && has_key(payload) => return Ok(Belief::Open),
+            b'M' | b'Q' if Entry::parse_flagged(payload).is_none() && has_key(payload.get(1..).unwrap_or_default()) => {
+                return Ok(Belief::Open);
+            }
             b'I' | b'P' => (Entry::parse(payload).is_some(), "a value without a name"),
             b'M' | b'Q' => (Entry::parse_flagged(payload).is_some(), "a value without a name"),
             b'R' | b'O' => (payload.len() == 2, "a length that does not fit the message's type"),
@@ -83,6 +88,12 @@ impl<'a> Message<'a> {
         };
         if sound { Ok(Belief::Sound) } else { Err(otherwise) }
     }
+}
+
+/// Whether a value's key is a text of the length that it says.
+fn has_key(payload: &[u8]) -> bool {
+    let key = payload.split_first().and_then(|(&length, rest)| rest.get(..length.into()));
+    key.is_some_and(|key| key.iter().all(|&byte| byte == b' ' || byte.is_ascii_graphic()))
 }
 
 /// The channel of logged texts.

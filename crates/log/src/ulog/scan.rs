@@ -128,6 +128,8 @@ struct Scanner<'a> {
     late: (u64, usize),
     /// Messages of types that are not known.
     foreign: u64,
+    /// Values whose key has no type or no name.
+    nameless: u64,
 }
 
 impl<'a> Scanner<'a> {
@@ -143,6 +145,7 @@ impl<'a> Scanner<'a> {
             unknown: (0, 0),
             late: (0, 0),
             foreign: 0,
+            nameless: 0,
         }
     }
 
@@ -242,11 +245,18 @@ impl<'a> Scanner<'a> {
 
     /// Whether sound messages follow each other from a place on, or one at least reaches the end.
     fn believable(&self, mut at: usize, end: usize) -> bool {
+        // Data of numbers that are subscribed for on the way are as sound as the subscription.
+        let mut subscribed: Vec<usize> = Vec::new();
         for _ in 0..CHAIN {
-            match self.judge(at, end) {
-                Ok((message, Belief::Sound)) => at = message.end(),
-                _ => return false,
+            let Ok((message, belief)) = self.judge(at, end) else { return false };
+            let is_new = || message.data().is_some_and(|(id, _)| subscribed.contains(&id));
+            if belief != Belief::Sound && !is_new() {
+                return false;
             }
+            if let (b'A', Some(subscription)) = (message.kind, Subscription::parse(message.payload)) {
+                subscribed.push(subscription.id.into());
+            }
+            at = message.end();
             if at == end {
                 return true;
             }
@@ -276,6 +286,7 @@ impl<'a> Scanner<'a> {
             b'I' | b'P' if Entry::parse(message.payload).is_some() => self.scan.about.add(message, self.last),
             b'M' | b'Q' if Entry::parse_flagged(message.payload).is_some() => self.scan.about.add(message, self.last),
             b'O' => self.scan.dropouts.add(message.payload, self.last),
+            b'I' | b'M' | b'P' | b'Q' => self.nameless += 1,
             _ => self.foreign += u64::from(!message.is_known()),
         }
         if full {
@@ -359,6 +370,11 @@ impl<'a> Scanner<'a> {
         }
         if self.foreign > 0 {
             self.scan.notes.push(format!("{} messages of types that are not known are passed over", self.foreign));
+        }
+        if self.nameless > 0 {
+            let (one, more) = ("1 value without a type or a name is", "values without a type or a name are");
+            let which = if self.nameless == 1 { one.to_owned() } else { format!("{} {more}", self.nameless) };
+            self.scan.notes.push(format!("{which} left out of what the file says of itself"));
         }
         let Scan { notes, definitions, dropouts, .. } = &mut self.scan;
         notes.extend(std::mem::take(&mut definitions.notes));

@@ -164,6 +164,36 @@ fn what_the_file_says_of_itself() {
 }
 
 #[test]
+fn a_value_without_a_type_among_the_definitions_loses_no_message() {
+    let scrap = Scrap::new();
+    let row = |time: u64| [&time.to_le_bytes()[..], &1_f32.to_le_bytes()].concat();
+    for (key, lost) in [("sys_name", false), ("float ", false), ("float \u{7}x", true)] {
+        for place in 0..3 {
+            let mut log = Ulog::new(0);
+            if place == 0 {
+                log.entry(b'I', key, b"PX4");
+            }
+            log.format("a:uint64_t timestamp;float x;");
+            if place == 1 {
+                log.entry(b'I', key, b"PX4").flagged(b'M', 0, key, b"PX4");
+            }
+            log.subscribe(0, 1, "a");
+            if place == 2 {
+                log.entry(b'P', key, b"PX4");
+            }
+            for k in 0..30 {
+                log.data(1, &[&row(1000 * k)]);
+            }
+            let container = scrap.open(&log.bytes).unwrap();
+            assert_eq!(total(&read_all(&container)), 30, "{key}, {place}: {}", container.damage());
+            assert_eq!(!container.damage().is_empty(), lost, "{key}: {}", container.damage());
+            let told = container.notes().iter().any(|note| note.contains("without a type"));
+            assert_eq!(told, !lost, "{key}: {:?}", container.notes());
+        }
+    }
+}
+
+#[test]
 fn flags_that_are_not_known_are_refused() {
     let scrap = Scrap::new();
     for (place, bits, word) in [(0, 2, "bit 1"), (0, 0x81, "bit 7"), (7, 0x80, "bit 63")] {
