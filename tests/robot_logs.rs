@@ -5,7 +5,7 @@ use std::fs;
 
 use fleetfoot::{
     log::{McapOptions, McapWriter},
-    message::write::{Header, JointState, Odometry, Time, Twist},
+    message::write::{Float64MultiArray, Header, JointState, Odometry, Time, Twist},
 };
 
 use crate::runner::*;
@@ -305,4 +305,32 @@ fn a_field_of_the_messages_is_the_clock() {
     run(&["--time", "/fmu/out/state.nothing"]).fails(&["/fmu/", "nothing", "clock"]);
     run(&["--time", "linear.z"]).fails(&["its own clock"]);
     run(&["--time", "/fmu/out/state.linear.z", "--inputs", "/odom.twist.twist.linear.x"]).fails(&["/odom", "linear.z"]);
+}
+
+/// A load cell whose array has 120 elements: `info` tells its name, and its elements can be named alone, in aliases and by `[*]`.
+#[test]
+fn elements_of_long_arrays_can_be_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let mut writer = McapWriter::create(&path.join("run.mcap"), &McapOptions::default()).unwrap();
+    let load = writer.channel::<Float64MultiArray<'_>>("/load_cell_data").unwrap();
+    for row in 0..200 {
+        let (log, t) = (LOG_START + row * 10_000_000, 0.01 * row as f64);
+        let mut data = vec![t; 120];
+        (data[0], data[119]) = ((-t).exp(), 1.0);
+        writer.write(load, log, log, &Float64MultiArray { data: &data, ..Float64MultiArray::default() }).unwrap();
+    }
+    writer.finish().unwrap();
+    let told = fleetfoot(path, &["info", "run.mcap"]).ok().out;
+    assert!(told.contains("e.g. /load_cell_data.data[0]"), "{told}");
+    // x' = -x, by the field and by an alias.
+    let field =
+        fleetfoot(path, &["fit", "pwa", "run.mcap", "--states", "/load_cell_data.data[0]", "--partition", "average"]);
+    field.ok();
+    let recipe = "[columns]\nf = \"2 * /load_cell_data.data[0]\"\nq = \"/load_cell_data.data[*]\"\n[states]\nf = {}\n";
+    fs::write(path.join("r.toml"), recipe).unwrap();
+    fleetfoot(path, &["fit", "pwa", "-c", "r.toml", "run.mcap", "--partition", "average"]).ok();
+    let none =
+        fleetfoot(path, &["fit", "pwa", "run.mcap", "--states", "/load_cell_data.data[120]", "--partition", "average"]);
+    none.fails(&["data[120]"]);
 }

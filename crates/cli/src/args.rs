@@ -165,6 +165,9 @@ pub(crate) struct Init {
     /// A log file.
     #[arg(value_name = "FILE")]
     pub(crate) file: PathBuf,
+    /// Topics of a robot's log to list, separated by commas (default: all).
+    #[arg(long, value_name = "TOPICS")]
+    pub(crate) topic: Option<List>,
     /// The recipe to write (default: standard output).
     #[arg(short, long, value_name = "RECIPE")]
     pub(crate) output: Option<PathBuf>,

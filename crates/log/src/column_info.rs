@@ -21,6 +21,23 @@ pub struct ColumnInfo {
     pub statistics: Option<ColumnStatistics>,
 }
 
+/// An array that is too long for its elements to be listed among the columns: they are columns all the same, `NAME[0]` and on.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
+pub struct ArrayInfo {
+    /// Its name.
+    pub name: String,
+    /// Elements of the longest one that was seen.
+    pub longest: usize,
+}
+
+impl std::fmt::Display for ArrayInfo {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { name, longest } = self;
+        write!(f, "{name}: up to {longest} elements, not listed; name the wanted ones, e.g. {name}[0]")
+    }
+}
+
 /// The range of a column's values, in the column's unit (codes for categories).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[non_exhaustive]

@@ -9,8 +9,8 @@ use fleetfoot_data::{Halo, Progress, Silent, Source, parallel_fold};
 use serde::{Serialize, Serializer};
 
 use crate::{
-    ClockInfo, ColumnInfo, ColumnStatistics, Error, Format, MaxGap, Recording, Selection, TimeSpec, TopicInfo,
-    channels, csv, open_with_progress, parquet,
+    ArrayInfo, ClockInfo, ColumnInfo, ColumnStatistics, Error, Format, MaxGap, Recording, Selection, TimeSpec,
+    TopicInfo, channels, csv, open_with_progress, parquet,
 };
 
 /// Rows of a block of the scan for [`ColumnStatistics`].
@@ -32,6 +32,8 @@ pub struct FileInfo {
     pub rows: Option<usize>,
     /// Its columns, in the order of the file; of a robot's log, the fields found in some of its messages, or in all when the values were scanned.
     pub columns: Vec<ColumnInfo>,
+    /// Arrays of a robot's log whose elements are not listed among the columns.
+    pub arrays: Vec<ArrayInfo>,
     /// The topics of a robot's log; empty for tables.
     pub topics: Vec<TopicInfo>,
     /// The column that is taken as the clock when none is named; `None` of a robot's log, whose messages are stamped.
@@ -45,6 +47,32 @@ pub struct FileInfo {
 }
 
 impl FileInfo {
+    /// Some topics of a robot's log alone; none given: all.
+    ///
+    /// # Errors
+    /// A topic that the log does not have.
+    pub fn of_topics(mut self, topics: &[String]) -> Result<Self, Error> {
+        let names = channels::Names::new(self.topics.iter().map(|topic| topic.name.as_str()), &[]);
+        for topic in topics {
+            if !self.topics.iter().any(|own| own.name == *topic) {
+                return Err(Error::MissingTopic {
+                    path: self.path,
+                    column: topic.clone(),
+                    nearest: names.nearest(topic),
+                });
+            }
+        }
+        if topics.is_empty() {
+            return Ok(self);
+        }
+        let all: Vec<String> = self.topics.iter().map(|topic| topic.name.clone()).collect();
+        let is_wanted = |column: &str| names.locate(column).is_some_and(|(topic, _)| topics.contains(&all[topic]));
+        self.columns.retain(|column| is_wanted(&column.name));
+        self.arrays.retain(|array| is_wanted(&array.name));
+        self.topics.retain(|topic| topics.contains(&topic.name));
+        Ok(self)
+    }
+
     /// The same with topics called as [`crate::JoinSpec::renames`] asks.
     #[must_use]
     pub fn renamed(mut self, renames: &[(String, String)]) -> Self {
@@ -53,13 +81,15 @@ impl FileInfo {
         }
         let names = channels::Names::new(self.topics.iter().map(|topic| topic.name.as_str()), renames);
         let plain = channels::Names::new(self.topics.iter().map(|topic| topic.name.as_str()), &[]);
-        self.columns.retain_mut(|column| match plain.locate(&column.name) {
+        let rename = |column: &mut String| match plain.locate(column) {
             None => true,
             Some((topic, rest)) => {
                 let name = names.of(topic).map(|name| format!("{name}{rest}"));
-                name.map(|name| column.name = name).is_some()
+                name.map(|name| *column = name).is_some()
             }
-        });
+        };
+        self.columns.retain_mut(|column| rename(&mut column.name));
+        self.arrays.retain_mut(|array| rename(&mut array.name));
         let kept: Vec<Option<String>> =
             (0..self.topics.len()).map(|topic| names.of(topic).map(str::to_owned)).collect();
         let mut kept = kept.into_iter();
@@ -116,6 +146,7 @@ pub fn inspect(path: impl AsRef<Path>) -> Result<FileInfo, Error> {
         bytes,
         rows,
         columns,
+        arrays: Vec::new(),
         topics: Vec::new(),
         metadata: BTreeMap::new(),
         clock,
@@ -145,6 +176,7 @@ fn log_info(path: &Path, format: Format, bytes: u64, found: channels::Descriptio
         bytes,
         rows: None,
         columns: found.columns,
+        arrays: found.arrays,
         topics: found.topics,
         metadata: found.metadata,
         clock: None,

@@ -78,7 +78,7 @@ mod writer;
 pub use atomic::{AtomicFile, write_atomic};
 pub use channels::{MessageColumns, MessageField, MessageRow, Messages};
 pub use clock_info::ClockInfo;
-pub use column_info::{ColumnInfo, ColumnStatistics};
+pub use column_info::{ArrayInfo, ColumnInfo, ColumnStatistics};
 pub use cost::Estimate;
 pub use csv_writer::CsvWriter;
 pub use destination::{check_outputs, is_stream, leftovers};

@@ -5,6 +5,9 @@ const EXACT: usize = 1 << 16;
 /// Bits of a step that tell its bin: the median of a longer stream is within 1 / 4096 of the truth.
 const BITS: u32 = 12;
 
+/// Pauses between bursts that make a pattern.
+const FEWEST_BURSTS: f64 = 3.0;
+
 /// Collects steps between stamps, nanoseconds.
 #[derive(Debug, Default)]
 pub(crate) struct Steps {
@@ -48,6 +51,53 @@ impl Steps {
         bins[slot].excess += (step - ((slot as u64) << page)) as f64;
     }
 
+    /// The median step; of messages that come in bursts, that are further apart than five medians on average, at least three times, the period of the bursts: the median of the
+    /// longer steps. Pauses of fifty mean steps are none.
+    pub(crate) fn period(&mut self) -> Option<u64> {
+        let median = self.median()?;
+        let mean_below = |own: &Self, most: f64| {
+            let (mut sum, mut count) = (0.0, 0.0);
+            own.each(|step, times| {
+                if step <= most {
+                    (sum, count) = (sum + step * times, count + times);
+                }
+            });
+            sum / count
+        };
+        let mean = mean_below(self, f64::INFINITY);
+        let mean = mean_below(self, 50.0 * mean);
+        let short = 5.0 * median as f64;
+        if mean.is_nan() || mean <= short {
+            return Some(median);
+        }
+        let mut long = Vec::new();
+        self.each(|step, times| {
+            if step > short && step <= 50.0 * mean {
+                long.push((step, times));
+            }
+        });
+        let count: f64 = long.iter().map(|(_, times)| times).sum();
+        if count < FEWEST_BURSTS {
+            return Some(median);
+        }
+        let mut below = 0.0;
+        let period = long.into_iter().find(|(_, times)| {
+            below += times;
+            below > count / 2.0
+        });
+        Some(period.map_or(median, |(step, _)| step as u64))
+    }
+
+    /// Every step that was kept, and of a longer stream the mean of every bin, with how many there are; in their order after [`Steps::median`].
+    fn each(&self, mut work: impl FnMut(f64, f64)) {
+        self.exact.iter().for_each(|&step| work(step as f64, 1.0));
+        for (page, bins) in self.pages.iter().enumerate() {
+            for (slot, bin) in bins.iter().flat_map(|bins| bins.iter()).enumerate().filter(|(_, bin)| bin.count > 0) {
+                work(((slot as u64) << page) as f64 + bin.excess / bin.count as f64, bin.count as f64);
+            }
+        }
+    }
+
     /// The upper median; `None` without steps.
     pub(crate) fn median(&mut self) -> Option<u64> {
         let rank = self.count / 2;
@@ -76,6 +126,30 @@ mod tests {
         let mut all = Steps::default();
         steps.into_iter().for_each(|step| all.push(step));
         all.median()
+    }
+
+    #[test]
+    fn bursts_have_a_period_and_pauses_have_none() {
+        let period = |steps: Vec<u64>| {
+            let mut all = Steps::default();
+            steps.into_iter().for_each(|step| all.push(step));
+            all.period()
+        };
+        // Six messages 4 us apart every second, in short and in long logs.
+        for rounds in [4, 20_000] {
+            let steps = (0..6 * rounds).map(|i| if i % 6 == 5 { 1_000_000_000 } else { 4_000 }).collect();
+            let found = period(steps).unwrap();
+            assert!((found as f64 / 1e9 - 1.0).abs() < 1e-3, "{found}");
+        }
+        // 100 Hz with an hour's pause, and with a tenth of the messages lost.
+        assert_eq!(
+            period((0..1000).map(|i| if i == 500 { 3_600_000_000_000 } else { 10_000_000 }).collect()),
+            Some(10_000_000)
+        );
+        assert_eq!(
+            period((0..1000).map(|i| if i % 9 == 8 { 20_000_000 } else { 10_000_000 }).collect()),
+            Some(10_000_000)
+        );
     }
 
     #[test]

@@ -13,7 +13,8 @@ struct Told<'a> {
 }
 
 pub(crate) fn init(arguments: &Init, context: &Context) -> Result<(), Error> {
-    let info = fleetfoot::log::inspect(&arguments.file)?;
+    let info =
+        fleetfoot::log::inspect(&arguments.file)?.of_topics(arguments.topic.as_ref().map_or(&[], |list| &list.0))?;
     let text = starter_recipe(&info);
     match &arguments.output {
         None => context.print(Told { recipe: &text }, || text.clone()),

@@ -2,10 +2,13 @@
 
 use fleetfoot_data::{Column, Source};
 use fleetfoot_library::{Expr, ParseErrorKind};
-use fleetfoot_log::{ColumnInfo, FileInfo, Log, TopicInfo};
+use fleetfoot_log::{ArrayInfo, ColumnInfo, FileInfo, Log, TopicInfo};
 
 use super::selection::{label_names, renames};
 use crate::{Error, Logs, Recipe};
+
+/// Elements that `[*]` takes of an array at most.
+const MOST_ELEMENTS: usize = 4096;
 
 /// The fields of the first log, and the labels that the recipe gives to episodes; and what a file says of its topics.
 pub(crate) fn fields(recipe: &Recipe, logs: &Logs) -> Result<(Vec<Column>, Option<FileInfo>), Error> {
@@ -18,7 +21,9 @@ pub(crate) fn fields(recipe: &Recipe, logs: &Logs) -> Result<(Vec<Column>, Optio
                 unit: info.unit.clone(),
                 kind: info.kind.clone(),
             };
-            (info.columns.iter().map(column).collect::<Vec<_>>(), Some(info))
+            let mut columns: Vec<Column> = info.columns.iter().map(column).collect();
+            columns.extend(elements(&recipe.to_toml(), &info.arrays));
+            (columns, Some(info))
         }
         Log::Table(table) => (table.columns().to_vec(), None),
     };
@@ -33,6 +38,31 @@ pub(crate) fn fields(recipe: &Recipe, logs: &Logs) -> Result<(Vec<Column>, Optio
         fields.push(Column::float(label));
     }
     Ok((fields, info))
+}
+
+/// The elements of long arrays that a recipe names, alone or by `[*]`: they are not listed among the fields.
+fn elements(recipe: &str, arrays: &[ArrayInfo]) -> Vec<Column> {
+    let mut names: Vec<String> = Vec::new();
+    for ArrayInfo { name, longest, .. } in arrays {
+        for (at, _) in recipe.match_indices(name.as_str()) {
+            let Some(rest) = recipe[at + name.len()..].strip_prefix('[') else { continue };
+            let Some((index, rest)) = rest.split_once(']') else { continue };
+            // What stands behind the index, of an array of structures.
+            let end =
+                rest.find(|c: char| !(c.is_alphanumeric() || matches!(c, '.' | '_' | '[' | ']'))).unwrap_or(rest.len());
+            let part = &rest[..end];
+            match (index, index.parse::<usize>()) {
+                ("*", _) => {
+                    names.extend((0..(*longest).min(MOST_ELEMENTS)).map(|index| format!("{name}[{index}]{part}")))
+                }
+                (_, Ok(index)) if index < *longest => names.push(format!("{name}[{index}]{part}")),
+                _ => {}
+            }
+        }
+    }
+    names.sort_unstable();
+    names.dedup();
+    names.into_iter().map(Column::float).collect()
 }
 
 /// The error, or, when a name is unknown because its topic cannot be read, why it cannot.
@@ -83,4 +113,23 @@ pub(crate) fn described(source: &dyn Source, aliases: &[(Column, Expr)]) -> Vec<
         }
     }
     aliases
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn elements_of_long_arrays_are_those_that_the_recipe_names() {
+        let mut info = ArrayInfo::default();
+        (info.name, info.longest) = ("/load_cell_data.data".into(), 120);
+        let names = |text: &str, info: &ArrayInfo| {
+            elements(text, std::slice::from_ref(info)).into_iter().map(|column| column.name).collect::<Vec<_>>()
+        };
+        let recipe = "f = \"/load_cell_data.data[0] + /load_cell_data.data[7]\"\nx = \"/load_cell_data.data[120]\"";
+        assert_eq!(names(recipe, &info), ["/load_cell_data.data[0]", "/load_cell_data.data[7]"]);
+        info.longest = 3;
+        assert_eq!(names("q = \"/load_cell_data.data[*]\"", &info).len(), 3);
+        assert_eq!(names("q = \"/load_cell_data.data[*].f.x\"", &info)[2], "/load_cell_data.data[2].f.x");
+    }
 }

@@ -24,12 +24,19 @@ pub(super) fn recipe(file: &str, columns: &[Column], topics: &[TopicInfo]) -> St
     let mut names = Names::default();
     let odometries: Vec<Odometry> =
         topics.iter().filter(|topic| is_odometry(topic)).map(|topic| Odometry::new(&topic.name, &mut names)).collect();
-    columns_section(&mut out, columns, topics, &odometries, &mut names);
+    let drafted = draft(columns, odometries.is_empty());
+    let (states, given) = columns_section(&mut out, columns, topics, &odometries, &drafted, &mut names);
     let _ = writeln!(out, "# all fields of a kind: q = \"/joint_states.position[*]\" gives q[left], q[right], ...\n");
     states_heading(&mut out, columns);
     odometries.iter().for_each(|odometry| odometry.states(&mut out));
+    for name in &states {
+        let _ = writeln!(out, "{} = {{}}", key(name));
+    }
     let _ = writeln!(out, "\n# What is given from outside; held between messages.");
     let _ = writeln!(out, "[inputs]");
+    for name in &given {
+        let _ = writeln!(out, "{} = {{}}", key(name));
+    }
     let mut inputs = 0;
     for topic in topics.iter().filter(|topic| topic.name.contains("cmd") || topic.name.contains("command")) {
         for field in columns.iter().filter(|column| is_signal(column) && of_topic(&topic.name, &column.name)) {
@@ -66,13 +73,19 @@ pub(super) fn recipe(file: &str, columns: &[Column], topics: &[TopicInfo]) -> St
     out
 }
 
+/// The names of the states and of the inputs that are proposed.
+type Proposed = (Vec<String>, Vec<String>);
+
+/// Lists the fields of all topics; of a large log with a draft only those of its topics.
 fn columns_section(
     out: &mut String,
     columns: &[Column],
     topics: &[TopicInfo],
     odometries: &[Odometry],
+    drafted: &BTreeMap<String, Role>,
     names: &mut Names,
-) {
+) -> Proposed {
+    let mut proposed = Proposed::default();
     let fields: Vec<&Column> = columns.iter().filter(|column| is_signal(column)).collect();
     let short = short_names(&fields);
     for topic in topics {
@@ -93,11 +106,23 @@ fn columns_section(
             let _ = writeln!(out, "#   said once; `fleetfoot info --values` lists its {} fields", own.len());
             continue;
         }
+        let is_drafted = own.iter().any(|(field, _)| drafted.contains_key(&field.name));
+        if fields.len() > MANY_FIELDS && !drafted.is_empty() && !is_drafted {
+            let _ = writeln!(out, "#   {} fields; `fleetfoot init --topic {}` lists them", own.len(), topic.name);
+            continue;
+        }
         let odometry = odometries.iter().find(|odometry| odometry.topic == topic.name);
         for (field, name) in own {
             let known = odometry.and_then(|odometry| odometry.name_of(&field.name));
             let name = known.map_or_else(|| names.take(name), str::to_owned);
-            let _ = writeln!(out, "# {} = {}", key(&name), text(&field.name));
+            let role = drafted.get(&field.name);
+            let mark = if role.is_some() { "" } else { "# " };
+            let _ = writeln!(out, "{mark}{} = {}", key(&name), text(&field.name));
+            match role {
+                Some(Role::State) => proposed.0.push(name),
+                Some(Role::Input) => proposed.1.push(name),
+                None => {}
+            }
         }
         for prefix in quaternions(columns).iter().filter(|prefix| of_topic(&topic.name, prefix)) {
             let known = odometry.and_then(|odometry| odometry.name_of(prefix));
@@ -105,6 +130,64 @@ fn columns_section(
             let _ = writeln!(out, "# {} = \"yaw({prefix})\"   # and pitch(...), roll(...)", key(&name));
         }
     }
+    proposed
+}
+
+/// Fields of a log from which only those of the draft's topics are listed.
+const MANY_FIELDS: usize = 300;
+
+/// What a field of the draft is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Role {
+    State,
+    Input,
+}
+
+/// Fields that usually are the states: rates of turn, else speeds of a twist, else positions and speeds of joints; and those that usually are the inputs. The
+/// first group of each that the log has is taken, and nothing where it has an odometry, whose states are proposed already.
+const DRAFTS: [(Role, &[&str]); 2] = [
+    (
+        Role::State,
+        &[
+            "/vehicle_angular_velocity.xyz[",
+            "/vehicle_attitude.rollspeed|/vehicle_attitude.pitchspeed|/vehicle_attitude.yawspeed",
+            ".twist.linear.|.twist.angular.",
+            "/joint_states.position[|/joint_states.velocity[",
+        ],
+    ),
+    (
+        Role::Input,
+        &[
+            "/actuator_controls_0.control[",
+            "/vehicle_torque_setpoint.xyz[",
+            "/actuator_motors.control[",
+            "/actuator_outputs.output[",
+            "/cmd_vel.linear.|/cmd_vel.angular.|/cmd_vel.twist.",
+        ],
+    ),
+];
+
+/// Elements of an array that a draft takes: outputs that no motor has are constant or missing.
+const FIRST_ELEMENTS: usize = 4;
+
+fn draft(columns: &[Column], without_odometry: bool) -> BTreeMap<String, Role> {
+    let mut drafted = BTreeMap::new();
+    for (role, groups) in DRAFTS.into_iter().filter(|_| without_odometry) {
+        let of_group = |group: &&&str| {
+            let is_of = |name: &str, pattern: &str| {
+                let Some((_, rest)) = name.split_once(pattern) else { return false };
+                let index = rest.trim_end_matches(']').parse::<usize>().ok().filter(|_| pattern.ends_with('['));
+                index.is_none_or(|index| index < FIRST_ELEMENTS)
+            };
+            let is_wanted =
+                |column: &&Column| is_signal(column) && group.split('|').any(|own| is_of(&column.name, own));
+            columns.iter().filter(is_wanted).map(|column| column.name.clone()).collect::<Vec<_>>()
+        };
+        let found = groups.iter().map(|group| of_group(&group)).find(|found| !found.is_empty());
+        drafted.extend(found.unwrap_or_default().into_iter().map(|name| (name, role)));
+    }
+    let has_states = drafted.values().any(|role| *role == Role::State);
+    if has_states { drafted } else { BTreeMap::new() }
 }
 
 fn of_topic(topic: &str, field: &str) -> bool {
@@ -209,6 +292,27 @@ mod tests {
         assert_eq!(recipe.columns["v"], "/odom.twist.twist.linear.x");
         assert_eq!(recipe.columns["yaw"], "yaw(/odom.pose.pose.orientation)");
         assert!(!out.contains("covariance"));
+    }
+
+    #[test]
+    fn a_flight_has_a_draft_of_rates_and_controls() {
+        let mut columns: Vec<Column> =
+            (0..3).map(|k| Column::float(format!("/vehicle_angular_velocity.xyz[{k}]"))).collect();
+        columns.extend((0..8).map(|k| Column::float(format!("/actuator_controls_0.control[{k}]"))));
+        columns.extend((0..400).map(|k| Column::float(format!("/esc_status.esc[{k}].rpm"))));
+        let topic = |name: &str| {
+            let mut topic = TopicInfo::default();
+            (topic.name, topic.type_name, topic.messages) = (name.into(), name[1..].into(), Some(9));
+            topic
+        };
+        let topics = ["/actuator_controls_0", "/esc_status", "/vehicle_angular_velocity"].map(topic);
+        let out = recipe("flight.ulg", &columns, &topics);
+        let recipe = Recipe::parse(&out, "starter").unwrap();
+        assert_eq!(recipe.states.len(), 3, "{out}");
+        assert_eq!(recipe.inputs.len(), 4, "{out}");
+        let names: Vec<&String> = recipe.states.keys().chain(recipe.inputs.keys()).collect();
+        assert!(names.iter().all(|name| recipe.columns.contains_key(*name)), "{out}");
+        assert!(out.lines().count() < 80 && out.contains("`fleetfoot init --topic /esc_status` lists them"), "{out}");
     }
 
     #[test]

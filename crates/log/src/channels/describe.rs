@@ -10,7 +10,7 @@ use super::{
     sample::{Headers, Sample, sample},
 };
 use crate::{
-    ColumnInfo, ColumnStatistics, Error, Format, HeaderOffset, TopicInfo,
+    ArrayInfo, ColumnInfo, ColumnStatistics, Error, Format, HeaderOffset, TopicInfo,
     container::{Container, Topic, summary},
     containers,
 };
@@ -18,6 +18,7 @@ use crate::{
 /// What a log holds.
 pub(crate) struct Description {
     pub columns: Vec<ColumnInfo>,
+    pub arrays: Vec<ArrayInfo>,
     pub topics: Vec<TopicInfo>,
     pub metadata: BTreeMap<String, String>,
     pub notes: Vec<String>,
@@ -28,13 +29,14 @@ pub(crate) fn describe(path: &Path, format: Format, progress: &dyn Progress) -> 
     let container = containers::open(path, format, progress)?;
     let container = container.as_ref();
     let (topics, samples, mut notes) = look(container, progress)?;
-    let mut columns = Vec::new();
+    let (mut columns, mut arrays) = (Vec::new(), Vec::new());
     for (topic, sample) in container.topics().iter().zip(&samples) {
         columns.extend(sample.tree.fields().iter().map(|field| column(topic, field, None)));
-        notes.extend(skipped(topic, &sample.tree));
+        arrays.extend(skipped(topic, &sample.tree));
     }
+    notes.extend(arrays.iter().map(ToString::to_string));
     tell_damage(container, &mut notes);
-    Ok(Description { columns, topics, metadata: container.metadata(), notes })
+    Ok(Description { columns, arrays, topics, metadata: container.metadata(), notes })
 }
 
 /// The fields of a topic's messages, and how many could be read and how many not.
@@ -81,16 +83,17 @@ pub(crate) fn statistics(path: &Path, format: Format, progress: &dyn Progress) -
             Ok(())
         },
     )?;
-    let mut columns = Vec::new();
+    let (mut columns, mut arrays) = (Vec::new(), Vec::new());
     for (topic, Counted { tree, read, failed }) in container.topics().iter().zip(&trees) {
         columns.extend(tree.fields().iter().map(|field| column(topic, field, Some(*read))));
-        notes.extend(skipped(topic, tree));
+        arrays.extend(skipped(topic, tree));
         if *failed > 0 {
             notes.push(format!("{}: {failed} messages cannot be decoded", topic.name));
         }
     }
+    notes.extend(arrays.iter().map(ToString::to_string));
     tell_damage(container, &mut notes);
-    Ok(Description { columns, topics, metadata: container.metadata(), notes })
+    Ok(Description { columns, arrays, topics, metadata: container.metadata(), notes })
 }
 
 fn tell_damage(container: &dyn Container, notes: &mut Vec<String>) {
@@ -100,12 +103,9 @@ fn tell_damage(container: &dyn Container, notes: &mut Vec<String>) {
     }
 }
 
-fn skipped(topic: &Topic, tree: &FieldTree) -> Vec<String> {
-    let told = |(path, longest): (String, usize)| {
-        let name = names::column(&topic.name, &path);
-        format!("{name}: up to {longest} elements, not listed; name the wanted ones, e.g. {name}[0]")
-    };
-    tree.skipped().into_iter().map(told).collect()
+fn skipped(topic: &Topic, tree: &FieldTree) -> Vec<ArrayInfo> {
+    let array = |(path, longest): (String, usize)| ArrayInfo { name: names::column(&topic.name, &path), longest };
+    tree.skipped().into_iter().map(array).collect()
 }
 
 /// A field, and where all messages were read how many these are: those that lack it, as sequences may, miss it.

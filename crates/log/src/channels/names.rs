@@ -39,7 +39,7 @@ impl Names {
     }
 
     /// The name that was probably meant: the same in another namespace, or one with a slip.
-    pub(super) fn nearest(&self, wanted: &str) -> Option<String> {
+    pub(crate) fn nearest(&self, wanted: &str) -> Option<String> {
         let all = || self.topics.iter().map(|(name, _)| name.as_str());
         let inside = |outer: &str, inner: &str| {
             let inner = inner.trim_start_matches('/');

@@ -12,18 +12,26 @@ pub(super) struct Sample {
 
 pub(super) type Runs = Vec<Vec<Sample>>;
 
-/// Median step, upper, over all runs.
-fn median_step(runs: &Runs) -> i64 {
+/// Median step, upper, over all runs; of bursts, the median of the steps between them.
+fn period(runs: &Runs) -> i64 {
     let mut steps: Vec<i64> =
         runs.iter().flat_map(|run| run.windows(2).map(|pair| pair[1].stamp - pair[0].stamp)).collect();
     steps.sort_unstable();
-    if steps.is_empty() { 0 } else { steps[steps.len() / 2] }
+    let Some(&median) = steps.get(steps.len() / 2) else { return 0 };
+    let mean_below = |most: f64| {
+        let below: Vec<f64> = steps.iter().map(|&step| step as f64).filter(|&step| step <= most).collect();
+        below.iter().sum::<f64>() / below.len() as f64
+    };
+    let mean = mean_below(50.0 * mean_below(f64::INFINITY));
+    let is_long = |step: &&i64| **step > 5 * median && **step as f64 <= 50.0 * mean;
+    let long: Vec<&i64> = steps.iter().filter(is_long).collect();
+    if mean > 5.0 * median as f64 && long.len() >= 3 { *long[long.len() / 2] } else { median }
 }
 
 /// Nanoseconds; a large number for none.
 pub(super) fn limit(runs: &Runs, gap: MaxGap) -> i64 {
     match gap {
-        MaxGap::Auto => 5 * median_step(runs),
+        MaxGap::Auto => 5 * period(runs),
         MaxGap::Seconds(seconds) => (seconds * 1e9).round() as i64,
         MaxGap::Unlimited => i64::MAX,
     }

@@ -15,7 +15,7 @@ pub(crate) struct JoinColumn {
     /// How it is joined.
     pub kind: JoinKind,
     /// How far a sample is trusted: between two samples further apart, a value is NaN; a held one is NaN where its sample is older.
-    /// Automatic is five median steps of the series, as for episodes. Unlimited bridges any gap, and a held value is latched then: it goes
+    /// Automatic is five median steps of the series, as for episodes; of bursts, five times what is between them. Unlimited bridges any gap, and a held value is latched then: it goes
     /// on beyond the last sample too.
     pub gap: MaxGap,
     /// For [`JoinKind::Slerp`]: the columns of x, y, z and w in that series. A component without the other three is no rotation and is

@@ -122,7 +122,7 @@ impl SeriesBuilder {
             source: self.source,
             store: store.finish()?,
             runs,
-            median_step: steps.median(),
+            median_step: steps.period(),
             counts,
             offset: offsets.median(),
             breaks: Breaks::default(),
