@@ -1,10 +1,17 @@
 //! Integration with steps of its own choice: the embedded pair 5(4) of Dormand and Prince.
 //!
-//! Dormand and Prince, "A family of embedded Runge-Kutta formulae", J. Comp. Appl. Math. 6 (1980), table 2; the step control is that of Hairer, Norsett
-//! and Wanner, "Solving ordinary differential equations I", section II.4. Every point has steps of its own, so that its numbers do not depend on those
-//! beside it.
+//! Dormand and Prince, "A family of embedded Runge-Kutta formulae", J. Comp. Appl. Math. 6 (1980), table 2. Where the equations of a point are stiff, which
+//! Hairer and Wanner detect by the slopes of the last two stages ("Solving ordinary differential equations II", section IV.2), it goes on by
+//! [`Rosenbrock`], and comes back when steps are short beside its time constants.
 
-use crate::{Points, Stepper, StepperWorkspace, angle::wrap};
+use fleetfoot_data::checkpoint;
+
+use crate::{
+    Points, Stepper, StepperWorkspace,
+    angle::wrap,
+    rosenbrock::{self, Rosenbrock, right_sides},
+    step_control::{StepControl, Verdict},
+};
 
 /// How exactly a simulation follows the equations.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,68 +44,65 @@ const STAGES: [[f64; 6]; 7] = [
 const ERROR: [f64; 7] =
     [71.0 / 57600.0, 0.0, -71.0 / 16695.0, 71.0 / 1920.0, -17253.0 / 339200.0, 22.0 / 525.0, -1.0 / 40.0];
 
-/// The longest step, in sampling periods: what is shorter (a pulse of `time()`, a thin region) would not be seen by longer ones.
-const LONGEST: f64 = 10.0;
-/// The shortest step, as a share of the sampling period: where the right side jumps, no step meets the tolerance.
-const SHORTEST: f64 = 1.0 / 256.0;
-/// A step is this share of the one whose error would be just allowed, and changes by these factors at most.
-const SAFETY: f64 = 0.9;
-const LEAST_FACTOR: f64 = 0.2;
-const MOST_FACTOR: f64 = 5.0;
+/// The order of the error that is estimated, in the step.
+const ERROR_ORDER: f64 = 5.0;
+/// The border of stability on the negative axis: step times rate.
+const STABLE: f64 = 3.25;
+/// Steps at the border of stability, but for fewer than [`SOUND`] others in between, that make a point stiff.
+const STIFF: u32 = 15;
+const SOUND: u32 = 6;
+/// Implicit steps in a row, each shorter than the fastest time constant, after which a point is not stiff any longer.
+const SLOW: u32 = 30;
+/// The shortest implicit step, as a share of the fastest time constant: what is shorter shows a jump, not a transient.
+const SHORTEST_OF_CONSTANT: f64 = 1e-3;
+
+/// Which method a point goes by, and the steps that speak for the other.
+#[derive(Debug, Clone, Copy, Default)]
+struct Stiffness {
+    implicit: bool,
+    /// Explicit: steps at the border of stability. Implicit: short steps in a row.
+    against: u32,
+    /// Explicit: steps within the border in a row.
+    within: u32,
+}
+
+impl Stiffness {
+    fn switch(&mut self) {
+        *self = Self { implicit: !self.implicit, ..Self::default() };
+    }
+}
 
 /// Memory of a simulation: the steps of every point.
 pub(crate) struct Adaptive {
-    /// Allowed error of every state: relative, absolute.
-    relative: f64,
-    absolute: Vec<f64>,
-    shortest: f64,
-    longest: f64,
-    /// Next step of each point, seconds.
-    step: Vec<f64>,
-    /// Length of the step that is tried; 0 for a point that has arrived.
-    tried: Vec<f64>,
-    /// Seconds of the interval that each point has behind it.
-    elapsed: Vec<f64>,
+    control: StepControl,
+    stiffness: Vec<Stiffness>,
+    /// Made where the first point is stiff; nothing where the equations have no derivatives.
+    implicit: Option<Option<Rosenbrock>>,
     /// Slopes of the stages, each states x points.
     slopes: [Vec<f64>; 7],
-    /// States x points: where the step begins, and where it ends.
-    present: Vec<f64>,
-    trial: Vec<f64>,
-    /// Errors of steps that could not be made short enough, over the sizes of the states, summed over the simulation: states x points.
-    forced: Vec<f64>,
+    /// States of the stage before the last one: states x points.
+    before_last: Vec<f64>,
 }
 
 impl Adaptive {
     /// For a simulation whose shortest interval is of so many seconds.
     pub(crate) fn new(stepper: &Stepper, tolerance: &Tolerance, count: usize, interval: f64) -> Self {
         let values = stepper.states.len() * count;
-        let period = if stepper.step() > 0.0 { stepper.step() } else { interval };
-        let first = period.min(interval);
-        let absolute = match &tolerance.absolute {
-            Some(absolute) => absolute.clone(),
-            None => stepper.states.iter().map(|state| tolerance.relative * state.size()).collect(),
-        };
         Self {
-            relative: tolerance.relative,
-            absolute,
-            shortest: SHORTEST * first,
-            longest: LONGEST * period,
-            step: vec![first; count],
-            tried: vec![0.0; count],
-            elapsed: vec![0.0; count],
+            control: StepControl::new(stepper, tolerance, count, interval),
+            stiffness: vec![Stiffness::default(); count],
+            implicit: None,
             slopes: std::array::from_fn(|_| vec![0.0; values]),
-            present: vec![0.0; values],
-            trial: vec![0.0; values],
-            forced: vec![0.0; values],
+            before_last: vec![0.0; values],
         }
     }
 
     /// The largest sum of errors that steps could not be made short enough for, over the size of the state; 0 where the tolerance was met.
     pub(crate) fn shortfall(&self) -> f64 {
-        self.forced.iter().copied().fold(0.0, f64::max)
+        self.control.shortfall()
     }
 
-    /// The states after `seconds`. The points stay as they are; their columns of the outside are held.
+    /// The states after `seconds`. The points stay as they are; their columns of the outside are held, or move along their ramps.
     pub(crate) fn advance(
         &mut self,
         stepper: &Stepper,
@@ -108,20 +112,30 @@ impl Adaptive {
         states: &mut Vec<f64>,
     ) {
         let (row, count) = (points.clone(), points.count());
-        self.begin(stepper, points, seconds, workspace);
+        self.control.begin(stepper, points, seconds);
+        stepper.evaluate(points, workspace);
+        self.slopes[0] = right_sides(stepper, count, workspace);
         // What is no derivative advances by a row, whatever happens within the interval.
         let held = self.slopes[0].clone();
-        while self.choose(seconds) {
-            for stage in 1..NODES.len() {
-                self.stage(stepper, points, row.seconds(0), stage, workspace);
+        loop {
+            checkpoint();
+            let explicit = self.control.choose(seconds, |b| !self.stiffness[b].implicit);
+            if explicit {
+                self.step_explicitly(stepper, points, row.seconds(0), seconds, workspace);
             }
-            self.judge(stepper, seconds);
+            let implicit = self.control.choose(seconds, |b| self.stiffness[b].implicit);
+            if implicit {
+                self.step_implicitly(stepper, points, row.seconds(0), seconds, workspace);
+            }
+            if !explicit && !implicit {
+                break;
+            }
         }
         states.clear();
         for (s, state) in stepper.states.iter().enumerate() {
             let place = s * count..(s + 1) * count;
             if state.advance.continuous {
-                states.extend_from_slice(&self.present[place]);
+                states.extend_from_slice(&self.control.present[place]);
             } else {
                 let x = row.column(state.column, 0);
                 states.extend(x.iter().zip(&held[place]).map(|(&x, &f)| state.advance.next(x, f, seconds)));
@@ -132,42 +146,41 @@ impl Adaptive {
         *points = row;
     }
 
-    /// The states and slopes at the begin of an interval.
-    fn begin(&mut self, stepper: &Stepper, points: &Points, seconds: f64, workspace: &mut StepperWorkspace) {
+    /// A step of every point that is not stiff.
+    fn step_explicitly(
+        &mut self,
+        stepper: &Stepper,
+        points: &mut Points,
+        begin: &[f64],
+        seconds: f64,
+        workspace: &mut StepperWorkspace,
+    ) {
+        for stage in 1..NODES.len() {
+            self.stage(stepper, points, begin, stage, workspace);
+        }
         let count = points.count();
-        self.elapsed.fill(0.0);
-        for (s, state) in stepper.states.iter().enumerate() {
-            let x = points.column(state.column, 0);
-            self.present[s * count..(s + 1) * count].copy_from_slice(x);
-            // What is no number stays none.
-            x.iter().zip(&mut self.elapsed).filter(|(x, _)| !x.is_finite()).for_each(|(_, elapsed)| *elapsed = seconds);
+        for b in self.control.active() {
+            for i in self.control.continuous.iter().map(|s| s * count + b) {
+                let slope: f64 = ERROR.iter().zip(&self.slopes).map(|(weight, slopes)| weight * slopes[i]).sum();
+                self.control.error[i] = (self.control.tried[b] * slope).abs();
+            }
+            let (ratio, border) = (self.control.ratio(b), self.stability(b));
+            let shortest = self.control.shortest;
+            let stuck = ratio > 1.0 && self.control.tried[b] <= shortest * (1.0 + 1e-9);
+            if stuck && border > STABLE && self.can_be_implicit(stepper) {
+                self.stiffness[b].switch();
+                continue;
+            }
+            if self.control.judge(stepper, b, seconds, ratio, ERROR_ORDER, shortest) == Verdict::Rejected {
+                continue;
+            }
+            for i in self.control.continuous.iter().map(|s| s * count + b) {
+                self.slopes[0][i] = self.slopes[6][i];
+            }
+            if self.is_stiff(b, border) && self.can_be_implicit(stepper) {
+                self.stiffness[b].switch();
+            }
         }
-        stepper.evaluate(points, workspace);
-        self.take_slopes(stepper, count, 0, workspace);
-    }
-
-    fn take_slopes(&mut self, stepper: &Stepper, count: usize, stage: usize, workspace: &StepperWorkspace) {
-        for state in 0..stepper.states.len() {
-            let found = stepper.right_side(state, count, workspace);
-            self.slopes[stage][state * count..(state + 1) * count].copy_from_slice(found);
-        }
-    }
-
-    /// The next step of every point; whether there is any to make.
-    fn choose(&mut self, seconds: f64) -> bool {
-        let mut any = false;
-        for (b, tried) in self.tried.iter_mut().enumerate() {
-            let (rest, step) = (seconds - self.elapsed[b], self.step[b]);
-            *tried = match rest {
-                rest if rest <= 0.0 => 0.0,
-                rest if step >= rest * (1.0 - 1e-9) => rest,
-                // Two equal steps instead of one and a remainder.
-                rest if 2.0 * step > rest => 0.5 * rest,
-                _ => step,
-            };
-            any |= *tried > 0.0;
-        }
-        any
     }
 
     /// Slopes at a stage of the step of every point.
@@ -179,74 +192,114 @@ impl Adaptive {
         stage: usize,
         workspace: &mut StepperWorkspace,
     ) {
-        let count = points.count();
-        for (b, time) in points.seconds_mut(0).iter_mut().enumerate() {
-            *time = begin[b] + (self.elapsed[b] + NODES[stage] * self.tried[b]);
+        let (count, control) = (points.count(), &mut self.control);
+        for b in 0..count {
+            points.set_elapsed(b, begin[b], control.elapsed[b] + NODES[stage] * control.tried[b]);
         }
         let last = stage + 1 == NODES.len();
-        for (s, state) in stepper.states.iter().enumerate().filter(|(_, state)| state.advance.continuous) {
+        for &s in &control.continuous {
+            let state = &stepper.states[s];
             let column = points.column_mut(state.column, 0);
             for (b, value) in column.iter_mut().enumerate() {
                 let i = s * count + b;
                 let slope: f64 = (0..stage).map(|k| STAGES[stage][k] * self.slopes[k][i]).sum();
-                *value = self.tried[b].mul_add(slope, self.present[i]);
+                *value = control.tried[b].mul_add(slope, control.present[i]);
+                if stage + 2 == NODES.len() {
+                    self.before_last[i] = *value;
+                }
                 if last {
                     *value = if state.advance.angle { wrap(*value) } else { *value };
-                    self.trial[i] = *value;
+                    control.trial[i] = *value;
                 }
             }
         }
         stepper.evaluate(points, workspace);
-        self.take_slopes(stepper, count, stage, workspace);
+        self.slopes[stage] = right_sides(stepper, count, workspace);
     }
 
-    /// Takes the steps whose error is allowed, and those that are as short as can be; says how long the next ones are.
-    fn judge(&mut self, stepper: &Stepper, seconds: f64) {
-        let count = self.tried.len();
-        let continuous: Vec<usize> =
-            (0..stepper.states.len()).filter(|&s| stepper.states[s].advance.continuous).collect();
-        for b in (0..count).filter(|&b| self.tried[b] > 0.0) {
-            let (mut ratio, mut finite) = (0.0_f64, true);
-            for i in continuous.iter().map(|s| s * count + b) {
-                let part = self.error(i, b) / self.allowed(i, i / count);
-                // `max` would lose what is not a number.
-                ratio = if part.is_nan() { f64::INFINITY } else { ratio.max(part) };
-                finite &= self.trial[i].is_finite();
-                if !finite {
-                    ratio = f64::INFINITY;
-                    break;
-                }
-            }
-            let accepted = ratio <= 1.0 || self.tried[b] <= self.shortest * (1.0 + 1e-9);
-            let factor = (SAFETY * ratio.powf(-0.2)).clamp(LEAST_FACTOR, MOST_FACTOR);
-            let next = (self.tried[b] * factor).clamp(self.shortest, self.longest);
-            if !accepted {
-                self.step[b] = next;
+    /// The step of point b times the rate of its fastest part, by the two stages that stand at its end.
+    fn stability(&self, b: usize) -> f64 {
+        let (count, control) = (self.control.tried.len(), &self.control);
+        let (mut slopes, mut states) = (0.0, 0.0);
+        for i in control.continuous.iter().map(|s| s * count + b) {
+            let allowed = control.allowed(i);
+            slopes += ((self.slopes[6][i] - self.slopes[5][i]) / allowed).powi(2);
+            states += ((control.trial[i] - self.before_last[i]) / allowed).powi(2);
+        }
+        if states > 0.0 { control.tried[b] * (slopes / states).sqrt() } else { 0.0 }
+    }
+
+    /// Counts an accepted step; whether the point is stiff.
+    fn is_stiff(&mut self, b: usize, border: f64) -> bool {
+        let own = &mut self.stiffness[b];
+        if border > STABLE {
+            (own.against, own.within) = (own.against + 1, 0);
+        } else {
+            own.within += 1;
+            own.against = if own.within >= SOUND { 0 } else { own.against };
+        }
+        own.against >= STIFF
+    }
+
+    fn can_be_implicit(&mut self, stepper: &Stepper) -> bool {
+        let count = self.control.tried.len();
+        self.implicit.get_or_insert_with(|| Rosenbrock::new(stepper, count)).is_some()
+    }
+
+    /// A step of every stiff point.
+    fn step_implicitly(
+        &mut self,
+        stepper: &Stepper,
+        points: &mut Points,
+        begin: &[f64],
+        seconds: f64,
+        workspace: &mut StepperWorkspace,
+    ) {
+        let Some(Some(implicit)) = &mut self.implicit else { return };
+        let control = &mut self.control;
+        implicit.attempt(stepper, points, begin, control, workspace);
+        let mut back = Vec::new();
+        for b in control.active() {
+            let (ratio, rate) = (control.ratio(b), implicit.rate[b]);
+            let shortest = control.shortest.min(SHORTEST_OF_CONSTANT / rate);
+            let tried = control.tried[b];
+            if control.judge(stepper, b, seconds, ratio, rosenbrock::ERROR_ORDER, shortest) == Verdict::Rejected {
                 continue;
             }
-            // A step that the end of the interval cut short does not shorten the next.
-            self.step[b] = if self.tried[b] < self.step[b] && ratio <= 1.0 { next.max(self.step[b]) } else { next };
-            for i in continuous.iter().map(|s| s * count + b) {
-                if ratio > 1.0 {
-                    let size = stepper.states[i / count].size().max(self.present[i].abs());
-                    let error = self.error(i, b) / size;
-                    self.forced[i] += if error.is_finite() { error } else { 0.0 };
-                }
-                self.present[i] = self.trial[i];
-                self.slopes[0][i] = self.slopes[6][i];
+            let own = &mut self.stiffness[b];
+            own.against = if tried * rate < 1.0 && tried > control.shortest { own.against + 1 } else { 0 };
+            if own.against >= SLOW {
+                own.switch();
+                back.push(b);
             }
-            let arrived = !finite || self.tried[b] >= seconds - self.elapsed[b];
-            self.elapsed[b] = if arrived { seconds } else { self.elapsed[b] + self.tried[b] };
+        }
+        if !back.is_empty() {
+            self.refresh(stepper, points, begin, &back, workspace);
         }
     }
 
-    /// Estimated error of the step of point b, at entry i of states x points.
-    fn error(&self, i: usize, b: usize) -> f64 {
-        let slope: f64 = ERROR.iter().zip(&self.slopes).map(|(weight, slopes)| weight * slopes[i]).sum();
-        (self.tried[b] * slope).abs()
-    }
-
-    fn allowed(&self, i: usize, state: usize) -> f64 {
-        self.relative.mul_add(self.present[i].abs().max(self.trial[i].abs()), self.absolute[state])
+    /// The first slopes of points that come back to explicit steps.
+    fn refresh(
+        &mut self,
+        stepper: &Stepper,
+        points: &mut Points,
+        begin: &[f64],
+        back: &[usize],
+        workspace: &mut StepperWorkspace,
+    ) {
+        let (count, control) = (points.count(), &self.control);
+        for &b in back {
+            points.set_elapsed(b, begin[b], control.elapsed[b]);
+            for &s in &control.continuous {
+                points.column_mut(stepper.states[s].column, 0)[b] = control.present[s * count + b];
+            }
+        }
+        stepper.evaluate(points, workspace);
+        let found = right_sides(stepper, count, workspace);
+        for &b in back {
+            for i in control.continuous.iter().map(|s| s * count + b) {
+                self.slopes[0][i] = found[i];
+            }
+        }
     }
 }

@@ -1,14 +1,38 @@
 //! Simulations of a model on values at hand, through the times of a grid.
 
-use crate::{Method, Points, Stepper, StepperWorkspace, TimeGrid, Tolerance, adaptive::Adaptive};
+use fleetfoot_data::checkpoint;
+
+use crate::{Method, Points, Stepper, StepperWorkspace, TimeGrid, Tolerance, adaptive::Adaptive, points::Ramp};
 
 /// Inputs of a simulation.
 #[derive(Debug, Clone, Copy)]
 pub struct InputSequence<'a> {
-    /// Steps x inputs, or steps x inputs x points: each held for one step.
+    /// Steps x inputs, or steps x inputs x points; with [`Course::Lines`] one row more, and as many more as the model looks ahead.
     pub values: &'a [f64],
     /// Whether every point has its own.
     pub by_point: bool,
+    /// What inputs do from one time to the next.
+    pub course: Course,
+}
+
+/// The course of inputs between the times of a simulation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Course {
+    /// Each row is held until the next time.
+    #[default]
+    Held,
+    /// Straight lines from row to row.
+    Lines,
+}
+
+impl InputSequence<'_> {
+    /// The value of an input at a row, at each of `count` points.
+    fn row(&self, at: usize, count: usize) -> Vec<f64> {
+        match self.by_point {
+            true => self.values[at * count..][..count].to_vec(),
+            false => vec![self.values[at]; count],
+        }
+    }
 }
 
 /// How a simulation passes from one time to the next.
@@ -32,7 +56,7 @@ impl Default for Integration {
 }
 
 impl Stepper {
-    /// Simulates from the points through the times of a grid ([`Self::grid`]), the inputs held from each to the next.
+    /// Simulates from the points through the times of a grid ([`Self::grid`]).
     ///
     /// `take` gets the number of the time and the states there (states x points), the first ones included, and says whether to go on. The past moves by a
     /// row a time, so lagged values are held in between. The answer is by how much the tolerance was missed: the largest sum of the errors of steps that
@@ -45,7 +69,6 @@ impl Stepper {
         integration: &Integration,
         mut take: impl FnMut(usize, &[f64]) -> bool,
     ) -> f64 {
-        let width = self.inputs.len();
         let mut workspace = StepperWorkspace::default();
         let mut adaptive = match integration {
             Integration::Adaptive(tolerance) if self.is_continuous() => {
@@ -60,14 +83,8 @@ impl Stepper {
             return 0.0;
         }
         for (step, pair) in grid.times().windows(2).enumerate() {
-            for (i, &column) in self.inputs.iter().enumerate() {
-                let (present, at) = (points.column_mut(column, 0), step * width + i);
-                match inputs.by_point {
-                    true => present.copy_from_slice(&inputs.values[at * present.len()..][..present.len()]),
-                    false => present.fill(inputs.values[at]),
-                }
-            }
             let seconds = pair[1] - pair[0];
+            self.set_inputs(points, inputs, step, seconds);
             match (&mut adaptive, integration) {
                 (Some(adaptive), _) => adaptive.advance(self, points, seconds, &mut workspace, &mut states),
                 // Without derivatives there is nothing to integrate.
@@ -107,12 +124,33 @@ impl Stepper {
         let row = points.clone();
         let seconds = seconds / parts as f64;
         for _ in 0..parts {
+            checkpoint();
             states.clear();
             states.extend_from_slice(self.next(points, seconds, method, workspace));
             self.write_states(points, states);
             points.wait(seconds);
         }
         *points = row;
+    }
+
+    /// Writes the inputs of a step of so many seconds, and lets them move where they go in lines.
+    fn set_inputs(&self, points: &mut Points, inputs: InputSequence<'_>, step: usize, seconds: f64) {
+        let (count, width) = (points.count(), self.inputs.len());
+        let mut ramps = Vec::new();
+        for (i, &column) in self.inputs.iter().enumerate() {
+            let begin = inputs.row(step * width + i, count);
+            points.column_mut(column, 0).copy_from_slice(&begin);
+            for rows in 1..=self.ahead() {
+                let later = inputs.row((step + rows) * width + i, count);
+                points.ahead_mut(column, rows).copy_from_slice(&later);
+            }
+            if inputs.course == Course::Lines {
+                let end = inputs.row((step + 1) * width + i, count);
+                let rate = end.iter().zip(&begin).map(|(end, begin)| (end - begin) / seconds).collect();
+                ramps.push(Ramp { column, begin, rate });
+            }
+        }
+        points.begin_ramps(ramps);
     }
 
     fn write_states(&self, points: &mut Points, states: &[f64]) {

@@ -29,6 +29,7 @@ pub struct Stepper {
     pub(crate) compiled: Compiled,
     reported: usize,
     history: usize,
+    ahead: usize,
     uses_time: bool,
     step: f64,
 }
@@ -48,6 +49,18 @@ impl Stepper {
     /// # Errors
     /// [`Error::Inconsistent`], [`Error::Contradiction`], [`Error::FutureState`], [`Error::Closed`], [`Error::LaggedLatent`], [`Error::UnknownColumn`].
     pub fn new(model: &Model) -> Result<Self, Error> {
+        Self::compile(model, false)
+    }
+
+    /// The same of a model that may read inputs of later rows, which a simulation and a run of rows have ([`Self::ahead`]).
+    ///
+    /// # Errors
+    /// As [`Self::new`]; [`Error::FutureState`] for states alone.
+    pub fn looking_ahead(model: &Model) -> Result<Self, Error> {
+        Self::compile(model, true)
+    }
+
+    fn compile(model: &Model, may_look_ahead: bool) -> Result<Self, Error> {
         model.validate().map_err(Error::Inconsistent)?;
         let Closed { model, lags, computed, .. } = &model.closed(model.step, &[])?;
         let (mut states, mut equations) = advanced(model)?;
@@ -57,7 +70,8 @@ impl Stepper {
         let names: Vec<&str> = model.columns.iter().map(|column| column.name.as_str()).collect();
         let compiled = Compiled::new(model, &names, &equations, None)?;
         let mut read = vec![false; names.len()];
-        let (mut history, mut uses_time) = (0, false);
+        let (mut history, mut ahead, mut uses_time) = (0, 0, false);
+        let is_state = |column: usize| states.iter().any(|state| state.column == column);
         for leaf in compiled.functions.leaves().iter().chain(compiled.rights.leaves()) {
             match *leaf {
                 Leaf::Column { column, .. } if column >= names.len() => continue,
@@ -65,13 +79,15 @@ impl Stepper {
                 Leaf::Time { .. } => uses_time = true,
             }
             let lag = leaf.lag();
-            history = history.max(usize::try_from(lag).map_err(|_| Error::FutureState {
-                state: match *leaf {
-                    Leaf::Column { column, .. } => names[column].to_owned(),
-                    Leaf::Time { .. } => "time()".to_owned(),
-                },
-                ahead: lag.saturating_neg(),
-            })?);
+            let (name, known) = match *leaf {
+                Leaf::Column { column, .. } => (names[column], !is_state(column)),
+                Leaf::Time { .. } => ("time()", true),
+            };
+            if lag < 0 && !(known && may_look_ahead) {
+                return Err(Error::FutureState { state: name.to_owned(), ahead: lag.saturating_neg() });
+            }
+            history = history.max(usize::try_from(lag).unwrap_or(0));
+            ahead = ahead.max(usize::try_from(-i64::from(lag)).unwrap_or(0));
         }
         let inputs = (0..names.len())
             .filter(|&column| states.iter().all(|state| state.column != column))
@@ -92,6 +108,7 @@ impl Stepper {
             fitted,
             reported: reported.unwrap_or(0),
             history,
+            ahead,
             uses_time,
             step: model.step,
             compiled,
@@ -130,6 +147,11 @@ impl Stepper {
         self.history
     }
 
+    /// Rows that the equations look ahead at inputs; 0 but for [`Self::looking_ahead`].
+    pub fn ahead(&self) -> usize {
+        self.ahead
+    }
+
     /// Whether the equations speak of time.
     pub fn uses_time(&self) -> bool {
         self.uses_time
@@ -147,20 +169,12 @@ impl Stepper {
 
     /// Zeros for this many points.
     pub fn points(&self, count: usize) -> Points {
-        Points::new(count, self.names.len(), self.history)
+        Points::reaching(count, self.names.len(), self.history, self.ahead)
     }
 
     /// Evaluates all equations at the points.
     pub fn evaluate(&self, points: &Points, workspace: &mut StepperWorkspace) {
-        let leaf = |leaf: Leaf| -> &[f64] {
-            // Leads were refused.
-            let lag = leaf.lag().unsigned_abs() as usize;
-            match leaf {
-                Leaf::Column { column, .. } => points.column(column, lag),
-                Leaf::Time { .. } => points.seconds(lag),
-            }
-        };
-        self.compiled.evaluate(points.count(), &leaf, &mut workspace.model);
+        self.compiled.evaluate(points.count(), &|leaf| points.leaf(leaf), &mut workspace.model);
     }
 
     /// The right side of a state's equation after [`Self::evaluate`]: its derivative, difference or next value at each of `count` points; NaN where no region holds.

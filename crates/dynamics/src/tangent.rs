@@ -1,6 +1,5 @@
 //! Exact derivatives of a model at points: what a filter or a controller linearises.
 
-use fleetfoot_library::Leaf;
 use fleetfoot_model::{Equation, Prediction};
 
 use crate::{
@@ -52,21 +51,14 @@ impl Tangent {
 
     /// Derivatives of the states' right sides at the points (points x states x variables, the states before the inputs), after
     /// [`Stepper::evaluate`] there.
-    fn slopes(&self, stepper: &Stepper, points: &Points, workspace: &StepperWorkspace) -> Vec<f64> {
-        let leaf = |leaf: Leaf| -> &[f64] {
-            let lag = leaf.lag().unsigned_abs() as usize;
-            match leaf {
-                Leaf::Column { column, .. } => points.column(column, lag),
-                Leaf::Time { .. } => points.seconds(lag),
-            }
-        };
-        self.slopes.evaluate(&stepper.compiled, points.count(), &leaf, &workspace.model).total
+    pub(crate) fn right_slopes(&self, stepper: &Stepper, points: &Points, workspace: &StepperWorkspace) -> Vec<f64> {
+        self.slopes.evaluate(&stepper.compiled, points.count(), &|leaf| points.leaf(leaf), &workspace.model).total
     }
 
     /// The equations at each point to first order: the derivatives of the states, where any is integrated, else their next values (angles not wrapped).
     pub fn linearize(&self, stepper: &Stepper, points: &Points, workspace: &mut StepperWorkspace) -> Vec<Linearized> {
         stepper.evaluate(points, workspace);
-        let mut slopes = self.slopes(stepper, points, workspace);
+        let mut slopes = self.right_slopes(stepper, points, workspace);
         let (count, states, width) = (points.count(), stepper.states.len(), self.variables.len());
         let mut values: Vec<f64> = Vec::with_capacity(count * states);
         for b in 0..count {
@@ -110,7 +102,7 @@ impl Tangent {
             stepper.move_states(points, &present, &last.0, offset);
             points.wait(offset);
             stepper.evaluate(points, workspace);
-            let slopes = self.slopes(stepper, points, workspace);
+            let slopes = self.right_slopes(stepper, points, workspace);
             points.wait(-offset);
             let values: Vec<f64> = (0..states).flat_map(|s| stepper.right_side(s, count, workspace).to_vec()).collect();
             let derivatives = chained(stepper, &slopes, &last.1, offset, [count, states, width]);

@@ -103,7 +103,7 @@ impl Stepper {
             let filter = state.advance.lag.is_some();
             return Some(if filter { "its filters go from row to row" } else { "its equations give the next row" });
         }
-        (self.history() > 0).then_some("its equations look back by rows")
+        (self.history() + self.ahead() > 0).then_some("its equations look back or ahead by rows")
     }
 
     fn check_rows(&self, times: &[f64], reason: &'static str) -> Result<(), Error> {

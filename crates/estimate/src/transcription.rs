@@ -16,7 +16,7 @@
 //! For equations that give the next row, zeta = x_1 - f(x_0, u_0).
 
 use fleetfoot_data::{did_you_mean, nearest};
-use fleetfoot_dynamics::{InputSequence, Integration, Linearized, Method, Stepper, StepperWorkspace, Tangent};
+use fleetfoot_dynamics::{Course, InputSequence, Integration, Linearized, Method, Stepper, StepperWorkspace, Tangent};
 use fleetfoot_model::{Model, RotationKind};
 
 use crate::EstimateError;
@@ -262,7 +262,7 @@ impl Transcription {
         points.seconds_mut(0)[0] = own.seconds[0];
         (0..n).for_each(|s| points.column_mut(self.stepper.state_column(s), 0)[0] = own.values[s]);
         let mut found = vec![f64::NAN; rows * n];
-        let sequence = InputSequence { values: &inputs, by_point: false };
+        let sequence = InputSequence { values: &inputs, by_point: false, course: Course::Held };
         let integration = Integration::Fixed { method: Method::Rk4, substeps: None };
         let mut last = own.values[..n].to_vec();
         self.stepper.simulate(&mut points, &grid, sequence, &integration, |k, states| {

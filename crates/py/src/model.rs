@@ -33,7 +33,7 @@ type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 impl Model {
     /// A model, compiled.
     pub(crate) fn new(model: fleetfoot::Model) -> PyResult<Self> {
-        let stepper = Stepper::new(&model).or_raise(Kind::Model)?;
+        let stepper = Stepper::looking_ahead(&model).or_raise(Kind::Model)?;
         Ok(Self { model, stepper, tangent: OnceLock::new() })
     }
 
@@ -78,8 +78,14 @@ impl Model {
         Ok((array(py, a, &shape(&[n, n]))?, array(py, b, &shape(&[n, m]))?, array(py, c, &shape(&[n]))?))
     }
 
-    /// Points that a call gives.
-    pub(crate) fn asked(&self, given: &Given<'_, '_>) -> PyResult<Asked> {
+    /// Points that a call gives, of a model that reads nothing of later rows.
+    fn asked(&self, given: &Given<'_, '_>) -> PyResult<Asked> {
+        if self.stepper.ahead() > 0 {
+            return Err(Kind::Model.error(format!(
+                "the model reads inputs {} row ahead, which a single point does not have; take predict, or simulate with the inputs of every row",
+                self.stepper.ahead()
+            )));
+        }
         points(&self.stepper, given)
     }
 }

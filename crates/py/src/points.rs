@@ -245,6 +245,15 @@ impl Rows {
                 }
             }
         }
+        for ahead in 1..=stepper.ahead() {
+            for i in 0..self.inputs {
+                let later = points.ahead_mut(stepper.input_column(i), ahead).iter_mut().zip(rows.clone());
+                later.for_each(|(value, row)| {
+                    let row = row + ahead;
+                    *value = if row < self.count { self.u[row * self.inputs + i] } else { f64::NAN };
+                });
+            }
+        }
         points
     }
 }

@@ -1,13 +1,13 @@
 //! Simulations from values at hand.
 
-use fleetfoot::dynamics::{InputSequence, Integration, Method, TimeGrid as Grid, Tolerance};
+use fleetfoot::dynamics::{Course, InputSequence, Integration, Method, TimeGrid as Grid, Tolerance};
 use numpy::{PyArray1, PyArrayDyn};
 use pyo3::prelude::*;
 
 use crate::{
     error::{Kind, OrRaise},
     model::{History, Model, method},
-    points::{Floats, Given, array},
+    points::{Floats, Given, array, points},
     run::{Failure, guard, run_any},
 };
 
@@ -110,7 +110,7 @@ impl Passing {
     }
 }
 
-/// Inputs of a simulation, steps x inputs or steps x inputs x points, and whether every point has its own.
+/// Inputs of a simulation, rows x inputs or rows x inputs x points, and whether every point has its own.
 fn sequence(model: &Model, u: Option<&Bound<'_, PyAny>>, steps: usize, count: usize) -> PyResult<(Vec<f64>, bool)> {
     let names: Vec<&str> = model.stepper().inputs().collect();
     let width = names.len();
@@ -133,7 +133,7 @@ fn sequence(model: &Model, u: Option<&Bound<'_, PyAny>>, steps: usize, count: us
             Ok(((0..steps * width * count).map(value).collect(), true))
         }
         shape => Err(Kind::Model.error(format!(
-            "u has the shape {shape:?}; give a row of the {width} inputs ({}) for each of the {steps} steps",
+            "u has the shape {shape:?}; give a row of the {width} inputs ({}) for each of {steps} times",
             names.join(", ")
         ))),
     }
@@ -141,7 +141,8 @@ fn sequence(model: &Model, u: Option<&Bound<'_, PyAny>>, steps: usize, count: us
 
 /// States at the times of a grid from x0: (times, states), or (points, times, states); and by how much the tolerance was missed, in sizes of a state.
 #[pyfunction]
-#[pyo3(signature = (model, x0, grid, u, passing, history=None))]
+#[pyo3(signature = (model, x0, grid, u, passing, history=None, lines=false))]
+#[expect(clippy::too_many_arguments, reason = "those of the Python method")]
 pub(crate) fn simulate<'py>(
     py: Python<'py>,
     model: &Model,
@@ -150,7 +151,9 @@ pub(crate) fn simulate<'py>(
     u: Option<&Bound<'py, PyAny>>,
     passing: Passing,
     history: History<'py>,
+    lines: bool,
 ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, f64)> {
+    let course = if lines { Course::Lines } else { Course::Held };
     let (stepper, grid) = (model.stepper(), &grid.grid);
     let states = stepper.states().len();
     if states == 0 {
@@ -162,14 +165,16 @@ pub(crate) fn simulate<'py>(
         // The inputs of the first row are set with those of the others.
         let width = stepper.inputs().len();
         let none = array(py, vec![0.0; width], &[width])?.into_any();
-        let asked = model.asked(&Given { x: Some(x0), u: Some(&none), history, t: Some(&first) })?;
-        let inputs = sequence(model, u, grid.intervals(), asked.points.count())?;
+        let asked = points(stepper, &Given { x: Some(x0), u: Some(&none), history, t: Some(&first) })?;
+        // The end of the last line is a row too, and so is what the last step looks ahead at.
+        let rows = grid.intervals() + stepper.ahead().max(usize::from(lines));
+        let inputs = sequence(model, u, rows, asked.points.count())?;
         Ok((asked, inputs))
     })?;
     let (count, length) = (asked.points.count(), grid.times().len());
     let (out, shortfall) = run_any(py, None, |progress| {
         let mut out = vec![f64::NAN; count * length * states];
-        let inputs = InputSequence { values: &inputs.0, by_point: inputs.1 };
+        let inputs = InputSequence { values: &inputs.0, by_point: inputs.1, course };
         let shortfall = stepper.simulate(&mut asked.points, grid, inputs, &integration, |step, found| {
             for (s, column) in found.chunks_exact(count.max(1)).enumerate() {
                 column.iter().enumerate().for_each(|(b, &x)| out[(b * length + step) * states + s] = x);

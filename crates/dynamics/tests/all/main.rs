@@ -15,3 +15,4 @@ mod scores;
 mod sensitivities;
 mod simulations;
 mod steppers;
+mod stiff;

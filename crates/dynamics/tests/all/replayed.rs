@@ -5,8 +5,8 @@ use std::sync::Arc;
 use crate::common::{column, identity, model, parse, partition, source};
 use fleetfoot_data::{Column as DataColumn, MemorySource, Silent, Source};
 use fleetfoot_dynamics::{
-    Error, FreeRunOptions, InputSequence, Integration, Method, RolloutOptions, Simulator, Start, Starts, Step, Stepper,
-    StepperWorkspace, Tangent,
+    Course, Error, FreeRunOptions, InputSequence, Integration, Method, RolloutOptions, Simulator, Start, Starts, Step,
+    Stepper, StepperWorkspace, Tangent,
     controller::{Controller, ControllerState, ParameterError},
     free_run, rollout_closed_loop,
 };
@@ -210,7 +210,7 @@ fn values_at_hand_are_those_of_the_rollout() {
         let inputs: Vec<f64> = (0..60).flat_map(|k| ["u", "wind"].map(|name| value(name, start + k))).collect();
         let times: Vec<f64> = (0..=60).map(|k| f64::from(k) * DT).collect();
         let mut found = Vec::new();
-        let values = InputSequence { values: &inputs, by_point: false };
+        let values = InputSequence { values: &inputs, by_point: false, course: Course::Held };
         let (grid, how) = (stepper.grid(times).unwrap(), Integration::Fixed { method, substeps: Some(1) });
         stepper.simulate(&mut points.clone(), &grid, values, &how, |_, states| {
             found.push(states.to_vec());

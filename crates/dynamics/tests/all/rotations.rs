@@ -4,8 +4,8 @@ use std::f64::consts::{PI, TAU};
 
 use fleetfoot_data::{MemorySource, Silent};
 use fleetfoot_dynamics::{
-    Error, InputSequence, Integration, Method, RolloutOptions, Rollouts, ShootingOptions, Starts, Step, Stepper,
-    Stretches, Tolerance, rollout,
+    Course, Error, InputSequence, Integration, Method, RolloutOptions, Rollouts, ShootingOptions, Starts, Step,
+    Stepper, Stretches, Tolerance, rollout,
 };
 use fleetfoot_library::{Expr, Quaternion, rotation_vector_rates};
 use fleetfoot_model::{Equation, Model, Prediction, Role, RotationKind, RotationPart, Training};
@@ -88,10 +88,16 @@ fn simulated(model: &Model, start: &[f64], inputs: &[f64], steps: usize, how: &I
     let grid = stepper.grid((0..=steps).map(|k| k as f64 * DT).collect()).unwrap();
     let inputs: Vec<f64> = (0..steps).flat_map(|_| inputs.iter().copied()).collect();
     let mut found = Vec::new();
-    stepper.simulate(&mut points, &grid, InputSequence { values: &inputs, by_point: false }, how, |_, states| {
-        found.push(states.to_vec());
-        true
-    });
+    stepper.simulate(
+        &mut points,
+        &grid,
+        InputSequence { values: &inputs, by_point: false, course: Course::Held },
+        how,
+        |_, states| {
+            found.push(states.to_vec());
+            true
+        },
+    );
     found
 }
 

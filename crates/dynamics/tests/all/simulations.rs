@@ -1,7 +1,7 @@
 //! Simulations between given times: as exact as asked for, on the grid that the model has, each point by itself.
 
 use crate::common::{column, identity, parse, region};
-use fleetfoot_dynamics::{Error, InputSequence, Integration, Method, Points, Stepper, Tolerance};
+use fleetfoot_dynamics::{Course, Error, InputSequence, Integration, Method, Points, Stepper, Tolerance};
 use fleetfoot_model::{Equation, Latent, Model, Partition, Prediction, Role, Rule, Training};
 
 const DT: f64 = 0.01;
@@ -38,7 +38,7 @@ fn at(stepper: &Stepper, starts: &[&[f64]]) -> Points {
 fn run(stepper: &Stepper, starts: &[&[f64]], times: &[f64], how: &Integration) -> (Vec<Vec<f64>>, f64) {
     let grid = stepper.grid(times.to_vec()).unwrap();
     let (mut points, mut found) = (at(stepper, starts), Vec::new());
-    let inputs = InputSequence { values: &[], by_point: false };
+    let inputs = InputSequence { values: &[], by_point: false, course: Course::Held };
     let missed = stepper.simulate(&mut points, &grid, inputs, how, |_, states| {
         found.push(states.to_vec());
         true

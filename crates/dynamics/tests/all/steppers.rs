@@ -3,7 +3,7 @@
 use crate::common::{column, identity, parse, region, source};
 use fleetfoot_data::Silent;
 use fleetfoot_dynamics::{
-    Error, InputSequence, Integration, Method, Points, RolloutOptions, Simulator, Start, Step, Stepper,
+    Course, Error, InputSequence, Integration, Method, Points, RolloutOptions, Simulator, Start, Step, Stepper,
     StepperWorkspace, Tangent,
 };
 use fleetfoot_model::{Equation, Latent, Model, Partition, Prediction, Role, Rule, Training};
@@ -89,6 +89,9 @@ fn what_is_given_and_what_is_advanced() {
     let mut ahead = model(KINDS[0]);
     ahead.libraries[0][2] = parse("lead(u, 1)");
     assert!(matches!(Stepper::new(&ahead), Err(Error::FutureState { state, ahead: 1 }) if state == "u"));
+    assert_eq!(Stepper::looking_ahead(&ahead).unwrap().ahead(), 1);
+    ahead.libraries[0][2] = parse("lead(v, 1)");
+    assert!(matches!(Stepper::looking_ahead(&ahead), Err(Error::FutureState { state, ahead: 1 }) if state == "v"));
 }
 
 #[test]
@@ -110,7 +113,7 @@ fn simulations_are_the_rollouts_on_a_recording() {
                 let inputs: Vec<f64> =
                     (0..20).flat_map(|step| [1, 3].map(|column| value(column, start.row + step))).collect();
                 let times: Vec<f64> = (0..=20).map(|k| f64::from(k) * dt).collect();
-                let inputs = InputSequence { values: &inputs, by_point: false };
+                let inputs = InputSequence { values: &inputs, by_point: false, course: Course::Held };
                 let mut found = Vec::new();
                 let (grid, how) = (stepper.grid(times).unwrap(), Integration::Fixed { method, substeps: Some(1) });
                 stepper.simulate(&mut point, &grid, inputs, &how, |_, states| {
@@ -149,7 +152,7 @@ fn substeps_are_steps_and_the_past_is_that_of_rows() {
     let inputs = [0.3, 0.0, -0.4, 0.0, 0.2, 0.0];
     let run = |parts: usize| {
         let (mut point, mut found) = (points(&stepper, &[8], 0.05), Vec::new());
-        let inputs = InputSequence { values: &inputs, by_point: false };
+        let inputs = InputSequence { values: &inputs, by_point: false, course: Course::Held };
         // A model that looks back by rows is simulated row by row.
         let grid = stepper.grid(vec![0.0, 0.05, 0.1, 0.15]).unwrap();
         let how = Integration::Fixed { method: Method::Rk4, substeps: Some(parts) };

@@ -410,14 +410,14 @@ class Model(OnRecordings, Filtering, Regulated):
             ``x0`` among them.
         u : array or callable, optional
             Inputs, each row held until the next time (or see ``interpolate``): (times, inputs) or (times - 1, inputs), or with points in
-            front. Or ``u(t)``, or ``u(t, x)``, which closes the loop: asked at every time and, where times are further
-            apart, at every sampling period of the model (with ``substeps`` at the times alone), and held.
+            front. Or a function of time, ``u(t)``: asked at every time and, where times are further apart, at every
+            sampling period of the model (with ``substeps`` at the times alone), and joined by straight lines. Or
+            ``u(t, x)``, which closes the loop: asked as often, and held as a sampled controller's.
         interpolate : bool, default=False
-            Whether inputs go from row to row of ``u`` in straight lines, asked as those of a function of time, instead
-            of being held.
+            Whether inputs go from row to row of ``u`` in straight lines, instead of being held; a row for each time.
         method : {"rk45", "rk4", "euler"}, optional
-            How derivatives are integrated: ``"rk45"`` is the pair 5(4) of Dormand and Prince with error control, the
-            others have equal steps. ``"rk45"`` when not given, with ``substeps`` ``"rk4"``.
+            How derivatives are integrated: ``"rk45"`` is the pair 5(4) of Dormand and Prince with error control, and
+            where equations are stiff the L-stable pair 4(3) of Rosenbrock's kind, RODAS; the others have equal steps. ``"rk45"`` when not given, with ``substeps`` ``"rk4"``.
         substeps : int, optional
             Equal steps from one time to the next; when not given, as many as make none longer than the sampling period.
         rtol : float, optional
@@ -450,18 +450,16 @@ class Model(OnRecordings, Filtering, Regulated):
         how = self._passing(method, substeps, rtol, atol)
         x0, u, history = self._by_name(x0, u, history)
         grid = _core.time_grid(self._core, self._times(t))
-        if interpolate:
-            u = _lines(grid.times, u, len(self.inputs))
         if callable(u):
             fine, places = grid.refined() if substeps is None else (grid, np.arange(len(grid) + 1))
             if _takes_state(u):
                 found, missed = self._closed_loop(floats(x0, "x0"), fine, u, how, history)
             else:
-                sequence = np.array([np.atleast_1d(np.asarray(u(time), dtype=float)) for time in fine.times])
-                found, missed = _core.simulate(self._core, x0, fine, sequence, how, history)
+                sequence = np.array([np.atleast_1d(floats(u(time), "u")) for time in fine.times])
+                found, missed = _core.simulate(self._core, x0, fine, sequence, how, history, True)
             found = found[..., places, :]
         else:
-            found, missed = _core.simulate(self._core, x0, grid, u, how, history)
+            found, missed = _core.simulate(self._core, x0, grid, u, how, history, bool(interpolate))
         bad = ~np.isfinite(found)
         # What diverges is told below.
         if missed > _MISSED and not bad.any():
@@ -526,16 +524,6 @@ class Model(OnRecordings, Filtering, Regulated):
 
 #: Share of a state's size that the integration may miss without a word.
 _MISSED = 1e-3
-
-
-def _lines(t: Array, u: Any, inputs: int) -> Callable[[float], Array]:
-    """Inputs as a function of time, in straight lines between the rows."""
-    rows = np.asarray(u, dtype=float)
-    rows = rows[:, None] if rows.ndim == 1 and inputs == 1 else rows
-    if callable(u) or rows.shape != (len(t), inputs):
-        shape = "a function" if callable(u) else f"the shape {rows.shape}"
-        raise ModelError(f"interpolate=True: u has {shape}; give a row of {inputs} inputs for each of {len(t)} times")
-    return lambda time: np.array([np.interp(time, t, column) for column in rows.T])
 
 
 def _takes_state(u: Callable[..., Any]) -> bool:

@@ -79,9 +79,15 @@ def test_inputs_of_time_are_asked_at_every_sampling_period():
         x[k + 1] = x[k] * np.exp(-0.02) + u[k] * (1 - np.exp(-0.02)) / 2.0
     fit = ff.SINDy(library="poly(1)").fit(x, t, -2 * x + u, u=u, feature_names=["x"], input_names=["u"])
     coarse = np.arange(0, 9, 0.5)
-    for inputs in (lambda time: np.sin(9 * time), lambda time, state: np.sin(9 * time)):
-        found = fit.simulate([0.0], coarse, inputs)[:, 0]
-        np.testing.assert_allclose(found, x[(coarse / 0.01).round().astype(int)], atol=1e-6)
+    places = (coarse / 0.01).round().astype(int)
+    # A sampled controller holds its inputs; a function of time goes in straight lines from sample to sample.
+    closed = fit.simulate([0.0], coarse, lambda time, state: np.sin(9 * time))[:, 0]
+    np.testing.assert_allclose(closed, x[places], atol=1e-6)
+    lines = fit.simulate([0.0], t, u, interpolate=True)[places, 0]
+    found = fit.simulate([0.0], coarse, lambda time: np.sin(9 * time))[:, 0]
+    np.testing.assert_allclose(found, lines, atol=1e-6)
+    exact = (2 * np.sin(9 * coarse) - 9 * np.cos(9 * coarse) + 9 * np.exp(-2 * coarse)) / 85
+    assert np.abs(found - exact).max() < 1e-4 < 3e-3 < np.abs(closed - exact).max()
 
 
 def test_what_goes_by_rows_is_simulated_on_its_own_grid_only():

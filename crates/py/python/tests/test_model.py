@@ -168,7 +168,8 @@ def test_simulate_is_step_after_step(sindy, pwa, lagged):
         closed = model.simulate(x[first], t[first:], lambda time, state: u[int(round(time / 0.01))], **same)
         np.testing.assert_allclose(closed, found, rtol=1e-12, atol=1e-12)
         timed = model.simulate(x[first], t[first:], lambda time: u[int(round(time / 0.01))], **same)
-        assert np.array_equal(timed, found)
+        lines = model.simulate(x[first], t[first:], u[first:], interpolate=True, **same)
+        assert np.array_equal(timed, lines) and np.array_equal(lines, found) == (not model.is_continuous)
         both = model.simulate(np.stack([x[first], 0.5 * x[first]]), t[first:], u[first:], history=history, method="rk4")
         assert both.shape == (2, 60 - first, 2) and np.array_equal(both[0], found)
         own = np.stack([u[first:, None], 2 * u[first:, None]])
@@ -293,7 +294,7 @@ def test_files_pickles_and_copies(pwa, tmp_path):
         (lambda m: m.step([1.0, 2.0], [0.0], method="rk5"), "rk5"),
         (lambda m: m.simulate([1.0, 2.0], [0.0, 0.1]), "u is missing"),
         (lambda m: m.simulate([1.0, 2.0], [0.0, 0.1, 0.1], [[0.0]] * 3), "rising"),
-        (lambda m: m.simulate([1.0, 2.0], [0.0, 0.1, 0.2], [[0.0]]), "2 steps"),
+        (lambda m: m.simulate([1.0, 2.0], [0.0, 0.1, 0.2], [[0.0]]), "2 times"),
         (lambda m: m.simulate([1.0, 2.0], [0.0, 0.1], [[0.0]], substeps=0), "substeps=0"),
         (lambda m: m.predict(np.zeros((3, 2)), np.zeros((2, 1))), "x has 3 rows and u has 2"),
         (lambda m: m.coefficients(latent="z"), "'z'"),
