@@ -18,6 +18,7 @@ from ._base import (
     check_weight,
     check_x,
     check_xy,
+    effective,
     random_seed,
 )
 from ._core import PwaFit, pwa_regions
@@ -179,7 +180,8 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         y : array-like of shape (n_samples,) or (n_samples, n_targets)
             Targets, none of them constant.
         sample_weight : array-like of shape (n_samples,), default=None
-            Weights of the rows' squared errors.
+            Weights of the rows' squared errors. Their scale says nothing: together they count as the effective number
+            of rows, ``sum(w)**2 / sum(w**2)``.
         groups : array-like of shape (n_samples,), default=None
             Rows of a group (a recording, say) are not split between folds where there are at least as many groups as
             folds.
@@ -198,7 +200,7 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         """
         check_params(self, self._rules)
         X, y = check_xy(self, X, y, multi_output=True, min_samples=2)
-        weight = check_weight(sample_weight, len(X))
+        weight = effective(check_weight(sample_weight, len(X)))
         self._flat = y.ndim == 1
         order, lengths = _groups(groups, len(X))
         if order is None:
