@@ -7,6 +7,7 @@ those of this machine, objects that are numbers become ``float64``. Text and com
 from __future__ import annotations
 
 import datetime
+import re
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,8 @@ Array = np.ndarray[Any, np.dtype[Any]]
 
 #: Types of numbers that the engine reads where they lie.
 _READ = {np.dtype(kind).str for kind in ("bool", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f4", "f8")}
+#: How a number begins.
+_NUMBER = re.compile(r"\s*[-+]?[.,]?\d")
 #: How text becomes numbers.
 _MEND = (
     "text stands for labels and conditions alone; read it as numbers (pandas.read_csv(..., decimal=',', na_values=['-']), "
@@ -100,12 +103,20 @@ def unmasked(values: Any) -> Any:
     if not isinstance(values, np.ma.MaskedArray):
         return values
     plain: Array = values.data
-    hidden = np.ma.getmaskarray(values)
+    hidden: Array = np.broadcast_to(values.mask, plain.shape)
     if not hidden.any():
         return plain
     if plain.dtype.kind in "mM":
         return np.where(hidden, np.array("NaT", dtype=plain.dtype), plain)
     return np.where(hidden, np.nan, plain) if plain.dtype.kind in "iubfcO" else plain
+
+
+def is_words(array: Array) -> bool:
+    """Whether all values are text or missing, and none begins as a number does: labels, and no damaged signal."""
+    if array.dtype.kind not in "OUT":
+        return False
+    there = [one for one in array.ravel().tolist() if not (_is_missing(one) or one != one)]
+    return bool(there) and all(isinstance(one, str) and not _NUMBER.match(one) for one in there)
 
 
 def _array(values: Any, what: str) -> Array:

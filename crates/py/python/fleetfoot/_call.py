@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import functools
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -21,6 +22,8 @@ Method = TypeVar("Method", bound=Callable[..., Any])
 
 #: What of states may be predicted; anything else is a column.
 OF_STATES = ("derivative", "next", "delta")
+#: How much a word is like one of these, at least, to be taken for it.
+_NEAR = 0.85
 #: Equations that name their own targets.
 TASKS = "tasks"
 
@@ -81,6 +84,7 @@ class Call:
             Whether the columns of tables have roles by their names.
         """
         call = self
+        self._refuse_near_words(predicts)
         if hasattr(call.x, "toarray") and hasattr(call.x, "nnz"):
             raise TypeError("x is a sparse matrix, and sparse data are not supported here: give x.toarray()")
         call = replace(call, x=_collected(_plain_array(call.x)))
@@ -113,7 +117,26 @@ class Call:
             return replace(self, t=value)
         if self.y is not None:
             raise RequestError("y is given twice, by its place and by its name; give it once")
+        if _are_stamps(value) and not _rises(self.x):
+            raise RequestError(
+                "the second argument is the target here, as scikit-learn has it, "
+                f"{'because dt is given' if not is_plain else f'because target={predicts!r} is a column'}; "
+                "but it rises row by row as stamps do: write t= in front of stamps, or y= in front of a target"
+            )
         return replace(self, t=None, y=value)
+
+    def _refuse_near_words(self, predicts: str) -> None:
+        """Refuses a target that was meant as a word: it would be taken as the name of a column."""
+        if predicts in (*OF_STATES, TASKS) or predicts in {*(self.columns or ()), *(self.feature_names or ())}:
+            return
+        tables = frames(self.x)
+        if tables is not None and predicts in tables[0].names:
+            return
+        near = difflib.get_close_matches(predicts.strip().lower(), OF_STATES, 1, _NEAR)
+        if near:
+            raise RequestError(
+                f"target={predicts!r}: write {near[0]!r} for that of the states; a column needs a name that is less like it"
+            )
 
     def _joined(self, tables: list[Frame], predicts: str) -> Call:
         """Tables whose columns have names that the recipe knows, with a column of targets."""
@@ -142,10 +165,10 @@ class Call:
         columns = dict(self.columns or {})
         if predicts in tables[0].names:
             columns[predicts] = [table.column(predicts) for table in tables]
-        left = {stamps, *columns}
-        names = [name for name in tables[0].numbers if name not in left]
         if self.feature_names and set(self.feature_names) <= set(tables[0].names):
             names = list(self.feature_names)
+        else:
+            names = tables[0].signals({*([] if stamps is None else [stamps]), *columns})
         if not names:
             raise DataError(f"the table has no column of numbers beside its clock; it has {', '.join(tables[0].names)}")
         for at, table in enumerate(tables):
@@ -202,6 +225,29 @@ class Call:
         return replace(self, y=None, x=[x for x, _ in pieces], u=u, t=stamps, dt=None)
 
 
+def _are_stamps(value: Any) -> bool:
+    """Whether this rises from row to row by steps that are alike, as stamps do."""
+    each = value if isinstance(value, (list, tuple)) and any(np.ndim(one) for one in value) else [value]
+    for one in each:
+        array = numbers(_values(one), "the second argument")
+        if array.dtype.kind in "mM":
+            return True
+        if array.ndim != 1 or len(array) < 3 or array.dtype.kind not in "iuf":
+            return False
+        steps = np.diff(array.astype(np.float64))
+        if not (np.isfinite(steps).all() and (steps > 0.0).all() and steps.max() < 1.5 * np.median(steps)):
+            return False
+    return True
+
+
+def _rises(x: Any) -> bool:
+    """Whether a column of x goes one way from row to row: then a target may do so, too."""
+    tables = frames(x)
+    each = [table.matrix(table.numbers) for table in tables] if tables is not None else array_runs(x, "x")
+    steps = [np.diff(_matrix(one).astype(np.float64), axis=0) for one in each]
+    return all((step > 0.0).all(axis=0).any() or (step < 0.0).all(axis=0).any() for step in steps)
+
+
 def _pieces(x: Array, after: Array, u: Array) -> list[tuple[Array, Array]]:
     """Rows with the rows after them, cut where these are not the next; each piece ends with what comes after its last
     row, whose inputs nobody knows."""
@@ -216,7 +262,7 @@ def _pieces(x: Array, after: Array, u: Array) -> list[tuple[Array, Array]]:
 def _inputs(tables: list[Frame], call: Call) -> dict[str, Any]:
     """Inputs of tables as arrays: the columns that are named, else all numbers."""
     given = list(call.input_names or ())
-    names = given if given and set(given) <= set(tables[0].names) else tables[0].numbers
+    names = given if given and set(given) <= set(tables[0].names) else tables[0].signals()
     u = [table.matrix(names) for table in tables]
     return {"u": u if isinstance(call.u, (list, tuple)) else u[0], "input_names": given or names}
 
@@ -257,7 +303,7 @@ def _values(given: Any) -> Any:
         return given
     many = isinstance(given, (list, tuple))
     arrays = [
-        one.column(one.names[0]) if _is_series(own) else one.matrix(one.numbers)
+        one.column(one.names[0]) if _is_series(own) else one.matrix(one.signals())
         for one, own in zip(found, given if many else [given])
     ]
     return arrays if many else arrays[0]

@@ -13,8 +13,9 @@ import numpy as np
 
 from . import _core
 from ._arrays import numbers, period_seconds
-from ._frames import frame
+from ._frames import Frame, frame
 from ._html import of_dataset
+from .exceptions import DataError
 
 
 class Dataset:
@@ -302,9 +303,16 @@ def _run(name: str, run: Any) -> _core.Data:
             table = frame(run)
             if table is None:
                 raise
-            arrays = {column: table.column(column) for column in table.names}
-            run = {column: array for column, array in arrays.items() if array.dtype.kind in "iufbmM"}
+            run = {column: array for column in table.names if (array := _read(table, column)) is not None}
     return _core.Data.arrays([(name, _parts(name, run))])
+
+
+def _read(table: Frame, column: str) -> Any:
+    """A column of numbers or stamps; nothing of text, which comes by Arrow alone."""
+    try:
+        return numbers(table.column(column), f"column `{column}`")
+    except (DataError, TypeError):
+        return None
 
 
 def _parts(name: str, run: Any) -> list[tuple[Any, list[str]]]:

@@ -5,13 +5,14 @@ Nothing is imported here but what the caller's table has imported already.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from ._arrays import numbers
+from ._arrays import is_words, numbers
+from ._warnings import warn
 from .exceptions import ModelError
 
 Array = np.ndarray[Any, Any]
@@ -41,6 +42,8 @@ class Frame:
         The columns that hold numbers.
     source : object
         The table as the engine reads it.
+    aside : set of str
+        Columns that say which row it is, and are never states.
     """
 
     names: list[str]
@@ -51,6 +54,7 @@ class Frame:
     clock: tuple[str, Array] | None = None
     numbers: list[str] = field(default_factory=list)
     source: Any = None
+    aside: frozenset[str] = frozenset()
 
     def free(self, wanted: str) -> str:
         """A name that no column has."""
@@ -58,9 +62,35 @@ class Frame:
             wanted += "_"
         return wanted
 
+    def signals(self, left: Collection[str] = ()) -> list[str]:
+        """All columns but those that are ``left``: of numbers, or of objects that are numbers.
+
+        Columns of words, which can be labels, and of dates are left out with a warning.
+
+        Raises
+        ------
+        DataError
+            A column in which numbers and text stand, or anything else that may be meant as a signal and is none.
+        """
+        found, aside = [], []
+        for name in self.names:
+            if name in left or name in self.aside:
+                continue
+            signal = name in self.numbers
+            if not signal:
+                column = self.column(name)
+                signal = not is_words(column) and numbers(column, f"column `{name}`").dtype.kind not in "mM"
+            (found if signal else aside).append(name)
+        if aside:
+            warn(
+                f"no signal, and left out: column `{'`, `'.join(aside)}` (words or dates); "
+                "name the states (states=[...]) where labels or conditions need it"
+            )
+        return found
+
     def matrix(self, names: Sequence[str]) -> Array:
         """Columns side by side (rows, names)."""
-        columns = [numbers(self.column(name), f"column {name!r}").astype(np.float64, copy=False) for name in names]
+        columns = [numbers(self.column(name), f"column `{name}`").astype(np.float64, copy=False) for name in names]
         return np.column_stack(columns) if columns else np.empty((self.rows, 0))
 
 
@@ -237,7 +267,7 @@ def _of_own(table: Any) -> Frame:
 
     kinds = {name: table[name].dtype.kind for name in table.columns}
     # Of a table that was read: seconds since an episode's begin, beside the stamps.
-    besides = {"t", "seconds"} if kinds.get("stamp") == "M" else set()
+    besides = {"t", "seconds", "stamp", "episode"} if kinds.get("stamp") == "M" else set()
     return Frame(
         names=list(table.columns),
         rows=len(table),
@@ -246,6 +276,7 @@ def _of_own(table: Any) -> Frame:
         joined=joined,
         numbers=[name for name, kind in kinds.items() if kind in "iufb" and name not in besides],
         source=table,
+        aside=frozenset(besides),
     )
 
 

@@ -11,6 +11,9 @@ import pytest
 import fleetfoot as ff
 from fleetfoot.exceptions import DataError
 
+#: The column of words is told, and no signal.
+pytestmark = pytest.mark.filterwarnings("ignore:no signal, and left out")
+
 pd = pytest.importorskip("pandas", reason="pandas is not installed")
 pl = pytest.importorskip("polars", reason="polars is not installed")
 pa = pytest.importorskip("pyarrow", reason="pyarrow is not installed")
