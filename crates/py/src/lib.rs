@@ -110,7 +110,7 @@ mod _core {
 
     /// Refuses an unknown instruction set of the environment when the package is imported.
     #[pymodule_init]
-    fn check_instruction_set(_: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {
+    fn check_instruction_set(_module: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {
         fleetfoot::data::check_instruction_set()
             .map_err(|error| pyo3::exceptions::PyImportError::new_err(error.to_string()))
     }
