@@ -271,10 +271,182 @@ fn a_missing_column_is_told_with_where_to_look() {
     let path = folder.path();
     fit(path, &["--time", "t"]).ok();
     for command in ["score", "rollout", "resimulate"] {
-        let words = ["column u of the model: there is no column `u`", "`fleetfoot info` lists"];
+        let words = ["other.csv: column u of the model", "(pwa ", "there is no column `u`", "`fleetfoot info` lists"];
         fleetfoot(path, &[command, "model.json", "other.csv"]).fails(&words);
     }
     let arguments = ["fit", "pwa", "other.csv", "--states", "v [m/s]", "--inputs", "u", "-o", "none.json"];
-    fleetfoot(path, &arguments).fails(&["[inputs] u: there is no column `u`", "`fleetfoot info` lists"]);
+    fleetfoot(path, &arguments).fails(&["other.csv: [inputs] u: there is no column `u`", "`fleetfoot info` lists"]);
     assert!(!path.join("none.json").exists());
+}
+
+/// Rows of `p' = 0.9 p + 20 u`, with `p` as `write` writes it, the mode of a controller and a payload.
+fn plant_with_text(header: &str, delimiter: char, write: impl Fn(f64) -> String) -> String {
+    let mut text = format!("{}\n", header.replace(',', &delimiter.to_string()));
+    let mut p = 1000.0;
+    for row in 0..200 {
+        let (time, u) = (f64::from(row) * 0.05, (0.1 * f64::from(row)).sin());
+        let mode = if row / 20 % 2 == 0 { "auto" } else { "manual" };
+        let cells = [format!("{time:.2}"), write(p), format!("{u:.4}"), mode.to_owned(), format!("{} kg", 2 + row % 3)];
+        text.push_str(&format!("{}\n", cells.join(&delimiter.to_string())));
+        p = 0.9 * p + 100.0 + 20.0 * u;
+    }
+    text
+}
+
+/// Codes of words serve labels and conditions alone. Everywhere else they are a number that nobody measured.
+#[test]
+fn text_is_no_number() {
+    let grouped = |p: f64| {
+        let cents = format!("{:03}", (p * 100.0).round() as i64);
+        let (whole, decimals) = cents.split_at(cents.len() - 2);
+        let (thousands, rest) = whole.split_at(whole.len().saturating_sub(3));
+        if thousands.is_empty() { format!("{rest},{decimals}") } else { format!("{thousands}.{rest},{decimals}") }
+    };
+    let header = "t,p,u,mode,payload";
+    let folder = folder(&[
+        ("grouped.csv", &plant_with_text(header, ';', grouped).replace("0.", "0,")),
+        ("log.csv", &plant_with_text(header, ',', |p| p.to_string())),
+        ("sum.toml", "[columns]\ntwice = \"2*mode\"\n[states]\np = {}\n[inputs]\ntwice = {}\n"),
+        (
+            "known.toml",
+            "[states]\np = { known = \"u - k*payload\" }\n[inputs]\nu = {}\n[parameters]\nk = { initial = 1.0 }\n",
+        ),
+        ("rate.toml", "[states]\np = {}\nmode = {}\n[inputs]\nu = {}\n"),
+        (
+            "label.toml",
+            "[states]\np = {}\n[inputs]\nu = {}\npayload = {}\n[[episodes]]\nmatch = \"*\"\nload = \"2.5\"\n",
+        ),
+        ("load.toml", "[states]\np = {}\n[inputs]\nu = {}\nload = {}\n[[episodes]]\nmatch = \"*\"\nload = \"2.5\"\n"),
+    ]);
+    let average = ["--partition", "average", "-o", "model.json"];
+    let run = |arguments: &[&str], more: &[&str]| fleetfoot(folder.path(), &[arguments, more].concat());
+    let next = ["--states", "p", "--inputs", "u", "--predict", "next"];
+    run(&[&["fit", "pwa", "grouped.csv"][..], &next].concat(), &average).fails(&[
+        "grouped.csv",
+        "the state `p`",
+        "\"1.000,00\" in row 1",
+        "as in 1000.00",
+    ]);
+    let word = ["log.csv", "`mode`", "\"auto\" in row 1", "--partition 'labels:mode'", "--where \"mode == 'auto'\""];
+    for (arguments, what) in [
+        (&["fit", "pwa", "log.csv", "--states", "p", "--inputs", "mode", "--predict", "next"][..], "the input"),
+        (&["fit", "pwa", "log.csv", "--predict", "mode", "--inputs", "u"], "the column"),
+        (&["fit", "pwa", "log.csv", "--recipe", "sum.toml"], "the input `twice` reads"),
+        (&["fit", "sindy", "log.csv", "--recipe", "rate.toml"], "the state"),
+        (&["fit", "sparse", "log.csv", "--states", "p", "--inputs", "mode"], "the input"),
+        (&["fit", "narx", "log.csv", "--states", "p", "--inputs", "mode"], "the input"),
+        (&["scan", "log.csv", "--recipe", "rate.toml"], "the state"),
+    ] {
+        let output: &[&str] = if arguments[0] == "scan" { &["-o", "log.stats"] } else { &["-o", "model.json"] };
+        run(arguments, output).fails(&[&word[..], &[what]].concat());
+    }
+    run(
+        &["fit", "pwa", "log.csv", "--partition-on", "mode", "--partition", "kmeans:2"],
+        &[&next[..], &["-o", "model.json"]].concat(),
+    )
+    .fails(&word);
+    run(&["fit", "parameters", "log.csv", "--recipe", "known.toml"], &["-o", "model.json"]).fails(&[
+        "`payload`",
+        "\"2 kg\" in row 1",
+        "`payload [kg]`",
+    ]);
+    run(&["prepare", "log.csv", "--recipe", "rate.toml"], &["-o", "prepared"]).fails(&word);
+    run(&["fit", "pwa", "log.csv", "--recipe", "load.toml"], &average).fails(&[
+        "`load`",
+        "label of [[episodes]]",
+        "labels are text",
+    ]);
+    // What a model read in training is read as numbers in other logs too.
+    run(&[&["fit", "pwa", "log.csv"][..], &next].concat(), &average).ok();
+    run(&["score", "model.json", "grouped.csv"], &[]).fails(&["the state `p`", "\"1.000,00\""]);
+    // Labels, phases and conditions are what words are for.
+    let labels =
+        ["--partition", "labels:mode", "--phase", "labels:mode", "--where", "mode == 'auto'", "-o", "labels.json"];
+    run(&[&["fit", "pwa", "log.csv"][..], &next].concat(), &labels).ok();
+    assert!(!folder.path().join("log.stats").exists() && !folder.path().join("prepared").exists());
+}
+
+/// A log in which nothing happens is no success: any model is perfect on it.
+#[test]
+fn a_target_that_does_not_vary_is_refused() {
+    let rows = |row: &dyn Fn(usize) -> String| {
+        format!("t,x,v,u\n{}", (0..400).map(|k| format!("{:.2},{}\n", 0.01 * k as f64, row(k))).collect::<String>())
+    };
+    // One span of five moves: the velocity follows the force, and before it everything rests.
+    let mut v = 0.0;
+    let late: String = rows(&|_| String::new()).lines().take(1).map(str::to_owned).collect::<String>()
+        + &(0..400)
+            .map(|k| {
+                let u = if k < 330 { 0.0 } else { (0.4 * k as f64).sin() };
+                let line = format!("\n{:.2},0,{v},{u}", 0.01 * k as f64);
+                v = 0.95 * v + 0.1 * u;
+                line
+            })
+            .collect::<String>();
+    let folder = folder(&[
+        ("zero.csv", &rows(&|_| "0,0,0".into())),
+        ("constant.csv", &rows(&|k| format!("0.1,{},{}", (0.1 * k as f64).sin(), (0.03 * k as f64).cos()))),
+        ("late.csv", &late),
+        ("fall.csv", &rows(&|k| format!("{},{},0", 100.0 - 4.905e-4 * (k * k) as f64, -0.0981 * k as f64))),
+        (
+            "drag.toml",
+            "[states]\nx = { known = \"v\" }\nv = { known = \"u - k*v\" }\n[inputs]\nu = {}\n[parameters]\nk = { initial = 1.0 }\n",
+        ),
+        (
+            "task.toml",
+            "[inputs]\nu = {}\nv = {}\n[latents]\nf = { of = [\"u\", \"v\"], degree = 2 }\n[tasks]\na = { target = \"x\", right = \"f\" }\n",
+        ),
+    ]);
+    let fit = |method: &str, more: &[&str]| {
+        fleetfoot(folder.path(), &[&["fit", method][..], more, &["-o", "model.json"]].concat())
+    };
+    for (log, value) in [("zero.csv", "0"), ("constant.csv", "0.1")] {
+        let same = format!("has the same value {value} in all rows");
+        for (method, more) in [
+            ("narx", &["--states", "x"][..]),
+            ("narx", &["--states", "x,v", "--inputs", "u"]),
+            ("narx", &["--states", "x", "--lags-out", "2", "--degree", "1", "--terms", "1"]),
+            ("sindy", &["--predict", "x", "--inputs", "u"]),
+            ("sindy", &["--predict", "next", "--states", "x", "--inputs", "u"]),
+            ("pwa", &["--predict", "next", "--states", "x", "--inputs", "u"]),
+        ] {
+            fit(method, &[&[log][..], more].concat()).fails(&["x", &same]);
+        }
+        fit("sindy", &[log, "--states", "x,v", "--inputs", "u"]).fails(&["d(x)/dt has the same value 0"]);
+    }
+    fit("sparse", &["zero.csv", "-c", "task.toml"]).fails(&["[tasks] a", "is zero"]);
+    fit("sparse", &["constant.csv", "-c", "task.toml"]).fails(&["[tasks] a", "has the same value 0.1"]);
+    fit("parameters", &["zero.csv", "-c", "drag.toml"]).fails(&["target v has the same value 0"]);
+    fit("narx", &["late.csv", "--states", "v", "--inputs", "u"]).fails(&[
+        "4 of 5 held-out spans",
+        "do not vary",
+        "--where",
+    ]);
+    assert!(!folder.path().join("model.json").exists());
+    // A rate may be constant: what falls is accelerated.
+    let fall = fit("sindy", &["fall.csv", "--states", "x,v"]).ok().out;
+    assert!(fall.contains("d(v)/dt = -9.81"), "{fall}");
+}
+
+/// Spans at rest count for nothing: this model is unstable, and was told as good for the spans in which nothing moves.
+#[test]
+fn spans_at_rest_are_no_success_of_a_free_run() {
+    let mut v = 0.0;
+    let rows: String = (0..400)
+        .map(|k| {
+            let u: f64 = if k < 160 { 0.0 } else { (0.4 * k as f64).sin() };
+            let line = format!("{:.2},{v},{u}\n", 0.01 * k as f64);
+            v = 0.95 * v + 0.1 * u;
+            line
+        })
+        .collect();
+    let folder = folder(&[("log.csv", &format!("t,v,u\n{rows}"))]);
+    let orders = ["--lags-out", "1", "--lags-in", "1", "--degree", "1"];
+    let arguments =
+        [&["fit", "narx", "log.csv", "--states", "v", "--inputs", "u", "-o", "m.json"][..], &orders].concat();
+    let told = fleetfoot(folder.path(), &arguments).ok().out;
+    assert!(told.contains("2 of them count for nothing") && told.contains("spans -, -, "), "{told}");
+    let json = fleetfoot(folder.path(), &[&arguments[..], &["--json"]].concat()).ok().json();
+    let folds = json["held_out"]["folds"].as_array().unwrap();
+    assert!(folds[0].is_null() && folds[1].is_null() && folds[2].is_number(), "{folds:?}");
 }

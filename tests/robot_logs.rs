@@ -172,6 +172,12 @@ fn fields_can_be_states_under_their_own_names() {
     let score = run(&["score", "model.json", "test.mcap", "--json"]).json();
     assert_eq!(score["rows"], 1498);
     assert!(run(&["show", "model.json"]).out.contains("/joint_states.velocity[left]"));
+    let text = ["--states", "/odom.twist.twist.linear.x", "--inputs", "/odom.header.frame_id", "-o", "text.json"];
+    fleetfoot(folder.path(), &[&["fit", "pwa", "run.mcap"][..], &text].concat()).fails(&[
+        "run.mcap",
+        "the input `/odom.header.frame_id`",
+        "\"odom\" in row 1",
+    ]);
     run(&["rollout", "model.json", "test.mcap", "--horizon", "5", "--starts", "9", "-o", "r.parquet"]);
 }
 

@@ -7,14 +7,18 @@ mod selection;
 mod topics;
 mod trained;
 
-use std::{path::Path, sync::atomic::AtomicBool};
+use std::{
+    path::{Path, PathBuf},
+    sync::atomic::AtomicBool,
+};
 
 use fleetfoot_data::{Column, Episode, Progress, Source, Watch, Watched};
 use fleetfoot_library::Expr;
 use fleetfoot_log::{Recording, Stamp, TimeSpec, TopicClock, TopicInfo};
 use fleetfoot_model::{Column as ModelColumn, Role};
 
-pub(crate) use clock::{Clock, clock, clock_of_model};
+use clock::Clock;
+pub(crate) use clock::{Reads, reads, reads_of_model};
 pub(crate) use fields::{described, explained, fields, unprepared};
 pub(crate) use period::of_most;
 pub(crate) use selection::full_selection;
@@ -25,8 +29,10 @@ use crate::{
     condition::Condition,
     found_clocks::{AlignedClock, Clocks},
     labels::Labelled,
+    logs::is_prepared,
     problem::Aliases,
     settled::{Recorded, Settled},
+    text::refuse_text,
     view::seen_through,
 };
 
@@ -57,6 +63,16 @@ pub(crate) struct Named {
     pub(crate) expressions: Vec<(Column, Expr)>,
 }
 
+/// What errors on prepared logs are not: those from measurements.
+fn smoothed_truth(logs: &Logs) -> Option<String> {
+    let is_smoothed = |file: &PathBuf| file.file_name().is_some_and(|name| is_prepared(&name.to_string_lossy()));
+    logs.files().iter().any(is_smoothed).then(|| {
+        "these logs are what `prepare` wrote: held-out errors, scores and rollouts are against smoothed values, which a smooth model meets more easily than \
+         measurements; `fleetfoot rollout MODEL RAW.csv` tells the error against measurements where the model needs no derivative columns"
+            .to_owned()
+    })
+}
+
 impl Dataset {
     /// [`Dataset::for_columns`] of logs whose clocks are known.
     pub(crate) fn for_columns_by(
@@ -67,7 +83,7 @@ impl Dataset {
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
         let Named { recipe, columns, expressions } = Self::named(recipe, Some(names), logs)?;
-        Self::open_by(&recipe, &columns, &expressions, Clock::Needed, clocks, logs, progress)
+        Self::open_by(&recipe, &columns, &expressions, Reads::numbers(names), clocks, logs, progress)
     }
 
     /// Opens logs for columns of one topic alone, aliases or expressions: the rows are the topic's own samples, at stamps that are corrected by the clocks which are known already.
@@ -83,7 +99,7 @@ impl Dataset {
         (recipe.time.base, recipe.time.rate, recipe.time.only) = (None, None, None);
         let Named { recipe, columns, expressions } = Self::named(&recipe, Some(channels), logs)?;
         let clocks = Clocks { topics: known.to_vec(), ..Clocks::default() };
-        Self::open_by(&recipe, &columns, &expressions, Clock::Needed, clocks, logs, progress)
+        Self::open_by(&recipe, &columns, &expressions, Reads::numbers(channels), clocks, logs, progress)
     }
 
     /// The columns of [`Dataset::for_columns`].
@@ -131,7 +147,7 @@ impl Dataset {
         recipe: &Recipe,
         model: &[ModelColumn],
         aliases: &[(Column, Expr)],
-        clock: Clock,
+        reads: Reads,
         clocks: Clocks,
         logs: &Logs,
         progress: &dyn Progress,
@@ -148,7 +164,7 @@ impl Dataset {
         selection.columns.sort();
         selection.columns.dedup();
         let timed = aliases.iter().any(|(_, expression)| expression.reads_clock());
-        if let Clock::Dispensable { ordered } = clock
+        if let Clock::Dispensable { ordered } = reads.clock
             && !timed
             && selection.time == TimeSpec::Auto
         {
@@ -164,6 +180,7 @@ impl Dataset {
         let recording = fleetfoot_log::open_logs(logs.all(), &selection, progress)?;
         let mut notes = recording.notes().to_vec();
         notes.extend(clocks.notes);
+        notes.extend(smoothed_truth(logs));
         let recording = match condition {
             Some(condition) => {
                 let (runs, told) = condition.runs(&Labelled::new(Watched::new(&recording, None), &labels), progress)?;
@@ -177,6 +194,7 @@ impl Dataset {
                 .push("the rows have no time stamps: they are taken in their order, which only lags would need".into());
         }
         let source = Labelled::new(recording, &labels);
+        refuse_text(&source, (model, aliases), &reads.numbers)?;
         let aliases = described(&source, aliases);
         Ok(Self {
             source,

@@ -75,6 +75,20 @@ pub enum Error {
         /// What to do.
         mend: String,
     },
+    /// Text where numbers are read.
+    #[error("{}: {what} holds text (\"{value}\"{place}), and text is no number: {mend}", path.display())]
+    TextAsNumber {
+        /// The log.
+        path: PathBuf,
+        /// The column and its part.
+        what: String,
+        /// The first value that is no number.
+        value: String,
+        /// Where it stands.
+        place: String,
+        /// How the column is read.
+        mend: String,
+    },
     /// A label that the model has not seen.
     #[error(
         "{rows} rows have labels of `{column}` that the model has not seen ({labels}); leave them out, or fit with --unseen-labels pool"

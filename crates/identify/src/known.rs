@@ -2,10 +2,10 @@
 
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_library::{Design, DesignRows, Expr};
-use fleetfoot_model::{Model, Role, TrainedEpisode, Training};
+use fleetfoot_model::{Column, Model, Role, TrainedEpisode, Training};
 use fleetfoot_stats::{Gram, Grid, reduce};
 
-use crate::{Dataset, Error, Logs, Recipe, State, problem::KnownTask};
+use crate::{Dataset, Error, Logs, Recipe, State, constant::constant_target, problem::KnownTask};
 
 /// Rows of a chunk.
 const CHUNK_ROWS: usize = 65_536;
@@ -69,6 +69,14 @@ pub(crate) fn given(
             "no row has a value of every state: how far the states spread is not known; give other files".into(),
         ));
     }
+    // What a parameter is estimated from must move.
+    let estimated = task.equations.iter().filter(|equation| equation.target.is_some());
+    for equation in estimated {
+        let at = names_of(&task.columns, Role::State).position(|name| name == equation.subject);
+        if let Some(at) = at.filter(|&at| spread.is_constant(at)) {
+            return Err(constant_target(&equation.subject, spread.mean[at]));
+        }
+    }
     let targets: Vec<Expr> = task.equations.iter().filter_map(|equation| equation.target.clone()).collect();
     let measured = moments(&view, &targets, progress)?;
     let training = Training {
@@ -86,6 +94,11 @@ pub(crate) fn given(
     let mut model = Model::new(method, task.columns, dataset.step(), training);
     model.equations = task.equations;
     Ok(model)
+}
+
+/// The columns of a role, by name.
+fn names_of(columns: &[Column], role: Role) -> impl Iterator<Item = &str> {
+    columns.iter().filter(move |column| column.role == role).map(|column| column.name.as_str())
 }
 
 /// The covariance of what was summed, packed.

@@ -103,3 +103,11 @@ impl<P: AsRef<Path>, const N: usize> From<&[P; N]> for Logs {
 pub fn is_statistic(files: &[PathBuf]) -> bool {
     files.iter().any(|file| file.extension().is_some_and(|extension| extension == "stats"))
 }
+
+/// The end of the names of the files that `prepare` writes.
+pub(crate) const PREPARED: &str = ".clean.parquet";
+
+/// Whether a file has the name of one that `prepare` wrote.
+pub(crate) fn is_prepared(name: &str) -> bool {
+    name.ends_with(PREPARED)
+}

@@ -11,7 +11,7 @@ use fleetfoot_model::{Column as ModelColumn, Equation, auxiliary_columns};
 
 use crate::{
     Dataset, EquationTask, Error, Logs, Recipe, StructuredTask, Task, clocks,
-    dataset::{Clock, clock, described, explained, fields},
+    dataset::{Reads, described, explained, fields, reads},
     found_clocks::Clocks,
     problem::{KnownTask, ParametersTask, aliases_of_model, prepared},
     stats_file::EquationStatistic,
@@ -46,16 +46,13 @@ impl Dataset {
         let task = Task::resolve(recipe, &fields, labels, 0.0).map_err(|error| explained(error, info.as_ref()))?;
         let problem = &task.problem;
         let weights = problem.weight.iter();
-        let clock = clock(
+        // A phase that is text is one of labels.
+        let phase = task.phase.iter().map(|phase| &phase.column).filter(|column| column.as_column().is_none());
+        let reads = reads(
             &problem.equations,
-            problem
-                .library
-                .iter()
-                .chain(&problem.partition_columns)
-                .chain(weights)
-                .chain(task.phase.iter().map(|phase| &phase.column)),
+            problem.library.iter().chain(&problem.partition_columns).chain(weights).chain(phase),
         );
-        let mut dataset = Self::open(recipe, &problem.columns, &task.aliases, clock, logs, progress)?;
+        let mut dataset = Self::open(recipe, &problem.columns, &task.aliases, reads, logs, progress)?;
         dataset.see_auxiliary(&problem.columns, &problem.equations)?;
         let mut task = task;
         task.problem.step = dataset.step();
@@ -67,7 +64,8 @@ impl Dataset {
         let (fields, info) = fields(recipe, logs)?;
         let recipe = &recipe.expand(&fields)?;
         let task = KnownTask::resolve(recipe, &fields).map_err(|error| explained(error, info.as_ref()))?;
-        let dataset = Self::open(recipe, &task.columns, &task.aliases, Clock::Needed, logs, progress)?;
+        let reads = reads(&task.equations, std::iter::empty());
+        let dataset = Self::open(recipe, &task.columns, &task.aliases, reads, logs, progress)?;
         Ok((dataset, task))
     }
 
@@ -80,7 +78,8 @@ impl Dataset {
         let (fields, info) = fields(recipe, logs)?;
         let recipe = &recipe.expand(&fields)?;
         let task = ParametersTask::resolve(recipe, &fields).map_err(|error| explained(error, info.as_ref()))?;
-        let dataset = Self::open(recipe, &task.known.columns, &task.known.aliases, Clock::Needed, logs, progress)?;
+        let reads = reads(&task.known.equations, std::iter::empty());
+        let dataset = Self::open(recipe, &task.known.columns, &task.known.aliases, reads, logs, progress)?;
         Ok((dataset, task))
     }
 
@@ -100,8 +99,8 @@ impl Dataset {
         progress: &dyn Progress,
     ) -> Result<OpenedStructure, Error> {
         let (recipe, fields, task) = Self::structure(recipe, logs)?;
-        let clock = clock(&task.equations, task.expressions());
-        let dataset = Self::open(&recipe, &task.columns, &task.aliases, clock, logs, progress)?;
+        let reads = reads(&task.equations, task.expressions());
+        let dataset = Self::open(&recipe, &task.columns, &task.aliases, reads, logs, progress)?;
         Ok(OpenedStructure { dataset, task, recipe, fields, equations: None })
     }
 
@@ -115,7 +114,7 @@ impl Dataset {
     ) -> Result<OpenedStructure, Error> {
         let (recipe, fields, task) = Self::structure(recipe, logs)?;
         let equations = equations.then(|| EquationStatistic::tasks(&recipe, &fields));
-        let (columns, aliases, clock) = match &equations {
+        let (columns, aliases, reads) = match &equations {
             Some(Ok(tasks)) => {
                 let (mut columns, mut aliases) = (Vec::new(), Vec::new());
                 for (column, alias) in tasks.iter().flat_map(|task| task.columns.iter().zip(&task.aliases)) {
@@ -125,11 +124,11 @@ impl Dataset {
                     }
                 }
                 let expressions = tasks.iter().flat_map(EquationTask::expressions);
-                (columns, aliases, clock(&tasks[0].equations, expressions))
+                (columns, aliases, reads(&tasks[0].equations, expressions))
             }
-            _ => (task.columns.clone(), task.aliases.clone(), clock(&task.equations, task.expressions())),
+            _ => (task.columns.clone(), task.aliases.clone(), reads(&task.equations, task.expressions())),
         };
-        let dataset = Self::open(&recipe, &columns, &aliases, clock, logs, progress)?;
+        let dataset = Self::open(&recipe, &columns, &aliases, reads, logs, progress)?;
         Ok(OpenedStructure { dataset, task, recipe, fields, equations })
     }
 
@@ -152,8 +151,8 @@ impl Dataset {
     ) -> Result<(Self, EquationTask), Error> {
         let logs = &logs.into();
         let (recipe, task) = Self::equations(recipe, logs)?;
-        let clock = clock(&task.equations, task.expressions());
-        let mut dataset = Self::open(&recipe, &task.columns, &task.aliases, clock, logs, progress)?;
+        let reads = reads(&task.equations, task.expressions());
+        let mut dataset = Self::open(&recipe, &task.columns, &task.aliases, reads, logs, progress)?;
         dataset.see_auxiliary(&task.columns, &task.equations)?;
         Ok((dataset, task))
     }
@@ -171,7 +170,7 @@ impl Dataset {
     ) -> Result<Self, Error> {
         let logs = &logs.into();
         let named = Self::named(recipe, names, logs)?;
-        Self::open(&named.recipe, &named.columns, &named.expressions, Clock::Needed, logs, progress)
+        Self::open(&named.recipe, &named.columns, &named.expressions, Reads::columns(), logs, progress)
     }
 
     /// What the clocks of a recipe show in these logs.
@@ -198,7 +197,7 @@ impl Dataset {
         if columns.is_empty() {
             return Err(Error::missing("there is nothing to prepare: name states in the recipe ([states])".into()));
         }
-        let mut dataset = Self::open(&recipe, &columns, &expressions, Clock::Needed, logs, progress)?;
+        let mut dataset = Self::open(&recipe, &columns, &expressions, Reads::columns(), logs, progress)?;
         dataset.topics = info.map_or_else(Vec::new, |info| info.topics);
         Ok((dataset, recipe, columns))
     }
@@ -215,11 +214,11 @@ impl Dataset {
         recipe: &Recipe,
         model: &[ModelColumn],
         aliases: &[(Column, Expr)],
-        clock: Clock,
+        reads: Reads,
         logs: &Logs,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
         let clocks = Self::find_clocks(recipe, logs, progress)?;
-        Self::open_by(recipe, model, aliases, clock, clocks, logs, progress)
+        Self::open_by(recipe, model, aliases, reads, clocks, logs, progress)
     }
 }

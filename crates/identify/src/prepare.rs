@@ -30,13 +30,14 @@ use crate::{
     Dataset, EpisodeRule, Error, Logs, Recipe, Settled,
     clocks::AlignedClock,
     folder::{Folder, RECIPE},
+    logs::is_prepared,
     told,
 };
 use channel::{Channel, Curve};
 use columns::{Planned, written_recipe};
 use options::{EpisodeOptions, Method};
 use samples::{Samples, Topics};
-use write::{Names, Written, is_prepared};
+use write::{Names, Written};
 
 /// Where clean episodes go.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]

@@ -16,7 +16,6 @@ mod target;
 mod task;
 #[cfg(test)]
 mod tests;
-mod texts;
 
 pub use describe::TaskSummary;
 pub use key::LabelKey;

@@ -115,9 +115,9 @@ pub enum StatisticError {
         /// What is wrong, and the mend.
         problem: String,
     },
-    /// Text as a number.
+    /// Labels of a partition that are text.
     #[error(
-        "`{column}` holds text, and the codes of texts depend on the other files; use a column of numbers, or --key and the labels of [[episodes]] to \
+        "`{column}` holds text, and a statistic numbers its labels by the files that are scanned together; use a column of numbers, or --key and the labels of [[episodes]] to \
          tell episodes apart"
     )]
     Text {

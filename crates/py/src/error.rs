@@ -92,7 +92,11 @@ pub(crate) fn of_engine(error: Error) -> PyErr {
         | Error::Filter(_) => Kind::Request,
         Error::Log(fleetfoot::log::Error::Io { action: "write", .. }) | Error::Write { .. } => Kind::Write,
         Error::Statistic(StatisticError::Key { .. }) => Kind::Request,
-        Error::Log(_) | Error::Data(_) | Error::Signal { .. } | Error::UnseenLabel { .. } => Kind::Data,
+        Error::Log(_)
+        | Error::Data(_)
+        | Error::Signal { .. }
+        | Error::UnseenLabel { .. }
+        | Error::TextAsNumber { .. } => Kind::Data,
         Error::Model(_) | Error::Export(_) | Error::Dynamics(_) => Kind::Model,
         Error::Statistic(_) | Error::Merge(_) => Kind::Statistic,
         _ => Kind::Fit,

@@ -234,6 +234,14 @@ impl Gram {
         selected
     }
 
+    /// Whether a column has one value in all rows, up to rounding: a deviation of less than 1e-13 of its mean. So is one without rows.
+    ///
+    /// # Panics
+    /// When the column does not exist.
+    pub fn is_constant(&self, column: usize) -> bool {
+        self.weight <= 0.0 || self.get(column, column) / self.weight <= (1e-13 * self.mean[column]).powi(2)
+    }
+
     /// Covariance of some columns (divisor: the weight), packed lower triangle.
     ///
     /// # Panics

@@ -260,11 +260,15 @@ fn orders_table(search: &fleetfoot::sparse::narx::OrderSearch, most: usize) -> S
 }
 
 fn error(rrse: f64) -> String {
-    if rrse.is_infinite() { "diverged".into() } else { format!("{rrse:.4}") }
+    match rrse {
+        _ if rrse.is_infinite() => "diverged".into(),
+        _ if rrse.is_nan() => "-".into(),
+        _ => format!("{rrse:.4}"),
+    }
 }
 
 fn fit_percent(rrse: f64) -> String {
-    if rrse.is_infinite() { "-".into() } else { format!("{:.2}", 100.0 * (1.0 - rrse)) }
+    if !rrse.is_finite() { "-".into() } else { format!("{:.2}", 100.0 * (1.0 - rrse)) }
 }
 
 fn scores_table(name: &str, scores: &NarxScores) -> String {

@@ -1,7 +1,5 @@
 //! Error sums of an output along free runs, and the scores that follow.
 
-use fleetfoot_stats::explained_share;
-
 /// The score of one output over all runs.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -21,8 +19,8 @@ pub struct OutputErrors {
     pub rows: u64,
     /// Those of them that were not reached.
     pub lost: u64,
-    /// Root relative squared error `|y - yhat| / |y - mean(y)|` (2-norms over the rows, the mean that of these rows). Of a constant output 0 for a model without
-    /// error, else 1: `1 - rrse^2` is then R2 as scikit-learn defines it.
+    /// Root relative squared error `|y - yhat| / |y - mean(y)|` (2-norms over the rows, the mean that of these rows). NaN of a constant output: there is no
+    /// deviation that an error could be relative to.
     pub rrse: f64,
     /// `100 (1 - rrse)`, percent: the FIT of system identification.
     pub fit: f64,
@@ -115,11 +113,9 @@ impl OutputSum {
 
     pub(crate) fn errors(&self) -> OutputErrors {
         let size = self.low.abs().max(self.high.abs());
-        let rounding = self.rows as f64 * (ROUNDING * size).powi(2);
         let constant = self.high - self.low <= ROUNDING * size;
-        let relative = |square: f64| match constant {
-            _ if self.rows == 0 => f64::NAN,
-            true => (1.0 - explained_share(square, 0.0, rounding)).sqrt(),
+        let relative = |square: f64| match constant || self.rows == 0 {
+            true => f64::NAN,
             false => (square / self.scatter).sqrt(),
         };
         let whole = |value: f64| if self.lost == 0 { value } else { f64::INFINITY };

@@ -68,6 +68,12 @@ fn elements(recipe: &str, arrays: &[ArrayInfo]) -> Vec<Column> {
 /// The error, or, when a name is unknown because its topic cannot be read, why it cannot.
 pub(crate) fn explained(error: Error, info: Option<&FileInfo>) -> Error {
     let Some(info) = info else { return error };
+    let named = |error: Error| match error {
+        Error::UnknownColumn { place, name, candidates } => {
+            Error::UnknownColumn { place: format!("{}: {place}", info.path.display()), name, candidates }
+        }
+        other => other,
+    };
     let name = match &error {
         Error::UnknownColumn { name, .. } => name.clone(),
         Error::Expression { source, .. } => match source.kind() {
@@ -79,11 +85,13 @@ pub(crate) fn explained(error: Error, info: Option<&FileInfo>) -> Error {
     let of_name = |topic: &&TopicInfo| {
         name.trim().strip_prefix(topic.name.as_str()).is_some_and(|rest| rest.starts_with(['.', '[']))
     };
-    let Some(topic) = info.topics.iter().filter(of_name).max_by_key(|topic| topic.name.len()) else { return error };
+    let Some(topic) = info.topics.iter().filter(of_name).max_by_key(|topic| topic.name.len()) else {
+        return named(error);
+    };
     let problem = match (&topic.problem, topic.messages) {
         (Some(problem), _) => problem.clone(),
         (None, Some(0)) => "it has no messages: choose another topic".to_owned(),
-        _ => return error,
+        _ => return named(error),
     };
     let place = info.path.display();
     Error::undetermined(format!("{place}: {} ({}) cannot be read: {problem}", topic.name, topic.type_name))

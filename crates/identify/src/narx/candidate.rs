@@ -29,7 +29,8 @@ pub struct NarxCandidate {
     /// Root relative squared error of free runs of the spans that did not train, the mean of the folds: of these terms, refitted on the other spans. Infinite when
     /// one diverged, NaN where one-step errors decide and nothing is simulated.
     pub rrse: f64,
-    /// That of every fold, the root mean square over the outputs: every fold counts as much, whatever its rows and how far its outputs move.
+    /// That of every fold, the root mean square over the outputs that move: every fold counts as much, whatever its rows and how far its outputs move. NaN of a fold in
+    /// which none moves, which counts for nothing.
     pub folds: Vec<f64>,
     /// Coefficients of the model: those of all regions and equations.
     pub coefficients: usize,
@@ -82,8 +83,9 @@ pub(crate) fn best_within_one_standard_error<'a>(
 ) -> Option<usize> {
     simplest(tried, |least| {
         let (mean, folds) = least.error();
-        let count = folds.len() as f64;
-        let scatter: f64 = folds.iter().map(|error| (error - mean).powi(2)).sum();
+        let moving = || folds.iter().filter(|error| !error.is_nan());
+        let count = moving().count() as f64;
+        let scatter: f64 = moving().map(|error| (error - mean).powi(2)).sum();
         if count > 1.0 { (scatter / (count - 1.0) / count).sqrt() } else { 0.0 }
     })
 }

@@ -53,6 +53,24 @@ pub(crate) struct How {
     pub(crate) orders: Option<OrderSearch>,
 }
 
+/// The spans in which no output moves, for people: they count for nothing, as any model that rests is perfect there.
+///
+/// # Errors
+/// Fewer than two spans are left: nothing tells models apart, and no model is tested on what it did not see.
+fn resting(tried: &[Tried], folds: usize) -> Result<String, Error> {
+    let rests =
+        |fold: &usize| tried.iter().any(|own| own.candidate.folds.get(*fold).is_some_and(|error| error.is_nan()));
+    let resting = (0..folds).filter(rests).count();
+    match resting {
+        0 => Ok(String::new()),
+        count if folds - count < 2 => Err(Error::undetermined(format!(
+            "{count} of {folds} held-out spans have outputs that do not vary, where any model that rests is perfect: nothing tells models apart; leave the rows at rest \
+             out (--where, for example \"time() > 2\"), give longer logs, or choose by one-step errors of all rows (--select bic)"
+        ))),
+        count => Ok(format!(" ({count} of them count for nothing: their outputs do not vary)")),
+    }
+}
+
 impl Fit<'_> {
     pub(crate) fn choose(&self, partitions: &[Choice], progress: &dyn Progress) -> Result<Chosen, Error> {
         let fixed = |order: NarxOrder| {
@@ -162,6 +180,7 @@ impl Fit<'_> {
                 (selection.run(&jobs, progress)?, None)
             }
         };
+        let resting = resting(&tried, self.options.folds)?;
         let candidates = tried.iter().map(|tried| &tried.candidate);
         // Who names the orders compares a few; a search looks at hundreds.
         let looked = search.is_some();
@@ -177,7 +196,7 @@ impl Fit<'_> {
         mark(&mut all, at);
         let how = How {
             text: Some(format!(
-                "free runs of {} spans that did not train, of {} models: {}",
+                "free runs of {} spans that did not train{resting}, of {} models: {}",
                 self.options.folds,
                 tried.len(),
                 if looked {

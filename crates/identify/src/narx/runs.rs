@@ -89,11 +89,18 @@ pub(crate) fn free_runs_by_file(
     Ok(found)
 }
 
+/// The mean of relative errors, of those outputs that move: where one rests, its error is relative to nothing (NaN). NaN where none moves.
+pub(super) fn mean_of_moving(errors: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) =
+        errors.filter(|error| !error.is_nan()).fold((0.0, 0.0), |(sum, count), error| (sum + error, count + 1.0));
+    sum / count
+}
+
 fn mean(files: &[FileRun]) -> Vec<MeanRun> {
     let Some(first) = files.first() else { return Vec::new() };
     let output = |(index, output): (usize, &fleetfoot_dynamics::FreeRunScore)| {
         let errors = files.iter().map(|file| file.scores.free_run.outputs[index].errors.rrse);
-        let rrse = errors.sum::<f64>() / files.len() as f64;
+        let rrse = mean_of_moving(errors);
         MeanRun { name: output.name.clone(), rrse, fit: 100.0 * (1.0 - rrse) }
     };
     first.scores.free_run.outputs.iter().enumerate().map(output).collect()

@@ -20,6 +20,7 @@ use super::{
     TermRule,
     candidate::NarxCandidate,
     choice::Choice,
+    runs::mean_of_moving,
     task::{NarxBase, NarxTask},
     terms::{Problems, Support, Trails, coefficients},
 };
@@ -307,10 +308,10 @@ fn wanted(sets: &Sets<'_>, job: &Job) -> Result<Vec<Wanted>, Error> {
     Ok(found)
 }
 
-/// The root mean square over the outputs; infinite where no run could begin.
+/// The root mean square over the outputs that move; infinite where no run could begin, NaN where no output moves.
 fn relative(squares: &Squares) -> f64 {
     let Some(outputs) = squares else { return f64::INFINITY };
-    (outputs.iter().sum::<f64>() / outputs.len() as f64).sqrt()
+    mean_of_moving(outputs.iter().copied()).sqrt()
 }
 
 /// What the statistic of all rows tells of a model.
@@ -375,7 +376,7 @@ fn candidate(
         }
     }
     let mean = |folds: &[f64]| folds.iter().sum::<f64>() / folds.len() as f64;
-    let rrse = mean(&simulated);
+    let rrse = mean_of_moving(simulated.iter().copied());
     NarxCandidate {
         partition,
         specification: choice.partition.as_ref().map_or_else(|| "average".into(), |p| p.specification.clone()),

@@ -10,7 +10,7 @@ use crate::{EquationTask, Error, Recipe, problem::seen};
 /// The equations `next(y) = f(lags)` of a recipe's states, while the order is not known.
 #[derive(Debug, Clone)]
 pub(crate) struct NarxBase {
-    task: EquationTask,
+    pub(crate) task: EquationTask,
     candidates: Candidates,
 }
 

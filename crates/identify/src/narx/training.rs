@@ -5,7 +5,7 @@ use fleetfoot_model::Partition;
 use fleetfoot_sparse::system::{System, SystemPlan, SystemScan};
 
 use super::{NarxOptions, TermRule, summed::Evidence, task::NarxBase};
-use crate::{EquationTask, Error, Provenance, Recipe, folds::smoothed_rows};
+use crate::{EquationTask, Error, Provenance, Recipe, constant::refuse_constant_targets, folds::smoothed_rows};
 
 /// What all ways to a model share.
 pub(crate) struct Fit<'a> {
@@ -49,7 +49,7 @@ impl Fit<'_> {
             TermRule::Auto(_) => 1,
         };
         if counts.complete as usize > needed {
-            return Ok(());
+            return refuse_constant_targets(&self.base.task, whole.also());
         }
         Err(Error::too_few_rows(
             counts.complete,

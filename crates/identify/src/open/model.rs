@@ -6,10 +6,21 @@ use fleetfoot_model::{Column as ModelColumn, Model, Rule};
 
 use crate::{
     Dataset, Error, Logs, Recipe,
-    dataset::{clock_of_model, explained, fields, unprepared},
+    dataset::{explained, fields, reads_of_model, unprepared},
     period,
     problem::aliases_of_model,
 };
+
+/// The error of a column that logs lack, with the model.
+fn of_model(error: Error, model: &Model) -> Error {
+    match error {
+        Error::UnknownColumn { place, name, candidates } => {
+            let place = format!("{place} {} ({})", model.hash(), model.method);
+            Error::UnknownColumn { place, name, candidates }
+        }
+        other => other,
+    }
+}
 
 impl Dataset {
     /// Opens files for a model: its columns, clock and labels are those of its training.
@@ -94,9 +105,9 @@ impl Dataset {
         let auxiliary = model.auxiliary_columns().into_iter();
         let there = |column: &ModelColumn| aliases_of_model(std::slice::from_ref(column), &fields).is_ok();
         let columns: Vec<ModelColumn> = columns.into_iter().chain(auxiliary.filter(there)).collect();
-        let why = |error| unprepared(explained(error, info.as_ref()), &recipe);
+        let why = |error| unprepared(of_model(explained(error, info.as_ref()), model), &recipe);
         let aliases = aliases_of_model(&columns, &fields).map_err(why)?;
-        let mut dataset = Self::open(&recipe, &columns, &aliases, clock_of_model(model), logs, progress)?;
+        let mut dataset = Self::open(&recipe, &columns, &aliases, reads_of_model(model), logs, progress)?;
         dataset.topics = info.map_or_else(Vec::new, |info| info.topics);
         if !absent.is_empty() {
             let names: Vec<&str> = absent.iter().map(|column| column.name.as_str()).collect();

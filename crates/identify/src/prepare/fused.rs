@@ -16,15 +16,12 @@ use fleetfoot_log::{ParquetWriter, Values, WriteOptions};
 use fleetfoot_signal::fuse::{BodyState, Fused, gaps};
 
 use super::{
-    EpisodeReport, PieceReport, Places, PrepareReport, PrepareRequest, Prepared,
-    columns::written_recipe,
-    committed, metadata,
-    options::EpisodeOptions,
-    pieces,
-    write::{Names, is_prepared},
+    EpisodeReport, PieceReport, Places, PrepareReport, PrepareRequest, Prepared, columns::written_recipe, committed,
+    metadata, options::EpisodeOptions, pieces, write::Names,
 };
 use crate::{
     AttitudeForm, Dataset, EpisodeRule, Error, Logs, PrepareSection, Recipe, folder::Folder, found_clocks::Clocks,
+    logs::is_prepared,
 };
 use body::Poses;
 use joints::{Joint, JointPlan, Opening};

@@ -6,15 +6,7 @@ use fleetfoot_data::ColumnKind;
 use fleetfoot_log::{ParquetWriter, Values, WriteColumn, WriteKind, WriteOptions};
 
 use super::{channel::Curve, columns::Planned};
-use crate::Error;
-
-/// The end of the names of prepared files.
-const ENDING: &str = ".clean.parquet";
-
-/// Whether a file has the name of a prepared one.
-pub(super) fn is_prepared(name: &str) -> bool {
-    name.ends_with(ENDING)
-}
+use crate::{Error, logs::PREPARED};
 
 /// File names, each given once.
 #[derive(Default)]
@@ -34,7 +26,7 @@ impl Names {
         let free =
             std::iter::once(stem.clone()).chain(numbered).find(|name| !self.given.contains(name)).unwrap_or(stem);
         self.given.insert(free.clone());
-        format!("{free}{ENDING}")
+        format!("{free}{PREPARED}")
     }
 }
 
@@ -105,12 +97,13 @@ pub(super) fn write(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::logs::is_prepared;
 
     #[test]
     fn names_are_given_once() {
         let mut names = Names::default();
         let given = ["run.csv", "run.csv", "a/run.csv#2", "../x y.mcap"].map(|episode| names.next(episode));
         assert_eq!(given, ["run.clean.parquet", "run-2.clean.parquet", "a_run_2.clean.parquet", "x_y.clean.parquet"]);
-        assert!(is_prepared(&given[0]) && !is_prepared("run.parquet"));
+        assert!(given.iter().all(|name| is_prepared(name)) && !is_prepared("run.parquet"));
     }
 }

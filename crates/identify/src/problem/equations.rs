@@ -194,6 +194,12 @@ impl EquationTask {
         Ok(if task.parameters.is_empty() { task.settled(&BTreeMap::new()) } else { task })
     }
 
+    /// Whether a fitted equation gives a rate of change.
+    pub(crate) fn is_rate(&self, fitted: usize) -> bool {
+        let mut own = self.equations.iter().filter(|equation| equation.target.is_some());
+        own.nth(fitted).is_some_and(|equation| equation.prediction == Prediction::Derivative)
+    }
+
     /// Number of candidates, p.
     pub fn candidates(&self) -> usize {
         usize::from(self.constant) + self.functions.len()

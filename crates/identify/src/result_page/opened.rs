@@ -3,7 +3,7 @@
 use fleetfoot_data::Progress;
 use fleetfoot_model::{Model, Rule};
 
-use crate::{Dataset, Error, Logs, Recipe, dataset::clock_of_model, run::is_needed};
+use crate::{Dataset, Error, Logs, Recipe, dataset::reads_of_model, run::is_needed};
 
 /// The rows of logs, and the model that they were opened for.
 pub(super) struct Opened<'a> {
@@ -37,7 +37,7 @@ fn see_alike(a: &Model, b: &Model) -> bool {
         && a.step == b.step
         && a.training.recipe == b.training.recipe
         && a.training.episodes == b.training.episodes
-        && clock_of_model(a) == clock_of_model(b)
+        && reads_of_model(a) == reads_of_model(b)
         && !labels(a)
         && !labels(b)
 }

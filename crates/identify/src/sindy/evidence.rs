@@ -14,6 +14,7 @@ use fleetfoot_sparse::system::{System, SystemPlan, SystemScan, Weak};
 use super::frozen::Frozen;
 use crate::{
     Dataset, EquationTask, Error, FittedEquation, Logs, ParameterReport, Provenance, Recipe, Tunable, concentrated,
+    constant::refuse_constant_targets,
     folds::{reached, smoothed_rows},
     left_out::left_out,
     not_finite,
@@ -259,7 +260,7 @@ impl Evidence {
             ));
         }
         match self.few() {
-            None => Ok(()),
+            None => refuse_constant_targets(&self.task, self.scan.also()),
             Some(few) => {
                 let regions = if self.scan.regions() > 1 { ", or fewer regions" } else { "" };
                 let windows = if self.weak.is_some() { ", or take rows as they are (--weak off)" } else { "" };

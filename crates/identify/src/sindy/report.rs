@@ -1,7 +1,7 @@
 //! What a fit of equations found, for people and for programs.
 
 use fleetfoot_model::factor;
-use fleetfoot_stats::{Compressed, explained_share};
+use fleetfoot_stats::Compressed;
 use serde::Serialize;
 
 use super::{solve::Solved, words::short};
@@ -229,7 +229,8 @@ pub(super) fn equation(
         right: right(task, target, &terms),
         candidates: own.allowed.iter().filter(|allowed| **allowed).count(),
         rms: rms(step.rss),
-        r2: explained_share(step.rss, total, sweep.trail.rounding),
+        // A region may rest where the others move: nothing is explained there.
+        r2: if total > sweep.trail.rounding { 1.0 - step.rss / total } else { f64::NAN },
         held_out: found.held_out[0].sqrt(),
         held_out_r2: found.held_out[1],
         free: None,

@@ -106,7 +106,16 @@ fn scale(task: &StructuredTask, index: usize, root: &SquareRoot) -> Result<f64, 
     let found = &task.regression.tasks[index];
     let (variance, mean) = (root.total[0] / root.weight, root.mean_y[0]);
     let size = (variance + mean * mean).sqrt();
-    let scale = if found.prior || variance <= (1e-12 * mean).powi(2) { size } else { variance.sqrt() };
+    let is_constant = variance <= (1e-12 * mean).powi(2);
+    // A rate that is constant is that of a state that varies.
+    if is_constant && mean != 0.0 && !found.prior && !found.target.reads_clock() {
+        return Err(Error::undetermined(format!(
+            "[tasks] {}: the target `{}` has the same value {mean} in all rows: there is nothing to predict; leave it out, check its column, or add `scale`, the \
+             error that counts as one, in its units",
+            found.name, found.target
+        )));
+    }
+    let scale = if found.prior || is_constant { size } else { variance.sqrt() };
     if scale > 0.0 && scale.is_finite() {
         return Ok(scale);
     }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use fleetfoot_library::Expr;
 use fleetfoot_sparse::structured::{Regression, Task};
-use fleetfoot_stats::{SquareRoot, explained_share, least_squares};
+use fleetfoot_stats::{SquareRoot, least_squares};
 use serde::Serialize;
 
 use super::StatisticFile;
@@ -54,7 +54,7 @@ impl StatisticFile {
                 condition: solution.condition,
                 preconditioned: root.condition,
                 deviation: (root.total[0] / root.weight).sqrt(),
-                r2: explained_share(solution.rss[0], root.total[0], rounding(&root)),
+                r2: if root.total[0] > rounding(&root) { 1.0 - solution.rss[0] / root.total[0] } else { f64::NAN },
             });
         }
         summaries

@@ -1,18 +1,28 @@
 //! What a scan freezes and sums of a recipe's equations, and what it costs.
 
 use fleetfoot_data::{Column, Progress};
-use fleetfoot_library::Expr;
 use fleetfoot_pwa::Options;
 use fleetfoot_sparse::system::{System, SystemPlan};
 
-use super::{EquationGroup, EquationStatistic, texts::refuse_text};
+use super::{EquationGroup, EquationStatistic, StatisticError};
 use crate::{
     Dataset, EquationTask, Error, PwaOptions, Recipe,
     narx::Summed,
     problem::{WeakForm, clustering, piecewise, placeholder, regions, specification},
     sindy::Frozen,
     stats_file::{covers, once},
+    text::text_among,
 };
+
+/// Codes of texts are numbered by the files that are open, so that a statistic of other files would name other labels.
+fn refuse_text_labels(recipe: &Recipe, task: &EquationTask, dataset: &Dataset) -> Result<(), Error> {
+    let Some(label) = specification(recipe)?.and_then(|one| one.label().map(str::to_owned)) else { return Ok(()) };
+    let alias = task.aliases.iter().find(|(column, _)| column.name == label);
+    match alias.and_then(|(_, expression)| text_among(expression, dataset.source())) {
+        Some(_) => Err(StatisticError::Text { column: label }.into()),
+        None => Ok(()),
+    }
+}
 
 impl EquationStatistic {
     /// Freezes what is decided before the pass, from a sample of the rows and by clustering, and sums nothing yet.
@@ -29,9 +39,7 @@ impl EquationStatistic {
         let view = dataset.view()?;
         let mut found = Self { differences: Vec::new(), groups: Vec::new() };
         for (recipe, task) in Self::recipes(recipe)?.iter().zip(tasks) {
-            let read: Vec<Expr> = task.row_functions();
-            let labels = specification(recipe)?.and_then(|one| one.label().map(Expr::column));
-            refuse_text(read.iter().chain(&labels), &task.aliases, dataset.fields())?;
+            refuse_text_labels(recipe, task, dataset)?;
             let mut own: Vec<String> = task.narrowed_note().into_iter().collect();
             let frozen = Frozen::differentiated(task.clone(), &view, &mut own)?;
             let frozen = frozen.windowed(WeakForm::new(&recipe.sindy)?, &view, &mut own)?;

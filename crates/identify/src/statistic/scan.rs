@@ -20,7 +20,6 @@ use crate::{
     Dataset, EquationTask, Error, Logs, Recipe, StructuredTask,
     left_out::left_out,
     open::OpenedStructure,
-    statistic::texts::refuse_text,
     stats_file::{ContentHash, EquationStatistic, FileRecord, StatisticFile, refuse_unprintable},
     subset::Subset,
 };
@@ -187,7 +186,6 @@ impl<'a> Scan<'a> {
     fn begin(&mut self, opened: &OpenedStructure, progress: &dyn Progress) -> Result<StatisticFile, Error> {
         let OpenedStructure { dataset, task, recipe, fields, equations } = opened;
         self.report.notes.extend_from_slice(dataset.notes());
-        refuse_text(row_expressions(task), &task.aliases, dataset.fields())?;
         if let Some(file) = self.file.take() {
             return Ok(file);
         }

@@ -156,7 +156,7 @@ fn text_in_the_regression_is_refused() {
         .collect();
     fs::write(&path, format!("t,x,v,a,b\n{rows}")).unwrap();
     let error = scan(&recipe(), &options(), None, &[path], &Silent).unwrap_err();
-    assert!(matches!(error, Error::Statistic(StatisticError::Text { .. })), "{error}");
+    assert!(matches!(error, Error::TextAsNumber { .. }), "{error}");
 }
 
 #[test]

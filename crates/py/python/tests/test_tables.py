@@ -287,3 +287,35 @@ def test_editors_know_what_comes_back(tmp_path):
     )
     assert "fleetfoot._sindy.SINDy" in found.stdout, found.stdout
     assert found.returncode == 0, found.stdout
+
+
+def worded(kind):
+    """A log whose state `q` was written as words, and a mode beside it."""
+    q = pd.Series([f"{value:,.2f}".replace(",", "_").replace(".", ",").replace("_", ".") for value in 1e3 * X[:, 0]])
+    table = pd.DataFrame({"t": T, "q": q, "v": X[:, 1], "mode": np.where(T < 2, "auto", "manual")})
+    return table.astype({"q": "category", "mode": "category"}) if kind == "category" else table
+
+
+@pytest.mark.parametrize("kind", ["pandas", "category", "polars", "pyarrow", "parquet", "dictionaries"])
+def test_text_is_no_number(kind, tmp_path):
+    table = worded(kind)
+    match kind:
+        case "polars":
+            table = pl.from_pandas(table)
+        case "pyarrow":
+            table = pa.Table.from_pandas(table)
+        case "parquet" | "dictionaries":
+            written, path = worded("category" if kind == "dictionaries" else kind), tmp_path / "log.parquet"
+            written.to_parquet(path)
+            table = path
+    def fit(recipe, partition="average"):
+        return ff.PWA(partition=partition).fit(ff.open(table, recipe=recipe)).model_
+
+    with pytest.raises(DataError, match=r"the state `q` holds text \(\"1\.000,00\" in row 1\).*as in 1000\.00"):
+        fit("[states]\nq = {}\n[inputs]\nv = {}\n")
+    mode = r"`mode` holds text \(\"auto\" in row 1\).*labels:mode"
+    with pytest.raises(DataError, match="the input " + mode):
+        fit("[states]\nv = {}\n[inputs]\nmode = {}\n")
+    with pytest.raises(DataError, match="the column " + mode):
+        fit('[inputs]\nv = {}\n[model]\npredict = "mode"\n')
+    assert len(fit("[states]\nv = {}\n", "labels:mode").regions) == 2
