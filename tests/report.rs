@@ -586,3 +586,54 @@ fn what_a_fit_keeps_is_shown() {
         assert!(html.contains(&format!("<td class=\"n\">{number}</td>")), "{key} {number}");
     }
 }
+
+/// Models of other targets and states are compared in what all of them have, on simulations from the same rows, or not at all.
+#[test]
+fn models_of_other_targets_are_compared_in_what_they_share() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+    for (name, phase) in [("a.csv", 0.0), ("b.csv", 1.0)] {
+        fs::write(folder.path().join(name), robot_csv(900, phase).replace("v [m/s]", "v")).unwrap();
+    }
+    let narx = [
+        "fit",
+        "narx",
+        "a.csv",
+        "--states",
+        "v",
+        "--inputs",
+        "u",
+        "--lags-out",
+        "9",
+        "--lags-in",
+        "9",
+        "--degree",
+        "1",
+    ];
+    run(&[&narx[..], &["-o", "narx.json"]].concat());
+    run(&["fit", "sindy", "a.csv", "--states", "x,v", "--inputs", "u", "-o", "sindy.json"]);
+    run(&["fit", "sindy", "a.csv", "--states", "x", "--inputs", "u", "-o", "other.json"]);
+    for models in [["sindy.json", "narx.json"], ["narx.json", "sindy.json"]] {
+        let told = run(&["report", models[0], models[1], "b.csv", "-o", "page.html", "--csv", "figures"]).out;
+        assert!(told.contains("One step ahead the models are not compared: they have no target in common"), "{told}");
+        assert!(told.contains("Simulated, ") && told.contains("Error of v, which all models have"), "{told}");
+        let head = |figure: &str| {
+            let text = fs::read_to_string(folder.path().join("figures").join(figure)).unwrap();
+            text.lines().next().unwrap().to_owned()
+        };
+        // Every model has its curve, and its bars.
+        let drawn = fs::read_dir(folder.path().join("figures"))
+            .unwrap()
+            .map(|file| file.unwrap().file_name().into_string().unwrap());
+        let in_time: Vec<String> =
+            drawn.filter(|name| name.starts_with("simulated-in-time")).map(|name| head(&name)).collect();
+        assert!(in_time.iter().any(|head| head.contains("narx") && head.contains("sindy")), "{in_time:?}");
+        let by_horizon = head("score-by-horizon.csv");
+        assert!(by_horizon.contains("narx") && by_horizon.contains("sindy"), "{by_horizon}");
+        let bars = fs::read_to_string(folder.path().join("figures/errors-by-target.csv")).unwrap();
+        assert!(["next(v)", "d(v)/dt", "d(x)/dt"].iter().all(|target| bars.contains(target)), "{bars}");
+        fs::remove_dir_all(folder.path().join("figures")).unwrap();
+    }
+    let told = run(&["report", "narx.json", "other.json", "b.csv", "-o", "page.html"]).out;
+    assert!(told.contains("Simulated, the models are not compared") && told.contains("no state in common"), "{told}");
+}

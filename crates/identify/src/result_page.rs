@@ -1,5 +1,6 @@
 //! One page that shows what models are worth: sentences, equations, tables and figures, from the one score and rollout that there are.
 
+mod compared;
 mod condition;
 mod coverage;
 mod drawn_stretch;
@@ -22,6 +23,7 @@ mod rolled_on;
 mod scores;
 mod sentence;
 mod series;
+mod starts;
 mod target;
 mod transitions;
 mod verdict;
@@ -120,12 +122,14 @@ pub fn report(
     let first = &models[0].1;
     let mut opened = if logs.is_empty() { None } else { Some(Opened::new(first, changes, &logs, progress)?) };
     let mut seen = opened.as_ref().map(|opened| logs::Seen::of(first, changes, &opened.dataset)).transpose()?;
-    let mut judged = Vec::with_capacity(models.len());
+    let mut judged: Vec<Judged<'_>> = Vec::with_capacity(models.len());
+    let reach = starts::reach(models);
     for (name, model) in models {
         opened = opened.map(|opened| opened.or_for(model, changes, &logs, progress)).transpose()?;
         let rows = opened.as_ref().map(|opened| (&logs, &opened.dataset));
-        let stretch = judged.iter().find_map(|one: &Judged<'_>| Some(&one.on_stretch.as_ref()?.stretch));
-        let wanted = Wanted { stretch, several: models.len() > 1 };
+        let stretch = judged.iter().find_map(|one| Some(&one.on_stretch.as_ref()?.stretch));
+        let starts = judged.iter().find_map(|one| Some(one.starts.as_slice()).filter(|own| !own.is_empty()));
+        let wanted = Wanted { stretch, several: models.len() > 1, reach, starts };
         let next = Judged::new(name, model, changes, rows, &wanted, options, progress)?;
         judged.push(next);
     }
@@ -159,10 +163,13 @@ pub fn report(
     Ok(Report { page, episodes, in_sample, notes })
 }
 
-/// The model with the least error one step ahead: of several, the rows and logs of this one are shown.
+/// The model with the least error one step ahead in what all predict, else at the end of simulations: of several, the rows and logs of this one are shown.
 fn best<'a, 'b>(judged: &'b [Judged<'a>]) -> &'b Judged<'a> {
-    let known = judged.iter().filter_map(|one| Some((one.mean_over_null().filter(|mean| mean.is_finite())?, one)));
-    known.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(&judged[0], |(_, one)| one)
+    let shared = scores::shared(judged);
+    let known = judged.iter().filter_map(|one| Some((one.mean_over_null(&shared)?, one)));
+    let one_step = known.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, one)| one);
+    let simulated = || judged.iter().find(|one| Some(one.name) == horizons::best_at_the_end(judged));
+    one_step.or_else(simulated).unwrap_or(&judged[0])
 }
 
 fn sections(

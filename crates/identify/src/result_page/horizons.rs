@@ -4,10 +4,15 @@
 use fleetfoot_dynamics::{Estimate, Horizon, reigns};
 use fleetfoot_report::{
     Axis, Cell, Chart, Figure, Light, Lines, Part, Section, Sentence, Series, Stroke, Table,
-    words::{count, number, seconds},
+    words::{self, count, number, seconds},
 };
 
-use super::{Judged, drawn_stretch, sentence::sentence};
+use super::{
+    Judged,
+    compared::{Compared, is_scored},
+    drawn_stretch,
+    sentence::{sentence, sentence_of},
+};
 use crate::{interval_in_words, spans_in_words};
 
 /// Steps that are drawn: errors grow smoothly, and a page is no wider.
@@ -20,7 +25,8 @@ pub(super) fn section(judged: &[Judged<'_>]) -> Option<Section> {
     let curves: Vec<(&str, &Horizon)> =
         judged.iter().filter_map(|one| Some((one.name, one.horizon()?))).filter(|(_, h)| is_scored(h)).collect();
     let (_, first) = *curves.first()?;
-    let mut parts = vec![Part::Figure(scores(&curves, first))];
+    let mut parts: Vec<Part> =
+        Compared::of(judged).and_then(Result::ok).map(|compared| Part::Figure(scores(&compared))).into_iter().collect();
     parts.push(Part::Table(useful(&curves)));
     let states: Vec<Part> = (0..first.states.len())
         .filter(|&state| curves.iter().any(|(_, horizon)| rmse(horizon, state).iter().any(|value| value.is_finite())))
@@ -32,10 +38,6 @@ pub(super) fn section(judged: &[Judged<'_>]) -> Option<Section> {
         parts.push(Part::Fold("Error of each state against the horizon".into(), states));
     }
     Some(Section::new("simulation", "Simulated", parts))
-}
-
-fn is_scored(horizon: &Horizon) -> bool {
-    horizon.model.mahalanobis.iter().any(|score| score.value.is_finite())
 }
 
 /// Steps that are drawn, evenly spread, the first and the last among them.
@@ -50,29 +52,41 @@ fn line(name: &str, horizon: &Horizon, scores: &[Estimate], steps: &[usize]) -> 
     Series::line(name, time, values(|score| score.value)).banded(values(|score| score.low), values(|score| score.high))
 }
 
-/// The models' scores by horizon, and the baselines', which are the same for all.
-fn scores(curves: &[(&str, &Horizon)], first: &Horizon) -> Figure {
-    let own = curves.iter().take(MODELS);
-    let mut series: Vec<Series> =
-        own.map(|(name, h)| line(name, h, &h.model.mahalanobis, &told(h.time.len()))).collect();
+/// The models' errors by horizon, and the baselines', which are the same for all.
+fn scores(compared: &Compared<'_>) -> Figure {
+    let (_, first) = compared.models[0];
+    let errors = compared.errors();
+    let own = compared.models.iter().zip(&errors).take(MODELS);
+    let mut series: Vec<Series> = own.map(|((name, h), errors)| line(name, h, errors, &told(h.time.len()))).collect();
     let steps = told(first.time.len());
-    series.extend(first.baselines.iter().map(|(baseline, score)| {
-        let mut line = line(baseline.name(), first, &score.mahalanobis, &steps).looks(Stroke::Reference);
+    series.extend(compared.baselines().iter().map(|(baseline, errors)| {
+        let mut line = line(baseline.name(), first, errors, &steps).looks(Stroke::Reference);
         line.band = None;
         line
     }));
     let values = series.iter().flat_map(|series| series.y.iter().copied()).collect::<Vec<_>>().into_iter();
     let chart = Lines::new(
         Axis::of("time since the start of the simulation", "s"),
-        Axis::of("Mahalanobis score of the simulated state", "").with_zero().spread(values),
+        Axis::of(compared.axis(), "").with_zero().spread(values),
         series,
     );
-    let caption = format!(
+    let caption = match compared.shared.as_slice() {
+        [] => caption_of_scores(first),
+        names => format!(
+            "Root of the mean squared difference between simulated and recorded {}, in standard deviations of the training rows: lower is better. Other states are not those \
+             of all models. Simulations that end early count with their last state.",
+            words::series(names, STATES)
+        ),
+    };
+    Figure::new("score-by-horizon", "Error against the horizon", caption, Chart::Lines(chart))
+}
+
+fn caption_of_scores(first: &Horizon) -> String {
+    format!(
         "Distance between simulated and recorded states under the covariance of the training states, mean over the simulations: lower is better. Bands: {}. \
          Simulations that end early count with their last state.",
         interval_in_words(&first.basis)
-    );
-    Figure::new("score-by-horizon", "Error against the horizon", caption, Chart::Lines(chart))
+    )
 }
 
 /// When each model is better than the baselines.
@@ -113,11 +127,27 @@ fn by_state(judged: &[Judged<'_>], curves: &[(&str, &Horizon)], first: &Horizon,
     Figure::new(format!("rmse-by-horizon-{}", state + 1), format!("Error of {name}"), caption, Chart::Lines(chart))
 }
 
+/// The model whose simulations err least at their end, where they are compared.
+pub(super) fn best_at_the_end<'a>(judged: &'a [Judged<'_>]) -> Option<&'a str> {
+    let compared = Compared::of(judged)?.ok()?;
+    let errors = compared.errors();
+    let last = reigns(&errors.iter().map(Vec::as_slice).collect::<Vec<_>>()).pop()?;
+    Some(compared.models[last.model].0)
+}
+
 /// Which of several models is best to simulate with, and when.
 pub(super) fn best(judged: &[Judged<'_>]) -> Option<Sentence> {
-    let curves: Vec<(&str, &Horizon)> = judged.iter().filter_map(|one| Some((one.name, one.horizon()?))).collect();
+    let compared = match Compared::of(judged)? {
+        Ok(compared) => compared,
+        Err(reason) => {
+            let text = format!("{}.", sentence_of(&reason).trim_end_matches('.'));
+            return Some(sentence(Light::Plain, "Simulated, the models are not compared.", &text));
+        }
+    };
+    let curves = &compared.models;
     let (_, first) = *curves.first()?;
-    let lists: Vec<&[Estimate]> = curves.iter().map(|(_, horizon)| horizon.model.mahalanobis.as_slice()).collect();
+    let errors = compared.errors();
+    let lists: Vec<&[Estimate]> = errors.iter().map(Vec::as_slice).collect();
     let reigns = reigns(&lists);
     let told = reigns.iter().map(|reign| {
         let (from, to) = (seconds(first.time[reign.first - 1]), seconds(first.time[reign.last - 1]));
@@ -127,8 +157,9 @@ pub(super) fn best(judged: &[Judged<'_>]) -> Option<Sentence> {
     let told: Vec<String> = told.collect();
     let last = reigns.last()?;
     let text = format!(
-        "{}. Mean Mahalanobis score at the end: {}; {} each.",
+        "{}. {} at the end: {}; {} each.",
         told.join(", "),
+        compared.what(),
         curves
             .iter()
             .zip(&lists)

@@ -7,6 +7,7 @@ use fleetfoot_model::Model;
 use super::{
     ReportOptions,
     rolled_on::{RolledOn, Wanted},
+    starts::{Place, common, places},
 };
 use crate::{
     Cause, Dataset, Error, Logs, Recipe, RequestError, RolledOut, Scored,
@@ -25,6 +26,8 @@ pub(super) struct Judged<'a> {
     pub(super) scores: Option<Result<Scored, String>>,
     /// `None` without logs.
     pub(super) rollouts: Option<Result<RolledOut, String>>,
+    /// Where its simulations began.
+    pub(super) starts: Vec<Place>,
     /// A stretch of a recording with the simulations on it; `None` where nothing could be simulated.
     pub(super) on_stretch: Option<RolledOn>,
 }
@@ -40,12 +43,12 @@ impl<'a> Judged<'a> {
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
         let Some((logs, dataset)) = logs else {
-            return Ok(Self { name, model, scores: None, rollouts: None, on_stretch: None });
+            return Ok(Self { name, model, scores: None, rollouts: None, starts: Vec::new(), on_stretch: None });
         };
         let scores = said(score_rows(model, dataset, progress))?;
         let longest = dataset.episodes().iter().map(|episode| episode.rows).max().unwrap_or(0);
         let horizon = options.horizon.unwrap_or_else(|| HORIZON.min(longest / SHARE).max(1));
-        let (starts, long) = (Starts::Even(options.starts), RolloutOptions::new(horizon));
+        let long = RolloutOptions::new(horizon);
         let closed_by = options.controller.as_ref();
         // A controller may read columns that the model does not.
         let opened = closed_by.map(|_| opened_to_roll(model, changes, logs, closed_by, progress)).transpose()?;
@@ -53,12 +56,18 @@ impl<'a> Judged<'a> {
         let roll = |starts: &Starts, long: &RolloutOptions| {
             said(roll_rows(simulated, rows, starts, long, closed_by, progress))
         };
-        let rollouts = roll(&starts, &long)?;
+        let common = match wanted.several {
+            true => common(rows, horizon, options.starts, wanted.reach, wanted.starts)?,
+            false => None,
+        };
+        let of_all = common.map(|starts| roll(&starts, &long)).transpose()?.filter(Result::is_ok);
+        let rollouts = of_all.map_or_else(|| roll(&Starts::Even(options.starts), &long), Ok)?;
         let on_stretch = match &rollouts {
             Ok(rolled) => RolledOn::of(simulated, rows, rolled, wanted, &long, roll)?,
             Err(_) => None,
         };
-        Ok(Self { name, model, scores: Some(scores), rollouts: Some(rollouts), on_stretch })
+        let starts = rollouts.as_ref().map_or_else(|_| Vec::new(), |rolled| places(rows, rolled));
+        Ok(Self { name, model, scores: Some(scores), rollouts: Some(rollouts), starts, on_stretch })
     }
 
     pub(super) fn scored(&self) -> Option<&Scored> {
@@ -73,10 +82,11 @@ impl<'a> Judged<'a> {
         self.rolled().map(|rolled| &rolled.rollouts.horizon)
     }
 
-    /// The mean over the targets of the error over the null model's.
-    pub(super) fn mean_over_null(&self) -> Option<f64> {
-        let targets = &self.scored()?.scores.targets;
-        Some(targets.iter().map(|target| target.mae_over_null.value).sum::<f64>() / targets.len() as f64)
+    /// The mean over these targets of the error over the null model's, where it is a number.
+    pub(super) fn mean_over_null(&self, of: &[&str]) -> Option<f64> {
+        let targets = self.scored()?.scores.targets.iter().filter(|target| of.contains(&target.name.as_str()));
+        let mean = targets.map(|target| target.mae_over_null.value).sum::<f64>() / of.len() as f64;
+        mean.is_finite().then_some(mean)
     }
 }
 

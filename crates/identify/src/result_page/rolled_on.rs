@@ -3,11 +3,12 @@
 
 use std::ops::Range;
 
-use fleetfoot_data::{EpisodeId, Halo, Source};
+use fleetfoot_data::{Halo, Source};
 use fleetfoot_dynamics::{End, Predicted, Predictor, PredictorWorkspace, RolloutOptions, Start, Starts, Trajectory};
 use fleetfoot_library::Unary;
 use fleetfoot_model::Model;
 
+use super::starts::{Place, Recorded};
 use crate::{Dataset, Error, RolledOut};
 
 /// Simulations that are drawn one behind the other, and steps of each that are: of one model, and of each of several.
@@ -20,12 +21,16 @@ pub(super) struct Wanted<'a> {
     pub(super) stretch: Option<&'a Stretch>,
     /// Whether there are several models on the page.
     pub(super) several: bool,
+    /// Rows that the simulations of the models on the page read beside a start.
+    pub(super) reach: Halo,
+    /// Where the simulations of the models before this one began.
+    pub(super) starts: Option<&'a [Place]>,
 }
 
 /// Where simulations are begun, in the rows of an episode.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Stretch {
-    pub(super) episode: EpisodeId,
+    pub(super) episode: Recorded,
     /// Steps of each, and the rows between those that are drawn.
     pub(super) horizon: usize,
     pub(super) stride: usize,
@@ -80,7 +85,7 @@ impl Stretch {
         let first = middle.row - apart * before.min(SIMULATIONS - 1 - behind);
         let last = middle.row + apart * behind;
         let starts = (first..=last).step_by(apart).collect();
-        Some(Self { episode: rows.episodes()[middle.episode].id, horizon, stride, starts })
+        Some(Self { episode: Recorded::of(&rows.episodes()[middle.episode]), horizon, stride, starts })
     }
 
     fn rows(&self) -> Range<usize> {
@@ -104,14 +109,11 @@ impl RolledOn {
         long: &RolloutOptions,
         roll: impl Fn(&Starts, &RolloutOptions) -> Result<Result<RolledOut, String>, Error>,
     ) -> Result<Option<Self>, Error> {
-        let there = |stretch: &&Stretch| {
-            stretch.horizon == long.horizon && rows.episodes().iter().any(|episode| episode.id == stretch.episode)
-        };
+        let there =
+            |stretch: &&Stretch| stretch.horizon == long.horizon && stretch.episode.among(rows.episodes()).is_some();
         let own = || Stretch::of(model, rows, rolled, long.horizon, wanted.several);
         let Some(stretch) = wanted.stretch.filter(there).cloned().or_else(own) else { return Ok(None) };
-        let Some(episode) = rows.episodes().iter().position(|episode| episode.id == stretch.episode) else {
-            return Ok(None);
-        };
+        let Some(episode) = stretch.episode.among(rows.episodes()) else { return Ok(None) };
         let starts = stretch.starts.iter().map(|&row| Start { episode, row }).collect();
         let mut kept = long.clone();
         kept.keep = true;

@@ -3,7 +3,7 @@
 use fleetfoot_dynamics::{Baseline, EpisodeScore, TargetScore};
 use fleetfoot_report::{
     Axis, Bars, Cell, Chart, Figure, Light, Lines, Mark, Part, Section, Sentence, Series, Table,
-    words::{ratio, thousands, unit},
+    words::{ratio, series, thousands, unit},
 };
 
 use super::{Judged, judged::interval, sentence::sentence};
@@ -40,17 +40,39 @@ pub(super) fn worst(scored: &Scored) -> Option<&EpisodeScore> {
     known.max_by(|a, b| a.mahalanobis.total_cmp(&b.mahalanobis).then(b.episode.cmp(&a.episode)))
 }
 
-/// Which of several models has the least error.
+/// The targets that all scored models predict: the errors of others say nothing of each other.
+pub(super) fn shared<'a>(judged: &'a [Judged<'_>]) -> Vec<&'a str> {
+    let mut scored = judged.iter().filter_map(Judged::scored);
+    let names = |scored: &'a Scored| scored.scores.targets.iter().map(|target| target.name.as_str());
+    let Some(first) = scored.next() else { return Vec::new() };
+    let others: Vec<&Scored> = scored.collect();
+    names(first).filter(|name| others.iter().all(|other| names(other).any(|own| own == *name))).collect()
+}
+
+/// Which of several models has the least error in what all of them predict.
 pub(super) fn best(judged: &[Judged<'_>]) -> Option<Sentence> {
-    let mut order: Vec<(&str, f64)> = judged
-        .iter()
-        .filter_map(|one| Some((one.name, one.mean_over_null().filter(|mean| mean.is_finite())?)))
-        .collect();
+    let shared = shared(judged);
+    let scored: Vec<&Judged<'_>> = judged.iter().filter(|one| one.scored().is_some()).collect();
+    if shared.is_empty() && scored.len() > 1 {
+        let told = scored.iter().map(|one| format!("{} predicts {}", one.name, series(&one.model.outputs(), 4)));
+        let text =
+            format!("{}: the error of one says nothing beside that of the other.", told.collect::<Vec<_>>().join(", "));
+        return Some(sentence(
+            Light::Plain,
+            "One step ahead the models are not compared: they have no target in common.",
+            &text,
+        ));
+    }
+    let mut order: Vec<(&str, f64)> =
+        judged.iter().filter_map(|one| Some((one.name, one.mean_over_null(&shared)?))).collect();
     order.sort_by(|a, b| a.1.total_cmp(&b.1));
     let (name, least) = *order.first()?;
+    let all = scored.iter().all(|one| one.scored().is_some_and(|own| own.scores.targets.len() == shared.len()));
+    let what =
+        if all { "the targets".to_owned() } else { format!("the targets that all predict ({})", listed(&shared)) };
     let others: Vec<String> = order[1..].iter().map(|(name, mean)| format!("{name} {}", ratio(*mean))).collect();
     let text = format!(
-        "Mean over the targets of its mean absolute error over the null model\u{2019}s: {}{}{}.",
+        "Mean over {what} of its mean absolute error over the null model\u{2019}s: {}{}{}.",
         ratio(least),
         if others.is_empty() { "" } else { "; " },
         others.join(", ")
@@ -59,28 +81,42 @@ pub(super) fn best(judged: &[Judged<'_>]) -> Option<Sentence> {
     Some(sentence(light, &format!("One step ahead {name} is best."), &text))
 }
 
+fn listed(names: &[&str]) -> String {
+    series(&names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>(), 4)
+}
+
 /// A baseline's error over the null model's, on the rows on which it is known.
 fn over_null(target: &TargetScore, which: Baseline) -> f64 {
     let own = target.baselines.iter().find(|score| score.baseline == which);
     own.map_or(f64::NAN, |score| score.mae / score.model_mae * target.mae_over_null.value)
 }
 
-/// The targets that are drawn: those with the largest errors of the first model, in their order.
-fn drawn(scored: &Scored) -> Vec<usize> {
-    let targets = &scored.scores.targets;
+/// Every target that a model predicts, once.
+fn targets<'a>(models: &[&'a Judged<'_>]) -> Vec<&'a TargetScore> {
+    let mut all: Vec<&TargetScore> = Vec::new();
+    for target in models.iter().filter_map(|one| one.scored()).flat_map(|scored| &scored.scores.targets) {
+        if !all.iter().any(|own| own.name == target.name) {
+            all.push(target);
+        }
+    }
+    all
+}
+
+/// The targets that are drawn: those with the largest errors, in their order.
+fn drawn<'a>(targets: &[&'a TargetScore]) -> Vec<&'a TargetScore> {
     let mut order: Vec<usize> = (0..targets.len()).collect();
     order.sort_by(|&a, &b| targets[b].mae_over_null.value.total_cmp(&targets[a].mae_over_null.value).then(a.cmp(&b)));
     order.truncate(TARGETS);
     order.sort_unstable();
-    order
+    order.into_iter().map(|at| targets[at]).collect()
 }
 
 /// Table I of Buchan, Haldane, Fearing, drawn: by target the error over the null model's.
 fn bars(judged: &[Judged<'_>], scored: &Scored) -> Figure {
-    let targets = &scored.scores.targets;
-    let drawn = drawn(scored);
-    let groups: Vec<String> = drawn.iter().map(|&target| targets[target].name.clone()).collect();
     let models: Vec<&Judged<'_>> = judged.iter().filter(|one| one.scored().is_some()).collect();
+    let targets = targets(&models);
+    let drawn = drawn(&targets);
+    let groups: Vec<String> = drawn.iter().map(|target| target.name.clone()).collect();
     let of = |one: &&Judged<'_>| {
         let own = one.scored().map_or(&[][..], |scored| &scored.scores.targets);
         // Models of other targets have no bar there.
@@ -93,7 +129,7 @@ fn bars(judged: &[Judged<'_>], scored: &Scored) -> Figure {
     let series: Vec<_> = models.iter().take(MODELS).map(of).collect();
     let mut chart = Bars::new(Axis::of("mean absolute error over the null model\u{2019}s", ""), groups, series);
     for baseline in [Baseline::Persistence, Baseline::ConstantVelocity] {
-        let values: Vec<f64> = drawn.iter().map(|&target| over_null(&targets[target], baseline)).collect();
+        let values: Vec<f64> = drawn.iter().map(|target| over_null(target, baseline)).collect();
         if values.iter().any(|value| value.is_finite()) {
             chart.marks.push(Mark { name: baseline.name().to_owned(), values });
         }
