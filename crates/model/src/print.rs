@@ -1,5 +1,6 @@
 //! Models for people.
 
+mod places;
 mod transitions;
 
 use std::fmt::Write;
@@ -9,7 +10,7 @@ use fleetfoot_library::Expr;
 use crate::{Branch, Latent, Lattice, Level, Model, Partition, Prediction, Region, Rule, Tree};
 pub use transitions::describe_transitions;
 
-/// The model as text: columns, equations, and per region its size, rank and coefficients.
+/// The model as text: columns, equations, and per region its size, rank, place and coefficients. Places have the units of their columns.
 ///
 /// At most `regions` regions are written out, the largest first; terms are listed in the order of the library, zeros left out. Latents that hold over one
 /// region stand by themselves, each with the number of its functions in use.
@@ -99,6 +100,7 @@ fn describe_partition(out: &mut String, model: &Model, index: usize, limit: usiz
     let mut order: Vec<usize> = (0..partition.regions.len()).collect();
     order.sort_by_key(|&region| (std::cmp::Reverse(partition.regions[region].rows), region));
     let total: u64 = partition.regions.iter().map(|region| region.rows).sum();
+    let places = places::places(partition, &model.columns);
     for &region in order.iter().take(limit) {
         let info = &partition.regions[region];
         let share = if total > 0 { 100.0 * info.rows as f64 / total as f64 } else { 0.0 };
@@ -110,6 +112,9 @@ fn describe_partition(out: &mut String, model: &Model, index: usize, limit: usiz
             info.rank,
             short(info.condition)
         );
+        for line in places.get(region).into_iter().flatten() {
+            let _ = writeln!(out, "    {line}");
+        }
         for latent in model.latents.iter().filter(|latent| latent.partition == index) {
             let _ = writeln!(out, "    {} = {}", latent.name, terms(model, latent, region));
         }
