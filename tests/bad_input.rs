@@ -450,3 +450,64 @@ fn spans_at_rest_are_no_success_of_a_free_run() {
     let folds = json["held_out"]["folds"].as_array().unwrap();
     assert!(folds[0].is_null() && folds[1].is_null() && folds[2].is_number(), "{folds:?}");
 }
+
+/// A slip is answered with what was meant.
+#[test]
+fn slips_are_told_with_their_mend() {
+    let log = robot_csv(300, 0.1);
+    let known = |right: &str, more: &str| {
+        format!(
+            "[states]\nv = {{ column = \"`v [m/s]`\", known = \"{right}\" }}\n[inputs]\nu = {{}}\n[parameters]\nk = {{ initial = 1.0 }}\n{more}"
+        )
+    };
+    let folder = folder(&[
+        ("log.csv", &log),
+        ("other.csv", "t,w\n0,1\n0.1,2\n0.2,3\n0.3,1\n"),
+        ("late.toml", &known("k*delay(u, 0.65) - v", "")),
+        ("free.toml", &known("k*delay(u, theta) - v", "theta = { initial = 0.5 }\n")),
+        ("state.toml", "[state]\nv = {}\n"),
+        ("unit.toml", "[states]\nv = { column = \"`v [m/s]`\", unit = \"furlong\" }\n"),
+    ]);
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments);
+    let to = ["-o", "model.json"];
+    run(&[&["fit", "parameters", "log.csv", "-c", "late.toml"][..], &to].concat()).fails(&[
+        "[states] v known",
+        "`delay(u, 0.65)`",
+        "[columns]",
+        "[inputs]",
+    ]);
+    run(&[&["fit", "parameters", "log.csv", "-c", "free.toml"][..], &to].concat()).fails(&[
+        "[states] v known",
+        "`theta` inside a filter",
+        "fit sindy",
+    ]);
+    run(&[&["fit", "pwa", "log.csv", "-c", "state.toml"][..], &to].concat()).fails(&["did you mean `states`"]);
+    run(&[&["fit", "pwa", "log.csv", "-c", "log.csv"][..], &to].concat()).fails(&[
+        "log.csv",
+        "this is a log",
+        "-c robot.toml",
+    ]);
+    run(&[&["fit", "sindy", "log.csv", "-c", "unit.toml"][..], &to].concat()).fails(&[
+        "[states] v unit = \"furlong\"",
+        "unknown unit `furlong`",
+        "leave the unit out",
+    ]);
+    run(&[&["fit", "pwa", "log.csv", "--states", "x", "--predict", "nxt"][..], &to].concat())
+        .fails(&["did you mean `next`"]);
+    let method = run(&["fit", "-c", "unit.toml", "log.csv"]);
+    assert_eq!(method.code, 2);
+    assert!(method.err.contains("fleetfoot fit pwa"), "{}", method.err);
+    let fit = ["fit", "pwa", "log.csv", "--states", "x", "--inputs", "u", "-p", "average"];
+    run(&[&fit[..], &["-o", "-"]].concat()).fails(&["-: cannot", "/dev/stdout"]);
+    run(&[&fit[..], &["-o", "unit.toml"]].concat()).fails(&["unit.toml", "a recipe already"]);
+    // What a command makes again is replaced, and a note says so.
+    assert!(!run(&[&fit[..], &to].concat()).ok().err.contains("replaces"));
+    assert!(run(&[&fit[..], &to].concat()).ok().err.contains("note: model.json is there: the result replaces it"));
+    let export = ["export", "model.json", "--to", "c", "-o", "c"];
+    assert!(!run(&export).ok().err.contains("replaced"));
+    assert!(run(&export).ok().err.contains("was there and is replaced"));
+    let told = run(&["score", "model.json", "other.csv"]).fails(&["other.csv: column", "of the model", "pwa average"]);
+    let shown = run(&["show", "model.json"]).ok().out;
+    let hash = shown.lines().next().unwrap().split_whitespace().find(|word| word.ends_with(':')).unwrap();
+    assert!(told.contains(hash.trim_end_matches(':')), "{told}\n{shown}");
+}

@@ -71,12 +71,29 @@ impl Context {
     /// told, and removed where the user forces the outputs to be replaced.
     pub(crate) fn claim(&self, outputs: &[PathBuf], inputs: &[PathBuf], force: bool) -> Result<(), Error> {
         fleetfoot::log::check_outputs(outputs, inputs)?;
+        if !force {
+            self.replaces(outputs)?;
+        }
         for left in outputs.iter().flat_map(|output| fleetfoot::log::leftovers(output)) {
             if force && std::fs::remove_file(&left).is_ok() {
                 self.say(format!("note: removed {}, which a killed command had left", left.display()));
             } else {
                 self.say(format!("note: {} is what a killed command has left: remove it", left.display()));
             }
+        }
+        Ok(())
+    }
+
+    /// The one rule of files that are there: what a command makes again is replaced, and a note says so; what people write is not.
+    fn replaces(&self, outputs: &[PathBuf]) -> Result<(), Error> {
+        for output in outputs.iter().filter(|output| is_replaced(output)) {
+            if output.extension().is_some_and(|ending| ending == "toml") {
+                return Err(Error::output(format!(
+                    "{}: there is a recipe already, which results would replace: name another file, or remove this one",
+                    output.display()
+                )));
+            }
+            self.say(format!("note: {} is there: the result replaces it", output.display()));
         }
         Ok(())
     }

@@ -19,7 +19,7 @@ use commands::Context;
 use crate::args::{Cli, Command, Control, Fit};
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = Cli::try_parse().unwrap_or_else(|error| report::usage(&error));
     if let Err(error) = fleetfoot::data::check_instruction_set() {
         report::tell(error);
         return ExitCode::from(2);

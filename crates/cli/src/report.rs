@@ -5,6 +5,7 @@ use std::{
     io::{Write, stderr},
 };
 
+use clap::error::ErrorKind;
 use fleetfoot::Error;
 use miette::{LabeledSpan, NamedSource, miette};
 
@@ -25,4 +26,18 @@ pub(crate) fn report(error: Error) {
         }
         other => tell(format_args!("error: {other}")),
     }
+}
+
+/// Prints what is wrong with the arguments, and ends the program: the method of a fit stands before its options.
+pub(crate) fn usage(error: &clap::Error) -> ! {
+    let mut arguments = std::env::args().skip(1);
+    let no_method =
+        arguments.next().as_deref() == Some("fit") && arguments.next().is_some_and(|next| next.starts_with('-'));
+    if no_method && error.kind() == ErrorKind::UnknownArgument {
+        tell(
+            "error: `fit` has its method before the options, as in `fleetfoot fit pwa -c robot.toml log.csv`: pwa, sparse, sindy, narx or parameters",
+        );
+        std::process::exit(2);
+    }
+    error.exit()
 }

@@ -7,6 +7,8 @@ use std::{collections::BTreeMap, path::Path};
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
+use fleetfoot_data::{did_you_mean, nearest};
+
 use crate::Error;
 
 mod body;
@@ -377,11 +379,21 @@ impl EpisodeRule {
 impl Recipe {
     /// Reads a recipe from TOML text; `name` is its origin, for messages.
     pub fn parse(text: &str, name: &str) -> Result<Self, Error> {
-        toml::from_str(text).map_err(|error| Error::Recipe { name: name.to_owned(), problem: error.to_string() })
+        toml::from_str(text)
+            .map_err(|error| Error::Recipe { name: name.to_owned(), problem: with_meant(error.to_string()) })
     }
 
     /// Reads a recipe from a file.
+    ///
+    /// # Errors
+    /// A file that cannot be read, that is a log, or that is no recipe.
     pub fn read(path: &Path) -> Result<Self, Error> {
+        if fleetfoot_log::Format::of(path).is_some() {
+            return Err(Error::Recipe {
+                name: path.display().to_string(),
+                problem: "this is a log, and --recipe (-c) names a recipe: write `-c robot.toml`, and the log without an option".into(),
+            });
+        }
         let text = std::fs::read_to_string(path).map_err(|error| Error::Recipe {
             name: path.display().to_string(),
             problem: format!("cannot be read: {error}"),
@@ -410,6 +422,16 @@ impl Recipe {
         // Plain tables of strings and numbers always serialise.
         toml::to_string(self).unwrap_or_default()
     }
+}
+
+/// The message of a key that does not exist, with the keys that may have been meant.
+fn with_meant(problem: String) -> String {
+    let meant = || {
+        let (key, known) = problem.split_once("unknown field `")?.1.split_once("`, expected ")?;
+        Some(did_you_mean(&nearest(key, known.split('`').skip(1).step_by(2))))
+    };
+    let meant = meant().unwrap_or_default();
+    format!("{}{meant}", if meant.is_empty() { &problem } else { problem.trim_end() })
 }
 
 impl Input {
@@ -506,5 +528,8 @@ terrain = "grass"
     fn typing_errors_are_told_with_their_line() {
         let error = Recipe::parse("[states]\nx = { regresor = false }\n", "robot.toml").unwrap_err().to_string();
         assert!(error.contains("robot.toml") && error.contains("regresor") && error.contains("line 2"), "{error}");
+        assert!(error.contains("did you mean `regressor`"), "{error}");
+        let error = Recipe::parse("[state]\nx = {}\n", "robot.toml").unwrap_err().to_string();
+        assert!(error.contains("did you mean `states`"), "{error}");
     }
 }

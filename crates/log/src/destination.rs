@@ -97,6 +97,11 @@ pub fn check_outputs<O: AsRef<Path>, I: AsRef<Path>>(outputs: &[O], inputs: &[I]
     let mut written: BTreeMap<Identity, &Path> = BTreeMap::new();
     for output in outputs.iter().map(AsRef::as_ref) {
         let error = |source| Error::Io { path: output.into(), action: "write", source };
+        if output == Path::new("-") {
+            let mend =
+                "results go into files: name one, or /dev/stdout for the standard output (./- is a file of this name)";
+            return Err(error(io::Error::new(io::ErrorKind::InvalidInput, mend)));
+        }
         let Destination::File(real) = Destination::of(output).map_err(error)? else { continue };
         fs::metadata(folder(&real)).map_err(error)?;
         let Some(identity) = identity(output) else { continue };
@@ -174,6 +179,8 @@ mod tests {
         symlink("a.json", at("to-a.json")).unwrap();
         assert!(check_outputs::<_, &Path>(&[at("a.json"), at("to-a.json")], &[]).is_err());
         assert!(check_outputs::<_, &Path>(&[at("no/a.json")], &[]).is_err());
+        let message = check_outputs::<_, &Path>(&["-"], &[]).unwrap_err().to_string();
+        assert!(message.contains("/dev/stdout"), "{message}");
         // A folder is the recording in it.
         assert!(check_outputs(&[at("log.csv")], &[folder.path()]).is_err());
         check_outputs::<_, &Path>(&[at("a.json"), at("b.json")], &[&at("log.csv")]).unwrap();

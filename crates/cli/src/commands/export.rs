@@ -66,7 +66,13 @@ pub(crate) fn export(arguments: &Export, context: &Context) -> Result<(), Error>
     if arguments.filter {
         return filter(&model, arguments, &options, context);
     }
+    let before: Vec<_> = std::fs::read_dir(&arguments.output)
+        .map(|entries| entries.flatten().map(|entry| entry.path()).collect())
+        .unwrap_or_default();
     let exported = fleetfoot::export(&model, &options, &arguments.output, std::slice::from_ref(&arguments.model))?;
+    for file in exported.files.iter().filter(|file| before.contains(file)) {
+        context.say(format!("note: {} was there and is replaced", file.display()));
+    }
     let files: Vec<String> = exported.files.iter().map(|file| file.display().to_string()).collect();
     context.print(Told { files: &files, compared: exported.compared, cost: exported.cost.as_ref() }, || {
         let mut lines = vec![format!("wrote {}", files.join(", "))];

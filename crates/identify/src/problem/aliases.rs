@@ -1,7 +1,7 @@
 //! The names that a recipe or a model gives to what is recorded.
 
 use fleetfoot_data::{Column as DataColumn, ColumnKind, nearest};
-use fleetfoot_library::{Expr, ParseErrorKind, Quaternion, Scope};
+use fleetfoot_library::{Expr, ParseErrorKind, Quaternion, Scope, Unit};
 use fleetfoot_model::{Column, Role};
 use indexmap::IndexMap;
 
@@ -95,6 +95,10 @@ impl<'a> Aliases<'a> {
         };
         let source = if text.is_some() { expression.to_string() } else { source };
         let field = expression.as_column().and_then(|name| self.fields.iter().find(|field| field.name == name));
+        // What a file says of its units is the file's; what a person writes is meant.
+        if let Some(text) = unit.filter(|text| field.is_none_or(|field| field.unit.as_deref() != Some(*text))) {
+            Unit::parse(text).map_err(|error| Error::value(format!("{place} unit = \"{text}\": {error}")))?;
+        }
         let unit = unit.map(str::to_owned).or_else(|| field.and_then(|field| field.unit.clone()));
         let kind = field.map_or(ColumnKind::Float, |field| field.kind.clone());
         self.columns.push(Column { name: name.to_owned(), source, unit: unit.clone(), role, angle, rotation: None });

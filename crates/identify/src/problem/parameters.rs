@@ -38,6 +38,7 @@ impl ParametersTask {
         }
         let limits = limits(recipe, &names, &mut aliases)?;
         let mut known = KnownTask::over(recipe, aliases)?;
+        refuse_filters(&known, &names)?;
         let uses = |expr: &Expr, name: &str| expr.columns().iter().any(|column| **column == *name);
         if let Some(idle) = names.iter().find(|name| !known.equations.iter().any(|own| uses(&own.right, name))) {
             return Err(Error::unknown(
@@ -82,6 +83,26 @@ impl ParametersTask {
         let value = |name: &str| self.parameters.iter().position(|own| own.name == name);
         expr.substituted(|name| value(name).map(|at| Expr::number(values[at]))).simplified()
     }
+}
+
+/// Refuses filters in the equations: a simulation has no past of its own states to filter, and their constants are no numbers of the equations.
+fn refuse_filters(known: &KnownTask, names: &[String]) -> Result<(), Error> {
+    for equation in &known.equations {
+        let Some(filter) = equation.right.filters().into_iter().next() else { continue };
+        let (place, text) = (format!("[states] {} known", equation.subject), filter.to_string());
+        let constants = filter.constant.columns();
+        return Err(Error::conflict(match names.iter().find(|name| constants.iter().any(|own| **own == ***name)) {
+            Some(name) => format!(
+                "{place}: `{text}` has the parameter `{name}` inside a filter, and fit parameters estimates numbers outside of filters alone: estimate `{name}` with \
+                 `fit sindy` (library = \"{text}\"), then write its number into [columns]"
+            ),
+            None => format!(
+                "{place}: `{text}` is computed from the rows of the log and no column yet: write `filtered = \"{text}\"` into [columns], make `filtered` one of [inputs], \
+                 write `filtered` here, and give --segment: the first rows have no value of a filter, and a segment that begins there is left out"
+            ),
+        }));
+    }
+    Ok(())
 }
 
 /// `[constraints]`, over the parameters alone.

@@ -1,6 +1,6 @@
 //! A recipe resolved against the columns of a recording: the problem of `fit pwa`, and what every fit reads of a recipe.
 
-use fleetfoot_data::{Column as DataColumn, ColumnKind};
+use fleetfoot_data::{Column as DataColumn, ColumnKind, nearest};
 use fleetfoot_library::{Expr, Library, central_difference};
 use fleetfoot_model::{Column, Equation, Prediction, Role};
 use fleetfoot_pwa::{Phase, PhaseKind, Problem};
@@ -107,7 +107,7 @@ pub(crate) fn equations(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Ve
             if equations.iter().any(|equation| equation.subject == name) {
                 return Err(Error::name_taken(name, format!("--predict {predict}: `{name}` is named twice")));
             }
-            equations.push(value_equation(name, aliases)?);
+            equations.push(value_equation(name, aliases).map_err(|error| with_words(error, predict))?);
         }
         return Ok(equations);
     }
@@ -131,6 +131,20 @@ pub(crate) fn equations(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Ve
         ));
     }
     Ok(equations)
+}
+
+/// Words that `predict` takes beside columns.
+const WORDS: [&str; 4] = ["derivative", "next", "delta", "difference"];
+
+/// The error of a column that does not exist, with the word that may have been meant.
+fn with_words(error: Error, predict: &str) -> Error {
+    match error {
+        Error::UnknownColumn { place, name, candidates } if name == predict => {
+            let words = nearest(predict, WORDS);
+            Error::UnknownColumn { place, name, candidates: words.into_iter().chain(candidates).collect() }
+        }
+        other => other,
+    }
 }
 
 /// Plain regression of a column.
