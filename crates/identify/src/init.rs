@@ -3,7 +3,10 @@
 mod channels;
 mod names;
 
-use std::{collections::HashMap, fmt::Write};
+use std::{
+    collections::{HashMap, HashSet},
+    fmt::Write,
+};
 
 use fleetfoot_data::{Column, ColumnKind};
 use fleetfoot_library::Expr;
@@ -190,14 +193,14 @@ fn counts(columns: &[Column]) -> HashMap<&str, usize> {
 fn quaternions(columns: &[Column]) -> Vec<String> {
     let counts = counts(columns);
     let has = |name: &str| counts.contains_key(name);
-    let mut prefixes = Vec::new();
+    let (mut prefixes, mut seen) = (Vec::new(), HashSet::new());
     for column in columns {
         for separator in [".", "_", ""] {
             if let Some(prefix) = column.name.strip_suffix(&format!("{separator}w"))
                 && !prefix.is_empty()
                 && !prefix.ends_with(['.', '_'])
                 && ["x", "y", "z"].iter().all(|letter| has(&format!("{prefix}{separator}{letter}")))
-                && !prefixes.contains(&prefix.to_owned())
+                && seen.insert(prefix)
             {
                 prefixes.push(prefix.to_owned());
             }

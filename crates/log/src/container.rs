@@ -66,6 +66,14 @@ pub(crate) trait Container: fmt::Debug + Send + Sync {
     /// Messages of some topics in a piece, where the file tells without reading it. `Some(0)`: reading it would do nothing.
     fn wanted_messages(&self, piece: usize, wanted: &[usize]) -> Option<u64>;
 
+    /// The topics that have messages in a piece, where the file tells without reading it.
+    fn topics_of(&self, piece: usize) -> Option<Vec<usize>> {
+        let all = 0..self.topics().len();
+        let some = all.map(|topic| Some((topic, self.wanted_messages(piece, &[topic])?)));
+        let some: Vec<(usize, u64)> = some.collect::<Option<_>>()?;
+        Some(some.into_iter().filter(|(_, count)| *count > 0).map(|(topic, _)| topic).collect())
+    }
+
     /// Hands over the messages of the wanted topics in a piece, in the order of the file, the bytes in place where the format allows. An error
     /// of `each` ends the reading.
     ///

@@ -1,6 +1,9 @@
 //! A recipe for a robot's log: fields by topic with short names, a block for each odometry, and how channels are joined.
 
-use std::{collections::BTreeMap, fmt::Write};
+use std::{
+    collections::{BTreeMap, HashMap},
+    fmt::Write,
+};
 
 use fleetfoot_data::{Column, ColumnKind};
 use fleetfoot_log::TopicInfo;
@@ -88,6 +91,11 @@ fn columns_section(
     let mut proposed = Proposed::default();
     let fields: Vec<&Column> = columns.iter().filter(|column| is_signal(column)).collect();
     let short = short_names(&fields);
+    let quaternions = quaternions(columns);
+    let (fields_of, quaternions_of) = (
+        by_topic(topics, fields.iter().map(|field| field.name.as_str())),
+        by_topic(topics, quaternions.iter().map(AsRef::as_ref)),
+    );
     for topic in topics {
         let rate = topic.rate.map(|rate| format!(", {rate:.4} Hz")).unwrap_or_default();
         let count = topic.messages.map(|count| format!(", {count} messages{rate}")).unwrap_or_default();
@@ -95,12 +103,8 @@ fn columns_section(
         if let Some(problem) = &topic.problem {
             let _ = writeln!(out, "#   cannot be read: {}", problem.replace('\n', " "));
         }
-        let own: Vec<(&Column, &String)> = fields
-            .iter()
-            .zip(&short)
-            .filter(|(field, _)| of_topic(&topic.name, &field.name))
-            .map(|(field, name)| (*field, name))
-            .collect();
+        let places = |of: &HashMap<&str, Vec<usize>>| of.get(topic.name.as_str()).cloned().unwrap_or_default();
+        let own: Vec<(&Column, &String)> = places(&fields_of).iter().map(|&at| (fields[at], &short[at])).collect();
         // What is said once is no signal.
         if topic.messages.is_some_and(|count| count < 2) && !own.is_empty() {
             let _ = writeln!(out, "#   said once; `fleetfoot info --values` lists its {} fields", own.len());
@@ -124,7 +128,7 @@ fn columns_section(
                 None => {}
             }
         }
-        for prefix in quaternions(columns).iter().filter(|prefix| of_topic(&topic.name, prefix)) {
+        for prefix in places(&quaternions_of).iter().map(|&at| &quaternions[at]) {
             let known = odometry.and_then(|odometry| odometry.name_of(prefix));
             let name = known.map_or_else(|| names.take("yaw"), str::to_owned);
             let _ = writeln!(out, "# {} = \"yaw({prefix})\"   # and pitch(...), roll(...)", key(&name));
@@ -188,6 +192,19 @@ fn draft(columns: &[Column], without_odometry: bool) -> BTreeMap<String, Role> {
     }
     let has_states = drafted.values().any(|role| *role == Role::State);
     if has_states { drafted } else { BTreeMap::new() }
+}
+
+/// The places of the fields of every topic, in one pass over the fields. A topic may be the beginning of another, whose fields are its own too.
+fn by_topic<'a>(topics: &'a [TopicInfo], fields: impl Iterator<Item = &'a str>) -> HashMap<&'a str, Vec<usize>> {
+    let mut places: HashMap<&str, Vec<usize>> = topics.iter().map(|topic| (topic.name.as_str(), Vec::new())).collect();
+    for (at, field) in fields.enumerate() {
+        for (end, _) in field.match_indices(['.', '[']) {
+            if let Some(own) = places.get_mut(&field[..end]) {
+                own.push(at);
+            }
+        }
+    }
+    places
 }
 
 fn of_topic(topic: &str, field: &str) -> bool {

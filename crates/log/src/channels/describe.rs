@@ -62,21 +62,23 @@ pub(crate) fn statistics(path: &Path, format: Format, progress: &dyn Progress) -
         container.pieces(),
         progress,
         |piece| {
-            let mut own: Vec<Counted> = codecs.iter().map(|_| Default::default()).collect();
+            let mut own: BTreeMap<usize, Counted> = BTreeMap::new();
             container.read_piece(piece, &wanted, &mut |topic, _, _, data| {
+                let counted = own.entry(topic).or_default();
                 match codecs[topic].map(|codec| codec.value(data)) {
                     Some(Ok(value)) => {
-                        own[topic].read += 1;
-                        own[topic].tree.add(&value);
+                        counted.read += 1;
+                        counted.tree.add(&value);
                     }
-                    _ => own[topic].failed += 1,
+                    _ => counted.failed += 1,
                 }
                 Ok(())
             })?;
             Ok::<_, Error>(own)
         },
         |own| {
-            for (all, own) in trees.iter_mut().zip(own) {
+            for (topic, own) in own {
+                let all = &mut trees[topic];
                 all.tree.merge(own.tree);
                 (all.read, all.failed) = (all.read + own.read, all.failed + own.failed);
             }

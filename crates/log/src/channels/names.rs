@@ -1,11 +1,16 @@
 //! Columns of a robot's log by name: which topic, and what in its messages.
 
+use std::collections::{HashMap, HashSet};
+
 use fleetfoot_data::nearest_one;
 
 /// The topics of a log, as columns call them.
 pub(crate) struct Names {
-    /// Name and index, the longest names first: a topic may be the beginning of another.
-    topics: Vec<(String, usize)>,
+    /// Names, the longest first.
+    topics: Vec<String>,
+    /// Their indexes in the file, and the names by those.
+    index: HashMap<String, usize>,
+    name: HashMap<usize, String>,
 }
 
 impl Names {
@@ -19,28 +24,32 @@ impl Names {
                 None => (topic.to_owned(), index, false),
             })
             .collect();
-        let renamed: Vec<String> = all.iter().filter(|(.., renamed)| *renamed).map(|(name, ..)| name.clone()).collect();
+        let renamed: HashSet<String> =
+            all.iter().filter(|(.., renamed)| *renamed).map(|(name, ..)| name.clone()).collect();
         all.retain(|(name, _, is_renamed)| *is_renamed || !renamed.contains(name));
         all.sort_by(|a, b| b.0.len().cmp(&a.0.len()).then_with(|| a.0.cmp(&b.0)));
-        Self { topics: all.into_iter().map(|(name, index, _)| (name, index)).collect() }
+        // Of two of one name the first stands for it.
+        let index = all.iter().rev().map(|(name, index, _)| (name.clone(), *index)).collect();
+        let name = all.iter().map(|(name, index, _)| (*index, name.clone())).collect();
+        Self { topics: all.into_iter().map(|(name, ..)| name).collect(), index, name }
     }
 
     /// The topic of a column, and the rest of the name, which begins with a dot or a bracket, or is empty.
     pub(crate) fn locate<'a>(&self, column: &'a str) -> Option<(usize, &'a str)> {
-        self.topics.iter().find_map(|(name, index)| {
-            let rest = column.strip_prefix(name.as_str())?;
-            (rest.is_empty() || rest.starts_with(['.', '['])).then_some((*index, rest))
-        })
+        // The longest first: a topic may be the beginning of another.
+        let ends = column.match_indices(['.', '[']).map(|(end, _)| end).chain([column.len()]);
+        let ends: Vec<usize> = ends.collect();
+        ends.into_iter().rev().find_map(|end| Some((*self.index.get(&column[..end])?, &column[end..])))
     }
 
     /// The name of a topic, by its index in the file.
     pub(crate) fn of(&self, index: usize) -> Option<&str> {
-        self.topics.iter().find(|(_, own)| *own == index).map(|(name, _)| name.as_str())
+        self.name.get(&index).map(String::as_str)
     }
 
     /// The name that was probably meant: the same in another namespace, or one with a slip.
     pub(crate) fn nearest(&self, wanted: &str) -> Option<String> {
-        let all = || self.topics.iter().map(|(name, _)| name.as_str());
+        let all = || self.topics.iter().map(String::as_str);
         let inside = |outer: &str, inner: &str| {
             let inner = inner.trim_start_matches('/');
             outer.strip_suffix(inner).is_some_and(|rest| !inner.is_empty() && rest.ends_with('/'))

@@ -1,6 +1,8 @@
 //! Some messages of each topic: what fields they have, and whether their headers are filled in.
 
-use fleetfoot_data::{Progress, parallel_map};
+use std::collections::{BTreeMap, HashMap};
+
+use fleetfoot_data::{Cancelled, Progress, parallel_map};
 use fleetfoot_message::{Codec, FieldPath, FieldTree, MISSING, Row, SchemaError, codec};
 
 use crate::{Error, container::Container};
@@ -39,9 +41,7 @@ pub(super) fn sample(
     let pieces = places(container, topics);
     let mut found: Vec<Vec<Message>> = topics.iter().map(|_| Vec::new()).collect();
     for part in parallel_map(pieces.len(), progress, |i| look(container, pieces[i], topics))? {
-        for (all, own) in found.iter_mut().zip(part) {
-            all.extend(own);
-        }
+        part.into_iter().for_each(|(place, own)| found[place].extend(own));
     }
     let rest = (0..container.pieces()).filter(|piece| !pieces.contains(piece)).take(SEARCH);
     for piece in rest {
@@ -50,9 +50,10 @@ pub(super) fn sample(
             break;
         }
         let wanted: Vec<usize> = missing.iter().map(|&t| topics[t]).collect();
-        for (&t, own) in missing.iter().zip(look(container, piece, &wanted)?) {
-            found[t].extend(own);
+        if progress.cancelled() {
+            return Err(Cancelled.into());
         }
+        look(container, piece, &wanted)?.into_iter().for_each(|(place, own)| found[missing[place]].extend(own));
     }
     Ok(topics.iter().zip(found).map(|(&topic, messages)| judge(container, topic, messages)).collect())
 }
@@ -64,11 +65,22 @@ pub(super) fn having(container: &dyn Container, topics: &[usize]) -> Vec<usize> 
 
 /// The pieces to look at: for each topic the first, the middle and the last that has it.
 fn places(container: &dyn Container, topics: &[usize]) -> Vec<usize> {
+    let (mut having, mut any): (HashMap<usize, Vec<usize>>, Vec<usize>) = (HashMap::new(), Vec::new());
+    for piece in 0..container.pieces() {
+        match container.topics_of(piece) {
+            Some(topics) => topics.into_iter().for_each(|topic| having.entry(topic).or_default().push(piece)),
+            // It may have any.
+            None => any.push(piece),
+        }
+    }
     let mut places = Vec::new();
-    for &topic in topics {
-        let having = having(container, &[topic]);
-        if let (Some(first), Some(last)) = (having.first(), having.last()) {
-            places.extend([*first, having[having.len() / 2], *last]);
+    for topic in topics {
+        let mut own = having.remove(topic).unwrap_or_default();
+        own.extend(&any);
+        own.sort_unstable();
+        own.dedup();
+        if let (Some(first), Some(last)) = (own.first(), own.last()) {
+            places.extend([*first, own[own.len() / 2], *last]);
         }
     }
     places.sort_unstable();
@@ -76,12 +88,13 @@ fn places(container: &dyn Container, topics: &[usize]) -> Vec<usize> {
     places
 }
 
-/// The first messages of each topic in a piece.
-fn look(container: &dyn Container, piece: usize, topics: &[usize]) -> Result<Vec<Vec<Message>>, Error> {
-    let mut found: Vec<(usize, Vec<Message>)> = topics.iter().map(|_| (0, Vec::new())).collect();
+/// The first messages of the topics in a piece, by the places of those that it has.
+fn look(container: &dyn Container, piece: usize, topics: &[usize]) -> Result<Vec<(usize, Vec<Message>)>, Error> {
+    let places: HashMap<usize, usize> = topics.iter().enumerate().map(|(place, &topic)| (topic, place)).collect();
+    let mut found: BTreeMap<usize, (usize, Vec<Message>)> = BTreeMap::new();
     container.read_piece(piece, topics, &mut |topic, log_time, _, data| {
-        if let Some(place) = topics.iter().position(|&own| own == topic) {
-            let (bytes, messages) = &mut found[place];
+        if let Some(&place) = places.get(&topic) {
+            let (bytes, messages) = found.entry(place).or_default();
             if messages.is_empty() || (messages.len() < MESSAGES && *bytes + data.len() <= BYTES) {
                 *bytes += data.len();
                 messages.push(Message { log_time, data: data.to_vec() });
@@ -89,7 +102,7 @@ fn look(container: &dyn Container, piece: usize, topics: &[usize]) -> Result<Vec
         }
         Ok(())
     })?;
-    Ok(found.into_iter().map(|(_, messages)| messages).collect())
+    Ok(found.into_iter().map(|(place, (_, messages))| (place, messages)).collect())
 }
 
 fn judge(container: &dyn Container, topic: usize, messages: Vec<Message>) -> Sample {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use fleetfoot_data::{Progress, Silent, parallel_map};
+use fleetfoot_data::{Progress, parallel_all, parallel_map};
 
 use super::Container;
 use crate::Error;
@@ -124,12 +124,13 @@ pub(crate) fn summary(container: &dyn Container, progress: &dyn Progress) -> Res
 
 fn periods(container: &dyn Container, progress: &dyn Progress) -> Result<Vec<TopicTimes>, Error> {
     let pieces = parallel_map(container.pieces(), progress, |piece| piece_times(container, piece))?;
-    parallel_map(container.topics().len(), &Silent, |topic| {
-        let own = || pieces.iter().filter_map(|piece| piece.get(&topic));
-        let mut stamps = Vec::with_capacity(own().map(Vec::len).sum());
-        own().for_each(|times| stamps.extend_from_slice(times));
-        Ok(TopicTimes::of(stamps))
-    })
+    let mut stamps: Vec<Vec<i64>> = vec![Vec::new(); container.topics().len()];
+    for (topic, times) in pieces.into_iter().flatten() {
+        if let Some(own) = stamps.get_mut(topic) {
+            own.extend(times);
+        }
+    }
+    Ok(parallel_all(stamps.len(), |topic| TopicTimes::of(stamps[topic].clone())))
 }
 
 fn spans(container: &dyn Container, progress: &dyn Progress) -> Result<Vec<TopicTimes>, Error> {

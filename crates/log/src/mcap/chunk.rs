@@ -1,6 +1,10 @@
 //! The records of a piece, decompressed.
 
-use std::{cell::Cell, io::Read};
+use std::{
+    cell::Cell,
+    io::Read,
+    sync::{Condvar, Mutex, PoisonError},
+};
 
 use lz4_flex::frame::FrameDecoder;
 use zstd::zstd_safe::{DCtx, get_error_name};
@@ -18,6 +22,9 @@ const FREE_GROWTH: u64 = 64 << 20;
 
 /// Beyond [`FREE_GROWTH`], how many times its size a chunk may grow: robots' logs shrink by 2 to 50.
 const MAX_RATIO: u64 = 1000;
+
+/// Bytes that all chunks of more than [`FREE_GROWTH`] take together while they are read: others wait. One that takes more is read alone.
+const LARGE: u64 = 512 << 20;
 
 /// Bytes that a thread keeps for its next chunk.
 const KEPT: usize = 64 << 20;
@@ -37,7 +44,40 @@ struct Scratch {
     zstd: Option<DCtx<'static>>,
 }
 
+/// Bytes of large chunks that are being read.
+static TAKEN: Mutex<u64> = Mutex::new(0);
+static GIVEN_BACK: Condvar = Condvar::new();
+
+/// Room for a large chunk, until it is dropped.
+struct Room(u64);
+
+impl Room {
+    /// Waits until there is room for so many bytes. A thread that has some, whose callback reads another chunk, does not wait: it would wait for itself.
+    fn wait(bytes: u64) -> Option<Self> {
+        if bytes <= FREE_GROWTH {
+            return None;
+        }
+        let mut taken = TAKEN.lock().unwrap_or_else(PoisonError::into_inner);
+        while HELD.get() == 0 && *taken > 0 && *taken + bytes > LARGE {
+            taken = GIVEN_BACK.wait(taken).unwrap_or_else(PoisonError::into_inner);
+        }
+        *taken += bytes;
+        HELD.set(HELD.get() + bytes);
+        Some(Self(bytes))
+    }
+}
+
+impl Drop for Room {
+    fn drop(&mut self) {
+        *TAKEN.lock().unwrap_or_else(PoisonError::into_inner) -= self.0;
+        HELD.set(HELD.get() - self.0);
+        GIVEN_BACK.notify_all();
+    }
+}
+
 thread_local! {
+    /// Bytes of large chunks that this thread reads.
+    static HELD: Cell<u64> = const { Cell::new(0) };
     // Taken while in use: work that a callback starts on the same thread gets its own.
     static SCRATCH: Cell<Option<Box<Scratch>>> = const { Cell::new(None) };
 }
@@ -53,6 +93,7 @@ pub(super) fn with_records<R>(file: &[u8], piece: &Piece, use_records: impl FnOn
         check(&chunk, chunk.data)?;
         return Ok(use_records(chunk.data));
     }
+    let _room = Room::wait(chunk.uncompressed_size.min(MAX_CHUNK));
     let mut scratch = SCRATCH.take().unwrap_or_default();
     let answer = scratch.decompress(&chunk).and_then(|()| {
         check(&chunk, &scratch.bytes)?;
@@ -130,6 +171,27 @@ impl Scratch {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn large_chunks_wait_for_room_and_a_thread_never_for_itself() {
+        use std::sync::atomic::{AtomicU64, Ordering};
+        let (now, most) = (AtomicU64::new(0), AtomicU64::new(0));
+        std::thread::scope(|scope| {
+            for _ in 0..8 {
+                scope.spawn(|| {
+                    let bytes = 200 << 20;
+                    let _room = Room::wait(bytes);
+                    most.fetch_max(now.fetch_add(bytes, Ordering::SeqCst) + bytes, Ordering::SeqCst);
+                    std::thread::sleep(std::time::Duration::from_millis(5));
+                    now.fetch_sub(bytes, Ordering::SeqCst);
+                });
+            }
+        });
+        assert!(most.into_inner() <= LARGE);
+        let _room = Room::wait(MAX_CHUNK);
+        let _another = Room::wait(MAX_CHUNK);
+        assert!(Room::wait(FREE_GROWTH).is_none());
+    }
 
     #[test]
     fn a_chunk_that_is_a_bomb_is_refused_without_unpacking_it() {

@@ -1,7 +1,7 @@
 //! A recording of one or several MCAP files, by topic and by piece.
 
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, HashSet},
     path::{Path, PathBuf},
     sync::{Mutex, PoisonError},
 };
@@ -101,12 +101,17 @@ impl Container for McapContainer {
 
     fn wanted_messages(&self, piece: usize, wanted: &[usize]) -> Option<u64> {
         let (_, own, topic_of) = self.piece(piece)?;
-        let wanted = own
-            .counts
-            .as_ref()?
-            .iter()
-            .filter(|(channel, _)| topic_of.get(channel).is_some_and(|topic| wanted.contains(topic)));
-        Some(wanted.map(|(_, count)| count).sum())
+        let counts = own.counts.as_ref()?.iter();
+        // Of one topic, which is asked most, and of many.
+        let several: HashSet<usize> = if wanted.len() > 1 { wanted.iter().copied().collect() } else { HashSet::new() };
+        let is_wanted = |topic: &usize| if let [one] = wanted { topic == one } else { several.contains(topic) };
+        Some(counts.filter(|(channel, _)| topic_of.get(channel).is_some_and(is_wanted)).map(|(_, count)| count).sum())
+    }
+
+    fn topics_of(&self, piece: usize) -> Option<Vec<usize>> {
+        let (_, own, topic_of) = self.piece(piece)?;
+        let some = own.counts.as_ref()?.iter().filter(|(_, count)| *count > 0);
+        Some(some.filter_map(|(channel, _)| topic_of.get(channel).copied()).collect())
     }
 
     fn read_piece(&self, piece: usize, wanted: &[usize], each: &mut Each<'_>) -> Result<(), Error> {
@@ -190,6 +195,7 @@ impl Route {
     fn new(topic_of: &BTreeMap<u16, usize>, wanted: &[usize]) -> Self {
         let length = topic_of.last_key_value().map_or(0, |(&last, _)| usize::from(last) + 1);
         let mut topics = vec![Self::UNKNOWN; length];
+        let wanted: HashSet<usize> = wanted.iter().copied().collect();
         for (&channel, &topic) in topic_of {
             if let Some(slot) = topics.get_mut(usize::from(channel)) {
                 *slot = if wanted.contains(&topic) { topic } else { Self::OTHER };

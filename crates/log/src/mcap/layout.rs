@@ -169,14 +169,14 @@ impl Finder {
     }
 }
 
-/// Adds to the count of a channel. Channels of neighbouring messages repeat, so the search is short.
+/// Adds to the count of a channel; counts are in the order of the channels.
 fn count(counts: &mut Vec<(u16, u64)>, channel: u16, more: u64) {
     if more == 0 {
         return;
     }
-    match counts.iter_mut().find(|(own, _)| *own == channel) {
-        Some((_, count)) => *count += more,
-        None => counts.push((channel, more)),
+    match counts.binary_search_by_key(&channel, |(own, _)| *own) {
+        Ok(at) => counts[at].1 += more,
+        Err(at) => counts.insert(at, (channel, more)),
     }
 }
 

@@ -5,4 +5,5 @@ mod columns;
 mod joins;
 mod kept;
 mod logs;
+mod many;
 mod refusals;
