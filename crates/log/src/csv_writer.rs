@@ -1,6 +1,7 @@
 //! Columns into text, row by row; the file appears whole or not at all.
 
 use std::{
+    borrow::Cow,
     io::{self, BufWriter, Write},
     path::{Path, PathBuf},
 };
@@ -8,7 +9,8 @@ use std::{
 use crate::{AtomicFile, Error, Values, WriteColumn, WriteKind, destination::check_outputs, writer::check_names};
 
 /// Writes delimited text: commas, or tabs where the file is called `*.tsv`. Numbers have as many digits as give the same number again, what is missing is an
-/// empty cell, stamps are nanoseconds (their column is called `time_ns`, as other readers and [`crate::open`] understand it). Dropping it before
+/// empty cell, stamps are nanoseconds (their column is called `time_ns`, as other readers and [`crate::open`] understand it). An apostrophe stands before names and words that a
+/// spreadsheet would take for a formula. Dropping it before
 /// [`CsvWriter::finish`] leaves nothing behind.
 #[derive(Debug)]
 pub struct CsvWriter {
@@ -30,8 +32,8 @@ impl CsvWriter {
         let file = BufWriter::new(AtomicFile::create(&path)?);
         let mut writer = csv::WriterBuilder::new().delimiter(if tabs { b'\t' } else { b',' }).from_writer(file);
         let name = |column: &WriteColumn| match column.kind {
-            WriteKind::Stamp => format!("{}_ns", column.name),
-            _ => column.name.clone(),
+            WriteKind::Stamp => no_formula(&column.name).into_owned() + "_ns",
+            _ => no_formula(&column.name).into_owned(),
         };
         writer.write_record(columns.iter().map(name)).map_err(|problem| write_error(&path, problem))?;
         Ok(Self { path, columns, writer })
@@ -114,8 +116,13 @@ fn text(values: &Values<'_>, row: usize, cell: &mut String) {
         Values::Float(values) => *cell += &format!("{:?}", values[row]),
         Values::Integer(values) => *cell += &values[row].to_string(),
         Values::Boolean(values) => *cell += if values[row] { "true" } else { "false" },
-        Values::Text(values) => *cell += values[row],
+        Values::Text(values) => *cell += &no_formula(values[row]),
     }
+}
+
+/// Words that no spreadsheet takes for a formula: an apostrophe stands before those that begin like one (OWASP, *CSV Injection*).
+fn no_formula(text: &str) -> Cow<'_, str> {
+    if text.starts_with(['=', '+', '@', '\t', '\r']) { format!("'{text}").into() } else { text.into() }
 }
 
 fn write_error(path: &Path, problem: csv::Error) -> Error {
@@ -167,6 +174,19 @@ mod tests {
             let found = block.column(0);
             assert!(found[0] == x[0] && found[1].is_nan() && found[2] == x[2]);
         }
+    }
+
+    #[test]
+    fn no_spreadsheet_takes_words_for_a_formula() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out.csv");
+        let columns = ["=1+1", "@t", "x"].map(|name| WriteColumn::new(name, WriteKind::Text));
+        let mut writer = CsvWriter::create(&path, columns.into(), &[]).unwrap();
+        let cells: [&[&str]; 3] = [&["+cmd", "a=b"], &["\t=2", "-"], &["\r=3", ""]];
+        writer.write(&cells.map(Values::Text)).unwrap();
+        writer.finish().unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert_eq!(text, "'=1+1,'@t,x\n'+cmd,'\t=2,\"'\r=3\"\na=b,-,\n");
     }
 
     #[test]

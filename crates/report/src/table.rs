@@ -1,5 +1,7 @@
 //! Tables.
 
+use std::borrow::Cow;
+
 use crate::{
     Light,
     markup::Element,
@@ -41,7 +43,8 @@ impl Cell {
         match self {
             Self::Value(value) if value.is_nan() => String::new(),
             Self::Value(value) => value.to_string(),
-            Self::Text(text) | Self::Number(text) | Self::Light(_, text) => quoted(text),
+            Self::Number(text) => quoted(text),
+            Self::Text(text) | Self::Light(_, text) => quoted(&no_formula(text)),
         }
     }
 
@@ -81,7 +84,7 @@ impl Table {
     /// The table as comma-separated values (RFC 4180); what is not known is empty.
     pub fn to_csv(&self) -> String {
         let line = |cells: &mut dyn Iterator<Item = String>| cells.collect::<Vec<_>>().join(",") + "\n";
-        let head = line(&mut self.head.iter().map(|name| quoted(name)));
+        let head = line(&mut self.head.iter().map(|name| quoted(&no_formula(name))));
         let rows = self.rows.iter().map(|row| line(&mut row.iter().map(Cell::to_csv)));
         std::iter::once(head).chain(rows).collect()
     }
@@ -115,6 +118,11 @@ impl Table {
     }
 }
 
+/// Words that no spreadsheet takes for a formula: an apostrophe stands before those that begin like one (OWASP, *CSV Injection*).
+fn no_formula(text: &str) -> Cow<'_, str> {
+    if text.starts_with(['=', '+', '@', '\t', '\r']) { format!("'{text}").into() } else { text.into() }
+}
+
 /// A field of a file of comma-separated values.
 fn quoted(text: &str) -> String {
     if text.contains([',', '"', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
@@ -123,6 +131,14 @@ fn quoted(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::{Cell, Table};
+
+    #[test]
+    fn no_spreadsheet_takes_words_for_a_formula() {
+        let table = Table::new("", ["=1+1", "@a", "x"]);
+        let table = table.row([Cell::Text("\t=2".into()), Cell::Text("+3, 4".into()), Cell::Number("+1.5".into())]);
+        let table = table.row([Cell::Text("a=b".into()), Cell::Text("-".into()), Cell::of(-1.0)]);
+        assert_eq!(table.to_csv(), "'=1+1,'@a,x\n'\t=2,\"'+3, 4\",+1.5\na=b,-,-1\n");
+    }
 
     #[test]
     fn files_have_all_digits() {
