@@ -20,7 +20,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 pub(crate) use control::{Control, ControlLqr};
 pub(crate) use export::{Export, ExportMethod, ExportPrecision, ExportTo};
 pub(crate) use filter::Filter;
-use fleetfoot::{Error, Lags, PwaSection, dynamics::controller::Controller};
+use fleetfoot::{Error, Lags, PwaSection, dynamics::controller::Controller, whole};
 pub(crate) use narx::FitNarx;
 pub(crate) use parameters::FitParameters;
 pub(crate) use prepare::Prepare;
@@ -44,7 +44,7 @@ pub(crate) use tools::{Completions, Man};
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) command: Command,
-    /// Threads to use (default: all cores). The answer does not depend on it.
+    /// Threads to use, four a core at most (default: all cores). The answer does not depend on it.
     #[arg(long, global = true, value_name = "N", default_value_t = 0, hide_default_value = true)]
     pub(crate) threads: usize,
     /// Print the result as JSON.
@@ -344,7 +344,7 @@ pub(crate) struct Score {
     #[arg(long, value_name = "A,B")]
     pub(crate) plane: Option<List>,
     /// Cells of the plane along each axis.
-    #[arg(long, value_name = "N", default_value_t = 36, requires = "plane")]
+    #[arg(long, value_name = "N", default_value_t = 36, requires = "plane", value_parser = whole::<usize>(0..=1000))]
     pub(crate) bins: usize,
     /// The file to write the plane's cells to, Parquet or text (`*.csv`) (default: none).
     #[arg(short, long, value_name = "FILE", requires = "plane")]
@@ -400,7 +400,7 @@ pub(crate) struct Rollout {
     #[command(flatten)]
     pub(crate) model: ModelData,
     /// Steps of every trajectory.
-    #[arg(long, value_name = "STEPS", default_value_t = 200)]
+    #[arg(long, value_name = "STEPS", default_value_t = 200, value_parser = whole::<usize>(0..=10_000_000))]
     pub(crate) horizon: usize,
     /// Number of trajectories.
     #[arg(long, value_name = "N", default_value = "1000")]

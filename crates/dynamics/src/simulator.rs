@@ -77,7 +77,7 @@ impl Simulator {
     ///
     /// At least one row before: the constant-velocity baseline looks at it.
     pub fn needed_rows(&self, horizon: usize) -> Halo {
-        Halo { before: self.history.max(1), after: horizon.max((horizon + self.ahead).saturating_sub(1)) }
+        Halo { before: self.history.max(1), after: horizon.max(horizon.saturating_add(self.ahead).saturating_sub(1)) }
     }
 
     pub(crate) fn history(&self) -> usize {

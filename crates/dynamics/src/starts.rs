@@ -47,7 +47,7 @@ impl Starts {
         after: usize,
     ) -> Result<Vec<Start>, Error> {
         let episodes = source.episodes();
-        let possible = |episode: &Episode| episode.rows.saturating_sub(before + after);
+        let possible = |episode: &Episode| episode.rows.saturating_sub(before.saturating_add(after));
         let mut order: Vec<usize> = (0..episodes.len()).collect();
         order.sort_by_key(|&e| episodes[e].id);
         let total: usize = episodes.iter().map(possible).sum();
@@ -55,7 +55,9 @@ impl Starts {
             Starts::At(starts) => {
                 return starts.iter().map(|&start| check(episodes, start, before, after)).collect();
             }
-            _ if total == 0 => return Err(too_short(episodes, horizon, before + after + 1)),
+            _ if total == 0 => {
+                return Err(too_short(episodes, horizon, before.saturating_add(after).saturating_add(1)));
+            }
             Starts::Even(count) | Starts::Random { count, .. } if *count >= total => (0..total).collect(),
             Starts::Even(count) => {
                 (0..*count).map(|i| ((2 * i as u128 + 1) * total as u128 / (2 * *count as u128)) as usize).collect()
@@ -79,7 +81,7 @@ impl Starts {
 fn check(episodes: &[Episode], start: Start, before: usize, after: usize) -> Result<Start, Error> {
     let (name, rows) =
         episodes.get(start.episode).map_or_else(|| (start.episode.to_string(), 0), |e| (e.name.clone(), e.rows));
-    if start.row < before || start.row + after >= rows {
+    if start.row < before || start.row.saturating_add(after) >= rows {
         return Err(Error::BadStart { episode: name, row: start.row, before, after, rows });
     }
     Ok(start)

@@ -123,7 +123,7 @@ pub use recipe::{
     LibrarySection, Limits, ModelSection, Mounting, NarxSection, NarxSelection, NarxTerms, Normalize, Objective, Over,
     ParameterSection, PartitionChoice, PhaseColumn, PortList, PrepareMethod, PrepareSection, PwaSection, Recipe,
     ResimulateSection, SensorKind, SensorSection, Settings, SindyOptimizer, SindySection, SmoothStates, SpanDerivative,
-    SparseSection, State, TaskSection, Time, Tunable, UnseenLabels,
+    SparseSection, State, TaskSection, Time, Tunable, UnseenLabels, whole,
 };
 pub use request::{Cause, RequestError};
 pub use resimulate::{Followed, Spread, resimulate};

@@ -12,6 +12,7 @@ use fleetfoot_data::{did_you_mean, nearest};
 use crate::Error;
 
 mod body;
+mod bounds;
 mod clocks;
 mod control;
 mod criterion;
@@ -31,6 +32,7 @@ mod sindy;
 mod sparse;
 
 pub use body::{AttitudeForm, BodySection, EstimateKind, Gravity, JointSection, Mounting, SensorKind, SensorSection};
+pub use bounds::whole;
 pub use clocks::ClockSection;
 pub use control::{ControlSchedule, ControlSection};
 pub use criterion::Criterion;
@@ -379,8 +381,10 @@ impl EpisodeRule {
 impl Recipe {
     /// Reads a recipe from TOML text; `name` is its origin, for messages.
     pub fn parse(text: &str, name: &str) -> Result<Self, Error> {
-        toml::from_str(text)
-            .map_err(|error| Error::Recipe { name: name.to_owned(), problem: with_meant(error.to_string()) })
+        let refused = |problem: String| Error::Recipe { name: name.to_owned(), problem };
+        let recipe: Self = toml::from_str(text).map_err(|error| refused(with_meant(error.to_string())))?;
+        recipe.check_bounds().map_err(refused)?;
+        Ok(recipe)
     }
 
     /// Reads a recipe from a file.
@@ -406,15 +410,16 @@ impl Recipe {
     /// # Errors
     /// What cannot be understood, with the place in the recipe as TOML.
     pub fn from_json(text: &str, name: &str) -> Result<Self, Error> {
-        let refused =
-            |problem: serde_json::Error| Error::Recipe { name: name.to_owned(), problem: problem.to_string() };
-        serde_json::from_str(text).map_err(|problem| {
+        let refused = |problem: String| Error::Recipe { name: name.to_owned(), problem };
+        let recipe: Self = serde_json::from_str(text).map_err(|problem: serde_json::Error| {
             // TOML tells the line that is at fault, JSON of one line does not.
             let value: Option<serde_json::Value> = serde_json::from_str(text).ok();
             let told =
                 value.and_then(|value| toml::to_string(&value).ok()).and_then(|toml| Self::parse(&toml, name).err());
-            told.unwrap_or_else(|| refused(problem))
-        })
+            told.unwrap_or_else(|| refused(problem.to_string()))
+        })?;
+        recipe.check_bounds().map_err(refused)?;
+        Ok(recipe)
     }
 
     /// The recipe as TOML.

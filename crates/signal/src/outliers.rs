@@ -251,7 +251,9 @@ impl Channel<'_> {
 pub fn hampel(values: &[f64], reach: usize, sigmas: f64, floor: f64) -> Result<Vec<usize>, SignalError> {
     check(sigmas > 0.0, "sigmas", sigmas, "a number of standard deviations is positive")?;
     check(reach > 0, "reach", 0.0, "a window reaches one row or more to either side")?;
-    let mut window = Vec::with_capacity(2 * reach + 1);
+    // A window that reaches farther holds all values.
+    let reach = reach.min(values.len());
+    let mut window = Vec::with_capacity((2 * reach + 1).min(values.len()));
     let mut stands_out = |row: usize| {
         let around = row.saturating_sub(reach)..(row + reach + 1).min(values.len());
         window.clear();

@@ -17,7 +17,7 @@ pub(crate) struct Report {
     #[arg(long, value_name = "TEXT")]
     pub(crate) title: Option<String>,
     /// Steps of every simulation (default: 200, and at most a quarter of the longest episode).
-    #[arg(long, value_name = "STEPS")]
+    #[arg(long, value_name = "STEPS", value_parser = fleetfoot::whole::<usize>(0..=10_000_000))]
     pub(crate) horizon: Option<usize>,
     /// Number of simulations of every model.
     #[arg(long, value_name = "N", default_value = "500")]

@@ -31,7 +31,7 @@ pub(crate) struct FitSindy {
     #[arg(long)]
     pub(crate) keep_front: bool,
     /// Steps of the rollouts that choose the span of `--derivative STATE=over:auto` (default: 50).
-    #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     pub(crate) horizon: Option<u32>,
     /// Tell what the job would read and keep, and stop.
     #[arg(long)]

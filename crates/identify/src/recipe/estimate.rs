@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::bounds::whole;
 use super::settings::settings;
 
 /// What parameters are fitted to.
@@ -25,13 +26,13 @@ settings! {
         #[arg(long, value_enum, value_name = "METHOD")]
         pub method: EstimateMethod,
         /// Rows of a segment, at most; each begins at a state of its own (default: whole episodes).
-        #[arg(long, value_name = "ROWS")]
+        #[arg(long, value_name = "ROWS", value_parser = whole::<usize>(0..=1_000_000_000_000))]
         pub segment: usize,
         /// States that are compared with their measurements, separated by commas; of others the column tells where the search for a beginning starts (default: all).
         #[arg(long, value_name = "STATES")]
         pub compare: String,
         /// Folds whose rows are held out in turn and simulated, to tell what the model is worth; 0 for none (default: 5).
-        #[arg(long, value_name = "N")]
+        #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1000))]
         pub folds: usize,
     }
 }

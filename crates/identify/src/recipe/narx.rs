@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::bounds::whole;
 use super::settings::settings;
 use super::{Criterion, Objective, Recipe};
 
@@ -79,10 +80,10 @@ settings! {
     /// How an autoregression is found. Every entry is the flag of `fit narx` of the same name; outputs are `[states]`, inputs `[inputs]`.
     pub struct NarxSection {
         /// Past values of every output, y(k-1) to y(k-N) (default: looked for).
-        #[arg(long, value_name = "N")]
+        #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1000))]
         pub lags_out: usize,
         /// Past values of every input, u(k-1) to u(k-N) (default: looked for).
-        #[arg(long, value_name = "N")]
+        #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1000))]
         pub lags_in: usize,
         /// Inputs act at once: u(k) stands beside its past (default: looked for, unless --lags-in is given).
         #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
@@ -97,7 +98,7 @@ settings! {
         #[arg(long, value_name = "N")]
         pub terms: NarxTerms,
         /// The most terms that auto tries (default: 20).
-        #[arg(long, value_name = "N")]
+        #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=10_000))]
         pub max_terms: usize,
         /// What order, terms and partition are chosen by: free runs, or criteria of one-step errors (default: free-run).
         #[arg(long, value_enum, value_name = "RULE")]
@@ -107,10 +108,10 @@ settings! {
         #[arg(long, value_name = "OBJECTIVE")]
         pub objective: Objective,
         /// Spans of the training rows that are held out in turn (default: 5).
-        #[arg(long, value_name = "N")]
+        #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1000))]
         pub folds: usize,
         /// Keep every n-th row (default: 1, all of them).
-        #[arg(long, value_name = "N")]
+        #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1_000_000))]
         pub decimate: usize,
         /// The last share of the rows of every episode, which does not train and is simulated (default: 0).
         #[arg(long, value_name = "SHARE")]
@@ -119,7 +120,7 @@ settings! {
         #[arg(long, value_name = "SEED")]
         pub seed: u64,
         /// Clusterings of every k-means to choose from by free runs, from the seed and the next ones (default: 1).
-        #[arg(long, value_name = "N")]
+        #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1_000_000))]
         pub starts: usize,
     }
 }

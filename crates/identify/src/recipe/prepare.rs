@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::bounds::whole;
 use super::settings::{Tunable, settings};
 
 /// How a channel becomes a smooth value and its derivatives.
@@ -63,10 +64,10 @@ settings! {
         #[arg(long, value_name = "SIGMAS", allow_negative_numbers = true)]
         pub reject: f64,
         /// Values further off the median of so many rows on either side than six robust standard deviations are left out first; 0 for none (default: 0).
-        #[arg(long, value_name = "ROWS")]
+        #[arg(long, value_name = "ROWS", value_parser = whole::<usize>(0..=10_000))]
         pub hampel: usize,
         /// A value that is repeated over more rows than this is a sensor that hangs, and left out; 0 for never (default: 0).
-        #[arg(long, value_name = "ROWS")]
+        #[arg(long, value_name = "ROWS", value_parser = whole::<usize>(0..=1_000_000_000))]
         pub stuck: usize,
         /// What a sensor can measure: values at or beyond these ends are left out (default: any value).
         #[arg(long, value_name = "LOW:HIGH", allow_hyphen_values = true)]
@@ -75,16 +76,16 @@ settings! {
         #[arg(long, value_name = "LOW:HIGH", allow_hyphen_values = true)]
         pub bounds: Limits,
         /// Rows of a window of savitzky-golay, an odd number (default: 11).
-        #[arg(long, value_name = "ROWS")]
+        #[arg(long, value_name = "ROWS", value_parser = whole::<usize>(0..=100_001))]
         pub window: usize,
         /// Degree of the polynomials of savitzky-golay (default: 3), or of trend-filter, 1 to 3 (default: 2).
-        #[arg(long, value_name = "N")]
+        #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=100))]
         pub degree: usize,
         /// Frequency at which butterworth has halved the power, run one way (default: none, it must be given).
         #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
         pub cutoff: f64,
         /// Order of butterworth, run one way (default: 4).
-        #[arg(long, value_name = "N")]
+        #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=100))]
         pub order: usize,
         /// Seconds by which a sensor's stamps are late (default: 0).
         #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
@@ -99,10 +100,10 @@ settings! {
         #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
         pub dejitter: bool,
         /// Write every n-th row; what savitzky-golay and butterworth made goes through an anti-alias filter first, as it does where a state's own topic is faster than the rows (default: 1).
-        #[arg(long, value_name = "N")]
+        #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1_000_000))]
         pub decimate: usize,
         /// Pieces of fewer rows are not written (default: 50).
-        #[arg(long, value_name = "ROWS")]
+        #[arg(long, value_name = "ROWS", value_parser = whole::<usize>(0..=1_000_000_000_000))]
         pub min_rows: usize,
     }
 }

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::bounds::whole;
 use super::{
     Objective, PhaseColumn, PortList,
     settings::{Tunable, settings},
@@ -37,7 +38,7 @@ settings! {
         #[arg(long, value_enum, value_name = "RULE")]
         pub select: PartitionChoice,
         /// Steps of the rollouts that `--select rollout`, or a span of `over:auto`, compares (default: 50).
-        #[arg(long, value_name = "STEPS")]
+        #[arg(long, value_name = "STEPS", value_parser = whole::<u32>(0..=10_000_000))]
         pub horizon: u32,
         /// What coefficients are fitted to: one-step; steps:N, simulations of N steps; or free-run, as long as held-out rows allow. The simulations' model is written where its rollouts of held-out rows
         /// are the better ones (default: one-step).
@@ -73,10 +74,10 @@ settings! {
         #[arg(long, value_name = "SEED")]
         pub seed: u64,
         /// Restarts of k-means; the best is kept (default: 1).
-        #[arg(long, value_name = "N")]
+        #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1000))]
         pub restarts: usize,
         /// Iterations of k-means at most (default: 100).
-        #[arg(long, value_name = "N")]
+        #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1_000_000))]
         pub iterations: usize,
         /// Memory for the rows that k-means keeps; beyond it a sample is clustered (default: 512).
         #[arg(long, value_name = "MiB", allow_negative_numbers = true)]

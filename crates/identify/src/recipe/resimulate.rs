@@ -1,5 +1,6 @@
 //! `[resimulate]`: how recordings are followed by a model.
 
+use super::bounds::whole;
 use super::settings::settings;
 
 settings! {
@@ -7,7 +8,7 @@ settings! {
     /// How recordings are followed. Every entry is the flag of `resimulate` of the same name.
     pub struct ResimulateSection {
         /// Every so many rows of the log are rows of the grid on which the equations hold (default: 1, every row).
-        #[arg(long, value_name = "ROWS")]
+        #[arg(long, value_name = "ROWS", value_parser = whole::<usize>(0..=1_000_000_000))]
         pub every: usize,
         /// Inputs that may move, separated by commas; the others are replayed (default: all inputs of the recipe).
         #[arg(long, value_name = "INPUTS")]
@@ -22,7 +23,7 @@ settings! {
         #[arg(long, value_name = "SHARE")]
         pub widen: f64,
         /// Convex programs that an episode may take (default: 50).
-        #[arg(long, value_name = "N")]
+        #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1_000_000))]
         pub iterations: usize,
     }
 }

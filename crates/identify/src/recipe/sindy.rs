@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::bounds::whole;
 use super::{
     Criterion, Objective, Recipe,
     settings::{Tunable, settings},
@@ -129,14 +130,14 @@ settings! {
         #[arg(long, value_name = "BOOL|length", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
         pub normalize: Normalize,
         /// Regressions of stlsq at most (default: 20).
-        #[arg(long, value_name = "N")]
+        #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1_000_000))]
         pub max_iterations: usize,
         /// Forward regression (frols) chooses the number of terms by its error reduction ratios, as pysindy does: this is the weight of a term, relative to the
         /// condition number of the columns (default: by --select).
         #[arg(long, value_name = "WEIGHT", allow_negative_numbers = true)]
         pub kappa: f64,
         /// Number of terms of every equation, in place of a threshold (default: by the threshold).
-        #[arg(long, value_name = "N")]
+        #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1_000_000))]
         pub terms: usize,
         /// What the number of terms is chosen by (default: one-se).
         #[arg(long, value_enum, value_name = "RULE")]
