@@ -51,5 +51,5 @@ pub use parallel::{
 pub use random::mix;
 pub use simd::{SWITCH as SIMD_SWITCH, UnknownInstructionSet, arch, check_instruction_set, instruction_set};
 pub use source::{Source, sample_ranges};
-pub use stop::{Cancelled, Stop, checkpoint, stoppable};
+pub use stop::{Cancelled, Stop, checkpoint, stoppable, unstoppable, until_stopped};
 pub use watch::{Known, Watch, Watched};

@@ -44,16 +44,28 @@ impl Stop {
 /// # Errors
 /// When it ended so.
 pub fn stoppable<R>(stop: &Stop, work: impl FnOnce() -> R) -> Result<R, Cancelled> {
-    let guarded = AssertUnwindSafe(|| under(Some(stop), work));
-    catch_unwind(guarded).map_err(|payload| match payload.downcast::<Cancelled>() {
+    until_stopped(|| under(Some(stop), work))
+}
+
+/// Runs a part of a work whose owner has something to put in order when the work is stopped: the unwinding ends here.
+///
+/// # Errors
+/// When the part ended at a [`checkpoint`].
+pub fn until_stopped<R>(work: impl FnOnce() -> R) -> Result<R, Cancelled> {
+    catch_unwind(AssertUnwindSafe(work)).map_err(|payload| match payload.downcast::<Cancelled>() {
         Ok(cancelled) => *cancelled,
         Err(panic) => resume_unwind(panic),
     })
 }
 
+/// Runs what comes to its end whether the work around it is stopped or not: what keeps the complete part of that.
+pub fn unstoppable<R>(work: impl FnOnce() -> R) -> R {
+    under(None, work)
+}
+
 /// A place where long work may end: called once in every sweep, block or column that takes about a millisecond or more.
 pub fn checkpoint() {
-    if current().is_some_and(|stop| stop.is_set()) {
+    if CURRENT.with_borrow(|stop| stop.as_ref().is_some_and(Stop::is_set)) {
         resume_unwind(Box::new(Cancelled));
     }
 }
@@ -139,6 +151,24 @@ mod tests {
         assert_eq!(threads.run(work, period, || stop.set()), Err(Cancelled));
         let free = || stoppable(&Stop::default(), || parallel_map(100, &Silent, Ok::<_, Cancelled>).unwrap().len());
         assert_eq!(threads.run(free, period, || ()), Ok(100));
+    }
+
+    #[test]
+    fn what_is_complete_is_kept_after_a_stop() {
+        let stop = Stop::default();
+        let kept = stoppable(&stop, || {
+            let ended = until_stopped(|| {
+                stop.set();
+                checkpoint();
+            });
+            let kept = unstoppable(|| {
+                checkpoint();
+                parallel_all(5, |i| i).len()
+            });
+            (ended, kept)
+        });
+        assert_eq!(kept, Ok((Err(Cancelled), 5)));
+        assert_eq!(stoppable(&stop, checkpoint), Err(Cancelled));
     }
 
     #[test]

@@ -137,6 +137,7 @@ impl<'a> Descent<'a> {
                 return Ok((Status::Iterations, iterations));
             }
             iterations += 1;
+            fleetfoot_data::checkpoint();
             if let Some(status) = self.advance()? {
                 return Ok((status, iterations));
             }

@@ -252,6 +252,7 @@ impl StateSmoother {
         }
         let mut steps = 0;
         loop {
+            fleetfoot_data::checkpoint();
             let (border, chains) = self.eliminated(&place, moving, (variances, true), progress)?;
             let step = border.step();
             let promise = (place.cost - 0.5 * border.residual).max(0.0);

@@ -14,6 +14,8 @@
 // Matrices are capitals.
 #![allow(non_snake_case)]
 
+use fleetfoot_data::checkpoint;
+
 use crate::{recorded::Recorded, transcription::Transcription};
 
 /// Steps of expectation and maximisation, at most.
@@ -121,6 +123,7 @@ impl System {
         let (mut sums, mut counts) = (vec![0.0; n + m], vec![0.0_f64; n + m]);
         let (mut lambda, mut Lambda) = (vec![0.0; n], vec![0.0; n * n]);
         for (k, belief) in beliefs.iter().enumerate().rev() {
+            checkpoint();
             if let Some([phi, gamma, _]) = self.steps.get(k) {
                 for i in 0..m {
                     let q = variances[n + i];
@@ -154,6 +157,7 @@ impl System {
         (0..n).for_each(|j| covariance[j * n + j] = 1.0);
         let mut beliefs = Vec::with_capacity(self.steps.len() + 1);
         for k in 0..=self.steps.len() {
+            checkpoint();
             let mut belief = Belief { mean: mean.clone(), covariance: covariance.clone(), updates: Vec::new() };
             for state in (0..n).filter(|&state| self.measured[k * n + state]) {
                 let column: Vec<f64> = (0..n).map(|s| covariance[s * n + state]).collect();

@@ -10,8 +10,9 @@
 
 use clarabel::{
     algebra::CscMatrix,
-    solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT},
+    solver::{DefaultInfo, DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT},
 };
+use fleetfoot_data::checkpoint;
 
 use crate::EstimateError;
 use crate::transcription::Defects;
@@ -128,6 +129,11 @@ impl Program<'_> {
         let (quadratic, matrix) = (self.quadratic(slack), self.matrix(pinned, bounds, slack));
         let mut solver = DefaultSolver::new(&quadratic, &linear, &matrix, &right, cones, settings)
             .map_err(|error| EstimateError::Program { reason: error.to_string() })?;
+        // Of long recordings a program takes seconds: a stop ends it between its iterations.
+        solver.set_termination_callback(|_: &DefaultInfo<f64>| {
+            checkpoint();
+            false
+        });
         solver.solve();
         let solution = solver.solution;
         let infeasible =

@@ -380,6 +380,7 @@ impl Near<'_> {
             let cost = self.cost(&self.theta, &self.at);
             let plan = self.plan(&gradient)?;
             loop {
+                fleetfoot_data::checkpoint();
                 if trials == self.options().trials {
                     return Ok(Status::Iterations);
                 }

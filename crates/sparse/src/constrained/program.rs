@@ -5,9 +5,10 @@
 
 use clarabel::{
     algebra::CscMatrix,
-    solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT},
+    solver::{DefaultInfo, DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT},
 };
 use faer::Mat;
+use fleetfoot_data::checkpoint;
 
 use super::{
     ConstrainedError,
@@ -69,6 +70,11 @@ impl Builder {
         };
         let mut solver = DefaultSolver::new(&quadratic, &self.linear, &constraints, &bounds, &cones, settings)
             .map_err(|error| ConstrainedError::Program { reason: error.to_string() })?;
+        // A stop ends a long program between its iterations.
+        solver.set_termination_callback(|_: &DefaultInfo<f64>| {
+            checkpoint();
+            false
+        });
         solver.solve();
         let solution = solver.solution;
         Ok(Solved { x: solution.x, multipliers: solution.z, slacks: solution.s, status: solution.status })
