@@ -221,3 +221,48 @@ fn labels_say_the_region_and_a_column_says_the_deviation() {
     let said = run(&slow).ok();
     assert!(said.err.contains("repeat the one before") && said.err.contains("[time] base"), "{}", said.err);
 }
+
+/// `v' = 6 v + u` below 0 and `-2 v + u` above, measured in runs of five rows; and a log of it with a gap of 200 s.
+fn unstable_folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    let noise = |key: u64| fleetfoot::data::mix(key) as f64 / u64::MAX as f64 - 0.5;
+    let mut text = String::from("t,v,u,w\n");
+    for run in 0..200 {
+        let mut v = 6.0 * noise(run);
+        for row in 0..5 {
+            let u = 2.0 * noise(1000 * (run + 1) + row);
+            let w = if v < 0.0 { 6.0 * v } else { -2.0 * v } + u;
+            text.push_str(&format!("{},{v},{u},{w}\n", 100.0 * run as f64 + 0.05 * row as f64));
+            v += 0.05 * w;
+        }
+    }
+    fs::write(folder.path().join("runs.csv"), text).expect("a log");
+    let mut text = String::from("t,v,u\n");
+    for row in 0..100 {
+        let gap = if row < 60 { 0.0 } else { 200.0 };
+        text.push_str(&format!("{},{},{}\n", 5.5 * row as f64 + gap, 4.0 * noise(row + 7), 0.1 * noise(row + 5000)));
+    }
+    fs::write(folder.path().join("far.csv"), text).expect("a log");
+    let fit = "fit pwa runs.csv --states v --inputs u --derivative v=w --max-gap 1 -p kmeans:2 -o u.json";
+    fleetfoot(folder.path(), &fit.split(' ').collect::<Vec<_>>()).ok();
+    folder
+}
+
+#[test]
+fn a_covariance_that_leaves_the_numbers_ends_the_episode_with_a_note() {
+    let folder = unstable_folder();
+    let filter = "filter u.json far.csv --measured v=0.01 --max-gap none -o f.csv --json";
+    let said = fleetfoot(folder.path(), &filter.split(' ').collect::<Vec<_>>()).ok();
+    assert!(said.err.contains("the filter ends before row 61") && said.err.contains("--max-gap"), "{}", said.err);
+    let told = said.json();
+    assert_eq!((told["rows"].as_u64(), told["lost_rows"].as_u64()), (Some(100), Some(40)));
+    assert!(told["log_likelihood"].as_f64().is_some_and(f64::is_finite), "{told}");
+    let text = fs::read_to_string(folder.path().join("f.csv")).expect("estimates");
+    let (means, regions) = (cells(&text, "v"), cells(&text, "region"));
+    assert!(means[..60].iter().all(|cell| !cell.is_empty()) && means[60..].iter().all(String::is_empty), "{text}");
+    assert!(regions[..60].iter().all(|cell| cell != "-1") && regions[60..].iter().all(|cell| cell == "-1"), "{text}");
+    // The episodes between long gaps are filtered to their ends.
+    let filter = "filter u.json far.csv --measured v=0.01 --json";
+    let told = fleetfoot(folder.path(), &filter.split(' ').collect::<Vec<_>>()).ok().json();
+    assert_eq!(told["lost_rows"].as_u64(), Some(0));
+}

@@ -143,14 +143,15 @@ fn what_killed_commands_left_is_told_and_one_command_writes_a_folder() {
     let path = folder.path();
     fs::write(path.join(".model.json.a1B2c3.partial"), "half").unwrap();
     let said = fit(path, &[]).ok();
-    assert!(said.err.contains(".model.json.a1B2c3.partial is what a killed command has left"), "{}", said.err);
+    assert!(said.err.contains("removed .model.json.a1B2c3.partial, which a killed command had left"), "{}", said.err);
+    assert!(!path.join(".model.json.a1B2c3.partial").exists());
     fs::create_dir_all(path.join("runs/.generating-killed")).unwrap();
     let generate = |more: &[&str]| {
         let arguments = ["generate", "diffdrive", "--seconds", "1", "-o", "runs"];
         fleetfoot(path, &[&arguments[..], more].concat())
     };
     let said = generate(&[]).ok();
-    assert!(said.err.contains(".generating-killed is what a killed command has left"), "{}", said.err);
+    assert!(said.err.contains("removed runs/.generating-killed, which a killed command had left"), "{}", said.err);
     generate(&["--force"]).ok();
     // A run that is read is not replaced.
     generate(&["--world", "runs/diffdrive_00.mcap", "--force"]).fails(&["diffdrive_00.mcap", "input"]);
@@ -347,4 +348,32 @@ fn what_runs_away_says_what_bounds_it() {
         assert_eq!(said.out.contains("; 0 diverged"), bounded, "{}", said.out);
         assert_eq!(said.err.contains("`fit pwa --stable` bounds the maps"), !bounded, "{}", said.err);
     }
+}
+
+/// Numbers for which a job would not end, or its sizes would not fit an address.
+#[test]
+fn numbers_of_options_have_bounds() {
+    let folder = folder(&[("log.csv", &robot_csv(400, 0.0)), ("r.toml", RECIPE)]);
+    let path = folder.path();
+    fit(path, &["-p", "average"]).ok();
+    let huge = "18446744073709551615";
+    for (command, words) in [
+        (format!("rollout model.json log.csv --horizon {huge}"), ["--horizon", "0..=10000000"]),
+        (format!("report model.json log.csv --horizon {huge}"), ["--horizon", "0..=10000000"]),
+        ("score model.json log.csv --plane v,u --bins 4294967296".to_owned(), ["--bins", "0..=1000"]),
+        ("prepare -c r.toml log.csv --hampel 4294967296".to_owned(), ["--hampel", "0..=10000"]),
+        (format!("prepare -c r.toml log.csv --hampel {huge}"), ["--hampel", "0..=10000"]),
+        ("fit pwa -c r.toml log.csv -p kmeans:3 --restarts 1000000000".to_owned(), ["--restarts", "0..=1000"]),
+        (format!("fit narx log.csv --outputs x --inputs u --lags-out {huge}"), ["--lags-out", "0..=1000"]),
+    ] {
+        let said = fleetfoot(path, &command.split(' ').collect::<Vec<_>>());
+        assert_eq!(said.code, 2, "{command}: {}", said.err);
+        assert!(words.iter().all(|word| said.err.contains(word)), "{command}: {}", said.err);
+    }
+    // A recipe has the same ones.
+    fs::write(path.join("h.toml"), format!("{RECIPE}[prepare]\nhampel = 4294967296\n")).unwrap();
+    fleetfoot(path, &["prepare", "-c", "h.toml", "log.csv"]).fails(&["h.toml", "[prepare] hampel", "0..=10000"]);
+    // More threads than help are not started.
+    let said = fleetfoot(path, &["score", "model.json", "log.csv", "--threads", "10000"]).ok();
+    assert!(said.err.contains("--threads 10000") && said.err.contains("4 a core"), "{}", said.err);
 }

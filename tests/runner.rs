@@ -1,5 +1,10 @@
 //! Runs the command and looks at what it says.
 
+use std::{
+    io::Read,
+    process::{Child, Stdio},
+    time::{Duration, Instant},
+};
 pub(crate) use std::{
     path::Path,
     process::{Command, Output},
@@ -43,6 +48,60 @@ pub(crate) fn fleetfoot(folder: &Path, arguments: &[&str]) -> Said {
         .expect("the command runs");
     let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
     Said { code: status.code().unwrap_or(-1), out: text(stdout), err: text(stderr) }
+}
+
+/// Runs `fleetfoot` in a folder; a run that takes longer is killed, which is a failure.
+pub(crate) fn fleetfoot_within(folder: &Path, arguments: &[&str], limit: Duration) -> Said {
+    Running::start(folder, arguments).end(limit)
+}
+
+/// `fleetfoot` under way.
+pub(crate) struct Running {
+    child: Child,
+    what: String,
+}
+
+impl Running {
+    pub(crate) fn start(folder: &Path, arguments: &[&str]) -> Self {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_fleetfoot"));
+        let child = command.current_dir(folder).args(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
+        Self { child: child.expect("the command runs"), what: arguments.join(" ") }
+    }
+
+    /// Sends a signal, by its name.
+    #[cfg(unix)]
+    pub(crate) fn signal(&self, name: &str) {
+        let sent = Command::new("kill").args([&format!("-{name}"), &self.child.id().to_string()]).status();
+        assert!(sent.expect("kill runs").success(), "{} is there no more", self.what);
+    }
+
+    /// Whether it has ended by itself.
+    pub(crate) fn has_ended(&mut self) -> bool {
+        self.child.try_wait().expect("a child").is_some()
+    }
+
+    /// Waits for its end.
+    pub(crate) fn end(mut self, limit: Duration) -> Said {
+        let read = |pipe: Option<Box<dyn Read + Send>>| {
+            std::thread::spawn(move || {
+                let mut text = String::new();
+                pipe.map(|mut pipe| pipe.read_to_string(&mut text).expect("UTF-8"));
+                text
+            })
+        };
+        let out = read(self.child.stdout.take().map(|pipe| Box::new(pipe) as _));
+        let err = read(self.child.stderr.take().map(|pipe| Box::new(pipe) as _));
+        let begin = Instant::now();
+        while !self.has_ended() {
+            if begin.elapsed() > limit {
+                self.child.kill().expect("it is there");
+                panic!("{}: not done after {limit:?}", self.what);
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        let code = self.child.wait().expect("a child").code().unwrap_or(-1);
+        Said { code, out: out.join().expect("a reader"), err: err.join().expect("a reader") }
+    }
 }
 
 /// Two files have the same bytes.

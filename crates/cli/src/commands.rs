@@ -68,18 +68,14 @@ impl Context {
     }
 
     /// Looks at what a command will write, before it works: no output is an input, and no two are one file. What killed commands have left beside them is
-    /// told, and removed where the user forces the outputs to be replaced.
+    /// removed and told.
     pub(crate) fn claim(&self, outputs: &[PathBuf], inputs: &[PathBuf], force: bool) -> Result<(), Error> {
         fleetfoot::log::check_outputs(outputs, inputs)?;
         if !force {
             self.replaces(outputs)?;
         }
-        for left in outputs.iter().flat_map(|output| fleetfoot::log::leftovers(output)) {
-            if force && std::fs::remove_file(&left).is_ok() {
-                self.say(format!("note: removed {}, which a killed command had left", left.display()));
-            } else {
-                self.say(format!("note: {} is what a killed command has left: remove it", left.display()));
-            }
+        for left in outputs.iter().flat_map(|output| fleetfoot::log::remove_leftovers(output)) {
+            self.say(format!("note: removed {}, which a killed command had left", left.display()));
         }
         Ok(())
     }

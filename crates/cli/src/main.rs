@@ -9,14 +9,29 @@ mod progress;
 #[cfg(test)]
 mod reference;
 mod report;
+mod signals;
 mod table;
 
 use std::process::ExitCode;
 
 use clap::Parser;
 use commands::Context;
+use fleetfoot::data::{Cancelled, stoppable};
 
 use crate::args::{Cli, Command, Control, Fit};
+
+/// Threads a core, at most: more of them wait for one another.
+const THREADS_A_CORE: usize = 4;
+
+/// The threads that are used of those that are asked for.
+fn threads(asked: usize, context: &Context) -> usize {
+    let most = THREADS_A_CORE * std::thread::available_parallelism().map_or(1, Into::into);
+    if asked > most {
+        context
+            .say(format!("note: --threads {asked}: {most} threads are used, {THREADS_A_CORE} a core of this machine"));
+    }
+    asked.min(most)
+}
 
 fn main() -> ExitCode {
     let cli = Cli::try_parse().unwrap_or_else(|error| report::usage(&error));
@@ -24,9 +39,9 @@ fn main() -> ExitCode {
         report::tell(error);
         return ExitCode::from(2);
     }
-    progress::stop_on_interrupt();
+    signals::stop_on_signals();
     let context = Context { json: cli.json, quiet: cli.quiet };
-    let result = fleetfoot::with_threads(cli.threads, || match &cli.command {
+    let work = || match &cli.command {
         Command::Demo(arguments) => commands::demo::demo(arguments, &context),
         Command::Info(arguments) => commands::info::info(arguments, &context),
         Command::Init(arguments) => commands::init::init(arguments, &context),
@@ -50,18 +65,19 @@ fn main() -> ExitCode {
         Command::Export(arguments) => commands::export::export(arguments, &context),
         Command::Completions(arguments) => commands::completions::completions(arguments),
         Command::Man(arguments) => commands::man::man(arguments, &context),
-    });
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error @ fleetfoot::Error::Paused { .. }) => {
+    };
+    match fleetfoot::with_threads(threads(cli.threads, &context), || stoppable(signals::stop(), work)) {
+        Ok(Ok(())) => ExitCode::SUCCESS,
+        Ok(Err(error @ fleetfoot::Error::Paused { .. })) => {
             report::tell(error);
-            ExitCode::from(130)
+            ExitCode::from(signals::STOPPED)
         }
-        Err(_) if progress::stopped() => {
+        Err(Cancelled) | Ok(Err(_)) if signals::stop().is_set() => {
             report::tell("stopped; nothing was written");
-            ExitCode::from(130)
+            ExitCode::from(signals::STOPPED)
         }
-        Err(error) => {
+        Err(Cancelled) => unreachable!("work unwinds so after a stop alone"),
+        Ok(Err(error)) => {
             report::report(error);
             ExitCode::from(1)
         }

@@ -1,4 +1,4 @@
-//! Progress on a terminal, and cancellation by Ctrl-C.
+//! Progress on a terminal.
 
 mod heartbeat;
 
@@ -6,7 +6,7 @@ use std::{
     io::{IsTerminal, Write},
     sync::{
         Mutex, PoisonError,
-        atomic::{AtomicBool, AtomicUsize, Ordering},
+        atomic::{AtomicUsize, Ordering},
     },
     time::Duration,
 };
@@ -14,23 +14,6 @@ use std::{
 use fleetfoot::Progress;
 use heartbeat::Heartbeat;
 use indicatif::{ProgressBar, ProgressStyle};
-
-static STOP: AtomicBool = AtomicBool::new(false);
-
-/// The first Ctrl-C stops the work at the next piece, so that no half-written file stays behind; the second ends the process.
-pub(crate) fn stop_on_interrupt() {
-    // Where no handler can be set, Ctrl-C ends the process as usual.
-    let _ = ctrlc::set_handler(|| {
-        if STOP.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-    });
-}
-
-/// Whether the user has stopped the work.
-pub(crate) fn stopped() -> bool {
-    STOP.load(Ordering::Relaxed)
-}
 
 /// How long a job may take in a pipe before it tells what it is at.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -86,7 +69,7 @@ impl Progress for Bar {
     }
 
     fn cancelled(&self) -> bool {
-        STOP.load(Ordering::Relaxed)
+        crate::signals::stop().is_set()
     }
 
     fn stage(&self, name: &str) {

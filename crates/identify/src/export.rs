@@ -4,7 +4,7 @@ mod engine;
 
 use std::path::{Path, PathBuf};
 
-use fleetfoot_log::{check_outputs, write_atomic};
+use fleetfoot_log::{check_outputs, together, write_atomic};
 use fleetfoot_model::{Cost, ExportOptions, ExportedFile, Model, Target, TestVector, test_vectors};
 
 use crate::{Error, FilterSection};
@@ -70,14 +70,12 @@ pub fn export_filter(
     write(&exported, folder, inputs)
 }
 
-/// Writes files into a folder.
+/// Writes files into a folder: all of them or none.
 fn write(exported: &[ExportedFile], folder: &Path, inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Error> {
     std::fs::create_dir_all(folder).map_err(|source| Error::Write { path: folder.to_owned(), source })?;
     let files: Vec<PathBuf> = exported.iter().map(|file| folder.join(&file.name)).collect();
     check_outputs(&files, inputs)?;
-    for (path, file) in files.iter().zip(exported) {
-        write_atomic(path, &file.bytes)?;
-    }
+    together(|| files.iter().zip(exported).try_for_each(|(path, file)| write_atomic(path, &file.bytes)))?;
     Ok(files)
 }
 

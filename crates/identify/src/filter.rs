@@ -32,6 +32,8 @@ use writer::FilteredWriter;
 pub struct Filtered {
     /// Rows of all episodes.
     pub rows: u64,
+    /// Of these, the rows without an estimate: the covariance of the filter was no finite number any more.
+    pub lost_rows: u64,
     /// Episodes.
     pub episodes: usize,
     /// The states.
@@ -244,9 +246,11 @@ fn filter_pieces(
         },
     )?;
     dataset.all_were_read();
+    notes.extend(sums.lost_filters());
     notes.extend(sums.held_sensors(&filter));
     Ok(Filtered {
         rows: view.rows() as u64,
+        lost_rows: sums.lost(),
         episodes: view.episodes().len(),
         states: filter.states().to_vec(),
         regions: filter.regions(),

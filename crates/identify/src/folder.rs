@@ -25,7 +25,9 @@ pub struct Folder {
     staging: TempDir,
     /// Files of an earlier command, that this one replaces.
     old: Vec<PathBuf>,
-    /// Hidden folders of killed commands.
+    /// Hidden folders of killed commands, which were removed.
+    removed: Vec<PathBuf>,
+    /// Hidden folders that may be another command's: the file system has no locks.
     leftovers: Vec<PathBuf>,
     _lock: WriteLock,
     // After the lock, whose file is in the folder.
@@ -47,7 +49,7 @@ impl Folder {
     ///
     /// # Errors
     /// A folder that holds recordings, which `fit FOLDER` would mix with the new ones. With `force`, those that have names of the command's `own`
-    /// are replaced by the new ones, all of them, and what killed commands have left is removed; any other recording is refused still. A folder
+    /// are replaced by the new ones, all of them; any other recording is refused still. A folder
     /// that another command is working on; one of the `inputs` among what would be replaced.
     pub fn create(target: &Path, force: bool, inputs: &[PathBuf], own: fn(&str) -> bool) -> Result<Self, Error> {
         let error = |path: &Path, source| Error::Write { path: path.to_owned(), source };
@@ -57,24 +59,26 @@ impl Folder {
         let lock = WriteLock::take(target.join(LOCK), target)?;
         let old = Self::check(target, force, own)?;
         check_outputs(&old, inputs)?;
+        let (mut removed, mut leftovers) = (Vec::new(), left_in(target).map_err(|source| error(target, source))?);
         // Whoever made them is gone: the lock is here.
-        let mut leftovers = left_in(target).map_err(|source| error(target, source))?;
-        if force {
-            for left in leftovers.drain(..) {
-                fs::remove_dir_all(&left).map_err(|source| error(&left, source))?;
-            }
+        if lock.is_exclusive() || force {
+            std::mem::swap(&mut removed, &mut leftovers);
+        }
+        for left in &removed {
+            fs::remove_dir_all(left).map_err(|source| error(left, source))?;
         }
         let staging = tempfile::Builder::new().prefix(STAGING).tempdir_in(target);
         let staging = staging.map_err(|source| error(target, source))?;
-        Ok(Self { target: target.to_owned(), staging, old, leftovers, _lock: lock, _made: made })
+        Ok(Self { target: target.to_owned(), staging, old, removed, leftovers, _lock: lock, _made: made })
     }
 
     /// What a person should know of the folder.
     pub fn notes(&self) -> Vec<String> {
-        let told = |left: &PathBuf| {
-            format!("{} is what a killed command has left: remove it, or give --force", left.display())
+        let removed = |left: &PathBuf| format!("removed {}, which a killed command had left", left.display());
+        let left = |left: &PathBuf| {
+            format!("{} may be what a killed command has left: remove it, or give --force", left.display())
         };
-        self.leftovers.iter().map(told).collect()
+        self.removed.iter().map(removed).chain(self.leftovers.iter().map(left)).collect()
     }
 
     /// The files that new ones would replace.
@@ -128,9 +132,16 @@ impl Folder {
     /// Moves the files of these names out, and removes those of an earlier command.
     pub fn commit(self, names: &[String]) -> Result<(), Error> {
         let error = |path: &Path, source| Error::Write { path: path.to_owned(), source };
+        let mut made: Vec<PathBuf> = Vec::new();
         for name in names {
-            let target = self.target(name);
-            fs::rename(self.staged(name), &target).map_err(|source| error(&target, source))?;
+            let (target, staged) = (self.target(name), self.staged(name));
+            let is_new = !target.exists();
+            if let Err(source) = fs::rename(staged, &target) {
+                // All of them, or none: what cannot be removed either stays, and the error says where.
+                made.iter().for_each(|path| drop(fs::remove_file(path)));
+                return Err(error(&target, source));
+            }
+            made.extend(is_new.then_some(target));
         }
         for old in self.old.iter().filter(|old| !names.iter().any(|name| self.target(name) == **old)) {
             fs::remove_file(old).map_err(|source| error(old, source))?;
@@ -203,18 +214,21 @@ mod tests {
     }
 
     #[test]
-    fn one_command_at_a_time_and_what_a_killed_one_left_is_told() {
+    fn one_command_at_a_time_and_what_a_killed_one_left_is_removed() {
         let folder = tempfile::tempdir().unwrap();
         let left = folder.path().join(".generating-killed");
         fs::create_dir(&left).unwrap();
         fs::write(left.join("hexapod_00.mcap"), "half").unwrap();
         let making = Folder::create(folder.path(), false, &[], is_own).unwrap();
-        assert!(making.notes()[0].contains(".generating-killed"), "{:?}", making.notes());
+        assert!(
+            making.notes()[0].contains("removed ") && making.notes()[0].contains(".generating-killed"),
+            "{:?}",
+            making.notes()
+        );
+        assert!(!left.exists());
         let message = Folder::create(folder.path(), true, &[], is_own).err().unwrap().to_string();
         assert!(message.contains("another command"), "{message}");
         making.commit(&[]).unwrap();
-        assert!(left.exists());
-        Folder::create(folder.path(), true, &[], is_own).unwrap().commit(&[]).unwrap();
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 }

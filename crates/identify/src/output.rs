@@ -12,7 +12,7 @@ use fleetfoot_log::{Compression, Format, McapOptions, WriteOptions, is_stream};
 use fleetfoot_model::Model;
 
 pub use layout::layout_files;
-pub(crate) use layout::{Line, Plot, write_layouts};
+pub(crate) use layout::{Line, Plot, finish_with_layouts};
 pub(crate) use model::refuse_not_finite;
 pub use model::write_model;
 pub(crate) use plane::write_plane;

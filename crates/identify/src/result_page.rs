@@ -35,7 +35,7 @@ use std::{
 
 use fleetfoot_data::Progress;
 use fleetfoot_dynamics::controller::Controller;
-use fleetfoot_log::{check_outputs, write_atomic};
+use fleetfoot_log::{check_outputs, together, write_atomic};
 use fleetfoot_model::Model;
 use fleetfoot_report::{Page, Part, Section, Sentence, words::series as listed};
 use serde_json::Value;
@@ -251,10 +251,12 @@ impl Report {
         let paths: Vec<PathBuf> =
             figures.iter().map(|figure| folder.join(format!("{}.{suffix}", figure.name))).collect();
         check_outputs(&paths, inputs)?;
-        for (figure, path) in figures.iter().zip(&paths) {
-            let text = if format == FigureFormat::Svg { figure.to_svg() } else { figure.to_csv() };
-            write_atomic(path, text.as_bytes())?;
-        }
+        together(|| {
+            figures.iter().zip(&paths).try_for_each(|(figure, path)| {
+                let text = if format == FigureFormat::Svg { figure.to_svg() } else { figure.to_csv() };
+                write_atomic(path, text.as_bytes())
+            })
+        })?;
         Ok(paths)
     }
 }

@@ -24,6 +24,7 @@ use std::path::{Path, PathBuf};
 
 use faer::Mat;
 use fleetfoot_data::Progress;
+use fleetfoot_log::together;
 use fleetfoot_model::Model;
 use fleetfoot_sparse::inference::{Clusters, system_errors};
 
@@ -76,7 +77,7 @@ impl SindyFitted {
     /// Those of writing.
     pub fn write_front(&self, chosen: &Path) -> Result<Vec<PathBuf>, Error> {
         let files = self.front_files(chosen);
-        files.iter().zip(&self.front).try_for_each(|(path, (_, model))| write_model(model, path))?;
+        together(|| files.iter().zip(&self.front).try_for_each(|(path, (_, model))| write_model(model, path)))?;
         Ok(files)
     }
 

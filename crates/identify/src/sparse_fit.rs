@@ -111,12 +111,10 @@ pub fn fit_sparse(
     };
     refuse_bounds_without_latents(&evidence.recipe)?;
     let options = SparseOptions::new(&evidence.recipe.sparse)?;
-    if let Some(path) = &request.keep {
-        evidence.file.write(path)?;
-    }
     let all: BTreeSet<EpisodeId> = evidence.file.episodes.iter().map(|episode| episode.id).collect();
     let Some(label) = &request.by else {
-        return Ok(vec![evidence.fit(&options, None, &all, request.influence, progress)?]);
+        let found = vec![evidence.fit(&options, None, &all, request.influence, progress)?];
+        return evidence.kept(request, found);
     };
     let mut fitted = Vec::new();
     for (value, episodes) in by_label(&evidence.file, label)? {
@@ -128,7 +126,17 @@ pub fn fit_sparse(
             other => other,
         })?);
     }
-    Ok(fitted)
+    evidence.kept(request, fitted)
+}
+
+impl Evidence {
+    /// Writes the statistic, where it is to be kept: after the fits, so that those that fail or are stopped write nothing.
+    fn kept(&self, request: &SparseRequest, fitted: Vec<SparseFitted>) -> Result<Vec<SparseFitted>, Error> {
+        if let Some(path) = &request.keep {
+            self.file.write(path)?;
+        }
+        Ok(fitted)
+    }
 }
 
 /// Refuses bounds of coefficients that have no latent: those of an equation's own are kept by `fit sindy`.

@@ -1,6 +1,7 @@
 //! Files that appear whole or not at all.
 
 use std::{
+    cell::RefCell,
     fs::File,
     io::{self, Seek, SeekFrom, Write},
     path::{Path, PathBuf},
@@ -10,15 +11,20 @@ use tempfile::NamedTempFile;
 
 use crate::{
     Error,
-    destination::{Destination, RANDOM, folder},
+    destination::{Destination, folder, is_at},
+    leftovers::{self, RANDOM, SUFFIX},
 };
 
-/// Names that are longer leave no room for what is put around them.
-const LONGEST_NAME: usize = 200;
+thread_local! {
+    /// Complete files of this thread's [`together`], which have no names yet.
+    static TOGETHER: RefCell<Option<Vec<AtomicFile>>> = const { RefCell::new(None) };
+}
 
 /// A file under construction: written beside its target, renamed onto it by [`AtomicFile::commit`], removed when dropped before.
 ///
 /// A symbolic link is followed and stays. A device, a pipe or a socket gets all bytes at the end, and stays what it is.
+///
+/// What killed processes have left of earlier ones goes when the next one begins.
 #[derive(Debug)]
 pub struct AtomicFile {
     work: Work,
@@ -50,12 +56,31 @@ impl AtomicFile {
         &self.target
     }
 
-    /// Writes everything to the disk and gives the file its name, replacing an older one.
+    /// Writes everything to the disk and gives the file its name, replacing an older one; within [`together`], with the others at its end.
     pub fn commit(self) -> Result<(), Error> {
+        if let Work::Beside(temporary, _) = &self.work {
+            let done = temporary.as_file().sync_all();
+            done.map_err(|source| Error::Io { path: self.target.clone(), action: "write", source })?;
+        }
+        let alone = TOGETHER.with_borrow_mut(|files| match files {
+            Some(files) => {
+                files.push(self);
+                None
+            }
+            None => Some(self),
+        });
+        alone.map_or(Ok(()), |file| file.place().map(drop))
+    }
+
+    /// Gives a complete file its name; tells the path if no file had that name before.
+    fn place(self) -> Result<Option<PathBuf>, Error> {
         let Self { work, target } = self;
         let done = match work {
-            Work::Beside(temporary, real) => rename(temporary, &real),
-            Work::Through(temporary) => hand_over(temporary, &target),
+            Work::Beside(temporary, real) => {
+                let made = (!real.exists()).then(|| real.clone());
+                rename(temporary, &real).map(|()| made)
+            }
+            Work::Through(temporary) => hand_over(temporary, &target).map(|()| None),
         };
         done.map_err(|source| Error::Io { path: target, action: "write", source })
     }
@@ -69,26 +94,64 @@ impl AtomicFile {
     }
 }
 
+/// Files that `work` commits on this thread appear together: all of them once it is done, none where it fails or is stopped.
+///
+/// # Errors
+/// Those of `work`, and of giving the files their names: those that were not there before go again.
+pub fn together<R, E: From<Error>>(work: impl FnOnce() -> Result<R, E>) -> Result<R, E> {
+    /// Forgets the files of a work that did not come to its end.
+    struct Abandoned;
+    impl Drop for Abandoned {
+        fn drop(&mut self) {
+            TOGETHER.set(None);
+        }
+    }
+    if TOGETHER.with_borrow(Option::is_some) {
+        return work();
+    }
+    TOGETHER.set(Some(Vec::new()));
+    let abandoned = Abandoned;
+    let result = work()?;
+    let files = TOGETHER.take().unwrap_or_default();
+    drop(abandoned);
+    let mut made = Vec::new();
+    for file in files {
+        match file.place() {
+            Ok(path) => made.extend(path),
+            Err(error) => {
+                // What cannot be removed either stays, and the error says where.
+                made.iter().for_each(|path| drop(std::fs::remove_file(path)));
+                return Err(error.into());
+            }
+        }
+    }
+    Ok(result)
+}
+
 /// An unfinished file beside a target, locked while somebody writes it: what a killed process leaves is known by its name and free.
 fn beside(target: &Path) -> io::Result<NamedTempFile> {
-    let name = target.file_name().unwrap_or_default().to_string_lossy();
-    let prefix = if name.len() > LONGEST_NAME { ".".to_owned() } else { format!(".{name}.") };
+    leftovers::remove_leftovers(target);
     let mut builder = tempfile::Builder::new();
-    builder.prefix(&prefix).suffix(".partial").rand_bytes(RANDOM);
+    let prefix = leftovers::prefix(target);
+    builder.prefix(&prefix).suffix(SUFFIX).rand_bytes(RANDOM);
     #[cfg(unix)]
     {
         // The permissions that a plain `create` would give; the process's mask takes the rest away.
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
-    let temporary = builder.tempfile_in(folder(target))?;
-    // Not every file system has locks; without one a leftover cannot be told from work.
-    let _ = temporary.as_file().try_lock();
-    Ok(temporary)
+    loop {
+        let temporary = builder.tempfile_in(folder(target))?;
+        // Not every file system has locks; without one a leftover cannot be told from work.
+        let _ = temporary.as_file().try_lock();
+        // Another command may have taken it for a leftover before it was locked.
+        if is_at(temporary.as_file(), temporary.path()) {
+            return Ok(temporary);
+        }
+    }
 }
 
 fn rename(temporary: NamedTempFile, target: &Path) -> io::Result<()> {
-    temporary.as_file().sync_all()?;
     temporary.persist(target).map_err(|failure| failure.error)?;
     // The rename itself lives in the folder. Not every system can sync a folder, and the data is safe without.
     #[cfg(unix)]
@@ -149,6 +212,70 @@ mod tests {
         write_atomic(&target, b"two").unwrap();
         assert_eq!(std::fs::read(&target).unwrap(), b"two");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_set_of_files_appears_whole_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let names = || {
+            let mut names: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+            names.sort();
+            names
+        };
+        write_atomic(at("a"), b"old").unwrap();
+        let failed = together(|| {
+            write_atomic(at("a"), b"new")?;
+            together(|| write_atomic(at("b"), b"new"))?;
+            write_atomic(at("no/such"), b"new")
+        });
+        assert!(failed.is_err());
+        let stopped = std::panic::catch_unwind(|| {
+            together(|| {
+                write_atomic(at("b"), b"new").unwrap();
+                std::panic::resume_unwind(Box::new(()));
+                #[allow(unreachable_code)]
+                Ok::<(), Error>(())
+            })
+        });
+        assert!(stopped.is_err());
+        assert_eq!((names(), std::fs::read(at("a")).unwrap()), (vec!["a".into()], b"old".to_vec()));
+        // A name that is taken by a folder in the meantime.
+        let taken = together(|| {
+            write_atomic(at("b"), b"new")?;
+            write_atomic(at("c"), b"new")?;
+            std::fs::create_dir(at("c")).unwrap();
+            Ok::<(), Error>(())
+        });
+        assert!(taken.is_err());
+        assert_eq!(names(), ["a", "c"]);
+        std::fs::remove_dir(at("c")).unwrap();
+        together(|| {
+            write_atomic(at("a"), b"new")?;
+            write_atomic(at("b"), b"new")?;
+            assert_eq!(std::fs::read(at("a")).unwrap(), b"old");
+            Ok::<(), Error>(())
+        })
+        .unwrap();
+        assert_eq!((names(), std::fs::read(at("a")).unwrap()), (vec!["a".into(), "b".into()], b"new".to_vec()));
+    }
+
+    #[test]
+    fn what_a_killed_process_left_goes_when_the_next_one_begins() {
+        let folder = tempfile::tempdir().unwrap();
+        let long = "n".repeat(240);
+        for name in ["out.json", &long] {
+            let target = folder.path().join(name);
+            let file = AtomicFile::create(&target).unwrap();
+            // As a killed process does: the file stays, and its lock does not.
+            let Work::Beside(temporary, _) = file.work else { panic!("a stream") };
+            let (_, left) = temporary.keep().unwrap();
+            let busy = AtomicFile::create(&target).unwrap();
+            assert!(!left.exists());
+            write_atomic(&target, b"one").unwrap();
+            busy.commit().unwrap();
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
     }
 
     #[test]

@@ -12,9 +12,6 @@ use crate::Error;
 /// Links that lead from one to the next; more are a loop.
 const MAX_LINKS: usize = 40;
 
-/// Random letters and digits in the name of an unfinished file.
-pub(crate) const RANDOM: usize = 6;
-
 /// What an output's name stands for.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Destination {
@@ -122,20 +119,18 @@ fn identities(input: &Path) -> Vec<Identity> {
     }
 }
 
-/// What killed commands have left of an output: unfinished files that nobody writes to any more.
-pub fn leftovers(output: &Path) -> Vec<PathBuf> {
-    let Ok(Destination::File(real)) = Destination::of(output) else { return Vec::new() };
-    let Some(name) = real.file_name().map(|name| format!(".{}.", name.to_string_lossy())) else { return Vec::new() };
-    let Ok(entries) = fs::read_dir(folder(&real)) else { return Vec::new() };
-    let is_left = |path: &PathBuf| {
-        let own = path.file_name().unwrap_or_default().to_string_lossy();
-        let random = own.strip_prefix(&name).and_then(|rest| rest.strip_suffix(".partial"));
-        random.is_some_and(|random| random.len() == RANDOM && random.bytes().all(|byte| byte.is_ascii_alphanumeric()))
-            && File::open(path).is_ok_and(|file| file.try_lock().is_ok())
-    };
-    let mut found: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).filter(is_left).collect();
-    found.sort();
-    found
+/// Whether an open file is the one that has this name.
+#[cfg(unix)]
+pub(crate) fn is_at(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let same = |a: fs::Metadata, b: fs::Metadata| (a.dev(), a.ino()) == (b.dev(), b.ino());
+    file.metadata().ok().zip(fs::metadata(path).ok()).is_some_and(|(own, there)| same(own, there))
+}
+
+/// Whether an open file is the one that has this name.
+#[cfg(not(unix))]
+pub(crate) fn is_at(_file: &File, _path: &Path) -> bool {
+    true
 }
 
 #[cfg(all(test, unix))]
@@ -185,17 +180,5 @@ mod tests {
         assert!(check_outputs(&[at("log.csv")], &[folder.path()]).is_err());
         check_outputs::<_, &Path>(&[at("a.json"), at("b.json")], &[&at("log.csv")]).unwrap();
         check_outputs(&["/dev/zero", "/dev/zero"], &["/dev/zero"]).unwrap();
-    }
-
-    #[test]
-    fn unfinished_files_are_left_only_when_nobody_writes_them() {
-        let folder = tempfile::tempdir().unwrap();
-        let target = folder.path().join("model.json");
-        fs::write(folder.path().join(".model.json.a1B2c3.partial"), "half").unwrap();
-        fs::write(folder.path().join(".other.json.a1B2c3.partial"), "half").unwrap();
-        let busy = crate::AtomicFile::create(&target).unwrap();
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 3);
-        assert_eq!(leftovers(&target), [folder.path().join(".model.json.a1B2c3.partial")]);
-        drop(busy);
     }
 }

@@ -5,13 +5,14 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::Error;
+use crate::{Error, destination::is_at};
 
 /// The sole right to write something, until it is dropped. The system takes it back from a process that is killed.
 #[derive(Debug)]
 pub struct WriteLock {
     path: PathBuf,
     _file: File,
+    exclusive: bool,
 }
 
 impl WriteLock {
@@ -26,14 +27,20 @@ impl WriteLock {
         let error = |source| Error::Io { path: what.into(), action: "write", source };
         loop {
             let file = File::options().create(true).truncate(false).write(true).open(&path).map_err(error)?;
-            if let Err(TryLockError::WouldBlock) = file.try_lock() {
+            let locked = file.try_lock();
+            if let Err(TryLockError::WouldBlock) = locked {
                 return Err(Error::Busy { path: what.into() });
             }
             // Whoever had it before may have removed the very file that was opened.
             if is_at(&file, &path) {
-                return Ok(Self { path, _file: file });
+                return Ok(Self { path, _file: file, exclusive: locked.is_ok() });
             }
         }
+    }
+
+    /// Whether nobody else can have it: the file system has locks.
+    pub fn is_exclusive(&self) -> bool {
+        self.exclusive
     }
 
     /// The hidden file that stands for the output `file` in its folder.
@@ -48,18 +55,6 @@ impl Drop for WriteLock {
         // Still locked: nobody else takes it between here and its end. A file that stays harms nobody.
         let _ = fs::remove_file(&self.path);
     }
-}
-
-#[cfg(unix)]
-fn is_at(file: &File, path: &Path) -> bool {
-    use std::os::unix::fs::MetadataExt;
-    let same = |a: fs::Metadata, b: fs::Metadata| (a.dev(), a.ino()) == (b.dev(), b.ino());
-    file.metadata().ok().zip(fs::metadata(path).ok()).is_some_and(|(own, there)| same(own, there))
-}
-
-#[cfg(not(unix))]
-fn is_at(_file: &File, _path: &Path) -> bool {
-    true
 }
 
 #[cfg(test)]

@@ -271,7 +271,10 @@ fn filtered_to_dict<'py>(py: Python<'py>, found: &FilteredRows) -> PyResult<Boun
     dict.set_item("x", matrix(found.means())?)?;
     dict.set_item("deviation", matrix(found.deviations())?)?;
     dict.set_item("probability", matrix(found.probabilities())?)?;
-    dict.set_item("region", PyArray1::from_iter(py, (0..rows).map(|row| found.region(row) as i64)))?;
+    dict.set_item(
+        "region",
+        PyArray1::from_iter(py, (0..rows).map(|row| found.region(row).map_or(-1, |region| region as i64))),
+    )?;
     dict.set_item("innovation", matrix(found.innovations())?)?;
     dict.set_item("innovation_deviation", matrix(found.innovation_deviations())?)?;
     dict.set_item("log_likelihood", PyArray1::from_slice(py, found.log_likelihood()))?;

@@ -47,7 +47,7 @@ fn to_text(filtered: &Filtered) -> String {
             rows => format!(", by that of {} before", count(rows, "row")),
         },
         number(filtered.log_likelihood),
-        number(filtered.log_likelihood / filtered.rows as f64)
+        number(filtered.log_likelihood / (filtered.rows - filtered.lost_rows) as f64)
     );
     let sensor = |own: &SensorReport| {
         let from = match own.deviation_from {

@@ -3,7 +3,7 @@
 use fleetfoot::{
     BoundedCandidate, Derivative, Error, Fitted, Gap, Input, InputTable, Kind, Objective, PwaOptions, PwaRequest,
     Recipe, Refinement, RolloutCandidate, RolloutChoice, fit_pwa, is_known, is_statistic,
-    log::{Cache, Stamp},
+    log::{Cache, Stamp, together},
     pwa::Score,
     rival, write_model,
 };
@@ -43,8 +43,10 @@ pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
     let fitted = fit_pwa(&recipe, PwaRequest { keep_all: arguments.keep_all }, &files, &bar);
     bar.finish();
     let fitted = fitted?;
-    write_model(&fitted.identification.model, &arguments.output)?;
-    let rivals = fitted.write_rivals(&arguments.output)?;
+    let rivals = together(|| {
+        write_model(&fitted.identification.model, &arguments.output)?;
+        fitted.write_rivals(&arguments.output)
+    })?;
     context.notes(&fitted.notes);
     let told = Told { fitted: fitted.to_json(), model: arguments.output.display().to_string() };
     context.print(told, || to_text(&fitted));

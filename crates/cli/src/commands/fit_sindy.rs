@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use fleetfoot::{
     EquationReport, Error, FrontPoint, LimitReport, ParameterReport, ParameterSection, Recipe, RegionReport, SindyPlan,
-    SindyReport, SindyRequest, estimate::Uncertain, fit_sindy, is_known, is_statistic, plan_sindy, write_model,
+    SindyReport, SindyRequest, estimate::Uncertain, fit_sindy, is_known, is_statistic, log::together, plan_sindy,
+    write_model,
 };
 
 use super::{Context, WithModel, fit, fit_known, logs_or_statistic, read_by, reading::reading};
@@ -42,10 +43,13 @@ pub(crate) fn sindy(arguments: &FitSindy, context: &Context) -> Result<(), Error
     if arguments.keep_front {
         context.claim(&fitted.front_files(&arguments.output), &read, false)?;
     }
-    write_model(&fitted.model, &arguments.output)?;
-    if arguments.keep_front {
-        written.extend(fitted.write_front(&arguments.output)?);
-    }
+    together(|| {
+        write_model(&fitted.model, &arguments.output)?;
+        if arguments.keep_front {
+            written.extend(fitted.write_front(&arguments.output)?);
+        }
+        Ok::<_, Error>(())
+    })?;
     context.notes(&fitted.report.notes);
     let told = WithModel::new(fitted.report.to_json(), &fitted.model, &arguments.output);
     context.print(told, || to_text(&fitted.report, arguments.front));

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use fleetfoot::{
     CandidateReport, Error, LatentReport, LeaveOneOutReport, LimitReport, ReadPlan, Recipe, SparseFitted, SparseReport,
     SparseRequest, file_by_value, fit_sparse, is_statistic,
+    log::together,
     statistic::{LabelKey, PlannedLatent, ScanOptions, ScanPlan, StatisticFile, plan_scan},
     write_frequencies, write_model,
 };
@@ -46,13 +47,14 @@ pub(crate) fn sparse(arguments: &FitSparse, context: &Context) -> Result<(), Err
         return Err(Error::output(problem));
     }
     fleetfoot::log::check_outputs(&written.iter().cloned().chain(beside()).collect::<Vec<_>>(), &read)?;
-    for (found, path) in fitted.iter().zip(&written) {
-        write_model(&found.model, path)?;
-    }
-    if let Some(path) = &arguments.frequencies {
-        write_frequencies(path, arguments.by.as_deref(), &fitted, &files)?;
-        written.push(path.clone());
-    }
+    together(|| {
+        fitted.iter().zip(&written).try_for_each(|(found, path)| write_model(&found.model, path))?;
+        match &arguments.frequencies {
+            Some(path) => write_frequencies(path, arguments.by.as_deref(), &fitted, &files),
+            None => Ok(()),
+        }
+    })?;
+    written.extend(arguments.frequencies.clone());
     written.extend(arguments.keep.clone());
     for found in &fitted {
         let value = found.value.as_ref().map_or_else(String::new, |value| format!("{value}: "));

@@ -1,7 +1,10 @@
 //! `fleetfoot man`: manual pages, made from the arguments.
 
 use clap::CommandFactory;
-use fleetfoot::{Error, log::write_atomic};
+use fleetfoot::{
+    Error,
+    log::{together, write_atomic},
+};
 
 use super::{Context, Files};
 use crate::args::{Cli, Man};
@@ -13,12 +16,8 @@ pub(crate) fn man(arguments: &Man, context: &Context) -> Result<(), Error> {
     let folder = &arguments.output;
     let refused = |problem: std::io::Error| Error::output(format!("{} cannot be made: {problem}", folder.display()));
     std::fs::create_dir_all(folder).map_err(refused)?;
-    let mut files = Vec::new();
-    for (name, page) in &pages {
-        let path = folder.join(name);
-        write_atomic(&path, page)?;
-        files.push(path.display().to_string());
-    }
+    together(|| pages.iter().try_for_each(|(name, page)| write_atomic(folder.join(name), page)))?;
+    let files: Vec<String> = pages.iter().map(|(name, _)| folder.join(name).display().to_string()).collect();
     context.print(Files { files: &files }, || format!("wrote {}", files.join(", ")));
     Ok(())
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use fleetfoot::{Error, FigureFormat, Model, ReportOptions};
+use fleetfoot::{Error, FigureFormat, Model, ReportOptions, log::together};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -53,12 +53,14 @@ pub(crate) fn report(arguments: &Report, context: &Context) -> Result<(), Error>
     let made = made?;
     context.notes(&made.notes);
     in_sample(context, &made.in_sample, made.episodes);
-    made.write(&arguments.output, &inputs)?;
     let folders = [(&arguments.svg, FigureFormat::Svg), (&arguments.csv, FigureFormat::Csv)];
-    let mut figures = Vec::new();
-    for (folder, format) in folders.iter().filter_map(|(folder, format)| Some((folder.as_deref()?, *format))) {
-        figures.push((folder, made.write_figures(folder, format, &inputs)?));
-    }
+    let folders = folders.iter().filter_map(|(folder, format)| Some((folder.as_deref()?, *format)));
+    let figures: Vec<_> = together(|| {
+        made.write(&arguments.output, &inputs)?;
+        folders
+            .map(|(folder, format)| Ok((folder, made.write_figures(folder, format, &inputs)?)))
+            .collect::<Result<_, Error>>()
+    })?;
     let shown = |path: &PathBuf| path.display().to_string();
     let told = Told {
         page: OnPage::new(&made, &arguments.output),

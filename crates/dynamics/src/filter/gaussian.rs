@@ -39,6 +39,11 @@ impl Gaussian {
         Self { mean: self.mean.iter().copied().chain(std::iter::repeat_n(0.0, behind)).collect(), covariance }
     }
 
+    /// Whether all numbers of it are finite.
+    pub(super) fn is_finite(&self) -> bool {
+        self.mean.iter().chain(&self.covariance).all(|value| value.is_finite())
+    }
+
     /// The first n alone.
     pub(super) fn leading(self, n: usize) -> Self {
         let all = self.mean.len();

@@ -28,6 +28,7 @@ pub struct Track {
     held_inputs: usize,
     process: Process,
     placing: Placing,
+    lost: bool,
 }
 
 /// The factor on the process noise.
@@ -174,6 +175,7 @@ impl Track {
                 slope: (filter.process == ProcessFactor::Found && known).then_some(FIRST_SLOPE),
             },
             placing: filter.placing(),
+            lost: false,
         };
         for (k, &(state, _)) in filter.sensors.iter().enumerate() {
             if measured[k].is_finite() {
@@ -196,7 +198,16 @@ impl Track {
             }
         }
         begun.modes = vec![whole; count];
+        if !begun.estimate.is_finite() {
+            begun.lose();
+        }
         begun
+    }
+
+    /// Whether the filter has ended: probabilities, means or covariances are no finite numbers any more, as where an unstable region is followed for long without a
+    /// measurement. Estimates, probabilities and innovations are NaN from that row on.
+    pub fn is_lost(&self) -> bool {
+        self.lost
     }
 
     /// The states, and their covariance.
@@ -255,6 +266,10 @@ impl Track {
     }
 
     fn advance(&mut self, filter: &SwitchedFilter, inputs: &[f64], seconds: f64, measured: &[f64], deviations: &[f64]) {
+        if self.lost {
+            return;
+        }
+        let learned = (self.sensors.clone(), self.process);
         self.take_inputs(filter, inputs);
         let steps = filter.steps_over(seconds);
         for _ in 0..steps {
@@ -264,15 +279,44 @@ impl Track {
             }
             self.predict(filter, seconds / steps as f64);
         }
-        self.observe(filter, measured, deviations);
+        if !self.active().is_empty() {
+            self.observe(filter, measured, deviations);
+        }
+        match self.mixture(filter) {
+            Some(estimate) => self.estimate = estimate,
+            None => {
+                (self.sensors, self.process) = learned;
+                self.lose();
+            }
+        }
+    }
+
+    /// The states over all regions; none where no probability or no distribution is finite.
+    fn mixture(&self, filter: &SwitchedFilter) -> Option<Gaussian> {
         let active = self.active();
+        if active.is_empty() || !self.weights.iter().all(|weight| weight.is_finite()) {
+            return None;
+        }
         let inside = |region: usize| {
             let mode = &self.modes[region];
             mode.part(&|point| mode.places[point] == Some(region), &filter.geometry)
         };
         let parts: Vec<Gaussian> = active.iter().map(|&region| inside(region)).collect();
         let parts: Vec<(f64, &Gaussian)> = active.iter().map(|&region| self.weights[region]).zip(&parts).collect();
-        self.estimate = Gaussian::mixture(&parts, &filter.geometry).leading(filter.states().len());
+        let all = Gaussian::mixture(&parts, &filter.geometry);
+        all.is_finite().then(|| all.leading(filter.states().len()))
+    }
+
+    /// Ends the filter: nothing is known from here on but the noise that was found before.
+    fn lose(&mut self) {
+        self.lost = true;
+        self.estimate.mean.fill(f64::NAN);
+        self.estimate.covariance.fill(f64::NAN);
+        self.weights.fill(f64::NAN);
+        for sensor in &mut self.sensors {
+            (sensor.innovation, sensor.variance) = (f64::NAN, f64::NAN);
+        }
+        (self.log_likelihood, self.nis, self.observed) = (f64::NAN, f64::NAN, 0);
     }
 
     /// The regions that count.
@@ -318,12 +362,21 @@ impl Track {
 
     /// The step of every region, and what crosses a border by it.
     fn predict(&mut self, filter: &SwitchedFilter, seconds: f64) {
-        let moved = self.active().into_iter().map(|region| {
+        let mut moved: Vec<(usize, Mode, Vec<Option<usize>>)> = Vec::new();
+        let active = self.active();
+        for &region in &active {
             let mode = &self.modes[region];
             let state = filter.stepped(region, &mode.state, &self.inputs, seconds, self.process.factor);
-            (region, Mode::new(filter, state, &self.inputs, &self.placing), mode.places.clone())
-        });
-        let moved: Vec<(usize, Mode, Vec<Option<usize>>)> = moved.collect();
+            if state.is_finite() {
+                moved.push((region, Mode::new(filter, state, &self.inputs, &self.placing), mode.places.clone()));
+            } else {
+                // As wide as this, it foresees no measurement: others are infinitely more likely.
+                self.weights[region] = 0.0;
+            }
+        }
+        if moved.len() < active.len() {
+            filter.likely(&mut self.weights);
+        }
         if filter.by_state() {
             self.join(filter, moved);
         } else {
@@ -413,6 +466,9 @@ impl Track {
             self.modes[region] = Mode::new(filter, state, &self.inputs, &self.placing);
             // Only what lies in the region has foreseen the measurement.
             logarithms[region] += (self.modes[region].mass(region) / before).ln();
+            if logarithms[region].is_nan() || !self.modes[region].state.is_finite() {
+                logarithms[region] = f64::NEG_INFINITY;
+            }
         }
         let largest = active.iter().map(|&region| logarithms[region]).fold(f64::NEG_INFINITY, f64::max);
         active.iter().for_each(|&region| self.weights[region] *= (logarithms[region] - largest).exp());

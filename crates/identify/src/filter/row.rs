@@ -38,6 +38,8 @@ pub struct FilteredRows {
     pub(super) last_deviations: Vec<f64>,
     pub(super) process: f64,
     pub(super) held_inputs: usize,
+    /// Of these rows, those before the filter was lost ([`Track::is_lost`]).
+    pub(super) known: usize,
 }
 
 /// A filter that goes along an episode, from one block of rows to the next.
@@ -120,6 +122,7 @@ impl FilteredRows {
             last_deviations: vec![f64::NAN; sensors],
             process: f64::NAN,
             held_inputs: 0,
+            known: 0,
         }
     }
 
@@ -140,6 +143,7 @@ impl FilteredRows {
             (&mut self.measured, &next.measured),
         ];
         columns.into_iter().for_each(|(own, next)| own.extend(next));
+        self.known += next.known;
         self.last_deviations.clone_from(&next.last_deviations);
         (self.process, self.held_inputs) = (next.process, next.held_inputs);
     }
@@ -153,6 +157,7 @@ impl FilteredRows {
         at: &dyn Fn(usize) -> f64,
     ) {
         let (estimate, n) = (track.estimate(), self.states);
+        self.known += usize::from(!track.is_lost());
         self.means.extend(&estimate.mean);
         self.deviations.extend((0..n).map(|s| estimate.covariance[s * n + s].sqrt()));
         self.probabilities.extend(track.probabilities());
@@ -230,10 +235,11 @@ impl FilteredRows {
         &self.log_likelihood
     }
 
-    /// The region of a row that is most probable, the lowest of equals.
-    pub fn region(&self, row: usize) -> usize {
+    /// The region of a row that is most probable, the lowest of equals; none where the filter was lost.
+    pub fn region(&self, row: usize) -> Option<usize> {
         let own = &self.probabilities[row * self.regions..][..self.regions];
-        (1..self.regions).fold(0, |best, region| if own[region] > own[best] { region } else { best })
+        let best = (1..self.regions).fold(0, |best, region| if own[region] > own[best] { region } else { best });
+        own[best].is_finite().then_some(best)
     }
 
     /// What a sensor measured; NaN for nothing.

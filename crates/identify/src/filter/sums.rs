@@ -23,6 +23,10 @@ pub(super) struct Sums {
     /// Of every episode, the factor on the process noise at its end.
     process: Vec<f64>,
     held: u64,
+    /// Rows from which on a filter was lost, and the first of them: its episode, its number from 1.
+    lost: u64,
+    first_lost: Option<(String, usize)>,
+    lost_episodes: usize,
     /// What the present episode's rows say so far; `None` before its first one.
     episode: Option<Along>,
 }
@@ -43,6 +47,7 @@ struct Along {
     log_likelihood: f64,
     process: f64,
     held: u64,
+    lost: bool,
     sensors: Vec<Last>,
 }
 
@@ -91,6 +96,9 @@ impl Sums {
             log_likelihood: 0.0,
             process: Vec::new(),
             held: 0,
+            lost: 0,
+            first_lost: None,
+            lost_episodes: 0,
             episode: None,
         }
     }
@@ -98,8 +106,13 @@ impl Sums {
     /// Adds rows of an episode that follow those before.
     pub(super) fn add(&mut self, episode: EpisodeId, filter: &SwitchedFilter, readings: &Reading, rows: &FilteredRows) {
         let unknown = Last { normalised: f64::NAN, measured: f64::NAN, deviation: f64::NAN };
-        let begun =
-            || Along { log_likelihood: 0.0, process: 0.0, held: 0, sensors: vec![unknown; rows.last_deviations.len()] };
+        let begun = || Along {
+            log_likelihood: 0.0,
+            process: 0.0,
+            held: 0,
+            lost: false,
+            sensors: vec![unknown; rows.last_deviations.len()],
+        };
         let along = self.episode.get_or_insert_with(begun);
         for (k, (sums, last)) in self.sensors.iter_mut().zip(&mut along.sensors).enumerate() {
             for row in 0..rows.rows() {
@@ -110,7 +123,13 @@ impl Sums {
             }
             sums.squares.add(episode, (0..rows.rows()).map(|row| rows.normalised(row, k).powi(2)));
         }
-        rows.log_likelihood().iter().for_each(|own| along.log_likelihood += own);
+        rows.log_likelihood()[..rows.known].iter().for_each(|own| along.log_likelihood += own);
+        self.lost += (rows.rows() - rows.known) as u64;
+        if rows.known < rows.rows() && !along.lost {
+            along.lost = true;
+            self.lost_episodes += 1;
+            self.first_lost.get_or_insert_with(|| (rows.episode().to_owned(), rows.first() + rows.known + 1));
+        }
         (along.process, along.held) = (rows.process, rows.held_inputs as u64);
         self.nis.add(episode, rows.nis.iter().copied());
         self.nees.add(episode, rows.nees.iter().copied());
@@ -160,6 +179,24 @@ impl Sums {
     /// Steps whose inputs were missing.
     pub(super) fn held(&self) -> u64 {
         self.held
+    }
+
+    /// Rows that no filter was left for.
+    pub(super) fn lost(&self) -> u64 {
+        self.lost
+    }
+
+    /// A note of episodes whose filter was lost.
+    pub(super) fn lost_filters(&self) -> Option<String> {
+        let (episode, row) = self.first_lost.as_ref()?;
+        let more = match self.lost_episodes - 1 {
+            0 => String::new(),
+            more => format!(", and those of {more} other episodes end too"),
+        };
+        Some(format!(
+            "{episode}: the filter ends before row {row}{more}: the covariance of its states is no finite number any more, as where a region is unstable and nothing is measured for long; the {} rows from there on have no estimate: measure more states, or end episodes at gaps (--max-gap)",
+            self.lost
+        ))
     }
 
     /// A note of the sensors that are slower than the rows.

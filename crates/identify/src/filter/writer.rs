@@ -9,7 +9,7 @@ use fleetfoot_model::Model;
 use super::FilteredRows;
 use crate::{
     Error, Logs,
-    output::{Kind, Line, Plot, mcap_options, table_options, write_layouts},
+    output::{Kind, Line, Plot, finish_with_layouts, mcap_options, table_options},
 };
 
 /// Of messages: what was measured, the mean and deviation of every state, innovation and its deviation of every sensor, and what there is one of a row.
@@ -72,10 +72,7 @@ impl FilteredWriter {
     pub(crate) fn finish(self) -> Result<(), Error> {
         match self.sink {
             Sink::Table(writer) => writer.finish()?,
-            Sink::Mcap { overlay, path, plots, .. } => {
-                overlay.finish()?;
-                write_layouts(&path, &plots)?;
-            }
+            Sink::Mcap { overlay, path, plots, .. } => finish_with_layouts(*overlay, &path, &plots)?,
         }
         Ok(())
     }
@@ -119,6 +116,11 @@ fn plots(filter: &SwitchedFilter) -> Vec<Plot> {
     filter.states().iter().enumerate().map(plot).collect()
 }
 
+/// -1 for a row that the filter was lost before.
+fn region(found: &FilteredRows, row: usize) -> i64 {
+    found.region(row).map_or(-1, |region| region as i64)
+}
+
 fn write_table(
     writer: &mut TableWriter,
     found: &FilteredRows,
@@ -140,7 +142,7 @@ fn write_table(
     }
     numbers.extend((0..regions).map(|region| column(found.probabilities(), regions, region)));
     numbers.push(found.log_likelihood().to_vec());
-    let regions: Vec<i64> = (0..rows).map(|row| found.region(row) as i64).collect();
+    let regions: Vec<i64> = (0..rows).map(|row| region(found, row)).collect();
     let names = vec![found.episode(); rows];
     let mut values = vec![Values::Text(&names), Values::Integer(found.stamps())];
     values.extend(numbers.iter().map(|column| Values::Float(column)));
@@ -161,7 +163,7 @@ fn write_messages(
     for (row, &stamp) in found.stamps().iter().enumerate() {
         let log_time = stamp.saturating_add(found.log_offset());
         let of = |values: &[f64], width: usize| values[row * width..][..width].to_vec();
-        let mut about = vec![found.region(row) as f64, found.log_likelihood()[row]];
+        let mut about = vec![region(found, row) as f64, found.log_likelihood()[row]];
         about.extend(of(found.probabilities(), regions));
         let values = [
             (0..sensors).map(|sensor| found.measured(row, sensor)).collect(),
@@ -172,7 +174,7 @@ fn write_messages(
             about,
         ];
         for (&topic, values) in topics.iter().zip(&values) {
-            if values.iter().any(|value| value.is_finite()) {
+            if row < found.known && values.iter().any(|value| value.is_finite()) {
                 overlay.row(topic, stamp, log_time, values)?;
             }
         }

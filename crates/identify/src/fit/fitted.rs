@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use fleetfoot_log::together;
 use fleetfoot_pwa::{Identification, Specification};
 
 use crate::{Error, Refinement, RolloutChoice, output::write_model};
@@ -39,12 +40,9 @@ impl Fitted {
     /// Those of writing.
     pub fn write_rivals(&self, chosen: &Path) -> Result<Vec<PathBuf>, Error> {
         let found = &self.identification;
-        let mut written = Vec::with_capacity(found.models.len());
-        for (model, candidate) in found.models.iter().zip(&found.candidates) {
-            let path = rival(chosen, &candidate.specification);
-            write_model(model, &path)?;
-            written.push(path);
-        }
+        let written: Vec<PathBuf> =
+            found.models.iter().zip(&found.candidates).map(|(_, own)| rival(chosen, &own.specification)).collect();
+        together(|| found.models.iter().zip(&written).try_for_each(|(model, path)| write_model(model, path)))?;
         Ok(written)
     }
 }

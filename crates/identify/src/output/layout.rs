@@ -5,7 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
-use fleetfoot_log::write_atomic;
+use fleetfoot_log::{Overlay, together, write_atomic};
 use serde_json::{Value, json};
 
 use super::{Kind, kind};
@@ -45,13 +45,15 @@ pub fn layout_files(output: &Path) -> Vec<PathBuf> {
     }
 }
 
-/// Writes the layouts of some plots beside a file of messages.
-pub(crate) fn write_layouts(messages: &Path, plots: &[Plot]) -> Result<(), Error> {
+/// Ends a file of messages, and writes the layouts of some plots beside it: all three files or none.
+pub(crate) fn finish_with_layouts(overlay: Overlay, messages: &Path, plots: &[Plot]) -> Result<(), Error> {
     let plots = &plots[..plots.len().min(PLOTS)];
-    for (path, text) in layout_files(messages).iter().zip([format!("{:#}\n", foxglove(plots)), plotjuggler(plots)]) {
-        write_atomic(path, text.as_bytes())?;
-    }
-    Ok(())
+    let layouts = [format!("{:#}\n", foxglove(plots)), plotjuggler(plots)];
+    together(|| {
+        overlay.finish()?;
+        layout_files(messages).iter().zip(&layouts).try_for_each(|(path, text)| write_atomic(path, text.as_bytes()))?;
+        Ok(())
+    })
 }
 
 fn colour(line: usize) -> &'static str {
@@ -118,9 +120,22 @@ fn plotjuggler(plots: &[Plot]) -> String {
     )
 }
 
-/// A value of an attribute.
+/// A value of an attribute. XML 1.0 has no place for most control characters and for the last two code points of the first plane, not even as references (its production 2, `Char`):
+/// they become U+FFFD. Tab and line ends are written as references, as a reader makes plain ones blanks.
 fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+    let mut escaped = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => escaped.push_str("&amp;"),
+            '<' => escaped.push_str("&lt;"),
+            '>' => escaped.push_str("&gt;"),
+            '"' => escaped.push_str("&quot;"),
+            '\t' | '\n' | '\r' => escaped.push_str(&format!("&#{};", c as u32)),
+            '\0'..'\u{20}' | '\u{fffe}' | '\u{ffff}' => escaped.push(char::REPLACEMENT_CHARACTER),
+            c => escaped.push(c),
+        }
+    }
+    escaped
 }
 
 #[cfg(test)]
@@ -165,6 +180,7 @@ mod tests {
             xml.contains("<DockArea name=\"&lt;v1&gt;\">")
                 && xml.contains("count=\"3\" sizes=\"0.333333;0.333333;0.333333\"")
         );
+        assert_eq!(escaped("a\u{1}b\u{0}\tc\r\n\u{fffe}\u{7f}"), "a\u{fffd}b\u{fffd}&#9;c&#13;&#10;\u{fffd}\u{7f}");
         let (opened, closed) = (xml.matches('<').count(), xml.matches('>').count());
         assert_eq!(opened, closed);
     }

@@ -8,7 +8,7 @@ use fleetfoot_model::Model;
 
 use super::{
     Kind,
-    layout::{Line, Plot, write_layouts},
+    layout::{Line, Plot, finish_with_layouts},
     mcap_options, table_options,
 };
 use crate::{Error, Logs};
@@ -73,10 +73,7 @@ impl PredictionsWriter {
     pub(crate) fn finish(self) -> Result<(), Error> {
         match self.sink {
             Sink::Table(writer) => writer.finish()?,
-            Sink::Mcap { overlay, path, plots, .. } => {
-                overlay.finish()?;
-                write_layouts(&path, &plots)?;
-            }
+            Sink::Mcap { overlay, path, plots, .. } => finish_with_layouts(*overlay, &path, &plots)?,
         }
         Ok(())
     }

@@ -9,7 +9,7 @@ use fleetfoot_model::{Model, RotationKind};
 
 use super::{
     Kind,
-    layout::{Line, Plot, write_layouts},
+    layout::{Line, Plot, finish_with_layouts},
     mcap_options, table_options,
 };
 use crate::{Error, Logs};
@@ -171,8 +171,7 @@ fn write_messages(
             }
         }
     }
-    overlay.finish()?;
-    write_layouts(path, &plots(&rollouts.states, lanes.len()))
+    finish_with_layouts(overlay, path, &plots(&rollouts.states, lanes.len()))
 }
 
 /// Lanes that a layout shows.

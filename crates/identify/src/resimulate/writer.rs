@@ -9,7 +9,7 @@ use fleetfoot_model::Model;
 use super::Followed;
 use crate::{
     Error, Logs,
-    output::{Kind, Line, Plot, mcap_options, table_options, write_layouts},
+    output::{Kind, Line, Plot, finish_with_layouts, mcap_options, table_options},
 };
 
 /// The topics of messages.
@@ -98,7 +98,6 @@ fn write_messages(
             }
         }
     }
-    overlay.finish()?;
     let line = |topic: &str, place: usize, name: &String, what: &str| Line {
         topic: topic.to_owned(),
         name: name.clone(),
@@ -111,5 +110,5 @@ fn write_messages(
         Plot { title: name.clone(), lines }
     };
     let plots: Vec<Plot> = found.columns.iter().enumerate().map(plot).collect();
-    write_layouts(path, &plots)
+    finish_with_layouts(overlay, path, &plots)
 }

@@ -6,7 +6,7 @@ use std::{
     path::Path,
 };
 
-use fleetfoot_data::{Column, Episode, Progress, Source};
+use fleetfoot_data::{Column, Episode, Progress, Source, until_stopped};
 use fleetfoot_library::Expr;
 use fleetfoot_sparse::structured::Plan;
 use fleetfoot_stats::{FINE, Grid};
@@ -259,8 +259,12 @@ impl<'a> Scan<'a> {
             let episodes: Vec<usize> =
                 group.iter().flat_map(|log| &log.pending).map(|(episode, ..)| *episode).collect();
             let subset = Subset::new(view, episodes);
-            let found = file.plan.scan(&subset, &whole)?;
-            let sums = file.equations.as_ref().map(|equations| equations.sum_rows(&subset, &whole)).transpose()?;
+            // What is complete is kept where the work is stopped here.
+            let (found, sums) = until_stopped(|| {
+                let found = file.plan.scan(&subset, &whole)?;
+                let sums = file.equations.as_ref().map(|equations| equations.sum_rows(&subset, &whole)).transpose()?;
+                Ok::<_, Error>((found, sums))
+            })??;
             file.scanned.merge(found)?;
             if let (Some(equations), Some(sums)) = (&mut file.equations, sums) {
                 equations.add(sums)?;

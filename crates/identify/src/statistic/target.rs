@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use fleetfoot_data::Progress;
+use fleetfoot_data::{Progress, unstoppable};
 use fleetfoot_log::{WriteLock, check_outputs, is_stream};
 
 use super::{
@@ -113,7 +113,7 @@ pub(super) fn scan_in_groups(
             && let Some(file) = &mut scan.file
         {
             file.command = Some(command);
-            file.write(&partial)?;
+            unstoppable(|| file.write(&partial))?;
         }
         return Err(if progress.cancelled() && partial.exists() { Error::Paused { path: partial } } else { error });
     }
