@@ -20,6 +20,7 @@
 //! # Ok::<(), fleetfoot_data::Error>(())
 //! ```
 
+mod available;
 mod block;
 mod column;
 mod episode;
@@ -36,6 +37,7 @@ mod stop;
 mod watch;
 
 pub use arrow_buffer::ScalarBuffer;
+pub use available::{OutOfMemory, ensure_memory, reserve};
 pub use block::{Block, Halo};
 pub use column::{Column, ColumnKind};
 pub use episode::{Episode, EpisodeId, Fingerprint};

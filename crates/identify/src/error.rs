@@ -107,6 +107,9 @@ pub enum Error {
     /// Reading rows.
     #[error(transparent)]
     Data(#[from] fleetfoot_data::Error),
+    /// The answer needs more memory than there is.
+    #[error(transparent)]
+    Memory(#[from] fleetfoot_data::OutOfMemory),
     /// The user stopped the work.
     #[error(transparent)]
     Cancelled(#[from] fleetfoot_data::Cancelled),
@@ -208,6 +211,20 @@ pub enum Error {
         /// What the system said.
         source: std::io::Error,
     },
+}
+
+impl Error {
+    /// Whether less memory would have done.
+    pub fn is_memory(&self) -> bool {
+        use fleetfoot_sparse::{structured::ScanError, system::SystemError};
+        match self {
+            Self::Memory(_) => true,
+            Self::Identification(error) => error.is_memory(),
+            Self::System(SystemError::Plan(error)) | Self::Scan(ScanError::Plan(error)) => error.is_memory(),
+            Self::WithReasons { error, .. } => error.is_memory(),
+            _ => false,
+        }
+    }
 }
 
 /// One constructor a cause.

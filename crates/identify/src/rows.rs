@@ -1,6 +1,6 @@
 //! Rows of logs as columns in memory: what a recipe names, or what a model sees and predicts.
 
-use fleetfoot_data::{Column, Halo, Progress, Source, parallel_fold};
+use fleetfoot_data::{Column, Halo, Progress, Source, ensure_memory, parallel_fold};
 use fleetfoot_dynamics::{Predicted, Predictor, PredictorWorkspace};
 use fleetfoot_model::Model;
 
@@ -59,7 +59,7 @@ pub fn read_rows(
     let mut rows = Rows::of(&dataset);
     progress.stage("reading rows");
     let view = dataset.view()?;
-    rows.columns = view.columns().iter().map(|column| (column.clone(), Vec::new())).collect();
+    rows.reserve(&view, 0)?;
     let pieces = pieces(&view);
     parallel_fold(
         pieces.len(),
@@ -100,7 +100,7 @@ pub fn model_rows(
         in_sample: Vec::new(),
         targets,
     };
-    out.rows.columns = view.columns().iter().map(|column| (column.clone(), Vec::new())).collect();
+    out.rows.reserve(&view, 2 * out.targets.len())?;
     let pieces = pieces(&view);
     progress.stage("predict");
     parallel_fold(
@@ -135,6 +135,24 @@ impl Rows {
             notes: dataset.notes().to_vec(),
             ..Self::default()
         }
+    }
+
+    /// Columns with room for all rows of a source, beside so many more numbers a row that others keep.
+    fn reserve(&mut self, source: &dyn Source, more: usize) -> Result<(), Error> {
+        let rows: usize = source.episodes().iter().map(|episode| episode.rows).sum();
+        let columns = source.columns();
+        // Stamps, seconds and episodes beside the columns, and a column on its way to the caller.
+        let numbers = columns.len() + more + 4;
+        ensure_memory(
+            rows.saturating_mul(8 * numbers),
+            &format!("a table of {rows} rows and {} columns", columns.len()),
+            "name the columns that are needed, or read the recordings in parts",
+        )?;
+        self.episode.reserve_exact(rows);
+        self.stamps.reserve_exact(rows);
+        self.seconds.reserve_exact(rows);
+        self.columns = columns.iter().map(|column| (column.clone(), Vec::with_capacity(rows))).collect();
+        Ok(())
     }
 
     fn add(&mut self, episode: usize, block: &fleetfoot_data::Block) {

@@ -182,3 +182,14 @@ pub enum Error {
     #[error(transparent)]
     Row(#[from] fleetfoot_stats::scan::RowError),
 }
+
+impl Error {
+    /// Whether less memory would have done.
+    pub fn is_memory(&self) -> bool {
+        match self {
+            Self::Plan(error) => error.is_memory(),
+            Self::KMeans(error) => matches!(error, crate::KMeansError::Memory(_)),
+            _ => false,
+        }
+    }
+}

@@ -85,6 +85,9 @@ pub struct KMeans {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum KMeansError {
+    /// The rows need more memory than there is.
+    #[error(transparent)]
+    Memory(#[from] fleetfoot_data::OutOfMemory),
     /// Nothing to measure distances in.
     #[error("no columns to cluster on")]
     NoColumns,

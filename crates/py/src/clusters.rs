@@ -1,5 +1,6 @@
 //! k-means: rows made ready once, started and iterated as often as wanted; labels and distances.
 
+use fleetfoot::data::ensure_memory;
 use fleetfoot::pwa::{
     KMeansError, KMeansOptions, KMeansStep, Points, Units, assign_rows, distances_to, kmeans_from, starting_centroids,
 };
@@ -16,6 +17,7 @@ impl From<KMeansError> for Failure {
     fn from(error: KMeansError) -> Self {
         match error {
             KMeansError::Cancelled(cancelled) => cancelled.into(),
+            error @ KMeansError::Memory(_) => Self::Other(Kind::Memory, error.to_string()),
             error @ KMeansError::Value { .. } => Self::Other(Kind::Data, error.to_string()),
             error => Self::Other(Kind::Fit, error.to_string()),
         }
@@ -142,6 +144,11 @@ pub(crate) fn kmeans_distances<'py>(
     let k = centroids.as_array().nrows();
     let centroids = of_width(&rows, &centroids)?;
     let found = run_any(x.py(), progress, |progress| {
+        ensure_memory(
+            rows.rows().saturating_mul(8 * k),
+            &format!("distances of {} rows to {k} centres", rows.rows()),
+            "give fewer rows at a time",
+        )?;
         let mut out = vec![0.0; rows.rows() * k];
         distances_to(&rows, &centroids, &mut out, progress)?;
         Ok(out)

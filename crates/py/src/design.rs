@@ -96,6 +96,7 @@ impl From<DenseError> for Failure {
     fn from(error: DenseError) -> Self {
         match error {
             DenseError::Cancelled(cancelled) => cancelled.into(),
+            DenseError::Memory(error) => error.into(),
             error => Self::Other(Kind::Fit, error.to_string()),
         }
     }

@@ -34,6 +34,8 @@ pub(crate) enum Kind {
     Statistic,
     /// Files that cannot be written.
     Write,
+    /// More memory than the system gives.
+    Memory,
     /// A mistake in fleetfoot itself.
     Internal,
 }
@@ -52,6 +54,7 @@ impl Kind {
             Self::Model => "ModelError",
             Self::Statistic => "StatisticError",
             Self::Write => "WriteError",
+            Self::Memory => "OutOfMemoryError",
             Self::Internal => "InternalError",
         }
     }
@@ -75,6 +78,7 @@ fn class<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyType>> {
 /// What a pipeline's error is in Python.
 pub(crate) fn of_engine(error: Error) -> PyErr {
     let kind = match &error {
+        error if error.is_memory() => Kind::Memory,
         Error::Cancelled(_) | Error::Paused { .. } => return PyKeyboardInterrupt::new_err(error.to_string()),
         Error::Request(request) => return of_request(request),
         Error::UnknownColumn { name, candidates, .. } => {

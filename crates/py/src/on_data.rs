@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use fleetfoot::{
     FigureFormat, FilteredRows, Followed,
+    data::{OutOfMemory, ensure_memory, reserve},
     dynamics::{Domain, End, Outside, Predicted, RolloutOptions, RowStatus, Start, Starts, Step, Trajectory},
 };
 use numpy::{PyArray1, PyArrayMethods};
@@ -90,6 +91,9 @@ pub(crate) fn report<'py>(
     object(py, &told)
 }
 
+/// What to do where an answer does not fit into memory.
+const PARTS: &str = "give the recordings in parts";
+
 /// Rows with their predictions, while they are collected.
 #[derive(Default)]
 struct Collected {
@@ -108,7 +112,12 @@ struct Collected {
 }
 
 impl Collected {
-    fn take(&mut self, rows: &fleetfoot::PredictedRows<'_>, equations: usize) {
+    fn take(&mut self, rows: &fleetfoot::PredictedRows<'_>, equations: usize) -> Result<(), OutOfMemory> {
+        let count = rows.predicted.rows;
+        for values in [&mut self.measured, &mut self.predicted, &mut self.residual] {
+            reserve(values, count * equations, "predictions of all rows", PARTS)?;
+        }
+        reserve(&mut self.stamps, count, "predictions of all rows", PARTS)?;
         if self.episodes.last() != Some(&rows.episode.name) {
             self.episodes.push(rows.episode.name.clone());
         }
@@ -132,6 +141,7 @@ impl Collected {
             Domain::OutsideRegion => 1,
             Domain::OutsideTraining => 2,
         }));
+        Ok(())
     }
 }
 
@@ -151,8 +161,7 @@ pub(crate) fn predict_rows<'py>(
     let found = run(py, progress, |progress| {
         let mut found = Collected::default();
         fleetfoot::predict_rows(&model.model, &changes, &data.logs, progress, |_, rows| {
-            found.take(rows, equations.len());
-            Ok(())
+            Ok(found.take(rows, equations.len())?)
         })?;
         Ok(found)
     })?;
@@ -218,7 +227,16 @@ pub(crate) fn rollout<'py>(
         (true, None) => Starts::Even(request.count),
         (true, Some(seed)) => Starts::Random { count: request.count, seed },
     };
+    let states = model.stepper().states().len();
     let rolled = run(py, progress, |progress| {
+        let count = request.count.max(request.at.len());
+        if request.keep {
+            ensure_memory(
+                count.saturating_mul(request.horizon.saturating_add(1)).saturating_mul(8 * (2 * states + 4)),
+                &format!("{count} trajectories of {} steps", request.horizon),
+                "give fewer starts, a shorter horizon, or keep=False",
+            )?;
+        }
         let controller = request.controller.as_ref().map(|what| fleetfoot::controller(what, &request.settings));
         let controller = controller.transpose()?;
         fleetfoot::rollout(&model.model, &changes, &data.logs, &starts, &options, controller.as_ref(), None, progress)

@@ -93,6 +93,7 @@ impl From<fleetfoot::pwa::Error> for Failure {
     fn from(error: fleetfoot::pwa::Error) -> Self {
         match error {
             fleetfoot::pwa::Error::Cancelled(cancelled) => cancelled.into(),
+            error if error.is_memory() => Self::Other(Kind::Memory, error.to_string()),
             error => Self::Other(Kind::Fit, error.to_string()),
         }
     }

@@ -146,6 +146,12 @@ impl From<fleetfoot::data::Cancelled> for Failure {
     }
 }
 
+impl From<fleetfoot::data::OutOfMemory> for Failure {
+    fn from(error: fleetfoot::data::OutOfMemory) -> Self {
+        Self::Engine(error.into())
+    }
+}
+
 impl From<fleetfoot::Error> for Failure {
     fn from(error: fleetfoot::Error) -> Self {
         Self::Engine(error)

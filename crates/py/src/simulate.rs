@@ -1,5 +1,6 @@
 //! Simulations from values at hand.
 
+use fleetfoot::data::ensure_memory;
 use fleetfoot::dynamics::{Course, InputSequence, Integration, Method, TimeGrid as Grid, Tolerance};
 use numpy::{PyArray1, PyArrayDyn};
 use pyo3::prelude::*;
@@ -173,6 +174,11 @@ pub(crate) fn simulate<'py>(
     })?;
     let (count, length) = (asked.points.count(), grid.times().len());
     let (out, shortfall) = run_any(py, None, |progress| {
+        ensure_memory(
+            count.saturating_mul(length).saturating_mul(8 * states),
+            &format!("a simulation of {count} points over {length} times"),
+            "give fewer times or points, or simulate in parts",
+        )?;
         let mut out = vec![f64::NAN; count * length * states];
         let inputs = InputSequence { values: &inputs.0, by_point: inputs.1, course };
         let shortfall = stepper.simulate(&mut asked.points, grid, inputs, &integration, |step, found| {

@@ -8,7 +8,7 @@ mod sums;
 use std::{fmt, ops::Range, sync::Arc};
 
 use faer::MatRef;
-use fleetfoot_data::{Cancelled, Progress};
+use fleetfoot_data::{Cancelled, OutOfMemory, Progress, ensure_memory};
 use fleetfoot_stats::{Factor, Gram, SquareRoot};
 
 use crate::{Quadratic, SparseError};
@@ -78,6 +78,9 @@ pub enum DenseError {
         /// The largest label there may be.
         most: usize,
     },
+    /// What is kept of the rows needs more memory than there is.
+    #[error(transparent)]
+    Memory(#[from] OutOfMemory),
     /// The user stopped it.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
@@ -173,6 +176,7 @@ impl DenseDesign {
         }
         let mut design = Self { rows, weights, labels, groups, sums: None, keeps_rows: false };
         let d = design.columns();
+        design.ensure_memory()?;
         if few && d > ROOT_COLUMNS && n <= FEW_ROWS * d && n.saturating_mul(d) <= FEW_VALUES {
             design.keeps_rows = true;
         } else if n > 2 * d && n.saturating_mul(d * d) > DIRECT {
@@ -183,6 +187,17 @@ impl DenseDesign {
             });
         }
         Ok(design)
+    }
+
+    /// Asks for the memory that the rows take where they are factored directly, or their products where they are summed: a matrix for each group, and one
+    /// on its way into it.
+    fn ensure_memory(&self) -> Result<(), OutOfMemory> {
+        let (n, d) = (self.rows.rows(), self.columns());
+        ensure_memory(
+            (d.saturating_mul(n.min(d))).saturating_mul(8 * (self.groups + 1)),
+            &format!("a regression on {n} rows and {d} columns"),
+            "give fewer columns, or fewer folds",
+        )
     }
 
     /// Number of regressors, p.

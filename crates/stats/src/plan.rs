@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use fleetfoot_data::Episode;
+use fleetfoot_data::{Episode, OutOfMemory, ensure_memory};
 
 use crate::{Fold, FoldLayout, Preconditioner};
 
@@ -35,6 +35,8 @@ pub const COARSE: usize = 256;
 /// See [`COARSE`].
 pub const FINE: usize = 4;
 
+/// Chunks that there are at least, where there are rows enough.
+const LEAST_CHUNKS: usize = 8;
 /// Bytes of statistics beyond which a plan is refused.
 const MOST_BYTES: usize = 2 << 30;
 /// Episodes of about one row beyond which a plan is refused.
@@ -67,13 +69,23 @@ pub enum PlanError {
         /// Bytes of the statistics of one chunk.
         bytes: usize,
     },
+    /// The statistics need more memory than there is.
+    #[error(transparent)]
+    Room(#[from] OutOfMemory),
+}
+
+impl PlanError {
+    /// Whether less memory would have done.
+    pub fn is_memory(&self) -> bool {
+        matches!(self, Self::Memory { .. } | Self::Room(_))
+    }
 }
 
 impl Grid {
     /// Chunk length such that about `keys_per_chunk` statistics of `bytes` bytes a chunk fit into `budget` bytes, and that there are
     /// still enough chunks (about 200) for folds, standard errors and all threads, of at least `finest` rows ([`COARSE`], [`FINE`]).
     pub fn for_budget(rows: usize, keys_per_chunk: usize, bytes: usize, budget: usize, finest: usize) -> usize {
-        let chunks = (budget / (keys_per_chunk * bytes).max(1)).clamp(8, 1 << 20);
+        let chunks = (budget / (keys_per_chunk * bytes).max(1)).clamp(LEAST_CHUNKS, 1 << 20);
         let needed = rows.div_ceil(chunks);
         let wanted = (rows / 200).clamp(finest, 65_536);
         let length = needed.max(wanted);
@@ -83,7 +95,7 @@ impl Grid {
     /// Refuses episodes whose statistics, `keys_per_chunk` of `bytes` bytes at least for each, would not fit: every episode has a chunk of its own.
     ///
     /// # Errors
-    /// Nearly every row is an episode; or the statistics take more than 2 GiB.
+    /// Nearly every row is an episode; or the statistics take more than 2 GiB, or more than the system gives.
     pub fn check(episodes: &[Episode], keys_per_chunk: usize, bytes: usize) -> Result<(), PlanError> {
         let count = episodes.iter().filter(|episode| episode.rows > 0).count();
         let rows: usize = episodes.iter().map(|episode| episode.rows).sum();
@@ -94,6 +106,13 @@ impl Grid {
         if count.saturating_mul(bytes) > MOST_BYTES {
             return Err(PlanError::Memory { episodes: count, bytes });
         }
+        // As many chunks as there are at least, and two on their way into them.
+        let chunks = count.max(LEAST_CHUNKS.min(rows.div_ceil(COARSE))) + 2;
+        ensure_memory(
+            chunks.saturating_mul(bytes),
+            &format!("a statistic of {rows} rows in {chunks} parts"),
+            "offer fewer candidates, a lower degree or fewer regions",
+        )?;
         Ok(())
     }
 

@@ -2,7 +2,7 @@
 
 use std::{ops::Range, sync::Mutex};
 
-use fleetfoot_data::{Progress, ScalarBuffer, Silent, parallel_map};
+use fleetfoot_data::{Progress, ScalarBuffer, Silent, ensure_memory, parallel_map};
 
 use super::{Assigner, KMeansError, Points, distance::squared_distance, frame::Frame};
 
@@ -105,6 +105,13 @@ impl Points {
     /// # Errors
     /// As [`Points::append`]; cancelled.
     pub fn of_rows(rows: &dyn KMeansRows, units: &Units, progress: &dyn Progress) -> Result<Self, KMeansError> {
+        let (n, d) = (rows.rows(), rows.dimensions());
+        // Beside the rows a label, two bounds and a distance of each while they are clustered.
+        ensure_memory(
+            n.saturating_mul(8 * d + 32),
+            &format!("k-means of {n} rows and {d} columns"),
+            "cluster fewer rows: X[::10]",
+        )?;
         let parts = blocks(rows, progress, |range, columns| {
             let columns: Vec<&[f64]> = columns.iter().map(|column| &column[..]).collect();
             Self::from_columns(&columns, &units.centre, &units.scales()).map_err(|error| match error {

@@ -13,7 +13,7 @@ from . import _core
 from ._base import ConvergenceWarning, MultiOutputMixin, check_is_fitted, check_weight, check_xy, random_seed
 from ._descent import pose
 from ._linear import LinearModel
-from ._params import ARRAY, BOOLEAN, NONE, RANDOM_STATE, ParameterError, Rule, check_params, integer, one_of, real
+from ._params import ARRAY, BOOLEAN, NONE, RANDOM_STATE, Rule, check_params, integer, one_of, real
 
 __all__ = ["Bolasso"]
 

@@ -12,7 +12,7 @@ from . import _core
 from ._base import MultiOutputMixin, check_weight, check_xy
 from ._descent import pose
 from ._linear import LinearModel
-from ._params import ARRAY, BOOLEAN, NONE, ParameterError, Rule, check_params, integer, real
+from ._params import ARRAY, BOOLEAN, NONE, Rule, check_params, integer, real
 
 __all__ = ["GroupLasso", "SparseGroupLasso"]
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .exceptions import RequestError
+from .exceptions import ParameterError
 
 __all__ = [
     "ARRAY",
@@ -18,17 +18,12 @@ __all__ = [
     "NONE",
     "RANDOM_STATE",
     "VERBOSE",
-    "ParameterError",
     "Rule",
     "check_params",
     "integer",
     "one_of",
     "real",
 ]
-
-
-class ParameterError(RequestError, TypeError):
-    """A parameter that is not what it may be: a `ValueError` and a `TypeError`, as in scikit-learn."""
 
 
 @dataclass(frozen=True)

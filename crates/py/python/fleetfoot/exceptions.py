@@ -14,6 +14,8 @@ __all__ = [
     "ModelError",
     "NeedsLogsError",
     "OptionError",
+    "OutOfMemoryError",
+    "ParameterError",
     "RequestError",
     "StatisticError",
     "TooFewRowsError",
@@ -55,12 +57,20 @@ class WriteError(FleetfootError, OSError):
     """A file that cannot be written."""
 
 
+class OutOfMemoryError(FleetfootError, MemoryError):
+    """The answer needs more memory than the system gives this process, as a plan beforehand tells."""
+
+
 class InternalError(FleetfootError, RuntimeError):
     """A mistake in fleetfoot itself: please report it."""
 
 
 class OptionError(RequestError):
     """An option or a key of the recipe has a value that it does not take, is missing, or excludes another."""
+
+
+class ParameterError(RequestError, TypeError):
+    """A parameter that is not what it may be: a `ValueError` and a `TypeError`, as in scikit-learn."""
 
 
 class UnknownNameError(RequestError):

@@ -14,7 +14,8 @@ import pytest
 import fleetfoot as ff
 from fleetfoot import _base, _plain
 from fleetfoot._folds import fold_designs, fold_groups
-from fleetfoot._params import BOOLEAN, NONE, ParameterError, check_params, integer, one_of, real
+from fleetfoot._params import BOOLEAN, NONE, check_params, integer, one_of, real
+from fleetfoot.exceptions import ParameterError
 
 WITHOUT = """
 import sys
@@ -78,6 +79,12 @@ for model in [ff.SINDy(dt=0.01, library="poly(1)"), ff.PWA(dt=0.01), ff.NARX(2, 
 assert ff.SINDy(optimizer=ff.STLSQ()).set_params(optimizer__threshold=0.5).get_params()["optimizer__threshold"] == 0.5
 print("fitted without", ff.LassoLarsCV(cv=4).fit(X.astype(float), y).alpha_)
 """
+
+
+def test_a_wrong_parameter_has_a_class_that_users_can_catch():
+    assert issubclass(ff.exceptions.ParameterError, ValueError) and "ParameterError" in ff.exceptions.__all__
+    with pytest.raises(ff.exceptions.ParameterError, match="n_clusters"):
+        ff.KMeans(n_clusters=0).fit([[1.0], [2.0]])
 
 
 def test_the_package_works_with_numpy_alone() -> None:

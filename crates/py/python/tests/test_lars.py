@@ -12,7 +12,7 @@ import pytest
 
 import fleetfoot as ff
 from fleetfoot._base import ConvergenceWarning
-from fleetfoot._params import ParameterError
+from fleetfoot.exceptions import ParameterError
 
 
 def correlated(rows: int, columns: int, seed: int = 0, noise: float = 1.0) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,80 @@
+"""What needs more memory than the process may have raises a MemoryError before it begins, and the interpreter lives."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+
+from fleetfoot import exceptions
+
+HERE = Path(__file__).parent
+
+#: Calls that need about a gigabyte, where half of one is left; and what their message begins with.
+CALLS = {
+    "read": ("ff.read({f'x{k}': np.zeros(4_000_000) for k in range(30)}, dt=0.1)", "a table of 4000000 rows"),
+    "model rows": (
+        "ff.compare({'decay': decay}, ff.open({'x0': np.linspace(1, 2, 20_000_000)}, dt=0.1))",
+        "a table of 20000000 rows",
+    ),
+    "predict": ("decay.predict(ff.open({'x0': np.linspace(1, 2, 20_000_000)}, dt=0.1))", "predictions of all rows"),
+    "simulate": ("decay.simulate(np.ones((20_000, 1)), np.arange(0, 100, 0.01))", "a simulation of 20000 points"),
+    "trajectories": (
+        "decay.rollout({'x0': np.linspace(1, 2, 30_000)}, 20_000, starts=9_000, keep=True, recipe={'time': {'dt': 0.1}})",
+        "9000 trajectories",
+    ),
+    "k-means": ("ff.KMeans(2, init=np.ones((2, 10))).fit(small)", "k-means of 12000000 rows and 10 columns"),
+    "regression": ("ff.Lasso().fit(wide, wide[:, 0])", "a regression on"),
+    "polynomials": (
+        "ff.PWA(degree=9).fit(np.cumsum(random.normal(size=(3000, 8)), axis=0) * 0.01, dt=0.01)",
+        "1 episodes need a statistic of",
+    ),
+    "equations": (
+        "ff.SINDy(library='poly(9)').fit(np.cumsum(random.normal(size=(3000, 8)), axis=0) * 0.01, dt=0.01)",
+        "1 episodes need a statistic of",
+    ),
+}
+
+SCRIPT = """
+    import resource, warnings
+    import numpy as np
+    import fleetfoot as ff
+
+    warnings.simplefilter("ignore")
+    ff.set_threads(2)
+    random, t = np.random.default_rng(0), np.arange(0, 5, 0.01)
+    decay = ff.PWA().fit(np.exp(-t), t).model_
+    small = np.broadcast_to(np.float32(1.0), (12_000_000, 10))
+    wide = np.broadcast_to(np.float32(1.0), (20_000, 20_000))
+    taken = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+    limit = taken + (1 << 29) + {own}
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    try:
+        {call}
+    except MemoryError as error:
+        print(type(error).__name__, str(error))
+    ff.KMeans(1).fit(np.arange(10.0)[:, None])
+    print("alive")
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="limits memory as Linux does")
+@pytest.mark.parametrize("name", CALLS)
+def test_too_little_memory_is_an_exception(name: str) -> None:
+    call, message = CALLS[name]
+    # Arrays of the call itself are on top of what is left.
+    own = {"read": 30 * 8 * 4_000_000, "model rows": 8 * 20_000_000, "predict": 8 * 20_000_000}.get(name, 0)
+    head = f"import sys; sys.path[:0] = {[str(HERE), *sys.path]!r}\n"
+    script = head + textwrap.dedent(SCRIPT).replace("{call}", call).replace("{own}", str(own))
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr[-2000:]
+    said, alive = done.stdout.strip().splitlines()
+    assert said.startswith(f"OutOfMemoryError {message}") and alive == "alive", done.stdout
+
+
+def test_the_class_is_a_memory_error() -> None:
+    assert issubclass(exceptions.OutOfMemoryError, MemoryError)
+    assert issubclass(exceptions.OutOfMemoryError, exceptions.FleetfootError)
