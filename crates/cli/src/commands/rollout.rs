@@ -16,7 +16,11 @@ pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Erro
     let files = files(&arguments.model.data)?;
     let layouts = arguments.output.as_deref().map(fleetfoot::layout_files).unwrap_or_default();
     let outputs: Vec<_> = arguments.output.iter().chain(&layouts).cloned().collect();
-    context.claim(&outputs, &read_by(&files, arguments.controller.file().iter().chain([&arguments.model.model])), false)?;
+    context.claim(
+        &outputs,
+        &read_by(&files, arguments.controller.file().iter().chain([&arguments.model.model])),
+        false,
+    )?;
     let mut options = RolloutOptions::new(arguments.horizon);
     options.method = match arguments.method {
         Method::Euler => Integration::Euler,
