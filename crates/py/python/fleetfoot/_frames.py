@@ -72,7 +72,8 @@ class Frame:
         DataError
             A column in which numbers and text stand, or anything else that may be meant as a signal and is none.
         """
-        found, aside = [], []
+        found: list[str] = []
+        aside: list[str] = []
         for name in self.names:
             if name in left or name in self.aside:
                 continue
