@@ -243,7 +243,7 @@ fn unstable_folder() -> tempfile::TempDir {
         text.push_str(&format!("{},{},{}\n", 5.5 * row as f64 + gap, 4.0 * noise(row + 7), 0.1 * noise(row + 5000)));
     }
     fs::write(folder.path().join("far.csv"), text).expect("a log");
-    let fit = "fit pwa runs.csv --states v --inputs u --derivative v=w --max-gap 1 -p kmeans:2 -o u.json";
+    let fit = "fit pwa runs.csv --states v --inputs u --derivative v=w --time t --time-unit s --max-gap 1 -p kmeans:2 -o u.json";
     fleetfoot(folder.path(), &fit.split(' ').collect::<Vec<_>>()).ok();
     folder
 }
