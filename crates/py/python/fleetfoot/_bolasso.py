@@ -14,6 +14,7 @@ from ._base import ConvergenceWarning, MultiOutputMixin, check_is_fitted, check_
 from ._descent import pose
 from ._linear import LinearModel
 from ._params import ARRAY, BOOLEAN, NONE, RANDOM_STATE, Rule, check_params, integer, one_of, real
+from .exceptions import ParameterError
 
 __all__ = ["Bolasso"]
 

@@ -23,13 +23,13 @@ from ._params import (
     NONE,
     RANDOM_STATE,
     VERBOSE,
-    ParameterError,
     Rule,
     check_params,
     integer,
     one_of,
     real,
 )
+from .exceptions import ParameterError
 
 __all__ = ["ElasticNetCV", "LassoCV"]
 

@@ -13,6 +13,7 @@ from ._base import MultiOutputMixin, check_weight, check_xy
 from ._descent import pose
 from ._linear import LinearModel
 from ._params import ARRAY, BOOLEAN, NONE, Rule, check_params, integer, real
+from .exceptions import ParameterError
 
 __all__ = ["GroupLasso", "SparseGroupLasso"]
 

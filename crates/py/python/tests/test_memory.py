@@ -28,14 +28,6 @@ CALLS = {
     ),
     "k-means": ("ff.KMeans(2, init=np.ones((2, 10))).fit(small)", "k-means of 12000000 rows and 10 columns"),
     "regression": ("ff.Lasso().fit(wide, wide[:, 0])", "a regression on"),
-    "polynomials": (
-        "ff.PWA(degree=9).fit(np.cumsum(random.normal(size=(3000, 8)), axis=0) * 0.01, dt=0.01)",
-        "1 episodes need a statistic of",
-    ),
-    "equations": (
-        "ff.SINDy(library='poly(9)').fit(np.cumsum(random.normal(size=(3000, 8)), axis=0) * 0.01, dt=0.01)",
-        "1 episodes need a statistic of",
-    ),
 }
 
 SCRIPT = """
@@ -45,7 +37,7 @@ SCRIPT = """
 
     warnings.simplefilter("ignore")
     ff.set_threads(2)
-    random, t = np.random.default_rng(0), np.arange(0, 5, 0.01)
+    t = np.arange(0, 5, 0.01)
     decay = ff.PWA().fit(np.exp(-t), t).model_
     small = np.broadcast_to(np.float32(1.0), (12_000_000, 10))
     wide = np.broadcast_to(np.float32(1.0), (20_000, 20_000))
