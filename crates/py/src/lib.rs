@@ -83,7 +83,7 @@ mod _core {
     #[pymodule_export]
     use crate::fit::{fit_narx, fit_parameters, fit_pwa, fit_sindy, fit_sparse, recipe_json, say, settings};
     #[pymodule_export]
-    use crate::model::{Model, export_controller, export_filter, write_controller};
+    use crate::model::{Model, check_controller, export_controller, export_filter, write_controller};
     #[pymodule_export]
     use crate::on_data::{filter, predict_rows, report, resimulate, rollout, score};
     #[pymodule_export]

@@ -11,7 +11,7 @@ use numpy::{PyArray1, PyArrayDyn};
 use pyo3::{prelude::*, types::PyBytes};
 
 use crate::{
-    error::{Kind, OrRaise},
+    error::{Kind, OrRaise, of_engine},
     points::{Asked, Given, Rows, array, by_point, points},
     recipe::of_json,
     run::{Failure, guard, run, run_any},
@@ -376,6 +376,15 @@ pub(crate) fn export_filter(
     let options = export_options("c", prefix, precision, "rk4")?;
     let said = of_json(recipe_text)?;
     run(py, None, |_| fleetfoot::export_filter(&model.model, &said.filter, &options, &folder, &[]))
+}
+
+/// The text of a controller's file, once it is read without a mistake; `name` is the file's, for messages.
+#[pyfunction]
+pub(crate) fn check_controller(text: &str, name: &str) -> PyResult<String> {
+    guard(|| {
+        fleetfoot::ControllerFile::from_json(text, name).map_err(of_engine)?;
+        Ok(text.to_owned())
+    })
 }
 
 /// Writes a controller, the text of its file, whole or not at all.

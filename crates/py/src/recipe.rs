@@ -38,5 +38,5 @@ pub(crate) fn recipe(
 
 /// A recipe from JSON.
 pub(crate) fn of_json(text: &str) -> PyResult<Recipe> {
-    Recipe::from_json(text, "the recipe").map_err(of_engine)
+    Recipe::from_json(text, "the arguments").map_err(of_engine)
 }

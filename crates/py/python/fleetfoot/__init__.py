@@ -2,7 +2,8 @@
 
 from . import exceptions
 from ._core import VERSION as __version__
-from ._core import set_threads, thread_count
+from ._core import thread_count
+from ._threads import set_threads
 
 # -- lars
 from ._lars import lars_path, lars_path_gram

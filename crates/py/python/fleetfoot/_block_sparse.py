@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -118,7 +118,7 @@ class BlockSparse(Identifier):
         *,
         constraints: Mapping[str, Mapping[str, Any]] | None = None,
         lam: float | str = "auto",
-        select: str = "one-se",
+        select: Literal["one-se", "cv", "aic", "bic", "ebic"] = "one-se",
         folds: int | str = "auto",
         l1_ratio: float | None = None,
         groups: str | Mapping[str, Sequence[str]] | None = None,

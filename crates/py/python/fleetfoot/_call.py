@@ -13,7 +13,7 @@ import numpy as np
 
 from ._arrays import numbers, unmasked
 from ._base import DataConversionWarning
-from ._frames import CLOCKS, Frame, frame, frames
+from ._frames import CLOCKS, Frame, frame, frames, is_lazy
 from ._runs import Columns, array_runs, is_arrays
 from .exceptions import DataError, RequestError
 
@@ -286,6 +286,15 @@ def _stamps_of(table: Frame, name: str) -> np.ndarray[Any, Any]:
     return table.column(name)
 
 
+def clocks(call: Call) -> list[Any]:
+    """The stamps of runs in memory, where they are at hand."""
+    if call.t is not None and not isinstance(call.t, str):
+        return [] if _is_one(call.t) else list(call.t) if isinstance(call.t, (list, tuple)) else [call.t]
+    tables = frames(call.x)
+    name = None if not tables else _clock_column(tables[0], call)
+    return [] if name is None or not tables else [_stamps_of(table, name) for table in tables]
+
+
 def _clock(t: Any) -> Any:
     """Stamps as arrays, whatever series they are."""
     if isinstance(t, (list, tuple)):
@@ -344,12 +353,8 @@ def _is_one(value: Any) -> bool:
 def _collected(given: Any) -> Any:
     """Lazy tables, read once."""
     if isinstance(given, (list, tuple)):
-        return [_collected(one) for one in given] if any(_is_lazy(one) for one in given) else given
-    return given.collect() if _is_lazy(given) else given
-
-
-def _is_lazy(table: Any) -> bool:
-    return type(table).__name__ == "LazyFrame" and hasattr(table, "collect")
+        return [_collected(one) for one in given] if any(is_lazy(one) for one in given) else given
+    return given.collect() if is_lazy(given) else given
 
 
 def _plain_array(given: Any) -> Any:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -14,6 +15,7 @@ from ._data import Dataset
 from ._data import open as open_data
 from ._html import of_comparison
 from ._progress import Progress, reporting
+from ._warnings import tell_all
 
 Array = Any
 
@@ -49,6 +51,8 @@ class Comparison:
         Rows left out of all models because a target or a prediction of one of them is missing.
     in_sample : dict
         For each model the groups among its training episodes: there its error is in-sample.
+    notes : list of str
+        How targets are measured, where the models were fitted to different differences of the same states.
     """
 
     models: tuple[str, ...]
@@ -62,6 +66,7 @@ class Comparison:
     excluded: int
     by: str
     in_sample: dict[str, list[str]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
 
     def to_markdown(self) -> str:
         """The table in Markdown."""
@@ -91,7 +96,7 @@ class Comparison:
             f"with 95 % intervals; differences are to {self.reference}, paired by {self.by}"
         )
         text += [f"in-sample: {name} was trained on {len(own)} of these" for name, own in self.in_sample.items() if own]
-        return "\n".join(text)
+        return "\n".join(text + self.notes)
 
     def plot(self, target: str | None = None, *, ax: Any = None) -> Any:
         """Errors of all models with their intervals, by matplotlib: :func:`fleetfoot.plot.comparison`."""
@@ -235,19 +240,21 @@ def compare(
     for name, model in named.items():
         if name not in own and not callable(model):
             raise TypeError(f"models[{name!r}] is a {type(model).__name__}; give a model, or a function of (x, u)")
-    found = _rows_of(own, dataset, progress)
+    found, notes = _rows_of(own, dataset, progress)
+    tell_all(notes)
     first = next(iter(found.values()))
     predictions = {name: rows["predicted"] for name, rows in found.items()}
     for name, model in named.items():
         if name not in own:
             predictions[name] = _call(name, model, first)
     ordered = [reference] + [name for name in named if name != reference]
-    return _compared(ordered, predictions, first, found, by)
+    return replace(_compared(ordered, predictions, first, found, by), notes=notes)
 
 
-def _rows_of(own: dict[str, Any], dataset: Dataset, progress: Progress) -> dict[str, dict[str, Any]]:
-    """What each model says of the rows; all of the same targets, measured alike."""
+def _rows_of(own: dict[str, Any], dataset: Dataset, progress: Progress) -> tuple[dict[str, dict[str, Any]], list[str]]:
+    """What each model says of the rows, all of the same targets; and how targets are measured where the models differ."""
     found: dict[str, dict[str, Any]] = {}
+    notes: list[str] = []
     for name, model in own.items():
         with reporting(progress) as callback:
             rows = _core.read_model_rows(model.to_json(), dataset._core, dataset.recipe, callback)
@@ -258,21 +265,35 @@ def _rows_of(own: dict[str, Any], dataset: Dataset, progress: Progress) -> dict[
                     f"{name} predicts {', '.join(rows['targets'])}, but {first_name} {', '.join(first['targets'])}; "
                     "compare models of the same targets"
                 )
-            if len(rows["episode"]) != len(first["episode"]) or not np.allclose(
-                rows["measured"], first["measured"], rtol=1e-9, atol=1e-12, equal_nan=True
-            ):
-                # A model that looks further back lacks rows at borders; where both measure, they agree.
-                both = len(rows["episode"]) == len(first["episode"]) and np.isfinite(rows["measured"]) & np.isfinite(
-                    first["measured"]
-                )
-                if both is False or not np.allclose(
-                    rows["measured"][both], first["measured"][both], rtol=1e-9, atol=1e-12
-                ):
+            if not _agree(rows, first):
+                if len(rows["episode"]) != len(first["episode"]) or not _are_differences(model, own[first_name]):
                     raise ValueError(
                         f"{name} and {first_name} measure their targets otherwise; fit both from the same recipe"
                     )
+                notes.append(f"{name} was fitted to other differences; its targets are measured as {first_name} has them")
+                rows["measured"] = first["measured"]
         found[name] = rows
-    return found
+    return found, notes
+
+
+def _agree(rows: dict[str, Any], first: dict[str, Any]) -> bool:
+    """Whether two models measure their targets alike: one that looks further back lacks rows at borders."""
+    if len(rows["episode"]) != len(first["episode"]):
+        return False
+    both = np.isfinite(rows["measured"]) & np.isfinite(first["measured"])
+    return bool(np.allclose(rows["measured"][both], first["measured"][both], rtol=1e-9, atol=1e-12))
+
+
+def _are_differences(*models: Any) -> bool:
+    """Whether all targets are derivatives of their states by differences between rows: one quantity, measured with more
+    or fewer neighbours."""
+    for model in models:
+        for equation in model.content.fitted():
+            words = set(re.findall(r"`[^`]*`|[A-Za-z_]\w*", equation["target"])) - {"lead", "lag", "time"}
+            subject = equation["subject"].strip("`")
+            if equation["prediction"] != "derivative" or {word.strip("`") for word in words} != {subject}:
+                return False
+    return True
 
 
 def _call(name: str, function: Callable[..., Any], rows: dict[str, Any]) -> Array:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from . import _core
 from ._warnings import tell_all
+from .exceptions import DataError
 
 if TYPE_CHECKING:
     Array = np.ndarray[Any, np.dtype[np.float64]]
@@ -52,6 +53,24 @@ class Controller:
         """K by region, (regions, inputs, states): ``u = u_i - K_i (x - x*) - ...``."""
         return np.array([law["gain"] for law in self.law["laws"]], dtype=float)
 
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Controller:
+        """Reads a controller's file: what :meth:`save` or ``fleetfoot control lqr`` wrote.
+
+        Raises
+        ------
+        DataError
+            The file cannot be read.
+        ModelError
+            It holds no controller.
+        """
+        try:
+            with open(path, encoding="utf-8") as file:
+                text = file.read()
+        except (OSError, UnicodeDecodeError) as error:
+            raise DataError(f"{os.fspath(path)} cannot be read as a controller: {error}") from error
+        return cls(_core.check_controller(text, os.fspath(path)))
+
     def to_json(self) -> str:
         """The controller's file as text."""
         return self._text
@@ -62,11 +81,11 @@ class Controller:
 
     def export(
         self,
-        to: str,
+        to: Literal["c", "rust", "python", "latex", "npz"],
         folder: str | os.PathLike[str] = ".",
         *,
         prefix: str = "controller",
-        precision: str = "double",
+        precision: Literal["double", "float"] = "double",
     ) -> list[str]:
         """Writes the law in another language, as :meth:`Model.export` writes a model.
 

@@ -344,7 +344,7 @@ def _recipe(
     if recipe is None:
         text, origin, is_json = "", "the recipe", False
     elif isinstance(recipe, Mapping):
-        text, origin, is_json = json.dumps(recipe, default=_plain), "the recipe", True
+        text, origin, is_json = json.dumps(recipe, default=_plain), "recipe", True
     elif isinstance(recipe, str) and ("\n" in recipe or "=" in recipe or recipe.strip() == ""):
         text, origin, is_json = recipe, "the recipe", False
     elif isinstance(recipe, (str, os.PathLike)):

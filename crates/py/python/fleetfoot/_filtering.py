@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
 from . import _core as engine
 from . import _recipe
 from ._progress import Progress, reporting
+from ._tables import Filtered
+from ._values import names_of
 from ._warnings import tell_all
 
 #: States, or states with the deviations of their sensors.
@@ -30,15 +32,15 @@ class Filtering:
         sensors: Mapping[str, str] | None = None,
         truth: Mapping[str, str] | None = None,
         initial: Mapping[str, tuple[float, float]] | None = None,
-        process: float | str | None = None,
-        noise: str | None = None,
-        switching: str | None = None,
+        process: float | Literal["auto"] | None = None,
+        noise: Literal["auto", "white", "coloured"] | None = None,
+        switching: Literal["state", "transitions"] | None = None,
         keep: bool = False,
         output: str | os.PathLike[str] | None = None,
         recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
         cache: str | os.PathLike[str] | None = None,
         progress: Progress = None,
-    ) -> dict[str, Any]:
+    ) -> Filtered:
         """The states of recordings, estimated row by row from noisy measurements of some of them.
 
         Every region has a Kalman filter whose process noise is the residual covariance of the region; where residuals
@@ -103,7 +105,8 @@ class Filtering:
         opened, changes = self._opened(data, recipe, said={"filter": said} if said else {})  # type: ignore[attr-defined]
         written = None if output is None else os.fspath(output)
         with reporting(progress) as callback:
-            report, estimates = engine.filter(self._core, opened, changes, keep, written, cache, callback)
+            found, estimates = engine.filter(self._core, opened, changes, keep, written, cache, callback)
+        report = Filtered(found)
         if keep and output is None:
             report["estimates"] = estimates
         report["notes"] = tell_all(report["notes"])
@@ -116,10 +119,10 @@ class Filtering:
         measured: Mapping[str, float] | None = None,
         initial: Mapping[str, tuple[float, float]] | None = None,
         process: float | None = None,
-        noise: str | None = None,
-        switching: str | None = None,
+        noise: Literal["auto", "white", "coloured"] | None = None,
+        switching: Literal["state", "transitions"] | None = None,
         prefix: str = "model",
-        precision: str = "double",
+        precision: Literal["double", "float"] = "double",
     ) -> list[str]:
         """Writes the filter of a model with affine regions as C: ``PREFIX_filter.h`` and ``PREFIX_filter.c``.
 
@@ -168,7 +171,7 @@ def _said(
     if isinstance(measured, Mapping):
         sure = [name if own is None else f"{name}={float(own)!r}" for name, own in measured.items()]
     else:
-        sure = [] if measured is None else list(measured)
+        sure = [] if measured is None else names_of(measured)
     starts = (initial or {}).items()
     return _recipe.said(
         measured=None if measured is None else ",".join(sure),

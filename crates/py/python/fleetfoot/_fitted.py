@@ -15,6 +15,7 @@ from ._call import OF_STATES, TASKS, Call, second_by_position
 from ._frames import frame
 from ._model import Model
 from ._runs import array_runs, by_name, differentiated, is_arrays
+from ._tables import Filtered, Rollouts, Scores
 from .exceptions import ModelError, RequestError
 
 if TYPE_CHECKING:
@@ -140,11 +141,11 @@ class Fitted:
         """The states over time: :meth:`fleetfoot.Model.simulate`."""
         return self._found().simulate(x0, t, u, **options)
 
-    def rollout(self, data: Any, horizon: int, **options: Any) -> dict[str, Any]:
+    def rollout(self, data: Any, horizon: int, **options: Any) -> Rollouts:
         """Free runs from measured states, scored by horizon: :meth:`fleetfoot.Model.rollout`."""
         return self._found().rollout(data, horizon, **options)
 
-    def filter(self, data: Any, **options: Any) -> dict[str, Any]:
+    def filter(self, data: Any, **options: Any) -> Filtered:
         """States estimated from noisy measurements: :meth:`fleetfoot.Model.filter`."""
         return self._found().filter(data, **options)
 
@@ -191,7 +192,7 @@ class Fitted:
         shares = [target["r2"] for target in report["targets"]]
         return float(np.mean([np.nan if share is None else share for share in shares]))
 
-    def _score_of_states(self, model: Model, call: Call, options: Mapping[str, Any]) -> dict[str, Any]:
+    def _score_of_states(self, model: Model, call: Call, options: Mapping[str, Any]) -> Scores:
         derivative, x_dot = self._derivative(), call.x_dot
         if callable(derivative) and x_dot is None:
             x_dot = differentiated(call.x, call.t, call.dt, model.dt, derivative)
@@ -199,7 +200,7 @@ class Fitted:
 
     def _score_of_column(
         self, model: Model, call: Call, target: str, options: Mapping[str, Any]
-    ) -> dict[str, Any]:
+    ) -> Scores:
         """The score of a model of a column, whose rows are told by the names of the fit."""
         if target not in (call.columns or ()):
             raise RequestError(f"y is missing: the model predicts `{target}`; give y=, or columns={{{target!r}: ...}}")

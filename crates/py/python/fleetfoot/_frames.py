@@ -104,6 +104,11 @@ def frame(thing: Any) -> Frame | None:
     return None
 
 
+def is_lazy(thing: Any) -> bool:
+    """Whether this is a table that is not computed yet."""
+    return type(thing).__name__ == "LazyFrame" and hasattr(thing, "collect")
+
+
 def frames(thing: Any) -> list[Frame] | None:
     """A table, or a list of tables, one for each run."""
     if isinstance(thing, (list, tuple)) and thing:

@@ -61,7 +61,7 @@ def of_dataset(dataset: Dataset) -> str:
 def of_comparison(comparison: Comparison) -> str:
     """The errors of models beside each other."""
     header, rows = comparison.cells()
-    *_, below = [line for line in str(comparison).splitlines() if not line.startswith("in-sample")]
+    *_, below = [line for line in str(comparison).splitlines() if not line.startswith("in-sample") and line not in comparison.notes]
     return grid(header, rows, below)
 
 

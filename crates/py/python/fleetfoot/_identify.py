@@ -11,11 +11,12 @@ import numpy as np
 
 from . import _core, _recipe
 from ._base import BaseEstimator
-from ._call import OF_STATES, Call, second_by_position
+from ._call import OF_STATES, Call, clocks, second_by_position
 from ._fitted import Fitted
 from ._model import Model
 from ._progress import Progress, reporting
-from ._runs import is_arrays, runs
+from ._runs import is_arrays, runs, uneven
+from ._values import count, names_of, number
 from ._warnings import tell_all
 from .exceptions import RequestError
 
@@ -129,7 +130,7 @@ class Identifier(Fitted, BaseEstimator):
 
     def _list(self, name: str) -> list[str] | None:
         value = self._said(name)
-        return None if value is None else list(value)
+        return None if value is None else names_of(value)
 
     # -- fitting
 
@@ -208,7 +209,10 @@ class Identifier(Fitted, BaseEstimator):
             self.model_, self.report_ = self._fit(data, _recipe.to_json(recipe), callback)
         self.report_["recipe"] = self.model_.recipe
         self._is_flat = call.is_flat
-        self.report_["notes"] = tell_all(self.report_.get("notes", ()))
+        notes = list(self.report_.get("notes", ()))
+        if any(one["prediction"] in ("next", "delta") for one in self.model_.content.fitted()):
+            notes += uneven(clocks(call))
+        self.report_["notes"] = tell_all(notes)
         return self
 
     def _fit(self, data: _core.Data, recipe: str, progress: Any) -> tuple[Model, dict[str, Any]]:
@@ -304,10 +308,10 @@ class Identifier(Fitted, BaseEstimator):
         for section, names in (("states", self.states), ("inputs", self.inputs)):
             if names is None or (arrays and not isinstance(names, Mapping)):
                 continue
-            entries = names if isinstance(names, Mapping) else {name: {} for name in names}
+            entries = names if isinstance(names, Mapping) else {name: {} for name in names_of(names)}
             recipe = _recipe.over({section: dict(entries)}, recipe)
         states, inputs = dict(recipe.get("states", {})), dict(recipe.get("inputs", {}))
-        for name in self.angles:
+        for name in names_of(self.angles):
             table = states if name in states else inputs if name in inputs else None
             if table is None:
                 known = ", ".join([*states, *inputs])
@@ -328,7 +332,7 @@ class Identifier(Fitted, BaseEstimator):
 
 
 def _listed(given: States) -> Sequence[str] | None:
-    return None if given is None or isinstance(given, Mapping) else given
+    return None if given is None or isinstance(given, Mapping) else names_of(given)
 
 
 def _differs(value: Any, default: Any) -> bool:
@@ -336,20 +340,6 @@ def _differs(value: Any, default: Any) -> bool:
         return not bool(np.all(value == default))
     except (TypeError, ValueError):
         return True
-
-
-def count(name: str, value: Any, least: int) -> int:
-    """A whole number of at least so much."""
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)) or value < least:
-        raise RequestError(f"{name}={value!r}: give a whole number of {least} or more")
-    return int(value)
-
-
-def number(name: str, value: Any) -> float:
-    """A finite number."""
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, float, np.number)) or not np.isfinite(value):
-        raise RequestError(f"{name}={value!r}: give a number")
-    return float(value)
 
 
 def groups_of(given: Any) -> Any:

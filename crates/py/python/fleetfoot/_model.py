@@ -6,7 +6,7 @@ import inspect
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from ._frames import in_order
 from ._html import of_model
 from ._on_recordings import OnRecordings
 from ._regulated import Regulated
+from ._values import count
 from ._warnings import warn
 from .exceptions import ModelError
 
@@ -171,7 +172,7 @@ class Model(OnRecordings, Filtering, Regulated):
 
     def describe(self, regions: int = 10) -> str:
         """The model in words: columns, equations, and its ``regions`` largest regions."""
-        return self._core.describe(regions)
+        return self._core.describe(count("regions", regions, 0))
 
     def print(self, regions: int = 10) -> None:
         """Prints :meth:`describe`."""
@@ -214,12 +215,12 @@ class Model(OnRecordings, Filtering, Regulated):
 
     def export(
         self,
-        to: str,
+        to: Literal["c", "rust", "python", "latex", "npz"],
         folder: str | os.PathLike[str] = ".",
         *,
         prefix: str = "model",
-        precision: str = "double",
-        method: str = "rk4",
+        precision: Literal["double", "float"] = "double",
+        method: Literal["rk4", "euler"] = "rk4",
         dt: float | None = None,
         domain: bool = True,
     ) -> list[str]:
@@ -269,7 +270,7 @@ class Model(OnRecordings, Filtering, Regulated):
         u: ArrayLike | None = None,
         dt: float | None = None,
         *,
-        method: str = "rk4",
+        method: Literal["rk4", "euler"] = "rk4",
         history: History | None = None,
         t: ArrayLike | None = None,
     ) -> Array:
@@ -324,7 +325,7 @@ class Model(OnRecordings, Filtering, Regulated):
         u: ArrayLike | None = None,
         dt: float | None = None,
         *,
-        method: str = "rk4",
+        method: Literal["rk4", "euler"] = "rk4",
         history: History | None = None,
         t: ArrayLike | None = None,
     ) -> tuple[Array, Array, Array]:
@@ -389,7 +390,7 @@ class Model(OnRecordings, Filtering, Regulated):
         u: ArrayLike | Callable[..., ArrayLike] | None = None,
         *,
         interpolate: bool = False,
-        method: str | None = None,
+        method: Literal["rk45", "rk4", "euler"] | None = None,
         substeps: int | None = None,
         rtol: float | None = None,
         atol: ArrayLike | None = None,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
 from . import _core, _recipe
 from ._identify import AnyRecipe, Derivative, Identifier, States, documented, partition
@@ -94,11 +94,11 @@ class NARX(Identifier):
         lags: int | str | Mapping[str, int] | None = None,
         direct: bool | None = None,
         order: str | None = None,
-        effort: str = "normal",
+        effort: Literal["low", "normal", "high"] = "normal",
         library: Sequence[str] | None = None,
-        terms: int | str = "auto",
+        terms: int | Literal["auto", "all"] = "auto",
         max_terms: int = 20,
-        select: str = "free-run",
+        select: Literal["free-run", "one-se", "cv", "aic", "bic", "ebic"] = "free-run",
         objective: str = "one-step",
         folds: int = 5,
         decimate: int = 1,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -16,8 +16,10 @@ from ._equations import Content
 from ._frames import CLOCKS, Frame, frame, in_order
 from ._progress import Progress, reporting
 from ._runs import is_arrays, runs
+from ._tables import Rollouts, Scores
+from ._values import count, names_of, number
 from ._warnings import tell_all
-from .exceptions import DataError, ModelError
+from .exceptions import DataError, ModelError, RequestError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -141,7 +143,7 @@ class OnRecordings:
         recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
         cache: str | os.PathLike[str] | None = None,
         progress: Progress = None,
-    ) -> dict[str, Any]:
+    ) -> Scores:
         """One-step errors on a recording, beside the null model, persistence and constant velocity.
 
         Parameters
@@ -176,7 +178,7 @@ class OnRecordings:
             core = self._core
             data, changes = self._opened(x, recipe, t, dt)
         with reporting(progress) as callback:
-            report: dict[str, Any] = engine.score(core, data, changes, cache, callback)
+            report = Scores(engine.score(core, data, changes, cache, callback))
         report["notes"] = tell_all(report["notes"])
         return report
 
@@ -187,17 +189,17 @@ class OnRecordings:
         *,
         starts: int | Sequence[tuple[int, int]] = 1000,
         seed: int | None = None,
-        method: str = "rk4",
+        method: Literal["rk4", "euler"] = "rk4",
         dt: float | None = None,
         controller: Controller | str | os.PathLike[str] | None = None,
         settings: Mapping[str, Any] | None = None,
-        outside: str = "tell",
+        outside: Literal["tell", "end", "hold"] = "tell",
         position: Sequence[str] = (),
         keep: bool = False,
         recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
         cache: str | os.PathLike[str] | None = None,
         progress: Progress = None,
-    ) -> dict[str, Any]:
+    ) -> Rollouts:
         """Free runs from measured states, scored by horizon beside the baselines. Inputs come from the recording, or
         from a controller.
 
@@ -246,22 +248,23 @@ class OnRecordings:
         DataError, RequestError, ModelError
         """
         opened, changes = self._opened(data, recipe)
-        at = [] if isinstance(starts, (int, np.integer)) else [(int(episode), int(row)) for episode, row in starts]
+        at = [] if np.ndim(starts) == 0 else [_start(*start) for start in starts]  # type: ignore[union-attr]
         request = {
-            "horizon": int(horizon),
-            "count": int(starts) if isinstance(starts, (int, np.integer)) else 0,
-            "seed": seed,
+            "horizon": count("horizon", horizon, 1),
+            "count": count("starts", starts, 1) if np.ndim(starts) == 0 else 0,
+            "seed": None if seed is None else count("seed", seed, 0),
             "at": at,
             "method": method,
-            "dt": dt,
-            "keep": keep,
+            "dt": None if dt is None else number("dt", dt),
+            "keep": bool(keep),
             "outside": outside,
-            "position": list(position),
+            "position": names_of(position),
             "controller": what(controller),
             "settings": [f"{name}={value}" for name, value in (settings or {}).items()],
         }
         with reporting(progress) as callback:
-            report, trajectories = engine.rollout(self._core, opened, changes, request, cache, callback)
+            found, trajectories = engine.rollout(self._core, opened, changes, request, cache, callback)
+        report = Rollouts(found)
         if keep:
             report["trajectories"] = trajectories
         report["notes"] = tell_all(report["notes"])
@@ -337,14 +340,17 @@ class OnRecordings:
         >>> followed["trajectories"][0]["x"].shape
         (200, 2)
         """
+        for name, (low, high) in (bounds or {}).items():
+            if low is not None and high is not None and not low < high:
+                raise RequestError(f"bounds: {name!r} lies in ({low}, {high}); give (low, high), the smaller number first")
         ends = {name: ["" if end is None else repr(float(end)) for end in own] for name, own in (bounds or {}).items()}
         said = _recipe.said(
-            every=every,
-            free=None if free is None else ",".join(f"`{name}`" for name in free),
+            every=None if every is None else count("every", every, 1),
+            free=None if free is None else ",".join(f"`{name}`" for name in names_of(free)),
             deviations=None if deviations is None else ",".join(f"`{n}`={float(v)!r}" for n, v in deviations.items()),
             bounds=None if bounds is None else ",".join(f"`{n}`={low}..{high}" for n, (low, high) in ends.items()),
             widen=None if widen is None else float(widen),
-            iterations=iterations,
+            iterations=None if iterations is None else count("iterations", iterations, 1),
         )
         opened, changes = self._opened(data, recipe, said={"resimulate": said} if said else {})
         with reporting(progress) as callback:
@@ -413,6 +419,11 @@ def _of_runs(beside: Any, count: int, what: str) -> Sequence[Any]:
     if not isinstance(beside, (list, tuple)) or len(beside) != count:
         raise ModelError(f"x is a list of {count} runs; give a list of as many for {what}")
     return beside
+
+
+def _start(episode: Any, row: Any) -> tuple[int, int]:
+    """Where a rollout begins, counted from 0."""
+    return count("starts: episode", episode, 0), count("starts: row", row, 0)
 
 
 def _beside(columns: Mapping[str, Any], names: Sequence[str], rows: int) -> Any:

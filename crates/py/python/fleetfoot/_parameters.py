@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from . import _core, _recipe
-from ._identify import AnyRecipe, Derivative, Identifier, States, documented, number
+from ._identify import AnyRecipe, Derivative, Identifier, States, documented
 from ._model import Model
 from ._progress import Progress
+from ._values import number
 
 
 @documented

@@ -6,9 +6,12 @@ Whatever such an object says takes effect, or is refused.
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from ._symbols import expressions
 from .exceptions import RequestError
@@ -109,6 +112,22 @@ def optimizer(given: Any) -> dict[str, Any]:
             "kappa": 0.0 if kappa is None else float(kappa),
             "normalize": normalize,
         }
+    if name == "SR3":
+        # Iterated until it stands; terms are fitted again.
+        _known(given, {"reg_weight_lam", "regularizer", "normalize_columns", "max_iter", "tol", "copy_X", "unbias"})
+        if str(given.regularizer).lower() != "l0" or np.ndim(given.reg_weight_lam):
+            raise _refused(given, "with another penalty than one number of l0 is not supported", "leave regularizer='L0'")
+        # What l0 drops, at nu = 1.
+        return {"optimizer": "sr3", "threshold": math.sqrt(2.0 * float(given.reg_weight_lam)), "normalize": normalize}
+    if name == "SSR":
+        _known(given, {"alpha", "normalize_columns", "max_iter", "copy_X"})
+        return {"optimizer": "ssr", "ridge": float(given.alpha), "normalize": normalize}
+    if name == "EnsembleOptimizer":
+        _known(given, {"bagging", "library_ensemble", "n_models"})
+        if given.bagging and given.library_ensemble:
+            raise _refused(given, "of rows and functions at once is not supported", "choose one of the two")
+        what = "chunks" if given.bagging else "library"
+        return {**optimizer(given.opt), "ensemble": f"{what}:{int(given.n_models)}"}
     mend = "name one: optimizer='stlsq', 'sr3', 'ssr', 'frols', 'lasso' or 'ols', with threshold= or terms="
     raise _refused(given, "is no optimiser that can be read", mend)
 
@@ -121,6 +140,7 @@ SAYS = {
     "normalize": "normalize_columns",
     "max_iterations": "max_iter",
     "kappa": "kappa",
+    "ensemble": "n_models",
 }
 
 #: What says in this package what an option of an optimiser says there.

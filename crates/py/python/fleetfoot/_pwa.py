@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
 from . import _core, _recipe
 from ._identify import AnyRecipe, Derivative, Identifier, States, documented, partition
@@ -110,17 +110,17 @@ class PWA(Identifier):
         degree: int | None = None,
         lags: int | str | Mapping[str, int] | None = None,
         partition_on: Sequence[str] | None = None,
-        select: str = "cv",
+        select: Literal["cv", "bic", "rollout"] = "cv",
         objective: str = "one-step",
         horizon: int = 50,
         folds: int = 10,
         purge: float | None = None,
-        shrinkage: float | str = 0.0,
+        shrinkage: float | Literal["auto"] = 0.0,
         continuous: bool = False,
         stable: float | None = None,
         passive: str | Mapping[str, str] | None = None,
         phase: str | None = None,
-        unseen_labels: str = "refuse",
+        unseen_labels: Literal["refuse", "pool"] = "refuse",
         seed: int = 0,
         restarts: int = 1,
         iterations: int = 100,

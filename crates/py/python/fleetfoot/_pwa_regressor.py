@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from numbers import Integral
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,8 +152,8 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         partition: str | None = None,
         partition_features: Any = None,
         folds: int = 5,
-        selection: str = "cv",
-        shrinkage: float | str = 0.0,
+        selection: Literal["cv", "bic"] = "cv",
+        shrinkage: float | Literal["auto"] = 0.0,
         continuous: bool = False,
         n_init: int = 1,
         max_kmeans_iter: int = 300,

@@ -15,6 +15,7 @@ from ._core import Table
 from ._data import Dataset
 from ._data import open as open_data
 from ._progress import Progress, reporting
+from ._values import count, number
 from .exceptions import DataError
 
 
@@ -425,16 +426,15 @@ def generate(
         raise ValueError(
             "minutes and seconds are both given; minutes are of all runs together, seconds of each: give one"
         )
-    if runs < 1:
-        raise ValueError(f"runs={runs}: give at least 1")
+    runs = count("runs", runs, 1)
     if minutes is not None:
-        seconds = minutes * 60.0 / runs
+        seconds = number("minutes", minutes) * 60.0 / runs
     text, settings = _world(world)
     wanted = {
-        "runs": int(runs),
-        "first_run": int(first_run),
-        "seconds": seconds,
-        "seed": int(seed),
+        "runs": runs,
+        "first_run": count("first_run", first_run, 0),
+        "seconds": None if seconds is None else number("seconds", seconds),
+        "seed": count("seed", seed, 0),
         "speed": speed,
         "format": format,
         "truth": truth,

@@ -11,6 +11,7 @@ from . import _core
 from ._compare import _unwrapped
 from ._controller import Controller, what
 from ._progress import Progress, reporting
+from ._values import count, names_of
 from ._warnings import tell_all
 
 _Path = str | os.PathLike[str]
@@ -112,7 +113,7 @@ def report(
         listed.append((model.method if name is None else str(name), model._core))
     if inner is None:
         raise ValueError("models is empty; give at least one model")
-    axes = None if plane is None else [str(axis) for axis in plane]
+    axes = None if plane is None else [str(axis) for axis in names_of(plane)]
     if axes is not None and len(axes) != 2:
         raise ValueError(f"plane={plane!r}: a plane has two columns")
     opened, changes = (None, "{}") if data is None else inner._opened(data, recipe)
@@ -123,8 +124,8 @@ def report(
         "plane": axes,
         "fits": fits,
         "title": title,
-        "horizon": horizon,
-        "starts": int(starts),
+        "horizon": None if horizon is None else count("horizon", horizon, 1),
+        "starts": count("starts", starts, 1),
         "controller": what(controller),
         "settings": [f"{name}={value}" for name, value in (settings or {}).items()],
     }

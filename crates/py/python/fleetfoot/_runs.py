@@ -10,6 +10,7 @@ import numpy as np
 
 from . import _core
 from ._arrays import numbers, period_seconds
+from ._values import names_of
 
 Differentiate = Callable[[np.ndarray[Any, Any], Any], Any]
 
@@ -80,7 +81,7 @@ def _width(arrays: list[Any], what: str) -> int:
 def _names(given: Sequence[str] | None, what: str, letter: str, width: int) -> list[str]:
     if given is None:
         return [f"{letter}{i}" for i in range(width)]
-    names = [str(name) for name in given]
+    names = [str(name) for name in names_of(given)]
     if len(names) != width:
         raise ValueError(f"{what} has {len(names)} names ({', '.join(names)}) for {width} columns")
     return names
@@ -130,6 +131,31 @@ def _check_rise(stamp: np.ndarray[Any, Any], run: int) -> None:
     still = int(np.count_nonzero(stamp[1:] == stamp[:-1]))
     if 2 * still >= len(stamp):
         raise ValueError(f"t of run {run} stands still at {still} of {len(stamp)} rows. {_MEANT}")
+
+
+#: Share of a step that it may differ from the median, and share of the steps that may differ by more.
+_UNEVEN, _MANY = 0.1, 0.05
+
+
+def uneven(clocks: Sequence[Any]) -> list[str]:
+    """Notes for models that go from row to row on stamps that are not one period apart; gaps are few, and end episodes."""
+    notes = []
+    for run, clock in enumerate(clocks):
+        stamps = np.asarray(clock)
+        if stamps.ndim != 1 or len(stamps) < 3 or stamps.dtype.kind not in "iufmM":
+            continue
+        steps = np.diff(stamps)
+        steps = steps / np.timedelta64(1, "s") if steps.dtype.kind == "m" else steps.astype(float)
+        steps = steps[np.isfinite(steps)]
+        period = float(np.median(steps)) if len(steps) else 0.0
+        share = float(np.mean(np.abs(steps - period) > _UNEVEN * period)) if period > 0.0 else 0.0
+        if share > _MANY:
+            notes.append(
+                f"t of run {run} is uneven: {share:.0%} of its steps differ from their median, {period:.3g} s, by more than "
+                f"{_UNEVEN:.0%}, and the model goes from row to row as if all were alike; fit derivatives "
+                "(target='derivative'), or bring the rows to one rate first"
+            )
+    return notes
 
 
 def _beside(values: Any, what: str, x: list[Any]) -> list[Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -17,13 +17,13 @@ from ._identify import (
     States,
     documented,
     groups_of,
-    number,
     partition,
 )
 from ._model import Model
 from ._progress import Progress
 from ._runs import array_runs, differentiated, runs
 from ._symbols import quoted
+from ._values import names_of, number
 from .exceptions import RequestError
 
 if TYPE_CHECKING:
@@ -43,9 +43,10 @@ class SINDy(Identifier):
     ----------
     optimizer : str or object, default="auto"
         ``"auto"`` (thresholds of STLSQ and backward elimination together), ``"stlsq"``, ``"sr3"``,
-        ``"ssr"``, ``"frols"``, ``"lasso"``, ``"group-lasso"``, ``"ols"``; or an ``STLSQ`` or ``FROLS`` object of
-        pysindy or of this package: then the terms are those that it keeps. What it says takes effect, and what cannot
-        is refused.
+        ``"ssr"``, ``"frols"``, ``"lasso"``, ``"group-lasso"``, ``"ols"``; or an ``STLSQ``, ``SR3`` or ``FROLS`` object of
+        pysindy or of this package: then the terms are those that it keeps, fitted again by least squares; or an ``SSR``
+        or ``EnsembleOptimizer`` of pysindy: ``select`` and ``inclusion`` choose among its models. What it says takes
+        effect, and what cannot is refused.
     library : str, list of str or object, optional
         Candidate functions: ``"poly(3)"``, ``["poly(2)", "fourier(1)", "x*abs(y)"]``; functions of Python among them,
         ``["poly(1)", lambda x, y: x * abs(y)]``, of every choice of so many variables: they are read as expressions; or
@@ -146,16 +147,16 @@ class SINDy(Identifier):
         differentiation_method: Any = None,
         *,
         feature_library: Any = None,
-        threshold: float | str = "auto",
+        threshold: float | Literal["auto"] = "auto",
         terms: int | None = None,
         ridge: float | None = None,
-        normalize: bool | str | None = None,
+        normalize: bool | Literal["length"] | None = None,
         max_iterations: int = 20,
         kappa: float | None = None,
-        select: str = "one-se",
+        select: Literal["one-se", "cv", "aic", "bic", "ebic"] = "one-se",
         objective: str = "one-step",
-        weak: int | str | None = None,
-        smooth_states: str = "auto",
+        weak: int | Literal["auto", "off"] | None = None,
+        smooth_states: Literal["auto", "on", "off"] = "auto",
         folds: int | str = "auto",
         ensemble: str | None = None,
         inclusion: float = 0.6,
@@ -304,7 +305,7 @@ class SINDy(Identifier):
                     )
                 if name not in states:
                     raise RequestError(f"{what}: {name!r} is not a state; there are {', '.join(states)}")
-                states[name] = {**states[name], what: value if isinstance(value, str) else list(value)}
+                states[name] = {**states[name], what: value if what == "nominal" else names_of(value)}
         return recipe
 
     def _fit(self, data: _core.Data, recipe: str, progress: Any) -> tuple[Model, dict[str, Any]]:

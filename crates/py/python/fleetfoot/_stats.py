@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from ._core import Data, Statistic
 from ._data import open as open_data
 from ._episodes import Episode, Episodes, matching
 from ._progress import Progress, reporting
+from ._values import count
 from ._warnings import tell_all
 from .exceptions import StatisticError
 
@@ -134,6 +135,11 @@ class _Value:
         return self._core.serves
 
 
+def rows_of_chunk(chunk_rows: int | None) -> int | None:
+    """A number of rows that was given, checked."""
+    return None if chunk_rows is None else count("chunk_rows", chunk_rows, 1)
+
+
 class Plan(_Value):
     """What a scan sums: columns, functions, targets, and the coordinates that a pilot sample of the rows gave.
 
@@ -182,7 +188,7 @@ class Plan(_Value):
     ) -> None:
         dataset = open_data(data, recipe=recipe)
         with reporting(progress) as callback:
-            self._core, notes = Statistic.freeze(dataset.recipe, dataset._core, [], chunk_rows, callback)
+            self._core, notes = Statistic.freeze(dataset.recipe, dataset._core, [], rows_of_chunk(chunk_rows), callback)
         tell_all(notes)
 
     @property
@@ -329,7 +335,7 @@ class Stats(_Value):
 
     def solve(
         self,
-        method: str = "least-squares",
+        method: Literal["least-squares", "ridge", "lasso", "elastic-net"] = "least-squares",
         alpha: float | None = None,
         *,
         l1_ratio: float | None = None,
@@ -457,7 +463,7 @@ def scan(
     else:
         dataset = open_data(data, recipe=plan)
         with reporting(progress) as callback:
-            core, skipped, notes = Statistic.scan(dataset.recipe, dataset._core, labels, chunk_rows, callback)
+            core, skipped, notes = Statistic.scan(dataset.recipe, dataset._core, labels, rows_of_chunk(chunk_rows), callback)
     tell_all(notes + [f"left out: {name}" for name in skipped])
     return Stats._of(core)
 

@@ -24,6 +24,8 @@ _COMMANDS = {
     "stats info": "Stats",
     "generate": "fleetfoot.generate",
 }
+#: Letters beyond which a value is cut in a message.
+_LONG = 80
 #: Flags that are switches.
 _SWITCHES = {"append", "continuous", "direct", "force", "front", "tsqr"}
 #: Keys and flags that have another name as an argument.
@@ -36,11 +38,12 @@ _NAMES = {
     "episode": "episodes",
     "file": "files",
     "plane": "axes",
+    "functions": "library",
 }
 #: What follows a flag and is its value, not the next word of the sentence.
 _VALUE = (
     r"[\w.]*:[\w.,+:]+|-?\d[\w.,:/()+-]*|null|average|rollout|bic|cv|one-se|aic|ebic|free-run|pool|refuse|next|delta|"
-    r"derivative|auto|off|term|signal|stlsq|sr3|frols|ssr|lasso|ols"
+    r"derivative|auto|off|term|signal|stlsq|sr3|frols|ssr|lasso|ols|[A-Z]{2,}"
 )
 _COMMAND = re.compile(r"`(?:fleetfoot )?(fit \w+|stats \w+|info --values|info)( [^`]*)?`|`?fleetfoot (\w+)`")
 _FIRST = re.compile(r"^--([a-z][\w-]*) (\S+?):(?= )")
@@ -51,6 +54,25 @@ _NAMED = re.compile(r"(^|[;:(] )\[(states|inputs|latents|tasks|parameters)\] (\w
 _SECTION = re.compile(
     r"\[(states|inputs|latents|tasks|parameters|columns|library|model|sindy|sparse|pwa|narx|estimate|time)\](?! ?=)"
 )
+#: A flag with its value as an entry of a recipe has it, an entry at the beginning.
+_ASSIGNED = re.compile(r'--([a-z][\w-]*) = ("[^"]*"|[^\s:;,"]+)(?=[:;,.]|$)')
+_BEGINS = re.compile(r'^(\w+) = ("[^"]*")(?=:)')
+#: What the reader of recipes says of arguments and dicts, which became TOML on the way.
+_PARSED = re.compile(
+    r"^(the arguments|recipe): TOML parse error at line \d+, column \d+\n.*?\n *\d+ \| ([^\n]*)\n[^\n]*\n(.*?)\s*$", re.DOTALL
+)
+_VARIANT = re.compile(r"unknown (variant|field) `([^`]*)`, expected (?:one of )?(.*)$", re.DOTALL)
+_TYPE = re.compile(r"invalid (?:type|value): .*?, expected (.*)$", re.DOTALL)
+#: Types of the engine as what a person gives.
+_TYPES = {
+    "a boolean": "True or False",
+    "a sequence": "a list",
+    "a map": "a dict",
+    "a string": "a str",
+    **dict.fromkeys(("u8", "u16", "u32", "u64", "usize"), "a whole number of 0 or more"),
+    **dict.fromkeys(("i32", "i64", "isize"), "a whole number"),
+    **dict.fromkeys(("f32", "f64"), "a number"),
+}
 _JSON_PLACE = re.compile(r" at line \d+ column \d+")
 #: Commands of others stay as they are.
 _FOREIGN = re.compile(r"(`(?:mcap|rosbags-convert|pip) [^`]*`)")
@@ -68,8 +90,11 @@ def of_python(message: str) -> str:
     >>> of_python("`fit sindy` chooses a span; `fleetfoot info --values` tells more")
     'SINDy chooses a span; fleetfoot.info(path, values=True) tells more'
     """
-    if not any(sign in message for sign in ("--", "[", "`fit ", "`fleetfoot ", " at line ")):
+    if not any(sign in message for sign in ("--", "[", "`fit ", "`fleetfoot ", " at line ", ' = "', "write true")):
         return message
+    parsed = _PARSED.match(message)
+    if parsed:
+        message = _unparsed(*parsed.groups())
     return "".join(part if _FOREIGN.fullmatch(part) else _translated(part) for part in _FOREIGN.split(message))
 
 
@@ -78,10 +103,46 @@ def _translated(message: str) -> str:
     message = _COMMAND.sub(_command, message)
     message = _FIRST.sub(lambda found: f"{_said(found[1], found[2])}:", message)
     message = _TWICE.sub(lambda found: f"{_name(found[2])}={found[3]}", message)
+    message = _ASSIGNED.sub(lambda found: f"{_name(found[1].replace('-', '_'))}={_value(found[2])}", message)
+    message = _BEGINS.sub(lambda found: f"{_name(found[1])}={_value(found[2])}", message)
     message = _FLAG.sub(lambda found: _said(found[1], found[2]), message)
     message = _ENTRY.sub(lambda found: f"{_name(found[1])}{'=' if found[2] else ''}", message)
     message = _NAMED.sub(lambda found: f"{found[1]}{found[2]}[{found[3]!r}]", message)
+    message = message.replace('write true, false or "length"', "write True, False or 'length'")
     return _SECTION.sub(lambda found: found[1], message)
+
+
+def _unparsed(whose: str, line: str, problem: str) -> str:
+    """What the reader of recipes says of a line of TOML that no user wrote."""
+    key, _, text = line.partition(" = ")
+    value = _value(text)
+    where = "" if whose == "the arguments" else f"{whose}: "
+    for said in (f"{line}: ", f"{key}: "):
+        problem = problem.removeprefix(said)
+    variant, kind = _VARIANT.match(problem), _TYPE.match(problem)
+    if variant:
+        names = [repr(name) for name in re.findall(r"`([^`]*)`", variant[3])]
+        listed = f"{', '.join(names[:-1])} or {names[-1]}" if len(names) > 1 else "".join(names)
+        if variant[1] == "field":
+            return f"{where}there is no {variant[2]!r}; give {listed}"
+        problem = f"give {listed}"
+    elif kind:
+        problem = f"give {_TYPES.get(kind[1], kind[1])}"
+    elif problem.startswith("expected "):
+        problem = f"give {problem.removeprefix('expected ')}"
+    return f"{where}{_name(key)}={value}: {problem or 'give another value'}" if text else f"{where}{problem}"
+
+
+def _value(text: str) -> str:
+    """A value of TOML as Python writes it, shortened where it is long."""
+    if len(text) > 1 and text[0] == text[-1] == '"':
+        text = repr(text[1:-1])
+    return shown({"true": "True", "false": "False"}.get(text, text))
+
+
+def shown(text: str) -> str:
+    """A text in a message, without the middle where it is long."""
+    return text if len(text) <= _LONG else f"{text[:20]}...{text[-10:]}"
 
 
 def _command(found: re.Match[str]) -> str:

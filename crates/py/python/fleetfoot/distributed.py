@@ -405,7 +405,7 @@ class _Ray:
             raise ImportError("a scan on Ray needs ray: pip install ray") from error
         if not ray.is_initialized():
             raise RuntimeError("Ray is not running: call ray.init() first")
-        self._ray = ray
+        self._ray: Any = ray
 
     def run(self, plan: bytes, keys: list[str], groups: list[list[Source]], watch: Watch) -> Part:
         """Scans every group, and merges."""

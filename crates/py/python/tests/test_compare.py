@@ -157,3 +157,24 @@ def test_mistakes_are_named(model, data, models, options, says):
         ff.compare(models, data, **options)
     with pytest.raises(TypeError, match="int"):
         ff.compare({"m": model, "n": 3}, data)
+
+
+def test_two_defaults_agree_on_how_targets_are_measured():
+    t = np.arange(0, 10, 0.05)
+    runs = [np.column_stack([a * np.cos(2 * t), -2 * a * np.sin(2 * t)]) for a in (1.0, 0.7, 0.4, 1.2)]
+    data = ff.open([{"x0": run[:, 0], "x1": run[:, 1]} for run in runs[2:]], dt=0.05)
+    pwa, sindy = (one.fit(runs[:2], dt=0.05) for one in (ff.PWA(), ff.SINDy(derivative="central6")))
+    with pytest.warns(ff.FleetfootWarning, match="sindy was fitted to other differences; its targets are measured as pwa"):
+        found = ff.compare({"pwa": pwa, "sindy": sindy}, data)
+    # Central differences of a sine of frequency w fall short by (w dt)^2 / 6; those of sixth order do not.
+    short = 1.0 - np.sin(0.1) / 0.1
+    amplitude = np.array([0.4, 1.2])
+    assert np.allclose(found.rmse["sindy"][:, 0], 2.0 * short * amplitude / np.sqrt(2.0), rtol=0.05)
+    assert (found.rmse["pwa"] < 1e-6).all() and str(found).endswith(found.notes[0])
+    # A column that somebody gives is another quantity.
+    given = ff.PWA().fit(runs[:2], dt=0.05, x_dot=[np.gradient(run, 0.05, axis=0) for run in runs[:2]])
+    table = [
+        {"x0": run[:, 0], "x1": run[:, 1], "x0_dot": 2.0 * run[:, 1], "x1_dot": -8.0 * run[:, 0]} for run in runs[2:]
+    ]
+    with pytest.raises(ValueError, match="measure their targets otherwise"):
+        ff.compare({"pwa": pwa, "given": given}, ff.open(table, dt=0.05))

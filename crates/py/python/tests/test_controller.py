@@ -40,7 +40,11 @@ def test_a_controller_is_a_file_and_a_value(mass, tmp_path):
     assert (tmp_path / "law.json").read_text() == law.to_json()
     with pytest.raises(ff.exceptions.WriteError):
         law.save(tmp_path / "nowhere" / "law.json")
-    for other in (pickle.loads(pickle.dumps(law)), copy.deepcopy(law)):
+    (tmp_path / "model.json").write_text(mass.to_json())
+    for wrong, kind in (("no.json", ff.exceptions.DataError), ("model.json", ff.exceptions.FleetfootError)):
+        with pytest.raises(kind, match=wrong):
+            ff.Controller.load(tmp_path / wrong)
+    for other in (pickle.loads(pickle.dumps(law)), copy.deepcopy(law), ff.Controller.load(tmp_path / "law.json")):
         assert other.to_json() == law.to_json() and (other.gains == law.gains).all()
     t = np.arange(0, 10, 0.01)
     rows = {"t": t, "x": 0 * t, "v": 0 * t, "u": 0 * t}

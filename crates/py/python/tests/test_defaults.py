@@ -162,6 +162,18 @@ def test_an_optimiser_object_does_what_it_does_in_pysindy(options, whose):
     same_support(own, peer)
 
 
+def test_elimination_and_ensembles_of_pysindy_are_optimisers():
+    ps = pytest.importorskip("pysindy", reason="pysindy is not installed")
+    t, x, x_dot = lorenz()
+    ensemble = ps.EnsembleOptimizer(ps.STLSQ(threshold=0.1), bagging=True, n_models=30)
+    for given in (ps.SSR(alpha=0.0), ensemble, ff.SR3(reg_weight_lam=0.005)):
+        fit = ff.SINDy(optimizer=given, library="poly(2)").fit(x, t, x_dot)
+        assert np.count_nonzero(fit.coefficients(), axis=1).tolist() == [2, 3, 2], type(given).__name__
+    both = ps.EnsembleOptimizer(ps.STLSQ(), bagging=True, library_ensemble=True)
+    with pytest.raises(RequestError, match="EnsembleOptimizer of rows and functions at once"):
+        ff.SINDy(optimizer=both).fit(x, t, x_dot)
+
+
 def test_forward_regression_of_the_lorenz_system_is_sparse():
     t, x, x_dot = lorenz()
     x_dot = x_dot + 0.1 * np.random.default_rng(0).normal(size=x.shape)
@@ -178,7 +190,9 @@ def test_forward_regression_of_the_lorenz_system_is_sparse():
         ({"optimizer": ff.STLSQ(initial_guess=[[1.0]])}, "initial_guess"),
         ({"optimizer": ff.STLSQ(sparse_ind=[0])}, "sparse_ind.*fixed="),
         ({"optimizer": ff.STLSQ(verbose=True)}, "verbose=True.*progress"),
-        ({"optimizer": ff.SR3()}, "SR3.*'sr3'"),
+        ({"optimizer": ff.SR3(regularizer="L1")}, "SR3 with another penalty.*regularizer='L0'"),
+        ({"optimizer": ff.SR3(relax_coeff_nu=0.5)}, "relax_coeff_nu=0.5"),
+        ({"optimizer": ff.SR3(trimming_fraction=0.1)}, "trimming_fraction=0.1"),
         ({"optimizer": ff.STLSQ(threshold=0.1), "threshold": 0.2}, r"threshold=0\.2.*0\.1.*once"),
         ({"optimizer": ff.FROLS(), "terms": 3}, "terms=3.*10.*max_iter"),
     ],
@@ -296,3 +310,23 @@ def test_block_sparse_finds_the_lorenz_system():
     t, x, _ = lorenz()
     fit = ff.BlockSparse(degree=2).fit(x, t)
     assert min(task["r2"] for task in fit.report_["tasks"]) > 0.999, fit.report_["tasks"]
+
+
+@pytest.mark.parametrize("kind", ["array", "table"])
+def test_a_model_of_next_rows_tells_of_uneven_stamps(kind):
+    random = np.random.default_rng(0)
+    even = np.arange(400) * 0.01
+    uneven = even + random.uniform(-0.004, 0.004, 400)
+
+    def notes(estimator, t):
+        x = np.column_stack([np.cos(2 * t), -2 * np.sin(2 * t)])
+        if kind == "array":
+            found = notes_of(lambda: estimator.fit(x, t))[1]
+        else:
+            pandas = pytest.importorskip("pandas", reason="pandas is not installed")
+            found = notes_of(lambda: estimator.fit(pandas.DataFrame({"t": t, "a": x[:, 0], "b": x[:, 1]})))[1]
+        return [note for note in found if "uneven" in note]
+
+    for discrete in (ff.PWA(target="next"), ff.SINDy(discrete_time=True), ff.NARX(2)):
+        assert len(notes(discrete, uneven)) == 1 and not notes(discrete, even)
+    assert not notes(ff.PWA(), uneven)

@@ -30,7 +30,7 @@ FOREIGN = re.compile(r"(?<!\w)--[a-z]|\[(pwa|sindy|sparse|narx|model|states|inpu
         (lambda: ff.PWA("kmeens:3"), "kmeens"),
         (lambda: ff.PWA(2, partition_on=["z"]), "partition_on.*z"),
         (lambda: ff.PWA(recipe={"pwa": {"fold": 3}}), "fold"),
-        (lambda: ff.PWA(recipe={"states": {"x0": {"derivative": 3}}}), "expected a word"),
+        (lambda: ff.PWA(recipe={"states": {"x0": {"derivative": 3}}}), "give a word"),
         (lambda: ff.SINDy(partition=["null", "average"]), r"partition="),
         (lambda: ff.SINDy(optimizer="frols", threshold=0.1), "threshold=0.1"),
         (lambda: ff.SINDy(max_iterations=3, optimizer="frols"), "max_iterations=3"),
@@ -73,6 +73,71 @@ def test_errors_name_arguments(estimator, words):
 def test_words_are_translated_once(said, wanted):
     assert _words.of_python(said) == wanted
     assert _words.of_python(wanted) == wanted
+
+
+TABLE = {"t": T, "x0": X[:, 0], "x1": X[:, 1]}
+HUGE = 10**200
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda m: ff.PWA(select="foo").fit(X, T), "select='foo': give 'cv', 'bic' or 'rollout'"),
+        (lambda m: ff.SINDy(select="foo").fit(X, T), "select='foo': give 'one-se', 'cv', 'aic', 'bic' or 'ebic'"),
+        (lambda m: ff.NARX(2, select="foo").fit(X[:, :1], T), "select='foo': give free-run, one-se, cv, aic, bic or ebic"),
+        (lambda m: ff.PWA(2, continuous="foo").fit(X, T), "continuous='foo': give True or False"),
+        (lambda m: ff.PWA(objective="steps:0").fit(X, T), "objective='steps:0': write one-step, free-run, or steps:N"),
+        (lambda m: ff.PWA(2, phase="foo").fit(X, T), "phase='foo': in `foo`, character 1: unknown column"),
+        (lambda m: ff.PWA(lags="foo").fit(X, T), "lags='foo': `foo` is no number of rows"),
+        (lambda m: ff.SINDy(library=["x0^"]).fit(X, T), "library=\"x0^\": in `x0^`, character 4"),
+        (lambda m: ff.SINDy(normalize="foo").fit(X, T), "normalize=foo: write True, False or 'length'"),
+        (lambda m: ff.SINDy(constraints={"a": {"foo": 1}}).fit(X, T), "there is no 'foo'; give 'of', 'coefficients'"),
+        (lambda m: ff.PWA(recipe={"pwa": {"folds": "x"}}).fit(X, T), "recipe: folds='x': give a whole number of 0 or more"),
+        (lambda m: ff.PWA(recipe={"foo": {}}).fit(X, T), "recipe: there is no 'foo'; give 'columns'"),
+        (lambda m: ff.PWA(2, folds=HUGE).fit(X, T), "folds=10000000000000000000...0000000000: give a whole number"),
+        (lambda m: ff.SINDy(threshold=10**400).fit(X, T), "threshold=10000000000000000000...0000000000: give a number"),
+        (lambda m: ff.PWA(dt="foo").fit(X), "dt='foo': give a number of seconds"),
+        (lambda m: m.rollout(TABLE, -3), "horizon=-3: give a whole number of 1 or more"),
+        (lambda m: m.rollout(TABLE, 1.5), "horizon=1.5: give a whole number of 1 or more"),
+        (lambda m: m.rollout(TABLE, 5, seed=-1), "seed=-1: give a whole number of 0 or more"),
+        (lambda m: m.rollout(TABLE, 5, starts=[(-1, 0)]), "starts: episode=-1: give a whole number of 0 or more"),
+        (lambda m: m.rollout(TABLE, 5, dt="foo"), "dt='foo': give a number"),
+        (lambda m: m.filter(TABLE, noise="foo"), "noise='foo': give 'auto', 'white' or 'coloured'"),
+        (lambda m: m.resimulate(TABLE, every=-1), "every=-1: give a whole number of 1 or more"),
+        (lambda m: m.resimulate(TABLE, bounds={"x0": (1, 0)}), "bounds: 'x0' lies in (1, 0); give (low, high)"),
+        (lambda m: m.describe(-1), "regions=-1: give a whole number of 0 or more"),
+        (lambda m: ff.report(m, TABLE, "no.html", horizon=-1), "horizon=-1: give a whole number of 1 or more"),
+        (lambda m: ff.generate("diffdrive", "no", seed=-1), "seed=-1: give a whole number of 0 or more"),
+        (lambda m: ff.set_threads(-1), "count=-1: give a whole number of 0 or more"),
+        (lambda m: ff.Plan({"time": {"dt": 1}}, TABLE, chunk_rows=0), "chunk_rows=0: give a whole number of 1 or more"),
+    ],
+)
+def test_a_wrong_value_is_said_in_words_of_python(call, message):
+    model = ff.PWA().fit(X, T).model_
+    with pytest.raises(FleetfootError) as caught:
+        call(model)
+    said = str(caught.value)
+    assert said.startswith(message) and "TOML" not in said and len(said) < 500, said
+
+
+def test_text_of_toml_keeps_the_place_of_its_mistake():
+    with pytest.raises(FleetfootError, match=r"the recipe: TOML parse error at line 1"):
+        ff.PWA(recipe="[pwa\nfolds=").fit(X, T)
+
+
+def test_one_name_is_no_list_of_letters():
+    def of(names):
+        return ff.PWA(2, partition_on=names, angles=names).fit(X, T).model_
+
+    assert of("x0") == of(["x0"])
+    assert ff.PWA(states="x0").fit(TABLE).model_.states == ("x0",)
+    assert ff.PWA().fit(X[:, 0], T, feature_names="speed").model_.states == ("speed",)
+    with pytest.raises(ValueError, match=r"feature_names has 1 names \(ab\) for 2 columns"):
+        ff.PWA().fit(X, T, feature_names="ab")
+    fixed = [ff.SINDy(fixed={"x0": terms}).fit(X, T).model_ for terms in ("x1", ["x1"])]
+    assert fixed[0] == fixed[1]
+    model = ff.PWA().fit(X, T).model_
+    assert model.rollout(TABLE, 5, position="x0")["model"] == model.rollout(TABLE, 5, position=["x0"])["model"]
 
 
 def test_routine_facts_are_logged_and_what_may_be_wrong_warns(tmp_path, caplog):

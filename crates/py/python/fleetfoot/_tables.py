@@ -1,0 +1,131 @@
+"""What models were found to do on recordings: dictionaries that print as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from ._html import grid
+
+
+class Report(dict[str, Any]):
+    """A report as a dictionary, which prints as a table and gives its table to pandas: ``pandas.DataFrame(report.table)``.
+
+    Attributes
+    ----------
+    table : list of dict
+        Its numbers row by row; NaN where one is missing.
+    """
+
+    @property
+    def table(self) -> list[dict[str, Any]]:
+        """The numbers of the report, a dict for each row of its table."""
+        raise NotImplementedError
+
+    def summary(self) -> str:
+        """What stands below the table."""
+        raise NotImplementedError
+
+    def _cells(self) -> tuple[list[str], list[list[str]]]:
+        rows = self.table
+        header = list(rows[0]) if rows else []
+        return header, [[_cell(row[name]) for name in header] for row in rows]
+
+    def __repr__(self) -> str:
+        header, lines = self._cells()
+        widths = [max(len(line[at]) for line in [header, *lines]) for at in range(len(header))]
+        return "\n".join([*(_line(line, widths) for line in [header, *lines]), self.summary()])
+
+    def _repr_html_(self) -> str:
+        header, lines = self._cells()
+        return grid(header, lines, self.summary())
+
+
+class Scores(Report):
+    """One-step errors: what :meth:`fleetfoot.Model.score` gives."""
+
+    @property
+    def table(self) -> list[dict[str, Any]]:
+        """For each target its errors, beside those of the null model and persistence."""
+        return [
+            {
+                "target": one["name"],
+                "unit": one["unit"] or "",
+                "rmse": _number(one["rmse"]),
+                "mae": _number(one["mae"]),
+                "r2": _number(one["r2"]),
+                **{f"rmse of {other['name']}": _number(other["rmse"]) for other in one["baselines"]},
+            }
+            for one in self["targets"]
+        ]
+
+    def summary(self) -> str:
+        """Rows and episodes, and how many of these trained the model."""
+        seen = len(self["in_sample_episodes"])
+        return f"one step ahead on {self['rows']} rows of {self['episodes']} episodes, {seen} of which trained the model"
+
+
+class Rollouts(Report):
+    """Errors of free runs: what :meth:`fleetfoot.Model.rollout` gives."""
+
+    @property
+    def table(self) -> list[dict[str, Any]]:
+        """For each state its error at the last step, beside those of the baselines."""
+        whose = {"rmse": self["model"], **{f"rmse of {name}": one for name, one in self["baselines"].items()}}
+        seconds = self["time"][-1] if self["time"] else None
+        return [
+            {
+                "state": state,
+                "after [s]": _number(seconds),
+                **{name: _number(one["rmse"][-1][at]) if one["rmse"] else _number(None) for name, one in whose.items()},
+            }
+            for at, state in enumerate(self["states"])
+        ]
+
+    def summary(self) -> str:
+        """How many rollouts there were, and what became of them."""
+        return (
+            f"{self['rollouts']} rollouts of {len(self['time'])} steps: {self['diverged']} diverged, "
+            f"{self['left_domain']} left the training range"
+        )
+
+
+class Filtered(Report):
+    """What a filter did: what :meth:`fleetfoot.Model.filter` gives."""
+
+    @property
+    def table(self) -> list[dict[str, Any]]:
+        """For each sensor its deviation, and whether its innovations are as large and as independent as they should be."""
+        return [
+            {
+                "state": one["state"],
+                "deviation": _number(one["deviation"]),
+                "from": one["deviation_from"],
+                "within 95 %": _number(one["share"]),
+                "correlation": _number(one["correlation"]),
+            }
+            for one in self["sensors"]
+        ]
+
+    def summary(self) -> str:
+        """Rows, and the mean squared innovation by degree of freedom."""
+        nis = self["nis"] or {}
+        return f"{self['rows']} rows of {self['episodes']} episodes; squared innovations {_cell(_number(nis.get('mean')))} (1 is right)"
+
+
+def _number(value: Any) -> float:
+    """A number, that of an interval, or NaN where there is none."""
+    if isinstance(value, dict):
+        value = value.get("value")
+    return float("nan") if value is None else float(value)
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    return "" if value != value else f"{value:.4g}"
+
+
+def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
+    padded = [cell.ljust(width) if not at else cell.rjust(width) for at, (cell, width) in enumerate(zip(cells, widths))]
+    return "  ".join(padded).rstrip()

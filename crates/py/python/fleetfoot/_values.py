@@ -1,0 +1,40 @@
+"""Numbers and names of a caller: checked with one message for all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from ._words import shown
+from .exceptions import RequestError
+
+#: The largest whole number that the engine takes.
+_MOST = 2**63 - 1
+
+
+def count(name: str, value: Any, least: int) -> int:
+    """A whole number of at least so much."""
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)) or value < least:
+        raise RequestError(f"{name}={shown(repr(value))}: give a whole number of {least} or more")
+    if value > _MOST:
+        raise RequestError(f"{name}={shown(repr(value))}: give a whole number of {_MOST} at most")
+    return int(value)
+
+
+def number(name: str, value: Any) -> float:
+    """A finite number."""
+    is_number = isinstance(value, (int, float, np.number)) and not isinstance(value, (bool, np.bool_))
+    try:
+        found = float(value) if is_number else np.nan
+    except OverflowError:
+        found = np.inf
+    if not np.isfinite(found):
+        raise RequestError(f"{name}={shown(repr(value))}: give a number")
+    return found
+
+
+def names_of(given: str | Iterable[str]) -> list[str]:
+    """Names, or one name that stands for itself: a text is no list of its letters."""
+    return [given] if isinstance(given, str) else list(given)
