@@ -264,7 +264,7 @@ fn a_row_an_episode_is_refused_with_the_reason() {
     let folder = tempfile::tempdir().expect("a folder");
     fs::write(folder.path().join("log.csv"), text).expect("a file");
     for method in ["sindy", "sparse", "pwa"] {
-        let arguments = ["log.csv", "--predict", "y", "--inputs", "x"];
+        let arguments = ["log.csv", "--predict", "y", "--inputs", "x", "--time", "t", "--time-unit", "s"];
         fit(folder.path(), method, &arguments).fails(&["3000 episodes", "stamps do not rise"]);
     }
 }

@@ -318,7 +318,7 @@ fn a_field_of_the_messages_is_the_clock() {
 fn elements_of_long_arrays_can_be_named() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
-    let mut writer = McapWriter::create(&path.join("run.mcap"), &McapOptions::default()).unwrap();
+    let mut writer = McapWriter::create(path.join("run.mcap"), &McapOptions::default()).unwrap();
     let load = writer.channel::<Float64MultiArray<'_>>("/load_cell_data").unwrap();
     for row in 0..200 {
         let (log, t) = (LOG_START + row * 10_000_000, 0.01 * row as f64);

@@ -63,14 +63,40 @@ pub(crate) struct Running {
 
 impl Running {
     pub(crate) fn start(folder: &Path, arguments: &[&str]) -> Self {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_fleetfoot"));
+        // A test that `nohup` began hands an ignored hangup on to its children.
+        let mut command = if cfg!(target_os = "linux") {
+            let mut command = Command::new("env");
+            command.args(["--default-signal=HUP", env!("CARGO_BIN_EXE_fleetfoot")]);
+            command
+        } else {
+            Command::new(env!("CARGO_BIN_EXE_fleetfoot"))
+        };
         let child = command.current_dir(folder).args(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
         Self { child: child.expect("the command runs"), what: arguments.join(" ") }
+    }
+
+    /// Waits until the command answers to signals: on a loaded machine its start may take longer than a test waits.
+    #[cfg(unix)]
+    fn until_it_listens(&self) {
+        const TERM: u64 = 1 << 14;
+        let listens = || {
+            let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).ok()?;
+            let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:"))?;
+            Some(u64::from_str_radix(caught.trim(), 16).ok()? & TERM != 0)
+        };
+        // Where there is no such file, it is hoped that the test has waited for long enough.
+        let begin = Instant::now();
+        while listens() == Some(false) && begin.elapsed() < Duration::from_secs(20) {
+            std::thread::sleep(Duration::from_millis(2));
+        }
     }
 
     /// Sends a signal, by its name.
     #[cfg(unix)]
     pub(crate) fn signal(&self, name: &str) {
+        if name != "KILL" {
+            self.until_it_listens();
+        }
         let sent = Command::new("kill").args([&format!("-{name}"), &self.child.id().to_string()]).status();
         assert!(sent.expect("kill runs").success(), "{} is there no more", self.what);
     }

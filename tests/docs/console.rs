@@ -205,7 +205,8 @@ fn number(line: &str, at: usize) -> Option<&str> {
         Some(c) => in_name(c) && c != '.',
         None => false,
     };
-    (!goes_on && !text[end..].starts_with("[..]")).then(|| &text[..end])
+    let is_open = ["[..]", ".[..]"].iter().any(|open| text[end..].starts_with(open));
+    (!goes_on && !is_open).then(|| &text[..end])
 }
 
 /// Whether two numbers differ by no more than a unit of the last digit of the one with more digits. Counts, which have neither point nor exponent, are equal.

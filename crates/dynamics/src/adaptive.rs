@@ -10,23 +10,8 @@ use crate::{
     Points, Stepper, StepperWorkspace,
     angle::wrap,
     rosenbrock::{self, Rosenbrock, right_sides},
-    step_control::{StepControl, Verdict},
+    step_control::{StepControl, Tolerance, Verdict},
 };
-
-/// How exactly a simulation follows the equations.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Tolerance {
-    /// Error of a step over the size of a state.
-    pub relative: f64,
-    /// Error of a step in the units of each state, beside the relative one. `None`: the relative one times the state's standard deviation in training.
-    pub absolute: Option<Vec<f64>>,
-}
-
-impl Default for Tolerance {
-    fn default() -> Self {
-        Self { relative: 1e-8, absolute: None }
-    }
-}
 
 /// Nodes: the share of the step at which each stage stands.
 const NODES: [f64; 7] = [0.0, 1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0, 1.0];

@@ -90,7 +90,6 @@ mod trajectories;
 mod trajectory;
 mod window;
 
-pub use adaptive::Tolerance;
 pub use baseline::Baseline;
 pub use domain::Domain;
 pub use error::Error;
@@ -112,6 +111,7 @@ pub use shooting::{Segment, Shooting, ShootingOptions};
 pub use simulation::{Course, InputSequence, Integration};
 pub use simulator::Simulator;
 pub use starts::{Start, Starts};
+pub use step_control::Tolerance;
 pub use stepper::{Stepper, StepperWorkspace};
 pub use stretch::{Stretch, StretchPath, Stretches};
 pub use tangent::{Linearized, Tangent};

@@ -3,7 +3,22 @@
 //! Hairer, Norsett and Wanner, "Solving ordinary differential equations I", section II.4. Every point has steps of its own, so that its numbers do not
 //! depend on those beside it.
 
-use crate::{Points, Stepper, Tolerance};
+use crate::{Points, Stepper};
+
+/// How exactly a simulation follows the equations.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tolerance {
+    /// Error of a step over the size of a state.
+    pub relative: f64,
+    /// Error of a step in the units of each state, beside the relative one. `None`: the relative one times the state's standard deviation in training.
+    pub absolute: Option<Vec<f64>>,
+}
+
+impl Default for Tolerance {
+    fn default() -> Self {
+        Self { relative: 1e-8, absolute: None }
+    }
+}
 
 /// The longest step, in sampling periods: what is shorter (a pulse of `time()`, a thin region) would not be seen by longer ones.
 const LONGEST: f64 = 10.0;

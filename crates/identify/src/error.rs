@@ -76,16 +76,14 @@ pub enum Error {
         mend: String,
     },
     /// Text where numbers are read.
-    #[error("{}: {what} holds text (\"{value}\"{place}), and text is no number: {mend}", path.display())]
+    #[error("{}: {what} holds text ({found}), and text is no number: {mend}", path.display())]
     TextAsNumber {
         /// The log.
         path: PathBuf,
         /// The column and its part.
         what: String,
-        /// The first value that is no number.
-        value: String,
-        /// Where it stands.
-        place: String,
+        /// The first value that is no number, and where it stands.
+        found: String,
         /// How the column is read.
         mend: String,
     },

@@ -46,8 +46,7 @@ pub(crate) fn refuse_text(
         return Err(Error::TextAsNumber {
             path,
             what,
-            value: value.to_owned(),
-            place,
+            found: format!("\"{value}\"{place}"),
             mend: mend(&field, value, names),
         });
     }

@@ -6,6 +6,7 @@ mod decode;
 mod dialect;
 mod head;
 mod input;
+mod sort;
 
 use std::{path::Path, sync::Arc};
 

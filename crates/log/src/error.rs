@@ -1,10 +1,8 @@
 //! Errors: each names the file, the place in it, and the mend.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use fleetfoot_data::Cancelled;
-
-use crate::Reading;
 
 /// What is readable, for messages.
 pub(crate) const KNOWN: &str =
@@ -400,15 +398,6 @@ pub enum Error {
     /// The user stopped the work.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
-}
-
-impl Error {
-    /// Stamps of a column that fit these units.
-    pub(crate) fn unknown_unit(path: &Path, column: &str, readings: &[Reading]) -> Self {
-        let all: Vec<String> = readings.iter().map(ToString::to_string).collect();
-        let unit = readings.last().map_or("ms", |reading| reading.unit.symbol());
-        Self::UnknownTimeUnit { path: path.into(), column: column.into(), readings: all.join(" or "), unit }
-    }
 }
 
 impl From<Error> for fleetfoot_data::Error {

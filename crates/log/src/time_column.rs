@@ -266,7 +266,7 @@ impl Clock {
             (_, Some(reading)) if by_order => {
                 (reading.unit, Some("other units fit too, but only the order of rows counts"))
             }
-            _ => return Err(Error::unknown_unit(path, name, readings)),
+            _ => return Err(unknown_unit(path, name, readings)),
         };
         // Numbers with decimals are expected to be seconds.
         let is_usual = unit == TimeUnit::Seconds && self.kind != CandidateKind::Integer && readings.len() <= 1;
@@ -287,4 +287,11 @@ impl Clock {
 /// A column's names for the message that no clock is among them.
 pub(crate) fn no_clock(path: &Path, names: &[&str]) -> Error {
     Error::NoTimeColumn { path: path.into(), columns: list(names) }
+}
+
+/// The refusal of stamps that fit these units.
+fn unknown_unit(path: &Path, column: &str, readings: &[Reading]) -> Error {
+    let all: Vec<String> = readings.iter().map(ToString::to_string).collect();
+    let unit = readings.last().map_or("ms", |reading| reading.unit.symbol());
+    Error::UnknownTimeUnit { path: path.into(), column: column.into(), readings: all.join(" or "), unit }
 }

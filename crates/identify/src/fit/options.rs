@@ -219,7 +219,7 @@ mod tests {
     #[test]
     fn what_is_not_allowed_is_said_with_what_is() {
         for (text, parts) in [
-            ("[pwa]\nfolds = 101", ["folds = 101", "0 to 100"]),
+            ("[pwa]\nfolds = 101", ["folds = 101", "0..=100"]),
             ("[pwa]\nselect = \"best\"", ["select = \"best\"", "`rollout`"]),
             ("[pwa]\nunseen_labels = \"guess\"", ["unseen_labels = \"guess\"", "`pool`"]),
             ("[pwa]\npurge = -1.0", ["purge = -1", "zero or more"]),

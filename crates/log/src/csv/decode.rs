@@ -13,8 +13,9 @@ use super::{
     blanks::Delimiter,
     cell::{Cell, boolean, is_missing, is_whole, number},
     dialect::begins_comment,
-    head::{Head, Sort, is_header_again, sort_of},
+    head::{Head, is_header_again},
     input::{Watched, line_of, read_error, reader},
+    sort::{Sort, sort_of},
 };
 use crate::{
     Compression, Error, TimeUnit,

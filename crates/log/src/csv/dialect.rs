@@ -3,7 +3,7 @@
 use super::{
     blanks::Separator,
     cell::{Cell, boolean, is_missing, number},
-    head::{Sort, sort},
+    sort::{Sort, sort},
 };
 use crate::dates;
 

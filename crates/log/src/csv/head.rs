@@ -6,9 +6,10 @@ use fleetfoot_data::{Column, ColumnKind};
 
 use super::{
     blanks::Delimiter,
-    cell::{Cell, boolean, is_missing, is_whole, number},
+    cell::{Cell, is_missing, is_whole, number},
     dialect::{self, Preamble, begins_comment, text_of, with_tabs},
     input::{self, read_error, reader},
+    sort::{Sort, sort},
 };
 use crate::{
     Compression, Error,
@@ -24,21 +25,6 @@ const SAMPLE: usize = 1000;
 
 /// How the note ends about dates that can be read in two orders.
 const EITHER_ORDER: &str = "the other order of day and month fits its first rows as well";
-
-/// What a column's cells look like.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Sort {
-    /// Numbers.
-    Number,
-    /// Truth values.
-    Boolean,
-    /// Dates, or times of the day.
-    Date(DateOrder),
-    /// Texts.
-    Text,
-    /// Nothing was there yet: the first cell that says something decides.
-    Unknown,
-}
 
 /// The beginning of a file.
 pub(super) struct Head {
@@ -289,48 +275,6 @@ fn writes_comma(records: &[csv::ByteRecord]) -> bool {
         .count();
     let point = cells().filter(|cell| cell.contains(&b'.') && matches!(number(cell, false), Cell::Number(_))).count();
     with > point
-}
-
-/// What the cells of a column look like.
-pub(super) fn sort<'a>(cells: impl Iterator<Item = &'a [u8]> + Clone, decimal_comma: bool) -> Sort {
-    let (mut numbers, mut truths, mut dates, mut all) = (0, 0, 0, 0);
-    let present = || cells.clone().filter(|cell| !is_missing(cell));
-    for cell in present() {
-        // Infinities are missing values, but they are numbers.
-        all += 1;
-        match sort_of(cell, decimal_comma) {
-            Sort::Number => numbers += 1,
-            Sort::Boolean => truths += 1,
-            Sort::Date(_) => dates += 1,
-            _ => {}
-        }
-    }
-    if all == 0 {
-        Sort::Unknown
-    } else if truths > 0 && truths + numbers == all {
-        Sort::Boolean
-    } else if 2 * numbers >= all {
-        Sort::Number
-    } else if 2 * dates >= all {
-        Sort::Date(DateOrder::of(present().filter(|cell| dates::parse_any(cell).is_some())).0)
-    } else {
-        Sort::Text
-    }
-}
-
-/// What a single cell that is not missing looks like.
-pub(super) fn sort_of(cell: &[u8], decimal_comma: bool) -> Sort {
-    if number(cell, decimal_comma) != Cell::Other {
-        Sort::Number
-    } else if boolean(cell).is_some() {
-        Sort::Boolean
-    } else if dates::parse(cell, DateOrder::MonthFirst).is_some() {
-        Sort::Date(DateOrder::MonthFirst)
-    } else if dates::parse(cell, DateOrder::DayFirst).is_some() {
-        Sort::Date(DateOrder::DayFirst)
-    } else {
-        Sort::Text
-    }
 }
 
 /// Opens a file and reads its beginning.

@@ -128,7 +128,8 @@ impl Steps {
         if !is_whole {
             return match unit {
                 TimeUnit::Seconds => self.is_common(seconds, [SLOWEST_EVENTS, f64::INFINITY]),
-                _ => self.is_common(seconds, [slowest, FASTEST_FRACTIONS]),
+                // The median alone: pauses between runs make the mean step of seconds that of common rates in milliseconds.
+                _ => (slowest..=FASTEST_FRACTIONS).contains(&(1.0 / (self.median * seconds))),
             };
         }
         // Slow loggers write every so many minutes.

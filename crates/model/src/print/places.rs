@@ -3,7 +3,7 @@
 use super::short;
 use crate::{Column, Partition, Rule, UnseenLabel};
 
-/// Cells of a joined region that are written out.
+/// Cells of a joined region that are written out, at most.
 const CELLS: usize = 8;
 
 /// A column of the partition, and how it is standardised.
@@ -75,17 +75,15 @@ fn of_rule(rule: &Rule, axes: &[Axis], of_all: &str) -> Vec<Vec<String>> {
     }
 }
 
-/// The cells of every region.
+/// The cells of every region: where they lie, or how many there are where they are more than a person reads.
 fn joined(cells: &[Vec<String>], regions: &[u32], count: usize) -> Vec<Vec<String>> {
     let of = |region: usize| {
         let own: Vec<usize> =
             (0..cells.len()).filter(|&cell| regions.get(cell).is_some_and(|&r| r as usize == region)).collect();
-        let line = |&cell: &usize| format!("cell {cell}: {}", cells[cell].join("; "));
-        let mut lines: Vec<String> = own.iter().take(CELLS).map(line).collect();
         if own.len() > CELLS {
-            lines.push(format!("and {} more cells", own.len() - CELLS));
+            return vec![format!("{} of the {} cells", own.len(), cells.len())];
         }
-        lines
+        own.iter().map(|&cell| format!("cell {cell}: {}", cells[cell].join("; "))).collect()
     };
     (0..count).map(of).collect()
 }
