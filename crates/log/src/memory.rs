@@ -153,9 +153,16 @@ fn find_clock(path: &Path, table: &dyn MemoryTable, spec: &TimeSpec) -> Result<O
 pub(crate) fn clock(table: &dyn MemoryTable, spec: &TimeSpec) -> Option<Clock> {
     let candidates: Vec<Candidate> = (0..table.columns().len()).map(|column| candidate(table, column)).collect();
     let clock = time_column::choose(&candidates, &|column| sample(table, column), spec)?;
-    let typed = table.time_unit(clock.column).map(ClockUnit::Told);
+    let typed = table.time_unit(clock.column).or_else(|| seconds(&clock)).map(ClockUnit::Told);
     let beside = clock.beside.map(|(column, unit)| (column, table.time_unit(column).unwrap_or(unit)));
     Some(Clock { unit: typed.unwrap_or(clock.unit), beside, ..clock })
+}
+
+/// Floating-point stamps in memory that may be seconds are seconds, as numerical libraries count time.
+fn seconds(clock: &Clock) -> Option<TimeUnit> {
+    let ClockUnit::Guessed(readings) = &clock.unit else { return None };
+    let is_possible = readings.iter().any(|reading| reading.unit == TimeUnit::Seconds);
+    (clock.kind == CandidateKind::Float && is_possible).then_some(TimeUnit::Seconds)
 }
 
 fn of_column(table: &dyn MemoryTable, column: usize, rows: Range<usize>) -> ScalarBuffer<f64> {

@@ -108,7 +108,7 @@ fn scale(task: &StructuredTask, index: usize, root: &SquareRoot) -> Result<f64, 
     let size = (variance + mean * mean).sqrt();
     let is_constant = variance <= (1e-12 * mean).powi(2);
     // A rate that is constant is that of a state that varies.
-    if is_constant && mean != 0.0 && !found.prior && !found.target.reads_clock() {
+    if is_constant && root.rows > 1 && mean != 0.0 && !found.prior && !found.target.reads_clock() {
         return Err(Error::undetermined(format!(
             "[tasks] {}: the target `{}` has the same value {mean} in all rows: there is nothing to predict; leave it out, check its column, or add `scale`, the \
              error that counts as one, in its units",

@@ -281,7 +281,7 @@ def test_wrong_scans_are_refused(tmp_path: Path, files: list[str], plan: ff.Plan
         ff.scan(plan, files, keys="aircraft")
     with pytest.raises(ValueError, match="chunk_rows: the plan has its own"):
         ff.scan(plan, files, chunk_rows=7)
-    with pytest.raises(RequestError, match="chunk_rows = 0"):
+    with pytest.raises(RequestError, match="chunk_rows=0"):
         ff.scan(fleet.SHARED, files, chunk_rows=0)
     with pytest.raises(DataError):
         ff.scan(plan, str(tmp_path / "missing.csv"))
