@@ -20,7 +20,7 @@ test-all: test
 
 # Every test runs, whatever fails before it; the last line says how many passed and where the others are.
 test-rust:
-	@{ cargo test --workspace --locked --no-fail-fast 2>&1; echo "exit status $$?"; } | awk -f tests/summary.awk
+	@unset MAKEFLAGS MFLAGS; { cargo test --workspace --locked --no-fail-fast 2>&1; echo "exit status $$?"; } | awk -f tests/summary.awk
 
 # Pages, goldens and the tests of kernels once more, with a narrower instruction set than the processor's widest.
 SIMD := $(if $(shell grep -m 1 -o avx512f /proc/cpuinfo 2>/dev/null),avx2,scalar)
@@ -28,7 +28,7 @@ KERNELS := data library stats model signal pwa sparse dynamics
 test-simd: export FLEETFOOT_SIMD := $(SIMD)
 test-simd:
 	@echo "instruction set of the kernels: $(SIMD)"
-	@{ cargo test --locked --no-fail-fast $(addprefix -p fleetfoot-,$(KERNELS)) --lib 2>&1 && \
+	@unset MAKEFLAGS MFLAGS; { cargo test --locked --no-fail-fast $(addprefix -p fleetfoot-,$(KERNELS)) --lib 2>&1 && \
 	cargo test --locked -p fleetfoot --test all goldens 2>&1 && \
 	cargo test --locked -p fleetfoot-cli --test system docs:: 2>&1; echo "exit status $$?"; } | awk -f tests/summary.awk
 

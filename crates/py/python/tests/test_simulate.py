@@ -111,7 +111,13 @@ def test_ctrl_c_ends_a_simulation_between_two_times() -> None:
     begun = time.monotonic()
     main = threading.main_thread().ident
     timer = threading.Timer(0.5, lambda: signal.pthread_kill(main, signal.SIGINT))
-    timer.start()
-    with pytest.raises(KeyboardInterrupt):
-        model.simulate([1.0, 0.0], [0.0, 1e7])
-    assert time.monotonic() - begun < 20.0
+    # A shell starts background jobs with SIGINT ignored, and Python then leaves it ignored.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        timer.start()
+        with pytest.raises(KeyboardInterrupt):
+            model.simulate([1.0, 0.0], [0.0, 1e7])
+        assert time.monotonic() - begun < 20.0
+    finally:
+        timer.join()
+        signal.signal(signal.SIGINT, before)
