@@ -72,14 +72,13 @@ fn main() -> ExitCode {
             report::tell(error);
             ExitCode::from(signals::STOPPED)
         }
-        Err(Cancelled) | Ok(Err(_)) if signals::stop().is_set() => {
-            report::tell("stopped; nothing was written");
-            ExitCode::from(signals::STOPPED)
-        }
-        Err(Cancelled) => unreachable!("work unwinds so after a stop alone"),
-        Ok(Err(error)) => {
+        Ok(Err(error)) if !signals::stop().is_set() => {
             report::report(error);
             ExitCode::from(1)
+        }
+        Err(Cancelled) | Ok(Err(_)) => {
+            report::tell("stopped; nothing was written");
+            ExitCode::from(signals::STOPPED)
         }
     }
 }

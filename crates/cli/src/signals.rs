@@ -43,7 +43,7 @@ pub(crate) fn stop_on_signals() {
     let _ = std::thread::Builder::new().name("signals".into()).spawn(wait);
 }
 
-/// Whether the process began with a signal that does nothing.
+/// True if the process inherited this signal as ignored.
 #[cfg(unix)]
 fn is_ignored(signal: i32) -> bool {
     let mut present = std::mem::MaybeUninit::<libc::sigaction>::zeroed();

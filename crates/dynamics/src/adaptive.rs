@@ -15,7 +15,7 @@ use crate::{
 
 /// Nodes: the share of the step at which each stage stands.
 const NODES: [f64; 7] = [0.0, 1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0, 1.0];
-/// What each stage takes of the slopes before it; the last row is the solution of order 5, whose slope is the first of the next step.
+/// Coefficients of the earlier slopes in each stage. The last row is the solution of order 5, whose slope is the first of the next step.
 const STAGES: [[f64; 6]; 7] = [
     [0.0; 6],
     [1.0 / 5.0, 0.0, 0.0, 0.0, 0.0, 0.0],
@@ -40,8 +40,10 @@ const SOUND: u32 = 6;
 const SLOW: u32 = 30;
 /// The shortest implicit step, as a share of the fastest time constant: what is shorter shows a jump, not a transient.
 const SHORTEST_OF_CONSTANT: f64 = 1e-3;
+/// The shortest implicit step, as a share of the shortest explicit one: below it a simulation would hardly get on.
+const SHORTEST_OF_EXPLICIT: f64 = 1e-6;
 
-/// Which method a point goes by, and the steps that speak for the other.
+/// Integration method of a point, explicit or implicit, and the count of steps that favour the other method.
 #[derive(Debug, Clone, Copy, Default)]
 struct Stiffness {
     implicit: bool,
@@ -246,7 +248,9 @@ impl Adaptive {
         let mut back = Vec::new();
         for b in control.active() {
             let (ratio, rate) = (control.ratio(b), implicit.rate[b]);
-            let shortest = control.shortest.min(SHORTEST_OF_CONSTANT / rate);
+            // `max` takes a rate that is no number for none.
+            let shortest =
+                (SHORTEST_OF_CONSTANT / rate).max(SHORTEST_OF_EXPLICIT * control.shortest).min(control.shortest);
             let tried = control.tried[b];
             if control.judge(stepper, b, seconds, ratio, rosenbrock::ERROR_ORDER, shortest) == Verdict::Rejected {
                 continue;

@@ -76,7 +76,7 @@ impl Points {
         &mut self.values[start..start + self.count]
     }
 
-    /// What an expression reads: a column or the time, at the points, before them or after them.
+    /// Values of a leaf of an expression: a column or the time, at the points, rows before them or rows after them.
     pub(crate) fn leaf(&self, leaf: Leaf) -> &[f64] {
         let row = (self.history as i64 - i64::from(leaf.lag())) as usize;
         match leaf {
@@ -110,7 +110,7 @@ impl Points {
         (0..self.count).for_each(|point| self.ramp_to(point, 0.0));
     }
 
-    /// Whether anything but states changes within a row: a column along its ramp.
+    /// True if a column moves along a ramp within a row.
     pub(crate) fn has_ramps(&self) -> bool {
         !self.ramps.is_empty()
     }

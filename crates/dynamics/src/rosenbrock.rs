@@ -10,7 +10,7 @@ use crate::{Points, Stepper, StepperWorkspace, Tangent, angle::wrap, step_contro
 const GAMMA: f64 = 0.25;
 /// Nodes: the share of the step at which each stage stands.
 const NODES: [f64; 6] = [0.0, 0.386, 0.21, 0.63, 1.0, 1.0];
-/// What each stage takes of those before it for its states; the solution is the last stage's states and its own U.
+/// Coefficients of the earlier stages in the states of each stage. The solution is the states of the last stage plus its U.
 const STATES: [[f64; 5]; 6] = [
     [0.0; 5],
     [1.544, 0.0, 0.0, 0.0, 0.0],
@@ -19,7 +19,7 @@ const STATES: [[f64; 5]; 6] = [
     [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.687886036105895, 0.0],
     [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.687886036105895, 1.0],
 ];
-/// What each stage takes of those before it for its right side, over the step.
+/// Coefficients of the earlier stages in the right side of each stage, divided by the step.
 const SIDES: [[f64; 5]; 6] = [
     [0.0; 5],
     [-5.6688, 0.0, 0.0, 0.0, 0.0],
@@ -28,7 +28,7 @@ const SIDES: [[f64; 5]; 6] = [
     [7.496443313967647, -10.24680431464352, -33.99990352819905, 11.7089089320616, 0.0],
     [8.083246795921522, -7.981132988064893, -31.52159432874371, 16.31930543123136, -6.058818238834054],
 ];
-/// What each stage takes of the derivative by time, times the step.
+/// Coefficient of the derivative by time in each stage, times the step.
 const TIMES: [f64; 6] = [0.25, -0.1043, 0.1035, -0.03620000000000023, 0.0, 0.0];
 
 /// The order of the error that is estimated, in the step.

@@ -39,7 +39,7 @@ impl Gaussian {
         Self { mean: self.mean.iter().copied().chain(std::iter::repeat_n(0.0, behind)).collect(), covariance }
     }
 
-    /// Whether all numbers of it are finite.
+    /// True if mean and covariance are finite.
     pub(super) fn is_finite(&self) -> bool {
         self.mean.iter().chain(&self.covariance).all(|value| value.is_finite())
     }

@@ -204,8 +204,8 @@ impl Track {
         begun
     }
 
-    /// Whether the filter has ended: probabilities, means or covariances are no finite numbers any more, as where an unstable region is followed for long without a
-    /// measurement. Estimates, probabilities and innovations are NaN from that row on.
+    /// True once the filter has ended: its probabilities, means or covariances overflowed, as in an unstable region without measurements. Estimates,
+    /// probabilities and innovations are NaN from that row on.
     pub fn is_lost(&self) -> bool {
         self.lost
     }
