@@ -9,7 +9,7 @@ use crate::{
     time_column::{Agreed, Clock, ClockUnit},
 };
 
-/// The units that remain for each time column whose unit nothing tells, where only one remains: what one file leaves open another one says.
+/// For each time column without a told unit: the one unit that fits the numbers of all files.
 ///
 /// # Errors
 /// Two files of which no unit fits both.
@@ -50,8 +50,10 @@ fn clock(log: &Log, spec: &TimeSpec) -> Option<Clock> {
 fn common_unit(column: &str, files: &[(PathBuf, Clock)]) -> Result<Option<TimeUnit>, Error> {
     let mut common: Option<(&PathBuf, Vec<TimeUnit>)> = None;
     for (path, clock) in files {
-        let ClockUnit::Guessed(readings) = &clock.unit else { continue };
-        let own: Vec<TimeUnit> = readings.iter().map(|reading| reading.unit).collect();
+        if matches!(clock.unit, ClockUnit::Told(_)) {
+            continue;
+        }
+        let own: Vec<TimeUnit> = clock.readings().iter().map(|reading| reading.unit).collect();
         let Some((first, units)) = &mut common else {
             common = Some((path, own));
             continue;
@@ -64,7 +66,10 @@ fn common_unit(column: &str, files: &[(PathBuf, Clock)]) -> Result<Option<TimeUn
                 first: first.clone(),
                 first_is: format!("a clock in {}", symbols(&before)),
                 second: path.clone(),
-                second_is: format!("one in {} (as far as the numbers tell; --time-unit names the unit)", symbols(&own)),
+                second_is: format!(
+                    "one in {} (as far as the numbers tell; --time-unit names one unit for all files; if they differ, open them apart)",
+                    symbols(&own)
+                ),
             });
         }
         if units.len() < before.len() {
@@ -76,7 +81,8 @@ fn common_unit(column: &str, files: &[(PathBuf, Clock)]) -> Result<Option<TimeUn
         units.next().filter(|unit| units.all(|other| other == *unit))
     };
     Ok(common.and_then(|(_, units)| match units[..] {
-        [unit] => Some(unit),
+        // What every file leaves in doubt stays a note of each.
+        [unit] => Some(unit).filter(|_| !files.iter().all(|(_, clock)| clock.doubt().is_some())),
         _ => told().filter(|unit| units.contains(unit)),
     }))
 }

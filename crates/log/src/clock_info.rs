@@ -1,4 +1,4 @@
-//! What is told of a table's clock.
+//! The clock of a table: its column, its unit, and the assumptions behind both.
 
 use std::path::Path;
 
@@ -24,6 +24,9 @@ pub struct ClockInfo {
     pub seconds: Option<f64>,
     /// Whether column or unit is a guess.
     pub guess: bool,
+    /// Whether its numbers could be of several units, or of none.
+    #[serde(skip)]
+    open: bool,
     /// What was assumed and why, or between which units there is no choice.
     pub assumed: Option<String>,
     /// Rates and gaps; only when the values were scanned.
@@ -48,12 +51,12 @@ impl ClockInfo {
             Err(error) => (None, Some(error.to_string()), true),
         };
         let guess = open || assumed.is_some();
-        Self { column, beside, unit, seconds: unit.map(TimeUnit::seconds), guess, assumed, summary: None }
+        Self { column, beside, unit, seconds: unit.map(TimeUnit::seconds), guess, open, assumed, summary: None }
     }
 
     /// Whether its numbers could be of several units, or of none.
     pub fn is_open(&self) -> bool {
-        self.unit.is_none() && self.guess
+        self.open
     }
 }
 

@@ -2,6 +2,8 @@
 
 mod blanks;
 mod cell;
+mod comments;
+mod convert;
 mod decode;
 mod dialect;
 mod head;

@@ -1,6 +1,6 @@
 //! Dates and times of day as people and spreadsheets write them: `29/09/2020 13:45`, `04.05.2021 09:00`, `12:00:01.5`, `0 days 00:00:01.5`.
 
-use crate::stamp;
+use crate::{stamp, table::MISSING};
 
 /// Nanoseconds of a second, and seconds of a day.
 const SECOND: i64 = 1_000_000_000;
@@ -9,7 +9,7 @@ const DAY: i64 = 86_400;
 /// English months, by the letters that tell them.
 const MONTHS: [&str; 12] = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"];
 
-/// Which of two numbers between slashes or dashes is the day. Dots mean that the day comes first, four digits at the front the year.
+/// The order of day and month in dates with slashes or dashes. With dots the day comes first; four digits in front are the year.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum DateOrder {
     /// `4/25/2021`
@@ -58,6 +58,11 @@ impl DateOrder {
 
 /// Nanoseconds since 1970 of a date with or without a time of day; of a time alone since midnight, of days and a time since their begin.
 pub(crate) fn parse(text: &[u8], order: DateOrder) -> Option<i64> {
+    parse_in(text, Some(order))
+}
+
+/// The same; without an order, dates whose form needs one are none.
+fn parse_in(text: &[u8], order: Option<DateOrder>) -> Option<i64> {
     let text = text.trim_ascii();
     // What is no date is told by its length or its first letter; most cells that come here are numbers or words.
     if text.len() < 6 || text.len() > 40 || !text.first().is_some_and(|first| first.is_ascii_digit() || *first == b'-')
@@ -72,12 +77,12 @@ pub(crate) fn parse_any(text: &[u8]) -> Option<i64> {
     parse(text, DateOrder::MonthFirst).or_else(|| parse(text, DateOrder::DayFirst))
 }
 
-/// The same where both orders say the same: for dates that are read one by one.
+/// The same for dates that are read one by one: forms in which day and month could change places are refused, whatever their numbers.
 pub(crate) fn parse_certain(text: &[u8]) -> Option<i64> {
-    parse(text, DateOrder::MonthFirst).filter(|&stamp| parse(text, DateOrder::DayFirst) == Some(stamp))
+    parse_in(text, None)
 }
 
-fn written(text: &str, order: DateOrder) -> Option<i64> {
+fn written(text: &str, order: Option<DateOrder>) -> Option<i64> {
     if let Some((days, time)) = text.split_once(" days ").or_else(|| text.split_once(" day ")) {
         let days: i64 = days.parse().ok()?;
         let time = time_of_day(time.trim().trim_start_matches('+'), true)?;
@@ -97,7 +102,7 @@ fn written(text: &str, order: DateOrder) -> Option<i64> {
 }
 
 /// A date as `2021-05-04`.
-fn calendar(date: &str, order: DateOrder, timed: bool) -> Option<String> {
+fn calendar(date: &str, order: Option<DateOrder>, timed: bool) -> Option<String> {
     let separator = date.chars().find(|c| matches!(c, '/' | '.' | '-'))?;
     let parts: Vec<&str> = date.split(separator).collect();
     let [first, second, third] = parts[..] else { return None };
@@ -120,8 +125,9 @@ fn calendar(date: &str, order: DateOrder, timed: bool) -> Option<String> {
         };
         match (month_name(second), separator, order) {
             (Some(month), ..) => (year, month, number(first, 2)?),
-            (None, '.', _) | (None, _, DateOrder::DayFirst) => (year, number(second, 2)?, number(first, 2)?),
-            (None, _, DateOrder::MonthFirst) => (year, number(first, 2)?, number(second, 2)?),
+            (None, '.', _) | (None, _, Some(DateOrder::DayFirst)) => (year, number(second, 2)?, number(first, 2)?),
+            (None, _, Some(DateOrder::MonthFirst)) => (year, number(first, 2)?, number(second, 2)?),
+            (None, _, None) => return None,
         }
     };
     Some(format!("{year:04}-{month:02}-{day:02}"))
@@ -175,6 +181,9 @@ fn time_of_day(text: &str, alone: bool) -> Option<i64> {
     is_sound.then(|| (hours * 3600 + minutes * 60) * SECOND + seconds)
 }
 
+/// Step back over midnight, nanoseconds, within which a row came late.
+const LATE: i64 = 3600 * SECOND;
+
 /// Times of the day that pass midnight go on with the next day.
 #[derive(Debug, Default)]
 pub(crate) struct Midnights {
@@ -183,16 +192,27 @@ pub(crate) struct Midnights {
 }
 
 impl Midnights {
-    /// The stamp of a clock that may tell no more than the time of the day. Half a day back is the next day; less is a step back.
+    /// The stamp of a clock that may tell no more than the time of the day; [`MISSING`] beyond what nanoseconds hold.
+    ///
+    /// More than half a day back is the next day; less is a step back. A row that goes back over midnight by less than an hour came late: it belongs to the
+    /// day before, and the rows behind it do not.
     pub(crate) fn pass(&mut self, stamp: i64) -> i64 {
         if !(0..DAY * SECOND).contains(&stamp) {
             return stamp;
         }
-        if self.last.is_some_and(|last| stamp < last - DAY * SECOND / 2) {
+        let step = self.last.map_or(0, |last| stamp - last);
+        if step > DAY * SECOND - LATE {
+            return Self::on(self.days - 1, stamp);
+        }
+        if step < -DAY * SECOND / 2 {
             self.days += 1;
         }
         self.last = Some(stamp);
-        stamp + self.days * DAY * SECOND
+        Self::on(self.days, stamp)
+    }
+
+    fn on(day: i64, of_day: i64) -> i64 {
+        day.checked_mul(DAY * SECOND).and_then(|midnight| midnight.checked_add(of_day)).unwrap_or(MISSING)
     }
 }
 
@@ -256,5 +276,26 @@ mod tests {
         let hours = [22, 23, 0, 1, 23, 22, 0].map(|hour| midnights.pass(hour * 3600 * SECOND) / (3600 * SECOND));
         assert_eq!(hours, [22, 23, 24, 25, 47, 46, 48]);
         assert_eq!(midnights.pass(1_700_000_000 * SECOND), 1_700_000_000 * SECOND);
+        // A late row belongs to the day before, and those behind it do not go on with another day.
+        let mut midnights = Midnights::default();
+        let seconds = [86_399, 1, 86_398, 2, 86_399, 3, 7200].map(|second| midnights.pass(second * SECOND) / SECOND);
+        assert_eq!(seconds, [86_399, 86_401, 86_398, 86_402, 86_399, 86_403, 93_600]);
+        // Days beyond what nanoseconds hold.
+        let mut midnights = Midnights::default();
+        let rows = (0..300_000).map(|row| midnights.pass(if row % 2 == 0 { 23 } else { 1 } * 3600 * SECOND));
+        let rows: Vec<i64> = rows.collect();
+        assert_eq!((rows[1], rows[299_999]), (25 * 3600 * SECOND, MISSING));
+    }
+
+    #[test]
+    fn dates_are_certain_by_their_form() {
+        for text in ["04/04/2021 09:00", "05/04/2021 09:00", "13/05/2021 09:00", "05-13-2021", "4/4/21 9:00"] {
+            assert_eq!(parse_certain(text.as_bytes()), None, "{text}");
+        }
+        for text in
+            ["2021-04-05 09:00:00", "2021/4/5 0:00", "05.04.2021", "05-Apr-2021", "09:00:01.5", "2 days 00:00:01"]
+        {
+            assert!(parse_certain(text.as_bytes()).is_some(), "{text}");
+        }
     }
 }

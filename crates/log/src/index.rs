@@ -59,6 +59,14 @@ pub(crate) struct Span {
     pub fingerprint: Fingerprint,
 }
 
+/// Whether an episode begins more than half a day before the end of the one before, both within the first day: times of the day do so at midnight.
+pub(crate) fn passes_midnight(spans: &[Span]) -> bool {
+    const DAY: i64 = 86_400_000_000_000;
+    let is_of_day = |stamp: i64| (0..DAY).contains(&stamp);
+    let passes = |pair: &[Span]| pair[1].start < pair[0].end - DAY / 2;
+    spans.windows(2).any(|pair| is_of_day(pair[0].end) && is_of_day(pair[1].start) && passes(pair))
+}
+
 /// The stamp of a row of an equally spaced recording.
 pub(crate) fn uniform_stamp(row: usize, dt: f64) -> i64 {
     (row as f64 * dt * 1e9).round() as i64

@@ -6,15 +6,16 @@ use std::{
     sync::Arc,
 };
 
-use fleetfoot_data::{Column, ColumnKind, ScalarBuffer, nearest_one};
+use fleetfoot_data::{Column, ColumnKind, ScalarBuffer};
 
 use crate::{
     Error, Selection, TimeSpec, TimeUnit,
+    by_name::ByName,
     opened::Opened,
     stamp,
     store::SEGMENT,
     table::{MISSING, Table, TableColumn, TableRows},
-    time_column::{self, Agreed, Candidate, CandidateKind, Clock, ClockUnit, SettledClock},
+    time_column::{self, Agreed, Candidate, CandidateKind, Clock, ClockUnit, Reading, SettledClock},
 };
 
 /// Rows that are looked at to find the clock.
@@ -96,9 +97,9 @@ struct Selected {
 /// Opens a table for reading the selected columns.
 pub(crate) fn open(table: &Arc<dyn MemoryTable>, selection: &Selection, agreed: &Agreed) -> Result<Opened, Error> {
     let path = Path::new(table.name());
-    let places =
-        selection.columns.iter().map(|name| find(path, table.columns(), name)).collect::<Result<Vec<_>, _>>()?;
-    let clock = find_clock(path, table.as_ref(), &selection.time)?;
+    let names = ByName::new(table.columns().iter().map(|column| column.name.as_str()));
+    let places = selection.columns.iter().map(|name| names.find(path, name)).collect::<Result<Vec<_>, _>>()?;
+    let clock = find_clock(path, table.as_ref(), &names, &selection.time)?;
     let clock = clock.map(|clock| clock.settle(path, agreed, selection)).transpose()?;
     let columns = places.iter().map(|&place| {
         let column = table.selected(place)?;
@@ -115,23 +116,16 @@ pub(crate) fn open(table: &Arc<dyn MemoryTable>, selection: &Selection, agreed: 
     Ok(Opened::of_table(Box::new(selected), clock, notes))
 }
 
-fn find(path: &Path, columns: &[Column], name: &str) -> Result<usize, Error> {
-    let mut matching = (0..columns.len()).filter(|&c| columns[c].name == name);
-    let Some(first) = matching.next() else {
-        let nearest = nearest_one(name, columns.iter().map(|column| column.name.as_str()));
-        return Err(Error::MissingColumn { path: path.into(), column: name.into(), nearest });
-    };
-    match matching.count() {
-        0 => Ok(first),
-        more => Err(Error::AmbiguousColumn { path: path.into(), column: name.into(), count: more + 1 }),
-    }
-}
-
-fn find_clock(path: &Path, table: &dyn MemoryTable, spec: &TimeSpec) -> Result<Option<Clock>, Error> {
+fn find_clock(
+    path: &Path,
+    table: &dyn MemoryTable,
+    names: &ByName<'_>,
+    spec: &TimeSpec,
+) -> Result<Option<Clock>, Error> {
     match spec {
         TimeSpec::Uniform { .. } => return Ok(None),
         TimeSpec::Column { name, .. } => {
-            let column = find(path, table.columns(), name)?;
+            let column = names.find(path, name)?;
             let is_number = matches!(table.selected(column)?.kind, ColumnKind::Float | ColumnKind::Integer);
             if !is_number && table.time_unit(column).is_none() {
                 return Err(Error::NoClock { path: path.into(), column: name.clone() });
@@ -153,16 +147,20 @@ fn find_clock(path: &Path, table: &dyn MemoryTable, spec: &TimeSpec) -> Result<O
 pub(crate) fn clock(table: &dyn MemoryTable, spec: &TimeSpec) -> Option<Clock> {
     let candidates: Vec<Candidate> = (0..table.columns().len()).map(|column| candidate(table, column)).collect();
     let clock = time_column::choose(&candidates, &|column| sample(table, column), spec)?;
-    let typed = table.time_unit(clock.column).or_else(|| seconds(&clock)).map(ClockUnit::Told);
+    let unit = match (table.time_unit(clock.column), clock.unit) {
+        (Some(unit), _) => ClockUnit::Told(unit),
+        (None, ClockUnit::Guessed(readings)) if clock.kind == CandidateKind::Float && may_be_seconds(&readings) => {
+            ClockUnit::Seconds(readings)
+        }
+        (None, unit) => unit,
+    };
     let beside = clock.beside.map(|(column, unit)| (column, table.time_unit(column).unwrap_or(unit)));
-    Some(Clock { unit: typed.unwrap_or(clock.unit), beside, ..clock })
+    Some(Clock { unit, beside, ..clock })
 }
 
-/// Floating-point stamps in memory that may be seconds are seconds, as numerical libraries count time.
-fn seconds(clock: &Clock) -> Option<TimeUnit> {
-    let ClockUnit::Guessed(readings) = &clock.unit else { return None };
-    let is_possible = readings.iter().any(|reading| reading.unit == TimeUnit::Seconds);
-    (clock.kind == CandidateKind::Float && is_possible).then_some(TimeUnit::Seconds)
+/// Whether stamps may be seconds: floating-point ones in memory are then taken as such, as numerical libraries count time.
+fn may_be_seconds(readings: &[Reading]) -> bool {
+    readings.iter().any(|reading| reading.unit == TimeUnit::Seconds)
 }
 
 fn of_column(table: &dyn MemoryTable, column: usize, rows: Range<usize>) -> ScalarBuffer<f64> {
@@ -288,6 +286,16 @@ mod tests {
         let block = recording.read(2, 1..3, Halo { before: 5, after: 5 }).unwrap();
         assert_eq!((block.column(0), block.stamps()), (&[12.0, 13.0, 15.0][..], &[1_500_000, 2_500_000][..]));
         assert!(recording.notes().iter().any(|note| note.contains("stamp")), "{:?}", recording.notes());
+    }
+
+    #[test]
+    fn times_of_the_day_that_pass_midnight_are_told() {
+        let notes = |first: i64| {
+            let stamps = (0..6).map(|row| (first + row) % 86_400 * 1_000_000).collect();
+            let recording = open_logs(&[two("run", stamps)], &Selection::new(["x"]), &Silent).unwrap();
+            recording.notes().iter().filter(|note| note.contains("`stamp` pass midnight")).count()
+        };
+        assert_eq!((notes(86_397), notes(100)), (1, 0));
     }
 
     #[test]

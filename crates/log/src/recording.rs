@@ -147,7 +147,13 @@ pub fn open_logs(logs: &[Log], selection: &Selection, progress: &dyn Progress) -
     for (((path, opened), FileIndex { mask, spans: own, clock }), recode) in
         paths.into_iter().zip(opened).zip(indices).zip(recode)
     {
-        told.add_file(&path, &opened.notes, &clock, &own);
+        let mut notes = opened.notes;
+        notes.extend(opened.time_column.filter(|_| opened.has_dates && index::passes_midnight(&own)).map(|column| {
+            format!(
+                "the times of the day in `{column}` pass midnight, where a new episode starts: add the date to them, and the episode goes on"
+            )
+        }));
+        told.add_file(&path, &notes, &clock, &own);
         let file = recording.files.len();
         spans.extend(own.into_iter().map(|span| (file, span)));
         recording.files.push(RecordedFile {

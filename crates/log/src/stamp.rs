@@ -91,7 +91,9 @@ pub(crate) fn seconds(stamp: i64) -> f64 {
 pub(crate) fn sum(mut parts: impl Iterator<Item = ScalarBuffer<i64>>) -> ScalarBuffer<i64> {
     let first = parts.next().unwrap_or_else(|| Vec::new().into());
     parts.fold(first, |sum, part| {
-        let add = |(&a, &b): (&i64, &i64)| if a == MISSING || b == MISSING { MISSING } else { a.saturating_add(b) };
+        let add = |(&a, &b): (&i64, &i64)| {
+            if a == MISSING || b == MISSING { MISSING } else { a.checked_add(b).unwrap_or(MISSING) }
+        };
         sum.iter().zip(part.iter()).map(add).collect::<Vec<_>>().into()
     })
 }
@@ -157,6 +159,8 @@ mod tests {
             assert_eq!(from_f64(bad, TimeUnit::Seconds), MISSING);
         }
         assert_eq!(from_i64(i64::MAX, TimeUnit::Seconds), MISSING);
+        let parts = [vec![i64::MAX, 5, MISSING], vec![1, 6, 1]].map(ScalarBuffer::from);
+        assert_eq!(sum(parts.into_iter())[..], [MISSING, 11, MISSING]);
     }
 
     #[test]

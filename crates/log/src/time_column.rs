@@ -59,6 +59,8 @@ pub(crate) enum ClockUnit {
     Told(TimeUnit),
     /// What its numbers may be.
     Guessed(Vec<Reading>),
+    /// Seconds, as numerical libraries count time, although its numbers may be all of these.
+    Seconds(Vec<Reading>),
 }
 
 /// Who chose the column of a clock.
@@ -83,6 +85,8 @@ pub(crate) struct SettledClock {
     pub column: usize,
     pub beside: Option<(usize, TimeUnit)>,
     pub unit: TimeUnit,
+    /// What its cells look like.
+    pub kind: CandidateKind,
     pub chosen: Chosen,
     /// What was assumed and why, when something was.
     pub assumed: Option<String>,
@@ -151,13 +155,9 @@ fn in_two_parts(candidates: &[Candidate], sampler: Sampler<'_>) -> Option<Clock>
         let name = candidates[date].name.clone();
         return Some(Clock { name, column: date, beside, unit, kind: CandidateKind::Time, chosen: Chosen::Name });
     }
-    let pairs: Vec<(usize, usize)> = kinds(CandidateKind::Integer)
-        .flat_map(|seconds| kinds(CandidateKind::Integer).map(move |nanoseconds| (seconds, nanoseconds)))
-        .filter(|&(seconds, nanoseconds)| {
-            names::are_seconds_and_nanoseconds(&candidates[seconds].name, &candidates[nanoseconds].name)
-        })
-        .collect();
-    match pairs[..] {
+    let whole: Vec<(usize, &str)> =
+        kinds(CandidateKind::Integer).map(|column| (column, &*candidates[column].name)).collect();
+    match names::seconds_and_nanoseconds(&whole)[..] {
         [(column, nanoseconds)] if all(nanoseconds, &|value| (0.0..1e9).contains(&value)) => Some(Clock {
             name: candidates[column].name.clone(),
             column,
@@ -170,7 +170,7 @@ fn in_two_parts(candidates: &[Candidate], sampler: Sampler<'_>) -> Option<Clock>
     }
 }
 
-/// What pandas calls an index without a name in a file.
+/// The name that pandas gives in a file to an index without a name.
 const INDEX: &str = "__index_level_0__";
 
 /// The column with the most telling name among those that rise.
@@ -178,6 +178,10 @@ fn by_name(candidates: &[Candidate], sampler: Sampler<'_>) -> Option<usize> {
     let rank = |candidate: &Candidate| match candidate.kind {
         CandidateKind::Other => None,
         CandidateKind::Time if candidate.name == INDEX => Some(usize::MAX),
+        // A date needs no unit: what stands in brackets is a time zone, or its form.
+        CandidateKind::Time => names::named(split_unit(&candidate.name).0, None)
+            .rank
+            .or_else(|| names::named(&candidate.name, candidate.unit.as_deref()).rank),
         _ => names::named(&candidate.name, candidate.unit.as_deref()).rank,
     };
     let ranked = candidates.iter().enumerate();
@@ -186,17 +190,23 @@ fn by_name(candidates: &[Candidate], sampler: Sampler<'_>) -> Option<usize> {
     ranked.into_iter().map(|(_, c)| c).find(|&c| mostly_rises(&sampler(c)))
 }
 
-/// Whether a sample rises but for the beginnings of new episodes and rows that were written twice.
+/// Whether a sample is that of a clock: at least half of its steps rise, at most a fifth falls (new episodes begin there).
 fn mostly_rises(sample: &[f64]) -> bool {
+    let (rising, falling, steps) = counted(sample);
+    rises(rising, falling, steps)
+}
+
+/// Rising steps, falling steps and all steps of a sample.
+fn counted(sample: &[f64]) -> (usize, usize, usize) {
     let values: Vec<f64> = sample.iter().copied().filter(|value| value.is_finite()).collect();
     // Decimals of a date go beyond what `f64` holds: the pass over the stamps sees them all.
     let is_finer = |pair: &[f64]| pair[1] == pair[0] && pair[0].fract() != 0.0;
     let rising = values.windows(2).filter(|pair| pair[1] > pair[0] || is_finer(pair)).count();
     let falling = values.windows(2).filter(|pair| pair[1] < pair[0]).count();
-    rises(rising, falling, values.len().saturating_sub(1))
+    (rising, falling, values.len().saturating_sub(1))
 }
 
-/// Whether steps, of which so many rise and so many fall, are those of a clock.
+/// Whether a clock can have these steps: at least half of them rise, and at most a fifth falls.
 pub(crate) fn rises(rising: usize, falling: usize, steps: usize) -> bool {
     2 * rising >= steps && 5 * falling <= steps
 }
@@ -209,7 +219,19 @@ fn only_even(candidates: &[Candidate], sampler: Sampler<'_>) -> Option<usize> {
     });
     let first = rising.next()?;
     let is_only = rising.next().is_none();
-    (is_only && (candidates[first].kind == CandidateKind::Time || is_even(&sampler(first)))).then_some(first)
+    (is_only
+        && (candidates[first].kind == CandidateKind::Time
+            || is_even(&sampler(first)) && !has_dates(candidates, sampler)))
+    .then_some(first)
+}
+
+/// Whether a column of dates goes on, however coarse its stamps are: then no column of numbers is the clock.
+fn has_dates(candidates: &[Candidate], sampler: Sampler<'_>) -> bool {
+    let goes_on = |column: usize| {
+        let (rising, falling, steps) = counted(&sampler(column));
+        rising > 0 && 5 * falling <= steps
+    };
+    (0..candidates.len()).any(|column| candidates[column].kind == CandidateKind::Time && goes_on(column))
 }
 
 /// Whether the sample rises at every row and is not a mere row counter.
@@ -218,7 +240,7 @@ fn always_rises(sample: &[f64], kind: CandidateKind) -> bool {
     rising && (kind != CandidateKind::Integer || sample.windows(2).any(|pair| pair[1] - pair[0] != 1.0))
 }
 
-/// Whether nine of ten steps are within a quarter of their median: a position rises as fast as its body goes.
+/// Whether nine of ten steps are within a quarter of the median step; the steps of a position vary with the speed.
 fn is_even(sample: &[f64]) -> bool {
     let mut steps: Vec<f64> = sample.windows(2).map(|pair| pair[1] - pair[0]).collect();
     steps.sort_by(f64::total_cmp);
@@ -233,7 +255,7 @@ impl Clock {
         self.column == column || self.beside.is_some_and(|(beside, _)| beside == column)
     }
 
-    /// The unit of its numbers where it is told; dates have none.
+    /// The unit of its numbers where the file, a name or the caller tells it; dates have none.
     pub(crate) fn told(&self) -> Option<TimeUnit> {
         match self.unit {
             ClockUnit::Told(unit) if self.kind != CandidateKind::Time => Some(unit),
@@ -245,7 +267,18 @@ impl Clock {
     pub(crate) fn readings(&self) -> &[Reading] {
         match &self.unit {
             ClockUnit::Told(_) => &[],
-            ClockUnit::Guessed(readings) => readings,
+            ClockUnit::Guessed(readings) | ClockUnit::Seconds(readings) => readings,
+        }
+    }
+
+    /// The unit that the numbers of a file may be in although they are taken as seconds.
+    pub(crate) fn doubt(&self) -> Option<TimeUnit> {
+        match &self.unit {
+            ClockUnit::Guessed(readings) if self.kind != CandidateKind::Integer => match readings[..] {
+                [reading] => units::instead(&reading),
+                _ => None,
+            },
+            _ => None,
         }
     }
 
@@ -262,6 +295,7 @@ impl Clock {
         let (unit, reason) = match (&self.unit, reading) {
             (ClockUnit::Told(unit), _) => (*unit, None),
             (_, Some(reading)) if agreed.is_some() => (reading.unit, Some("the only unit that fits all files")),
+            (ClockUnit::Seconds(_), Some(_)) => (TimeUnit::Seconds, None),
             (_, Some(reading)) if readings.len() == 1 => (reading.unit, Some("no other unit fits")),
             (_, Some(reading)) if by_order => {
                 (reading.unit, Some("other units fit too, but only the order of rows counts"))
@@ -270,17 +304,31 @@ impl Clock {
         };
         // Numbers with decimals are expected to be seconds.
         let is_usual = unit == TimeUnit::Seconds && self.kind != CandidateKind::Integer && readings.len() <= 1;
-        let guess = reason.zip(reading).filter(|_| !is_usual).map(|(reason, reading)| {
-            format!("the numbers of `{name}` are taken as {reading}: {reason}; name the unit if that is wrong")
-        });
+        let others = match &self.unit {
+            _ if by_order || agreed.is_some() => Vec::new(),
+            ClockUnit::Seconds(readings) => units::symbols(readings, TimeUnit::Seconds),
+            _ => self.doubt().into_iter().map(TimeUnit::symbol).collect(),
+        };
+        // Notes without numbers: those of many files become one.
+        let guess = match reason.filter(|_| !is_usual) {
+            Some(reason) => Some(format!(
+                "the numbers of `{name}` are taken as {}: {reason}; name the unit if that is wrong",
+                unit.symbol()
+            )),
+            None if others.is_empty() => None,
+            None => Some(format!(
+                "the numbers of `{name}` are taken as s; they could be {}: name the unit if they are",
+                others.join(" or ")
+            )),
+        };
         let why = (self.chosen == Chosen::Values)
             .then(|| format!("`{name}` is taken as the time: it is the only column that rises evenly at every row"));
         let assumed = match (why, guess) {
             (Some(why), Some(guess)) => Some(format!("{why}; {guess}")),
             (why, guess) => why.or(guess),
         };
-        let Self { name, column, beside, chosen, .. } = self;
-        Ok(SettledClock { name, column, beside, unit, chosen, assumed })
+        let Self { name, column, beside, kind, chosen, .. } = self;
+        Ok(SettledClock { name, column, beside, unit, kind, chosen, assumed })
     }
 }
 

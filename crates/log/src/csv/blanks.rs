@@ -1,6 +1,8 @@
 //! Columns separated by blanks: every run of them becomes one tab, and nothing moves, so that places in the text stay what they are.
 
-use std::io::{self, Read};
+use std::{borrow::Cow, io::Read};
+
+use super::convert::{Convert, Converted};
 
 /// What separates the cells of a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,7 +26,15 @@ impl Delimiter {
     pub(super) fn separated<'a>(self, text: impl Read + 'a) -> Box<dyn Read + 'a> {
         match self {
             Self::Byte(_) => Box::new(text),
-            Self::Blanks => Box::new(Separated::new(text)),
+            Self::Blanks => Box::new(Converted::new(text, Separator::new())),
+        }
+    }
+
+    /// The same of text in memory.
+    pub(super) fn separate(self, text: &[u8]) -> Cow<'_, [u8]> {
+        match self {
+            Self::Byte(_) => text.into(),
+            Self::Blanks => with_tabs(text).into(),
         }
     }
 
@@ -60,10 +70,10 @@ impl Separator {
     pub(super) fn new() -> Self {
         Self { place: Place::Begin }
     }
+}
 
-    /// Converts text in place; returns how many bytes are settled. The rest, blanks at the end, depends on what follows: it is to be given again, with more
-    /// behind it, unless this is the end.
-    pub(super) fn convert(&mut self, text: &mut [u8], is_end: bool) -> usize {
+impl Convert for Separator {
+    fn convert(&mut self, text: &mut [u8], is_end: bool) -> usize {
         let mut at = 0;
         while at < text.len() {
             let byte = text[at];
@@ -100,71 +110,21 @@ impl Separator {
     }
 }
 
+/// Text in which tabs stand for the runs of blanks between cells.
+pub(super) fn with_tabs(bytes: &[u8]) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    Separator::new().convert(&mut bytes, true);
+    bytes
+}
+
 fn is_blank(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t')
-}
-
-/// Text whose columns blanks separate, as text whose columns tabs separate.
-struct Separated<R> {
-    inner: R,
-    separator: Separator,
-    /// Bytes that were read; those up to `settled` are converted, those up to `given` handed on.
-    buffer: Vec<u8>,
-    settled: usize,
-    given: usize,
-    ended: bool,
-}
-
-/// Bytes read at once.
-const PIECE: usize = 1 << 16;
-
-impl<R: Read> Separated<R> {
-    fn new(inner: R) -> Self {
-        Self { inner, separator: Separator::new(), buffer: Vec::new(), settled: 0, given: 0, ended: false }
-    }
-
-    fn fill(&mut self) -> io::Result<()> {
-        self.buffer.drain(..self.settled);
-        (self.settled, self.given) = (0, 0);
-        while self.settled == 0 && !self.ended {
-            let from = self.buffer.len();
-            self.buffer.resize(from + PIECE, 0);
-            let read = self.inner.read(&mut self.buffer[from..]);
-            self.buffer.truncate(from + *read.as_ref().unwrap_or(&0));
-            self.ended = read? == 0;
-            self.settled = self.separator.convert(&mut self.buffer, self.ended);
-        }
-        Ok(())
-    }
-}
-
-impl<R: Read> Read for Separated<R> {
-    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
-        if self.given == self.settled {
-            self.fill()?;
-        }
-        let count = out.len().min(self.settled - self.given);
-        out[..count].copy_from_slice(&self.buffer[self.given..self.given + count]);
-        self.given += count;
-        Ok(count)
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Hands out a few bytes at a time.
-    struct Slow<'a>(&'a [u8], usize);
-
-    impl Read for Slow<'_> {
-        fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
-            let count = self.1.min(out.len()).min(self.0.len());
-            out[..count].copy_from_slice(&self.0[..count]);
-            self.0 = &self.0[count..];
-            Ok(count)
-        }
-    }
+    use crate::csv::input::tests::Slow;
 
     #[test]
     fn one_tab_a_gap_wherever_the_reads_end() {
@@ -172,7 +132,7 @@ mod tests {
         let expected = "  t\t  x [m / s]\t name \n0.0\t 1.5\t  \"a b\"\n\n  0.1\t 2\tc  \r\n1\t2\t3   ";
         for piece in 1..12 {
             let mut found = String::new();
-            Separated::new(Slow(text.as_bytes(), piece)).read_to_string(&mut found).unwrap();
+            Converted::new(Slow(text.as_bytes(), piece), Separator::new()).read_to_string(&mut found).unwrap();
             assert_eq!(found, expected, "{piece} bytes at a time");
         }
     }

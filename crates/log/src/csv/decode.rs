@@ -10,8 +10,9 @@ use std::{
 use fleetfoot_data::{Column, ColumnKind};
 
 use super::{
-    blanks::Delimiter,
     cell::{Cell, boolean, is_missing, is_whole, number},
+    comments::LeftOut,
+    convert::Converted,
     dialect::begins_comment,
     head::{Head, is_header_again},
     input::{Watched, line_of, read_error, reader},
@@ -19,7 +20,7 @@ use super::{
 };
 use crate::{
     Compression, Error, TimeUnit,
-    dates::{self, DateOrder, Midnights},
+    dates::{self, Midnights},
     error::shorten,
     stamp,
     store::{Budget, ColumnStore, StoreBuilder},
@@ -69,9 +70,13 @@ const CUT: &str = "the last line was cut off and is left out";
 
 /// Decodes all rows.
 pub(super) fn decode(mut plan: Plan<'_>, stream: Box<dyn Read>, budget: &Arc<Budget>) -> Result<Decoded, Error> {
+    let comments = plan.head.comments();
     let bytes = std::mem::take(&mut plan.head.bytes);
     let (input, watch) = Watched::new(Cursor::new(bytes).chain(stream));
-    let mut rows = reader(plan.head.delimiter.separated(input), plan.head.delimiter.byte());
+    let left_out = comments.left_out();
+    let input = plan.head.delimiter.separated(Converted::new(input, comments));
+    let mut rows = reader(input, plan.head.delimiter.byte());
+    let is_cut = || !watch.ends_with_line() && !left_out.ends();
     let mut columns: Vec<Decoder> =
         plan.fields.iter().map(|&field| Decoder::new(field, plan.head.sorts[field])).collect();
     let mut store = StoreBuilder::new(plan.path, columns.len(), budget.clone());
@@ -80,7 +85,6 @@ pub(super) fn decode(mut plan: Plan<'_>, stream: Box<dyn Read>, budget: &Arc<Bud
     // The row before, and whether its values are kept.
     let (mut previous, mut kept) = (csv::ByteRecord::new(), false);
     let expected = plan.head.columns.len();
-    let semicolons = plan.head.delimiter != Delimiter::Byte(b';');
     let mut header = None;
     let units = plan.head.units.clone();
     let (mut midnights, mut sessions, mut used) = (Midnights::default(), Vec::new(), 0);
@@ -88,13 +92,10 @@ pub(super) fn decode(mut plan: Plan<'_>, stream: Box<dyn Read>, budget: &Arc<Bud
         watch.row();
         let more = rows.read_byte_record(&mut record).map_err(|problem| plan.csv_error(problem, number))?;
         if !more {
-            notes.extend(plan.cut_value(&previous).filter(|_| kept && !watch.ends_with_line()));
+            notes.extend(plan.cut_value(&previous).filter(|_| kept && is_cut()));
             break;
         }
         kept = false;
-        if record.get(0).is_some_and(|cell| begins_comment(cell, semicolons)) {
-            continue;
-        }
         if plan.head.has_header {
             match &header {
                 None => {
@@ -118,7 +119,7 @@ pub(super) fn decode(mut plan: Plan<'_>, stream: Box<dyn Read>, budget: &Arc<Bud
             }
             let found = record.len();
             let last = !rows.read_byte_record(&mut record).map_err(|problem| plan.csv_error(problem, number))?;
-            if last && found < expected && !watch.ends_with_line() {
+            if last && found < expected && is_cut() {
                 notes.push(CUT.into());
                 break;
             }
@@ -134,7 +135,7 @@ pub(super) fn decode(mut plan: Plan<'_>, stream: Box<dyn Read>, budget: &Arc<Bud
             Ok(stamp) => stamp,
             Err(misfit) => {
                 let last = !rows.read_byte_record(&mut previous).map_err(|problem| plan.csv_error(problem, number))?;
-                if last && misfit.field + 1 == expected && !watch.ends_with_line() {
+                if last && misfit.field + 1 == expected && is_cut() {
                     notes.push(CUT.into());
                     break;
                 }
@@ -153,8 +154,10 @@ pub(super) fn decode(mut plan: Plan<'_>, stream: Box<dyn Read>, budget: &Arc<Bud
     sessions.retain(|&first| 0 < first && first < used);
     sessions.dedup();
     if !sessions.is_empty() {
-        notes.push(format!("its header comes again {} times: sessions one after another", sessions.len()));
+        let times = if sessions.len() == 1 { "once".to_owned() } else { format!("{} times", sessions.len()) };
+        notes.push(format!("its header comes again {times}: sessions one after another"));
     }
+    notes.extend(plan.comments(&left_out));
     let decoded = finish(&plan, columns, store, notes)?;
     Ok(Decoded { sessions, ..decoded })
 }
@@ -202,7 +205,7 @@ impl Plan<'_> {
         let date = matches!(sort, Sort::Date(_));
         let parsed = match sort {
             Sort::Date(order) => dates::parse(cell, order),
-            Sort::Unknown => stamp::parse_decimal(cell, unit).or_else(|| dates::parse(cell, DateOrder::MonthFirst)),
+            Sort::Unknown => stamp::parse_decimal(cell, unit).or_else(|| dates::parse_certain(cell)),
             _ => stamp::parse_decimal(cell, unit),
         };
         if let Some(stamp) = parsed {
@@ -242,8 +245,22 @@ impl Plan<'_> {
         })
     }
 
+    /// What to say of lines behind the header that are left out as comments.
+    fn comments(&self, left_out: &LeftOut) -> Option<String> {
+        let (count, first) = left_out.behind_header();
+        let line = || line_of(self.path, self.compression, self.head.skipped + first, |_| false);
+        match count {
+            0 => None,
+            1 => Some(format!("one line that begins like a comment is left out: line {}", line())),
+            _ => Some(format!("{count} lines that begin like comments are left out, the first in line {}", line())),
+        }
+    }
+
+    /// The line of the row that begins at `offset`, or after the blank and comment lines there.
     fn line(&self, offset: u64) -> u64 {
-        line_of(self.path, self.compression, self.head.skipped + offset)
+        let semicolons = self.head.semicolons();
+        let is_skipped = |line: &[u8]| line.trim_ascii().is_empty() || begins_comment(line, semicolons);
+        line_of(self.path, self.compression, self.head.skipped + offset, is_skipped)
     }
 
     fn ragged(&self, offset: u64, found: usize) -> Error {

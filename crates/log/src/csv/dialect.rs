@@ -1,7 +1,7 @@
-//! What stands around the rows of a text file: `sep=;`, comments, a header in a comment, a row of units, delimiters at the ends of rows.
+//! Lines of a text file that are no rows: `sep=;`, comments, a commented header, units; and delimiters at row ends.
 
 use super::{
-    blanks::Separator,
+    blanks::with_tabs,
     cell::{Cell, boolean, is_missing, number},
     sort::{Sort, sort},
 };
@@ -11,16 +11,19 @@ use crate::dates;
 pub(super) struct Preamble {
     pub begin: usize,
     pub delimiter: Option<u8>,
+    /// Whether `;` begins a comment.
+    pub semicolons: bool,
 }
 
-/// Skips a byte order mark, a line `sep=;`, blank lines and comment lines; a comment right above the rows that has as many fields as they is their header.
+/// Skips a byte order mark, a line `sep=;`, blank lines and comment lines. A comment directly above the rows is the header if it has as many fields as the
+/// first row.
 pub(super) fn preamble(bytes: &[u8]) -> Preamble {
     let mut at = if bytes.starts_with(&[0xef, 0xbb, 0xbf]) { 3 } else { 0 };
     let delimiter = separator_line(line_at(bytes, at));
     if delimiter.is_some() {
         at += line_at(bytes, at).len();
     }
-    let semicolons = !first_row(bytes, at).contains(&b';');
+    let semicolons = has_semicolon_comments(bytes, at);
     let mut comment = None;
     while at < bytes.len() {
         let line = line_at(bytes, at);
@@ -32,23 +35,31 @@ pub(super) fn preamble(bytes: &[u8]) -> Preamble {
                 && is_header_of(header, text)
             {
                 let begin = start + bytes[start..].iter().take_while(|&&byte| is_mark(byte)).count();
-                return Preamble { begin, delimiter };
+                return Preamble { begin, delimiter, semicolons };
             }
             break;
         }
         at += line.len();
     }
-    Preamble { begin: at, delimiter }
+    Preamble { begin: at, delimiter, semicolons }
 }
 
 fn line_at(bytes: &[u8], at: usize) -> &[u8] {
     bytes[at..].split_inclusive(|&byte| byte == b'\n').next().unwrap_or_default()
 }
 
-/// The first line that no mark begins.
-fn first_row(bytes: &[u8], at: usize) -> &[u8] {
-    let mut lines = bytes[at..].split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii);
-    lines.find(|line| !line.is_empty() && !begins_comment(line, true)).unwrap_or_default()
+/// Whether `;` begins comments: not where it delimits the first line without a mark, or, where all lines have one, the first that begins with it.
+fn has_semicolon_comments(bytes: &[u8], at: usize) -> bool {
+    let lines = || bytes[at..].split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii).filter(|line| !line.is_empty());
+    match lines().find(|line| !begins_comment(line, true)) {
+        Some(row) => !row.contains(&b';'),
+        None => lines().find(|line| !begins_comment(line, false)).is_none_or(|row| !row[1..].contains(&b';')),
+    }
+}
+
+/// The first line.
+pub(super) fn first_line(bytes: &[u8]) -> &[u8] {
+    bytes.split(|&byte| matches!(byte, b'\n' | b'\r')).next().unwrap_or_default()
 }
 
 /// The delimiter that Excel's line `sep=;` names.
@@ -60,20 +71,24 @@ fn separator_line(line: &[u8]) -> Option<u8> {
     }
 }
 
-fn is_mark(byte: u8) -> bool {
+/// Whether a byte is one of those in front of a comment.
+pub(super) fn is_mark(byte: u8) -> bool {
     matches!(byte, b'#' | b'%' | b';' | b'/' | b' ' | b'\t')
 }
 
-/// Whether a line or its first cell begins a comment; `;` does where it delimits nothing.
-pub(super) fn begins_comment(text: &[u8], semicolons: bool) -> bool {
-    match text.trim_ascii_start() {
-        [b'#' | b'%', ..] | [b'/', b'/', ..] => true,
+/// Whether a line is a comment: it begins with `#`, `%` or `//`, or with `;` if that is not the delimiter. `#N/A` and the like are missing values.
+pub(super) fn begins_comment(line: &[u8], semicolons: bool) -> bool {
+    let line = line.trim_ascii_start();
+    let is_end = |&byte: &u8| matches!(byte, b',' | b';' | b'|' | b' ' | b'\t' | b'\r' | b'\n');
+    match line {
+        [b'#', ..] => !is_missing(line.split(is_end).next().unwrap_or_default()),
+        [b'%', ..] | [b'/', b'/', ..] => true,
         [b';', ..] => semicolons,
         _ => false,
     }
 }
 
-/// Whether a comment names the columns of the row below it: as many names, none of them a number, as the row has cells, half of them numbers at least.
+/// Whether a comment is the header of the row below it: it has as many fields, none of them is a number, and at least half of the row's cells are.
 fn is_header_of(comment: &[u8], row: &[u8]) -> bool {
     let agree = |names: &[u8], row: &[u8], delimiter: u8| {
         let cells = || row.split(|&byte| byte == delimiter);
@@ -87,13 +102,6 @@ fn is_header_of(comment: &[u8], row: &[u8]) -> bool {
     let names = &comment[marks..];
     [b',', b';', b'\t'].into_iter().any(|delimiter| agree(names, row, delimiter))
         || agree(&with_tabs(names), &with_tabs(row), b'\t')
-}
-
-/// Text in which tabs stand for the runs of blanks between cells.
-pub(super) fn with_tabs(bytes: &[u8]) -> Vec<u8> {
-    let mut bytes = bytes.to_vec();
-    Separator::new().convert(&mut bytes, true);
-    bytes
 }
 
 /// The units of a row of units between the header and the rows below it: no cell of it is a number or a date, while columns of numbers or dates follow.

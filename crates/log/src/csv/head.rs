@@ -7,7 +7,8 @@ use fleetfoot_data::{Column, ColumnKind};
 use super::{
     blanks::Delimiter,
     cell::{Cell, is_missing, is_whole, number},
-    dialect::{self, Preamble, begins_comment, text_of, with_tabs},
+    comments::Comments,
+    dialect::{self, Preamble, first_line, text_of},
     input::{self, read_error, reader},
     sort::{Sort, sort},
 };
@@ -54,18 +55,14 @@ pub(super) fn read(path: &Path, compression: Compression, stream: &mut dyn Read)
     }
     let complete = bytes.len() < HEAD;
     check_text(path, &bytes)?;
-    let Preamble { begin, delimiter: named } = dialect::preamble(&bytes);
+    let Preamble { begin, delimiter: named, semicolons } = dialect::preamble(&bytes);
     bytes.drain(..begin);
     if bytes.is_empty() {
         return Err(Error::NoRows { path: path.into() });
     }
-    let delimiter = named.map_or_else(|| sniff_delimiter(&bytes, complete), Delimiter::Byte);
-    let mut records = match delimiter {
-        Delimiter::Byte(byte) => parse(&bytes, byte, SAMPLE + 1, complete),
-        Delimiter::Blanks => parse(&with_tabs(&bytes), delimiter.byte(), SAMPLE + 1, complete),
-    };
-    let semicolons = delimiter != Delimiter::Byte(b';');
-    records.retain(|record| !record.get(0).is_some_and(|cell| begins_comment(cell, semicolons)));
+    let delimiter = named.map_or_else(|| sniff_delimiter(&bytes, semicolons, complete), Delimiter::Byte);
+    let semicolons = delimiter.byte() != b';';
+    let mut records = parse(&bytes, delimiter, semicolons, SAMPLE + 1, complete);
     if records.is_empty() {
         let problem = "its first line is longer than 256 KiB".into();
         return Err(Error::WrongFormat { path: path.into(), problem, mend: "check that it is delimited text" });
@@ -130,6 +127,17 @@ pub(super) fn read(path: &Path, compression: Compression, stream: &mut dyn Read)
 }
 
 impl Head {
+    /// The comments of the file, with the first bytes in front of what follows.
+    pub(super) fn comments(&self) -> Comments {
+        let comments = Comments::new(self.delimiter, self.semicolons());
+        if self.has_header { comments.below(first_line(&self.bytes)) } else { comments }
+    }
+
+    /// Whether `;` begins a comment.
+    pub(super) fn semicolons(&self) -> bool {
+        self.delimiter.byte() != b';'
+    }
+
     /// The columns as possible clocks.
     pub(super) fn candidates(&self) -> Vec<Candidate> {
         let kind = |c: usize| match self.sorts[c] {
@@ -148,14 +156,15 @@ impl Head {
         self.columns.iter().enumerate().map(candidate).collect()
     }
 
-    /// The first values of a column: numbers as they are, dates in seconds.
+    /// The first values of a column: numbers as they are, dates in seconds; NaN of rows that all miss it.
     pub(super) fn values(&self, c: usize) -> Vec<f64> {
         let value = |cell: &[u8]| match (self.sorts[c], number(cell, self.decimal_comma)) {
             (Sort::Date(order), _) => dates::parse(cell, order).map_or(f64::NAN, stamp::seconds),
             (_, Cell::Number(value)) => value,
             _ => f64::NAN,
         };
-        self.cells(c).map(value).collect()
+        let values: Vec<f64> = self.cells(c).map(value).collect();
+        if values.is_empty() { vec![f64::NAN; self.sample.len()] } else { values }
     }
 
     /// The first cells of a column that are not missing.
@@ -211,8 +220,7 @@ fn header_column(index: usize, cell: &[u8], unit: Option<String>) -> Column {
 
 /// Whether a row is the header once more: another session of the same logger follows.
 pub(super) fn is_header_again(record: &csv::ByteRecord, header: &csv::ByteRecord) -> bool {
-    let cell = |record: &csv::ByteRecord, c: usize| record.get(c).map(|cell| cell.trim_ascii().to_vec());
-    record.len() == header.len() && (0..header.len()).all(|c| cell(record, c) == cell(header, c))
+    record.len() == header.len() && record.iter().zip(header).all(|(a, b)| a.trim_ascii() == b.trim_ascii())
 }
 
 /// Rows that tell the delimiter.
@@ -220,10 +228,10 @@ const SNIFFED: usize = 20;
 
 /// The delimiter with which the first rows have the same number of fields, and the most of them; blanks, where no other separates anything and they separate
 /// as many cells in every row, most of them numbers.
-fn sniff_delimiter(bytes: &[u8], complete: bool) -> Delimiter {
+fn sniff_delimiter(bytes: &[u8], semicolons: bool, complete: bool) -> Delimiter {
     let mut best = (0, b',');
     for delimiter in [b',', b';', b'\t', b'|'] {
-        let records = parse(bytes, delimiter, SNIFFED, complete);
+        let records = parse(bytes, Delimiter::Byte(delimiter), semicolons, SNIFFED, complete);
         let Some(fields) = records.first().map(csv::ByteRecord::len).filter(|&fields| fields > 1) else {
             continue;
         };
@@ -233,13 +241,13 @@ fn sniff_delimiter(bytes: &[u8], complete: bool) -> Delimiter {
             best = (score, delimiter);
         }
     }
-    let plain = parse(bytes, best.1, SNIFFED, complete);
+    let plain = parse(bytes, Delimiter::Byte(best.1), semicolons, SNIFFED, complete);
     // A comma in the decimals of numbers, a tab among blanks: rows that do not agree are separated by something else.
     let agree = |records: &[csv::ByteRecord]| records.iter().all(|record| as_long(record, &records[0]));
     if best.0 > 0 && agree(&plain) {
         return Delimiter::Byte(best.1);
     }
-    let records = parse(&with_tabs(bytes), b'\t', SNIFFED, complete);
+    let records = parse(bytes, Delimiter::Blanks, semicolons, SNIFFED, complete);
     let cells = || records.iter().flat_map(|record| record.iter());
     let numbers = cells().filter(|cell| number(cell, true) != Cell::Other).count();
     let separated = records.first().is_some_and(|record| record.len() > 1) && agree(&records);
@@ -253,11 +261,13 @@ fn as_long(record: &csv::ByteRecord, first: &csv::ByteRecord) -> bool {
     short.len() == long.len() || short.len() + 1 == long.len() && is_end()
 }
 
-/// Complete rows at the beginning of some bytes.
-fn parse(bytes: &[u8], delimiter: u8, limit: usize, complete: bool) -> Vec<csv::ByteRecord> {
+/// Complete rows at the beginning of some bytes; `semicolons`: `;` begins a comment.
+fn parse(bytes: &[u8], delimiter: Delimiter, semicolons: bool, limit: usize, complete: bool) -> Vec<csv::ByteRecord> {
+    let bytes = Comments::new(delimiter, semicolons).without(bytes);
+    let bytes = &*delimiter.separate(&bytes);
     let end = if complete { bytes.len() } else { bytes.iter().rposition(|&byte| byte == b'\n').map_or(0, |at| at + 1) };
     let mut records: Vec<_> =
-        reader(&bytes[..end], delimiter).into_byte_records().map_while(Result::ok).take(limit).collect();
+        reader(&bytes[..end], delimiter.byte()).into_byte_records().map_while(Result::ok).take(limit).collect();
     // An unfinished last row of an unfinished file tells nothing.
     if complete && bytes.last() != Some(&b'\n') && records.len() > 2 && records.len() < limit {
         let last = records.len() - 1;

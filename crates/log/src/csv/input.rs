@@ -3,7 +3,7 @@
 use std::{
     cell::Cell,
     fs::File,
-    io::{self, BufReader, Read},
+    io::{self, BufRead, BufReader, Read},
     path::Path,
     rc::Rc,
 };
@@ -144,25 +144,20 @@ pub(super) fn read_error(path: &Path, compression: Compression, place: String, s
     Error::Damaged { path: path.into(), place, problem: source.to_string(), mend }
 }
 
-/// The line, from 1, of the row that begins at `offset` or after the blank and comment lines there. Reads the file again: only for messages.
-pub(super) fn line_of(path: &Path, compression: Compression, offset: u64) -> u64 {
+/// The line, from 1, that begins at `offset` or after the lines there that are to be skipped. Reads the file again: only for messages.
+pub(super) fn line_of(path: &Path, compression: Compression, offset: u64, is_skipped: impl Fn(&[u8]) -> bool) -> u64 {
     let Ok(input) = open(path, compression) else {
         return 0;
     };
     let mut line = 1;
-    let mut bytes = BufReader::with_capacity(1 << 16, input).bytes();
-    for byte in bytes.by_ref().take(usize::try_from(offset).unwrap_or(usize::MAX)) {
+    let mut input = BufReader::with_capacity(1 << 16, input);
+    for byte in input.by_ref().bytes().take(usize::try_from(offset).unwrap_or(usize::MAX)) {
         line += u64::from(matches!(byte, Ok(b'\n')));
     }
-    let mut comment = false;
-    for byte in bytes.map_while(Result::ok) {
-        match byte {
-            b'\n' => (line, comment) = (line + 1, false),
-            b'#' => comment = true,
-            b'\r' => {}
-            _ if comment => {}
-            _ => break,
-        }
+    let mut text = Vec::new();
+    while input.read_until(b'\n', &mut text).is_ok_and(|read| read > 0) && is_skipped(&text) {
+        line += 1;
+        text.clear();
     }
     line
 }
@@ -173,17 +168,16 @@ pub(super) fn reader<R: Read>(input: R, delimiter: u8) -> csv::Reader<R> {
         .delimiter(delimiter)
         .has_headers(false)
         .flexible(true)
-        .comment(Some(b'#'))
         .buffer_capacity(1 << 16)
         .from_reader(input)
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    /// Hands out a few bytes at a time.
-    struct Slow<'a>(&'a [u8], usize);
+    /// A reader that hands out a few bytes at a time.
+    pub(in crate::csv) struct Slow<'a>(pub &'a [u8], pub usize);
 
     impl Read for Slow<'_> {
         fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {

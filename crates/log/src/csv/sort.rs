@@ -1,9 +1,9 @@
-//! What the cells of a column of a text file look like: numbers, truth values, dates or texts.
+//! The kind of the cells in a column of a text file: numbers, truth values, dates or texts.
 
 use super::cell::{Cell, boolean, is_missing, number};
 use crate::dates::{self, DateOrder};
 
-/// What a column's cells look like.
+/// The kind of a column's cells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Sort {
     /// Numbers.
@@ -18,7 +18,7 @@ pub(super) enum Sort {
     Unknown,
 }
 
-/// What the cells of a column look like.
+/// The kind of a column's cells, by the majority of them.
 pub(super) fn sort<'a>(cells: impl Iterator<Item = &'a [u8]> + Clone, decimal_comma: bool) -> Sort {
     let (mut numbers, mut truths, mut dates, mut all) = (0, 0, 0, 0);
     let present = || cells.clone().filter(|cell| !is_missing(cell));
@@ -45,7 +45,7 @@ pub(super) fn sort<'a>(cells: impl Iterator<Item = &'a [u8]> + Clone, decimal_co
     }
 }
 
-/// What a single cell that is not missing looks like.
+/// The kind of a single cell that is not missing.
 pub(super) fn sort_of(cell: &[u8], decimal_comma: bool) -> Sort {
     if number(cell, decimal_comma) != Cell::Other {
         Sort::Number

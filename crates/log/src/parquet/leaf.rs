@@ -60,11 +60,14 @@ pub(super) fn leaves(schema: &SchemaDescriptor, fields: &BTreeMap<Vec<String>, A
         .map(|index| {
             let descriptor = schema.column(index);
             let field = fields.get(descriptor.path().parts()).cloned().unwrap_or_default();
-            let meaning = match (meaning(&descriptor), field.duration) {
-                (Meaning::Integer { unsigned: false }, Some(nanoseconds)) => Meaning::Time { nanoseconds },
-                (meaning, _) => meaning,
+            let (meaning, unit) = match (meaning(&descriptor), field.duration) {
+                // Durations become seconds, whatever unit the file names for their counts.
+                (Meaning::Integer { unsigned: false }, Some(nanoseconds)) => {
+                    (Meaning::Time { nanoseconds }, field.unit.map(|_| TimeUnit::Seconds.symbol().to_owned()))
+                }
+                (meaning, _) => (meaning, field.unit),
             };
-            Leaf { index, name: descriptor.path().string(), unit: field.unit, meaning }
+            Leaf { index, name: descriptor.path().string(), unit, meaning }
         })
         .collect()
 }
@@ -261,6 +264,8 @@ pub(super) fn half(bytes: &[u8]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use parquet::schema::parser::parse_message_type;
+
     use super::*;
 
     #[test]
@@ -276,6 +281,17 @@ mod tests {
             assert_eq!(half(&bits.to_le_bytes()), value);
         }
         assert!(half(&0x7e00u16.to_le_bytes()).is_nan());
+    }
+
+    #[test]
+    fn durations_are_in_seconds_whatever_unit_the_file_names() {
+        let schema = parse_message_type("message schema { optional int64 d; optional int64 n; }").unwrap();
+        let field = |duration| ArrowField { unit: Some("us".into()), duration };
+        let fields = BTreeMap::from([(vec!["d".into()], field(Some(1_000))), (vec!["n".into()], field(None))]);
+        let leaves = leaves(&SchemaDescriptor::new(schema.into()), &fields);
+        assert_eq!(leaves[0].meaning, Meaning::Time { nanoseconds: 1_000 });
+        let units: Vec<_> = leaves.iter().map(|leaf| leaf.unit.as_deref()).collect();
+        assert_eq!(units, [Some("s"), Some("us")]);
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! Names of clocks, and the units that names and headers tell.
 
+use std::collections::HashMap;
+
 use crate::TimeUnit;
 
 /// Base names of clocks, the most telling first; a unit suffix (`_ns`) or bracket (`[ms]`) may follow.
@@ -29,12 +31,12 @@ const NAMES: [&str; 23] = [
     "date",
 ];
 
-/// What a column's name says of a clock.
+/// How well a column's name fits a clock, and the unit in it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Named {
-    /// How telling the name is; smaller is better. `None`: nothing in it speaks of a clock.
+    /// Rank of the name among those of clocks, the best first; `None` where it is no name of a clock.
     pub rank: Option<usize>,
-    /// The unit of time that stands in it.
+    /// The unit of time in the name.
     pub unit: Option<TimeUnit>,
 }
 
@@ -92,17 +94,26 @@ pub(crate) fn split_unit(header: &str) -> (&str, Option<&str>) {
     (header, None)
 }
 
-/// Whether two names are those of one stamp in two parts, whole seconds and the nanoseconds beyond: `stamp.sec` and `stamp.nanosec`.
-pub(super) fn are_seconds_and_nanoseconds(seconds: &str, nanoseconds: &str) -> bool {
+/// The columns of stamps in two parts, whole seconds and the nanoseconds beyond: `stamp.sec` and `stamp.nanosec`. Takes columns with their names.
+pub(super) fn seconds_and_nanoseconds(columns: &[(usize, &str)]) -> Vec<(usize, usize)> {
     const PARTS: [(&str, &[&str]); 3] =
         [("sec", &["nanosec", "nsec"]), ("secs", &["nsecs", "nanosecs"]), ("seconds", &["nanoseconds", "nanos"])];
-    let (seconds, nanoseconds) = (seconds.to_lowercase(), nanoseconds.to_lowercase());
-    PARTS.iter().any(|(whole, parts)| {
-        seconds.strip_suffix(whole).is_some_and(|stem| {
-            (stem.is_empty() || stem.ends_with(['.', '_', '/']))
-                && parts.iter().any(|part| nanoseconds.strip_suffix(part) == Some(stem))
-        })
-    })
+    let lower: Vec<(usize, String)> = columns.iter().map(|&(column, name)| (column, name.to_lowercase())).collect();
+    let mut pairs = Vec::new();
+    for (whole, parts) in PARTS {
+        let is_stem = |stem: &&str| stem.is_empty() || stem.ends_with(['.', '_', '/']);
+        let mut stems: HashMap<&str, Vec<usize>> = HashMap::new();
+        for (column, name) in &lower {
+            if let Some(stem) = name.strip_suffix(whole).filter(is_stem) {
+                stems.entry(stem).or_default().push(*column);
+            }
+        }
+        for (column, name) in &lower {
+            let stem = parts.iter().find_map(|part| stems.get(name.strip_suffix(part)?));
+            pairs.extend(stem.into_iter().flatten().map(|&seconds| (seconds, *column)));
+        }
+    }
+    pairs
 }
 
 #[cfg(test)]
@@ -147,8 +158,15 @@ mod tests {
 
     #[test]
     fn stamps_in_two_parts() {
-        assert!(are_seconds_and_nanoseconds("header.stamp.sec", "header.stamp.nanosec"));
-        assert!(are_seconds_and_nanoseconds("secs", "nsecs"));
-        assert!(!are_seconds_and_nanoseconds("a.sec", "b.nanosec") && !are_seconds_and_nanoseconds("x", "y"));
+        let are =
+            |seconds: &str, nanoseconds: &str| seconds_and_nanoseconds(&[(3, seconds), (7, nanoseconds)]) == [(3, 7)];
+        assert!(are("header.stamp.sec", "header.stamp.nanosec"));
+        assert!(are("secs", "nsecs"));
+        assert!(!are("a.sec", "b.nanosec") && !are("x", "y"));
+        // Many columns, among them one stamp: no column is compared with all others.
+        let names: Vec<String> = (0..40_000).map(|column| format!("joint{column}.x")).collect();
+        let all = names.iter().map(String::as_str).chain(["stamp.Sec", "stamp.Nanosec"]);
+        let all: Vec<(usize, &str)> = all.enumerate().collect();
+        assert_eq!(seconds_and_nanoseconds(&all), [(40_000, 40_001)]);
     }
 }

@@ -45,6 +45,32 @@ fn a_name_goes_before_values() {
 }
 
 #[test]
+fn dates_need_no_unit_and_go_before_numbers() {
+    let level = ("dist", Float, &RISING[..]);
+    let in_utc = |stamps: &[f64]| {
+        let given = [("Time (UTC)", Time, stamps), level];
+        let candidates: Vec<Candidate> = given
+            .iter()
+            .map(|(name, kind, _)| {
+                let unit = split_unit(name).1.map(str::to_owned);
+                Candidate { name: (*name).into(), unit, kind: *kind }
+            })
+            .collect();
+        choose(&candidates, &|column| given[column].2.to_vec(), &TimeSpec::Auto)
+    };
+    // Two rows a second, whole seconds.
+    let clock = in_utc(&[1.7e9, 1.7e9 + 1.0, 1.7e9 + 1.0, 1.7e9 + 2.0, 1.7e9 + 2.0]).unwrap();
+    assert_eq!((clock.column, clock.chosen), (0, Chosen::Name));
+    // Fewer steps than half rise: no clock, but no reason to take the distance either.
+    assert_eq!(in_utc(&[1.7e9, 1.7e9, 1.7e9 + 1.0, 1.7e9 + 1.0]), None);
+    assert_eq!(column(&[("when", Time, &[5.0, 5.0, 5.0, 6.0, 6.0]), level]), None);
+    assert_eq!(column(&[("day", Time, &[5.0; 5]), level]), Some(1));
+    // A duration whose name its unit makes a clock.
+    let tid = Candidate { name: "Tid".into(), unit: Some("s".into()), kind: Time };
+    assert_eq!(choose(&[tid], &|_| RISING.to_vec(), &TimeSpec::Auto).unwrap().chosen, Chosen::Name);
+}
+
+#[test]
 fn what_does_not_rise_or_is_not_the_only_one_is_no_clock() {
     // A temperature, by its capital letter or by its values.
     assert_eq!(column(&[("T", Float, &[20.0, 21.5, 21.0, 22.0])]), None);
@@ -114,6 +140,7 @@ fn size_and_step_leave_units() {
         (vec![1.7e9, 1.7e9 + 0.25], vec![S]),
         (vec![1.7e12, 1.7e12 + 0.25], vec![Ms]),
         (Vec::new(), vec![S]),
+        (vec![f64::NAN; 3], vec![S, Ms, Us, Ns]),
     ] {
         assert_eq!(left(Float, &sample), units, "{sample:?}");
     }
@@ -134,7 +161,10 @@ fn an_open_unit_is_an_error_that_shows_both_readings() {
     assert_eq!(clock.unit, TimeUnit::Milliseconds);
     assert!(clock.assumed.unwrap().contains("all files"));
     let clock = settle(&every(10.0), &auto, &Agreed::new()).unwrap();
-    assert!(clock.assumed.unwrap().contains("ms (100 Hz, from 0 s on)"));
+    // Without numbers, so that the notes of many files become one.
+    assert!(clock.assumed.unwrap().contains("taken as ms: no other unit fits"));
+    let empty = settle(&[f64::NAN; 3], &auto, &Agreed::new()).unwrap_err().to_string();
+    assert!(empty.contains("could be s or ms or us or ns: name the unit"), "{empty}");
     // Where only the order of the rows counts, the unit does not.
     let ordered = Selection { time: TimeSpec::Dispensable { ordered: true }, ..Selection::default() };
     assert!(settle(&every(1.0), &ordered, &Agreed::new()).unwrap().assumed.unwrap().contains("order"));
@@ -142,4 +172,20 @@ fn an_open_unit_is_an_error_that_shows_both_readings() {
     let clock = chosen(&[("t", Float, &every(0.01))], &TimeSpec::Auto).unwrap();
     let clock = clock.settle(Path::new("a.csv"), &Agreed::new(), &auto).unwrap();
     assert_eq!((clock.unit, clock.assumed), (TimeUnit::Seconds, None));
+    // At 1 Hz they could be 1 kHz in milliseconds.
+    let noted = |step: f64, start: f64| {
+        let sample: Vec<f64> = every(step).iter().map(|value| start + value).collect();
+        let clock = chosen(&[("t", Float, &sample)], &TimeSpec::Auto).unwrap();
+        let clock = clock.settle(Path::new("a.csv"), &Agreed::new(), &auto).unwrap();
+        assert_eq!(clock.unit, TimeUnit::Seconds);
+        clock.assumed
+    };
+    for step in [1.003, 0.2, 0.125, 1.9] {
+        let note = noted(step, 0.0).unwrap();
+        assert!(
+            note.contains("taken as s") && note.contains("could be ms") && note.contains("name the unit"),
+            "{note}"
+        );
+    }
+    assert_eq!((noted(0.1, 0.0), noted(0.02, 0.0), noted(1.003, 1.7e9)), (None, None, None));
 }

@@ -9,8 +9,9 @@ use crate::{TimeUnit, stamp};
 
 /// All units, the coarsest first.
 const UNITS: [TimeUnit; 4] = [TimeUnit::Seconds, TimeUnit::Milliseconds, TimeUnit::Microseconds, TimeUnit::Nanoseconds];
-/// Rates of logs, Hz: five decades less what would make 100 Hz in ms also a log of 0.1 Hz in s.
+/// The slowest rate of logs, Hz. It is above 0.1, or 100 Hz in ms would be a log of 0.1 Hz in s too.
 const SLOWEST: f64 = 0.11;
+/// The fastest rate of logs, Hz.
 const FASTEST: f64 = 9e3;
 /// The slowest rate of rows that come unevenly: events may be far apart.
 const SLOWEST_EVENTS: f64 = 1e-3;
@@ -23,19 +24,22 @@ const DATES: [f64; 2] = [946_684_800.0, 4_102_444_800.0];
 /// Seconds since a start that are more than [`LONGEST`], but not out of the question where no other unit fits.
 const FAR: f64 = 3e8;
 
-/// What the stamps of a file are if they are in one unit.
+/// Rate and first stamp of a file if its stamps are in this unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
     /// The unit.
     pub unit: TimeUnit,
     /// Rows a second, by the median step; `None` of a single stamp.
     pub rate: Option<f64>,
-    /// The first stamp, seconds.
+    /// The first stamp, seconds; NaN where the first rows have none.
     pub start: f64,
 }
 
 impl fmt::Display for Reading {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.start.is_nan() {
+            return f.write_str(self.unit.symbol());
+        }
         let rate = self.rate.map(|rate| format!("{} Hz, ", digits(rate))).unwrap_or_default();
         write!(f, "{} ({rate}from {} on)", self.unit.symbol(), moment(self.start))
     }
@@ -71,6 +75,10 @@ pub(super) fn readings(sample: &[f64]) -> Vec<Reading> {
         rate: steps.as_ref().map(|steps| 1.0 / (steps.median * unit.seconds())),
         start: values.first().copied().unwrap_or(0.0) * unit.seconds(),
     };
+    if values.is_empty() && !sample.is_empty() {
+        // Rows without a stamp leave all units open.
+        return UNITS.into_iter().map(|unit| Reading { unit, rate: None, start: f64::NAN }).collect();
+    }
     if largest == 0.0 {
         // Nought is nought in every unit.
         return vec![reading(TimeUnit::Seconds)];
@@ -96,6 +104,21 @@ pub(super) fn readings(sample: &[f64]) -> Vec<Reading> {
         }
     };
     units.into_iter().map(reading).collect()
+}
+
+/// The unit that seconds with decimals may be instead: milliseconds at a rate that only [`FASTEST_FRACTIONS`] forbids.
+pub(super) fn instead(reading: &Reading) -> Option<TimeUnit> {
+    let milliseconds = TimeUnit::Milliseconds;
+    let rate = reading.rate? / milliseconds.seconds();
+    let is_possible = reading.unit == TimeUnit::Seconds
+        && (FASTEST_FRACTIONS..=FASTEST).contains(&rate)
+        && reading.start.abs() * milliseconds.seconds() <= LONGEST;
+    is_possible.then_some(milliseconds)
+}
+
+/// The units of readings, but for one.
+pub(super) fn symbols(readings: &[Reading], without: TimeUnit) -> Vec<&'static str> {
+    readings.iter().filter(|reading| reading.unit != without).map(|reading| reading.unit.symbol()).collect()
 }
 
 /// The steps between the rows of a sample, in its numbers.

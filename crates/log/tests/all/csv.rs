@@ -323,6 +323,85 @@ fn a_header_in_a_comment_above_rows_with_words() {
 }
 
 #[test]
+fn lines_that_begin_like_comments_are_counted_and_missing_values_are_rows() {
+    let folder = Folder::new();
+    let opened = |text: &str| {
+        let recording = open_one(&folder.file("a.csv", text), &["x"]).unwrap();
+        (read(&recording).1.remove(0), recording.notes().join("\n"))
+    };
+    // Errors of spreadsheets are values.
+    let (x, notes) = opened("x,t\n1,0.0\n#N/A,0.01\n#DIV/0!,0.02\n2,0.03\n");
+    assert!(x.len() == 4 && x[0] == 1.0 && x[1].is_nan() && x[2].is_nan() && x[3] == 2.0, "{x:?}");
+    assert_eq!(notes, "");
+    // Labels that look like comments are not lost without a word; in quotes they are values.
+    let (x, notes) = opened("lap,t,x\n1,0.0,1\n#lap,0.01,2\n%5,0.02,3\n//x,0.03,4\n\"#lap\",0.04,5\n");
+    assert_eq!(x, [1.0, 5.0]);
+    assert!(notes.contains("3 lines that begin like comments are left out, the first in line 3"), "{notes}");
+    // Remarks above the header are not counted, and quotes in remarks are only letters.
+    let (x, notes) = opened("# a \"b\nt,x\n0,1\n // he said \"x\n0.01,2\n0.02,3\n");
+    assert_eq!(x, [1.0, 2.0, 3.0]);
+    assert!(notes.contains("one line that begins like a comment is left out: line 4"), "{notes}");
+    let (x, _) = opened("t x\n0 1\n# \"don\"t\n0.01 2\n0.02 3\n# \"a\n");
+    assert_eq!(x, [1.0, 2.0, 3.0]);
+    // A line of text within quotes is none.
+    let (x, notes) = opened("t,x,text\n0,1,\"a\n# b\"\n0.01,2,c\n");
+    assert_eq!((x, notes.contains("comment")), (vec![1.0, 2.0], false));
+    // A comment without its line end does not make the row above it a cut one.
+    let (x, notes) = opened("t,x\n0,1\n0.01,2\n# end");
+    assert_eq!((x, notes.contains("line end"), notes.contains("line 4")), (vec![1.0, 2.0], false, true), "{notes}");
+    // The line of an error behind comments of every kind.
+    let text = message(&folder.file("b.csv", "t_s,x\n0,1\n% a\n// b\n; c\n\n1,oops\n2,3\n"), &["x"]);
+    assert!(text.contains("b.csv:7:"), "{text}");
+}
+
+#[test]
+fn rows_that_all_begin_with_a_semicolon_are_rows() {
+    let folder = Folder::new();
+    let recording = open_one(&folder.file("a.csv", ";t;x\n;0.0;1\n;0.01;2\n;0.02;3\n"), &["x"]).unwrap();
+    assert_eq!(read(&recording).1[0], [1.0, 2.0, 3.0]);
+    assert!(matches!(open_one(&folder.file("b.csv", "; nothing\n; here\n"), &["x"]), Err(Error::NoRows { .. })));
+}
+
+#[test]
+fn a_clock_without_stamps_in_its_first_rows_is_no_guess() {
+    let folder = Folder::new();
+    let rows = |name: &str, last: [&str; 3]| {
+        let empty: String = (0..1100).map(|row| format!(",{row}\n")).collect();
+        format!("{name},x\n{empty}{},1\n{},2\n{},3\n", last[0], last[1], last[2])
+    };
+    let text = message(&folder.file("a.csv", rows("time", ["0", "10", "20"])), &["x"]);
+    assert!(text.contains("`time` could be s or ms or us or ns") && text.contains("--time-unit"), "{text}");
+    let recording = open_one(&folder.file("b.csv", rows("time_ms", ["0", "10", "20"])), &["x"]).unwrap();
+    assert_eq!(recording.episodes()[0].end, 20_000_000);
+    // Dates whose order of day and month only a guess would tell.
+    let named = Selection {
+        time: TimeSpec::Column { name: "time".into(), unit: Some(TimeUnit::Seconds) },
+        ..Selection::new(["x"])
+    };
+    let c = folder.file("c.csv", rows("time", ["04/05/2021 09:00", "04/05/2021 09:01", "04/05/2021 09:02"]));
+    assert!(matches!(open(&[c], &named), Err(Error::BadCell { .. })));
+    let d = folder.file("d.csv", rows("time", ["2021-05-04 09:00", "2021-05-04 09:01", "2021-05-04 09:02"]));
+    assert_eq!(open(&[d], &named).unwrap().episodes()[0].start, 1_620_118_800_000_000_000);
+}
+
+#[test]
+fn dates_with_a_time_zone_in_their_header_are_the_clock() {
+    let folder = Folder::new();
+    let rows: String = (0..41)
+        .map(|row| format!("2021-05-04 09:00:{:02},{},{}\n", (row + 1) / 2, f64::from(row) * 0.5, row * 7 % 5))
+        .collect();
+    let path = folder.file("a.csv", format!("Time (UTC),dist,x\n{rows}"));
+    let recording = open_one(&path, &["x"]).unwrap();
+    assert_eq!(recording.episodes()[0].start, 1_620_118_800_000_000_000);
+    assert_eq!(inspect(&path).unwrap().clock.unwrap().column, "Time (UTC)");
+    // A clock of dates that its values chose has no unit, and none is open.
+    let path = folder.file("b.csv", "when,x\n2021-05-04 09:00:00,1\n2021-05-04 09:00:01,1\n2021-05-04 09:00:02,0\n");
+    let clock = inspect(&path).unwrap().clock.unwrap();
+    assert_eq!((clock.column.as_str(), clock.guess, clock.unit, clock.is_open()), ("when", true, None, false));
+    assert_eq!(inspect_values(&path, &fleetfoot_data::Silent).unwrap().clock.unwrap().summary.unwrap().period, 1.0);
+}
+
+#[test]
 fn words_for_what_is_missing() {
     let folder = Folder::new();
     let text = "t,x\n0.0,1\n0.1,<NA>\n0.2,-1.#IND\n0.3,--.--\n0.4,#DIV/0!\n0.5,1.#QNAN\n0.6,-\n0.7,2\n";
@@ -341,7 +420,12 @@ fn sessions_one_after_another() {
     let recording = open_one(&path, &["x"]).unwrap();
     assert_eq!(rows(&recording), [5, 2]);
     assert_eq!(recording.read(1, 0..2, Halo::default()).unwrap().column(0), [5.0, 6.0]);
-    assert!(recording.notes().iter().any(|note| note.contains("sessions")), "{:?}", recording.notes());
+    assert!(recording.notes().iter().any(|note| note.contains("again once: sessions")), "{:?}", recording.notes());
+    // The header of each is a comment.
+    let commented = text.replace("t,x\n", "%t,x\n").replace("s,m\n", "");
+    let recording = open_one(&folder.file("b.csv", commented), &["x"]).unwrap();
+    assert_eq!(rows(&recording), [5, 2]);
+    assert!(recording.notes().iter().any(|note| note.contains("one line that begins")), "{:?}", recording.notes());
     // Without a clock no derivative goes from one to the next either.
     let uniform = Selection { time: TimeSpec::Uniform { dt_seconds: 0.5 }, ..Selection::new(["x"]) };
     let recording = open(&[&path], &uniform).unwrap();

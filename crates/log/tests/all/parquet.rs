@@ -42,6 +42,27 @@ fn write(path: &Path, stamps: &[i64], group: usize) {
     writer.finish().unwrap();
 }
 
+#[test]
+fn dates_in_text_are_read_by_their_form_or_not_at_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("dates.parquet");
+    let open_dates = |date: &dyn Fn(usize) -> String| {
+        let columns = vec![WriteColumn::new("time", WriteKind::Text), WriteColumn::new("x", WriteKind::Float)];
+        let mut writer = ParquetWriter::create(&path, columns, &WriteOptions::default()).unwrap();
+        let texts: Vec<String> = (0..60).map(date).collect();
+        let texts: Vec<&str> = texts.iter().map(String::as_str).collect();
+        let x: Vec<f64> = (0..60).map(|row| f64::from(row * 37 % 17)).collect();
+        writer.write(&[Values::Text(&texts), Values::Float(&x)]).unwrap();
+        writer.finish().unwrap();
+        open(&[&path], &Selection::new(["x"]))
+    };
+    // Twenty rows of the fourth of April and forty of the fifth: only the form of the first ones says the same in both orders.
+    let slashes = open_dates(&|row| format!("{:02}/04/2021 09:00:{:02}", if row < 20 { 4 } else { 5 }, row));
+    assert!(matches!(slashes, Err(Error::NoTimeColumn { .. })));
+    let dashes = open_dates(&|row| format!("2021-04-{:02} 09:00:{:02}", if row < 20 { 4 } else { 5 }, row)).unwrap();
+    assert_eq!(dashes.episodes().iter().map(|episode| episode.rows).sum::<usize>(), 60);
+}
+
 fn value(row: usize) -> f64 {
     if row % 977 == 5 { f64::NAN } else { (row as f64 * 0.01).sin() }
 }
