@@ -11,7 +11,7 @@ use numpy::{PyArray1, PyArrayDyn};
 use pyo3::{prelude::*, types::PyBytes};
 
 use crate::{
-    error::{Kind, OrRaise, of_engine},
+    error::{Kind, OrRaise},
     points::{Asked, Given, Rows, array, by_point, points},
     recipe::of_json,
     run::{Failure, guard, run, run_any},
@@ -80,10 +80,11 @@ impl Model {
 
     /// Points that a call gives, of a model that reads nothing of later rows.
     fn asked(&self, given: &Given<'_, '_>) -> PyResult<Asked> {
-        if self.stepper.ahead() > 0 {
+        let ahead = self.stepper.ahead();
+        if ahead > 0 {
             return Err(Kind::Model.error(format!(
-                "the model reads inputs {} row ahead, which a single point does not have; take predict, or simulate with the inputs of every row",
-                self.stepper.ahead()
+                "the model reads inputs {ahead} row{} ahead, which a single point does not have; take predict, or simulate with the inputs of every row",
+                if ahead == 1 { "" } else { "s" }
             )));
         }
         points(&self.stepper, given)
@@ -165,6 +166,11 @@ impl Model {
     /// Rows that the equations look back, whether they speak of time, whether a derivative is integrated, and the sampling period.
     fn facts(&self) -> (usize, bool, bool, f64) {
         (self.stepper.history(), self.stepper.uses_time(), self.stepper.is_continuous(), self.model.step)
+    }
+
+    /// Rows that the equations look ahead at inputs.
+    fn ahead(&self) -> usize {
+        self.stepper.ahead()
     }
 
     /// The same model, whose columns are read as they are: by their own names, from a table that holds them.
@@ -382,7 +388,7 @@ pub(crate) fn export_filter(
 #[pyfunction]
 pub(crate) fn check_controller(text: &str, name: &str) -> PyResult<String> {
     guard(|| {
-        fleetfoot::ControllerFile::from_json(text, name).map_err(of_engine)?;
+        fleetfoot::ControllerFile::from_json(text, name).or_raise(Kind::Model)?;
         Ok(text.to_owned())
     })
 }

@@ -15,16 +15,20 @@ pub(crate) struct Floats {
 impl Floats {
     /// Reads an array of any order of memory, any strides and any type of number, or what becomes one; `what` is the argument's name.
     pub(crate) fn of(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Self> {
-        let as_it_lies = object
-            .cast_exact::<PyArrayDyn<f64>>()
-            .ok()
-            .filter(|array| array.is_c_contiguous() && array.data().is_aligned());
+        // A stride of other than whole numbers is one of a field among others.
+        let as_it_lies = object.cast_exact::<PyArrayDyn<f64>>().ok().filter(|array| {
+            array.data().is_aligned() && array.strides().iter().all(|stride| stride.unsigned_abs().is_multiple_of(8))
+        });
         let array = match as_it_lies {
             Some(array) => array.clone(),
             None => plain(object, what, "floats")?.cast_into::<PyArrayDyn<f64>>()?,
         };
         // Of an array in the order of C, and no other, the memory is the order of the indices.
-        Ok(Self { values: array.to_vec()?, shape: array.shape().to_vec() })
+        let values = match array.is_c_contiguous() {
+            true => array.to_vec()?,
+            false => array.readonly().as_array().iter().copied().collect(),
+        };
+        Ok(Self { values, shape: array.shape().to_vec() })
     }
 
     /// The argument, or nothing of this width where it was not given.

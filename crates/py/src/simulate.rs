@@ -112,7 +112,18 @@ impl Passing {
 }
 
 /// Inputs of a simulation, rows x inputs or rows x inputs x points, and whether every point has its own.
-fn sequence(model: &Model, u: Option<&Bound<'_, PyAny>>, steps: usize, count: usize) -> PyResult<(Vec<f64>, bool)> {
+///
+/// `times` is their number, without those of rows that the model looks ahead at.
+fn sequence(
+    model: &Model,
+    u: Option<&Bound<'_, PyAny>>,
+    times: usize,
+    course: Course,
+    count: usize,
+) -> PyResult<(Vec<f64>, bool)> {
+    let lines = course == Course::Lines;
+    // The end of the last line is a row too, and so is what the last step looks ahead at.
+    let steps = times - 1 + model.stepper().ahead().max(usize::from(lines));
     let names: Vec<&str> = model.stepper().inputs().collect();
     let width = names.len();
     let Some(u) = u.filter(|u| !u.is_none()) else {
@@ -122,7 +133,8 @@ fn sequence(model: &Model, u: Option<&Bound<'_, PyAny>>, steps: usize, count: us
         };
     };
     let u = Floats::of(u, "u")?;
-    let enough = |rows: usize| rows >= steps;
+    // A line more or less would be another course; of held rows those behind the last step say nothing.
+    let enough = |rows: usize| if lines { rows == steps } else { rows >= steps };
     match u.shape.as_slice() {
         [rows] if width == 1 && enough(*rows) => Ok((u.values, false)),
         [rows, last] if *last == width && enough(*rows) => Ok((u.values, false)),
@@ -133,10 +145,19 @@ fn sequence(model: &Model, u: Option<&Bound<'_, PyAny>>, steps: usize, count: us
             };
             Ok(((0..steps * width * count).map(value).collect(), true))
         }
-        shape => Err(Kind::Model.error(format!(
-            "u has the shape {shape:?}; give a row of the {width} inputs ({}) for each of {steps} times",
-            names.join(", ")
-        ))),
+        shape => {
+            let rows = match (lines || steps >= times, steps > times) {
+                (_, true) => format!("{steps} rows: of {times} times, and of those that the last step looks ahead at"),
+                (true, false) => format!("{times} rows, one for each time"),
+                (false, false) => format!("{times} rows, one for each time (that of the last may be missing)"),
+            };
+            let width = if width == 1 {
+                format!("1 input ({})", names[0])
+            } else {
+                format!("{width} inputs ({})", names.join(", "))
+            };
+            Err(Kind::Model.error(format!("u has the shape {shape:?}; give the {width} in {rows}")))
+        }
     }
 }
 
@@ -167,9 +188,7 @@ pub(crate) fn simulate<'py>(
         let width = stepper.inputs().len();
         let none = array(py, vec![0.0; width], &[width])?.into_any();
         let asked = points(stepper, &Given { x: Some(x0), u: Some(&none), history, t: Some(&first) })?;
-        // The end of the last line is a row too, and so is what the last step looks ahead at.
-        let rows = grid.intervals() + stepper.ahead().max(usize::from(lines));
-        let inputs = sequence(model, u, rows, asked.points.count())?;
+        let inputs = sequence(model, u, grid.intervals() + 1, course, asked.points.count())?;
         Ok((asked, inputs))
     })?;
     let (count, length) = (asked.points.count(), grid.times().len());

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import functools
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -11,9 +10,9 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from ._arrays import numbers, unmasked
+from ._arrays import numbers, period_seconds, seconds, unmasked
 from ._base import DataConversionWarning
-from ._frames import CLOCKS, Frame, frame, frames, is_lazy
+from ._frames import CLOCKS, Frame, frame, frames, is_lazy, slopes_in_order
 from ._runs import Columns, array_runs, is_arrays
 from .exceptions import DataError, RequestError
 
@@ -22,8 +21,13 @@ Method = TypeVar("Method", bound=Callable[..., Any])
 
 #: What of states may be predicted; anything else is a column.
 OF_STATES = ("derivative", "next", "delta")
-#: How much a word is like one of these, at least, to be taken for it.
-_NEAR = 0.85
+#: Slips of these words, in small letters and without blanks.
+_SLIPS = {
+    **{word: word for word in OF_STATES},
+    **{f"{word}s": word for word in OF_STATES},
+    "nxt": "next",
+    "derivate": "derivative",
+}
 #: Equations that name their own targets.
 TASKS = "tasks"
 
@@ -84,11 +88,11 @@ class Call:
             Whether the columns of tables have roles by their names.
         """
         call = self
-        self._refuse_near_words(predicts)
         if hasattr(call.x, "toarray") and hasattr(call.x, "nnz"):
             raise TypeError("x is a sparse matrix, and sparse data are not supported here: give x.toarray()")
         call = replace(call, x=_collected(_plain_array(call.x)))
         tables = frames(call.x)
+        call._refuse_near_words(predicts, tables)
         call = call._with_second(predicts, period, tables)
         call = replace(call, is_flat=_is_vector(call.y))
         if period is not None and call.t is None and call.dt is None:
@@ -97,7 +101,9 @@ class Call:
             return call._joined(tables, predicts)
         if tables is not None:
             call = call._of_tables(tables, predicts)
-        call = replace(call, t=_clock(call.t), x_dot=_values(call.x_dot), y=_values(call.y))
+        x_dot, y = call._by_states(call.x_dot), call.y
+        y = call._by_states(y) if predicts in OF_STATES else y
+        call = replace(call, t=_clock(call.t), x_dot=_values(x_dot), y=_values(y))
         inputs = frames(call.u)
         if inputs is not None:
             call = replace(call, **_inputs(inputs, call))
@@ -125,18 +131,24 @@ class Call:
             )
         return replace(self, t=None, y=value)
 
-    def _refuse_near_words(self, predicts: str) -> None:
-        """Refuses a target that was meant as a word: it would be taken as the name of a column."""
+    def _refuse_near_words(self, predicts: str, tables: list[Frame] | None) -> None:
+        """Refuses a target that was meant as a word, where the columns are known: it would be taken as the name of one."""
         if predicts in (*OF_STATES, TASKS) or predicts in {*(self.columns or ()), *(self.feature_names or ())}:
             return
-        tables = frames(self.x)
-        if tables is not None and predicts in tables[0].names:
+        if tables is None and not is_arrays(self.x) or tables is not None and predicts in tables[0].names:
             return
-        near = difflib.get_close_matches(predicts.strip().lower(), OF_STATES, 1, _NEAR)
-        if near:
+        meant = _SLIPS.get("".join(predicts.split()).lower())
+        if meant is not None:
             raise RequestError(
-                f"target={predicts!r}: write {near[0]!r} for that of the states; a column needs a name that is less like it"
+                f"target={predicts!r}: did you mean {meant!r}? If it is a column, give it in columns={{{predicts!r}: ...}}"
             )
+
+    def _by_states(self, values: Any) -> Any:
+        """Derivatives or next values of a table by the names of the states."""
+        for names in (self.table_names, self.feature_names):
+            if names:
+                values = slopes_in_order(values, list(names))
+        return values
 
     def _joined(self, tables: list[Frame], predicts: str) -> Call:
         """Tables whose columns have names that the recipe knows, with a column of targets."""
@@ -220,7 +232,8 @@ class Call:
         period = self.dt if self.t is None else self.t
         # Times of their own: pairs that are alike are different rows.
         first = np.cumsum([0, *(len(x) for x, _ in pieces)])
-        stamps = [float(period or 1.0) * (at + np.arange(len(x))) for at, (x, _) in zip(first, pieces)]
+        step = 1.0 if period is None else period_seconds(period, "dt")
+        stamps = [step * (at + np.arange(len(x))) for at, (x, _) in zip(first, pieces)]
         u = None if self.u is None else [u for _, u in pieces]
         return replace(self, y=None, x=[x for x, _ in pieces], u=u, t=stamps, dt=None)
 
@@ -232,18 +245,23 @@ def _are_stamps(value: Any) -> bool:
         array = numbers(_values(one), "the second argument")
         if array.dtype.kind in "mM":
             return True
+        array = array[:, 0] if array.ndim == 2 and array.shape[1] == 1 else array
         if array.ndim != 1 or len(array) < 3 or array.dtype.kind not in "iuf":
             return False
         steps = np.diff(array.astype(np.float64))
-        if not (np.isfinite(steps).all() and (steps > 0.0).all() and steps.max() < 1.5 * np.median(steps)):
+        # Lost samples leave a few long steps.
+        if not (np.isfinite(steps).all() and (steps > 0.0).all() and np.quantile(steps, 0.9) < 1.5 * np.median(steps)):
             return False
     return True
 
 
 def _rises(x: Any) -> bool:
-    """Whether a column of x goes one way from row to row: then a target may do so, too."""
+    """Whether a column of x but its clock goes one way from row to row: then a target may do so, too."""
     tables = frames(x)
-    each = [table.matrix(table.numbers) for table in tables] if tables is not None else array_runs(x, "x")
+    if tables is not None:
+        each = [table.matrix([name for name in table.numbers if name not in CLOCKS]) for table in tables]
+    else:
+        each = array_runs(x, "x")
     steps = [np.diff(_matrix(one).astype(np.float64), axis=0) for one in each]
     return all((step > 0.0).all(axis=0).any() or (step < 0.0).all(axis=0).any() for step in steps)
 
@@ -289,7 +307,10 @@ def _stamps_of(table: Frame, name: str) -> np.ndarray[Any, Any]:
 def clocks(call: Call) -> list[Any]:
     """The stamps of runs in memory, where they are at hand."""
     if call.t is not None and not isinstance(call.t, str):
-        return [] if _is_one(call.t) else list(call.t) if isinstance(call.t, (list, tuple)) else [call.t]
+        if _is_one(call.t):
+            return []
+        many = isinstance(call.t, (list, tuple)) and not all(_is_one(one) for one in call.t)
+        return list(call.t) if many else [call.t]
     tables = frames(call.x)
     name = None if not tables else _clock_column(tables[0], call)
     return [] if name is None or not tables else [_stamps_of(table, name) for table in tables]
@@ -334,8 +355,8 @@ def vector(array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
 
 def _matrix(one: Any) -> np.ndarray[Any, Any]:
     if isinstance(one, Columns):
-        return np.column_stack(one.arrays)
-    array = numbers(one, "x")
+        return np.column_stack([seconds(numbers(array, "x")) for array in one.arrays])
+    array = seconds(numbers(one, "x"))
     return array[:, None] if array.ndim == 1 else array
 
 

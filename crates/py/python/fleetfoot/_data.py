@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from . import _core
-from ._arrays import numbers, period_seconds
+from ._arrays import is_words, numbers, period_seconds
 from ._frames import Frame, frame
 from ._html import of_dataset
-from .exceptions import DataError
+from ._warnings import warn
 
 
 class Dataset:
@@ -303,15 +303,22 @@ def _run(name: str, run: Any) -> _core.Data:
             table = frame(run)
             if table is None:
                 raise
-            run = {column: array for column in table.names if (array := _read(table, column)) is not None}
+            read = {column: _read(table, column) for column in table.names}
+            run = {column: array for column, array in read.items() if array is not None}
+            left = [column for column, array in read.items() if array is None]
+            if left:
+                warn(f"left out, as only pyarrow hands out text and nested values: columns `{'`, `'.join(left)}`")
     return _core.Data.arrays([(name, _parts(name, run))])
 
 
 def _read(table: Frame, column: str) -> Any:
-    """A column of numbers or stamps; nothing of text, which comes by Arrow alone."""
+    """A column of numbers or stamps; nothing of words and nested values, which come by Arrow alone."""
+    values = table.column(column)
+    if is_words(values):
+        return None
     try:
-        return numbers(table.column(column), f"column `{column}`")
-    except (DataError, TypeError):
+        return numbers(values, f"column `{column}`")
+    except TypeError:
         return None
 
 

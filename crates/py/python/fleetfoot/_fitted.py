@@ -12,7 +12,7 @@ from . import _recipe
 from ._arrays import numbers
 from ._base import check_is_fitted
 from ._call import OF_STATES, TASKS, Call, second_by_position
-from ._frames import frame
+from ._frames import frame, in_order, runs_in_order, slopes_in_order
 from ._model import Model
 from ._runs import array_runs, by_name, differentiated, is_arrays
 from ._tables import Filtered, Rollouts, Scores
@@ -37,15 +37,13 @@ class Fitted:
     #: Whether the target was a vector.
     _is_flat: bool = False
 
-    # What an estimator says for itself: the classes above this one have all three.
-    def _predicts(self, own: Mapping[str, Any] | None = None) -> str:
-        raise NotImplementedError
+    if TYPE_CHECKING:
+        # Methods of the estimators that this class is a base of.
+        def _predicts(self, own: Mapping[str, Any] | None = None) -> str: ...
 
-    def _names_columns(self, own: Mapping[str, Any]) -> bool:
-        raise NotImplementedError
+        def _names_columns(self, own: Mapping[str, Any]) -> bool: ...
 
-    def _derivative(self) -> Any:
-        raise NotImplementedError
+        def _derivative(self) -> Any: ...
 
     def _found(self) -> Model:
         # Tags are not asked for with every call.
@@ -97,8 +95,8 @@ class Fitted:
         if not is_arrays(x) or self._fitted_names is None:
             found = model.predict(x, u, t, **options)
             # Of one target that was a vector, a table's column.
-            is_column = self._is_flat and len(model.outputs) == 1 and frame(x) is not None
-            return found[model.outputs[0]] if is_column and not hasattr(found, "collect") else found
+            is_column = self._is_flat and len(model.outputs) == 1 and not hasattr(found, "collect")
+            return found[model.outputs[0]] if is_column and frame(x) is not None else found
         self._check_width(x)
         found = model.predict(*self._placed(model, x, u), t, **options)
         return found[:, 0] if self._is_flat and found.ndim == 2 and found.shape[1] == 1 else found
@@ -122,7 +120,7 @@ class Fitted:
         features, inputs = self._fitted_names or ((), ())
         rows = numbers(x, "x")
         rows = rows[:, None] if rows.ndim == 1 and len(features) == 1 else rows
-        beside = None if u is None else numbers(u, "u")
+        beside = None if u is None else numbers(in_order(u, inputs, "u"), "u")
         beside = beside[:, None] if beside is not None and beside.ndim == 1 and len(inputs) == 1 else beside
         if features == model.states or rows.ndim != 2:
             return rows, beside
@@ -178,6 +176,10 @@ class Fitted:
         """
         model, own = self._found(), _recipe.of_anything(self.recipe)
         features, inputs = self._fitted_names or (None, None)
+        if inputs:
+            u = runs_in_order(u, inputs, "u")
+        if features:
+            x_dot = slopes_in_order(x_dot, features)
         given = Call(x, t, x_dot, u, features, inputs if u is not None else None, y, dt, columns)
         predicts = self._predicts(own)
         call = given.understood(predicts, self.dt, self._names_columns(own))
@@ -213,8 +215,9 @@ class Fitted:
                 table.update(by_name(one, names))
         from ._data import open as open_data
 
-        if call.t is None or isinstance(call.t, (int, float, np.number)):
-            dataset = open_data(tables, dt=float(call.dt or call.t or model.dt or 1.0))
+        if call.t is None or np.ndim(call.t) == 0:
+            period = call.dt if call.t is None else call.t
+            dataset = open_data(tables, dt=model.dt or 1.0 if period is None else period)
         else:
             dataset = open_data(tables, t=call.t if isinstance(call.t, list) else [call.t] * len(tables))
         return model.score(dataset, **options)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ._arrays import is_words, numbers
+from ._arrays import floats, is_empty, is_words, numbers
 from ._warnings import warn
 from .exceptions import ModelError
 
@@ -65,7 +65,8 @@ class Frame:
     def signals(self, left: Collection[str] = ()) -> list[str]:
         """All columns but those that are ``left``: of numbers, or of objects that are numbers.
 
-        Columns of words, which can be labels, and of dates are left out with a warning.
+        Columns of words, which can be labels, of dates, of nested values and without any value are left out with a
+        warning.
 
         Raises
         ------
@@ -73,25 +74,44 @@ class Frame:
             A column in which numbers and text stand, or anything else that may be meant as a signal and is none.
         """
         found: list[str] = []
-        aside: list[str] = []
+        aside: dict[str, list[str]] = {}
         for name in self.names:
             if name in left or name in self.aside:
                 continue
-            signal = name in self.numbers
-            if not signal:
-                column = self.column(name)
-                signal = not is_words(column) and numbers(column, f"column `{name}`").dtype.kind not in "mM"
-            (found if signal else aside).append(name)
+            why = self._no_signal(name)
+            (found if why is None else aside.setdefault(why, [])).append(name)
         if aside:
+            whose = ", ".join(
+                f"column{'' if len(names) == 1 else 's'} {', '.join(f'`{name}`' for name in names)} ({why})"
+                for why, names in aside.items()
+            )
             warn(
-                f"no signal, and left out: column `{'`, `'.join(aside)}` (words or dates); "
+                f"no signal, and left out: {whose}; "
                 "name the states (states=[...]) where labels or conditions need it"
             )
         return found
 
+    def _no_signal(self, name: str) -> str | None:
+        """What a column holds in the place of a signal."""
+        column = self.column(name)
+        if is_empty(column) and len(column):
+            return "no value"
+        if name in self.numbers:
+            return None
+        if column.ndim != 1 or column.dtype.kind == "V":
+            return "nested values"
+        if is_words(column):
+            return "words or dates"
+        try:
+            kind = numbers(column, f"column `{name}`").dtype.kind
+        except TypeError:
+            # Lists, dicts, or objects of another kind.
+            return "nested values"
+        return "words or dates" if kind in "mM" else None
+
     def matrix(self, names: Sequence[str]) -> Array:
-        """Columns side by side (rows, names)."""
-        columns = [numbers(self.column(name), f"column `{name}`").astype(np.float64, copy=False) for name in names]
+        """Columns side by side (rows, names), durations in seconds."""
+        columns = [floats(self.column(name), f"column `{name}`") for name in names]
         return np.column_stack(columns) if columns else np.empty((self.rows, 0))
 
 
@@ -130,14 +150,52 @@ def in_order(values: Any, names: Sequence[str], what: str) -> Any:
     if table is None:
         return values
     if type(values).__name__ == "Series":
-        labels = [str(label) for label in getattr(values, "index", ())]
-        return values.iloc[[labels.index(name) for name in names]] if set(names) <= set(labels) else values
+        return _entries_in_order(values, names, what)
     if all(name.isdecimal() for name in table.names):
         return table.matrix(table.names)
     missing = [name for name in names if name not in table.names]
     if missing:
         raise ModelError(f"{what}: the table has no column `{missing[0]}`; it has {', '.join(table.names)}")
     return table.matrix(names)
+
+
+def _entries_in_order(series: Any, names: Sequence[str], what: str) -> Any:
+    """The entries of a row of pandas by its labels; a series whose labels are no names is a column."""
+    labels = list(getattr(series, "index", ()))
+    texts = [str(label) for label in labels]
+    if set(names) <= set(texts):
+        return series.iloc[[texts.index(name) for name in names]]
+    is_column = len(names) == 1 and (len(series) != 1 or str(series.name) in names)
+    if is_column or not all(isinstance(label, str) for label in labels) or all(text.isdecimal() for text in texts):
+        return series
+    missing = next(name for name in names if name not in texts)
+    raise ModelError(f"{what}: the series has no entry `{missing}`; it has {', '.join(texts)}")
+
+
+def runs_in_order(values: Any, names: Sequence[str], what: str) -> Any:
+    """The same of every run of a list."""
+    if isinstance(values, (list, tuple)) and any(frame(one) is not None for one in values):
+        return [in_order(one, names, what) for one in values]
+    return in_order(values, names, what)
+
+
+def slopes_in_order(values: Any, states: Sequence[str]) -> Any:
+    """Derivatives of a table by the names of the states, or by ``x_dot`` for ``x``; without these names by their places.
+
+    Raises
+    ------
+    ModelError
+        The table has some of the names, and lacks one.
+    """
+    tables = frames(values)
+    if tables is None:
+        return values
+    wanted = [list(states), [f"{state}_dot" for state in states]]
+    for every in (all, any):
+        for names in wanted:
+            if names and every(name in table.names for name in names for table in tables):
+                return runs_in_order(values, names, "x_dot")
+    return values
 
 
 # -- pandas

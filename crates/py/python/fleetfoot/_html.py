@@ -62,7 +62,8 @@ def of_comparison(comparison: Comparison) -> str:
     """The errors of models beside each other."""
     header, rows = comparison.cells()
     *_, below = [line for line in str(comparison).splitlines() if not line.startswith("in-sample") and line not in comparison.notes]
-    return grid(header, rows, below)
+    notes = "".join(f"<p>{escape(note)}</p>" for note in comparison.notes)
+    return grid(header, rows, below) + notes
 
 
 def _cell(value: Any) -> str:

@@ -259,7 +259,7 @@ class Model(OnRecordings, Filtering, Regulated):
         -----
         Code knows those inputs alone that its equations read; :attr:`inputs` has all.
         """
-        files, _, _ = self._core.export(to, folder, prefix, precision, method, dt, domain)
+        files, _, _ = self._core.export(to, folder, prefix, precision, method, self._period(dt), domain)
         return [os.fspath(file) for file in files]
 
     # -- at points
@@ -411,14 +411,15 @@ class Model(OnRecordings, Filtering, Regulated):
             ``x0`` among them.
         u : array or callable, optional
             Inputs, each row held until the next time (or see ``interpolate``): (times, inputs) or (times - 1, inputs), or with points in
-            front. Or a function of time, ``u(t)``: asked at every time and, where times are further apart, at every
+            front; tables by their names. Or a function of time, ``u(t)``: asked at every time and, where times are further apart, at every
             sampling period of the model (with ``substeps`` at the times alone), and joined by straight lines. Or
             ``u(t, x)``, which closes the loop: asked as often, and held as a sampled controller's.
         interpolate : bool, default=False
-            Whether inputs go from row to row of ``u`` in straight lines, instead of being held; a row for each time.
+            Whether inputs go from row to row of ``u`` in straight lines, instead of being held: exactly a row for each
+            time.
         method : {"rk45", "rk4", "euler"}, optional
             How derivatives are integrated: ``"rk45"`` is the pair 5(4) of Dormand and Prince with error control, and
-            where equations are stiff the L-stable pair 4(3) of Rosenbrock's kind, RODAS; the others have equal steps. ``"rk45"`` when not given, with ``substeps`` ``"rk4"``.
+            the implicit RODAS 4(3) where equations are stiff; the others have equal steps. ``"rk45"`` when not given, with ``substeps`` ``"rk4"``.
         substeps : int, optional
             Equal steps from one time to the next; when not given, as many as make none longer than the sampling period.
         rtol : float, optional
@@ -438,7 +439,7 @@ class Model(OnRecordings, Filtering, Regulated):
         ------
         ModelError
             An argument is missing or of the wrong shape; no equation advances a state; times that are not a row apart
-            for a model that goes by rows; an option that the method does not have.
+            for a model that goes by rows; an option that the method does not have; ``interpolate`` in a closed loop.
 
         Examples
         --------
@@ -454,6 +455,7 @@ class Model(OnRecordings, Filtering, Regulated):
         if callable(u):
             fine, places = grid.refined() if substeps is None else (grid, np.arange(len(grid) + 1))
             if _takes_state(u):
+                self._refuse_open(interpolate)
                 found, missed = self._closed_loop(floats(x0, "x0"), fine, u, how, history)
             else:
                 sequence = np.array([np.atleast_1d(floats(u(time), "u")) for time in fine.times])
@@ -472,6 +474,17 @@ class Model(OnRecordings, Filtering, Regulated):
             found[np.maximum.accumulate(bad.any(axis=-1), axis=-1)] = np.nan
             warn("the simulation is no finite number from some time on: it diverges, or no region holds")
         return found
+
+    def _refuse_open(self, interpolate: bool) -> None:
+        """Refuses what a closed loop cannot have: it knows no input before the states that this is made of."""
+        if interpolate:
+            raise ModelError(
+                "interpolate=True with u(t, x): a closed loop holds its inputs; leave interpolate away, or give u(t)"
+            )
+        if self._core.ahead():
+            raise ModelError(
+                "u(t, x): the model reads the inputs of the next row, which a closed loop does not have yet; give u(t), or rows"
+            )
 
     def _times(self, t: ArrayLike | int) -> ArrayLike:
         """The times of a simulation; of as many rows, for models that go by rows."""

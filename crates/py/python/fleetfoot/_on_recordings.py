@@ -10,10 +10,10 @@ import numpy as np
 
 from . import _core as engine
 from . import _recipe
-from ._arrays import floats, numbers, seconds, since_first
+from ._arrays import floats, numbers, period_seconds, seconds, since_first
 from ._controller import Controller, what
 from ._equations import Content
-from ._frames import CLOCKS, Frame, frame, in_order
+from ._frames import CLOCKS, Frame, frame, in_order, runs_in_order, slopes_in_order
 from ._progress import Progress, reporting
 from ._runs import is_arrays, runs
 from ._tables import Rollouts, Scores
@@ -113,7 +113,8 @@ class OnRecordings:
         columns.update({name: beside.column for name in beside.names} if beside is not None else {})
         wanted = (*self.states, *(self.inputs if u is None or beside is not None else ()))
         # A table alone says by its clock where rows follow each other, beside inputs all its rows do.
-        if all(name in columns for name in wanted) and (not self.lags or u is not None):
+        goes_by_rows = bool(self.lags or self._core.ahead())
+        if all(name in columns for name in wanted) and (not goes_by_rows or u is not None):
             rows = _beside(columns, self.states, table.rows)
             given = _beside(columns, self.inputs, table.rows) if u is None or beside is not None else u
             found = self._core.fitted(rows, given, _seconds(table, t) if self.uses_time else None)[0]
@@ -255,7 +256,7 @@ class OnRecordings:
             "seed": None if seed is None else count("seed", seed, 0),
             "at": at,
             "method": method,
-            "dt": None if dt is None else number("dt", dt),
+            "dt": None if dt is None else number("dt", period_seconds(dt, "dt")),
             "keep": bool(keep),
             "outside": outside,
             "position": names_of(position),
@@ -400,8 +401,8 @@ class OnRecordings:
         found = runs(
             x,
             t,
-            x_dot,
-            u,
+            slopes_in_order(x_dot, self.states),
+            runs_in_order(u, given, "u"),
             self.states,
             given if u is not None else None,
             columns=columns,
@@ -440,5 +441,8 @@ def _seconds(table: Frame, t: Any) -> Any:
     if table.clock is None and named is None:
         return None
     stamps = table.column(named) if named in table.names else table.clock[1] if table.clock is not None else None
-    stamps = seconds(numbers(stamps, "t") - numbers(stamps, "t")[:1])
-    return stamps.astype(np.float64)
+    array = numbers(stamps, "t")
+    if array.dtype.kind not in "mM":
+        return (array - array[:1]).astype(np.float64)
+    there = array[~np.isnat(array)]
+    return seconds(array - there[:1] if len(there) else array)

@@ -113,14 +113,14 @@ def optimizer(given: Any) -> dict[str, Any]:
             "normalize": normalize,
         }
     if name == "SR3":
-        # Iterated until it stands; terms are fitted again.
-        _known(given, {"reg_weight_lam", "regularizer", "normalize_columns", "max_iter", "tol", "copy_X", "unbias"})
+        # Iterated until it stands, whatever max_iter and tol; terms are fitted again, as with unbias=True.
+        _known(given, {"reg_weight_lam", "regularizer", "normalize_columns", "copy_X", "unbias"})
         if str(given.regularizer).lower() != "l0" or np.ndim(given.reg_weight_lam):
             raise _refused(given, "with another penalty than one number of l0 is not supported", "leave regularizer='L0'")
         # What l0 drops, at nu = 1.
         return {"optimizer": "sr3", "threshold": math.sqrt(2.0 * float(given.reg_weight_lam)), "normalize": normalize}
     if name == "SSR":
-        _known(given, {"alpha", "normalize_columns", "max_iter", "copy_X"})
+        _known(given, {"alpha", "normalize_columns", "copy_X"})
         return {"optimizer": "ssr", "ridge": float(given.alpha), "normalize": normalize}
     if name == "EnsembleOptimizer":
         _known(given, {"bagging", "library_ensemble", "n_models"})

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from . import _core, _recipe
+from ._arrays import period_seconds
 from ._controller import Controller
+from ._values import names_of
 
 
 class Regulated:
@@ -21,8 +23,8 @@ class Regulated:
         r: Mapping[str, float] | None = None,
         integral: Mapping[str, float] | None = None,
         limits: Mapping[str, tuple[float, float]] | None = None,
-        drive: Sequence[str] | None = None,
-        free: Sequence[str] | None = None,
+        drive: str | Sequence[str] | None = None,
+        free: str | Sequence[str] | None = None,
         period: float | None = None,
         schedule: str | None = None,
     ) -> Controller:
@@ -41,10 +43,10 @@ class Regulated:
             Integral action: weights of the time integrals of states' errors.
         limits : mapping, optional
             Lowest and highest values of inputs.
-        drive : list of str, optional
+        drive : str or list of str, optional
             Inputs that are driven; all when not given. What moves the model beside them is measured, and answered at
             once.
-        free : list of str, optional
+        free : str or list of str, optional
             States that are neither kept nor fed back.
         period : float, optional
             Seconds between commands; the model's sampling period when not given.
@@ -86,9 +88,9 @@ class Regulated:
             r=pairs(r),
             integral=pairs(integral),
             limits=None if limits is None else ranges,
-            drive=None if drive is None else ",".join(drive),
-            free=None if free is None else ",".join(free),
-            period=period,
+            drive=None if drive is None else ",".join(names_of(drive)),
+            free=None if free is None else ",".join(names_of(free)),
+            period=None if period is None else period_seconds(period, "period"),
             schedule=schedule,
         )
         return Controller(self._core.control_lqr(_recipe.to_json({"control": control})))

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from . import _core
-from ._arrays import numbers, period_seconds
+from ._arrays import numbers, period_seconds, seconds
 from ._values import names_of
 
 Differentiate = Callable[[np.ndarray[Any, Any], Any], Any]
@@ -91,7 +91,7 @@ def _stamps(t: Any, count: int, rows: list[int]) -> tuple[list[np.ndarray[Any, A
     """Stamps of each run, or the period of all."""
     if t is None:
         return None, None
-    if np.isscalar(t) or (isinstance(t, np.ndarray) and t.ndim == 0):
+    if not isinstance(t, (list, tuple)) and np.ndim(t) == 0:
         return None, period_seconds(t, "t")
     if isinstance(t, (list, tuple)) and any(isinstance(one, np.ndarray) and one.ndim == 1 for one in t):
         stamps = [numbers(one, "t") for one in t]
@@ -141,11 +141,10 @@ def uneven(clocks: Sequence[Any]) -> list[str]:
     """Notes for models that go from row to row on stamps that are not one period apart; gaps are few, and end episodes."""
     notes = []
     for run, clock in enumerate(clocks):
-        stamps = np.asarray(clock)
+        stamps = numbers(clock, "t")
         if stamps.ndim != 1 or len(stamps) < 3 or stamps.dtype.kind not in "iufmM":
             continue
-        steps = np.diff(stamps)
-        steps = steps / np.timedelta64(1, "s") if steps.dtype.kind == "m" else steps.astype(float)
+        steps = seconds(np.diff(stamps)).astype(float)
         steps = steps[np.isfinite(steps)]
         period = float(np.median(steps)) if len(steps) else 0.0
         share = float(np.mean(np.abs(steps - period) > _UNEVEN * period)) if period > 0.0 else 0.0
@@ -266,7 +265,7 @@ def _derivative(differentiate: Differentiate, x: Any, t: Any, run: int) -> np.nd
 
 def _columns(array: Any) -> np.ndarray[Any, Any]:
     if isinstance(array, Columns):
-        return np.column_stack([numbers(one, "x") for one in array.arrays])
+        return np.column_stack([seconds(numbers(one, "x")) for one in array.arrays])
     return np.asarray(array[:, None] if array.ndim == 1 else array)
 
 

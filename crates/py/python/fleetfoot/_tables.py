@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any
 
 from ._html import grid
 
 
-class Report(dict[str, Any]):
+class Report(dict[str, Any], ABC):
     """A report as a dictionary, which prints as a table and gives its table to pandas: ``pandas.DataFrame(report.table)``.
 
     Attributes
@@ -18,13 +19,13 @@ class Report(dict[str, Any]):
     """
 
     @property
+    @abstractmethod
     def table(self) -> list[dict[str, Any]]:
         """The numbers of the report, a dict for each row of its table."""
-        raise NotImplementedError
 
+    @abstractmethod
     def summary(self) -> str:
         """What stands below the table."""
-        raise NotImplementedError
 
     def _cells(self) -> tuple[list[str], list[list[str]]]:
         rows = self.table
@@ -32,13 +33,22 @@ class Report(dict[str, Any]):
         return header, [[_cell(row[name]) for name in header] for row in rows]
 
     def __repr__(self) -> str:
-        header, lines = self._cells()
+        try:
+            header, lines = self._cells()
+            below = self.summary()
+        except (KeyError, TypeError, IndexError):
+            # Somebody took a part out of it.
+            return dict.__repr__(self)
         widths = [max(len(line[at]) for line in [header, *lines]) for at in range(len(header))]
-        return "\n".join([*(_line(line, widths) for line in [header, *lines]), self.summary()])
+        return "\n".join([*(_line(line, widths) for line in [header, *lines]), below])
 
-    def _repr_html_(self) -> str:
-        header, lines = self._cells()
-        return grid(header, lines, self.summary())
+    def _repr_html_(self) -> str | None:
+        try:
+            header, lines = self._cells()
+            return grid(header, lines, self.summary())
+        except (KeyError, TypeError, IndexError):
+            # Notebooks show the text then.
+            return None
 
 
 class Scores(Report):

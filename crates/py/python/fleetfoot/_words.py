@@ -15,6 +15,7 @@ _COMMANDS = {
     "fit narx": "NARX",
     "fit parameters": "Parameters",
     "fit sparse": "BlockSparse",
+    "control lqr": "Model.lqr",
     "info --values": "fleetfoot.info(path, values=True)",
     "info": "fleetfoot.info",
     "scan": "fleetfoot.scan",
@@ -45,7 +46,7 @@ _VALUE = (
     r"[\w.]*:[\w.,+:]+|-?\d[\w.,:/()+-]*|null|average|rollout|bic|cv|one-se|aic|ebic|free-run|pool|refuse|next|delta|"
     r"derivative|auto|off|term|signal|stlsq|sr3|frols|ssr|lasso|ols|[A-Z]{2,}"
 )
-_COMMAND = re.compile(r"`(?:fleetfoot )?(fit \w+|stats \w+|info --values|info)( [^`]*)?`|`?fleetfoot (\w+)`")
+_COMMAND = re.compile(r"`(?:fleetfoot )?(fit \w+|stats \w+|control lqr|info --values|info)( [^`]*)?`|`?fleetfoot (\w+)`")
 _FIRST = re.compile(r"^--([a-z][\w-]*) (\S+?):(?= )")
 _TWICE = re.compile(rf"\[(\w+)\] (\w+) = (\S+?) \(--[\w-]+(?: (?:{_VALUE}|[\w.]+))?\)")
 _FLAG = re.compile(rf"(?<![\w/.-])`?--([a-z][\w-]*)(?:[= ]((?:{_VALUE})(?:,(?:{_VALUE}))*(?![\w-])))?`?")

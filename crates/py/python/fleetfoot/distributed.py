@@ -10,6 +10,8 @@ import uuid
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Literal, Protocol
 
+import numpy as np
+
 from . import _core
 from ._data import open as open_data
 from ._progress import Progress, reporting
@@ -61,9 +63,9 @@ def scan(
     batch : int, optional
         Files of a task; more than one for many small files.
     timeout : float, optional
-        Seconds that the scan waits while no task ends and no worker of the cluster works: all of them are gone, or none
-        takes a task. Then it ends with an error that names the files that are missing. Give more where workers wait in
-        a queue of their own before they start; ``None`` waits without end.
+        If no worker of the cluster does anything for so many seconds, the scan stops with an error that names the
+        missing files. Any work of the cluster counts, that of other users too. Where workers wait in a queue, give
+        more seconds, or ``None``, which waits without end.
     progress : bool or callable, optional
         ``True`` for a bar of tqdm, or a function of the stage's name, the tasks done and the tasks in all.
 
@@ -103,14 +105,17 @@ def scan(
         stats = ff.distributed.scan(plan, "runs/*.mcap", client)
     """
     labels = [keys] if isinstance(keys, str) else list(keys)
-    if isinstance(batch, bool) or not isinstance(batch, int) or batch < 1:
+    if isinstance(batch, (bool, np.bool_)) or not isinstance(batch, (int, np.integer)) or batch < 1:
         raise ValueError(f"batch = {batch!r}: give a number of files from 1 on")
-    if timeout is not None and not (isinstance(timeout, (int, float)) and timeout > 0):
-        raise ValueError(f"timeout = {timeout!r}: give seconds above 0, or None to wait without end")
+    if timeout is not None:
+        if isinstance(timeout, (bool, np.bool_)) or not isinstance(timeout, (int, float, np.number)) or not timeout > 0:
+            raise ValueError(f"timeout = {timeout!r}: give seconds above 0, or None to wait without end")
+        timeout = float(timeout)
     cluster = _cluster(client, backend)
     sources = _sources(files)
     if not isinstance(plan, Plan):
         plan = Plan(plan, files)
+    batch = int(batch)
     groups = [sources[at : at + batch] for at in range(0, len(sources), batch)]
     with reporting(progress) as callback:
         whole, skipped, notes = cluster.run(plan.to_bytes(), labels, groups, Watch(groups, timeout, callback))
@@ -348,12 +353,12 @@ class _Dask:
             error = future.exception()
             if isinstance(error, distributed.KilledWorker):
                 raise watch.died(group_of.get(error.task)) from error
-            raise error
+            raise error.with_traceback(future.traceback())
         if future.status == "cancelled":
             raise watch.cancelled("the task was cancelled; a restart of the cluster does that, and its end")
 
     def _works(self) -> bool:
-        """Whether a worker runs a task, or fetches what a task needs."""
+        """Whether a worker of the cluster runs a task, of this scan or another, or fetches what a task needs."""
         try:
             try:
                 info = self._client.scheduler_info(n_workers=-1)
@@ -462,7 +467,7 @@ class _Ray:
             raise TimeoutError(f"a sum did not come within {watch.patience:g} s: {watch.missing()}") from error
 
     def _works(self) -> bool:
-        """Whether some of the cluster's processors are in use."""
+        """Whether some of the cluster's processors are in use, by this scan or by others."""
         total, free = self._ray.cluster_resources(), self._ray.available_resources()
         return bool(total.get("CPU", 0.0) > free.get("CPU", 0.0))
 

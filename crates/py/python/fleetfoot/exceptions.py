@@ -58,7 +58,7 @@ class WriteError(FleetfootError, OSError):
 
 
 class OutOfMemoryError(FleetfootError, MemoryError):
-    """The answer needs more memory than the system gives this process, as a plan beforehand tells."""
+    """The answer needs more memory than the system gives this process; this is found before the work begins."""
 
 
 class InternalError(FleetfootError, RuntimeError):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import html
+
 import fleetfoot as ff
 import numpy as np
 import pytest
@@ -171,6 +173,7 @@ def test_two_defaults_agree_on_how_targets_are_measured():
     amplitude = np.array([0.4, 1.2])
     assert np.allclose(found.rmse["sindy"][:, 0], 2.0 * short * amplitude / np.sqrt(2.0), rtol=0.05)
     assert (found.rmse["pwa"] < 1e-6).all() and str(found).endswith(found.notes[0])
+    assert f"<p>{html.escape(found.notes[0])}</p>" in found._repr_html_()
     # A column that somebody gives is another quantity.
     given = ff.PWA().fit(runs[:2], dt=0.05, x_dot=[np.gradient(run, 0.05, axis=0) for run in runs[:2]])
     table = [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import datetime
 import pickle
 
 import fleetfoot as ff
@@ -41,7 +42,12 @@ def test_a_controller_is_a_file_and_a_value(mass, tmp_path):
     with pytest.raises(ff.exceptions.WriteError):
         law.save(tmp_path / "nowhere" / "law.json")
     (tmp_path / "model.json").write_text(mass.to_json())
-    for wrong, kind in (("no.json", ff.exceptions.DataError), ("model.json", ff.exceptions.FleetfootError)):
+    (tmp_path / "bytes.json").write_bytes(b"\xff\xfe")
+    for wrong, kind in (
+        ("no.json", ff.exceptions.DataError),
+        ("bytes.json", ff.exceptions.DataError),
+        ("model.json", ff.exceptions.ModelError),
+    ):
         with pytest.raises(kind, match=wrong):
             ff.Controller.load(tmp_path / wrong)
     for other in (pickle.loads(pickle.dumps(law)), copy.deepcopy(law), ff.Controller.load(tmp_path / "law.json")):
@@ -60,6 +66,8 @@ def test_a_controller_is_a_file_and_a_value(mass, tmp_path):
 def test_what_is_wrong_is_named(mass):
     with pytest.raises(ff.exceptions.ModelError, match="did you mean"):
         mass.lqr({"xx": 1.0})
+    assert mass.lqr({"x": 1.0}, drive="u", free="x").to_json() == mass.lqr({"x": 1.0}, drive=["u"], free=["x"]).to_json()
+    assert mass.lqr({"x": 1.0}, period=datetime.timedelta(milliseconds=10)).to_json() == mass.lqr({"x": 1.0}, period=0.01).to_json()
     with pytest.raises(ff.exceptions.ModelError, match="positive weight"):
         mass.lqr({"x": 1.0}, r={"u": 0.0})
     with pytest.raises(ff.exceptions.ModelError):

@@ -395,7 +395,9 @@ def test_wrong_calls_are_refused(plan: ff.Plan, files: list[str], monkeypatch: p
         with pytest.raises(ValueError, match="timeout = .*: give seconds above 0, or None"):
             ff.distributed.scan(plan, files, timeout=wrong)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="client is a int"):
-        ff.distributed.scan(plan, files, client=3)
+        ff.distributed.scan(plan, files, client=3, batch=np.int64(2), timeout=np.float32(9.0))  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="batch = np.True_"):
+        ff.distributed.scan(plan, files, batch=np.True_)  # type: ignore[arg-type]
     with pytest.raises(StatisticError):
         ff.distributed.scan_part(b"no plan", [], [None], files[0])
     import sys

@@ -347,7 +347,7 @@ def test_inputs_are_held_or_joined_by_lines():
     lines = fit.simulate([1.0], coarse, u[::20], interpolate=True)[:, 0]
     held = fit.simulate([1.0], coarse, u[::20])[:, 0]
     assert np.abs(lines - exact).max() < 1e-4 < 0.02 < np.abs(held - exact).max()
-    with pytest.raises(exceptions.ModelError, match="for each of 20 times"):
+    with pytest.raises(exceptions.ModelError, match="20 rows, one for each time$"):
         fit.simulate([1.0], coarse, u[:3], interpolate=True)
 
 

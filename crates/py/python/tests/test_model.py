@@ -294,7 +294,7 @@ def test_files_pickles_and_copies(pwa, tmp_path):
         (lambda m: m.step([1.0, 2.0], [0.0], method="rk5"), "rk5"),
         (lambda m: m.simulate([1.0, 2.0], [0.0, 0.1]), "u is missing"),
         (lambda m: m.simulate([1.0, 2.0], [0.0, 0.1, 0.1], [[0.0]] * 3), "rising"),
-        (lambda m: m.simulate([1.0, 2.0], [0.0, 0.1, 0.2], [[0.0]]), "2 times"),
+        (lambda m: m.simulate([1.0, 2.0], [0.0, 0.1, 0.2], [[0.0]]), r"the 1 input \(u\) in 3 rows, one for each time \(that of the last"),
         (lambda m: m.simulate([1.0, 2.0], [0.0, 0.1], [[0.0]], substeps=0), "substeps=0"),
         (lambda m: m.predict(np.zeros((3, 2)), np.zeros((2, 1))), "x has 3 rows and u has 2"),
         (lambda m: m.coefficients(latent="z"), "'z'"),

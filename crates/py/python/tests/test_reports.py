@@ -41,6 +41,12 @@ def test_a_report_is_a_dict_with_a_table(model, rows, kind):
     assert f"<td>{names[0]}</td>" in found._repr_html_()
     pandas = pytest.importorskip("pandas", reason="pandas is not installed")
     assert pandas.DataFrame(found.table).shape[0] == len(names)
+    # A report without one of its parts is still shown.
+    parts = type(found)(found)
+    for name in list(found):
+        parts.pop(name)
+        assert repr(parts)
+        assert parts._repr_html_() is None or parts
     if kind == "rollout":
         assert found.table[1]["rmse"] == found["model"]["rmse"][-1][1] and "10 rollouts of 20 steps" in lines[-1]
     if kind == "score":

@@ -121,3 +121,31 @@ def test_ctrl_c_ends_a_simulation_between_two_times() -> None:
     finally:
         timer.join()
         signal.signal(signal.SIGINT, before)
+
+
+def test_inputs_in_straight_lines_are_one_row_a_time(lag: Any) -> None:
+    t = np.arange(5) * DT
+    for rows in (4, 6):
+        with pytest.raises(ModelError, match=rf"u has the shape \[{rows}\]; give the 1 input \(u\) in 5 rows, one for each time$"):
+            lag.simulate([0.0], t, np.ones(rows), interpolate=True)
+    # Rows behind the last step of held inputs say nothing.
+    np.testing.assert_array_equal(lag.simulate([0.0], t, np.ones(6)), lag.simulate([0.0], t, np.ones(4)))
+    with pytest.raises(ModelError, match=r"interpolate=True with u\(t, x\)"):
+        lag.simulate([0.0], t, lambda time, x: -x, interpolate=True)
+
+
+def test_a_direct_model_knows_no_closed_loop_and_no_gaps() -> None:
+    pandas = pytest.importorskip("pandas", reason="pandas is not installed")
+    u = np.random.default_rng(1).normal(size=200)
+    x = np.zeros(200)
+    for row in range(1, 200):
+        x[row] = 0.5 * x[row - 1] + u[row]
+    even = np.arange(200) * DT
+    model = ff.NARX(1, 0, 1, terms=2, direct=True).fit(x, even, u=u, feature_names=["x"], input_names=["u"]).model_
+    with pytest.raises(ModelError, match=r"u\(t, x\): the model reads the inputs of the next row"):
+        model.simulate([0.0], 5, lambda time, x: -x)
+    with pytest.raises(ModelError, match="1 row ahead"):
+        model.step([0.0], [1.0])
+    table = pandas.DataFrame({"t": even + 60.0 * (np.arange(200) >= 100), "x": x, "u": u})
+    found = model.predict(table).to_numpy()[:, 0]
+    assert np.isnan(found[99]) and np.isfinite(found[[98, 100]]).all()
