@@ -1,49 +1,59 @@
-//! The unit of a clock's numbers that all files of a call agree on.
+//! What all files of a call agree on: the unit of a clock's numbers, and the order of day and month in dates.
 
 use std::{collections::BTreeMap, path::PathBuf};
 
 use fleetfoot_data::{Progress, parallel_map};
 
 use crate::{
-    Error, Format, Log, Selection, TimeSpec, TimeUnit, csv, memory, parquet,
+    Error, Format, Log, Selection, TimeSpec, TimeUnit, csv,
+    dates::{DateOrder, Fit},
+    memory, parquet,
     time_column::{Agreed, Clock, ClockUnit},
 };
 
-/// For each time column without a told unit: the one unit that fits the numbers of all files.
+/// For each time column without a told unit: the one unit that fits the numbers of all files. For each column of dates: one order of day and month.
 ///
 /// # Errors
 /// Two files of which no unit fits both.
 pub(crate) fn agreed(logs: &[Log], selection: &Selection, progress: &dyn Progress) -> Result<Agreed, Error> {
     let is_told = matches!(selection.time, TimeSpec::Uniform { .. } | TimeSpec::Column { unit: Some(_), .. });
-    if is_told || logs.len() < 2 {
-        return Ok(Agreed::new());
+    if logs.len() < 2 {
+        return Ok(Agreed::default());
     }
     // What cannot be read is told when it is opened.
     let clocks = parallel_map(logs.len(), progress, |at| Ok::<_, Error>(clock(&logs[at], &selection.time)))?;
     let mut columns: BTreeMap<String, Vec<(PathBuf, Clock)>> = BTreeMap::new();
-    for (log, clock) in logs.iter().zip(clocks) {
-        if let Some(clock) = clock {
+    let mut dates: BTreeMap<String, Vec<(DateOrder, Fit)>> = BTreeMap::new();
+    for (log, (clock, own)) in logs.iter().zip(clocks) {
+        own.into_iter().for_each(|(name, order)| dates.entry(name).or_default().push(order));
+        if let Some(clock) = clock.filter(|_| !is_told) {
             columns.entry(clock.name.clone()).or_default().push((log.path().to_path_buf(), clock));
         }
     }
-    let mut agreed = Agreed::new();
+    let mut agreed = Agreed::default();
+    for (name, files) in dates {
+        let is_certain = files.iter().any(|(_, fit)| *fit == Fit::Only);
+        agreed.orders.extend(DateOrder::common(&files).map(|order| (name, (order, is_certain))));
+    }
     for (column, files) in columns.iter().filter(|(_, files)| files.len() > 1) {
         if let Some(unit) = common_unit(column, files)? {
-            agreed.insert(column.clone(), unit);
+            agreed.units.insert(column.clone(), unit);
         }
     }
     Ok(agreed)
 }
 
-fn clock(log: &Log, spec: &TimeSpec) -> Option<Clock> {
-    match log {
+/// The clock of a log, and its columns of dates in text.
+fn clock(log: &Log, spec: &TimeSpec) -> (Option<Clock>, csv::Dates) {
+    let clock = match log {
         Log::Table(table) => memory::clock(table.as_ref(), spec),
-        Log::File(path) => match Format::of(path)? {
-            Format::Parquet => parquet::clock(path, spec).ok().flatten(),
-            Format::Csv(compression) => csv::clock(path, compression, spec).ok().flatten(),
+        Log::File(path) => match Format::of(path) {
+            Some(Format::Parquet) => parquet::clock(path, spec).ok().flatten(),
+            Some(Format::Csv(compression)) => return csv::clock(path, compression, spec).unwrap_or_default(),
             _ => None,
         },
-    }
+    };
+    (clock, Vec::new())
 }
 
 /// The one unit that fits all files; `None` where several do. Files that tell their unit decide among those that fit the numbers of the others.

@@ -147,7 +147,7 @@ pub(crate) fn estimate(
 fn opened(table: Box<dyn Table>, meta: Meta) -> Opened {
     let Meta { notes, stamp, log_offset, breaks, .. } = meta;
     let (time_column, chosen) = (Some("its clock".into()), Chosen::Caller);
-    Opened { table, time_column, has_dates: false, chosen, notes, stamp, log_offset, breaks, sessions: Vec::new() }
+    Opened { table, time_column, of_day: false, chosen, notes, stamp, log_offset, breaks, sessions: Vec::new() }
 }
 
 /// Stamps are the messages': a column or a fixed step would join what does not belong together.

@@ -17,12 +17,17 @@ use fleetfoot_data::Column;
 use crate::{
     Compression, Error, Selection, TimeSpec,
     by_name::ByName,
+    dates::{DateOrder, Fit},
     opened::Opened,
     store::{Budget, StoredTable},
     time_column::{self, Agreed, Clock},
 };
 use decode::{Plan, TimeField};
 use head::Head;
+use sort::Sort;
+
+/// Names of columns of dates, with the orders of day and month in which they can be read.
+pub(crate) type Dates = Vec<(String, (DateOrder, Fit))>;
 
 /// What a file is, as far as its first rows tell.
 pub(crate) struct Description {
@@ -66,6 +71,7 @@ fn open_in_order(
     turned: bool,
 ) -> Result<Opened, Error> {
     let (mut head, stream) = head::open(path, compression)?;
+    head.follow(&agreed.orders);
     if turned && !head.turn_dates() {
         return Err(Error::NoRows { path: path.into() });
     }
@@ -74,7 +80,9 @@ fn open_in_order(
     let clock = find_clock(path, &head, &names, &selection.time)?;
     let clock = clock.map(|clock| clock.settle(path, agreed, selection)).transpose()?;
     let time = clock.iter().flat_map(|clock| clock.parts());
-    let time = time.map(|(field, unit)| TimeField { field, unit, sort: head.sorts[field] }).collect();
+    let time: Vec<_> = time.map(|(field, unit)| TimeField { field, unit, sort: head.sorts[field] }).collect();
+    // Beside a date, a time of the day passes no midnight.
+    let of_day = matches!(time[..], [TimeField { sort: Sort::Date(_), .. }]);
     let mut notes = head.notes.clone();
     notes.extend(clock.iter().filter_map(|clock| clock.assumed.clone()));
     let plan = Plan { path, compression, head, fields, time };
@@ -82,12 +90,13 @@ fn open_in_order(
     notes.extend(decoded.notes);
     let table = StoredTable { store: decoded.store, columns: decoded.columns, has_time: clock.is_some() };
     let opened = Opened::of_table(Box::new(table), clock, notes);
-    Ok(Opened { sessions: decoded.sessions, ..opened })
+    Ok(Opened { sessions: decoded.sessions, of_day, ..opened })
 }
 
-/// The clock of a file, as far as its first rows tell; `None` where it has none.
-pub(crate) fn clock(path: &Path, compression: Compression, spec: &TimeSpec) -> Result<Option<Clock>, Error> {
-    Ok(choose(&head::open(path, compression)?.0, spec))
+/// The clock of a file, as far as its first rows tell, `None` where it has none; and its columns of dates.
+pub(crate) fn clock(path: &Path, compression: Compression, spec: &TimeSpec) -> Result<(Option<Clock>, Dates), Error> {
+    let (head, _) = head::open(path, compression)?;
+    Ok((choose(&head, spec), head.date_orders()))
 }
 
 fn choose(head: &Head, spec: &TimeSpec) -> Option<Clock> {

@@ -1,6 +1,6 @@
 //! Dates and times of day as people and spreadsheets write them: `29/09/2020 13:45`, `04.05.2021 09:00`, `12:00:01.5`, `0 days 00:00:01.5`.
 
-use crate::{stamp, table::MISSING};
+use crate::stamp;
 
 /// Nanoseconds of a second, and seconds of a day.
 const SECOND: i64 = 1_000_000_000;
@@ -16,6 +16,20 @@ pub(crate) enum DateOrder {
     MonthFirst,
     /// `25/4/2021`
     DayFirst,
+}
+
+/// Steps back and nanoseconds passed of dates that are read in one order.
+type Rank = (usize, i64);
+
+/// The orders in which the dates of a column can be read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Fit {
+    /// Both, with the same stamps.
+    Same,
+    /// This one alone.
+    Only,
+    /// Both, with different stamps: the ranks with the month first and with the day first.
+    Either(Rank, Rank),
 }
 
 impl DateOrder {
@@ -35,24 +49,46 @@ impl DateOrder {
         }
     }
 
-    /// The order in which a column's dates are written, as far as these tell, and whether the other one fits as well.
+    /// The order in which a column's dates are written, as far as these tell.
     ///
     /// Where both fit, the one in which the dates go on without going back, and pass less time.
-    pub(crate) fn of<'a>(cells: impl Iterator<Item = &'a [u8]> + Clone) -> (Self, bool) {
+    pub(crate) fn of<'a>(cells: impl Iterator<Item = &'a [u8]> + Clone) -> (Self, Fit) {
         let stamps = |order| cells.clone().map(|cell| parse(cell, order)).collect::<Option<Vec<i64>>>();
         match (stamps(Self::MonthFirst), stamps(Self::DayFirst)) {
-            (None, Some(_)) => (Self::DayFirst, false),
-            (None | Some(_), None) => (Self::MonthFirst, false),
+            (None, Some(_)) => (Self::DayFirst, Fit::Only),
+            (Some(_), None) => (Self::MonthFirst, Fit::Only),
+            (None, None) => (Self::MonthFirst, Fit::Same),
             (Some(month), Some(day)) => {
                 let rank = |stamps: &[i64]| {
                     let back = stamps.windows(2).filter(|pair| pair[1] < pair[0]).count();
                     let ends = stamps.iter().min().zip(stamps.iter().max());
                     (back, ends.map_or(0, |(first, last)| last.saturating_sub(*first)))
                 };
-                let order = if rank(&day) < rank(&month) { Self::DayFirst } else { Self::MonthFirst };
-                (order, month != day)
+                let (month_rank, day_rank) = (rank(&month), rank(&day));
+                let fit = if month == day { Fit::Same } else { Fit::Either(month_rank, day_rank) };
+                (Self::better(month_rank, day_rank), fit)
             }
         }
+    }
+
+    fn better(month: Rank, day: Rank) -> Self {
+        if day < month { Self::DayFirst } else { Self::MonthFirst }
+    }
+
+    /// The order of the files that leave both open: that of the other files, or, where all leave it open, the better one for all; `None` where the others
+    /// differ.
+    pub(crate) fn common(files: &[(Self, Fit)]) -> Option<Self> {
+        let mut certain = files.iter().filter(|(_, fit)| *fit == Fit::Only).map(|(order, _)| *order);
+        if let Some(first) = certain.next() {
+            return certain.all(|order| order == first).then_some(first);
+        }
+        let add = |(back, time): Rank, more: Rank| (back + more.0, time.saturating_add(more.1));
+        let ranks = files.iter().filter_map(|(_, fit)| match fit {
+            Fit::Either(month, day) => Some((*month, *day)),
+            _ => None,
+        });
+        let (month, day) = ranks.reduce(|(a, b), (month, day)| (add(a, month), add(b, day)))?;
+        Some(Self::better(month, day))
     }
 }
 
@@ -181,41 +217,6 @@ fn time_of_day(text: &str, alone: bool) -> Option<i64> {
     is_sound.then(|| (hours * 3600 + minutes * 60) * SECOND + seconds)
 }
 
-/// Step back over midnight, nanoseconds, within which a row came late.
-const LATE: i64 = 3600 * SECOND;
-
-/// Times of the day that pass midnight go on with the next day.
-#[derive(Debug, Default)]
-pub(crate) struct Midnights {
-    last: Option<i64>,
-    days: i64,
-}
-
-impl Midnights {
-    /// The stamp of a clock that may tell no more than the time of the day; [`MISSING`] beyond what nanoseconds hold.
-    ///
-    /// More than half a day back is the next day; less is a step back. A row that goes back over midnight by less than an hour came late: it belongs to the
-    /// day before, and the rows behind it do not.
-    pub(crate) fn pass(&mut self, stamp: i64) -> i64 {
-        if !(0..DAY * SECOND).contains(&stamp) {
-            return stamp;
-        }
-        let step = self.last.map_or(0, |last| stamp - last);
-        if step > DAY * SECOND - LATE {
-            return Self::on(self.days - 1, stamp);
-        }
-        if step < -DAY * SECOND / 2 {
-            self.days += 1;
-        }
-        self.last = Some(stamp);
-        Self::on(self.days, stamp)
-    }
-
-    fn on(day: i64, of_day: i64) -> i64 {
-        day.checked_mul(DAY * SECOND).and_then(|midnight| midnight.checked_add(of_day)).unwrap_or(MISSING)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -262,29 +263,12 @@ mod tests {
     #[test]
     fn the_order_of_day_and_month_follows_from_all_dates() {
         let order = |texts: &[&str]| DateOrder::of(texts.iter().map(|text| text.as_bytes()));
-        assert_eq!(order(&["1/1/2021 0:00", "1/13/2021 0:00"]), (DateOrder::MonthFirst, false));
-        assert_eq!(order(&["01/02/2020 10:00", "29/09/2020 13:45"]), (DateOrder::DayFirst, false));
+        assert_eq!(order(&["1/1/2021 0:00", "1/13/2021 0:00"]), (DateOrder::MonthFirst, Fit::Only));
+        assert_eq!(order(&["01/02/2020 10:00", "29/09/2020 13:45"]), (DateOrder::DayFirst, Fit::Only));
         // Midnight passed: the next day, not the next month.
-        assert_eq!(order(&["04/05/2021 23:59", "05/05/2021 00:00"]), (DateOrder::DayFirst, true));
-        assert_eq!(order(&["04/05/2021 23:59", "04/06/2021 00:00"]), (DateOrder::MonthFirst, true));
-        assert_eq!(order(&["2021-01-02 00:00", "2021-01-03 00:00"]), (DateOrder::MonthFirst, false));
-    }
-
-    #[test]
-    fn midnight_begins_the_next_day() {
-        let mut midnights = Midnights::default();
-        let hours = [22, 23, 0, 1, 23, 22, 0].map(|hour| midnights.pass(hour * 3600 * SECOND) / (3600 * SECOND));
-        assert_eq!(hours, [22, 23, 24, 25, 47, 46, 48]);
-        assert_eq!(midnights.pass(1_700_000_000 * SECOND), 1_700_000_000 * SECOND);
-        // A late row belongs to the day before, and those behind it do not go on with another day.
-        let mut midnights = Midnights::default();
-        let seconds = [86_399, 1, 86_398, 2, 86_399, 3, 7200].map(|second| midnights.pass(second * SECOND) / SECOND);
-        assert_eq!(seconds, [86_399, 86_401, 86_398, 86_402, 86_399, 86_403, 93_600]);
-        // Days beyond what nanoseconds hold.
-        let mut midnights = Midnights::default();
-        let rows = (0..300_000).map(|row| midnights.pass(if row % 2 == 0 { 23 } else { 1 } * 3600 * SECOND));
-        let rows: Vec<i64> = rows.collect();
-        assert_eq!((rows[1], rows[299_999]), (25 * 3600 * SECOND, MISSING));
+        assert_eq!(order(&["04/05/2021 23:59", "05/05/2021 00:00"]).0, DateOrder::DayFirst);
+        assert_eq!(order(&["04/05/2021 23:59", "04/06/2021 00:00"]).0, DateOrder::MonthFirst);
+        assert_eq!(order(&["2021-01-02 00:00", "2021-01-03 00:00"]), (DateOrder::MonthFirst, Fit::Same));
     }
 
     #[test]

@@ -8,6 +8,7 @@ use serde::Serialize;
 use crate::{
     Error, MaxGap,
     breaks::Breaks,
+    midnights::{Days, Midnights},
     row_mask::RowMask,
     steps::Steps,
     table::{MISSING, Table},
@@ -42,6 +43,8 @@ pub struct ClockSummary {
 /// The used rows of a file and how they fall into episodes.
 pub(crate) struct FileIndex {
     pub mask: RowMask,
+    /// Of stamps that are times of the day, the days.
+    pub days: Days,
     pub spans: Vec<Span>,
     pub clock: ClockSummary,
 }
@@ -57,14 +60,6 @@ pub(crate) struct Span {
     pub period: f64,
     /// All stamps have gone in, no values yet.
     pub fingerprint: Fingerprint,
-}
-
-/// Whether an episode begins more than half a day before the end of the one before, both within the first day: times of the day do so at midnight.
-pub(crate) fn passes_midnight(spans: &[Span]) -> bool {
-    const DAY: i64 = 86_400_000_000_000;
-    let is_of_day = |stamp: i64| (0..DAY).contains(&stamp);
-    let passes = |pair: &[Span]| pair[1].start < pair[0].end - DAY / 2;
-    spans.windows(2).any(|pair| is_of_day(pair[0].end) && is_of_day(pair[1].start) && passes(pair))
 }
 
 /// The stamp of a row of an equally spaced recording.
@@ -102,7 +97,7 @@ pub(crate) fn uniform(path: &Path, rows: usize, dt: f64, sessions: &[usize]) -> 
         end: longest,
         ..ClockSummary::default()
     };
-    Ok(FileIndex { mask: RowMask::default(), spans, clock })
+    Ok(FileIndex { mask: RowMask::default(), days: Days::default(), spans, clock })
 }
 
 /// An episode of equally spaced rows that starts at zero.
@@ -117,11 +112,12 @@ fn uniform_span(first: usize, rows: usize, dt: f64) -> Span {
 
 /// Finds the episodes of a table with a time column: the stamps are read twice when the accepted gap follows from their median step, else once.
 ///
-/// Where it does, rows are parted that are known to have lost others between them, too.
+/// Where it does, rows are parted that are known to have lost others between them, too. `of_day`: the stamps may be times of the day.
 pub(crate) fn build(
     table: &dyn Table,
     max_gap: MaxGap,
     breaks: &Breaks,
+    of_day: bool,
     progress: &dyn Progress,
 ) -> Result<FileIndex, Error> {
     let mut steps = Steps::default();
@@ -131,7 +127,7 @@ pub(crate) fn build(
         MaxGap::Unlimited => None,
         MaxGap::Seconds(seconds) => Some((seconds * 1e9).round().min(9.2e18) as i64),
         MaxGap::Auto => {
-            scan(table, progress, |stamps| {
+            scan(table, of_day, progress, |stamps| {
                 for &stamp in stamps.iter().filter(|&&stamp| usable(stamp)) {
                     if last != MISSING && stamp > last {
                         steps.push(stamp.abs_diff(last));
@@ -145,21 +141,28 @@ pub(crate) fn build(
     };
     let mut cutter = Cutter::new(gap);
     cutter.lost = (breaks.clone(), period);
-    scan(table, progress, |stamps| cutter.feed(stamps))?;
-    Ok(cutter.finish())
+    let days = scan(table, of_day, progress, |stamps| cutter.feed(stamps))?;
+    Ok(FileIndex { days, ..cutter.finish() })
 }
 
-fn scan(table: &dyn Table, progress: &dyn Progress, mut each: impl FnMut(&[i64]) + Send) -> Result<(), Error> {
+fn scan(
+    table: &dyn Table,
+    of_day: bool,
+    progress: &dyn Progress,
+    mut each: impl FnMut(&[i64]) + Send,
+) -> Result<Days, Error> {
     let pieces = table.pieces();
+    let mut midnights = Midnights::default();
     parallel_fold(
         pieces.len(),
         progress,
         |i| table.stamps(pieces[i].clone()),
         |stamps| {
-            each(&stamps);
+            each(&if of_day { midnights.pass(stamps) } else { stamps });
             Ok(())
         },
-    )
+    )?;
+    Ok(midnights.finish())
 }
 
 /// Stamps within 146 years of 1970, so that differences of two never overflow; [`MISSING`] is not one.
@@ -275,7 +278,7 @@ impl Cutter {
         if self.spans.is_empty() {
             (self.clock.start, self.clock.end) = (0, 0);
         }
-        FileIndex { mask: self.mask, spans: self.spans, clock: self.clock }
+        FileIndex { mask: self.mask, days: Days::default(), spans: self.spans, clock: self.clock }
     }
 }
 

@@ -54,6 +54,7 @@ mod mcap;
 mod mcap_writer;
 mod memory;
 mod metadata;
+mod midnights;
 mod naming;
 mod notes;
 mod opened;

@@ -4,7 +4,7 @@ use crate::{
     Stamp,
     breaks::Breaks,
     table::Table,
-    time_column::{CandidateKind, Chosen, SettledClock},
+    time_column::{Chosen, SettledClock},
 };
 
 /// What opening a file gives: its table and what had to be assumed.
@@ -12,8 +12,8 @@ pub(crate) struct Opened {
     pub table: Box<dyn Table>,
     /// Where its stamps are, for messages; `None` without a clock.
     pub time_column: Option<String>,
-    /// Whether its cells are dates or times of the day.
-    pub has_dates: bool,
+    /// Whether its stamps may be times of the day, which pass midnight.
+    pub of_day: bool,
     /// Who chose that column.
     pub chosen: Chosen,
     pub notes: Vec<String>,
@@ -30,12 +30,11 @@ pub(crate) struct Opened {
 impl Opened {
     /// A table whose stamps are a column of its own, or none.
     pub(crate) fn of_table(table: Box<dyn Table>, clock: Option<SettledClock>, notes: Vec<String>) -> Self {
-        let has_dates = clock.as_ref().is_some_and(|clock| clock.kind == CandidateKind::Time && clock.beside.is_none());
         let chosen = clock.as_ref().map_or(Chosen::Caller, |clock| clock.chosen);
         Self {
             table,
             time_column: clock.map(|clock| clock.name),
-            has_dates,
+            of_day: false,
             chosen,
             notes,
             stamp: None,

@@ -19,6 +19,7 @@ use crate::{
     csv, index,
     index::{FileIndex, Span},
     memory::{self, Log},
+    midnights::Days,
     naming::{episode_names, labels},
     notes::Notes,
     opened::Opened,
@@ -70,6 +71,7 @@ struct RecordedFile {
     in_memory: bool,
     table: Box<dyn Table>,
     mask: RowMask,
+    days: Days,
     clock: ClockSummary,
     log_offset: i64,
     /// For each column: this file's category codes to the recording's.
@@ -144,16 +146,10 @@ pub fn open_logs(logs: &[Log], selection: &Selection, progress: &dyn Progress) -
     };
     let mut spans = Vec::new();
     let mut told = Notes::default();
-    for (((path, opened), FileIndex { mask, spans: own, clock }), recode) in
+    for (((path, opened), FileIndex { mask, days, spans: own, clock }), recode) in
         paths.into_iter().zip(opened).zip(indices).zip(recode)
     {
-        let mut notes = opened.notes;
-        notes.extend(opened.time_column.filter(|_| opened.has_dates && index::passes_midnight(&own)).map(|column| {
-            format!(
-                "the times of the day in `{column}` pass midnight, where a new episode starts: add the date to them, and the episode goes on"
-            )
-        }));
-        told.add_file(&path, &notes, &clock, &own);
+        told.add_file(&path, &opened.notes, &clock, &own);
         let file = recording.files.len();
         spans.extend(own.into_iter().map(|span| (file, span)));
         recording.files.push(RecordedFile {
@@ -161,6 +157,7 @@ pub fn open_logs(logs: &[Log], selection: &Selection, progress: &dyn Progress) -
             in_memory: logs[file].file().is_none(),
             table: opened.table,
             mask,
+            days,
             clock,
             log_offset: opened.log_offset,
             recode,
@@ -249,7 +246,7 @@ fn index_file(
     if let TimeSpec::Uniform { dt_seconds } = selection.time {
         return index::uniform(path, table.rows(), dt_seconds, &opened.sessions);
     }
-    let index = index::build(table, selection.max_gap, &opened.breaks, progress)?;
+    let index = index::build(table, selection.max_gap, &opened.breaks, opened.of_day, progress)?;
     if index.spans.is_empty() {
         let column = opened.time_column.clone().unwrap_or_default();
         return Err(Error::NoStamps { path: path.into(), rows: table.rows(), column });
@@ -383,7 +380,8 @@ impl Recording {
         }
         let file = &self.files[file];
         let (from, to) = (file.mask.place(first + all.start), file.mask.place(first + all.end - 1) + 1);
-        let TableRows { mut time, mut columns } = file.table.values(from..to, halo.before + halo.after)?;
+        let TableRows { time, mut columns } = file.table.values(from..to, halo.before + halo.after)?;
+        let mut time = file.days.add(from..to, time);
         if to - from != all.len() {
             let used: Vec<bool> = (from..to).map(|row| !file.mask.is_dropped(row)).collect();
             time = keep(&time, &used);

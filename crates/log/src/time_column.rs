@@ -7,7 +7,7 @@ mod units;
 
 use std::{collections::BTreeMap, path::Path};
 
-use crate::{Error, MaxGap, Selection, TimeUnit, error::list, selection::TimeSpec};
+use crate::{Error, MaxGap, Selection, TimeUnit, dates::DateOrder, error::list, selection::TimeSpec};
 pub(crate) use names::split_unit;
 pub use units::Reading;
 
@@ -74,8 +74,14 @@ pub(crate) enum Chosen {
     Values,
 }
 
-/// The units that all files of a call leave for the numbers of a column, by its name.
-pub(crate) type Agreed = BTreeMap<String, TimeUnit>;
+/// What the files of a call say together of columns that single ones leave open, by their names.
+#[derive(Debug, Default)]
+pub(crate) struct Agreed {
+    /// The units of the numbers of clocks.
+    pub units: BTreeMap<String, TimeUnit>,
+    /// The orders of day and month in dates, and whether a file is certain of it.
+    pub orders: BTreeMap<String, (DateOrder, bool)>,
+}
 
 /// A clock whose unit is settled.
 #[derive(Debug, Clone, PartialEq)]
@@ -85,8 +91,6 @@ pub(crate) struct SettledClock {
     pub column: usize,
     pub beside: Option<(usize, TimeUnit)>,
     pub unit: TimeUnit,
-    /// What its cells look like.
-    pub kind: CandidateKind,
     pub chosen: Chosen,
     /// What was assumed and why, when something was.
     pub assumed: Option<String>,
@@ -288,7 +292,7 @@ impl Clock {
     /// Several units are possible, or none.
     pub(crate) fn settle(self, path: &Path, agreed: &Agreed, selection: &Selection) -> Result<SettledClock, Error> {
         let (name, readings) = (&self.name, self.readings());
-        let agreed = agreed.get(name).copied();
+        let agreed = agreed.units.get(name).copied();
         let reading = readings.iter().find(|reading| agreed.is_none_or(|unit| unit == reading.unit));
         // Rows whose order alone counts need no seconds.
         let by_order = matches!(selection.time, TimeSpec::Dispensable { .. }) && selection.max_gap == MaxGap::Auto;
@@ -327,8 +331,8 @@ impl Clock {
             (Some(why), Some(guess)) => Some(format!("{why}; {guess}")),
             (why, guess) => why.or(guess),
         };
-        let Self { name, column, beside, kind, chosen, .. } = self;
-        Ok(SettledClock { name, column, beside, unit, kind, chosen, assumed })
+        let Self { name, column, beside, chosen, .. } = self;
+        Ok(SettledClock { name, column, beside, unit, chosen, assumed })
     }
 }
 

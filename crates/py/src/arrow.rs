@@ -111,6 +111,10 @@ impl MemoryTable for ArrowTable {
         self.stored[column].time_unit()
     }
 
+    fn is_time_of_day(&self, column: usize) -> bool {
+        self.stored[column].is_time_of_day()
+    }
+
     fn values(&self, columns: &[usize], rows: Range<usize>) -> Vec<ScalarBuffer<f64>> {
         columns.iter().map(|&column| self.stored[column].values(rows.clone())).collect()
     }

@@ -167,6 +167,10 @@ impl ArrowColumn {
         }
     }
 
+    pub(crate) fn is_time_of_day(&self) -> bool {
+        matches!(self.kind, DataType::Time32(_) | DataType::Time64(_))
+    }
+
     /// Values of some rows.
     pub(crate) fn values(&self, rows: Range<usize>) -> ScalarBuffer<f64> {
         let parts = self.parts(rows.clone());

@@ -94,7 +94,7 @@ impl Slot {
             time: TimeSpec::Column { name: STAMP.into(), unit: Some(TimeUnit::Nanoseconds) },
             ..Selection::new(names)
         };
-        let opened = parquet::open(&self.path, &selection, &Agreed::new(), cursors).ok()?;
+        let opened = parquet::open(&self.path, &selection, &Agreed::default(), cursors).ok()?;
         let table = CachedTable { inner: opened.table, columns: meta.columns.clone() };
         Some((Box::new(table), meta))
     }

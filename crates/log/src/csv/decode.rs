@@ -19,8 +19,7 @@ use super::{
     sort::{Sort, sort_of},
 };
 use crate::{
-    Compression, Error, TimeUnit,
-    dates::{self, Midnights},
+    Compression, Error, TimeUnit, dates,
     error::shorten,
     stamp,
     store::{Budget, ColumnStore, StoreBuilder},
@@ -87,7 +86,7 @@ pub(super) fn decode(mut plan: Plan<'_>, stream: Box<dyn Read>, budget: &Arc<Bud
     let expected = plan.head.columns.len();
     let mut header = None;
     let units = plan.head.units.clone();
-    let (mut midnights, mut sessions, mut used) = (Midnights::default(), Vec::new(), 0);
+    let (mut sessions, mut used) = (Vec::new(), 0);
     loop {
         watch.row();
         let more = rows.read_byte_record(&mut record).map_err(|problem| plan.csv_error(problem, number))?;
@@ -125,7 +124,7 @@ pub(super) fn decode(mut plan: Plan<'_>, stream: Box<dyn Read>, budget: &Arc<Bud
             }
             return Err(plan.ragged(at, found));
         }
-        let stamp = plan.stamp(&record, &mut midnights).and_then(|stamp| {
+        let stamp = plan.stamp(&record).and_then(|stamp| {
             for (decoder, value) in columns.iter_mut().zip(&mut values) {
                 *value = decoder.cell(&record[decoder.field], plan.head.decimal_comma)?;
             }
@@ -185,7 +184,7 @@ fn check_categories(plan: &Plan<'_>, columns: &[Decoder]) -> Result<(), Error> {
 }
 
 impl Plan<'_> {
-    fn stamp(&self, record: &csv::ByteRecord, midnights: &mut Midnights) -> Result<i64, Misfit> {
+    fn stamp(&self, record: &csv::ByteRecord) -> Result<i64, Misfit> {
         let mut sum = 0i64;
         for time in &self.time {
             let stamp = Some(self.part_of_stamp(record, *time)?).filter(|&stamp| stamp != MISSING);
@@ -194,9 +193,7 @@ impl Plan<'_> {
                 None => return Ok(MISSING),
             }
         }
-        // Beside a date, a time of the day passes no midnight.
-        let is_time_of_day = matches!(self.time[..], [TimeField { sort: Sort::Date(_), .. }]);
-        Ok(if is_time_of_day { midnights.pass(sum) } else { sum })
+        Ok(sum)
     }
 
     fn part_of_stamp(&self, record: &csv::ByteRecord, time: TimeField) -> Result<i64, Misfit> {

@@ -1,6 +1,6 @@
 //! The beginning of a text file: delimiter, header, and what the columns look like.
 
-use std::{io::Read, path::Path};
+use std::{collections::BTreeMap, io::Read, path::Path};
 
 use fleetfoot_data::{Column, ColumnKind};
 
@@ -14,7 +14,7 @@ use super::{
 };
 use crate::{
     Compression, Error,
-    dates::{self, DateOrder},
+    dates::{self, DateOrder, Fit},
     stamp,
     time_column::{Candidate, CandidateKind, split_unit},
 };
@@ -27,6 +27,13 @@ const SAMPLE: usize = 1000;
 /// How the note ends about dates that can be read in two orders.
 const EITHER_ORDER: &str = "the other order of day and month fits its first rows as well";
 
+/// How it ends where other files tell that order.
+const AS_OTHERS: &str = "in other files of this call that order alone fits";
+
+fn dates_note(column: &str, order: DateOrder, why: &str) -> String {
+    format!("the dates of `{column}` are read {}: {why}", order.words())
+}
+
 /// The beginning of a file.
 pub(super) struct Head {
     /// The first bytes, decompressed, from the first row (the header, if there is one) on.
@@ -37,8 +44,8 @@ pub(super) struct Head {
     pub has_header: bool,
     /// The row of units under the header.
     pub units: Option<csv::ByteRecord>,
-    /// Columns whose dates may be read in the other order of day and month as well.
-    pub either_order: Vec<usize>,
+    /// Columns of dates, with the orders of day and month in which they can be read.
+    pub dates: Vec<(usize, Fit)>,
     pub columns: Vec<Column>,
     pub sorts: Vec<Sort>,
     pub decimal_comma: bool,
@@ -102,13 +109,14 @@ pub(super) fn read(path: &Path, compression: Compression, stream: &mut dyn Read)
     records.truncate(SAMPLE);
     let cells = |c: usize| records.iter().filter_map(move |record| record.get(c));
     let sorts: Vec<Sort> = (0..columns.len()).map(|c| sort(cells(c), decimal_comma)).collect();
-    let mut either_order = Vec::new();
+    let mut dates = Vec::new();
     for (c, sort) in sorts.iter().enumerate() {
-        if let Sort::Date(order) = sort
-            && DateOrder::of(cells(c).filter(|cell| !is_missing(cell))).1
-        {
-            either_order.push(c);
-            notes.push(format!("the dates of `{}` are read {}: {EITHER_ORDER}", columns[c].name, order.words()));
+        if let Sort::Date(order) = sort {
+            let fit = DateOrder::of(cells(c).filter(|cell| !is_missing(cell))).1;
+            dates.push((c, fit));
+            if matches!(fit, Fit::Either(..)) {
+                notes.push(dates_note(&columns[c].name, *order, EITHER_ORDER));
+            }
         }
     }
     Ok(Head {
@@ -117,7 +125,7 @@ pub(super) fn read(path: &Path, compression: Compression, stream: &mut dyn Read)
         delimiter,
         has_header,
         units: second.filter(|_| units.is_some()),
-        either_order,
+        dates,
         columns,
         sorts,
         decimal_comma,
@@ -174,13 +182,41 @@ impl Head {
 
     /// Reads the dates that fit both orders of day and month in the other one; `false` where there are none.
     pub(super) fn turn_dates(&mut self) -> bool {
-        for &c in &self.either_order {
+        let open = self.open_dates();
+        for &c in &open {
             if let Sort::Date(order) = &mut self.sorts[c] {
                 *order = order.other();
             }
         }
-        self.notes.retain(|note| !note.ends_with(EITHER_ORDER));
-        !self.either_order.is_empty()
+        self.notes.retain(|note| !note.ends_with(EITHER_ORDER) && !note.ends_with(AS_OTHERS));
+        !open.is_empty()
+    }
+
+    /// Columns whose dates may be read in the other order of day and month as well.
+    fn open_dates(&self) -> Vec<usize> {
+        self.dates.iter().filter(|(_, fit)| matches!(fit, Fit::Either(..))).map(|&(c, _)| c).collect()
+    }
+
+    /// Reads dates that leave the order of day and month open in that of all files.
+    pub(super) fn follow(&mut self, orders: &BTreeMap<String, (DateOrder, bool)>) {
+        for c in self.open_dates() {
+            let name = &self.columns[c].name;
+            if let (Sort::Date(order), Some(&(common, certain))) = (&mut self.sorts[c], orders.get(name)) {
+                let before = dates_note(name, *order, EITHER_ORDER);
+                *order = common;
+                let note = dates_note(name, common, if certain { AS_OTHERS } else { EITHER_ORDER });
+                self.notes.iter_mut().filter(|own| **own == before).for_each(|own| own.clone_from(&note));
+            }
+        }
+    }
+
+    /// The names of columns of dates, with the orders of day and month in which they can be read.
+    pub(super) fn date_orders(&self) -> Vec<(String, (DateOrder, Fit))> {
+        let of = |&(c, fit): &(usize, Fit)| match self.sorts[c] {
+            Sort::Date(order) => Some((self.columns[c].name.clone(), (order, fit))),
+            _ => None,
+        };
+        self.dates.iter().filter_map(of).collect()
     }
 
     /// What a column is, as far as the first rows tell.

@@ -23,8 +23,8 @@ pub(super) enum Meaning {
     Float,
     /// Whole numbers over a power of ten.
     Decimal { scale: i32 },
-    /// Time since 1970, of the day, or between two moments: so many nanoseconds a count.
-    Time { nanoseconds: i64 },
+    /// Time since 1970, of the day, or between two moments: so many nanoseconds a count. `of_day`: of the day.
+    Time { nanoseconds: i64, of_day: bool },
     /// UTF-8.
     Text,
     /// Something that is no number; its type for the message.
@@ -62,9 +62,10 @@ pub(super) fn leaves(schema: &SchemaDescriptor, fields: &BTreeMap<Vec<String>, A
             let field = fields.get(descriptor.path().parts()).cloned().unwrap_or_default();
             let (meaning, unit) = match (meaning(&descriptor), field.duration) {
                 // Durations become seconds, whatever unit the file names for their counts.
-                (Meaning::Integer { unsigned: false }, Some(nanoseconds)) => {
-                    (Meaning::Time { nanoseconds }, field.unit.map(|_| TimeUnit::Seconds.symbol().to_owned()))
-                }
+                (Meaning::Integer { unsigned: false }, Some(nanoseconds)) => (
+                    Meaning::Time { nanoseconds, of_day: false },
+                    field.unit.map(|_| TimeUnit::Seconds.symbol().to_owned()),
+                ),
                 (meaning, _) => (meaning, field.unit),
             };
             Leaf { index, name: descriptor.path().string(), unit, meaning }
@@ -83,7 +84,7 @@ fn meaning(descriptor: &ColumnDescriptor) -> Meaning {
     match descriptor.physical_type() {
         Physical::BOOLEAN => Meaning::Boolean,
         Physical::FLOAT | Physical::DOUBLE => Meaning::Float,
-        Physical::INT96 => Meaning::Time { nanoseconds: 1 },
+        Physical::INT96 => Meaning::Time { nanoseconds: 1, of_day: false },
         Physical::INT32 | Physical::INT64 if is_decimal => decimal(),
         Physical::INT32 | Physical::INT64 => whole(logical, converted),
         Physical::BYTE_ARRAY | Physical::FIXED_LEN_BYTE_ARRAY if is_decimal => decimal(),
@@ -103,14 +104,16 @@ fn meaning(descriptor: &ColumnDescriptor) -> Meaning {
 
 fn whole(logical: Option<&LogicalType>, converted: ConvertedType) -> Meaning {
     match logical {
-        Some(LogicalType::Date) => Meaning::Time { nanoseconds: 86_400_000_000_000 },
-        Some(LogicalType::Timestamp(kind)) => Meaning::Time { nanoseconds: nanoseconds(&kind.unit) },
-        Some(LogicalType::Time(kind)) => Meaning::Time { nanoseconds: nanoseconds(&kind.unit) },
+        Some(LogicalType::Date) => Meaning::Time { nanoseconds: 86_400_000_000_000, of_day: false },
+        Some(LogicalType::Timestamp(kind)) => Meaning::Time { nanoseconds: nanoseconds(&kind.unit), of_day: false },
+        Some(LogicalType::Time(kind)) => Meaning::Time { nanoseconds: nanoseconds(&kind.unit), of_day: true },
         Some(LogicalType::Integer(kind)) => Meaning::Integer { unsigned: !kind.is_signed },
         _ => match converted {
-            ConvertedType::DATE => Meaning::Time { nanoseconds: 86_400_000_000_000 },
-            ConvertedType::TIMESTAMP_MILLIS | ConvertedType::TIME_MILLIS => Meaning::Time { nanoseconds: 1_000_000 },
-            ConvertedType::TIMESTAMP_MICROS | ConvertedType::TIME_MICROS => Meaning::Time { nanoseconds: 1_000 },
+            ConvertedType::DATE => Meaning::Time { nanoseconds: 86_400_000_000_000, of_day: false },
+            ConvertedType::TIMESTAMP_MILLIS => Meaning::Time { nanoseconds: 1_000_000, of_day: false },
+            ConvertedType::TIMESTAMP_MICROS => Meaning::Time { nanoseconds: 1_000, of_day: false },
+            ConvertedType::TIME_MILLIS => Meaning::Time { nanoseconds: 1_000_000, of_day: true },
+            ConvertedType::TIME_MICROS => Meaning::Time { nanoseconds: 1_000, of_day: true },
             ConvertedType::UINT_8 | ConvertedType::UINT_16 | ConvertedType::UINT_32 | ConvertedType::UINT_64 => {
                 Meaning::Integer { unsigned: true }
             }
@@ -170,7 +173,7 @@ impl Word for f64 {
             Meaning::Integer { unsigned: true } => value as u64 as f64,
             Meaning::Decimal { scale } => value as f64 / 10f64.powi(scale),
             // Seconds, split so that the fraction keeps its digits as far as f64 goes.
-            Meaning::Time { nanoseconds } => {
+            Meaning::Time { nanoseconds, .. } => {
                 let per_second = (1_000_000_000 / nanoseconds).max(1);
                 let seconds = if nanoseconds > 1_000_000_000 { nanoseconds / 1_000_000_000 } else { 1 };
                 (value / per_second) as f64 * seconds as f64 + (value % per_second) as f64 / per_second as f64
@@ -205,7 +208,7 @@ impl Word for i64 {
 
     fn from_int(value: i64, rule: &Rule) -> Self {
         match rule.meaning {
-            Meaning::Time { nanoseconds } => value.checked_mul(nanoseconds).unwrap_or(MISSING),
+            Meaning::Time { nanoseconds, .. } => value.checked_mul(nanoseconds).unwrap_or(MISSING),
             Meaning::Integer { unsigned: true } if value < 0 => MISSING,
             Meaning::Decimal { scale } => {
                 stamp::parse_decimal(format!("{value}e-{scale}").as_bytes(), rule.unit).unwrap_or(MISSING)
@@ -289,7 +292,7 @@ mod tests {
         let field = |duration| ArrowField { unit: Some("us".into()), duration };
         let fields = BTreeMap::from([(vec!["d".into()], field(Some(1_000))), (vec!["n".into()], field(None))]);
         let leaves = leaves(&SchemaDescriptor::new(schema.into()), &fields);
-        assert_eq!(leaves[0].meaning, Meaning::Time { nanoseconds: 1_000 });
+        assert_eq!(leaves[0].meaning, Meaning::Time { nanoseconds: 1_000, of_day: false });
         let units: Vec<_> = leaves.iter().map(|leaf| leaf.unit.as_deref()).collect();
         assert_eq!(units, [Some("s"), Some("us")]);
     }
@@ -307,8 +310,11 @@ mod tests {
 
     #[test]
     fn times_as_seconds_and_as_stamps() {
-        let rule =
-            |nanoseconds| Rule { meaning: Meaning::Time { nanoseconds }, unit: TimeUnit::Seconds, names: Vec::new() };
+        let rule = |nanoseconds| Rule {
+            meaning: Meaning::Time { nanoseconds, of_day: false },
+            unit: TimeUnit::Seconds,
+            names: Vec::new(),
+        };
         assert_eq!(f64::from_int(1_500, &rule(1_000_000)), 1.5);
         assert_eq!(f64::from_int(2, &rule(86_400_000_000_000)), 172_800.0);
         assert_eq!(i64::from_int(1_500, &rule(1_000_000)), 1_500_000_000);

@@ -107,12 +107,17 @@ pub(crate) fn open(
     let clock = open_clock(&file, &all, &names, &selection.time)?;
     let clock = clock.map(|clock| clock.settle(path, agreed, selection)).transpose()?;
     let notes = clock.iter().filter_map(|clock| clock.assumed.clone()).collect();
-    let mut time = Vec::new();
+    let mut time: Vec<(usize, Rule)> = Vec::new();
     for (column, unit) in clock.iter().flat_map(|clock| clock.parts()) {
         let leaf = &all[column];
         check_chunks(&file, leaf)?;
         time.push((leaf.index, Rule { meaning: leaf.meaning.clone(), unit, names: Vec::new() }));
     }
+    // Beside a date, a time of the day passes no midnight.
+    let of_day = match &time[..] {
+        [(_, Rule { meaning, .. })] => matches!(meaning, Meaning::Text | Meaning::Time { of_day: true, .. }),
+        _ => false,
+    };
     let table = ParquetTable {
         file,
         cursors: cursors.clone(),
@@ -123,7 +128,7 @@ pub(crate) fn open(
         time,
         leaves: wanted,
     };
-    Ok(Opened::of_table(Box::new(table), clock, notes))
+    Ok(Opened { of_day, ..Opened::of_table(Box::new(table), clock, notes) })
 }
 
 /// The clock of a file, as far as its first rows tell; `None` where it has none.

@@ -152,31 +152,31 @@ fn an_open_unit_is_an_error_that_shows_both_readings() {
         chosen(&[("t", Integer, sample)], &selection.time).unwrap().settle(Path::new("a.csv"), agreed, selection)
     };
     let auto = Selection::default();
-    let message = settle(&every(1000.0), &auto, &Agreed::new()).unwrap_err().to_string();
+    let message = settle(&every(1000.0), &auto, &Agreed::default()).unwrap_err().to_string();
     for part in ["a.csv", "`t`", "ms (1 Hz, from 0 s on)", "us (1000 Hz, from 0 s on)", "--time t --time-unit us"] {
         assert!(message.contains(part), "{part}: {message}");
     }
-    let agreed = Agreed::from([("t".to_owned(), TimeUnit::Milliseconds)]);
+    let agreed = Agreed { units: [("t".to_owned(), TimeUnit::Milliseconds)].into(), ..Agreed::default() };
     let clock = settle(&every(1000.0), &auto, &agreed).unwrap();
     assert_eq!(clock.unit, TimeUnit::Milliseconds);
     assert!(clock.assumed.unwrap().contains("all files"));
-    let clock = settle(&every(10.0), &auto, &Agreed::new()).unwrap();
+    let clock = settle(&every(10.0), &auto, &Agreed::default()).unwrap();
     // Without numbers, so that the notes of many files become one.
     assert!(clock.assumed.unwrap().contains("taken as ms: no other unit fits"));
-    let empty = settle(&[f64::NAN; 3], &auto, &Agreed::new()).unwrap_err().to_string();
+    let empty = settle(&[f64::NAN; 3], &auto, &Agreed::default()).unwrap_err().to_string();
     assert!(empty.contains("could be s or ms or us or ns: name the unit"), "{empty}");
     // Where only the order of the rows counts, the unit does not.
     let ordered = Selection { time: TimeSpec::Dispensable { ordered: true }, ..Selection::default() };
-    assert!(settle(&every(1.0), &ordered, &Agreed::new()).unwrap().assumed.unwrap().contains("order"));
+    assert!(settle(&every(1.0), &ordered, &Agreed::default()).unwrap().assumed.unwrap().contains("order"));
     // Seconds with decimals need no words.
     let clock = chosen(&[("t", Float, &every(0.01))], &TimeSpec::Auto).unwrap();
-    let clock = clock.settle(Path::new("a.csv"), &Agreed::new(), &auto).unwrap();
+    let clock = clock.settle(Path::new("a.csv"), &Agreed::default(), &auto).unwrap();
     assert_eq!((clock.unit, clock.assumed), (TimeUnit::Seconds, None));
     // At 1 Hz they could be 1 kHz in milliseconds.
     let noted = |step: f64, start: f64| {
         let sample: Vec<f64> = every(step).iter().map(|value| start + value).collect();
         let clock = chosen(&[("t", Float, &sample)], &TimeSpec::Auto).unwrap();
-        let clock = clock.settle(Path::new("a.csv"), &Agreed::new(), &auto).unwrap();
+        let clock = clock.settle(Path::new("a.csv"), &Agreed::default(), &auto).unwrap();
         assert_eq!(clock.unit, TimeUnit::Seconds);
         clock.assumed
     };

@@ -402,6 +402,40 @@ fn dates_with_a_time_zone_in_their_header_are_the_clock() {
 }
 
 #[test]
+fn files_of_a_call_read_dates_in_one_order() {
+    let folder = Folder::new();
+    let file = |name: &str, dates: [&str; 3]| {
+        let rows: String = dates.iter().enumerate().map(|(row, date)| format!("{date},{row}\n")).collect();
+        folder.file(name, format!("time,x\n{rows}"))
+    };
+    let starts = |files: &[PathBuf]| {
+        let recording = open(files, &Selection::new(["x"])).unwrap();
+        (
+            recording.episodes().iter().map(|episode| episode.start / 1_000_000_000).collect::<Vec<_>>(),
+            recording.notes().join("\n"),
+        )
+    };
+    let (april, may) = (1_617_613_200, 1_620_118_800);
+    let open_order = file("a.csv", ["04/05/2021 09:00", "04/05/2021 09:01", "04/05/2021 09:02"]);
+    assert_eq!(starts(std::slice::from_ref(&open_order)).0, [april]);
+    // A file whose dates have one order only.
+    let day = file("b.csv", ["25/05/2021 09:00", "25/05/2021 09:01", "25/05/2021 09:02"]);
+    let (found, notes) = starts(&[open_order.clone(), day.clone()]);
+    assert_eq!(found, [may, may + 21 * 86_400]);
+    assert!(notes.contains("`time` are read day first: in other files of this call that order alone fits"), "{notes}");
+    // A file whose dates go on better in one order.
+    let night = file("c.csv", ["04/05/2021 23:59", "05/05/2021 00:00", "05/05/2021 00:01"]);
+    let (found, notes) = starts(&[open_order.clone(), night]);
+    assert_eq!(found, [may, may + 15 * 3600 - 60]);
+    assert!(notes.contains("2 files") && notes.contains("day first: the other order"), "{notes}");
+    // Files that are certain keep their orders, and the open one says that it is.
+    let month = file("d.csv", ["05/26/2021 09:00", "05/26/2021 09:01", "05/26/2021 09:02"]);
+    let (found, notes) = starts(&[open_order, day, month]);
+    assert_eq!(found, [april, may + 21 * 86_400, may + 22 * 86_400]);
+    assert!(notes.contains("month first: the other order"), "{notes}");
+}
+
+#[test]
 fn words_for_what_is_missing() {
     let folder = Folder::new();
     let text = "t,x\n0.0,1\n0.1,<NA>\n0.2,-1.#IND\n0.3,--.--\n0.4,#DIV/0!\n0.5,1.#QNAN\n0.6,-\n0.7,2\n";

@@ -63,6 +63,25 @@ fn dates_in_text_are_read_by_their_form_or_not_at_all() {
     assert_eq!(dashes.episodes().iter().map(|episode| episode.rows).sum::<usize>(), 60);
 }
 
+#[test]
+fn times_of_the_day_pass_midnight() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("night.parquet");
+    let columns = vec![WriteColumn::new("time", WriteKind::Text), WriteColumn::new("x", WriteKind::Float)];
+    let mut writer = ParquetWriter::create(&path, columns, &WriteOptions::default()).unwrap();
+    let text = |second: usize| format!("{:02}:{:02}:{:02}", second / 3600, second / 60 % 60, second % 60);
+    let texts: Vec<String> = (0..60).map(|row| text((86_370 + row) % 86_400)).collect();
+    let x: Vec<f64> = (0..60).map(|row| f64::from(row * 37 % 17)).collect();
+    let texts: Vec<&str> = texts.iter().map(String::as_str).collect();
+    writer.write(&[Values::Text(&texts), Values::Float(&x)]).unwrap();
+    writer.finish().unwrap();
+    let recording = open(&[&path], &Selection::new(["x"])).unwrap();
+    let episode = &recording.episodes()[0];
+    assert_eq!((recording.episodes().len(), episode.end - episode.start), (1, 59_000_000_000));
+    let stamps = recording.read(0, 28..33, Halo::default()).unwrap().stamps().to_vec();
+    assert!(stamps.windows(2).all(|pair| pair[1] - pair[0] == 1_000_000_000), "{stamps:?}");
+}
+
 fn value(row: usize) -> f64 {
     if row % 977 == 5 { f64::NAN } else { (row as f64 * 0.01).sin() }
 }
