@@ -4,11 +4,11 @@
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{what} needs {} of memory, more than the system gives this process; {mend}", size(*bytes))]
 pub struct OutOfMemory {
-    /// What needs it.
+    /// The result or table that needs the memory.
     pub what: String,
     /// Bytes.
     pub bytes: usize,
-    /// What to do instead.
+    /// The advice at the end of the message.
     pub mend: String,
 }
 

@@ -7,13 +7,13 @@ use std::{env, sync::OnceLock};
 
 use pulp::Arch;
 
-/// Environment variable that limits the instruction set of the kernels: `avx2` or `scalar`.
+/// Environment variable that limits the instruction set of the kernels: `avx512`, `avx2` or `scalar`.
 pub const SWITCH: &str = "FLEETFOOT_SIMD";
 
 /// The value of [`SWITCH`] is not the name of an instruction set.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "{SWITCH}=`{value}`: no such instruction set; use `avx2` or `scalar`, or unset the variable for the widest one"
+    "{SWITCH}=`{value}`: no such instruction set; use `avx512`, `avx2` or `scalar`, or unset the variable for the widest one"
 )]
 pub struct UnknownInstructionSet {
     /// The variable's value.
@@ -31,7 +31,8 @@ enum Limit {
 impl Limit {
     fn parse(value: Option<&str>) -> Result<Self, UnknownInstructionSet> {
         match value {
-            None | Some("") => Ok(Self::Widest),
+            // No kernel uses more than `avx512`.
+            None | Some("" | "avx512") => Ok(Self::Widest),
             Some("avx2") => Ok(Self::Avx2),
             Some("scalar") => Ok(Self::Scalar),
             Some(value) => Err(UnknownInstructionSet { value: value.to_owned() }),
@@ -82,10 +83,10 @@ pub fn instruction_set() -> &'static str {
     }
 }
 
-/// Whether [`SWITCH`] is unset or names an instruction set.
+/// Refuses a value of [`SWITCH`] that names no instruction set.
 ///
 /// # Errors
-/// It holds another value.
+/// [`UnknownInstructionSet`] with that value.
 pub fn check_instruction_set() -> Result<(), UnknownInstructionSet> {
     Limit::of_environment().clone().map(drop)
 }
@@ -100,8 +101,12 @@ mod tests {
         #[cfg(target_arch = "x86_64")]
         assert!(!matches!(Limit::Avx2.arch(), Arch::V4(_)));
         assert_eq!(Limit::parse(Some("")), Limit::parse(None));
+        assert_eq!(Limit::parse(Some("avx512")), Ok(Limit::Widest));
         assert_eq!((Limit::parse(Some("avx2")), Limit::parse(Some("scalar"))), (Ok(Limit::Avx2), Ok(Limit::Scalar)));
         let refused = Limit::parse(Some("avx-2")).unwrap_err().to_string();
-        assert!(refused.contains("FLEETFOOT_SIMD=`avx-2`") && refused.contains("use `avx2` or `scalar`"), "{refused}");
+        assert!(
+            refused.contains("FLEETFOOT_SIMD=`avx-2`") && refused.contains("use `avx512`, `avx2` or `scalar`"),
+            "{refused}"
+        );
     }
 }

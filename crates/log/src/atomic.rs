@@ -94,10 +94,13 @@ impl AtomicFile {
     }
 }
 
-/// Files that `work` commits on this thread appear together: all of them once it is done, none where it fails or is stopped.
+/// Files that `work` commits on this thread get their names together once it is done; none of them does where it fails or is stopped.
+///
+/// The names are given one after another. Where one cannot be given, the new files before it are removed again; a file that replaced an older one stays, since
+/// the older one is gone. A process that is killed while names are given leaves some of the files.
 ///
 /// # Errors
-/// Those of `work`, and of giving the files their names: those that were not there before go again.
+/// Those of `work`, and of giving the files their names.
 pub fn together<R, E: From<Error>>(work: impl FnOnce() -> Result<R, E>) -> Result<R, E> {
     /// Forgets the files of a work that did not come to its end.
     struct Abandoned;
@@ -128,9 +131,12 @@ pub fn together<R, E: From<Error>>(work: impl FnOnce() -> Result<R, E>) -> Resul
     Ok(result)
 }
 
+/// Unfinished files begun for one target at most.
+const ATTEMPTS: usize = 100;
+
 /// An unfinished file beside a target, locked while somebody writes it: what a killed process leaves is known by its name and free.
 fn beside(target: &Path) -> io::Result<NamedTempFile> {
-    leftovers::remove_leftovers(target);
+    leftovers::remove_once(target);
     let mut builder = tempfile::Builder::new();
     let prefix = leftovers::prefix(target);
     builder.prefix(&prefix).suffix(SUFFIX).rand_bytes(RANDOM);
@@ -140,7 +146,7 @@ fn beside(target: &Path) -> io::Result<NamedTempFile> {
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
-    loop {
+    for _ in 0..ATTEMPTS {
         let temporary = builder.tempfile_in(folder(target))?;
         // Not every file system has locks; without one a leftover cannot be told from work.
         let _ = temporary.as_file().try_lock();
@@ -149,6 +155,9 @@ fn beside(target: &Path) -> io::Result<NamedTempFile> {
             return Ok(temporary);
         }
     }
+    Err(io::Error::other(format!(
+        "{ATTEMPTS} unfinished files beside it disappeared at once: look for a program that removes them"
+    )))
 }
 
 fn rename(temporary: NamedTempFile, target: &Path) -> io::Result<()> {

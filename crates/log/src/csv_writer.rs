@@ -122,7 +122,8 @@ fn text(values: &Values<'_>, row: usize, cell: &mut String) {
 
 /// Words that no spreadsheet takes for a formula: an apostrophe stands before those that begin like one (OWASP, *CSV Injection*).
 fn no_formula(text: &str) -> Cow<'_, str> {
-    if text.starts_with(['=', '+', '@', '\t', '\r']) { format!("'{text}").into() } else { text.into() }
+    let is_minus = text.starts_with('-') && text.len() > 1 && text.parse::<f64>().is_err();
+    if is_minus || text.starts_with(['=', '+', '@', '\t', '\r']) { format!("'{text}").into() } else { text.into() }
 }
 
 fn write_error(path: &Path, problem: csv::Error) -> Error {
@@ -182,11 +183,15 @@ mod tests {
         let path = folder.path().join("out.csv");
         let columns = ["=1+1", "@t", "x"].map(|name| WriteColumn::new(name, WriteKind::Text));
         let mut writer = CsvWriter::create(&path, columns.into(), &[]).unwrap();
-        let cells: [&[&str]; 3] = [&["+cmd", "a=b"], &["\t=2", "-"], &["\r=3", ""]];
+        let cells: [&[&str]; 3] = [&["+cmd", "a=b"], &["\t=2", "-"], &["\r=3", "-1.5"]];
         writer.write(&cells.map(Values::Text)).unwrap();
         writer.finish().unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
-        assert_eq!(text, "'=1+1,'@t,x\n'+cmd,'\t=2,\"'\r=3\"\na=b,-,\n");
+        assert_eq!(text, "'=1+1,'@t,x\n'+cmd,'\t=2,\"'\r=3\"\na=b,-,-1.5\n");
+        assert_eq!(
+            (no_formula("-2+3"), no_formula("-cmd|' /C calc'!A0")),
+            ("'-2+3".into(), "'-cmd|' /C calc'!A0".into())
+        );
     }
 
     #[test]

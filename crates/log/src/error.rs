@@ -150,9 +150,10 @@ pub enum Error {
     },
     /// Stamps whose numbers fit several units of time, or none.
     #[error(
-        "{}: the numbers of `{column}` {}: name the unit (--time {column} --time-unit {unit}; in a recipe [time] column = \"{column}\", unit = \"{unit}\")",
+        "{}: the numbers of `{column}` {}: name the unit (--time {} --time-unit {unit}; in a recipe [time] column = {column:?}, unit = \"{unit}\")",
         path.display(),
-        if readings.is_empty() { "fit no unit of time".to_owned() } else { format!("could be {readings}") }
+        if readings.is_empty() { "fit no unit of time".to_owned() } else { format!("could be {readings}") },
+        shell_word(column)
     )]
     UnknownTimeUnit {
         /// The file.
@@ -442,6 +443,16 @@ fn seconds(stamp: i64) -> String {
 pub(crate) fn list(names: &[&str]) -> String {
     let shown = names.iter().take(12).map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
     if names.len() > 12 { format!("{shown} and {} more", names.len() - 12) } else { shown }
+}
+
+/// A word for a POSIX shell.
+pub fn shell_word(text: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "/._-+:,=@%".contains(c);
+    if !text.is_empty() && text.chars().all(plain) {
+        text.to_owned()
+    } else {
+        format!("'{}'", text.replace('\'', r"'\''"))
+    }
 }
 
 /// A text for a message: one line, at most 60 characters.

@@ -84,7 +84,7 @@ pub use column_info::{ArrayInfo, ColumnInfo, ColumnStatistics};
 pub use cost::Estimate;
 pub use csv_writer::CsvWriter;
 pub use destination::{check_outputs, is_stream};
-pub use error::Error;
+pub use error::{Error, shell_word};
 pub use estimate::estimate;
 pub use format::{Compression, Format};
 pub use index::ClockSummary;

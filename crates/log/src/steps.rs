@@ -2,7 +2,7 @@
 
 /// Steps up to this many are kept and their median is exact.
 const EXACT: usize = 1 << 16;
-/// Bits of a step that tell its bin: the median of a longer stream is within 1 / 4096 of the truth.
+/// Leading bits of a step that choose its bin: the median of a longer stream is within 1 / 4096 of the truth.
 const BITS: u32 = 12;
 
 /// Pauses between bursts that make a pattern.
@@ -20,7 +20,7 @@ pub(crate) struct Steps {
 #[derive(Debug, Clone, Copy, Default)]
 struct Bin {
     count: u64,
-    /// Sum of what the steps exceed the bin's lower edge by: a bin of equal steps answers with that very step.
+    /// Sum of the steps, less the bin's lower edge each: the mean of a bin of equal steps is that step.
     excess: f64,
 }
 
@@ -51,8 +51,8 @@ impl Steps {
         bins[slot].excess += (step - ((slot as u64) << page)) as f64;
     }
 
-    /// The median step; of messages that come in bursts, that are further apart than five medians on average, at least three times, the period of the bursts: the median of the
-    /// longer steps. Pauses of fifty mean steps are none.
+    /// The median step, or the period of bursts: messages come in bursts where the mean step is longer than five medians, and at least three steps are.
+    /// The period of bursts is the median of these longer steps. Steps beyond fifty mean steps are pauses and do not count.
     pub(crate) fn period(&mut self) -> Option<u64> {
         let median = self.median()?;
         let mean_below = |own: &Self, most: f64| {

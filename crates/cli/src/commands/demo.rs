@@ -13,7 +13,7 @@ use fleetfoot::{
     dynamics::{PlaneCell, RolloutOptions, Starts},
     fit_pwa,
     generate::RunReport,
-    log::Cache,
+    log::{Cache, shell_word},
     pwa::Specification,
     rival, write_model,
 };
@@ -97,12 +97,12 @@ impl Demo<'_> {
     /// A command that repeats what follows, to be pasted.
     fn command(&self, words: &[String]) {
         let program = std::env::args().next().unwrap_or_else(|| "fleetfoot".into());
-        self.context.say(format!("\n$ {} {}", quoted(&program), words.join(" ")));
+        self.context.say(format!("\n$ {} {}", shell_word(&program), words.join(" ")));
     }
 
     /// A file of the demonstration as a word of a command.
     fn word(&self, name: &str) -> String {
-        quoted(&self.path(name).display().to_string())
+        shell_word(&self.path(name).display().to_string())
     }
 
     /// Logs as a word of a command: their folder if all of it was used, else the files.
@@ -110,7 +110,7 @@ impl Demo<'_> {
         if runs.len() == files.len() {
             return self.word(folder);
         }
-        files.iter().map(|file| quoted(&file.display().to_string())).collect::<Vec<_>>().join(" ")
+        files.iter().map(|file| shell_word(&file.display().to_string())).collect::<Vec<_>>().join(" ")
     }
 
     fn training_data(&self, logs: &DemoLogs) -> String {
@@ -182,7 +182,7 @@ impl Demo<'_> {
         let mut recipe = self.cached(Recipe::read(&logs.training.recipe)?);
         recipe.model.partition = Some(PARTITIONS.to_owned());
         recipe.pwa.purge = Some(PURGE);
-        let (recipe_file, path) = (quoted(&logs.training.recipe.display().to_string()), self.model());
+        let (recipe_file, path) = (shell_word(&logs.training.recipe.display().to_string()), self.model());
         let (data, output) = (self.training_data(logs), self.word(MODEL));
         let purge = PURGE.to_string();
         let flags = ["--partition", PARTITIONS, "--purge", &purge, "--keep-all", "-o", &output];
@@ -213,7 +213,7 @@ impl Demo<'_> {
             let mut curves = Vec::new();
             for (model, path) in self.models()? {
                 if model == FINEST {
-                    let model = quoted(&path.display().to_string());
+                    let model = shell_word(&path.display().to_string());
                     let (horizon, starts) = (HORIZON.to_string(), starts.to_string());
                     let flags: &[&str] = &["rollout", &model, &data, "--horizon", &horizon, "--starts", &starts];
                     let closing: &[&str] = if closed { &["--controller", "treadmill"] } else { &[] };
@@ -271,7 +271,7 @@ impl Demo<'_> {
     }
 
     fn plane(&self, model: &Path, output: &str, logs: &DemoLogs) -> Result<Projected, Error> {
-        let (file, data, bins) = (quoted(&model.display().to_string()), self.training_data(logs), BINS.to_string());
+        let (file, data, bins) = (shell_word(&model.display().to_string()), self.training_data(logs), BINS.to_string());
         let flags = ["--plane", &PLANE.join(","), "--bins", &bins, "-o", &self.word(output)];
         self.command(&words(&[&["score", &file, &data], &flags[..]].concat()));
         let (model, changes, axes) = (Model::read(model)?, self.cached(Recipe::default()), PLANE.map(str::to_owned));
@@ -288,7 +288,7 @@ impl Demo<'_> {
         let models = self.models()?.into_iter().filter(|(name, _)| REPORTED.contains(&name.as_str()));
         let paths: Vec<PathBuf> = models.map(|(_, path)| path).collect();
         let files = logs.held_out_files();
-        let words_of_models: Vec<String> = paths.iter().map(|path| quoted(&path.display().to_string())).collect();
+        let words_of_models: Vec<String> = paths.iter().map(|path| shell_word(&path.display().to_string())).collect();
         let (data, page) = (self.data("test", &logs.held_out.runs, &files), self.path(PAGE));
         let (horizon, starts) = (HORIZON, starts(logs));
         let flags = format!(
@@ -312,7 +312,7 @@ impl Demo<'_> {
     }
 
     fn files(&mut self) {
-        let folder = quoted(&self.folder.display().to_string());
+        let folder = shell_word(&self.folder.display().to_string());
         self.command(&words(&["show", &self.word(MODEL)]));
         self.context.say(format!(
             "\nin {folder}: report.html, train/ and test/ (logs, robot.toml), model.json and the rivals model_*.json, differential_drive.json, plane_*.parquet"
@@ -331,14 +331,4 @@ fn starts(logs: &DemoLogs) -> usize {
 
 fn words(words: &[&str]) -> Vec<String> {
     words.iter().map(|&word| word.to_owned()).collect()
-}
-
-/// A word for a POSIX shell.
-fn quoted(text: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "/._-+:,=@%".contains(c);
-    if !text.is_empty() && text.chars().all(plain) {
-        text.to_owned()
-    } else {
-        format!("'{}'", text.replace('\'', r"'\''"))
-    }
 }

@@ -15,9 +15,9 @@ use super::{buffers::Buffers, chunk::ChunkDecoder};
 /// Values kept behind a decoder's place at least.
 const TAIL: usize = 64;
 
-/// Which decoder: file, place among the columns of a read, and row group.
+/// The decoder's file, its place among the columns of a read, and its row group.
 ///
-/// The place, not the leaf: the clock's leaf may be a column too. It is then converted by another rule, and a tail holds converted values.
+/// The leaf would not do instead of the place: the clock's leaf may be a column too, which another rule converts, and a tail holds converted values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Key {
     pub file: u64,
