@@ -264,6 +264,14 @@ fn wildcards_renames_rates_and_the_cache() {
     ]);
     let rows = even.json()["rows"].as_u64().unwrap();
     assert!((1490..=1500).contains(&rows), "{rows}");
+    for more in [&["--dry-run"][..], &[]] {
+        let arguments = ["fit", "pwa", "-c", "robot.toml", "run.mcap", "-p", "average", "--rate", "1000000"];
+        fleetfoot(folder.path(), &[&arguments, more].concat()).fails(&[
+            "1000000 rows a second",
+            "50 samples a second",
+            "up to 5000",
+        ]);
+    }
 }
 
 /// Messages without a header that say in a field of theirs, in microseconds, when they were measured: up to 40 ms before they were recorded.

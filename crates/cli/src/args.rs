@@ -263,7 +263,7 @@ pub(crate) struct ChannelArgs {
     /// The topic whose messages make the rows; the others are joined to it (default: that of the first state).
     #[arg(long, value_name = "TOPIC", conflicts_with = "rate")]
     pub(crate) base: Option<String>,
-    /// Rows a second, instead of those of a base topic (default: the rows are the base topic's).
+    /// Even rows, so many a second, of topics and of tables (default: the rows are those of the base topic or of the table).
     #[arg(long, value_name = "HZ")]
     pub(crate) rate: Option<f64>,
     /// A topic as the recipe or model calls it, and as these files do; may be repeated.

@@ -58,7 +58,7 @@ fn mend(found: f64, expected: f64) -> String {
         String::new()
     };
     format!(
-        "{thin}resample the log to {} s (--rate {} does it to a robot's log), or fit a model on logs of this rate",
+        "{thin}resample the log to {} s (--rate {}), or fit a model on logs of this rate",
         short(expected),
         short(1.0 / expected)
     )

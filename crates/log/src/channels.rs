@@ -28,7 +28,7 @@ use crate::{
     breaks::Breaks,
     container::{Container, summary},
     containers,
-    join::{Base, JoinKind, join},
+    join::{Base, JoinKind, check_rate, join},
     opened::Opened,
     parquet,
     store::{Budget, StoreBuilder, StoredTable},
@@ -98,6 +98,9 @@ fn decode_all(
     let window = (selection.join.reorder_seconds * 1e9).round() as i64;
     let decoded = decode(path, container, &plan, window, budget, progress)?;
     check(path, &plan, &decoded)?;
+    if let Base::Rate(hz) = plan.base {
+        check_rate(path, hz, decoded.series.iter().map(|series| (&*series.name, series.rate())))?;
+    }
     let mut notes = plan.notes.clone();
     notes.extend(container.notes());
     notes.extend(tell(&plan, &decoded));
@@ -127,6 +130,8 @@ pub(crate) fn estimate(
             base.map_or(0, |base| info.topics[base.topic].count)
         }
         Base::Rate(hz) => {
+            let rate = |topic: &'_ plan::TopicPlan| info.topics[topic.topic].fastest();
+            check_rate(path, hz, plan.topics.iter().map(|topic| (&*topic.name, rate(topic))))?;
             let span = |topic: &plan::TopicPlan| {
                 let times = &info.topics[topic.topic];
                 times.last.zip(times.first).map_or(0.0, |(last, first)| (last - first) as f64 * 1e-9)
@@ -217,17 +222,7 @@ fn tell(plan: &Plan, decoded: &Decoded) -> Vec<String> {
         notes.push(format!("{}: {failed} messages cannot be decoded and are left out ({why})", topic.name));
     }
     for series in &decoded.series {
-        let counts = &series.counts;
-        for (count, what) in [
-            (counts.zero_stamps, "messages with a stamp of zero"),
-            (counts.missing, "messages without a usable stamp"),
-            (counts.repeated, "messages with the stamp of another"),
-            (counts.stray, "messages far out of order"),
-        ] {
-            if count > 0 {
-                notes.push(format!("{}: {count} {what} left out", series.name));
-            }
-        }
+        notes.extend(series.counts.left_out("messages").map(|told| format!("{}: {told}", series.name)));
     }
     notes
 }

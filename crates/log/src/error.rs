@@ -377,6 +377,30 @@ pub enum Error {
         /// The value.
         hz: f64,
     },
+    /// A rate far beyond that of the channels.
+    #[error(
+        "{}: {hz} rows a second are more than 100 times the {fastest} samples a second of {name}, the fastest: take a rate (--rate; [time] rate in a recipe) up to {}",
+        path.display(), 100.0 * fastest
+    )]
+    RateTooHigh {
+        /// The file.
+        path: PathBuf,
+        /// Rows a second.
+        hz: f64,
+        /// The fastest channel.
+        name: String,
+        /// Its samples a second.
+        fastest: f64,
+    },
+    /// A rate asked of rows without a clock.
+    #[error(
+        "{}: rows at a rate (--rate; [time] rate in a recipe) are made by a clock, and its rows have none: name the time column (--time), or leave the rate out",
+        path.display()
+    )]
+    RateWithoutClock {
+        /// The file.
+        path: PathBuf,
+    },
     /// A rate that asks for far more rows than there are samples.
     #[error(
         "{}: {hz} rows a second would be {rows} rows for at most {samples} samples of a channel, as the stamps of {name} run over {}: take a lower rate, another clock (stamp = \"log\", \"publish\" or \"header\"), or the stamps of a channel",

@@ -6,7 +6,7 @@ use crate::{MaxGap, join::JoinKind};
 
 /// How the channels of a robot's log become one table of rows: which clock, which rows, and what stands between two samples.
 ///
-/// Tables (CSV, Parquet) are one channel already; for them all of this is idle.
+/// Tables (CSV, Parquet) are one channel already; for them only a rate and the joins of columns count, by which rows are made anew.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JoinSpec {
     /// The one clock of all channels; found when not given: the headers' where every channel has one, else the log's.

@@ -63,6 +63,7 @@ mod parquet;
 mod parts;
 mod paths;
 mod recording;
+mod resample;
 mod rosbag2;
 mod row_mask;
 mod selection;

@@ -14,7 +14,7 @@ use fleetfoot_data::{
 };
 
 use crate::{
-    ClockSummary, Error, Format, LabelRule, MaxGap, Selection, TimeSpec, agreement, channels,
+    Base, ClockSummary, Error, Format, LabelRule, MaxGap, Selection, TimeSpec, agreement, channels,
     column_set::{self, ColumnSet},
     csv, index,
     index::{FileIndex, Span},
@@ -25,6 +25,7 @@ use crate::{
     opened::Opened,
     parquet,
     paths::distinct,
+    resample,
     row_mask::RowMask,
     store::Budget,
     table::{Table, TableRows},
@@ -116,9 +117,23 @@ pub fn open_logs(logs: &[Log], selection: &Selection, progress: &dyn Progress) -
     let inner = Quiet { outer: progress };
     let paths: Vec<PathBuf> = logs.iter().map(|log| log.path().to_path_buf()).collect();
     let agreed = agreement::agreed(&logs, &selection, &inner)?;
-    let opened = parallel_map(logs.len(), progress, |i| match &logs[i] {
-        Log::File(path) => open_file(path, &selection, &agreed, &budget, &cache, &inner),
-        Log::Table(table) => memory::open(table, &selection, &agreed),
+    let opened = parallel_map(logs.len(), progress, |i| {
+        let opened = match &logs[i] {
+            Log::File(path) => open_file(path, &selection, &agreed, &budget, &cache, &inner)?,
+            Log::Table(table) => memory::open(table, &selection, &agreed)?,
+        };
+        match selection.join.base {
+            // The topics of a robot's log are joined at that rate already.
+            Some(Base::Rate(hz)) if opened.stamp.is_none() => {
+                let path = &paths[i];
+                if opened.time_column.is_none() {
+                    return Err(Error::RateWithoutClock { path: path.clone() });
+                }
+                index_file(path, &opened, &selection, &inner)?;
+                resample::at_rate(path, opened, hz, &selection, &budget, &inner)
+            }
+            _ => Ok(opened),
+        }
     })?;
     agree_on_clocks(&paths, &opened)?;
     let dispensable = matches!(selection.time, TimeSpec::Dispensable { .. });

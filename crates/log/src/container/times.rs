@@ -34,6 +34,8 @@ pub(crate) struct TopicTimes {
     pub(crate) last: Option<i64>,
     /// Messages a second, from the first to the last.
     pub(crate) rate: Option<f64>,
+    /// The median period, seconds; `None` where the periods were not looked at.
+    pub(crate) period: Option<f64>,
     /// The median deviation of the periods from their median, seconds; `None` where they were not looked at.
     pub(crate) jitter: Option<f64>,
     /// Groups of messages less than a tenth of the mean period apart; `None` where they were not looked for.
@@ -74,10 +76,17 @@ impl TopicTimes {
             return times;
         }
         let median = *periods.select_nth_unstable(middle).1;
+        times.period = Some(median as f64 * 1e-9);
         times.gaps = Some(periods.iter().filter(|&&period| median > 0 && period > GAP.saturating_mul(median)).count());
         periods.iter_mut().for_each(|period| *period = (*period - median).abs());
         times.jitter = Some(*periods.select_nth_unstable(middle).1 as f64 * 1e-9);
         times
+    }
+
+    /// Messages a second, by the median period or on average, whichever is more.
+    pub(crate) fn fastest(&self) -> Option<f64> {
+        let by_period = self.period.filter(|&period| period > 0.0).map(|period| 1.0 / period);
+        self.rate.into_iter().chain(by_period).reduce(f64::max)
     }
 
     fn mean_rate(&self) -> Option<f64> {
@@ -210,6 +219,7 @@ impl TopicTimes {
         }
         let middle = means.len() / 2;
         let median = *means.select_nth_unstable_by(middle, f64::total_cmp).1;
+        times.period = Some(median * 1e-9);
         let inside = spans.iter().map(|span| {
             let needed = span.count.saturating_sub(1) as f64 * median;
             median + (span.last.saturating_sub(span.first) as f64 - needed).max(0.0)

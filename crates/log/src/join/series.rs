@@ -51,6 +51,20 @@ pub(crate) struct Counts {
     pub stray: usize,
 }
 
+impl Counts {
+    /// What was left out, in sentences; `messages`: what the samples are called.
+    pub(crate) fn left_out(&self, messages: &str) -> impl Iterator<Item = String> {
+        let counts = [
+            (self.zero_stamps, "with a stamp of zero"),
+            (self.missing, "without a usable stamp"),
+            (self.repeated, "with the stamp of another"),
+            (self.stray, "far out of order"),
+        ];
+        let told = counts.into_iter().filter(|(count, _)| *count > 0);
+        told.map(move |(count, what)| format!("{count} {messages} {what} left out"))
+    }
+}
+
 /// Fills a [`Series`] in recorded order. The answer depends on the order of the samples alone.
 ///
 /// A sample that comes at most the window behind the newest of its run is put in its place. One or two that lie further behind are strays
@@ -60,6 +74,8 @@ pub(crate) struct SeriesBuilder {
     name: String,
     source: PathBuf,
     counts: Counts,
+    /// Whether a stamp of zero is one.
+    from_zero: bool,
     reorder: Reorder,
     rows: Rows,
 }
@@ -71,9 +87,15 @@ impl SeriesBuilder {
             name: name.to_owned(),
             source: source.into(),
             counts: Counts::default(),
+            from_zero: false,
             reorder: Reorder::new(columns, window_ns),
             rows: Rows::new(StoreBuilder::new(source, columns, budget)),
         }
+    }
+
+    /// The rows of a table: they may begin at zero, and a stamp that goes back is never put in order.
+    pub(crate) fn of_table(source: &Path, columns: usize, budget: Arc<Budget>) -> Self {
+        Self { from_zero: true, ..Self::new(source, "its rows", columns, 0, budget) }
     }
 
     /// Adds a sample, with one value a column.
@@ -86,7 +108,7 @@ impl SeriesBuilder {
             self.counts.missing += 1;
             return Ok(());
         }
-        if stamp == 0 {
+        if stamp == 0 && !self.from_zero {
             self.counts.zero_stamps += 1;
             return Ok(());
         }
@@ -99,7 +121,7 @@ impl SeriesBuilder {
     /// When the temporary file cannot be written.
     pub(crate) fn extend(&mut self, samples: &Samples<'_>) -> Result<(), Error> {
         let in_order = samples.stamps.windows(2).all(|pair| pair[0] < pair[1])
-            && samples.stamps.iter().all(|&stamp| usable(stamp) && stamp != 0);
+            && samples.stamps.iter().all(|&stamp| usable(stamp) && (stamp != 0 || self.from_zero));
         if in_order && self.reorder.extend(samples, &mut self.rows)? {
             self.counts.samples += samples.stamps.len();
             return Ok(());

@@ -6,7 +6,7 @@ use std::{
 };
 
 use fleetfoot_data::{ColumnKind, Halo, Source};
-use fleetfoot_log::{Error, Recording, Selection, TimeSpec, TimeUnit, inspect, inspect_values, open};
+use fleetfoot_log::{Base, Error, Recording, Selection, TimeSpec, TimeUnit, inspect, inspect_values, open};
 
 struct Folder(tempfile::TempDir);
 
@@ -436,6 +436,36 @@ fn files_of_a_call_read_dates_in_one_order() {
     let (found, notes) = starts(&[open_order, day, month]);
     assert_eq!(found, [april, may + 21 * 86_400, may + 22 * 86_400]);
     assert!(notes.contains("month first: the other order"), "{notes}");
+}
+
+#[test]
+fn a_rate_makes_the_rows_of_a_table_anew() {
+    let folder = Folder::new();
+    let at_rate = |text: &str, hz: f64| {
+        let mut selection = Selection::new(["x", "n", "word"]);
+        selection.join.base = Some(Base::Rate(hz));
+        open(&[folder.file("a.csv", text)], &selection)
+    };
+    // Uneven rows from zero, a gap of two seconds, and a second episode.
+    let text = "t_s,x,n,word\n0,0.0,1,a\n0.1,1,2,b\n0.3,3,3,b\n0.4,4,4,c\n2.4,24,5,c\n2.5,25,6,c\n0.05,7,7,a\n0.15,8,8,a\n0.25,9,9,a\n";
+    let recording = at_rate(text, 20.0).unwrap();
+    assert_eq!(recording.episodes().iter().map(|episode| episode.rows).collect::<Vec<_>>(), [51, 5]);
+    let block = recording.read(0, 0..51, Halo::default()).unwrap();
+    assert!(block.stamps().iter().zip(0..).all(|(&stamp, row)| stamp == row * 50_000_000));
+    let near = |row: usize, x: f64| (block.column(0)[row] - x).abs() < 1e-12;
+    assert!(near(0, 0.0) && near(1, 0.5) && near(4, 2.0) && near(8, 4.0) && near(50, 25.0), "{:?}", block.column(0));
+    assert_eq!((block.column(1)[1], block.column(1)[5], block.column(2)[3]), (1.0, 2.0, 1.0));
+    assert!(block.column(0)[20].is_nan() && block.column(1)[20].is_nan(), "nothing across a gap");
+    assert!(recording.notes().iter().any(|note| note.contains("made anew at 20 a second")), "{:?}", recording.notes());
+    let second = recording.read(1, 0..5, Halo::default()).unwrap();
+    assert_eq!((second.stamps()[0], second.column(0)[1]), (50_000_000, 7.5));
+    // Far more rows than there are samples; a fixed period has no clock.
+    let refused = at_rate(text, 1e6).unwrap_err().to_string();
+    assert!(refused.contains("1000000 rows a second") && refused.contains("--rate"), "{refused}");
+    let mut uniform = Selection { time: TimeSpec::Uniform { dt_seconds: 0.1 }, ..Selection::new(["x"]) };
+    uniform.join.base = Some(Base::Rate(20.0));
+    let refused = open(&[folder.0.path().join("a.csv")], &uniform).unwrap_err();
+    assert!(matches!(refused, Error::RateWithoutClock { .. }), "{refused}");
 }
 
 #[test]

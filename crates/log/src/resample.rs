@@ -1,0 +1,98 @@
+//! Rows of a table made anew at an even rate, as those of topics are.
+
+use std::{path::Path, sync::Arc};
+
+use fleetfoot_data::{ColumnKind, Progress, parallel_fold};
+
+use crate::{
+    Error, JoinKind, Selection,
+    join::{Base, JoinColumn, Samples, SeriesBuilder, check_rate, join},
+    midnights::Midnights,
+    opened::Opened,
+    store::{Budget, SEGMENT, StoreBuilder, StoredTable},
+    table::{Table, TableColumn},
+};
+
+/// The table with `hz` rows a second. Between two rows numbers are joined linearly and all else is held, if [`crate::JoinSpec::columns`] asks for nothing else.
+///
+/// # Errors
+/// A table without a clock, a rate out of range, and rows that cannot be read.
+pub(crate) fn at_rate(
+    path: &Path,
+    opened: Opened,
+    hz: f64,
+    selection: &Selection,
+    budget: &Arc<Budget>,
+    progress: &dyn Progress,
+) -> Result<Opened, Error> {
+    let table = opened.table.as_ref();
+    let joins: Vec<JoinColumn> = (0..table.columns().len()).map(|at| joined(table.columns(), at, selection)).collect();
+    let mut builder = SeriesBuilder::of_table(path, joins.len(), budget.clone());
+    let pieces = table.pieces().into_iter();
+    let pieces: Vec<_> = pieces
+        .flat_map(|piece| piece.clone().step_by(SEGMENT).map(move |from| from..(from + SEGMENT).min(piece.end)))
+        .collect();
+    let mut midnights = Midnights::default();
+    parallel_fold(
+        pieces.len(),
+        progress,
+        |at| table.values(pieces[at].clone(), 0),
+        |rows| {
+            let stamps = if opened.of_day { midnights.pass(rows.time) } else { rows.time };
+            let row = |at: usize| rows.columns.iter().map(move |column| column[at]);
+            let values: Vec<f64> = (0..stamps.len()).flat_map(row).collect();
+            builder.extend(&Samples { stamps: &stamps, log_times: &stamps, values: &values, width: rows.columns.len() })
+        },
+    )?;
+    let series = [builder.finish()?];
+    let [own] = &series;
+    check_rate(path, hz, std::iter::once((&*own.name, own.rate())))?;
+    let mut rows = StoreBuilder::new(path, joins.len(), budget.clone());
+    join(&series, &joins, Base::Rate(hz), progress, |stamps, columns| rows.push_columns(stamps, columns))?;
+    let of = |(own, join): (&TableColumn, &JoinColumn)| {
+        let mut own = own.clone();
+        if join.kind != JoinKind::Hold {
+            own.column.kind = ColumnKind::Float;
+        }
+        own
+    };
+    let columns = table.columns().iter().zip(&joins).map(of).collect();
+    let mut notes = opened.notes;
+    notes.push(format!("its rows are made anew at {hz} a second, as a rate is asked for"));
+    notes.extend(own.counts.left_out("rows"));
+    let table: Box<dyn Table> = Box::new(StoredTable { store: rows.finish()?, columns, has_time: true });
+    Ok(Opened { table, notes, of_day: false, sessions: Vec::new(), ..opened })
+}
+
+/// How a column is joined.
+fn joined(columns: &[TableColumn], at: usize, selection: &Selection) -> JoinColumn {
+    let column = &columns[at].column;
+    let rule = selection.join.columns.get(&column.name).copied().unwrap_or_default();
+    let kind = match (&column.kind, rule.kind) {
+        // Between two texts there is none, whatever is asked.
+        (ColumnKind::Category(_), _) => JoinKind::Hold,
+        (_, Some(kind)) => kind,
+        (ColumnKind::Float, None) => JoinKind::Linear,
+        (_, None) => JoinKind::Hold,
+    };
+    let quaternion = (kind == JoinKind::Slerp).then(|| components(columns, &column.name)).flatten();
+    JoinColumn {
+        series: 0,
+        column: at,
+        kind: if quaternion.is_none() && kind == JoinKind::Slerp { JoinKind::Linear } else { kind },
+        gap: rule.max_gap,
+        quaternion,
+        component: quaternion.and_then(|all| all.iter().position(|&own| own == at)).unwrap_or(0),
+    }
+}
+
+/// The columns x, y, z and w of the quaternion that a column is one of, by their names.
+fn components(columns: &[TableColumn], name: &str) -> Option<[usize; 4]> {
+    let stem = name.strip_suffix(['x', 'y', 'z', 'w'])?;
+    let mut places = [0; 4];
+    for (place, letter) in places.iter_mut().zip(["x", "y", "z", "w"]) {
+        let is_own = |own: &TableColumn| own.column.name.strip_prefix(stem) == Some(letter);
+        *place = columns.iter().position(is_own)?;
+    }
+    Some(places)
+}
