@@ -501,3 +501,41 @@ fn a_full_disk_is_told() {
     let message = String::from_utf8_lossy(&said.stderr);
     assert!(said.status.code() == Some(1) && message.contains("standard output cannot be written"), "{message}");
 }
+
+/// What is chosen by numbers of rows (regions, terms, lambda) is the same for weights that are counts and for shares.
+#[test]
+fn the_scale_of_weights_says_nothing_to_any_method() {
+    let folder = tempfile::tempdir().expect("a folder");
+    fs::write(folder.path().join("run.csv"), robot_csv(1_200, 0.3).replace("v [m/s]", "v")).expect("a file");
+    let fitted = |method: &str, more: &[&str], weight: &str| -> Vec<f64> {
+        let columns = ["run.csv", "--inputs", "u", "--weight", weight, "-o", "model.json"];
+        fleetfoot(folder.path(), &[&["fit", method][..], &columns, more].concat()).ok();
+        let text = fs::read_to_string(folder.path().join("model.json")).expect("a model");
+        let model: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+        let latents = model["model"]["latents"].as_array().expect("latents").iter();
+        let numbers = |latent: &serde_json::Value| -> Vec<f64> {
+            let rows = latent["coefficients"].as_array().into_iter().flatten();
+            let all = rows.flat_map(|row| row.as_array().into_iter().flatten());
+            all.chain(latent["constants"].as_array().into_iter().flatten()).filter_map(|value| value.as_f64()).collect()
+        };
+        latents.flat_map(numbers).collect()
+    };
+    for (method, more) in [
+        ("pwa", &["--states", "v", "--partition", "average,refined:2,3"][..]),
+        ("pwa", &["--states", "v", "--partition", "average,kmeans:2,4", "--select", "bic"]),
+        ("sindy", &["--states", "v", "--degree", "3", "--select", "bic"]),
+        ("sparse", &["--predict", "v", "--degree", "2", "--select", "bic"]),
+        ("sparse", &["--predict", "v", "--degree", "2", "--lambda", "0.3/sqrt(n)"]),
+        ("narx", &["--states", "v", "--select", "bic"]),
+    ] {
+        let plain = fitted(method, more, "1.2 + 0.5*u");
+        assert!(!plain.is_empty(), "{method}");
+        for weight in ["1e-9*(1.2 + 0.5*u)", "1e9*(1.2 + 0.5*u)"] {
+            let scaled = fitted(method, more, weight);
+            assert_eq!(scaled.len(), plain.len(), "{method} {more:?} {weight}");
+            let size = plain.iter().fold(0.0, |size: f64, value| size.max(value.abs()));
+            let near = scaled.iter().zip(&plain).all(|(scaled, plain)| (scaled - plain).abs() < 1e-7 * size);
+            assert!(near, "{method} {more:?} {weight}: {scaled:?} {plain:?}");
+        }
+    }
+}

@@ -224,8 +224,8 @@ pub(crate) struct RecipeArgs {
     /// Past rows of every state and input beside the present one: the last N, or every K-th of the last L, as L:K (default: 0; narx looks for them).
     #[arg(long, value_name = "ROWS")]
     pub(crate) lags: Option<Lags>,
-    /// Non-negative row weights: a column or an expression. Weight w counts a row's squared error w times
-    /// (default: 1 for every row).
+    /// Non-negative row weights: a column or an expression. Weight w counts a row's squared error w times; the scale of all weights
+    /// says nothing (default: 1 for every row).
     #[arg(long, value_name = "EXPRESSION")]
     pub(crate) weight: Option<String>,
     #[command(flatten)]

@@ -9,6 +9,7 @@ use fleetfoot_stats::{Chunk, Estimate, FoldLayout, Grid, Mahalanobis, Preconditi
 use crate::{
     Error, Identification, Options, Problem, Score, Specification,
     complete::Fit,
+    effective::with_effective_weights,
     errors::{Errors, Measure, PartErrors},
     fit::{Roots, Solver, held_out_error},
     identification::{coefficients, mark},
@@ -28,13 +29,15 @@ use crate::{
 /// Identifies a piecewise-affine model of the rows of a source whose columns are the problem's.
 ///
 /// Three passes over the rows: a survey for the partitions (kept rows are clustered), one scan for the Grams of all regions, folds and partitions (and of the
-/// cells that regions are joined of), and one for absolute errors.
+/// cells that regions are joined of), and one for absolute errors. Weights, whose scale says nothing, take one more before these.
 pub fn identify(
     problem: &Problem,
     options: &Options,
     source: &dyn Source,
     progress: &dyn Progress,
 ) -> Result<Identification, Error> {
+    let weighed = with_effective_weights(problem, source, progress)?;
+    let problem = weighed.as_ref().unwrap_or(problem);
     let bound = Loop::asked(problem, options)?;
     let Prepared { rows, grid, folds, chunks, survey, mut segmentation, phase } =
         prepare(problem, options, source, progress)?;

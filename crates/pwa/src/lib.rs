@@ -26,6 +26,7 @@ mod borders;
 mod budget;
 mod complete;
 mod continuous;
+mod effective;
 mod error;
 mod errors;
 mod examples;

@@ -16,7 +16,7 @@ const PASSES: usize = 3;
 pub struct Cost {
     /// Rows that are kept to find regions: all, or as many as the memory allows.
     pub clustered_rows: usize,
-    /// Passes over the rows: one more where borders of regions that are refined on a sample are drawn by all rows.
+    /// Passes over the rows: one more where borders of regions that are refined on a sample are drawn by all rows, and one more where rows have weights.
     pub passes: usize,
     /// Bytes, about: kept rows, stored statistics, blocks in flight.
     pub bytes: usize,
@@ -44,7 +44,7 @@ pub fn cost(problem: &Problem, options: &Options, rows: usize) -> Cost {
     let blocks = 2 * fleetfoot_data::thread_count() * 65_536 * 8 * (problem.columns.len() + 1);
     let drawn = any(|one| matches!(one, Specification::Refined(_))) && !options.continuous && refined < rows;
     Cost {
-        passes: PASSES + usize::from(drawn),
+        passes: PASSES + usize::from(drawn) + usize::from(problem.weight.is_some()),
         clustered_rows: clustered.max(refined),
         bytes: clustered * per_row + refined * per_example + statistics + cells + blocks,
     }

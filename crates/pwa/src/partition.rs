@@ -9,6 +9,7 @@ use crate::{
     borders::close,
     budget::{STATS_BUDGET, expected_regions, gram_bytes},
     continuous::check as check_continuous,
+    effective::with_effective_weights,
     lattice::{Sets, Tree, grow, joined_ranges},
     phase::Scale,
     regions::segment,
@@ -32,7 +33,8 @@ pub struct Partitioned {
 }
 
 /// Makes the partitions of [`Options::partitions`] on all rows of a source whose columns are the problem's: those that [`crate::identify`] would
-/// report, without the regression: the same bits as without folds. One pass over the rows, and one more for cells that are joined.
+/// report, without the regression: the same bits as without folds. One pass over the rows, one more for cells that are joined, and
+/// one for weights.
 ///
 /// Rows count when all that the problem speaks of is there: give it the library and targets of the regression to come, so that both see the same rows.
 ///
@@ -45,6 +47,8 @@ pub fn partition(
     progress: &dyn Progress,
 ) -> Result<Partitioned, Error> {
     let options = Options { folds: 0, ..options.clone() };
+    let weighed = with_effective_weights(problem, source, progress)?;
+    let problem = weighed.as_ref().unwrap_or(problem);
     let Prepared { rows, chunks, survey, mut segmentation, .. } = prepare(problem, &options, source, progress)?;
     if !segmentation.lattices.is_empty() {
         progress.stage("cells");

@@ -17,7 +17,8 @@ pub struct Problem {
     pub equations: Vec<Equation>,
     /// What partitions look at (angles as cosine and sine).
     pub partition_columns: Vec<Expr>,
-    /// Non-negative row weights: a row of weight w counts as if its squared error counted w times.
+    /// Non-negative row weights: a row of weight w counts as if its squared error counted w times. Their scale says nothing: together they count as
+    /// the effective number of rows, `(sum w)^2 / sum w^2`.
     pub weight: Option<Expr>,
     /// Sampling period, seconds.
     pub step: f64,

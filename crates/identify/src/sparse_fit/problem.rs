@@ -68,9 +68,9 @@ impl<'a> Problem<'a> {
         Ok(Self { task, structure, banks, roots, assembly, assembled, estimator, scales })
     }
 
-    /// Number of rows, weights included.
+    /// Rows of positive weight, of the task that has most.
     pub(super) fn rows(&self) -> f64 {
-        self.assembled.problem.weight()
+        self.roots.iter().map(|root| root.rows).max().unwrap_or(0) as f64
     }
 
     /// Number of episodes.

@@ -9,3 +9,4 @@ mod refined;
 mod stable;
 mod transitions;
 mod tree;
+mod weights;

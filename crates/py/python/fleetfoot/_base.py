@@ -82,7 +82,6 @@ __all__ = [
     "check_weight",
     "check_x",
     "check_xy",
-    "effective",
     "is_sparse",
     "random_numbers",
     "random_seed",
@@ -195,21 +194,6 @@ def check_weight(sample_weight: Any, rows: int) -> NDArray[np.float64] | None:
     if rows and not weight.any():
         raise ValueError("Every sample weight is zero: at least one row needs a sample_weight above zero")
     return weight
-
-
-def effective(weight: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
-    """Weights whose sum is the effective number of rows, ``sum(w)**2 / sum(w**2)`` (Kish): those of equal rows are 1.
-
-    What is compared with numbers of rows then does not depend on the scale of the weights.
-    """
-    if weight is None or not len(weight):
-        return weight
-    largest = weight.max()
-    if (weight[weight > 0.0] == largest).all():
-        return (weight > 0.0).astype(np.float64)
-    share = weight / largest
-    scaled: NDArray[np.float64] = share * (share.sum() / (share**2).sum())
-    return scaled
 
 
 def random_seed(random_state: Any) -> int:

@@ -18,7 +18,6 @@ from ._base import (
     check_weight,
     check_x,
     check_xy,
-    effective,
     random_seed,
 )
 from ._core import PwaFit, pwa_regions
@@ -200,7 +199,7 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         """
         check_params(self, self._rules)
         X, y = check_xy(self, X, y, multi_output=True, min_samples=2)
-        weight = effective(check_weight(sample_weight, len(X)))
+        weight = check_weight(sample_weight, len(X))
         self._flat = y.ndim == 1
         order, lengths = _groups(groups, len(X))
         if order is None:

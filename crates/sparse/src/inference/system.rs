@@ -116,7 +116,7 @@ fn identified(own: &Compressed) -> bool {
 }
 
 /// Rows that count as independent, the fewest of the targets, by the batch means of the residuals of coefficients (p x q) over the chunks of a region
-/// ([`BatchMeans`]); at least 1.
+/// ([`BatchMeans`]), whatever the scale of the weights; at least 1.
 ///
 /// # Panics
 /// When the shapes disagree.
@@ -126,11 +126,14 @@ pub fn system_effective_rows(scan: &SystemScan, region: usize, constant: bool, c
     let (p, q) = (total.columns(), total.targets());
     assert_eq!((coefficients.nrows(), coefficients.ncols()), (p, q), "p x q coefficients");
     let constants: Vec<f64> = (0..q).map(|t| if constant { coefficients[(0, t)] } else { 0.0 }).collect();
+    // Weights of mean 1: their scale says nothing of the number of rows.
+    let unit_weight = total.weight / total.rows as f64;
     let mut means = BatchMeans::new(q);
     for (unit, weight, errors) in scan.mean_errors(region, coefficients.subrows(first, p - first), &constants) {
-        means.add(scan.units()[unit].episode, weight, &errors);
+        means.add(scan.units()[unit].episode, weight / unit_weight, &errors);
     }
-    means.effective_weight(total.weight, &total.error(coefficients)).max(1.0)
+    let errors: Vec<f64> = total.error(coefficients).iter().map(|error| error / unit_weight).collect();
+    means.effective_weight(total.rows as f64, &errors).max(1.0)
 }
 
 /// `(R'R)^-1 x` in place.

@@ -9,7 +9,7 @@ use crate::{
 };
 
 /// Rows that count as independent, by the batch means of the residuals of the coefficients `theta` (p) over the chunks: the fewest of the measured tasks
-/// ([`BatchMeans`]).
+/// ([`BatchMeans`]), whatever the scale of the weights.
 ///
 /// # Errors
 /// When the lengths disagree, or the statistics have no rows.
@@ -39,15 +39,18 @@ pub fn effective_rows(structure: &Structure, banks: &Banks, theta: &[f64]) -> Re
         let weights = |i: usize| (0..error.len()).map(|j| map[(i, j)] * error[j]).sum::<f64>();
         let weights: Vec<f64> = (0..error.len()).map(weights).collect();
         let constant: f64 = centre.iter().zip(&error).map(|(centre, error)| centre * error).sum();
+        let root = &totals[task];
+        // Weights of mean 1: their scale says nothing of the number of rows.
+        let unit_weight = root.weight / root.rows as f64;
         let mut means = BatchMeans::new(1);
         for k in 0..bank.len() {
             let chunk = bank.member(k);
             let mean: f64 = chunk.mean.iter().zip(&weights).map(|(mean, weight)| mean * weight).sum();
-            means.add(banks.keys()[k].episode, chunk.weight, &[constant + mean]);
+            means.add(banks.keys()[k].episode, chunk.weight / unit_weight, &[constant + mean]);
         }
-        let root = &totals[task];
         let squares = root.error(faer::MatRef::from_column_major_slice(&own, own.len(), 1), &[0.0]);
-        let rows = means.effective_weight(root.weight, &squares);
+        let squares: Vec<f64> = squares.iter().map(|square| square / unit_weight).collect();
+        let rows = means.effective_weight(root.rows as f64, &squares);
         least = Some(least.map_or(rows, |least| least.min(rows)));
     }
     least.filter(|rows| *rows > 0.0).ok_or(SparseError::NoRows.into())

@@ -24,7 +24,7 @@ pub enum Criterion {
 /// How models are compared.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CriterionOptions {
-    /// Number of independent observations N; `None`: the sum of the row weights. Rows of a log are correlated: give the effective number
+    /// Number of independent observations N; `None`: the rows of positive weight. Rows of a log are correlated: give the effective number
     /// ([`BatchMeans`](fleetfoot_stats::BatchMeans) of the residuals).
     pub observations: Option<f64>,
     /// EBIC's gamma, 0 (BIC) to 1.
@@ -90,7 +90,7 @@ pub(crate) fn scores(
     options: &CriterionOptions,
 ) -> Result<Criteria, ThresholdError> {
     share("gamma of EBIC", options.gamma)?;
-    let observations = positive("the number of observations", options.observations.unwrap_or(problem.weight))?;
+    let observations = positive("the number of observations", options.observations.unwrap_or(problem.rows as f64))?;
     let least = rounding(problem, target).max(f64::MIN_POSITIVE);
     let deviance = |step: &Step| {
         let mse = step.rss.max(least) / problem.weight;
