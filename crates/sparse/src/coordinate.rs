@@ -22,6 +22,8 @@ const SPARE: usize = 4;
 const EXCHANGES: usize = 500;
 /// The least violation, as a correlation, that is more than rounding.
 const MOST_EXACT: f64 = 1e-14;
+/// Share of its limit that rounding may leave a column below it.
+const TIED: f64 = 1e-6;
 
 /// How coordinate descent is done.
 #[derive(Debug, Clone, PartialEq)]
@@ -228,17 +230,22 @@ impl<'a> Descent<'a> {
         // A column may have risen by as much as the penalty fell. Where a pair of columns costs all rows, those are taken that break their limits as it is, and
         // the others when they do.
         let fell = if self.left.products.joined().is_some() { 0.0 } else { (self.l1 - l1).max(0.0) };
-        let bound = |j: usize| if limit[j] == 0.0 { 0.0 } else { limit[j] - fell * self.weights.omega[j] };
+        // Where nothing is penalised any more, the solution is the path's limit among the many that fewer rows than columns may have: of the columns that were at
+        // their limits.
+        let bound = |j: usize| match (limit[j] == 0.0, self.weights.omega[j]) {
+            (true, omega) => self.l1 * omega * (1.0 - TIED),
+            (false, omega) => limit[j] - fell * omega,
+        };
         let strong = |j: &usize| {
             let gradient = self.left.gradient[*j] - l2 * self.weights.rho[*j] * self.left.delta[*j];
-            self.weights.used(*j) && (self.left.delta[*j] != 0.0 || limit[*j] == 0.0 || gradient.abs() >= bound(*j))
+            self.weights.used(*j) && (self.left.delta[*j] != 0.0 || gradient.abs() >= bound(*j))
         };
         let mut working: Vec<usize> = if self.l1.is_finite() {
             (0..p).filter(strong).collect()
         } else {
             (0..p).filter(|&j| self.weights.used(j) && (limit[j] == 0.0 || self.left.delta[j] != 0.0)).collect()
         };
-        self.keep(&mut working);
+        self.keep(&mut working, l1 > 0.0);
         self.l1 = l1;
         let mut works = vec![false; p];
         working.iter().for_each(|&j| works[j] = true);
@@ -290,8 +297,8 @@ impl<'a> Descent<'a> {
     }
 
     /// The last working set with the new columns behind it, unless many of it are not wanted any more: their products are then forgotten. More columns than are
-    /// needed do no harm, and the matrix of the others need not be made anew.
-    fn keep(&mut self, working: &mut Vec<usize>) {
+    /// needed do no harm where they are penalised (`spare`), and the matrix of the others need not be made anew.
+    fn keep(&mut self, working: &mut Vec<usize>, spare: bool) {
         let products = &mut self.left.products;
         if products.joined().is_none() && working.len() <= MANY {
             return;
@@ -299,7 +306,8 @@ impl<'a> Descent<'a> {
         let mut wanted = vec![false; self.left.problem.columns()];
         working.iter().for_each(|&j| wanted[j] = true);
         let last = products.joined().unwrap_or(&self.formed.working);
-        if last.iter().filter(|&&j| !wanted[j]).count() * SPARE > last.len() {
+        let unwanted = last.iter().filter(|&&j| !wanted[j]).count();
+        if unwanted * SPARE > last.len() || (unwanted > 0 && !spare) {
             products.retain(|j| wanted[j]);
             self.formed.retain(|j| wanted[j]);
         }

@@ -228,3 +228,22 @@ fn the_grid_starts_where_the_first_column_enters() {
         }
     }
 }
+
+#[test]
+fn a_path_that_ends_at_zero_ends_where_that_of_lars_does() {
+    // More columns than rows: without a penalty there are many solutions, and one that the path goes to.
+    for (seed, n, p) in [(2010, 40, 60), (2011, 70, 100)] {
+        let problem = random(seed, n, p).problem(Form::Root);
+        let penalty = Penalty::standardised();
+        let path = lars(&problem, &penalty, &LarsOptions::default()).expect("a path");
+        let mut lambdas: Vec<f64> = path.knots.iter().map(|knot| knot.l1).filter(|&l1| l1 > 0.0).collect();
+        lambdas.push(0.0);
+        let found = coordinate_descent(&problem, &penalty, &lambdas, &CoordinateOptions::default()).expect("solutions");
+        let (end, other) = (found.last().expect("the end"), path.at(&problem, 0.0).expect("on the path"));
+        assert!(end.converged && end.support.len() < n, "{} {:?}", end.support.len(), end.certificate);
+        for j in 0..p {
+            let (a, b) = (end.coefficient(j), other.coefficient(j));
+            assert!((a - b).abs() < 1e-6, "{seed}: coefficient {j} is {a:e}, and {b:e} on the path");
+        }
+    }
+}

@@ -15,11 +15,3 @@ EXPECTED: dict[str, str] = {
     "test_lasso_lars_fit_copyX_behaviour[[]False[]]": _COPY,
     "test_lars_with_jitter[[]est[01][]]": _JITTER,
 }
-
-# Tests whose outcome depends on the last bits of a machine.
-BY_ROUNDING: dict[str, str] = {
-    "test_lasso_lars_vs_lasso_cd_ill_conditioned": (
-        "70 rows and 100 columns: rounding makes the last alpha of the path 0 or 1e-12; at 0 the lasso has many "
-        "solutions, and descent ends in another one than the path"
-    ),
-}

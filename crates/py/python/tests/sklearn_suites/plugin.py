@@ -70,16 +70,15 @@ def _id(item: pytest.Item) -> str:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Marks the tests that are expected to fail, on every machine or on some (`BY_ROUNDING`)."""
-    by_rounding: dict[str, str] = getattr(suite, "BY_ROUNDING", {})
+    """Marks the tests that are expected to fail."""
     used = set()
     for item in items:
-        for pattern, reason in (suite.EXPECTED | by_rounding).items():
+        for pattern, reason in suite.EXPECTED.items():
             if fnmatch.fnmatchcase(_id(item), pattern):
                 used.add(pattern)
-                item.add_marker(pytest.mark.xfail(strict=pattern not in by_rounding, reason=reason))
+                item.add_marker(pytest.mark.xfail(strict=True, reason=reason))
                 break
-    unused = sorted(set(suite.EXPECTED | by_rounding) - used)
+    unused = sorted(set(suite.EXPECTED) - used)
     if unused:
         raise pytest.UsageError(f"no test of {suite.MODULE} fits {unused}: take them off the list")
 
