@@ -398,25 +398,25 @@ class Model(OnRecordings, Filtering, Regulated):
     ) -> Array:
         """The states over time.
 
-        Derivatives are integrated by steps whose length follows from an estimate of their error, and begins with the
-        sampling period of the training data. What gives the next row (a discrete model) or looks back by rows (a model
-        with lags) goes from row to row: its times are one sampling period apart.
+        Models of derivatives are integrated with steps that an error estimate controls; the first step is the sampling
+        period of the training data. Discrete models and models with lags go from row to row: their times are one
+        sampling period apart.
 
         Parameters
         ----------
         x0 : array
             Where it starts: (states,), or (points, states) for many at once.
         t : array of shape (times,), or int
-            Seconds, rising; the first is that of ``x0``. For what goes from row to row also how many rows, that of
-            ``x0`` among them.
+            Seconds, rising; the first is that of ``x0``. Models that go from row to row take a number of rows too, the
+            row of ``x0`` included.
         u : array or callable, optional
-            Inputs, each row held until the next time (or see ``interpolate``): (times, inputs) or (times - 1, inputs), or with points in
-            front; tables by their names. Or a function of time, ``u(t)``: asked at every time and, where times are further apart, at every
-            sampling period of the model (with ``substeps`` at the times alone), and joined by straight lines. Or
-            ``u(t, x)``, which closes the loop: asked as often, and held as a sampled controller's.
+            Rows of inputs, (times, inputs) or (times - 1, inputs), with points in front for many; each is held until the
+            next time (or see ``interpolate``). Columns of tables are taken by name. Or a function of time, ``u(t)``,
+            whose values are joined by straight lines. Or ``u(t, x)``, a controller, whose values are held. Functions
+            are called at every time and, if times are further apart, at every sampling period of the model (with
+            ``substeps`` at the times alone).
         interpolate : bool, default=False
-            Whether inputs go from row to row of ``u`` in straight lines, instead of being held: exactly a row for each
-            time.
+            Join rows of ``u`` by straight lines instead of holding them; needs exactly a row for each time.
         method : {"rk45", "rk4", "euler"}, optional
             How derivatives are integrated: ``"rk45"`` is the pair 5(4) of Dormand and Prince with error control, and
             the implicit RODAS 4(3) where equations are stiff; the others have equal steps. ``"rk45"`` when not given, with ``substeps`` ``"rk4"``.

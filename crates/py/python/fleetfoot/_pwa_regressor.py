@@ -45,13 +45,16 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     n_regions : int or list of int, default=10
         Regions; of several numbers cross-validation chooses one.
     partition : str or None, default=None
-        ``"refined"``: `n_regions` regions that fit the targets, between linear separators, in place of the cells of
-        k-means. ``"lattice"``: small cells, joined to `n_regions` regions where one map fits both; all numbers of
-        regions cost little more than one. ``"tree"``: cuts of single features that fit the targets, ``x[0] < 0.3``, as
-        many one after another as `n_regions` leaves room for; fewer where they do not pay. Or partitions in place of
-        `n_regions`: ``"kmeans:10"``, ``"refined:2..20"``, ``"lattice:2..50"``, ``"tree:1..6"`` (numbers of cuts one
-        after another), ``"zscore:1.5"`` (inside and outside a ball of that many standard deviations), ``"average"``
-        (one region), ``"null"`` (the mean), or a list to choose from: ``"average,zscore:1.5,kmeans:2,5,10"``.
+        How the `n_regions` regions are made, by k-means when not given:
+
+        - ``"refined"``: linear separators between regions, placed where the affine maps fit the targets best.
+        - ``"lattice"``: many small cells; neighbours that one map fits are joined.
+        - ``"tree"``: cuts of single features, ``x[0] < 0.3``; fewer regions if further cuts do not pay.
+
+        Or partitions with their own numbers of regions, instead of `n_regions`: ``"kmeans:10"``, ``"refined:2..20"``,
+        ``"lattice:2..50"``, ``"tree:1..6"`` (depth of the tree), ``"zscore:1.5"`` (inside and outside a ball of that
+        many standard deviations), ``"average"`` (one region), ``"null"`` (the mean). Of a list one is chosen:
+        ``"average,zscore:1.5,kmeans:2,5,10"``.
     partition_features : array-like of int or None, default=None
         Features that the regions depend on; default: all. The affine maps are of all features.
     folds : int, default=5
@@ -59,8 +62,8 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     selection : {'cv', 'bic'}, default='cv'
         How one of several partitions is chosen: by held-out error, or by the Bayesian information criterion.
     shrinkage : float or 'auto', default=0.0
-        Pull of each region towards the one-region map, as if it had seen so many more rows that obey it; 'auto': by
-        cross-validation.
+        Pull of each region towards the one-region map, in rows: the region is fitted as if it had so many more rows
+        on that map. 'auto': by cross-validation.
     continuous : bool, default=False
         Let the maps of neighbouring regions meet at their border: for ``"kmeans"``, ``"refined"`` and ``"tree"``.
     n_init : int, default=1
