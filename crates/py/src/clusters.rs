@@ -17,7 +17,7 @@ impl From<KMeansError> for Failure {
     fn from(error: KMeansError) -> Self {
         match error {
             KMeansError::Cancelled(cancelled) => cancelled.into(),
-            error @ KMeansError::Memory(_) => Self::Other(Kind::Memory, error.to_string()),
+            error @ KMeansError::Memory(_) => Self::Other(Kind::Memory, format!("{error}, as X[::10]")),
             error @ KMeansError::Value { .. } => Self::Other(Kind::Data, error.to_string()),
             error => Self::Other(Kind::Fit, error.to_string()),
         }

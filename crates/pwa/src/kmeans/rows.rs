@@ -110,7 +110,7 @@ impl Points {
         ensure_memory(
             n.saturating_mul(8 * d + 32),
             &format!("k-means of {n} rows and {d} columns"),
-            "cluster fewer rows: X[::10]",
+            "cluster fewer rows",
         )?;
         let parts = blocks(rows, progress, |range, columns| {
             let columns: Vec<&[f64]> = columns.iter().map(|column| &column[..]).collect();
