@@ -84,7 +84,8 @@ pub enum EstimateError {
     },
     /// A model has no finite value where the iteration begins.
     #[error(
-        "a model or its derivative is not finite at the initial values, at row {row} of episode {episode}: choose others, or leave out such rows"
+        "a model or its derivative is not finite at the initial values, at row {} of episode {episode}: choose others, or leave out such rows",
+        row + 1
     )]
     NotFinite {
         /// The episode's name.
@@ -102,7 +103,8 @@ pub enum EstimateError {
     },
     /// A simulation that diverges where the iteration begins.
     #[error(
-        "the simulation from row {row} of episode {episode} diverges at the initial values: choose others, or shorter segments"
+        "the simulation from row {} of episode {episode} diverges at the initial values: choose others, or shorter segments",
+        row + 1
     )]
     Diverges {
         /// The episode's name.

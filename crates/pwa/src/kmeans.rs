@@ -109,7 +109,8 @@ pub enum KMeansError {
     },
     /// A column cannot be standardised.
     #[error(
-        "column {column} cannot be standardised with centre {centre} and scale {scale}: both must be finite, the scale positive"
+        "column {} cannot be standardised with centre {centre} and scale {scale}: both must be finite, the scale positive",
+        column + 1
     )]
     Scale {
         /// Which column, from 0.
@@ -121,7 +122,9 @@ pub enum KMeansError {
     },
     /// A value that has no place in a sum of squares.
     #[error(
-        "row {row}, column {column}: {value} cannot be clustered (missing, infinite or beyond 1e30 when standardised); drop the row"
+        "row {}, column {}: {value} cannot be clustered (missing, infinite or beyond 1e30 when standardised); drop the row",
+        row + 1,
+        column + 1
     )]
     Value {
         /// Which row, from 0.
@@ -132,7 +135,7 @@ pub enum KMeansError {
         value: f64,
     },
     /// A weight that is no number of rows.
-    #[error("row {row}: its weight is {value}; weights are finite, not negative and at most 1e30")]
+    #[error("row {}: its weight is {value}; weights are finite, not negative and at most 1e30", row + 1)]
     Weight {
         /// Which row, from 0.
         row: usize,
@@ -143,7 +146,7 @@ pub enum KMeansError {
     #[error("all weights are zero: no row counts")]
     NoWeight,
     /// A starting centroid that is nowhere.
-    #[error("coordinate {column} of starting centroid {cluster} is {value}")]
+    #[error("coordinate {} of starting centroid {} is {value}", column + 1, cluster + 1)]
     Centroid {
         /// Which centroid, from 0.
         cluster: usize,

@@ -177,11 +177,11 @@ def _text(flat: list[Any], shape: tuple[int, ...], what: str) -> DataError:
     texts = [at for at, one in enumerate(flat) if isinstance(one, (str, bytes))]
     at = next((at for at in texts if not _is_number(flat[at])), texts[0])
     row, *columns = np.unravel_index(at, shape) if shape else (0,)
-    place = "".join(f", column {int(column)}" for column in columns)
+    place = "".join(f", column {int(column) + 1}" for column in columns)
     value = flat[at]
     shown = repr(bytes(value) if isinstance(value, bytes) else str(value))
     return DataError(
-        f"{what} cannot be read as numbers: it holds text ({shown} at row {int(row)}{place}, counted from 0); {_MEND}"
+        f"{what} cannot be read as numbers: it holds text ({shown} in row {int(row) + 1}{place}, counted from 1); {_MEND}"
     )
 
 

@@ -126,7 +126,7 @@ def _check_rise(stamp: np.ndarray[Any, Any], run: int) -> None:
     if len(back):
         row = int(back[0]) + 1
         more = f", as {len(back) - 1} more do" if len(back) > 1 else ""
-        place = f"at row {row}, from {stamp[row - 1]} to {stamp[row]}{more}"
+        place = f"in row {row + 1} (counted from 1), from {stamp[row - 1]} to {stamp[row]}{more}"
         raise ValueError(f"t of run {run} goes back {place}. {_MEANT}")
     still = int(np.count_nonzero(stamp[1:] == stamp[:-1]))
     if 2 * still >= len(stamp):

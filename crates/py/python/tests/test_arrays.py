@@ -243,7 +243,7 @@ def test_text_and_complex_numbers_are_refused_with_the_value(model: Any) -> None
     text = X.astype(object)
     text[4, 1] = "-"
     for door in (lambda x: model.predict(x, U), lambda x: model.step(x, U), lambda x: ff.PWA(1).fit(x, T)):
-        with pytest.raises(ff.exceptions.DataError, match=r"text \('-' at row 4.*pandas"):
+        with pytest.raises(ff.exceptions.DataError, match=r"text \('-' in row 5.*pandas"):
             door(text)
         with pytest.raises(ff.exceptions.DataError, match="complex"):
             door(X + 1j)

@@ -214,7 +214,7 @@ def estimators():
 def test_a_target_is_no_clock(estimator):
     rng = np.random.default_rng(0)
     x = rng.normal(size=(100_000, 5))
-    with pytest.raises(ValueError, match=r"t of run 0 goes back at row \d+.*x_dot=.*target='y'"):
+    with pytest.raises(ValueError, match=r"t of run 0 goes back in row \d+.*x_dot=.*target='y'"):
         estimator.fit(x, x @ np.ones(5))
     with pytest.raises(ValueError, match=r"shape \(100000, 2\).*x_dot="):
         estimator.fit(x, x[:, :2])

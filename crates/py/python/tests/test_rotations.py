@@ -59,7 +59,7 @@ def test_a_rigid_body_is_found_and_simulated():
 def test_what_is_no_rotation_is_refused():
     t, x = body(100)
     x[50, :4] = 0
-    with pytest.raises(FleetfootError, match="row 50.*attitude"):
+    with pytest.raises(FleetfootError, match="row 51 .*attitude"):
         ff.SINDy(states={"wx": {}, "attitude": ATTITUDE}).fit(x, t, feature_names=NAMES)
 
 
