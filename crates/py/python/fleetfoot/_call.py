@@ -12,6 +12,7 @@ import numpy as np
 
 from ._arrays import numbers, period_seconds, seconds, unmasked
 from ._base import DataConversionWarning
+from ._data import in_unit
 from ._frames import CLOCKS, Frame, frame, frames, is_lazy, slopes_in_order
 from ._runs import Columns, array_runs, is_arrays
 from .exceptions import DataError, RequestError
@@ -74,7 +75,9 @@ class Call:
     #: Whether the targets that were given are a vector.
     is_flat: bool = False
 
-    def understood(self, predicts: str, period: float | None, columns_are_named: bool) -> Call:
+    def understood(
+        self, predicts: str, period: float | None, columns_are_named: bool, time: Mapping[str, Any] | None = None
+    ) -> Call:
         """The same with the second argument as what it is, with columns in the place of tables, and with targets as
         derivatives, columns, or next rows.
 
@@ -86,6 +89,8 @@ class Call:
             Seconds from row to row, where the estimator knows them.
         columns_are_named : bool
             Whether the columns of tables have roles by their names.
+        time : mapping, optional
+            What a recipe says of the clock.
         """
         call = self
         if hasattr(call.x, "toarray") and hasattr(call.x, "nnz"):
@@ -100,7 +105,7 @@ class Call:
         if tables is not None and columns_are_named:
             return call._joined(tables, predicts)
         if tables is not None:
-            call = call._of_tables(tables, predicts)
+            call = call._of_tables(tables, predicts, time or {})
         x_dot, y = call._by_states(call.x_dot), call.y
         y = call._by_states(y) if predicts in OF_STATES else y
         call = replace(call, t=_clock(call.t), x_dot=_values(x_dot), y=_values(y))
@@ -168,12 +173,14 @@ class Call:
         new = [table.joined(predicts, vector(own)) for table, own in zip(tables, targets)]
         return replace(self, x=new if isinstance(self.x, (list, tuple)) else new[0], y=None)
 
-    def _of_tables(self, tables: list[Frame], predicts: str) -> Call:
+    def _of_tables(self, tables: list[Frame], predicts: str, time: Mapping[str, Any]) -> Call:
         """All numbers of tables as states, but the clock and the target."""
         call = self
-        stamps = _clock_column(tables[0], self)
+        if call.t is None and call.dt is None and time.get("column") in tables[0].names:
+            call = replace(call, t=time["column"])
+        stamps = _clock_column(tables[0], call)
         if stamps is not None:
-            call = replace(call, t=[_stamps_of(table, stamps) for table in tables])
+            call = replace(call, t=in_unit(stamps, [_stamps_of(table, stamps) for table in tables], time.get("unit")))
         columns = dict(self.columns or {})
         if predicts in tables[0].names:
             columns[predicts] = [table.column(predicts) for table in tables]

@@ -237,6 +237,28 @@ def _memory(source: Any, name: Any, t: Any, *, has_clock: bool) -> tuple[_core.D
     return core, clocks[0]
 
 
+def in_unit(name: str, stamps: list[Any], unit: str | None = None) -> list[Any]:
+    """The stamps of a column of whole numbers in each run, in this unit or the one that its name, sizes and steps tell,
+    as for files; other stamps as they are.
+
+    Raises
+    ------
+    DataError
+        The numbers could be of several units.
+    """
+    if not all(getattr(one, "dtype", None) is not None and one.dtype.kind in "iu" and one.ndim == 1 for one in stamps):
+        return stamps
+    if not sum(map(len, stamps)):
+        return stamps
+    from ._read import read
+
+    time = {"column": name} if unit is None else {"column": name, "unit": unit}
+    whole = read(open([{name: one} for one in stamps], recipe={"time": time}), [name])["stamp"]
+    if len(whole) != sum(map(len, stamps)):
+        return stamps
+    return np.split(whole, np.cumsum([len(one) for one in stamps])[:-1])
+
+
 def _clocked(run: Any, stamps: Any, has_clock: bool) -> tuple[Any, tuple[str, str | None] | None]:
     """A run with its stamps as a column, where they were given or are its index, and that column's name and unit."""
     table = frame(run)
@@ -258,7 +280,9 @@ def _clocked(run: Any, stamps: Any, has_clock: bool) -> tuple[Any, tuple[str, st
         run = {**columns, ("t",): values}
     if values is None or (index is not None and has_clock):
         return run, None
-    return run, (name, None if numbers(values, "t").dtype.kind in "mM" else "s")
+    # Stamps that are given are seconds; whole numbers of an index are in a unit that is to be found.
+    of_unit = numbers(values, "t").dtype.kind in ("mM" if index is None else "mMiu")
+    return run, (name, None if of_unit else "s")
 
 
 def _names(name: Any, count: int, single: bool) -> list[str]:

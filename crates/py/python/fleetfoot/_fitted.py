@@ -182,7 +182,7 @@ class Fitted:
             x_dot = slopes_in_order(x_dot, features)
         given = Call(x, t, x_dot, u, features, inputs if u is not None else None, y, dt, columns)
         predicts = self._predicts(own)
-        call = given.understood(predicts, self.dt, self._names_columns(own))
+        call = given.understood(predicts, self.dt, self._names_columns(own), own.get("time"))
         if is_arrays(call.x) and self._fitted_names is not None:
             self._check_width(call.x)
         if not is_arrays(call.x):

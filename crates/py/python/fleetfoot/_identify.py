@@ -203,7 +203,7 @@ class Identifier(Fitted, BaseEstimator):
         """
         given = Call(x, t, x_dot, u, feature_names, input_names, y, dt, columns)
         own = _recipe.of_anything(self.recipe)
-        call = given.understood(self._predicts(own), self.dt, self._names_columns(own))
+        call = given.understood(self._predicts(own), self.dt, self._names_columns(own), own.get("time"))
         data, recipe = self._data(call, own)
         with reporting(self.progress) as callback:
             self.model_, self.report_ = self._fit(data, _recipe.to_json(recipe), callback)
@@ -274,6 +274,9 @@ class Identifier(Fitted, BaseEstimator):
         self._remember(found.states, found.inputs, call.table_names)
         states = {name: _recipe.said(derivative=found.derivatives.get(name)) for name in found.states}
         below = {"states": states, "inputs": {name: {} for name in found.inputs}, "time": found.time}
+        if call.table_names is not None and "column" in found.time:
+            # The clock of the table is read already, under another name.
+            own = {**own, "time": {name: value for name, value in own.get("time", {}).items() if name not in ("column", "unit")}}
         return found.core, _recipe.over(own, below)
 
     def _of_recordings(self, call: Call, own: dict[str, Any]) -> tuple[_core.Data, dict[str, Any]]:

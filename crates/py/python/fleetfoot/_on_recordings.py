@@ -12,6 +12,7 @@ from . import _core as engine
 from . import _recipe
 from ._arrays import floats, numbers, period_seconds, seconds, since_first
 from ._controller import Controller, what
+from ._data import in_unit
 from ._equations import Content
 from ._frames import CLOCKS, Frame, frame, in_order, runs_in_order, slopes_in_order
 from ._progress import Progress, reporting
@@ -440,8 +441,8 @@ def _seconds(table: Frame, t: Any) -> Any:
         return since_first(t, "t")
     if table.clock is None and named is None:
         return None
-    stamps = table.column(named) if named in table.names else table.clock[1] if table.clock is not None else None
-    array = numbers(stamps, "t")
+    name, stamps = (named, table.column(named)) if named in table.names else table.clock or ("t", None)
+    array = in_unit(name, [numbers(stamps, "t")])[0]
     if array.dtype.kind not in "mM":
         return (array - array[:1]).astype(np.float64)
     there = array[~np.isnat(array)]

@@ -74,6 +74,8 @@ _TYPES = {
     **dict.fromkeys(("i32", "i64", "isize"), "a whole number"),
     **dict.fromkeys(("f32", "f64"), "a number"),
 }
+#: The unit of a clock, which no argument names.
+_UNIT = re.compile(r'--time .*? --time-unit \S+; in a recipe \[time\] column = "(.*?)", unit = "(\w+)"')
 _JSON_PLACE = re.compile(r" at line \d+ column \d+")
 #: Commands of others stay as they are.
 _FOREIGN = re.compile(r"(`(?:mcap|rosbags-convert|pip) [^`]*`)")
@@ -100,6 +102,7 @@ def of_python(message: str) -> str:
 
 
 def _translated(message: str) -> str:
+    message = _UNIT.sub(lambda found: f'recipe={{"time": {{"column": "{found[1]}", "unit": "{found[2]}"}}}}', message)
     message = _JSON_PLACE.sub("", message)
     message = _COMMAND.sub(_command, message)
     message = _FIRST.sub(lambda found: f"{_said(found[1], found[2])}:", message)

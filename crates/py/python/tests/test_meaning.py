@@ -56,7 +56,7 @@ def test_an_object_column_with_one_dash_does_not_vanish() -> None:
     pandas = pytest.importorskip("pandas", reason="pandas is not installed")
     mixed = X[:, 1].astype(object)
     mixed[7] = "-"
-    with pytest.raises(DataError, match=r"column `v` .*'-' at row 7"):
+    with pytest.raises(DataError, match=r"column `v` .*'-' in row 8"):
         fitted(pandas.DataFrame({**columns(), "v": pandas.Series(mixed, dtype=object)}))
     with pytest.raises(DataError, match="column `v`.*complex"):
         fitted(pandas.DataFrame({**columns(), "v": X[:, 1] + 0j}))
@@ -138,7 +138,7 @@ def test_stamps_with_lost_samples_or_as_a_column_are_no_target() -> None:
 def test_text_is_named_by_its_cell() -> None:
     words = [["1", "2"], ["3", "x"]]
     for given in (words, np.array(words), np.array(words, dtype=object), [[1.0, 2.0], [3.0, "x"]]):
-        with pytest.raises(DataError, match="'x' at row 1, column 1"):
+        with pytest.raises(DataError, match="'x' in row 2, column 2, counted from 1"):
             ff.open({"q": given})
 
 
@@ -240,3 +240,33 @@ def test_uneven_stamps_of_lists_are_told() -> None:
     for stamps in (uneven, uneven.tolist()):
         with pytest.warns(ff.FleetfootWarning, match="t of run 0 is uneven"):
             ff.SINDy(library="poly(1)", target="next").fit(X, stamps)
+
+
+# -- Clocks of whole numbers
+
+
+def test_whole_numbers_as_a_clock_are_judged_as_in_files() -> None:
+    pandas = pytest.importorskip("pandas", reason="pandas is not installed")
+    rows = {"q": X[:, 0], "v": X[:, 1]}
+    wanted = fitted(pandas.DataFrame(rows), T)
+    for name, step in (("t", 100), ("time", 100_000), ("stamp_us", 100_000)):
+        table = pandas.DataFrame({name: step * np.arange(ROWS), **rows})
+        found = fitted(table, t=name)
+        assert found.model_.dt == pytest.approx(0.1)
+        np.testing.assert_allclose(found.coefficients(), wanted.coefficients(), rtol=1e-9, atol=1e-12)
+        assert found.score(table, t=name) == pytest.approx(wanted.score(pandas.DataFrame(rows), T), abs=1e-9)
+    doubtful = pandas.DataFrame({"t": np.arange(ROWS), **rows})
+    said = r'could be s \(1 Hz.* or ms \(1000 Hz.*\(recipe=\{"time": \{"column": "t", "unit": "ms"\}\}\)'
+    for table in (doubtful, doubtful.set_index("t")):
+        for how in ({}, {"states": ["q", "v"]}):
+            with pytest.raises(DataError, match=said):
+                fitted(table, how=how)
+    # What is advised helps.
+    recipe = {"time": {"column": "t", "unit": "ms"}}
+    for how in ({}, {"states": ["q", "v"]}):
+        assert fitted(doubtful, how={**how, "recipe": recipe}).model_.dt == pytest.approx(1e-3)
+    other = doubtful.rename(columns={"t": "tick"})
+    found = fitted(other, how={"recipe": {"time": {"column": "tick", "unit": "ms"}}})
+    assert found.model_.dt == pytest.approx(1e-3) and found.model_.states == ("q", "v")
+    # Beside arrays stamps are seconds.
+    assert fitted(X, np.arange(ROWS)).model_.dt == 1.0
