@@ -321,6 +321,48 @@ fn a_field_of_the_messages_is_the_clock() {
     run(&["--time", "/fmu/out/state.linear.z", "--inputs", "/odom.twist.twist.linear.x"]).fails(&["/odom", "linear.z"]);
 }
 
+/// Messages in groups of four, 10 ms apart, with 80 ms between groups: rows and joins go on across them. Where a join bridges too little, the message names the
+/// column and the key.
+#[test]
+fn messages_in_groups_keep_their_rows() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let mut writer = McapWriter::create(path.join("run.mcap"), &McapOptions::default()).unwrap();
+    let state = writer.channel::<Twist>("/state").unwrap();
+    let command = writer.channel::<Twist>("/command").unwrap();
+    let (mut v, mut ms) = (0.0_f64, 0);
+    for step in 0..1200_i64 {
+        let u = (0.3 * step as f64).sin() + 0.3 * (0.11 * step as f64).cos();
+        let (of_state, of_command) = (LOG_START + ms * 1_000_000, LOG_START + (ms - 3) * 1_000_000);
+        writer.write(command, of_command, of_command, &Twist { linear: [u, 0.0, 0.0], angular: [0.0; 3] }).unwrap();
+        writer.write(state, of_state, of_state, &Twist { linear: [v, 0.0, 0.0], angular: [0.0; 3] }).unwrap();
+        let wait = if step % 4 == 3 { 80 } else { 10 };
+        v += 1e-3 * wait as f64 * (3.0 * u - 2.0 * v);
+        ms += wait;
+    }
+    writer.finish().unwrap();
+    let recipe = "[columns]\nv = \"/state.linear.x\"\n[states]\nv = { derivative = \"forward\" }\n[inputs]\nu = \"/command.linear.x\"\n";
+    fs::write(path.join("r.toml"), recipe).unwrap();
+    let fit = |recipe: &str, more: &[&str]| {
+        fleetfoot(path, &[&["fit", "pwa", "-c", recipe, "run.mcap", "-p", "average", "--json"][..], more].concat())
+    };
+    let rows = fit("r.toml", &[]).ok().json()["rows"].as_u64().unwrap();
+    assert!(rows >= 1190, "{rows}");
+    fs::write(
+        path.join("short.toml"),
+        format!("{recipe}[join]\n\"/command.linear.x\" = {{ kind = \"linear\", max_gap = 0.001 }}\n"),
+    )
+    .unwrap();
+    fit("short.toml", &[]).fails(&[
+        "`/command.linear.x` is missing in 1200 of 1200 rows",
+        "max_gap = SECONDS",
+        "--base /command",
+    ]);
+    let lags =
+        ["fit", "pwa", "run.mcap", "--predict", "/state.linear.x", "--lags", "4", "-p", "average", "--max-gap", "0.05"];
+    fleetfoot(path, &lags).fails(&["1200 rows into 300 episodes", "--max-gap SECONDS"]);
+}
+
 /// A load cell whose array has 120 elements: `info` tells its name, and its elements can be named alone, in aliases and by `[*]`.
 #[test]
 fn elements_of_long_arrays_can_be_named() {

@@ -1,17 +1,21 @@
 //! Why rows lack a value though all that was measured is there: a division by zero, a root of a negative number, more than f64 holds.
 
-use std::ops::Range;
+use std::{ops::Range, path::PathBuf};
 
 use fleetfoot_data::{Block, Column, Halo, Source};
 use fleetfoot_library::{Binary, Expr, Node, View};
+use fleetfoot_log::{Format, shell_word};
 
-use crate::{Dataset, Error};
+use crate::{Dataset, Error, request::Cause};
 
 /// Rows that are looked at together, and at most.
 const ROWS: usize = 65_536;
 const MOST_ROWS: usize = 1 << 21;
 /// Rows without a value in which one expression is looked at, at most: where values are missing in the log, its own are.
 const MOST_TRIED: usize = 4096;
+/// A field is told that lacks more than one value in so many rows, and episodes of fewer rows on average.
+const SHARE: usize = 10;
+const FEW: usize = 10;
 /// Expressions that are told.
 const MOST_TOLD: usize = 5;
 
@@ -50,13 +54,62 @@ pub(crate) fn explain(dataset: &Dataset, functions: impl IntoIterator<Item = Exp
 pub(crate) fn with_reasons(error: Error, dataset: &Dataset, functions: impl IntoIterator<Item = Expr>) -> Error {
     match error {
         Error::Cancelled(_) | Error::Data(_) | Error::Log(_) => error,
-        error => match explain(dataset, functions) {
-            Ok(reasons) if !reasons.is_empty() => {
-                Error::WithReasons { error: Box::new(error), reasons: reasons.join("; ") }
+        error => {
+            let mut reasons = if is_too_few(&error) { too_few(dataset).unwrap_or_default() } else { Vec::new() };
+            reasons.extend(explain(dataset, functions).unwrap_or_default());
+            if reasons.is_empty() {
+                return error;
             }
-            _ => error,
-        },
+            Error::WithReasons { error: Box::new(error), reasons: reasons.join("; ") }
+        }
     }
+}
+
+fn is_too_few(error: &Error) -> bool {
+    match error {
+        Error::Request(request) => matches!(request.cause, Cause::TooFewRows { .. }),
+        Error::Identification(error) => matches!(error, fleetfoot_pwa::Error::TooFewRows { .. }),
+        _ => false,
+    }
+}
+
+/// Why rows are too few: the field that lacks most values, and episodes of a few rows.
+fn too_few(dataset: &Dataset) -> Result<Vec<String>, Error> {
+    let source = dataset.source();
+    let (mut missing, mut rows) = (vec![0; source.columns().len()], 0);
+    for (episode, info) in source.episodes().iter().enumerate() {
+        for from in (0..info.rows).step_by(ROWS) {
+            let range = from..(from + ROWS).min(info.rows).min(from + MOST_ROWS - rows);
+            rows += range.len();
+            let block = source.read(episode, range, Halo::default())?;
+            for (count, column) in missing.iter_mut().zip(0..) {
+                *count += block.core(column).iter().filter(|value| !value.is_finite()).count();
+            }
+        }
+    }
+    let mut told = Vec::new();
+    let worst = missing.iter().zip(source.columns()).max_by_key(|(count, _)| **count);
+    if let Some((&count, column)) = worst.filter(|(count, _)| SHARE * **count >= rows.max(1)) {
+        let name = &column.name;
+        let is_log = |file: &PathBuf| Format::of(file).is_some_and(|format| format.is_log());
+        let of_topics = source.episodes().iter().any(|episode| episode.file.as_ref().is_some_and(is_log));
+        let mend = of_topics.then(|| {
+            let topic = name.split(['.', '[']).next().unwrap_or(name);
+            format!(
+                ": its messages come too far apart for the rows; say how far its values reach (in the recipe, [join] \"{name}\" = {{ max_gap = SECONDS }}), \
+                 or make them the rows (--base {})",
+                shell_word(topic)
+            )
+        });
+        told.push(format!("`{name}` is missing in {count} of {rows} rows{}", mend.unwrap_or_default()));
+    }
+    let episodes = source.episodes().len();
+    if episodes > 1 && rows < FEW * episodes {
+        told.push(format!(
+            "gaps cut the {rows} rows into {episodes} episodes: --max-gap SECONDS keeps those together that lie closer"
+        ));
+    }
+    Ok(told)
 }
 
 /// For every expression over the columns of a source that has no finite value where it could, a sentence about the first such row.

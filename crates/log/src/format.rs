@@ -68,7 +68,7 @@ impl Format {
     }
 
     /// Whether it is a robot's log: messages by topic, not rows of a table.
-    pub(crate) fn is_log(self) -> bool {
+    pub fn is_log(self) -> bool {
         !matches!(self, Self::Parquet | Self::Csv(_))
     }
 

@@ -110,7 +110,7 @@ fn uniform_span(first: usize, rows: usize, dt: f64) -> Span {
     Span { first, rows, start: 0, end, period, fingerprint }
 }
 
-/// Finds the episodes of a table with a time column: the stamps are read twice when the accepted gap follows from their median step, else once.
+/// Finds the episodes of a table with a time column: the stamps are read twice when the accepted gap follows from their typical step, else once.
 ///
 /// Where it does, rows are parted that are known to have lost others between them, too. `of_day`: the stamps may be times of the day.
 pub(crate) fn build(
@@ -135,7 +135,7 @@ pub(crate) fn build(
                     last = stamp;
                 }
             })?;
-            period = steps.median();
+            period = steps.row_period();
             period.map(|period| i64::try_from(period).unwrap_or(i64::MAX).saturating_mul(5))
         }
     };

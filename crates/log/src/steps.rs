@@ -51,9 +51,22 @@ impl Steps {
         bins[slot].excess += (step - ((slot as u64) << page)) as f64;
     }
 
-    /// The median step, or the period of bursts: messages come in bursts where the mean step is longer than five medians, and at least three steps are.
-    /// The period of bursts is the median of these longer steps. Steps beyond fifty mean steps are pauses and do not count.
+    /// The typical step of messages that join others: the median, or the mean where that is longer than two medians, as at least three
+    /// steps are, or the period of bursts.
+    ///
+    /// Messages come in bursts where the mean step is longer than five medians, and at least three steps are. The period of bursts is the median of these
+    /// longer steps. Steps beyond fifty mean steps are pauses and do not count.
     pub(crate) fn period(&mut self) -> Option<u64> {
+        self.typical(1.0)
+    }
+
+    /// The same of rows that episodes are made of: messages that take longer than a twentieth of the period of their bursts are runs of their own.
+    pub(crate) fn row_period(&mut self) -> Option<u64> {
+        self.typical(0.05)
+    }
+
+    /// The typical step; bursts last at most such a share of their period.
+    fn typical(&mut self, share: f64) -> Option<u64> {
         let median = self.median()?;
         let mean_below = |own: &Self, most: f64| {
             let (mut sum, mut count) = (0.0, 0.0);
@@ -66,26 +79,34 @@ impl Steps {
         };
         let mean = mean_below(self, f64::INFINITY);
         let mean = mean_below(self, 50.0 * mean);
-        let short = 5.0 * median as f64;
-        if mean.is_nan() || mean <= short {
+        let longer_than = |own: &Self, least: f64| {
+            let mut long = Vec::new();
+            own.each(|step, times| {
+                if step > least && step <= 50.0 * mean {
+                    long.push((step, times));
+                }
+            });
+            let count: f64 = long.iter().map(|(_, times)| times).sum();
+            (long, count)
+        };
+        let median_step = median as f64;
+        let is_even = mean.is_nan() || mean <= 2.0 * median_step;
+        if is_even || longer_than(self, 2.0 * median_step).1 < FEWEST_BURSTS {
             return Some(median);
         }
-        let mut long = Vec::new();
-        self.each(|step, times| {
-            if step > short && step <= 50.0 * mean {
-                long.push((step, times));
-            }
-        });
-        let count: f64 = long.iter().map(|(_, times)| times).sum();
-        if count < FEWEST_BURSTS {
-            return Some(median);
+        let (long, count) = longer_than(self, 5.0 * median_step);
+        if mean <= 5.0 * median_step || count < FEWEST_BURSTS {
+            return Some(mean as u64);
         }
         let mut below = 0.0;
         let period = long.into_iter().find(|(_, times)| {
             below += times;
             below > count / 2.0
         });
-        Some(period.map_or(median, |(step, _)| step as u64))
+        let period = period.map_or(mean, |(step, _)| step);
+        // As many short steps as there are for each long one.
+        let burst = (self.count as f64 - count) / count * median_step;
+        Some(if burst <= share * period { mean.max(period) as u64 } else { mean as u64 })
     }
 
     /// Every step that was kept, and of a longer stream the mean of every bin, with how many there are; in their order after [`Steps::median`].
@@ -150,6 +171,25 @@ mod tests {
             period((0..1000).map(|i| if i % 9 == 8 { 20_000_000 } else { 10_000_000 }).collect()),
             Some(10_000_000)
         );
+    }
+
+    #[test]
+    fn uneven_messages_have_their_mean_step() {
+        let steps = |steps: &[u64]| {
+            let mut all = Steps::default();
+            (0..100).for_each(|_| steps.iter().for_each(|&step| all.push(step)));
+            (all.period(), all.row_period())
+        };
+        // Four messages 10 ms apart, then 80 ms nothing.
+        assert_eq!(steps(&[10, 10, 10, 80]), (Some(27), Some(27)));
+        // Six at once every second; six over a quarter of a second, which are rows of their own.
+        assert_eq!(steps(&[1, 1, 1, 1, 1, 10_000]), (Some(10_000), Some(10_000)));
+        assert_eq!(steps(&[50, 50, 50, 50, 50, 10_000]), (Some(10_000), Some(10_000)));
+        assert_eq!(steps(&[250, 250, 250, 250, 250, 10_000]), (Some(10_000), Some(1875)));
+        // Runs of a hundred rows are parted, those of four are not.
+        let mut runs = vec![10; 99];
+        runs.push(1000);
+        assert_eq!(steps(&runs), (Some(10), Some(10)));
     }
 
     #[test]

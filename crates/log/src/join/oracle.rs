@@ -12,7 +12,7 @@ pub(super) struct Sample {
 
 pub(super) type Runs = Vec<Vec<Sample>>;
 
-/// Median step, upper, over all runs; of bursts, the median of the steps between them.
+/// Median step, upper, over all runs; of uneven ones the mean, of bursts the median of the steps between them.
 fn period(runs: &Runs) -> i64 {
     let mut steps: Vec<i64> =
         runs.iter().flat_map(|run| run.windows(2).map(|pair| pair[1].stamp - pair[0].stamp)).collect();
@@ -23,9 +23,17 @@ fn period(runs: &Runs) -> i64 {
         below.iter().sum::<f64>() / below.len() as f64
     };
     let mean = mean_below(50.0 * mean_below(f64::INFINITY));
-    let is_long = |step: &&i64| **step > 5 * median && **step as f64 <= 50.0 * mean;
-    let long: Vec<&i64> = steps.iter().filter(is_long).collect();
-    if mean > 5.0 * median as f64 && long.len() >= 3 { *long[long.len() / 2] } else { median }
+    let longer = |least: i64| -> Vec<i64> {
+        steps.iter().copied().filter(|&step| step > least && step as f64 <= 50.0 * mean).collect()
+    };
+    let (long, longest) = (longer(2 * median), longer(5 * median));
+    if mean <= 2.0 * median as f64 || long.len() < 3 {
+        median
+    } else if mean <= 5.0 * median as f64 || longest.len() < 3 {
+        mean as i64
+    } else {
+        (mean as i64).max(longest[longest.len() / 2])
+    }
 }
 
 /// Nanoseconds; a large number for none.

@@ -26,7 +26,7 @@ pub(crate) struct Series {
     pub store: ColumnStore,
     /// Where the stamps rise strictly; together they are all rows.
     pub runs: Vec<Run>,
-    /// Median step between neighbours of a run, nanoseconds; `None` when no run has two rows.
+    /// Typical step between neighbours of a run ([`Steps::period`](crate::steps::Steps::period)), nanoseconds; `None` when no run has two rows.
     pub median_step: Option<u64>,
     /// What became of the samples.
     pub counts: Counts,
@@ -193,7 +193,7 @@ mod tests {
         assert_eq!(stamps(&sorted), [[100, 110, 120, 150, 160, 200, 210, 300]]);
         assert_eq!(values(&sorted), [0.0, 3.0, 2.0, 1.0, 4.0, 6.0, 5.0, 7.0]);
         assert_eq!(sorted.counts, Counts { samples: 8, ..Counts::default() });
-        assert_eq!(sorted.median_step, Some(10));
+        assert_eq!(sorted.median_step, Some(28), "uneven: the mean");
         assert_eq!(series(&[100, 200, 150]).runs.len(), 1);
     }
 
