@@ -19,7 +19,11 @@ pub use message_columns::{MessageColumns, MessageField};
 pub use messages::{MessageRow, Messages};
 pub(crate) use names::Names;
 
-use std::{collections::BTreeSet, path::Path, sync::Arc};
+use std::{
+    collections::BTreeSet,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 use fleetfoot_data::{Column, ColumnKind, Progress, nearest_one};
 
@@ -39,17 +43,18 @@ use cache::{Meta, SlotWriter};
 use decode::{Decoded, decode};
 use plan::{Plan, plan};
 
-/// Opens a log: decodes the selected columns, or finds them in the cache.
+/// Opens a log, with the files that go on with it: decodes the selected columns, or finds them in the cache.
 pub(crate) fn open(
     path: &Path,
     format: Format,
+    further: &[PathBuf],
     selection: &Selection,
     budget: &Arc<Budget>,
     cursors: &Arc<parquet::Cursors>,
     progress: &dyn Progress,
 ) -> Result<Opened, Error> {
     refuse_other_clocks(path, selection)?;
-    let container = containers::open(path, format, progress)?;
+    let container = containers::open(path, format, further, progress)?;
     let files = container.files();
     let slot = cache::slot(&files, selection)?;
     if let Some((table, meta)) = slot.as_ref().and_then(|slot| slot.load(cursors)) {
@@ -117,11 +122,12 @@ fn decode_all(
 pub(crate) fn estimate(
     path: &Path,
     format: Format,
+    further: &[PathBuf],
     selection: &Selection,
     progress: &dyn Progress,
 ) -> Result<Estimate, Error> {
     refuse_other_clocks(path, selection)?;
-    let container = containers::open(path, format, progress)?;
+    let container = containers::open(path, format, further, progress)?;
     let plan = plan(path, container.as_ref(), selection, progress)?;
     let info = summary(container.as_ref(), progress)?;
     let rows = match plan.base {

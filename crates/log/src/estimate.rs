@@ -4,7 +4,7 @@ use std::path::Path;
 
 use fleetfoot_data::Progress;
 
-use crate::{Error, Estimate, Format, Selection, channels};
+use crate::{Error, Estimate, Format, Log, Selection, channels, splits};
 
 /// What it will cost to open robots' logs: from their indexes and a few messages. `None` when a file is another kind of recording, whose
 /// rows are counted by opening it.
@@ -17,10 +17,11 @@ pub fn estimate<P: AsRef<Path>>(
     progress: &dyn Progress,
 ) -> Result<Option<Estimate>, Error> {
     let mut total = Estimate { cached: true, ..Estimate::default() };
-    for path in paths {
-        let path = path.as_ref();
+    let logs = paths.iter().map(|path| Log::File(path.as_ref().to_path_buf())).collect();
+    let joined = splits::joined(logs, progress)?;
+    for path in joined.logs.iter().map(Log::path) {
         let Some(format) = Format::of(path).filter(|format| format.is_log()) else { return Ok(None) };
-        let own = channels::estimate(path, format, selection, progress)?;
+        let own = channels::estimate(path, format, joined.further(path), selection, progress)?;
         total.bytes += own.bytes;
         total.rows = total.rows.saturating_add(own.rows);
         total.decoded_bytes = total.decoded_bytes.saturating_add(own.decoded_bytes);

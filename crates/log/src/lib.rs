@@ -67,6 +67,7 @@ mod resample;
 mod rosbag2;
 mod row_mask;
 mod selection;
+mod splits;
 mod stamp;
 mod steps;
 mod store;

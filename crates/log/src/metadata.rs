@@ -18,7 +18,7 @@ pub fn metadata(path: impl AsRef<Path>) -> Result<BTreeMap<String, String>, Erro
     let path = path.as_ref();
     match Format::of(path) {
         Some(Format::Parquet) => parquet::metadata(path),
-        Some(format) if format.is_log() => Ok(containers::open(path, format, &Silent)?.metadata()),
+        Some(format) if format.is_log() => Ok(containers::open(path, format, &[], &Silent)?.metadata()),
         _ => Err(Error::UnknownFormat { path: path.into() }),
     }
 }

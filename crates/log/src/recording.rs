@@ -27,6 +27,7 @@ use crate::{
     paths::distinct,
     resample,
     row_mask::RowMask,
+    splits,
     store::Budget,
     table::{Table, TableRows},
     time_column::{self, Agreed, Chosen},
@@ -105,22 +106,30 @@ pub fn open_with_progress<P: AsRef<Path>>(
 /// As [`open_with_progress`].
 pub fn open_logs(logs: &[Log], selection: &Selection, progress: &dyn Progress) -> Result<Recording, Error> {
     let logs = in_order(logs);
-    if logs.is_empty() {
-        return Err(Error::NoFiles);
-    }
-    check(selection)?;
+    let agreed = agreement::agreed(&logs, selection, &Quiet { outer: progress })?;
+    open_agreed(&logs, selection, &agreed, progress)
+}
+
+/// The same of files in their order, with what all files of a call say together.
+pub(crate) fn open_agreed(
+    logs: &[Log],
+    selection: &Selection,
+    agreed: &Agreed,
+    progress: &dyn Progress,
+) -> Result<Recording, Error> {
+    check(logs, selection)?;
+    let inner = Quiet { outer: progress };
+    let splits = splits::joined(logs.to_vec(), &inner)?;
+    let logs = &splits.logs;
     let selection = Selection { columns: without_repeats(&selection.columns), ..selection.clone() };
     let budget = Arc::new(Budget::new(selection.memory_budget));
     let cache = Arc::new(parquet::Cursors::new(selection.columns.len() + 1));
-
     progress.stage("opening files");
-    let inner = Quiet { outer: progress };
     let paths: Vec<PathBuf> = logs.iter().map(|log| log.path().to_path_buf()).collect();
-    let agreed = agreement::agreed(&logs, &selection, &inner)?;
     let opened = parallel_map(logs.len(), progress, |i| {
         let opened = match &logs[i] {
-            Log::File(path) => open_file(path, &selection, &agreed, &budget, &cache, &inner)?,
-            Log::Table(table) => memory::open(table, &selection, &agreed)?,
+            Log::File(path) => open_file(path, splits.further(path), &selection, agreed, &budget, &cache, &inner)?,
+            Log::Table(table) => memory::open(table, &selection, agreed)?,
         };
         match selection.join.base {
             // The topics of a robot's log are joined at that rate already.
@@ -193,7 +202,10 @@ fn in_order(logs: &[Log]) -> Vec<Log> {
     files.into_iter().map(Log::File).chain(tables).collect()
 }
 
-fn check(selection: &Selection) -> Result<(), Error> {
+fn check(logs: &[Log], selection: &Selection) -> Result<(), Error> {
+    if logs.is_empty() {
+        return Err(Error::NoFiles);
+    }
     let positive = |what, seconds: f64| {
         if seconds > 0.0 && seconds < 1e9 { Ok(()) } else { Err(Error::BadSeconds { what, seconds }) }
     };
@@ -217,6 +229,7 @@ fn without_repeats(names: &[String]) -> Vec<String> {
 
 fn open_file(
     path: &Path,
+    further: &[PathBuf],
     selection: &Selection,
     agreed: &Agreed,
     budget: &Arc<Budget>,
@@ -226,7 +239,16 @@ fn open_file(
     match Format::of(path) {
         Some(Format::Parquet) => parquet::open(path, selection, agreed, cache),
         Some(Format::Csv(compression)) => csv::open(path, compression, selection, agreed, budget),
-        Some(format) => channels::open(path, format, selection, budget, cache, progress),
+        Some(format) => {
+            let mut opened = channels::open(path, format, further, selection, budget, cache, progress)?;
+            if let Some(last) = further.last() {
+                let (files, last) = (1 + further.len(), last.file_name().unwrap_or_default().to_string_lossy());
+                opened
+                    .notes
+                    .push(format!("its recorder split it into {files} files, up to {last}, which are read as one"));
+            }
+            Ok(opened)
+        }
         None => Err(Error::UnknownFormat { path: path.into() }),
     }
 }

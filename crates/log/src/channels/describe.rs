@@ -26,7 +26,7 @@ pub(crate) struct Description {
 
 /// Describes a log by its indexes and some of its messages.
 pub(crate) fn describe(path: &Path, format: Format, progress: &dyn Progress) -> Result<Description, Error> {
-    let container = containers::open(path, format, progress)?;
+    let container = containers::open(path, format, &[], progress)?;
     let container = container.as_ref();
     let (topics, samples, mut notes) = look(container, progress)?;
     let (mut columns, mut arrays) = (Vec::new(), Vec::new());
@@ -49,7 +49,7 @@ struct Counted {
 
 /// As [`describe`], from all messages: the range of every field.
 pub(crate) fn statistics(path: &Path, format: Format, progress: &dyn Progress) -> Result<Description, Error> {
-    let container = containers::open(path, format, progress)?;
+    let container = containers::open(path, format, &[], progress)?;
     let container = container.as_ref();
     let (topics, samples, mut notes) = look(container, progress)?;
     let codecs: Vec<Option<&dyn Codec>> =

@@ -44,7 +44,7 @@ impl Messages {
     pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
         let path = path.as_ref();
         let format = Format::of(path).ok_or_else(|| Error::UnknownFormat { path: path.into() })?;
-        Ok(Self { path: path.into(), container: containers::open(path, format, &Silent)? })
+        Ok(Self { path: path.into(), container: containers::open(path, format, &[], &Silent)? })
     }
 
     /// Its topics, sorted by name, with counts and rates from the file's indexes.

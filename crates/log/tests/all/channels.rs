@@ -7,3 +7,4 @@ mod kept;
 mod logs;
 mod many;
 mod refusals;
+mod splits;

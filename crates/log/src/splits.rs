@@ -1,0 +1,105 @@
+//! Recordings that their recorder split into numbered files, `run_0.mcap`, `run_1.mcap`, ...: read as one where each goes on where the last one ended.
+
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
+
+use fleetfoot_data::Progress;
+
+use crate::{Compression, Error, Format, Log, container::summary, containers};
+
+/// Nanoseconds between two files of a recording at most, if its messages come faster.
+const LONGEST: f64 = 0.5e9;
+/// Periods of the fastest topic between two files at most, if they are longer.
+const PERIODS: f64 = 5.0;
+
+/// Logs, and of those that were split the further files by the path of the first.
+pub(crate) struct Joined {
+    pub logs: Vec<Log>,
+    pub further: BTreeMap<PathBuf, Vec<PathBuf>>,
+}
+
+impl Joined {
+    /// The further files of a log.
+    pub(crate) fn further(&self, path: &Path) -> &[PathBuf] {
+        self.further.get(path).map_or(&[], Vec::as_slice)
+    }
+}
+
+/// Joins the files that go on with those before them. The first file stands for all.
+///
+/// # Errors
+/// A user who stops. What cannot be read stays alone, and opening it tells why.
+pub(crate) fn joined(logs: Vec<Log>, progress: &dyn Progress) -> Result<Joined, Error> {
+    let mut sets: BTreeMap<(PathBuf, String, String), BTreeMap<u64, PathBuf>> = BTreeMap::new();
+    for path in logs.iter().filter_map(Log::file) {
+        if let Some((number, set)) = numbered(path) {
+            sets.entry(set).or_default().insert(number, path.to_path_buf());
+        }
+    }
+    let mut further: BTreeMap<PathBuf, Vec<PathBuf>> = BTreeMap::new();
+    for files in sets.into_values().filter(|files| files.len() > 1) {
+        let mut head: Option<(PathBuf, u64, Option<Ends>)> = None;
+        for (number, path) in files {
+            let ends = Ends::of(&path, progress)?;
+            let before =
+                head.as_ref().filter(|(_, before, _)| before + 1 == number).and_then(|(_, _, ends)| ends.as_ref());
+            let goes_on = before.zip(ends.as_ref()).is_some_and(|(before, ends)| ends.go_on_from(before));
+            let first = match head.take() {
+                Some((first, ..)) if goes_on => {
+                    further.entry(first.clone()).or_default().push(path);
+                    first
+                }
+                _ => path,
+            };
+            head = Some((first, number, ends));
+        }
+    }
+    let is_further = |log: &Log| log.file().is_some_and(|path| further.values().flatten().any(|own| own == path));
+    Ok(Joined { logs: logs.into_iter().filter(|log| !is_further(log)).collect(), further })
+}
+
+/// The number at the end of an MCAP file's name; its folder, and its name before and behind the number.
+fn numbered(path: &Path) -> Option<(u64, (PathBuf, String, String))> {
+    let Some(Format::Mcap(Compression::None | Compression::Gzip | Compression::Zstd)) = Format::of(path) else {
+        return None;
+    };
+    let (stem, rest) = path.file_name()?.to_str()?.rsplit_once('_')?;
+    let (digits, ending) = rest.split_once('.')?;
+    let number = digits.parse().ok().filter(|_| digits.bytes().all(|byte| byte.is_ascii_digit()))?;
+    Some((number, (path.parent()?.to_path_buf(), stem.to_owned(), ending.to_owned())))
+}
+
+/// Topics of a file with their types, its first and last log time, and the messages a second of its fastest topic.
+struct Ends {
+    topics: Vec<(String, String)>,
+    first: i64,
+    last: i64,
+    fastest: f64,
+}
+
+impl Ends {
+    /// `None` of a file that cannot be read or has no messages.
+    fn of(path: &Path, progress: &dyn Progress) -> Result<Option<Self>, Error> {
+        let Some(format) = Format::of(path) else { return Ok(None) };
+        let told = containers::open(path, format, &[], progress).and_then(|container| {
+            let topics = container.topics().iter().map(|topic| (topic.name.clone(), topic.type_name.clone())).collect();
+            Ok((topics, summary(container.as_ref(), progress)?.topics))
+        });
+        let (topics, times) = match told {
+            Ok(told) => told,
+            Err(error @ Error::Cancelled(_)) => return Err(error),
+            Err(_) => return Ok(None),
+        };
+        let first = times.iter().filter_map(|own| own.first).min();
+        let last = times.iter().filter_map(|own| own.last).max();
+        let fastest = times.iter().filter_map(|own| own.rate).fold(0.0, f64::max);
+        Ok(first.zip(last).map(|(first, last)| Self { topics, first, last, fastest }))
+    }
+
+    fn go_on_from(&self, before: &Self) -> bool {
+        let longest = if before.fastest > 0.0 { (PERIODS * 1e9 / before.fastest).max(LONGEST) } else { LONGEST };
+        self.topics == before.topics && self.first.abs_diff(before.last) as f64 <= longest
+    }
+}
