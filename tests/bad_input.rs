@@ -511,3 +511,24 @@ fn slips_are_told_with_their_mend() {
     let hash = shown.lines().next().unwrap().split_whitespace().find(|word| word.ends_with(':')).unwrap();
     assert!(told.contains(hash.trim_end_matches(':')), "{told}\n{shown}");
 }
+
+/// What `info` tells of files that are given together is what a fit of them takes: the unit that fits all of them.
+#[test]
+fn info_of_several_files_agrees_with_a_fit_of_them() {
+    let text = |period: i64| {
+        let rows = (0..120).map(|row| format!("{},{}\n", 20_300_000 + row * period, (row * 37) % 17));
+        std::iter::once("timestamp,x\n".to_owned()).chain(rows).collect::<String>()
+    };
+    let (slow, fast) = (text(1_000_000), text(4_000));
+    let folder = folder(&[("slow.csv", &slow), ("fast.csv", &fast)]);
+    let info = |files: &[&str]| fleetfoot(folder.path(), &[&["info", "--json"][..], files].concat()).ok().json();
+    assert_eq!(info(&["slow.csv"]).pointer("/0/clock/unit"), Some(&serde_json::Value::Null));
+    let both = info(&["slow.csv", "fast.csv"]);
+    for place in ["/0/clock", "/1/clock"] {
+        let clock = both.pointer(place).unwrap();
+        assert!(clock["unit"] == "us" && clock["assumed"].as_str().unwrap().contains("fits all files"), "{clock}");
+    }
+    let fit = ["fit", "pwa", "slow.csv", "fast.csv", "--states", "x", "-p", "average"];
+    let said = fleetfoot(folder.path(), &fit).ok();
+    assert!(said.err.contains("taken as us: the only unit that fits all files"), "{}", said.err);
+}

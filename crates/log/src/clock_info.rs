@@ -35,12 +35,12 @@ pub struct ClockInfo {
 }
 
 impl ClockInfo {
-    /// What is known of the clock of a file alone.
-    pub(crate) fn new(path: &Path, clock: Clock, names: &[&str]) -> Self {
+    /// What is known of the clock of a file, with what other files of the call say.
+    pub(crate) fn new(path: &Path, clock: Clock, names: &[&str], agreed: &Agreed) -> Self {
         let (column, told) = (clock.name.clone(), clock.told());
         let beside = clock.beside.and_then(|(place, _)| names.get(place)).map(ToString::to_string);
         let is_number = told.is_some() || !clock.readings().is_empty();
-        let (unit, assumed, open) = match clock.settle(path, &Agreed::default(), &Selection::default()) {
+        let (unit, assumed, open) = match clock.settle(path, agreed, &Selection::default()) {
             Ok(settled) => (Some(settled.unit).filter(|_| is_number), settled.assumed, false),
             Err(Error::UnknownTimeUnit { readings, .. }) if readings.is_empty() => {
                 (None, Some("its numbers fit no unit of time".into()), true)

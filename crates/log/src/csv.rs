@@ -37,8 +37,9 @@ pub(crate) struct Description {
 }
 
 /// Describes a file by its first rows.
-pub(crate) fn describe(path: &Path, compression: Compression) -> Result<Description, Error> {
-    let (head, _) = head::open(path, compression)?;
+pub(crate) fn describe(path: &Path, compression: Compression, agreed: &Agreed) -> Result<Description, Error> {
+    let (mut head, _) = head::open(path, compression)?;
+    head.follow(&agreed.orders);
     let clock = choose(&head, &TimeSpec::Auto);
     let columns = (0..head.columns.len()).map(|c| Column { kind: head.kind(c), ..head.columns[c].clone() }).collect();
     Ok(Description { columns, clock, notes: head.notes })

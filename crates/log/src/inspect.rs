@@ -9,8 +9,8 @@ use fleetfoot_data::{Halo, Progress, Silent, Source, parallel_fold};
 use serde::{Serialize, Serializer};
 
 use crate::{
-    ArrayInfo, ClockInfo, ColumnInfo, ColumnStatistics, Error, Format, MaxGap, Recording, Selection, TimeSpec,
-    TopicInfo, channels, csv, open_with_progress, parquet,
+    ArrayInfo, ClockInfo, ColumnInfo, ColumnStatistics, Error, Format, Log, MaxGap, Recording, Selection, TimeSpec,
+    TopicInfo, agreement, channels, csv, parquet, recording::open_agreed, time_column::Agreed,
 };
 
 /// Rows of a block of the scan for [`ColumnStatistics`].
@@ -110,9 +110,40 @@ fn format_name<S: Serializer>(format: &Format, to: S) -> Result<S::Ok, S::Error>
     to.serialize_str(format.name())
 }
 
+/// Looks at files that are given in one call, as [`inspect`] or, for `values`, as [`inspect_values`]: what single ones leave open, units of clocks and orders of day
+/// and month, all of them tell together, as for [`crate::open`]. Where they disagree, a note of each says what opening them together would.
+///
+/// # Errors
+/// As of each file alone.
+pub fn inspect_together<P: AsRef<Path>>(
+    paths: &[P],
+    values: bool,
+    progress: &dyn Progress,
+) -> Result<Vec<FileInfo>, Error> {
+    let logs: Vec<Log> = paths.iter().map(|path| Log::File(path.as_ref().to_path_buf())).collect();
+    let (agreed, problem) = match agreement::agreed(&logs, &Selection::default(), progress) {
+        Ok(agreed) => (agreed, None),
+        Err(problem @ Error::ColumnsDisagree { .. }) => (Agreed::default(), Some(problem.to_string())),
+        Err(error) => return Err(error),
+    };
+    let each = |path: &P| {
+        let path = path.as_ref();
+        let mut info = if values { inspect_values_by(path, &agreed, progress)? } else { inspect_by(path, &agreed)? };
+        if info.clock.is_some() {
+            info.notes
+                .extend(problem.iter().map(|problem| format!("these files cannot be opened together: {problem}")));
+        }
+        Ok(info)
+    };
+    paths.iter().map(each).collect()
+}
+
 /// Looks at a file's header, metadata and first rows.
 pub fn inspect(path: impl AsRef<Path>) -> Result<FileInfo, Error> {
-    let path = path.as_ref();
+    inspect_by(path.as_ref(), &Agreed::default())
+}
+
+fn inspect_by(path: &Path, agreed: &Agreed) -> Result<FileInfo, Error> {
     let Some(format) = Format::of(path) else {
         return Err(Error::UnknownFormat { path: path.into() });
     };
@@ -123,13 +154,13 @@ pub fn inspect(path: impl AsRef<Path>) -> Result<FileInfo, Error> {
             (found.columns, found.clock, Some(found.rows), Vec::new())
         }
         Format::Csv(compression) => {
-            let found = csv::describe(path, compression)?;
+            let found = csv::describe(path, compression, agreed)?;
             (found.columns.into_iter().map(|column| (column, Ok(()))).collect(), found.clock, None, found.notes)
         }
         _ => return Ok(log_info(path, format, bytes, channels::describe(path, format, &Silent)?)),
     };
     let names: Vec<&str> = columns.iter().map(|(column, _)| column.name.as_str()).collect();
-    let clock = clock.map(|clock| ClockInfo::new(path, clock, &names));
+    let clock = clock.map(|clock| ClockInfo::new(path, clock, &names, agreed));
     let columns = columns
         .into_iter()
         .map(|(column, support)| ColumnInfo {
@@ -187,11 +218,14 @@ fn log_info(path: &Path, format: Format, bytes: u64, found: channels::Descriptio
 
 /// As [`inspect`], and reads all rows once: ranges of the values, rates, gaps, backward stamps. Memory stays bounded.
 pub fn inspect_values(path: impl AsRef<Path>, progress: &dyn Progress) -> Result<FileInfo, Error> {
-    let path = path.as_ref();
+    inspect_values_by(path.as_ref(), &Agreed::default(), progress)
+}
+
+fn inspect_values_by(path: &Path, agreed: &Agreed, progress: &dyn Progress) -> Result<FileInfo, Error> {
     if let Some(format) = Format::of(path).filter(|format| format.is_log()) {
         return Ok(log_info(path, format, size(path)?, channels::statistics(path, format, progress)?));
     }
-    let mut info = inspect(path)?;
+    let mut info = inspect_by(path, agreed)?;
     let mut time = match &info.clock {
         Some(clock) if !clock.is_open() => TimeSpec::Auto,
         _ => TimeSpec::Uniform { dt_seconds: 1.0 },
@@ -203,7 +237,7 @@ pub fn inspect_values(path: impl AsRef<Path>, progress: &dyn Progress) -> Result
         let names = readable.iter().map(|&c| info.columns[c].name.clone());
         let selection =
             Selection { time: time.clone(), max_gap: MaxGap::Auto, allow_duplicates: true, ..Selection::new(names) };
-        match open_with_progress(&[&info.path], &selection, progress) {
+        match open_agreed(&[Log::File(info.path.clone())], &selection, agreed, progress) {
             Ok(recording) => break recording,
             Err(error @ Error::ClockFalls { .. }) => {
                 (info.clock, time) = (None, TimeSpec::Uniform { dt_seconds: 1.0 });

@@ -90,7 +90,7 @@ pub use error::{Error, shell_word};
 pub use estimate::estimate;
 pub use format::{Compression, Format};
 pub use index::ClockSummary;
-pub use inspect::{FileInfo, inspect, inspect_values, path_in_words};
+pub use inspect::{FileInfo, inspect, inspect_together, inspect_values, path_in_words};
 pub use join::JoinKind;
 pub use join_spec::{Base, Cache, ColumnJoin, JoinSpec, Stamp, TopicClock};
 pub use leftovers::remove_leftovers;

@@ -2,7 +2,7 @@
 
 use fleetfoot::{
     ColumnKind, Error,
-    log::{ClockInfo, FileInfo, Format, TopicInfo, inspect, inspect_values},
+    log::{ClockInfo, FileInfo, Format, TopicInfo, inspect_together},
 };
 
 use super::{Context, files};
@@ -14,8 +14,7 @@ use crate::{
 pub(crate) fn info(arguments: &Info, context: &Context) -> Result<(), Error> {
     let files = files(&arguments.data)?;
     let bar = context.bar();
-    let infos: Result<Vec<FileInfo>, _> =
-        files.iter().map(|path| if arguments.values { inspect_values(path, &bar) } else { inspect(path) }).collect();
+    let infos = inspect_together(&files, arguments.values, &bar);
     bar.finish();
     let infos = infos?;
     context.print(&infos, || infos.iter().map(to_text).collect::<Vec<_>>().join("\n\n"));

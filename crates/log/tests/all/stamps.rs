@@ -5,7 +5,7 @@ use std::{collections::BTreeSet, sync::Arc};
 use fleetfoot_data::{Column, ColumnKind, ScalarBuffer, Silent, Source};
 use fleetfoot_log::{
     Error, Log, MemoryTable, ParquetWriter, Recording, Selection, TimeUnit, Values, WriteColumn, WriteKind,
-    WriteOptions, open, open_logs,
+    WriteOptions, inspect_together, open, open_logs,
 };
 
 const UNITS: [TimeUnit; 4] = [TimeUnit::Seconds, TimeUnit::Milliseconds, TimeUnit::Microseconds, TimeUnit::Nanoseconds];
@@ -252,10 +252,22 @@ fn files_of_a_call_agree_on_the_unit() {
         "{:?}",
         recording.notes()
     );
+    // What is told of files before they are opened together is the same.
+    for values in [false, true] {
+        let infos = inspect_together(&[&slow, &fast], values, &Silent).unwrap();
+        for info in &infos {
+            let clock = info.clock.as_ref().unwrap();
+            assert_eq!((clock.unit, clock.is_open()), (Some(TimeUnit::Microseconds), false), "{clock:?}");
+            assert_eq!(clock.summary.is_some(), values);
+        }
+        assert!(inspect_together(&[&slow], values, &Silent).unwrap()[0].clock.as_ref().unwrap().is_open());
+    }
     // Files that can be of no common unit.
     let (other, _) = write("other.csv", TimeUnit::Nanoseconds, 30.0);
     let error = open(&[&slow, &fast, &other], &Selection::new(["x"])).unwrap_err();
     assert!(matches!(error, Error::ColumnsDisagree { .. }), "{error}");
+    let infos = inspect_together(&[&slow, &fast, &other], false, &Silent).unwrap();
+    assert!(infos.iter().all(|info| info.notes[0].contains("cannot be opened together: column `timestamp`")));
 }
 
 #[test]
