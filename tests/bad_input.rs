@@ -426,6 +426,12 @@ fn a_target_that_does_not_vary_is_refused() {
     // A rate may be constant: what falls is accelerated.
     let fall = fit("sindy", &["fall.csv", "--states", "x,v"]).ok().out;
     assert!(fall.contains("d(v)/dt = -9.81"), "{fall}");
+    // A model of the log that moves, on the one that rests.
+    let moving = robot_csv(400, 0.3).replace("v [m/s]", "v");
+    std::fs::write(folder.path().join("moving.csv"), moving).expect("a file");
+    fit("sindy", &["moving.csv", "--states", "v", "--inputs", "u"]).ok();
+    let said = fleetfoot(folder.path(), &["score", "model.json", "zero.csv"]).ok();
+    assert!(said.err.contains("d(v)/dt has the same value in all rows that were scored"), "{}", said.err);
 }
 
 /// Spans at rest count for nothing: this model is unstable, and was told as good for the spans in which nothing moves.

@@ -74,6 +74,9 @@ fn what_is_given_is_kept_and_little_effort_says_what_it_cut() {
         tried.iter().map(|candidate| candidate["order"]["degree"].as_u64().unwrap()).collect()
     };
     assert_eq!(degrees(&found).into_iter().collect::<Vec<_>>(), [1, 2], "the linear model competes in any case");
+    // Products of forty lags are thousands of terms, and took minutes.
+    let found = run(&["--lags-out", "40", "--lags-in", "40", "--effort", "low"]);
+    assert_eq!(degrees(&found).into_iter().collect::<Vec<_>>(), [1], "products of more lags than rows bear");
     // With the lags of the input given, it does not act at once.
     let found = run(&["--lags-in", "2"]);
     assert!(found["tried"].as_array().unwrap().iter().all(|candidate| candidate["direct"] == false));

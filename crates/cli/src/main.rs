@@ -77,7 +77,11 @@ fn main() -> ExitCode {
             ExitCode::from(1)
         }
         Err(Cancelled) | Ok(Err(_)) => {
-            report::tell("stopped; nothing was written");
+            report::tell(match fleetfoot::log::written_files() {
+                0 => "stopped; nothing was written".to_owned(),
+                1 => "stopped; one file was written whole, and stays".to_owned(),
+                files => format!("stopped; {files} files were written whole, and stay"),
+            });
             ExitCode::from(signals::STOPPED)
         }
     }

@@ -51,12 +51,28 @@ pub(crate) fn score_rows(model: &Model, dataset: &Dataset, progress: &dyn Progre
     if scores.rows == 0 {
         return Err(nothing_to_score(&scores));
     }
+    let mut notes = dataset.notes().to_vec();
+    notes.extend(targets_at_rest(&scores));
     Ok(Scored {
         scores,
         free_runs: free_runs_by_file(model, dataset, 1, progress)?,
         episodes: dataset.episodes().len(),
         in_sample: dataset.in_sample(model),
-        notes: dataset.notes().to_vec(),
+        notes,
+    })
+}
+
+/// Targets that did not vary are predicted by any constant: their ratios praise no model.
+fn targets_at_rest(scores: &Scores) -> Option<String> {
+    let at_rest = scores.targets.iter().filter(|target| target.deviation == 0.0).map(|target| target.name.as_str());
+    let names: Vec<&str> = at_rest.collect();
+    let (have, them) =
+        if names.len() == 1 { ("has", "its R2 and ratio say") } else { ("have each", "their R2 and ratios say") };
+    (!names.is_empty()).then(|| {
+        format!(
+            "{} {have} the same value in all rows that were scored: {them} nothing about the model; score rows in which the robot moves",
+            names.join(", ")
+        )
     })
 }
 

@@ -5,6 +5,7 @@ use std::{
     fs::File,
     io::{self, Seek, SeekFrom, Write},
     path::{Path, PathBuf},
+    sync::atomic::{AtomicUsize, Ordering},
 };
 
 use tempfile::NamedTempFile;
@@ -18,6 +19,14 @@ use crate::{
 thread_local! {
     /// Complete files of this thread's [`together`], which have no names yet.
     static TOGETHER: RefCell<Option<Vec<AtomicFile>>> = const { RefCell::new(None) };
+}
+
+/// Files of this process that have got their names.
+static WRITTEN: AtomicUsize = AtomicUsize::new(0);
+
+/// How many files this process has written whole, and given their names: what it can say of them where it is stopped.
+pub fn written_files() -> usize {
+    WRITTEN.load(Ordering::Relaxed)
 }
 
 /// A file under construction: written beside its target, renamed onto it by [`AtomicFile::commit`], removed when dropped before.
@@ -82,7 +91,9 @@ impl AtomicFile {
             }
             Work::Through(temporary) => hand_over(temporary, &target).map(|()| None),
         };
-        done.map_err(|source| Error::Io { path: target, action: "write", source })
+        let made = done.map_err(|source| Error::Io { path: target, action: "write", source })?;
+        WRITTEN.fetch_add(1, Ordering::Relaxed);
+        Ok(made)
     }
 
     /// The open file.
@@ -123,7 +134,8 @@ pub fn together<R, E: From<Error>>(work: impl FnOnce() -> Result<R, E>) -> Resul
             Ok(path) => made.extend(path),
             Err(error) => {
                 // What cannot be removed either stays, and the error says where.
-                made.iter().for_each(|path| drop(std::fs::remove_file(path)));
+                let removed = made.iter().filter(|path| std::fs::remove_file(path).is_ok()).count();
+                WRITTEN.fetch_sub(removed, Ordering::Relaxed);
                 return Err(error.into());
             }
         }
@@ -221,6 +233,8 @@ mod tests {
         write_atomic(&target, b"two").unwrap();
         assert_eq!(std::fs::read(&target).unwrap(), b"two");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+        // Other tests of this process write too.
+        assert!(written_files() >= 2);
     }
 
     #[test]

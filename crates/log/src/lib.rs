@@ -79,7 +79,7 @@ mod ulog;
 mod write_column;
 mod writer;
 
-pub use atomic::{AtomicFile, together, write_atomic};
+pub use atomic::{AtomicFile, together, write_atomic, written_files};
 pub use channels::{MessageColumns, MessageField, MessageRow, Messages};
 pub use clock_info::ClockInfo;
 pub use column_info::{ArrayInfo, ColumnInfo, ColumnStatistics};

@@ -119,7 +119,7 @@ impl Look<'_> {
         let cost = |order: NarxOrder| self.cost(&Job { order, terms });
         let always = |order: NarxOrder| {
             let usual = self.given.or(USUAL);
-            order == usual || order == NarxOrder { degree: 1, ..usual }
+            (order == usual || order == NarxOrder { degree: 1, ..usual }) && self.is_usual(order)
         };
         let orders = state.budget.admit(orders, share, cost, always);
         if orders.is_empty() {
@@ -149,7 +149,7 @@ impl Look<'_> {
 
     /// An estimate of the work of an order, in terms that are evaluated.
     fn cost(&self, job: &Job) -> u64 {
-        let candidates = self.selection.base.candidates(job.order);
+        let candidates = self.candidates(job.order);
         let terms: u64 = job.counts(candidates).iter().map(|&count| STEP + (count * self.outputs) as u64).sum();
         let scan = (candidates as u64).saturating_mul(candidates as u64) / PRODUCTS;
         (self.rows as u64 * self.selection.partitions.len() as u64).saturating_mul(terms.saturating_add(scan))
@@ -157,13 +157,27 @@ impl Look<'_> {
 
     /// Those that the rows can carry and that the effort allows, and the usual order with its linear part.
     fn fits(&self, orders: Vec<NarxOrder>) -> Vec<NarxOrder> {
-        let most = self.options.effort.most_candidates().min(self.rows / ROWS_PER_CANDIDATE);
-        let usual = self.given.or(USUAL);
         let fits = |order: &NarxOrder| {
-            let known = order.is_within(usual);
-            known || (order.reach() <= self.most_lags && self.selection.base.candidates(*order) <= most)
+            self.is_usual(*order)
+                || (order.reach() <= self.most_lags && self.candidates(*order) <= self.most_candidates())
         };
         orders.into_iter().filter(fits).collect()
+    }
+
+    fn candidates(&self, order: NarxOrder) -> usize {
+        self.selection.base.candidates(order)
+    }
+
+    fn most_candidates(&self) -> usize {
+        self.options.effort.most_candidates().min(self.rows / ROWS_PER_CANDIDATE)
+    }
+
+    /// Orders that are tried whatever they cost: the usual one with its linear part. Products of many lags that were given are not, unless their degree is
+    /// given too.
+    fn is_usual(&self, order: NarxOrder) -> bool {
+        let chosen = (self.given.outputs.is_none() && self.given.inputs.is_none()) || self.given.degree.is_some();
+        order.is_within(self.given.or(USUAL))
+            && (order.degree == 1 || chosen || self.candidates(order) <= self.most_candidates())
     }
 
     /// Linear models of all lags that are not given.

@@ -217,10 +217,8 @@ impl Selection<'_> {
         partition: Option<&Partition>,
         progress: &dyn Progress,
     ) -> Result<SystemScan, Error> {
-        match partition {
-            Some(partition) => progress.stage(&format!("scan {}", partition.specification)),
-            None => progress.stage("scan"),
-        }
+        let of = partition.map_or_else(String::new, |partition| format!(", {}", partition.specification));
+        progress.stage(&format!("scan of {} candidates{of}", task.task.functions.len()));
         let system = System { partition: partition.cloned(), ..task.task.system() };
         Ok(SystemPlan::new(system, None, self.cut)?.scan(self.cut, progress)?)
     }

@@ -122,7 +122,7 @@ impl Evidence {
     ) -> Result<Self, Error> {
         let mut notes = Vec::new();
         let partition = frozen.partition(recipe, seed, step, view, &mut notes, progress)?;
-        progress.stage("scan");
+        progress.stage(&format!("scan of {} candidates", frozen.task.functions.len()));
         let plan = SystemPlan::new(frozen.task.summed(partition), None, view)?;
         let scan = plan.scan(view, progress)?;
         let known = view.episodes().iter().map(|episode| (episode.id, TrainedEpisode::from(episode))).collect();

@@ -85,11 +85,11 @@ pub fn sweep(
         same_shape("the training problem of fold", index, &fold.train, problem)?;
         same_shape("the held-out problem of fold", index, &fold.test, problem)?;
     }
-    progress.stage("models on all rows");
+    progress.stage(&format!("models of {} candidates on all rows", problem.columns()));
     let trails = parallel_map(targets, progress, |target| {
         options.rivals.trail(problem, target, optimizer, &terms[target], &options.thresholds)
     })?;
-    progress.stage("models of the folds");
+    progress.stage(&format!("models of {} candidates on {} folds", problem.columns(), folds.len()));
     let compared = trails.into_iter().enumerate();
     compared
         .map(|(target, trail)| compare(problem, trail, folds, (target, &terms[target]), optimizer, (options, progress)))
