@@ -121,6 +121,12 @@ impl Comments {
         Some((Place::Comment, 0))
     }
 
+    /// Whether a comment or a quote may be in a text.
+    fn is_telling(&self, text: &[u8]) -> bool {
+        let has = |byte: u8| text.contains(&byte);
+        has(b'#') || has(b'%') || has(b'/') || has(b'"') || self.semicolons && has(b';')
+    }
+
     fn is_delimiter(&self, byte: u8) -> bool {
         match self.delimiter {
             Delimiter::Byte(delimiter) => byte == delimiter,
@@ -136,6 +142,17 @@ fn is_line_end(byte: u8) -> bool {
 impl Convert for Comments {
     fn convert(&mut self, text: &mut [u8], is_end: bool) -> usize {
         let before = self.offset;
+        // Whole lines without a mark and a quote, as those of numbers are.
+        if !is_end
+            && self.place == Place::Begin
+            && !self.is_telling(text)
+            && let Some(end) = text.iter().rposition(|&byte| is_line_end(byte))
+        {
+            self.above = false;
+            self.left_out.is_last.set(false);
+            self.offset += 1 + end as u64;
+            return 1 + end;
+        }
         let mut at = 0;
         while at < text.len() {
             let (byte, rest) = (text[at], &text[at..]);

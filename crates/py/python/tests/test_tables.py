@@ -319,3 +319,11 @@ def test_text_is_no_number(kind, tmp_path):
     with pytest.raises(DataError, match="the column " + mode):
         fit('[inputs]\nv = {}\n[model]\npredict = "mode"\n')
     assert len(fit("[states]\nv = {}\n", "labels:mode").regions) == 2
+
+
+def test_times_of_the_day_pass_midnight():
+    tenths = [(863_900 + i) % 864_000 for i in range(200)]
+    clock = pa.array([tenth * 100_000 for tenth in tenths], pa.time64("us"))
+    table = ff.read(pa.table({"time": clock, "x": [float(i % 7) for i in range(200)]}))
+    seconds = table.to_pyarrow()["t"].to_pylist()
+    assert seconds == pytest.approx([i / 10 for i in range(200)])
