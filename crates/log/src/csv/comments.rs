@@ -2,6 +2,8 @@
 
 use std::{cell::Cell, rc::Rc};
 
+use memchr::{memchr, memchr2};
+
 use super::{
     blanks::Delimiter,
     convert::Convert,
@@ -87,7 +89,7 @@ impl Comments {
 
     /// Begins the line at the front of `text`: the place that follows, after so many bytes. `None` where more of the line is needed.
     fn begin(&mut self, text: &mut [u8], is_end: bool) -> Option<(Place, usize)> {
-        let end = text.iter().position(|&byte| is_line_end(byte));
+        let end = line_end(text);
         let telling = self.header.as_ref().map_or(0, |header| header.len()) + TELLING;
         let length = end.unwrap_or(text.len());
         let line = &mut text[..length];
@@ -102,7 +104,7 @@ impl Comments {
         if !begins_comment(line, self.semicolons) {
             self.above = false;
             // Nothing but a quote may go on beyond the line.
-            let is_plain = end.is_some() && !line.contains(&b'"');
+            let is_plain = end.is_some() && memchr(b'"', line).is_none();
             return Some(if is_plain { (Place::Begin, length) } else { (Place::Cell, 0) });
         }
         let marks = line.iter().take_while(|&&byte| is_mark(byte)).count();
@@ -137,6 +139,10 @@ impl Comments {
 
 fn is_line_end(byte: u8) -> bool {
     matches!(byte, b'\n' | b'\r')
+}
+
+fn line_end(text: &[u8]) -> Option<usize> {
+    memchr2(b'\n', b'\r', text)
 }
 
 impl Convert for Comments {
@@ -182,7 +188,7 @@ impl Convert for Comments {
                     rest.iter().position(ends).unwrap_or(rest.len())
                 }
                 // A quote in quotes is written twice: the second one opens them again.
-                Place::Quoted => match (rest.iter().position(|&byte| byte == b'"'), is_end) {
+                Place::Quoted => match (memchr(b'"', rest), is_end) {
                     (None, _) => rest.len(),
                     (Some(quote), _) => match rest.get(quote + 1) {
                         Some(b'"') => quote + 2,
@@ -197,7 +203,7 @@ impl Convert for Comments {
                     },
                 },
                 Place::Comment => {
-                    let end = rest.iter().position(|&byte| is_line_end(byte));
+                    let end = line_end(rest);
                     let length = end.unwrap_or(rest.len());
                     text[at..at + length].fill(b'\n');
                     if end.is_some() {
