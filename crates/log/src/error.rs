@@ -379,7 +379,7 @@ pub enum Error {
     },
     /// A rate far beyond that of the channels.
     #[error(
-        "{}: {hz} rows a second are more than 100 times the {fastest} samples a second of {name}, the fastest: take a rate (--rate; [time] rate in a recipe) up to {}",
+        "{}: {hz} rows a second are more than 100 times the {fastest} samples a second of {name}: take a rate (--rate; [time] rate in a recipe) up to {}",
         path.display(), 100.0 * fastest
     )]
     RateTooHigh {
