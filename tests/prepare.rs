@@ -103,7 +103,10 @@ fn the_written_recipe_fits_unchanged() {
         assert!((found - truth).abs() < 0.03 * truth.abs(), "{term}: {found}");
     }
     // A position's rate is known; the model simulates both.
-    fleetfoot(path, &["rollout", "model.json", "clean", "--horizon", "100", "--starts", "20"]).ok();
+    let said = fleetfoot(path, &["rollout", "model.json", "clean", "--horizon", "100", "--starts", "20"]).ok();
+    let told = said.err.split("scatter about them by x ").nth(1).and_then(|rest| rest.split(' ').next());
+    let scatter: f64 = told.and_then(|text| text.parse().ok()).unwrap_or_else(|| panic!("{}", said.err));
+    assert!((scatter / 0.00202 - 1.0).abs() < 0.05, "{scatter}");
     // Of a raw log the model knows no column: it must be prepared first.
     fleetfoot(path, &["score", "model.json", "run_0.csv"]).fails(&["there is no column", "fleetfoot prepare"]);
 }

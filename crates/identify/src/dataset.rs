@@ -4,13 +4,11 @@ mod clock;
 mod fields;
 mod period;
 mod selection;
+mod smoothed;
 mod topics;
 mod trained;
 
-use std::{
-    path::{Path, PathBuf},
-    sync::atomic::AtomicBool,
-};
+use std::{path::Path, sync::atomic::AtomicBool};
 
 use fleetfoot_data::{Column, Episode, Progress, Source, Watch, Watched};
 use fleetfoot_library::Expr;
@@ -29,7 +27,6 @@ use crate::{
     condition::Condition,
     found_clocks::{AlignedClock, Clocks},
     labels::Labelled,
-    logs::is_prepared,
     problem::Aliases,
     settled::{Recorded, Settled},
     text::refuse_text,
@@ -61,16 +58,6 @@ pub(crate) struct Named {
     pub(crate) recipe: Recipe,
     pub(crate) columns: Vec<ModelColumn>,
     pub(crate) expressions: Vec<(Column, Expr)>,
-}
-
-/// What errors on prepared logs are not: those from measurements.
-fn smoothed_truth(logs: &Logs) -> Option<String> {
-    let is_smoothed = |file: &PathBuf| file.file_name().is_some_and(|name| is_prepared(&name.to_string_lossy()));
-    logs.files().iter().any(is_smoothed).then(|| {
-        "these logs are what `prepare` wrote: held-out errors, scores and rollouts are against smoothed values, which a smooth model meets more easily than \
-         measurements; `fleetfoot rollout MODEL RAW.csv` tells the error against measurements where the model needs no derivative columns"
-            .to_owned()
-    })
 }
 
 impl Dataset {
@@ -180,7 +167,7 @@ impl Dataset {
         let recording = fleetfoot_log::open_logs(logs.all(), &selection, progress)?;
         let mut notes = recording.notes().to_vec();
         notes.extend(clocks.notes);
-        notes.extend(smoothed_truth(logs));
+        notes.extend(smoothed::truth(logs));
         let recording = match condition {
             Some(condition) => {
                 let (runs, told) = condition.runs(&Labelled::new(Watched::new(&recording, None), &labels), progress)?;

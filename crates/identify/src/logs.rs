@@ -107,6 +107,9 @@ pub fn is_statistic(files: &[PathBuf]) -> bool {
 /// The end of the names of the files that `prepare` writes.
 pub(crate) const PREPARED: &str = ".clean.parquet";
 
+/// The key of a prepared file's metadata: the standard deviation of a measurement about the curve, by column, as JSON.
+pub(crate) const NOISE: &str = "fleetfoot.noise";
+
 /// Whether a file has the name of one that `prepare` wrote.
 pub(crate) fn is_prepared(name: &str) -> bool {
     name.ends_with(PREPARED)

@@ -30,7 +30,7 @@ use crate::{
     Dataset, EpisodeRule, Error, Logs, Recipe, Settled,
     clocks::AlignedClock,
     folder::{Folder, RECIPE},
-    logs::is_prepared,
+    logs::{NOISE, is_prepared},
     told,
 };
 use channel::{Channel, Curve};
@@ -315,7 +315,11 @@ impl Job<'_> {
         let stamp = |time: &f64| block.start + (time * 1e9).round() as i64;
         let stamps: Vec<i64> = times[rows].iter().step_by(self.options.decimate).map(stamp).collect();
         let file = self.names.next(&info.name);
-        write::write(&self.folder.staged(&file), self.columns.clone(), &stamps, &columns, &self.write)?;
+        let noise: BTreeMap<&str, f64> =
+            channels.iter().filter_map(|own: &ChannelReport| Some((own.channel.as_str(), own.noise?))).collect();
+        let mut options = self.write.clone();
+        options.metadata.insert(NOISE.to_owned(), serde_json::json!(noise).to_string());
+        write::write(&self.folder.staged(&file), self.columns.clone(), &stamps, &columns, &options)?;
         self.label(&file, &info.labels);
         Ok(Some(PieceReport { file, rows: stamps.len(), channels }))
     }
