@@ -48,7 +48,7 @@ def test_refined_regions_follow_the_targets() -> None:
 def test_cells_are_joined_to_regions() -> None:
     # One map holds on both sides of another. (Cells that a border cuts are worth a third region, at their size.)
     random = np.random.RandomState(1)
-    X = random.uniform(-3.0, 3.0, (4000, 1))
+    X = random.uniform(-3.0, 3.0, (1000, 1))
     y = np.where(np.abs(X[:, 0]) < 1.0, 2.0 * X[:, 0], 1.0 - X[:, 0]) + 0.01 * random.normal(size=len(X))
     lattice = ff.PWARegressor(partition="lattice", n_regions=[1, 2]).fit(X, y)
     assert lattice.partition_ == "lattice:2" and lattice.n_regions_ == 2

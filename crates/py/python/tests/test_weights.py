@@ -20,7 +20,6 @@ ESTIMATORS: dict[str, Any] = {
     "refined": lambda: ff.PWARegressor(4, partition="refined", random_state=0),
     "kmeans, chosen": lambda: ff.PWARegressor([1, 2, 4], random_state=0),
     "kmeans, shrunk": lambda: ff.PWARegressor(4, shrinkage=3.0, random_state=0),
-    "lattice": lambda: ff.PWARegressor(4, partition="lattice", random_state=0),
     "tree": lambda: ff.PWARegressor(4, partition="tree", random_state=0),
     "bic": lambda: ff.PWARegressor([1, 2, 4], selection="bic", random_state=0),
     "Lasso": lambda: ff.Lasso(0.01),
@@ -51,7 +50,7 @@ def test_the_scale_of_weights_says_nothing(make: Any, weight: np.ndarray) -> Non
 
 
 def test_weights_of_shares_find_all_regions() -> None:
-    for partition in ("refined", "lattice", "tree"):
+    for partition in ("refined", "tree"):
         make = ff.PWARegressor(4, partition=partition, random_state=0)
         plain = make.fit(X, TARGET).n_regions_
         shares = make.fit(X, TARGET, np.full(400, 1.0 / 400.0))
