@@ -21,7 +21,7 @@ use fleetfoot_data::nearest_one;
 
 pub(crate) use damage::{Damage, Lost};
 pub(crate) use map::{Kind, Map, ULOG};
-pub(crate) use times::{Span, summary};
+pub(crate) use times::{Span, piece_spans, summary};
 
 use crate::Error;
 

@@ -5,9 +5,13 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use fleetfoot_data::Progress;
+use fleetfoot_data::{Progress, parallel_map};
 
-use crate::{Compression, Error, Format, Log, container::summary, containers};
+use crate::{
+    Compression, Error, Format, Log,
+    container::{Container, Span, piece_spans},
+    containers,
+};
 
 /// Nanoseconds between two files of a recording at most, if its messages come faster.
 const LONGEST: f64 = 0.5e9;
@@ -39,10 +43,12 @@ pub(crate) fn joined(logs: Vec<Log>, progress: &dyn Progress) -> Result<Joined, 
         }
     }
     let mut further: BTreeMap<PathBuf, Vec<PathBuf>> = BTreeMap::new();
-    for files in sets.into_values().filter(|files| files.len() > 1) {
+    sets.retain(|_, files| files.len() > 1);
+    let all: Vec<&PathBuf> = sets.values().flat_map(BTreeMap::values).collect();
+    let mut ends = parallel_map(all.len(), progress, |at| Ends::of(all[at], progress))?.into_iter();
+    for files in sets.into_values() {
         let mut head: Option<(PathBuf, u64, Option<Ends>)> = None;
-        for (number, path) in files {
-            let ends = Ends::of(&path, progress)?;
+        for ((number, path), ends) in files.into_iter().zip(&mut ends) {
             let before =
                 head.as_ref().filter(|(_, before, _)| before + 1 == number).and_then(|(_, _, ends)| ends.as_ref());
             let goes_on = before.zip(ends.as_ref()).is_some_and(|(before, ends)| ends.go_on_from(before));
@@ -71,35 +77,44 @@ fn numbered(path: &Path) -> Option<(u64, (PathBuf, String, String))> {
     Some((number, (path.parent()?.to_path_buf(), stem.to_owned(), ending.to_owned())))
 }
 
-/// Topics of a file with their types, its first and last log time, and the messages a second of its fastest topic.
+/// Topics of a file with their types, its first and last log time, and the mean period of its fastest topic, nanoseconds.
 struct Ends {
     topics: Vec<(String, String)>,
     first: i64,
     last: i64,
-    fastest: f64,
+    shortest: Option<f64>,
 }
 
 impl Ends {
     /// `None` of a file that cannot be read or has no messages.
     fn of(path: &Path, progress: &dyn Progress) -> Result<Option<Self>, Error> {
         let Some(format) = Format::of(path) else { return Ok(None) };
-        let told = containers::open(path, format, &[], progress).and_then(|container| {
-            let topics = container.topics().iter().map(|topic| (topic.name.clone(), topic.type_name.clone())).collect();
-            Ok((topics, summary(container.as_ref(), progress)?.topics))
-        });
-        let (topics, times) = match told {
-            Ok(told) => told,
-            Err(error @ Error::Cancelled(_)) => return Err(error),
-            Err(_) => return Ok(None),
+        match containers::open(path, format, &[], progress) {
+            Ok(container) => Ok(Self::of_container(container.as_ref())),
+            Err(error @ Error::Cancelled(_)) => Err(error),
+            Err(_) => Ok(None),
+        }
+    }
+
+    /// By the first and the last piece that has messages.
+    fn of_container(container: &dyn Container) -> Option<Self> {
+        let spans = |piece: usize| -> Option<Vec<Span>> {
+            let spans = piece_spans(container, piece).ok()?;
+            (!spans.is_empty()).then(|| spans.into_values().collect())
         };
-        let first = times.iter().filter_map(|own| own.first).min();
-        let last = times.iter().filter_map(|own| own.last).max();
-        let fastest = times.iter().filter_map(|own| own.rate).fold(0.0, f64::max);
-        Ok(first.zip(last).map(|(first, last)| Self { topics, first, last, fastest }))
+        let begin = (0..container.pieces()).find_map(spans)?;
+        let end = (0..container.pieces()).rev().find_map(spans)?;
+        let periods = begin.iter().chain(&end).filter_map(Span::period).filter(|&period| period > 0.0);
+        Some(Self {
+            topics: container.topics().iter().map(|topic| (topic.name.clone(), topic.type_name.clone())).collect(),
+            first: begin.iter().map(|span| span.first).min()?,
+            last: end.iter().map(|span| span.last).max()?,
+            shortest: periods.reduce(f64::min),
+        })
     }
 
     fn go_on_from(&self, before: &Self) -> bool {
-        let longest = if before.fastest > 0.0 { (PERIODS * 1e9 / before.fastest).max(LONGEST) } else { LONGEST };
+        let longest = before.shortest.map_or(LONGEST, |period| LONGEST.max(PERIODS * period));
         self.topics == before.topics && self.first.abs_diff(before.last) as f64 <= longest
     }
 }

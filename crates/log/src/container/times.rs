@@ -169,7 +169,7 @@ fn piece_times(container: &dyn Container, piece: usize) -> Result<PieceTimes, Er
 }
 
 /// First and last log times in a piece, by topic.
-fn piece_spans(container: &dyn Container, piece: usize) -> Result<BTreeMap<usize, Span>, Error> {
+pub(crate) fn piece_spans(container: &dyn Container, piece: usize) -> Result<BTreeMap<usize, Span>, Error> {
     if let Some(spans) = container.indexed_spans(piece) {
         return Ok(spans);
     }
@@ -200,7 +200,7 @@ impl Span {
     }
 
     /// The mean period, nanoseconds.
-    fn period(&self) -> Option<f64> {
+    pub(crate) fn period(&self) -> Option<f64> {
         (self.count > 1).then(|| self.last.saturating_sub(self.first) as f64 / (self.count - 1) as f64)
     }
 }
