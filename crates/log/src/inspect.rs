@@ -1,7 +1,7 @@
 //! What a file holds: columns, units, clock, and, when asked, the range of the values.
 
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, HashMap},
     path::{Path, PathBuf},
 };
 
@@ -232,7 +232,9 @@ fn inspect_values_by(path: &Path, agreed: &Agreed, progress: &dyn Progress) -> R
     };
     // A name that occurs twice cannot be asked for, and a text with too many values is no category: leave these out and say so.
     let mut readable: Vec<usize> = (0..info.columns.len()).filter(|&c| info.columns[c].unsupported.is_none()).collect();
-    readable.retain(|&c| info.columns.iter().filter(|column| column.name == info.columns[c].name).count() == 1);
+    let mut count: HashMap<&str, usize> = HashMap::new();
+    info.columns.iter().for_each(|column| *count.entry(&column.name).or_default() += 1);
+    readable.retain(|&c| count[info.columns[c].name.as_str()] == 1);
     let recording = loop {
         let names = readable.iter().map(|&c| info.columns[c].name.clone());
         let selection =
