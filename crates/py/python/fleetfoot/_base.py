@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from . import _plain
 from ._arrays import numbers, unmasked
+from ._keywords import hinting
 
 if TYPE_CHECKING:
     from ._plain import (
@@ -62,6 +63,18 @@ else:
 
         HAS_SKLEARN = False
         _check_array = _validate = None
+
+if not TYPE_CHECKING:
+    _Base = BaseEstimator
+
+    class BaseEstimator(_Base):
+        """The base of all estimators; a keyword that a constructor does not have is answered with the one that was meant."""
+
+        def __init_subclass__(cls, **options: Any) -> None:
+            super().__init_subclass__(**options)
+            if "__init__" in vars(cls):
+                cls.__init__ = hinting(cls.__init__, cls.__name__)
+
 
 __all__ = [
     "HAS_SKLEARN",

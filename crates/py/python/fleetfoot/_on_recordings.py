@@ -15,6 +15,7 @@ from ._controller import Controller, what
 from ._data import in_unit
 from ._equations import Content
 from ._frames import CLOCKS, Frame, frame, in_order, runs_in_order, slopes_in_order
+from ._keywords import hinting
 from ._progress import Progress, reporting
 from ._runs import is_arrays, runs
 from ._tables import Rollouts, Scores
@@ -184,6 +185,7 @@ class OnRecordings:
         report["notes"] = tell_all(report["notes"])
         return report
 
+    @hinting
     def rollout(
         self,
         data: Any,

@@ -11,6 +11,7 @@ from typing import Any
 from . import _core, _recipe
 from ._data import Dataset
 from ._data import open as open_data
+from ._keywords import hinting
 from ._progress import Progress, reporting
 from ._warnings import tell_all
 
@@ -57,6 +58,7 @@ class Prepared:
         return open_data(list(self.files), recipe=self.recipe)
 
 
+@hinting
 def prepare(
     data: Any,
     folder: str | os.PathLike[str],
