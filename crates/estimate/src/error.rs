@@ -7,6 +7,9 @@ use fleetfoot_library::{FilterError, UnknownColumn};
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EstimateError {
+    /// A problem needs more memory than there is.
+    #[error(transparent)]
+    Memory(#[from] fleetfoot_data::OutOfMemory),
     /// Nothing to estimate.
     #[error("there are no parameters: name those that the models use, with an initial value each")]
     NoParameters,

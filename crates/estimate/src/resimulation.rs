@@ -17,7 +17,7 @@ mod descent;
 mod noise;
 mod program;
 
-use fleetfoot_data::{Progress, Source, parallel_map};
+use fleetfoot_data::{Progress, Source, ensure_memory, parallel_map};
 use fleetfoot_model::{Model, Prediction, Role};
 
 use crate::{
@@ -272,7 +272,15 @@ fn check_memory(reader: &Reader<'_>, source: &dyn Source, options: &Resimulation
             let every = own.rows.div_ceil(most.max(1));
             Err(EstimateError::TooLong { episode: own.name.clone(), rows: own.rows / options.every, most, every })
         }
-        None => Ok(()),
+        None => {
+            let rows = source.episodes().iter().map(|own| own.rows / options.every).max().unwrap_or(0);
+            ensure_memory(
+                (rows as f64 * bytes_of_row(states, columns)) as usize,
+                &format!("an episode of {rows} rows on the grid"),
+                "follow fewer rows (--every), or split the log",
+            )?;
+            Ok(())
+        }
     }
 }
 

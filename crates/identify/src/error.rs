@@ -217,6 +217,8 @@ impl Error {
         use fleetfoot_sparse::{structured::ScanError, system::SystemError};
         match self {
             Self::Memory(_) => true,
+            Self::Log(fleetfoot_log::Error::Memory(_)) => true,
+            Self::Estimate(fleetfoot_estimate::EstimateError::Memory(_)) => true,
             Self::Identification(error) => error.is_memory(),
             Self::System(SystemError::Plan(error)) | Self::Scan(ScanError::Plan(error)) => error.is_memory(),
             Self::WithReasons { error, .. } => error.is_memory(),

@@ -11,6 +11,8 @@ use crate::{Dataset, Error, request::Cause};
 /// Rows that are looked at together, and at most.
 const ROWS: usize = 65_536;
 const MOST_ROWS: usize = 1 << 21;
+/// Values that are looked at together: of many expressions fewer rows.
+const VALUES: usize = 1 << 23;
 /// Rows without a value in which one expression is looked at, at most: where values are missing in the log, its own are.
 const MOST_TRIED: usize = 4096;
 /// A field is told that lacks more than one value in so many rows, and episodes of fewer rows on average.
@@ -54,6 +56,7 @@ pub(crate) fn explain(dataset: &Dataset, functions: impl IntoIterator<Item = Exp
 pub(crate) fn with_reasons(error: Error, dataset: &Dataset, functions: impl IntoIterator<Item = Expr>) -> Error {
     match error {
         Error::Cancelled(_) | Error::Data(_) | Error::Log(_) => error,
+        error if error.is_memory() => error,
         error => {
             let mut reasons = if is_too_few(&error) { too_few(dataset).unwrap_or_default() } else { Vec::new() };
             reasons.extend(explain(dataset, functions).unwrap_or_default());
@@ -120,9 +123,10 @@ fn first_of_each(source: &dyn Source, expressions: &[(String, Expr)]) -> Result<
     let mut told: Vec<Option<String>> = vec![None; expressions.len()];
     let mut tried = vec![0; expressions.len()];
     let mut left = MOST_ROWS;
+    let rows = (VALUES / expressions.len().max(1)).clamp(1, ROWS);
     for (episode, info) in source.episodes().iter().enumerate() {
-        for from in (0..info.rows).step_by(ROWS) {
-            let range = from..(from + ROWS).min(info.rows).min(from + left);
+        for from in (0..info.rows).step_by(rows) {
+            let range = from..(from + rows).min(info.rows).min(from + left);
             left -= range.len();
             let values = seen.read(episode, range.clone(), Halo::default())?;
             for (at, (label, expression)) in expressions.iter().enumerate() {

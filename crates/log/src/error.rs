@@ -130,6 +130,9 @@ pub enum Error {
         /// What that says.
         second_is: String,
     },
+    /// A table needs more memory than there is.
+    #[error(transparent)]
+    Memory(#[from] fleetfoot_data::OutOfMemory),
     /// A text column with too many different texts to be a category.
     #[error("{}: column `{column}` holds more than {limit} different texts, so it is not a category: leave it out", path.display())]
     TooManyCategories {

@@ -263,8 +263,16 @@ pub(crate) fn filter<'py>(
     let changes = with_cache(of_json(recipe_text)?, cache);
     let (filtered, kept) = run(py, progress, |progress| {
         let mut kept = Vec::new();
+        let mut bytes = 0;
         let filtered = match (&output, keep) {
             (None, true) => fleetfoot::filter_rows(&model.model, &changes, &data.logs, progress, |_, rows| {
+                // An episode that grows is moved, and what is kept is copied for Python in the end.
+                bytes += rows.bytes();
+                ensure_memory(
+                    2 * bytes,
+                    "the estimates of all rows (keep=True)",
+                    "leave keep away, write them to a file (output=), or filter in parts",
+                )?;
                 match kept.last_mut().filter(|_| rows.first() > 0) {
                     Some(before) => FilteredRows::extend(before, rows),
                     None => kept.push(rows.clone()),

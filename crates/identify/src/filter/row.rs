@@ -126,6 +126,24 @@ impl FilteredRows {
         }
     }
 
+    /// Bytes that the rows take.
+    pub fn bytes(&self) -> usize {
+        let columns = [
+            &self.means,
+            &self.deviations,
+            &self.probabilities,
+            &self.innovations,
+            &self.innovation_deviations,
+            &self.log_likelihood,
+            &self.nis,
+            &self.nees,
+            &self.errors,
+            &self.truths,
+            &self.measured,
+        ];
+        8 * (self.stamps.len() + columns.iter().map(|column| column.len()).sum::<usize>())
+    }
+
     /// Appends the rows that follow these in their episode.
     pub fn extend(&mut self, next: &Self) {
         self.stamps.extend(&next.stamps);

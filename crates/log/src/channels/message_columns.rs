@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use fleetfoot_data::{ColumnKind, Progress, parallel_fold};
+use fleetfoot_data::{ColumnKind, Progress, ensure_memory, parallel_fold};
 use fleetfoot_message::{Extract, FieldKind, MISSING, Row};
 
 use super::{
@@ -37,6 +37,11 @@ pub struct MessageField {
     pub kind: ColumnKind,
     /// One value a message: numbers as they are, codes for texts; NaN where a message has none.
     pub values: Vec<f64>,
+}
+
+/// Messages that a file claims to have, as far as that is believable: a damaged count must not take the memory.
+fn believed(count: Option<u64>) -> usize {
+    count.unwrap_or(0).min(1 << 24) as usize
 }
 
 impl Messages {
@@ -94,6 +99,13 @@ impl Messages {
                 names.iter().map(|name| of(name).unwrap_or_else(|| (name.clone(), ColumnKind::Float))).collect()
             }
         };
+        // Times beside the fields, and pieces of the file on their way into them.
+        let count = believed(self.container.topics()[self.container.topic(topic)?].count);
+        ensure_memory(
+            count.saturating_mul(8 * (wanted.len() + 4)),
+            &format!("a table of {count} messages and {} fields", wanted.len()),
+            "name the fields that are needed",
+        )?;
         let names: Vec<&str> = wanted.iter().map(|(name, _)| name.as_str()).collect();
         // Without fields there are still the messages' times.
         let (index, extract) = match names.is_empty() {
@@ -201,9 +213,9 @@ impl<'a> Sink<'a> {
         }
     }
 
-    /// Room for as many messages as the file claims, as far as that is believable: a damaged count must not take the memory.
+    /// Room for as many messages as the file claims, as far as that is believable.
     fn reserve(&mut self, count: Option<u64>) {
-        let count = count.unwrap_or(0).min(1 << 24) as usize;
+        let count = believed(count);
         self.columns.log_time.reserve(count);
         self.columns.publish_time.reserve(count);
         self.columns.header_stamp.reserve(count);
