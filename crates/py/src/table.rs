@@ -160,6 +160,23 @@ impl Table {
         self.batch.num_rows()
     }
 
+    /// The rows, each a dict by the names of the columns: what ``pandas.DataFrame(table)`` reads.
+    fn __iter__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("fleetfoot._rows")?.call_method1("rows", (slf,))
+    }
+
+    /// Columns of numbers side by side (rows, columns), a copy, for libraries that speak DLPack.
+    #[pyo3(signature = (**options))]
+    fn __dlpack__<'py>(slf: &Bound<'py, Self>, options: Option<&Bound<'py, PyDict>>) -> PyResult<Bound<'py, PyAny>> {
+        let matrix = slf.py().import("fleetfoot._rows")?.call_method1("matrix", (slf,))?;
+        matrix.call_method("__dlpack__", (), options)
+    }
+
+    /// The processor's memory, as DLPack numbers it.
+    fn __dlpack_device__(&self) -> (i32, i32) {
+        (1, 0)
+    }
+
     fn __contains__(&self, name: &str) -> bool {
         self.schema().index_of(name).is_ok()
     }

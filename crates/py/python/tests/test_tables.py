@@ -327,3 +327,25 @@ def test_times_of_the_day_pass_midnight():
     table = ff.read(pa.table({"time": clock, "x": [float(i % 7) for i in range(200)]}))
     seconds = table.to_pyarrow()["t"].to_pylist()
     assert seconds == pytest.approx([i / 10 for i in range(200)])
+
+
+def test_other_libraries_take_the_columns_by_name():
+    table = ff.read(pa.table({"t": T, "q": X[:, 0], "mode": ["a", "b"] * (len(T) // 2)}), ["q", "mode"])
+    for found in (pd.DataFrame(table), table.to_pandas()):
+        assert list(found.columns) == table.columns
+        np.testing.assert_array_equal(found["q"].to_numpy(), X[:, 0])
+        np.testing.assert_array_equal(found["stamp"].to_numpy(), table["stamp"])
+        assert list(found["mode"]) == ["a", "b"] * (len(T) // 2)
+    assert pl.DataFrame(table).columns == table.columns
+    np.testing.assert_array_equal(pl.DataFrame(table)["q"].to_numpy(), X[:, 0])
+    first = next(iter(table))
+    assert first["q"] == X[0, 0] and first["stamp"] == table["stamp"][0]
+
+
+def test_numbers_of_a_table_go_through_dlpack():
+    table = ff.read({"t": T, "q": X[:, 0], "v": X[:, 1]}, NAMES)
+    np.testing.assert_array_equal(np.from_dlpack(table[NAMES]), X)
+    np.testing.assert_array_equal(np.from_dlpack(table["q"]), X[:, 0])
+    assert table.__dlpack_device__() == np.empty(1).__dlpack_device__()
+    with pytest.raises(TypeError, match=r"`episode`, `stamp` holds no numbers: take table\[\['t', 'q', 'v'\]\]"):
+        np.from_dlpack(table)
