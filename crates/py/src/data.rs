@@ -18,8 +18,8 @@ use crate::{
 /// An array with the names of its columns.
 type Part<'py> = (Bound<'py, PyAny>, Vec<String>);
 
-/// What is read: files, tables in memory, or both.
-#[pyclass(frozen, module = "fleetfoot._core")]
+/// What is read: files, tables in memory, or both. Files that are made for it go with it: it can be referred to weakly.
+#[pyclass(frozen, weakref, module = "fleetfoot._core")]
 pub(crate) struct Data {
     pub(crate) logs: Logs,
 }

@@ -15,6 +15,7 @@ from . import _core
 from ._arrays import is_words, numbers, period_seconds
 from ._frames import Frame, frame
 from ._html import of_dataset
+from ._lazy import has_lazy, spooled
 from ._warnings import warn
 
 
@@ -124,6 +125,8 @@ def open(  # noqa: A001
           ``name1``, ... (a tuple of
           k names as the key names them). numpy arrays of any number type, order and strides are read where they are.
         - An array of shape (rows, k): its columns are called ``x0``, ``x1``, ...
+        - A lazy table of polars: it is computed block by block into a file in the folder of temporary files, and read
+          from there, however many rows it has.
         - A list of tables, mappings or arrays: one run each.
         - An iterator of record batches or tables of one schema: one run. Fits read rows more than once, so the batches
           are gathered and kept.
@@ -172,6 +175,11 @@ def open(  # noqa: A001
         recipe = source.recipe if recipe is None else recipe
     elif _is_path(source) or _is_paths(source):
         core = _files(source, name, t)
+    elif has_lazy(source):
+        if t is not None and not isinstance(t, str):
+            raise ValueError("t: lazy tables have their own stamps; give the name of the clock's column")
+        tables = list(source) if isinstance(source, (list, tuple)) else [source]
+        core = spooled(tables, _names(name, len(tables), not isinstance(source, (list, tuple))))
     else:
         core, added = _memory(source, name, t, has_clock=dt is not None or _says_clock(recipe))
     clock, unit = (t, None) if isinstance(t, str) else added or (None, None)

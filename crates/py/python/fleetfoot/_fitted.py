@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,8 +12,9 @@ import numpy as np
 from . import _recipe
 from ._arrays import numbers
 from ._base import check_is_fitted
-from ._call import OF_STATES, TASKS, Call, second_by_position
+from ._call import OF_STATES, TASKS, Call, Second, second_by_position
 from ._frames import frame, in_order, runs_in_order, slopes_in_order
+from ._lazy import has_lazy, signals
 from ._model import Model
 from ._runs import array_runs, by_name, differentiated, is_arrays
 from ._tables import Filtered, Rollouts, Scores
@@ -44,6 +46,10 @@ class Fitted:
         def _names_columns(self, own: Mapping[str, Any]) -> bool: ...
 
         def _derivative(self) -> Any: ...
+
+        def _own_recipe(self) -> dict[str, Any]: ...
+
+        def _period(self, recipe: Mapping[str, Any]) -> float | None: ...
 
     def _found(self) -> Model:
         # Tags are not asked for with every call.
@@ -180,8 +186,10 @@ class Fitted:
             u = runs_in_order(u, inputs, "u")
         if features:
             x_dot = slopes_in_order(x_dot, features)
-        given = Call(x, t, x_dot, u, features, inputs if u is not None else None, y, dt, columns)
+        names = None if has_lazy(x) else features
+        given = Call(x, t, x_dot, u, names, inputs if u is not None else None, y, dt, columns)
         predicts = self._predicts(own)
+        given, own, _ = self._streamed(given, own)
         call = given.understood(predicts, self.dt, self._names_columns(own), own.get("time"))
         if is_arrays(call.x) and self._fitted_names is not None:
             self._check_width(call.x)
@@ -193,6 +201,31 @@ class Fitted:
             report = self._score_of_column(model, call, predicts, options)
         shares = [target["r2"] for target in report["targets"]]
         return float(np.mean([np.nan if share is None else share for share in shares]))
+
+    def _streamed(self, given: Call, own: dict[str, Any]) -> tuple[Call, dict[str, Any], list[str] | None]:
+        """A lazy table as a data set that streams, with its signals as states where nothing names the columns.
+
+        What is given beside its rows, and a function for derivatives, need them in memory.
+        """
+        t = given.t.value if isinstance(given.t, Second) else given.t
+        besides = (given.x_dot, given.u, given.y, given.feature_names, given.input_names, given.columns)
+        is_whole = any(one is not None for one in besides) or callable(self._derivative()) or np.ndim(t) > 0
+        if not has_lazy(given.x) or is_whole:
+            return given, own, None
+        from ._data import open as open_data
+
+        dataset = open_data(given.x)
+        if t is not None and not isinstance(t, str):
+            given, t = replace(given, dt=t), None
+        given = replace(given, x=dataset, t=t)
+        if self._names_columns(own):
+            return given, own, None
+        time = own.get("time", {})
+        has_period = given.dt is not None or self.dt is not None or "dt" in time
+        names, clock = signals(dataset._core, t or time.get("column"), [self._predicts(own)], find_clock=not has_period)
+        if clock is None and not has_period:
+            given = replace(given, dt=self._period(_recipe.over(self._own_recipe(), own)))
+        return replace(given, t=clock), _recipe.over({"states": {name: {} for name in names}}, own), names
 
     def _score_of_states(self, model: Model, call: Call, options: Mapping[str, Any]) -> Scores:
         derivative, x_dot = self._derivative(), call.x_dot

@@ -203,8 +203,11 @@ class Identifier(Fitted, BaseEstimator):
         """
         given = Call(x, t, x_dot, u, feature_names, input_names, y, dt, columns)
         own = _recipe.of_anything(self.recipe)
+        given, own, names = self._streamed(given, own)
         call = given.understood(self._predicts(own), self.dt, self._names_columns(own), own.get("time"))
         data, recipe = self._data(call, own)
+        if names is not None:
+            self._remember(names, [], names)
         with reporting(self.progress) as callback:
             self.model_, self.report_ = self._fit(data, _recipe.to_json(recipe), callback)
         self.report_["recipe"] = self.model_.recipe

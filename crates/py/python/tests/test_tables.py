@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tempfile
 
 import numpy as np
 import pytest
@@ -349,3 +350,49 @@ def test_numbers_of_a_table_go_through_dlpack():
     assert table.__dlpack_device__() == np.empty(1).__dlpack_device__()
     with pytest.raises(TypeError, match=r"`episode`, `stamp` holds no numbers: take table\[\['t', 'q', 'v'\]\]"):
         np.from_dlpack(table)
+
+
+# -- lazy tables
+
+
+def held_back(rows=None):
+    """A lazy table that cannot be collected."""
+    table = pl.from_pandas(frame() if rows is None else rows).lazy()
+
+    def refuse(*given, **named):
+        raise AssertionError("collected")
+
+    table.collect = refuse
+    return table
+
+
+@pytest.mark.parametrize("make", ESTIMATORS.values(), ids=ESTIMATORS)
+def test_lazy_tables_stream(make, monkeypatch, tmp_path):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    eager = make().fit(pl.from_pandas(frame()))
+    for fit in (make(), make(states=NAMES)):
+        found = fit.fit(held_back())
+        assert found.model_.states == tuple(NAMES)
+        np.testing.assert_array_equal(numbers(found), numbers(eager))
+        assert found.score(held_back()) == eager.score(pl.from_pandas(frame()))
+        assert found.model_.to_json() == fit.fit(held_back()).model_.to_json()
+    assert list(make().fit(held_back()).feature_names_in_) == NAMES
+    # The files are gone with what read them.
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_clock_of_a_lazy_table_is_named_or_a_period():
+    for second in ("t", 0.01, None):
+        wanted = ff.SINDy(library="poly(1)").fit(pl.from_pandas(frame()), second)
+        found = ff.SINDy(library="poly(1)").fit(held_back(), second)
+        assert found.model_.states == wanted.model_.states
+        np.testing.assert_array_equal(found.coefficients(), wanted.coefficients())
+    with pytest.raises(DataError, match="t='clock'"):
+        ff.PWA(1).fit(held_back(), "clock")
+    with pytest.raises(ValueError, match="lazy tables have their own stamps"):
+        ff.open(held_back(), t=T)
+    with pytest.raises(DataError, match="lazy table cannot be computed.*nowhere"):
+        ff.open(pl.scan_parquet("nowhere.parquet"))
+    runs = ff.open([held_back(), held_back()], name=["a", "b"])
+    assert [name.rpartition("/")[2] for name in runs.names] == ["a.parquet", "b.parquet"]
+    assert len(ff.read(runs, NAMES)) == 2 * len(T)
