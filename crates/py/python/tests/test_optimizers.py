@@ -247,3 +247,19 @@ def test_warnings_and_pickles() -> None:
         ff.SR3(max_iter=1).fit(X, y)
     model = ff.STLSQ().fit(X, y)
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(model)).predict(X), model.predict(X))
+
+
+def test_options_without_effect_in_sindy_are_refused() -> None:
+    t = np.arange(300) * 0.01
+    x = np.column_stack([np.cos(2 * t), -2 * np.sin(2 * t)])
+    ps = pytest.importorskip("pysindy", reason="pysindy is not installed")
+    for optimizer, said in (
+        (ff.SR3(max_iter=7), "max_iter=7"),
+        (ff.SR3(tol=0.1), "tol=0.1"),
+        (ps.SR3(max_iter=7), "max_iter=7"),
+        (ps.SSR(max_iter=7), "max_iter=7"),
+    ):
+        with pytest.raises(ff.exceptions.RequestError, match=f"with {said} is not supported"):
+            ff.SINDy(optimizer, library="poly(1)").fit(x, t)
+    for optimizer in (ff.SR3(), ps.SR3(), ps.SSR(), ps.EnsembleOptimizer(ps.STLSQ(threshold=0.5), bagging=True, n_models=9)):
+        assert ff.SINDy(optimizer, library="poly(1)").fit(x, t).complexity >= 2

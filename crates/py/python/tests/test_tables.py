@@ -194,7 +194,7 @@ class Blocked:
             raise ImportError(name + " is blocked")
 
 sys.meta_path.insert(0, Blocked())
-import numpy as np, pandas as pd, fleetfoot as ff
+import warnings, numpy as np, pandas as pd, fleetfoot as ff
 t = np.arange(300) * 0.01
 x = np.column_stack([np.cos(2 * t), -2 * np.sin(2 * t)])
 wanted = ff.SINDy(library="poly(1)").fit(x, t, feature_names=["q", "v"]).coefficients()
@@ -203,7 +203,15 @@ for fit in (ff.SINDy(library="poly(1)").fit(df), ff.SINDy(library="poly(1)", sta
     assert np.array_equal(fit.coefficients(), wanted)
     assert isinstance(fit.predict(df), pd.DataFrame)
 assert ff.read(df, ["q"])["stamp"][1] == df.index[1].to_numpy()
-print("fitted")
+with warnings.catch_warnings(record=True) as told:
+    warnings.simplefilter("always")
+    ff.open(df)
+assert any("left out" in str(one.message) and "`word`" in str(one.message) for one in told)
+try:
+    ff.open(df.assign(v=["-", *map(str, x[1:, 1])]))
+except ff.exceptions.DataError as error:
+    assert "column `v`" in str(error)
+    print("fitted")
 """
 
 
