@@ -207,10 +207,12 @@ class Fitted:
 
         What is given beside its rows, and a function for derivatives, need them in memory.
         """
+        if not has_lazy(given.x):
+            return given, own, None
         t = given.t.value if isinstance(given.t, Second) else given.t
         besides = (given.x_dot, given.u, given.y, given.feature_names, given.input_names, given.columns)
         is_whole = any(one is not None for one in besides) or callable(self._derivative()) or np.ndim(t) > 0
-        if not has_lazy(given.x) or is_whole:
+        if is_whole:
             return given, own, None
         from ._data import open as open_data
 
