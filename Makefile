@@ -22,15 +22,15 @@ test-all: test
 test-rust:
 	@unset MAKEFLAGS MFLAGS; { cargo test --workspace --locked --no-fail-fast 2>&1; echo "exit status $$?"; } | awk -f tests/summary.awk
 
-# Pages, goldens and the tests of kernels once more, with a narrower instruction set than the processor's widest.
+# Unit tests, goldens and pages once more, with a narrower instruction set than the processor's widest. (Of the whole workspace: a choice of packages would be
+# compiled anew, with other features.)
 SIMD := $(if $(shell grep -m 1 -o avx512f /proc/cpuinfo 2>/dev/null),avx2,scalar)
-KERNELS := data library stats model signal pwa sparse dynamics
 test-simd: export FLEETFOOT_SIMD := $(SIMD)
 test-simd:
 	@echo "instruction set of the kernels: $(SIMD)"
-	@unset MAKEFLAGS MFLAGS; { cargo test --locked --no-fail-fast $(addprefix -p fleetfoot-,$(KERNELS)) --lib 2>&1 && \
-	cargo test --locked -p fleetfoot --test all goldens 2>&1 && \
-	cargo test --locked -p fleetfoot-cli --test system docs:: 2>&1; echo "exit status $$?"; } | awk -f tests/summary.awk
+	@unset MAKEFLAGS MFLAGS; { cargo test --workspace --locked --no-fail-fast --lib 2>&1 && \
+	cargo test --workspace --locked --no-fail-fast --test all goldens 2>&1 && \
+	cargo test --workspace --locked --test system docs:: 2>&1; echo "exit status $$?"; } | awk -f tests/summary.awk
 
 # What the tests are compiled of, without running them.
 compile:
