@@ -29,6 +29,7 @@ mod report;
 mod resimulate;
 mod robot_logs;
 mod rotations;
+mod run_files;
 mod runner;
 mod settings;
 mod sindy;

@@ -1,5 +1,6 @@
 //! Logs as columns: what is opened, and what is seen of it.
 
+mod beside;
 mod clock;
 mod fields;
 mod period;
@@ -109,7 +110,7 @@ impl Dataset {
             let text = (!aliases.has(name)).then_some(name.as_str());
             aliases
                 .add(name, text, None, Role::Auxiliary, false, "the columns")
-                .map_err(|error| explained(error, info.as_ref()))?;
+                .map_err(|error| explained(error, info.as_ref(), logs))?;
         }
         let (mut columns, mut expressions) = (aliases.columns, aliases.expressions);
         if names.is_some() {
@@ -164,8 +165,14 @@ impl Dataset {
         }
         let topic_clocks = clocks.topics.clone();
         selection.join.clocks = clocks.topics;
-        let recording = fleetfoot_log::open_logs(logs.all(), &selection, progress)?;
+        let (grouped, others) = logs.by(recipe)?;
+        let recording = fleetfoot_log::open_logs(grouped.all(), &selection, progress)
+            .map_err(|error| beside::of_no_column(error, recipe, &selection.columns, logs.len()))?;
         let mut notes = recording.notes().to_vec();
+        if let Some((first, more)) = others.split_first() {
+            let more = if more.is_empty() { String::new() } else { format!(", nor {} further files", more.len()) };
+            notes.push(format!("{}: no pattern of [files] matches it{more}: not read", first.display()));
+        }
         notes.extend(clocks.notes);
         notes.extend(smoothed::truth(logs));
         let recording = match condition {

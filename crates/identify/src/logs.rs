@@ -5,9 +5,9 @@ use std::{
     sync::Arc,
 };
 
-use fleetfoot_log::{Log, MemoryTable};
+use fleetfoot_log::{Log, MemoryTable, RunFiles};
 
-use crate::{Error, stats_file::StatisticFile};
+use crate::{Error, Recipe, stats_file::StatisticFile};
 
 /// What is read, in the order in which it is read: files by their paths, then tables in memory. Or the statistic of logs in their place.
 ///
@@ -46,7 +46,35 @@ impl Logs {
 
     /// Paths of the files among them.
     pub fn files(&self) -> Vec<PathBuf> {
-        self.logs.iter().filter_map(|log| log.file().map(Path::to_path_buf)).collect()
+        let of_log = |log: &Log| match log {
+            Log::File(path) => vec![path.clone()],
+            Log::Run(run) => run.files.iter().map(|(_, path)| path.clone()).collect(),
+            Log::Table(_) => Vec::new(),
+        };
+        self.logs.iter().flat_map(of_log).collect()
+    }
+
+    /// The same logs as a recipe reads them: with its `[files]`, the files of a folder are one run. The files beside them that no pattern matches come second.
+    ///
+    /// # Errors
+    /// Those of [`RunFiles::group`].
+    pub(crate) fn by(&self, recipe: &Recipe) -> Result<(Self, Vec<PathBuf>), Error> {
+        if recipe.files.is_empty() {
+            return Ok((self.clone(), Vec::new()));
+        }
+        let patterns: Vec<(String, String)> =
+            recipe.files.iter().map(|(topic, pattern)| (topic.clone(), pattern.clone())).collect();
+        let files: Vec<PathBuf> = self
+            .logs
+            .iter()
+            .filter_map(|log| if let Log::File(path) = log { Some(path.clone()) } else { None })
+            .collect();
+        let (runs, others) = RunFiles::group(&files, &patterns)?;
+        let rest = self.logs.iter().filter(|log| !matches!(log, Log::File(_))).cloned();
+        Ok((
+            Self { logs: runs.into_iter().map(Log::Run).chain(rest).collect(), statistic: self.statistic.clone() },
+            others,
+        ))
     }
 
     /// Whether these are the statistic of logs instead of logs.

@@ -94,12 +94,12 @@ fn too_few(dataset: &Dataset) -> Result<Vec<String>, Error> {
     let worst = missing.iter().zip(source.columns()).max_by_key(|(count, _)| **count);
     if let Some((&count, column)) = worst.filter(|(count, _)| SHARE * **count >= rows.max(1)) {
         let name = &column.name;
-        let is_log = |file: &PathBuf| Format::of(file).is_some_and(|format| format.is_log());
+        let is_log = |file: &PathBuf| file.is_dir() || Format::of(file).is_some_and(|format| format.is_log());
         let of_topics = source.episodes().iter().any(|episode| episode.file.as_ref().is_some_and(is_log));
         let mend = of_topics.then(|| {
             let topic = name.split(['.', '[']).next().unwrap_or(name);
             format!(
-                ": its messages come too far apart for the rows; say how far its values reach (in the recipe, [join] \"{name}\" = {{ max_gap = SECONDS }}), \
+                ": its samples come too far apart for the rows; say how far its values reach (in the recipe, [join] \"{name}\" = {{ max_gap = SECONDS }}), \
                  or make them the rows (--base {})",
                 shell_word(topic)
             )

@@ -43,7 +43,8 @@ impl Dataset {
         let logs = &logs.into();
         let (fields, info) = fields(recipe, logs)?;
         let recipe = &recipe.expand(&fields)?;
-        let task = Task::resolve(recipe, &fields, labels, 0.0).map_err(|error| explained(error, info.as_ref()))?;
+        let task =
+            Task::resolve(recipe, &fields, labels, 0.0).map_err(|error| explained(error, info.as_ref(), logs))?;
         let problem = &task.problem;
         let weights = problem.weight.iter();
         // A phase that is text is one of labels.
@@ -63,7 +64,7 @@ impl Dataset {
     pub(crate) fn for_known(recipe: &Recipe, logs: &Logs, progress: &dyn Progress) -> Result<(Self, KnownTask), Error> {
         let (fields, info) = fields(recipe, logs)?;
         let recipe = &recipe.expand(&fields)?;
-        let task = KnownTask::resolve(recipe, &fields).map_err(|error| explained(error, info.as_ref()))?;
+        let task = KnownTask::resolve(recipe, &fields).map_err(|error| explained(error, info.as_ref(), logs))?;
         let reads = reads(&task.equations, std::iter::empty());
         let dataset = Self::open(recipe, &task.columns, &task.aliases, reads, logs, progress)?;
         Ok((dataset, task))
@@ -77,7 +78,7 @@ impl Dataset {
     ) -> Result<(Self, ParametersTask), Error> {
         let (fields, info) = fields(recipe, logs)?;
         let recipe = &recipe.expand(&fields)?;
-        let task = ParametersTask::resolve(recipe, &fields).map_err(|error| explained(error, info.as_ref()))?;
+        let task = ParametersTask::resolve(recipe, &fields).map_err(|error| explained(error, info.as_ref(), logs))?;
         let reads = reads(&task.known.equations, std::iter::empty());
         let dataset = Self::open(recipe, &task.known.columns, &task.known.aliases, reads, logs, progress)?;
         Ok((dataset, task))
@@ -88,7 +89,7 @@ impl Dataset {
     pub(crate) fn structure(recipe: &Recipe, logs: &Logs) -> Result<(Recipe, Vec<Column>, StructuredTask), Error> {
         let (fields, info) = fields(recipe, logs)?;
         let recipe = recipe.expand(&fields)?;
-        let task = StructuredTask::resolve(&recipe, &fields).map_err(|error| explained(error, info.as_ref()))?;
+        let task = StructuredTask::resolve(&recipe, &fields).map_err(|error| explained(error, info.as_ref(), logs))?;
         Ok((recipe, fields, task))
     }
 
@@ -136,7 +137,7 @@ impl Dataset {
     pub(crate) fn equations(recipe: &Recipe, logs: &Logs) -> Result<(Recipe, EquationTask), Error> {
         let (fields, info) = fields(recipe, logs)?;
         let recipe = recipe.expand(&fields)?;
-        let task = EquationTask::resolve(&recipe, &fields).map_err(|error| explained(error, info.as_ref()))?;
+        let task = EquationTask::resolve(&recipe, &fields).map_err(|error| explained(error, info.as_ref(), logs))?;
         Ok((recipe, task))
     }
 
@@ -192,7 +193,7 @@ impl Dataset {
     ) -> Result<(Self, Recipe, Vec<ModelColumn>), Error> {
         let (fields, info) = fields(recipe, logs)?;
         let recipe = recipe.expand(&fields)?;
-        let aliases = prepared(&recipe, &fields).map_err(|error| explained(error, info.as_ref()))?;
+        let aliases = prepared(&recipe, &fields).map_err(|error| explained(error, info.as_ref(), logs))?;
         let (columns, expressions) = (aliases.columns, aliases.expressions);
         if columns.is_empty() {
             return Err(Error::missing("there is nothing to prepare: name states in the recipe ([states])".into()));

@@ -129,6 +129,9 @@ pub struct Recipe {
     /// How fields of other channels than the base are brought to its stamps, by field or wildcard, where their types do not say it right.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub join: IndexMap<String, Join>,
+    /// The files of a run, a file a topic, joined as topics of one log are: topics, and what their files are called in the run's folder (`imu = "imu*.csv"`).
+    #[serde(skip_serializing_if = "IndexMap::is_empty")]
+    pub files: IndexMap<String, String>,
     /// Topics as this recipe calls them, and as the files do.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub rename: IndexMap<String, String>,

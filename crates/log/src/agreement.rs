@@ -7,7 +7,7 @@ use fleetfoot_data::{Progress, parallel_map};
 use crate::{
     Error, Format, Log, Selection, TimeSpec, TimeUnit, csv,
     dates::{DateOrder, Fit},
-    memory, parquet,
+    memory, parquet, run,
     time_column::{Agreed, Clock, ClockUnit},
 };
 
@@ -17,14 +17,22 @@ use crate::{
 /// Two files of which no unit fits both.
 pub(crate) fn agreed(logs: &[Log], selection: &Selection, progress: &dyn Progress) -> Result<Agreed, Error> {
     let is_told = matches!(selection.time, TimeSpec::Uniform { .. } | TimeSpec::Column { unit: Some(_), .. });
+    // The files of a run are on one clock.
+    let each = logs.iter().flat_map(|log| match log {
+        Log::Run(run) => {
+            run.files.iter().map(|(_, path)| (Log::File(path.clone()), run::clock_of(&selection.time))).collect()
+        }
+        other => vec![(other.clone(), &selection.time)],
+    });
+    let logs: Vec<(Log, &TimeSpec)> = each.collect();
     if logs.len() < 2 {
         return Ok(Agreed::default());
     }
     // What cannot be read is told when it is opened.
-    let clocks = parallel_map(logs.len(), progress, |at| Ok::<_, Error>(clock(&logs[at], &selection.time)))?;
+    let clocks = parallel_map(logs.len(), progress, |at| Ok::<_, Error>(clock(&logs[at].0, logs[at].1)))?;
     let mut columns: BTreeMap<String, Vec<(PathBuf, Clock)>> = BTreeMap::new();
     let mut dates: BTreeMap<String, Vec<(DateOrder, Fit)>> = BTreeMap::new();
-    for (log, (clock, own)) in logs.iter().zip(clocks) {
+    for ((log, _), (clock, own)) in logs.iter().zip(clocks) {
         own.into_iter().for_each(|(name, order)| dates.entry(name).or_default().push(order));
         if let Some(clock) = clock.filter(|_| !is_told) {
             columns.entry(clock.name.clone()).or_default().push((log.path().to_path_buf(), clock));
@@ -52,6 +60,7 @@ fn clock(log: &Log, spec: &TimeSpec) -> (Option<Clock>, csv::Dates) {
             Some(Format::Csv(compression)) => return csv::clock(path, compression, spec).unwrap_or_default(),
             _ => None,
         },
+        Log::Run(_) => None,
     };
     (clock, Vec::new())
 }

@@ -41,6 +41,7 @@ use crate::{
 };
 use cache::{Meta, SlotWriter};
 use decode::{Decoded, decode};
+pub(crate) use plan::corrections;
 use plan::{Plan, plan};
 
 /// Opens a log, with the files that go on with it: decodes the selected columns, or finds them in the cache.

@@ -404,6 +404,93 @@ pub enum Error {
         /// The file.
         path: PathBuf,
     },
+    /// A run without a file for one of its topics.
+    #[error(
+        "{}: no file for `{setting}` of [files]: a run has one file a topic. It holds {there}: mend the pattern, add the file, or leave the run out",
+        folder.display()
+    )]
+    NoFileOfTopic {
+        /// The run's folder.
+        folder: PathBuf,
+        /// The entry of `[files]`.
+        setting: String,
+        /// What the folder holds.
+        there: String,
+    },
+    /// Two files of a run for one topic.
+    #[error(
+        "{}: {} and {} both match `{setting}` of [files]: narrow the pattern, or put every run into a folder of its own",
+        folder.display(), first.display(), second.display()
+    )]
+    TwoFiles {
+        /// The run's folder.
+        folder: PathBuf,
+        /// The entry of `[files]`.
+        setting: String,
+        /// A file.
+        first: PathBuf,
+        /// The other one.
+        second: PathBuf,
+    },
+    /// A file that is two topics.
+    #[error("{} matches the patterns of `{}` and of `{}` in [files]: narrow one of them", path.display(), topics[0], topics[1])]
+    FileOfTwoTopics {
+        /// The file.
+        path: PathBuf,
+        /// The topics.
+        topics: [String; 2],
+    },
+    /// A robot's log as a topic of a run.
+    #[error("{} matches `{topic}` in [files], which joins tables (CSV, Parquet); a robot's log has topics: leave [files] away for it", path.display())]
+    TopicIsLog {
+        /// The file.
+        path: PathBuf,
+        /// The topic.
+        topic: String,
+    },
+    /// A file outside of all runs.
+    #[error(
+        "{} belongs to no run: no file beside it matches a pattern of [files]. Name the folders of runs, mend the patterns, or leave [files] away for single files",
+        path.display()
+    )]
+    FileOfNoRun {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A name that is of no topic of a run.
+    #[error("{}: `{name}` is of no file in [files]; write TOPIC.COLUMN, or TOPIC as the base; the topics are {topics}", path.display())]
+    NoTopicOfRun {
+        /// The run's folder.
+        path: PathBuf,
+        /// The name.
+        name: String,
+        /// The topics.
+        topics: String,
+    },
+    /// Files joined without stamps.
+    #[error(
+        "{}: the files of a run ([files]) are joined by their stamps: leave the sampling period out (--dt; [time] dt), and name the time column where it is not found",
+        path.display()
+    )]
+    RunWithoutClock {
+        /// The run's folder.
+        path: PathBuf,
+    },
+    /// Two files of a run without a moment in common.
+    #[error(
+        "{}: the stamps of {first}, {}, and of {second}, {}, do not overlap, and the files of a run ([files]) share one clock: name its unit ([time] column and unit), leave one file out, or, for values that hold until the next, write max_gap = \"none\" in [join]",
+        path.display(), describe_range(ranges[0]), describe_range(ranges[1])
+    )]
+    FilesApart {
+        /// The run's folder.
+        path: PathBuf,
+        /// A topic.
+        first: String,
+        /// The other topic.
+        second: String,
+        /// The first and the last of each, nanoseconds.
+        ranges: Box<[(i64, i64); 2]>,
+    },
     /// A rate that asks for far more rows than there are samples.
     #[error(
         "{}: {hz} rows a second would be {rows} rows for at most {samples} samples of a channel, as the stamps of {name} run over {}: take a lower rate, another clock (stamp = \"log\", \"publish\" or \"header\"), or the stamps of a channel",

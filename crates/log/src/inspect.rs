@@ -9,8 +9,8 @@ use fleetfoot_data::{Halo, Progress, Silent, Source, parallel_fold};
 use serde::{Serialize, Serializer};
 
 use crate::{
-    ArrayInfo, ClockInfo, ColumnInfo, ColumnStatistics, Error, Format, Log, MaxGap, Recording, Selection, TimeSpec,
-    TopicInfo, agreement, channels, csv, parquet, recording::open_agreed, time_column::Agreed,
+    ArrayInfo, ClockInfo, ColumnInfo, ColumnStatistics, Error, Format, Log, MaxGap, Recording, RunFiles, Selection,
+    TimeSpec, TopicInfo, agreement, channels, csv, parquet, recording::open_agreed, time_column::Agreed,
 };
 
 /// Rows of a block of the scan for [`ColumnStatistics`].
@@ -141,6 +141,30 @@ pub fn inspect_together<P: AsRef<Path>>(
 /// Looks at a file's header, metadata and first rows.
 pub fn inspect(path: impl AsRef<Path>) -> Result<FileInfo, Error> {
     inspect_by(path.as_ref(), &Agreed::default())
+}
+
+/// The files of a run as one log: every file is a topic, and its columns are called `topic.column`. Its clock is each file's own.
+///
+/// # Errors
+/// As of each file alone.
+pub fn inspect_run(run: &RunFiles) -> Result<FileInfo, Error> {
+    let mut all: Option<FileInfo> = None;
+    for (topic, path) in &run.files {
+        let mut own = inspect(path)?;
+        own.columns.iter_mut().for_each(|column| column.name = format!("{topic}.{}", column.name));
+        let messages = own.rows.and_then(|rows| u64::try_from(rows).ok());
+        own.topics = vec![TopicInfo { name: topic.clone(), messages, ..TopicInfo::default() }];
+        match &mut all {
+            None => all = Some(FileInfo { path: run.folder.clone(), rows: None, clock: None, ..own }),
+            Some(all) => {
+                all.bytes += own.bytes;
+                all.columns.append(&mut own.columns);
+                all.topics.append(&mut own.topics);
+                all.notes.append(&mut own.notes);
+            }
+        }
+    }
+    all.ok_or(Error::NoFiles)
 }
 
 fn inspect_by(path: &Path, agreed: &Agreed) -> Result<FileInfo, Error> {

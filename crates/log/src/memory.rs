@@ -9,7 +9,7 @@ use std::{
 use fleetfoot_data::{Column, ColumnKind, ScalarBuffer};
 
 use crate::{
-    Error, Selection, TimeSpec, TimeUnit,
+    Error, RunFiles, Selection, TimeSpec, TimeUnit,
     by_name::ByName,
     opened::Opened,
     stamp,
@@ -55,27 +55,31 @@ pub trait MemoryTable: Send + Sync {
     fn integers(&self, column: usize, rows: Range<usize>) -> Option<ScalarBuffer<i64>>;
 }
 
-/// What can be opened: a file, or a table in memory.
+/// What can be opened: a file, the files of a run, or a table in memory.
 #[derive(Clone)]
 pub enum Log {
     /// A file, or a rosbag2 folder.
     File(PathBuf),
+    /// The files of one run.
+    Run(RunFiles),
     /// A table.
     Table(Arc<dyn MemoryTable>),
 }
 
 impl Log {
-    /// The file's path; of a table its name.
+    /// The file's path; of a run its folder, of a table its name.
     pub fn path(&self) -> &Path {
         match self {
+            Self::Run(run) => &run.folder,
             Self::File(path) => path,
             Self::Table(table) => Path::new(table.name()),
         }
     }
 
-    /// The file's path; `None` for a table.
+    /// The file's path, of a run its folder; `None` for a table.
     pub fn file(&self) -> Option<&Path> {
         match self {
+            Self::Run(run) => Some(&run.folder),
             Self::File(path) => Some(path),
             Self::Table(_) => None,
         }
@@ -84,7 +88,11 @@ impl Log {
 
 impl std::fmt::Debug for Log {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let kind = if matches!(self, Self::File(_)) { "File" } else { "Table" };
+        let kind = match self {
+            Self::File(_) => "File",
+            Self::Run(_) => "Run",
+            Self::Table(_) => "Table",
+        };
         f.debug_tuple(kind).field(&self.path()).finish()
     }
 }

@@ -27,7 +27,7 @@ use crate::{
     paths::distinct,
     resample,
     row_mask::RowMask,
-    splits,
+    run, splits,
     store::Budget,
     table::{Table, TableRows},
     time_column::{self, Agreed, Chosen},
@@ -128,6 +128,14 @@ pub(crate) fn open_agreed(
     let paths: Vec<PathBuf> = logs.iter().map(|log| log.path().to_path_buf()).collect();
     let opened = parallel_map(logs.len(), progress, |i| {
         let opened = match &logs[i] {
+            Log::Run(run) => {
+                let open = |path: &Path, own: &Selection| {
+                    let opened = open_file(path, &[], own, agreed, &budget, &cache, &inner)?;
+                    index_file(path, &opened, own, &inner)?;
+                    Ok(opened)
+                };
+                return run::open(run, &selection, &open, &budget, &inner);
+            }
             Log::File(path) => open_file(path, splits.further(path), &selection, agreed, &budget, &cache, &inner)?,
             Log::Table(table) => memory::open(table, &selection, agreed)?,
         };
@@ -195,11 +203,14 @@ pub(crate) fn open_agreed(
     Ok(recording)
 }
 
-/// Every file once, in the order of the paths, before the tables.
+/// Every file once, in the order of the paths, then the runs in that of their folders, before the tables.
 fn in_order(logs: &[Log]) -> Vec<Log> {
-    let files = distinct(logs.iter().filter_map(|log| log.file().map(Path::to_path_buf)).collect());
-    let tables = logs.iter().filter(|log| log.file().is_none()).cloned();
-    files.into_iter().map(Log::File).chain(tables).collect()
+    let file = |log: &Log| if let Log::File(path) = log { Some(path.clone()) } else { None };
+    let files = distinct(logs.iter().filter_map(file).collect());
+    let mut runs: Vec<&Log> = logs.iter().filter(|log| matches!(log, Log::Run(_))).collect();
+    runs.sort_by_key(|run| run.path());
+    let tables = logs.iter().filter(|log| matches!(log, Log::Table(_)));
+    files.into_iter().map(Log::File).chain(runs.into_iter().chain(tables).cloned()).collect()
 }
 
 fn check(logs: &[Log], selection: &Selection) -> Result<(), Error> {

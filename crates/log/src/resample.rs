@@ -5,12 +5,12 @@ use std::{path::Path, sync::Arc};
 use fleetfoot_data::{ColumnKind, Progress, parallel_fold};
 
 use crate::{
-    Error, JoinKind, Selection,
-    join::{Base, JoinColumn, Samples, SeriesBuilder, check_rate, join},
+    Error, JoinKind, Selection, TopicClock,
+    join::{Base, JoinColumn, Samples, Series, SeriesBuilder, check_rate, join},
     midnights::Midnights,
     opened::Opened,
     store::{Budget, SEGMENT, StoreBuilder, StoredTable},
-    table::{Table, TableColumn},
+    table::{MISSING, Table, TableColumn},
 };
 
 /// The table with `hz` rows a second. Between two rows numbers are joined linearly and all else is held, if [`crate::JoinSpec::columns`] asks for nothing else.
@@ -27,7 +27,29 @@ pub(crate) fn at_rate(
 ) -> Result<Opened, Error> {
     let table = opened.table.as_ref();
     let joins: Vec<JoinColumn> = (0..table.columns().len()).map(|at| joined(table.columns(), at, selection)).collect();
-    let mut builder = SeriesBuilder::of_table(path, joins.len(), budget.clone());
+    let series = [series(path, &opened, &[], budget, progress)?];
+    let [own] = &series;
+    check_rate(path, hz, std::iter::once((&*own.name, own.rate())))?;
+    let mut rows = StoreBuilder::new(path, joins.len(), budget.clone());
+    join(&series, &joins, Base::Rate(hz), progress, |stamps, columns| rows.push_columns(stamps, columns))?;
+    let columns = table.columns().iter().zip(&joins).map(|(own, join)| joined_column(own, join)).collect();
+    let mut notes = opened.notes;
+    notes.push(format!("its rows are made anew at {hz} a second, as a rate is asked for"));
+    notes.extend(own.counts.left_out("rows"));
+    let table: Box<dyn Table> = Box::new(StoredTable { store: rows.finish()?, columns, has_time: true });
+    Ok(Opened { table, notes, of_day: false, sessions: Vec::new(), ..opened })
+}
+
+/// The rows of a table in the order of their stamps, as other clocks correct these.
+pub(crate) fn series(
+    source: &Path,
+    opened: &Opened,
+    clocks: &[TopicClock],
+    budget: &Arc<Budget>,
+    progress: &dyn Progress,
+) -> Result<Series, Error> {
+    let table = opened.table.as_ref();
+    let mut builder = SeriesBuilder::of_table(source, table.columns().len(), budget.clone());
     let pieces = table.pieces().into_iter();
     let pieces: Vec<_> = pieces
         .flat_map(|piece| piece.clone().step_by(SEGMENT).map(move |from| from..(from + SEGMENT).min(piece.end)))
@@ -38,34 +60,33 @@ pub(crate) fn at_rate(
         progress,
         |at| table.values(pieces[at].clone(), 0),
         |rows| {
-            let stamps = if opened.of_day { midnights.pass(rows.time) } else { rows.time };
+            let mut stamps = if opened.of_day { midnights.pass(rows.time) } else { rows.time };
+            if !clocks.is_empty() {
+                let corrected = |&stamp: &i64| match stamp {
+                    MISSING => MISSING,
+                    stamp => clocks.iter().fold(stamp, |stamp, clock| clock.corrected(stamp)),
+                };
+                stamps = stamps.iter().map(corrected).collect::<Vec<_>>().into();
+            }
             let row = |at: usize| rows.columns.iter().map(move |column| column[at]);
             let values: Vec<f64> = (0..stamps.len()).flat_map(row).collect();
             builder.extend(&Samples { stamps: &stamps, log_times: &stamps, values: &values, width: rows.columns.len() })
         },
     )?;
-    let series = [builder.finish()?];
-    let [own] = &series;
-    check_rate(path, hz, std::iter::once((&*own.name, own.rate())))?;
-    let mut rows = StoreBuilder::new(path, joins.len(), budget.clone());
-    join(&series, &joins, Base::Rate(hz), progress, |stamps, columns| rows.push_columns(stamps, columns))?;
-    let of = |(own, join): (&TableColumn, &JoinColumn)| {
-        let mut own = own.clone();
-        if join.kind != JoinKind::Hold {
-            own.column.kind = ColumnKind::Float;
-        }
-        own
-    };
-    let columns = table.columns().iter().zip(&joins).map(of).collect();
-    let mut notes = opened.notes;
-    notes.push(format!("its rows are made anew at {hz} a second, as a rate is asked for"));
-    notes.extend(own.counts.left_out("rows"));
-    let table: Box<dyn Table> = Box::new(StoredTable { store: rows.finish()?, columns, has_time: true });
-    Ok(Opened { table, notes, of_day: false, sessions: Vec::new(), ..opened })
+    builder.finish()
 }
 
-/// How a column is joined.
-fn joined(columns: &[TableColumn], at: usize, selection: &Selection) -> JoinColumn {
+/// A column as it is after its join: between samples there are no whole numbers.
+pub(crate) fn joined_column(own: &TableColumn, join: &JoinColumn) -> TableColumn {
+    let mut own = own.clone();
+    if join.kind != JoinKind::Hold {
+        own.column.kind = ColumnKind::Float;
+    }
+    own
+}
+
+/// How a column of the first series is joined.
+pub(crate) fn joined(columns: &[TableColumn], at: usize, selection: &Selection) -> JoinColumn {
     let column = &columns[at].column;
     let rule = selection.join.columns.get(&column.name).copied().unwrap_or_default();
     let kind = match (&column.kind, rule.kind) {

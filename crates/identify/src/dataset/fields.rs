@@ -4,6 +4,7 @@ use fleetfoot_data::{Column, Source};
 use fleetfoot_library::{Expr, ParseErrorKind};
 use fleetfoot_log::{ArrayInfo, ColumnInfo, FileInfo, Log, TopicInfo};
 
+use super::beside::of_other_file;
 use super::selection::{label_names, renames};
 use crate::{Error, Logs, Recipe};
 
@@ -12,18 +13,20 @@ const MOST_ELEMENTS: usize = 4096;
 
 /// The fields of the first log, and the labels that the recipe gives to episodes; and what a file says of its topics.
 pub(crate) fn fields(recipe: &Recipe, logs: &Logs) -> Result<(Vec<Column>, Option<FileInfo>), Error> {
+    let (logs, _) = logs.by(recipe)?;
+    let column =
+        |info: &ColumnInfo| Column { name: info.name.clone(), unit: info.unit.clone(), kind: info.kind.clone() };
     let Some(first) = logs.all().first() else { return Err(Error::missing("no file is given".into())) };
     let (mut fields, info) = match first {
         Log::File(file) => {
             let info = fleetfoot_log::inspect(file)?.renamed(&renames(recipe));
-            let column = |info: &ColumnInfo| Column {
-                name: info.name.clone(),
-                unit: info.unit.clone(),
-                kind: info.kind.clone(),
-            };
             let mut columns: Vec<Column> = info.columns.iter().map(column).collect();
             columns.extend(elements(&recipe.to_toml(), &info.arrays));
             (columns, Some(info))
+        }
+        Log::Run(run) => {
+            let info = fleetfoot_log::inspect_run(run)?;
+            (info.columns.iter().map(column).collect(), Some(info))
         }
         Log::Table(table) => (table.columns().to_vec(), None),
     };
@@ -66,11 +69,18 @@ fn elements(recipe: &str, arrays: &[ArrayInfo]) -> Vec<Column> {
 }
 
 /// The error, or, when a name is unknown because its topic cannot be read, why it cannot.
-pub(crate) fn explained(error: Error, info: Option<&FileInfo>) -> Error {
+pub(crate) fn explained(error: Error, info: Option<&FileInfo>, logs: &Logs) -> Error {
     let Some(info) = info else { return error };
+    let is_run = !info.format.is_log() && !info.topics.is_empty();
     let named = |error: Error| match error {
         Error::UnknownColumn { place, name, candidates } => {
+            if let Some(told) = of_other_file(&place, &name, info, logs) {
+                return told;
+            }
             Error::UnknownColumn { place: format!("{}: {place}", info.path.display()), name, candidates }
+        }
+        Error::Expression { place, text, source } if is_run => {
+            Error::Expression { place: format!("{}: {place}", info.path.display()), text, source }
         }
         other => other,
     };

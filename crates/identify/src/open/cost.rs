@@ -18,7 +18,7 @@ pub(crate) fn estimate(
 ) -> Result<Option<(Task, Vec<String>, Estimate)>, Error> {
     let (fields, info) = fields(recipe, logs)?;
     let recipe = &recipe.expand(&fields)?;
-    let task = Task::resolve(recipe, &fields, labels, 0.0).map_err(|error| explained(error, info.as_ref()))?;
+    let task = Task::resolve(recipe, &fields, labels, 0.0).map_err(|error| explained(error, info.as_ref(), logs))?;
     let selection = full_selection(recipe, &task.problem.columns, &task.aliases)?;
     let estimate = cost(logs, &selection, progress)?;
     Ok(estimate.map(|estimate| (task, selection.columns, estimate)))

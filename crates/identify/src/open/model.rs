@@ -77,6 +77,9 @@ impl Dataset {
         }
         // Names of files' topics belong to those files; a model knows its own.
         recipe.rename = changes.rename.clone();
+        if !changes.files.is_empty() {
+            recipe.files = changes.files.clone();
+        }
         if !changes.clocks.is_empty() {
             recipe.clocks = changes.clocks.clone();
         }
@@ -105,7 +108,7 @@ impl Dataset {
         let auxiliary = model.auxiliary_columns().into_iter();
         let there = |column: &ModelColumn| aliases_of_model(std::slice::from_ref(column), &fields).is_ok();
         let columns: Vec<ModelColumn> = columns.into_iter().chain(auxiliary.filter(there)).collect();
-        let why = |error| unprepared(of_model(explained(error, info.as_ref()), model), &recipe);
+        let why = |error| unprepared(of_model(explained(error, info.as_ref(), logs), model), &recipe);
         let aliases = aliases_of_model(&columns, &fields).map_err(why)?;
         let mut dataset = Self::open(&recipe, &columns, &aliases, reads_of_model(model), logs, progress)?;
         dataset.topics = info.map_or_else(Vec::new, |info| info.topics);

@@ -66,6 +66,7 @@ pub(super) fn written_recipe(read: &Recipe, planned: &[Planned], time: &str, smo
     recipe.columns.clear();
     recipe.join.clear();
     recipe.rename.clear();
+    recipe.files.clear();
     recipe.channels.clear();
     recipe.clocks.clear();
     recipe.body = None;

@@ -9,7 +9,7 @@ use std::{
 use fleetfoot_data::{Cancelled, ColumnKind, Progress, parallel_map};
 use fleetfoot_log::{Log, MemoryTable};
 
-use crate::{Error, Logs, statistic_error::StatisticError, stats_file::ContentHash};
+use crate::{Error, Logs, Recipe, statistic_error::StatisticError, stats_file::ContentHash};
 
 /// Bytes read at once.
 const BUFFER: usize = 1 << 20;
@@ -31,14 +31,16 @@ impl Hashed {
     }
 }
 
-/// Hashes logs, in order.
-pub(super) fn hash_logs(logs: &Logs, progress: &dyn Progress) -> Result<Vec<Hashed>, Error> {
+/// Hashes logs, in order, as a recipe reads them: the files of a run as one.
+pub(super) fn hash_logs(logs: &Logs, recipe: &Recipe, progress: &dyn Progress) -> Result<Vec<Hashed>, Error> {
+    let (logs, _) = logs.by(recipe)?;
     progress.stage("hashing");
     parallel_map(logs.len(), progress, |i| {
         let log = logs.all()[i].clone();
         let (hash, bytes) = match &log {
             Log::File(path) if path.is_dir() => hash_folder(path, progress)?,
             Log::File(path) => hash_file(path, progress)?,
+            Log::Run(run) => hash_files(run.files.iter().map(|(topic, path)| (topic.as_bytes(), path)), progress)?,
             Log::Table(table) => hash_table(table.as_ref(), progress)?,
         };
         Ok(Hashed { log, hash, bytes })
@@ -104,10 +106,17 @@ fn hash_folder(folder: &Path, progress: &dyn Progress) -> Result<(ContentHash, u
         }
     }
     inside.sort();
+    hash_files(inside.iter().map(|path| (path.file_name().unwrap_or_default().as_encoded_bytes(), path)), progress)
+}
+
+/// Files that are one log, with their names in it.
+fn hash_files<'a>(
+    files: impl Iterator<Item = (&'a [u8], &'a PathBuf)>,
+    progress: &dyn Progress,
+) -> Result<(ContentHash, u64), Error> {
     let (mut hasher, mut bytes) = (blake3::Hasher::new(), 0);
-    for path in inside {
-        let (hash, length) = hash_file(&path, progress)?;
-        let name = path.file_name().unwrap_or_default().as_encoded_bytes();
+    for (name, path) in files {
+        let (hash, length) = hash_file(path, progress)?;
         hasher.update(&(name.len() as u64).to_le_bytes());
         hasher.update(name);
         hasher.update(&hash.0);

@@ -62,12 +62,13 @@ pub fn plan_scan(
     logs: impl Into<Logs>,
     progress: &dyn Progress,
 ) -> Result<ScanPlan, Error> {
-    let logs = &logs.into();
+    let logs: Logs = logs.into();
+    let logs = &logs.by(recipe)?.0;
     let chunk_rows = options.chunk_rows.map(usize::from);
     match plan_new(recipe, chunk_rows, logs, progress) {
         // A scan skips what is there twice; hashing all bytes to know it beforehand would take as long as reading them.
         Err(Error::Log(fleetfoot_log::Error::Duplicate { .. })) => {
-            let new = unknown(HashSet::new(), logs, progress)?;
+            let new = unknown(HashSet::new(), logs, recipe, progress)?;
             let plan = plan_new(recipe, chunk_rows, &new, progress)?;
             Ok(ScanPlan { skipped: logs.len() - new.len(), ..plan })
         }
@@ -87,11 +88,12 @@ impl StatisticFile {
         logs: impl Into<Logs>,
         progress: &dyn Progress,
     ) -> Result<ScanPlan, Error> {
-        let logs = &logs.into();
+        let logs: Logs = logs.into();
+        let logs = &logs.by(recipe)?.0;
         let (expanded, fields, task) = Dataset::structure(recipe, logs)?;
         self.accepts_chunks(&task, options.chunk_rows.map(Into::into), "the statistic", "the recipe")?;
         self.accepts_equations(&expanded, &fields, ["the statistic", "the recipe"])?;
-        let new = unknown(self.files.iter().map(|file| file.hash).collect(), logs, progress)?;
+        let new = unknown(self.files.iter().map(|file| file.hash).collect(), logs, recipe, progress)?;
         let plan = match new.is_empty() {
             true => ScanPlan::new(&task, ReadPlan::default(), self.plan.chunk_rows, 0),
             false => plan_new(recipe, Some(self.plan.chunk_rows), &new, progress)?,
@@ -101,8 +103,13 @@ impl StatisticFile {
 }
 
 /// The logs whose content is not known, each content once.
-fn unknown(mut known: HashSet<ContentHash>, logs: &Logs, progress: &dyn Progress) -> Result<Logs, Error> {
-    let new = hash_logs(logs, progress)?.into_iter().filter(|file| known.insert(file.hash));
+fn unknown(
+    mut known: HashSet<ContentHash>,
+    logs: &Logs,
+    recipe: &Recipe,
+    progress: &dyn Progress,
+) -> Result<Logs, Error> {
+    let new = hash_logs(logs, recipe, progress)?.into_iter().filter(|file| known.insert(file.hash));
     Ok(new.map(|file| file.log).collect::<Vec<_>>().into())
 }
 

@@ -66,7 +66,7 @@ pub fn scan(
     progress: &dyn Progress,
 ) -> Result<(StatisticFile, ScanReport), Error> {
     let mut scan = Scan::new(recipe, options, base, "the statistic");
-    scan.run(hash_logs(&logs.into(), progress)?, progress, &mut |_| Ok(()))?;
+    scan.run(hash_logs(&logs.into(), recipe, progress)?, progress, &mut |_| Ok(()))?;
     scan.finish()
 }
 
@@ -81,7 +81,7 @@ pub(crate) fn scan_tasks(
     progress: &dyn Progress,
 ) -> Result<(StatisticFile, ScanReport), Error> {
     let mut scan = Scan { equations: false, ..Scan::new(recipe, options, None, "the statistic") };
-    scan.run(hash_logs(logs, progress)?, progress, &mut |_| Ok(()))?;
+    scan.run(hash_logs(logs, recipe, progress)?, progress, &mut |_| Ok(()))?;
     scan.finish()
 }
 
@@ -98,7 +98,7 @@ pub fn freeze(
     progress: &dyn Progress,
 ) -> Result<(StatisticFile, Vec<String>), Error> {
     let mut scan = Scan::new(recipe, options, None, "the plan");
-    let files = scan.new_files(hash_logs(&logs.into(), progress)?);
+    let files = scan.new_files(hash_logs(&logs.into(), recipe, progress)?);
     let logs: Logs = files.into_iter().map(|file| file.log).collect::<Vec<_>>().into();
     let opened = Dataset::for_scan(recipe, &logs, true, progress)?;
     Ok((scan.begin(&opened, progress)?, scan.report.notes))
@@ -118,7 +118,7 @@ pub fn scan_part(
 ) -> Result<(StatisticFile, ScanReport), Error> {
     let recipe = Recipe::parse(&plan.recipe, "the recipe of the plan")?;
     let mut scan = Scan::new(&recipe, options, Some(plan.without_rows()), "the plan");
-    scan.run(hash_logs(&logs.into(), progress)?, progress, &mut |_| Ok(()))?;
+    scan.run(hash_logs(&logs.into(), &recipe, progress)?, progress, &mut |_| Ok(()))?;
     let Scan { file, report, .. } = scan;
     Ok((file.unwrap_or_else(|| plan.without_rows()), report))
 }

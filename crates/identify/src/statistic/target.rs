@@ -89,7 +89,7 @@ pub(super) fn scan_in_groups(
         Some(plan) => (Some(StatisticFile::read(plan)?.without_rows()), None, plan.display().to_string()),
         None => (None, None, target.output.display().to_string()),
     };
-    let hashed = hash_logs(logs, progress)?;
+    let hashed = hash_logs(logs, recipe, progress)?;
     let command = command(target, recipe, options, &hashed, base.as_ref());
     let unfinished = base.as_ref().is_some_and(StatisticFile::is_partial);
     let found = interrupted(&partial, command, target.force)?;

@@ -117,7 +117,7 @@ fn ask(path: &Path, names: &Names, column: &str) -> Result<Asked, Error> {
 }
 
 /// The clocks of a log that stamp a topic.
-fn corrections(path: &Path, topic: &str, clocks: &[TopicClock]) -> Vec<TopicClock> {
+pub(crate) fn corrections(path: &Path, topic: &str, clocks: &[TopicClock]) -> Vec<TopicClock> {
     let is_of = |clock: &&TopicClock| clock.log.as_ref().is_none_or(|log| log == path) && clock.stamps(topic);
     clocks.iter().filter(is_of).cloned().collect()
 }

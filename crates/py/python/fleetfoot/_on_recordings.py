@@ -69,7 +69,7 @@ class OnRecordings:
         t : array, optional
             Seconds since the start, for models that speak of time.
         recipe : optional
-            What is different in these files: ``[time]``, ``[rename]``, ``[episodes]``.
+            What is different in these files: ``[time]``, ``[files]``, ``[rename]``, ``[episodes]``.
         cache : path, optional
             A folder for the decoded columns of robots' logs.
         progress : bool or callable, optional
@@ -378,7 +378,7 @@ class OnRecordings:
 
         dataset: Dataset = open_data(data, t=t, dt=dt)
         changes = _recipe.over(_recipe.of_anything(recipe), _recipe.of_toml(dataset.recipe))
-        own = ("time", "rename", "join", "episodes", "filter", "resimulate")
+        own = ("time", "files", "rename", "join", "episodes", "filter", "resimulate")
         kept: dict[str, Any] = {name: changes[name] for name in own if name in changes}
         kept = _recipe.say(said or {}, kept)
         return dataset._core, _recipe.to_json(kept)

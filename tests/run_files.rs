@@ -1,0 +1,151 @@
+//! Several files of one run, a file a topic, joined by `[files]` of the recipe.
+
+use std::fs;
+
+use crate::runner::*;
+
+const RECIPE: &str = r#"
+[files]
+imu = "imu*.csv"
+odom = "odom.csv"
+cmd = "cmd.csv"
+[columns]
+v = "odom.v"
+a = "imu.ax"
+[states]
+v = { derivative = "a" }
+[inputs]
+u = "cmd.u"
+"#;
+
+/// The same with the columns of one file.
+const BY_HAND: &str = r#"
+[columns]
+v = "odom_v"
+a = "imu_ax"
+[states]
+v = { derivative = "a" }
+[inputs]
+u = "cmd_u"
+"#;
+
+/// Writes a run: `imu_0.csv` at 200 Hz, `odom.csv` at 50 Hz between its rows, `cmd.csv` at its own times; and what joining them by hand gives.
+fn write_run(folder: &Path, run: u32) -> String {
+    let name = format!("run_{run}");
+    fs::create_dir_all(folder.join("runs").join(&name)).unwrap();
+    let (mut imu, mut odom, mut cmd) = (String::from("t,ax,gz\n"), String::from("stamp,x,v\n"), String::from("t,u\n"));
+    let mut joined = String::from("t,odom_v,imu_ax,cmd_u\n");
+    let speed = |t: f64| (0.9 * t + f64::from(run)).sin();
+    let ax = |t: f64| (1.7 * t).cos() - 0.7 * speed(t);
+    let commands: Vec<f64> = (0..70).map(|k| 0.13 * f64::from(k) + 0.01 * f64::from(k % 5)).collect();
+    let u = |k: usize| f64::from((k * 7 % 11) as u32) - 5.0;
+    for (k, t) in commands.iter().enumerate() {
+        cmd += &format!("{t:.3},{}\n", u(k));
+    }
+    for k in 0..1600 {
+        let t = 0.005 * f64::from(k);
+        imu += &format!("{t:.3},{},{}\n", ax(t), t.sin());
+        if k % 4 == 1 && k < 1597 {
+            // Between two rows of the other file.
+            let t = t + 0.0025;
+            odom += &format!("{t:.4},{},{}\n", 2.0 * t, speed(t));
+            let (low, high) = (0.005 * f64::from(k), 0.005 * f64::from(k + 1));
+            let last = commands.iter().rposition(|&own| (1e3 * own).round() <= 1e3 * t).unwrap();
+            joined += &format!("{t:.4},{},{},{}\n", speed(t), 0.5 * (ax(low) + ax(high)), u(last));
+        }
+    }
+    for (file, text) in [("imu_0.csv", imu), ("odom.csv", odom), ("cmd.csv", cmd)] {
+        fs::write(folder.join("runs").join(&name).join(file), text).unwrap();
+    }
+    fs::write(folder.join(format!("joined_{run}.csv")), &joined).unwrap();
+    name
+}
+
+fn numbers(value: &serde_json::Value, into: &mut Vec<f64>) {
+    match value {
+        serde_json::Value::Number(number) => into.extend(number.as_f64()),
+        serde_json::Value::Array(all) => all.iter().for_each(|value| numbers(value, into)),
+        serde_json::Value::Object(all) => all.values().for_each(|value| numbers(value, into)),
+        _ => {}
+    }
+}
+
+#[test]
+fn files_of_a_run_fit_as_one_file_that_was_joined_by_hand() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    (0..2).for_each(|run| _ = write_run(folder, run));
+    fs::write(folder.join("files.toml"), RECIPE).unwrap();
+    fs::write(folder.join("one.toml"), BY_HAND).unwrap();
+    let fit = |recipe: &str, data: &[&str], model: &str| {
+        let words = ["fit", "pwa", "-c", recipe, "--partition", "average", "-o", model];
+        fleetfoot(folder, &[&words[..], data].concat()).ok()
+    };
+    let said = fit("files.toml", &["runs"], "files.json");
+    assert!(said.err.contains("the rows are those of odom"), "{}", said.err);
+    fit("one.toml", &["joined_0.csv", "joined_1.csv"], "one.json");
+    let score = |model: &str, data: &[&str]| fleetfoot(folder, &[&["score", model, "--json"], data].concat()).ok();
+    let files = score("files.json", &["runs"]).json();
+    let one = score("one.json", &["joined_0.csv", "joined_1.csv"]).json();
+    assert!(files["rows"].as_u64().unwrap() > 700, "{files}");
+    let (mut of_files, mut of_one) = (Vec::new(), Vec::new());
+    numbers(&files, &mut of_files);
+    numbers(&one, &mut of_one);
+    assert_eq!(of_files.len(), of_one.len());
+    for (a, b) in of_files.iter().zip(&of_one) {
+        assert!((a - b).abs() <= 1e-9 * b.abs().max(1.0), "{a} is not {b}: {files}\n{one}");
+    }
+    // A model opens the files of a run by its own recipe; a run is one episode, called as its folder.
+    fleetfoot(folder, &["predict", "files.json", "runs/run_1", "-o", "predicted.csv"]).ok();
+    let predicted = fs::read_to_string(folder.join("predicted.csv")).unwrap();
+    assert!(predicted.lines().nth(1).unwrap().starts_with("run_1,"), "{predicted:.200}");
+    // Even rows, rows of another file, and a statistic whose logs are the runs.
+    fleetfoot(folder, &["fit", "pwa", "-c", "files.toml", "runs/run_0", "--rate", "100", "-o", "even.json"]).ok();
+    let by_imu = fleetfoot(folder, &["score", "files.json", "runs/run_0", "--base", "imu", "--json"]).ok().json();
+    assert!(by_imu["rows"].as_u64().unwrap() > 1500, "{by_imu}");
+    let scanned = fleetfoot(folder, &["scan", "-c", "files.toml", "runs", "-o", "runs.stats"]).ok();
+    assert!(scanned.out.contains("2 files, 2 episodes"), "{}", scanned.out);
+    // What `prepare` writes is one file a run.
+    fleetfoot(folder, &["prepare", "-c", "files.toml", "runs", "-o", "clean"]).ok();
+    assert!(folder.join("clean/run_1.clean.parquet").exists());
+    let clean = ["fit", "pwa", "-c", "clean/robot.toml", "clean", "--partition", "average", "-o", "clean.json"];
+    fleetfoot(folder, &clean).ok();
+}
+
+#[test]
+fn files_that_make_no_run_are_told_with_the_mend() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    write_run(folder, 0);
+    let run = folder.join("runs/run_0");
+    let fit = |recipe: &str, more: &[&str]| {
+        fs::write(folder.join("robot.toml"), recipe).unwrap();
+        let words = ["fit", "pwa", "-c", "robot.toml", "runs", "-o", "model.json"];
+        fleetfoot(folder, &[&words[..], more].concat())
+    };
+    let changed = |from: &str, to: &str| fit(&RECIPE.replace(from, to), &[]);
+    changed("odom.csv", "odo.csv").fails(&["run_0", "odom = \"odo.csv\"", "[files]", "`odom.csv`"]);
+    changed("cmd.csv", "[ic]m*.csv").fails(&["imu_0.csv", "`imu`", "`cmd`", "[files]", "narrow"]);
+    fs::copy(run.join("imu_0.csv"), run.join("imu_1.csv")).unwrap();
+    fit(RECIPE, &[]).fails(&["run_0", "imu_0.csv", "imu_1.csv", "imu = \"imu*.csv\"", "[files]", "narrow the pattern"]);
+    fs::rename(run.join("imu_1.csv"), run.join("notes.csv")).unwrap();
+    let told = fit(RECIPE, &[]).ok().err;
+    assert!(told.contains("notes.csv") && told.contains("no pattern of [files]"), "{told}");
+    changed("imu.ax", "imu.az").fails(&["run_0", "[columns] a", "imu.az", "imu.ax"]);
+    fit(RECIPE, &["--base", "imuu"]).fails(&["run_0", "imuu", "[files]", "`imu`, `odom`, `cmd`"]);
+    fit(RECIPE, &["--dt", "0.1"]).fails(&["run_0", "[files]", "--dt"]);
+    fs::create_dir(folder.join("runs/other")).unwrap();
+    fs::copy(run.join("odom.csv"), folder.join("runs/other/odometry.csv")).unwrap();
+    fit(RECIPE, &[]).fails(&["odometry.csv belongs to no run", "[files]"]);
+    fs::remove_dir_all(folder.join("runs/other")).unwrap();
+    let shifted = fs::read_to_string(run.join("cmd.csv")).unwrap();
+    let shifted: String =
+        shifted.lines().map(|line| if line == "t,u" { "t,u\n".into() } else { format!("9{line}\n") }).collect();
+    fs::write(run.join("cmd.csv"), shifted).unwrap();
+    fit(RECIPE, &[]).fails(&["run_0", "odom", "cmd", "do not overlap", "[files]", "share one clock"]);
+    // Unless that clock is known.
+    fit(&format!("{RECIPE}[clocks.computer]\ntopics = [\"cmd\"]\noffset = 90.0\n"), &[]).ok();
+    // Without [files] the message leads to it.
+    fit("[states]\nv = {}\n", &[]).fails(&["cmd.csv", "[states] v", "odom.csv has it", "[files]", "odom.v"]);
+    fit("[states]\nu = {}\n", &[]).fails(&["imu_0.csv has none of the columns", "[files]", "imu_0 = \"imu_0.csv\""]);
+}
