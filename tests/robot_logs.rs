@@ -358,6 +358,18 @@ fn messages_in_groups_keep_their_rows() {
         "max_gap = SECONDS",
         "--base /command",
     ]);
+    // A pattern of [join] that matches nothing is told, one of a field that is not read is not.
+    for (pattern, words) in [
+        ("/command.*", &["[join] \"/command.*\" matches no field", "one part between dots", "`/command.linear.x`"][..]),
+        ("/comand.linear.x", &["[join] \"/comand.linear.x\" matches no field", "did you mean `/command.linear.x`"]),
+        ("/command.angular.*", &[]),
+    ] {
+        fs::write(path.join("idle.toml"), format!("{recipe}[join]\n\"{pattern}\" = \"linear\"\n")).unwrap();
+        let told =
+            fleetfoot(path, &["fit", "pwa", "-c", "idle.toml", "run.mcap", "-p", "average", "-o", "m.json"]).ok();
+        assert!(words.iter().all(|word| told.err.contains(word)), "{}", told.err);
+        assert_eq!(told.err.matches("matches no field").count(), usize::from(!words.is_empty()), "{}", told.err);
+    }
     let lags =
         ["fit", "pwa", "run.mcap", "--predict", "/state.linear.x", "--lags", "4", "-p", "average", "--max-gap", "0.05"];
     fleetfoot(path, &lags).fails(&["1200 rows into 300 episodes", "--max-gap SECONDS"]);

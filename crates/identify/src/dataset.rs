@@ -18,7 +18,7 @@ use fleetfoot_model::{Column as ModelColumn, Role};
 
 use clock::Clock;
 pub(crate) use clock::{Reads, reads, reads_of_model};
-pub(crate) use fields::{described, explained, fields, unprepared};
+pub(crate) use fields::{described, explained, fields, idle_joins, unprepared};
 pub(crate) use period::of_most;
 pub(crate) use selection::full_selection;
 use selection::label_names;

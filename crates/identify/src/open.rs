@@ -11,7 +11,7 @@ use fleetfoot_model::{Column as ModelColumn, Equation, auxiliary_columns};
 
 use crate::{
     Dataset, EquationTask, Error, Logs, Recipe, StructuredTask, Task, clocks,
-    dataset::{Reads, described, explained, fields, reads},
+    dataset::{Reads, described, explained, fields, idle_joins, reads},
     found_clocks::Clocks,
     problem::{KnownTask, ParametersTask, aliases_of_model, prepared},
     stats_file::EquationStatistic,
@@ -220,6 +220,9 @@ impl Dataset {
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
         let clocks = Self::find_clocks(recipe, logs, progress)?;
-        Self::open_by(recipe, model, aliases, reads, clocks, logs, progress)
+        let mut dataset = Self::open_by(recipe, model, aliases, reads, clocks, logs, progress)?;
+        let idle = idle_joins(recipe, &dataset.columns(), logs)?;
+        dataset.notes.extend(idle);
+        Ok(dataset)
     }
 }

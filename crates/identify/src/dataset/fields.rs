@@ -1,15 +1,18 @@
 //! The fields of logs, and rows seen through expressions over them.
 
-use fleetfoot_data::{Column, Source};
+use fleetfoot_data::{Column, Source, did_you_mean, nearest};
 use fleetfoot_library::{Expr, ParseErrorKind};
 use fleetfoot_log::{ArrayInfo, ColumnInfo, FileInfo, Log, TopicInfo};
 
 use super::beside::of_other_file;
 use super::selection::{label_names, renames};
-use crate::{Error, Logs, Recipe};
+use crate::{Error, Logs, Recipe, wildcard::is_match};
 
 /// Elements that `[*]` takes of an array at most.
 const MOST_ELEMENTS: usize = 4096;
+
+/// Names that a message proposes.
+const MOST_NAMES: usize = 3;
 
 /// The fields of the first log, and the labels that the recipe gives to episodes; and what a file says of its topics.
 pub(crate) fn fields(recipe: &Recipe, logs: &Logs) -> Result<(Vec<Column>, Option<FileInfo>), Error> {
@@ -66,6 +69,40 @@ fn elements(recipe: &str, arrays: &[ArrayInfo]) -> Vec<Column> {
     names.sort_unstable();
     names.dedup();
     names.into_iter().map(Column::float).collect()
+}
+
+/// What `[join]` says of no field of the first log: it is without effect.
+pub(crate) fn idle_joins(recipe: &Recipe, read: &[String], logs: &Logs) -> Result<Vec<String>, Error> {
+    let is_open = |pattern: &&String| !read.iter().any(|name| is_match(pattern, name));
+    let open: Vec<&String> = recipe.join.keys().filter(is_open).collect();
+    if open.is_empty() {
+        return Ok(Vec::new());
+    }
+    let (fields, _) = fields(recipe, logs)?;
+    let names: Vec<&str> = fields.iter().map(|field| field.name.as_str()).collect();
+    let told = |pattern: &String| {
+        let start = pattern.find('*').map_or("", |star| &pattern[..star]);
+        // Read ones are what is meant before others.
+        let mut below: Vec<String> =
+            read.iter().filter(|name| !start.is_empty() && name.starts_with(start)).cloned().collect();
+        if below.is_empty() {
+            below = names
+                .iter()
+                .filter(|name| !start.is_empty() && name.starts_with(start))
+                .map(|name| (*name).to_owned())
+                .collect();
+        }
+        below.truncate(MOST_NAMES);
+        let meant = if below.is_empty() { nearest(pattern, names.iter().copied()) } else { below };
+        let star = if start.is_empty() {
+            ""
+        } else {
+            "; a star stands for one part between dots, or for what is in one pair of brackets"
+        };
+        format!("[join] \"{pattern}\" matches no field, so that it changes nothing{star}{}", did_you_mean(&meant))
+    };
+    let idle = open.into_iter().filter(|pattern| !names.iter().any(|name| is_match(pattern, name)));
+    Ok(idle.map(told).collect())
 }
 
 /// The error, or, when a name is unknown because its topic cannot be read, why it cannot.
