@@ -288,6 +288,32 @@ def test_recipes_in_every_form(tmp_path):
     assert (both.names, both.recipe, len(both)) == (["a", "b"], text, 2)
 
 
+def test_files_of_runs_are_topics(tmp_path):
+    t = np.arange(400) * 0.01
+    for run in range(2):
+        folder = tmp_path / "runs" / f"run_{run}"
+        folder.mkdir(parents=True)
+        x = np.sin(t + run)
+        pq.write_table(pa.table({"t": t, "x": x, "rate": np.cos(t + run)}), folder / "odom.parquet")
+        pl.DataFrame({"t": t[::7], "u": x[::7]}).write_csv(folder / "cmd.csv")
+    recipe = {
+        "files": {"odom": "odom.parquet", "cmd": "cmd*.csv"},
+        "columns": {"x": "odom.x", "rate": "odom.rate"},
+        "states": {"x": {"derivative": "rate"}},
+        "inputs": {"u": "cmd.u"},
+    }
+    runs = tmp_path / "runs"
+    table = ff.read(ff.open(runs, recipe=recipe), ["x", "u"])
+    assert len(table["x"]) == 800
+    np.testing.assert_allclose(table["u"][:390], np.repeat(np.sin(t[::7]), 7)[:390])
+    model = ff.PWA(partition="average").fit(ff.open(runs, recipe=recipe)).model_
+    report = model.score(runs / "run_1")
+    assert report["in_sample_episodes"] == ["run_1"]
+    with pytest.raises(ff.exceptions.DataError, match=r"no file for `cmd = .*\[files\]"):
+        (runs / "run_1" / "cmd.csv").unlink()
+        model.score(runs)
+
+
 def test_lists_of_runs_with_their_clocks():
     runs = [np.random.default_rng(i).normal(size=(20 + i, 2)) for i in range(3)]
     stamps = [np.arange(20 + i) * 0.1 for i in range(3)]
