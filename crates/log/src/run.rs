@@ -1,7 +1,7 @@
 //! The files of one run, a file a topic, as one log: which files belong together, and their rows joined on one clock.
 
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, BTreeSet},
     path::{Path, PathBuf},
     sync::Arc,
 };
@@ -9,7 +9,7 @@ use std::{
 use fleetfoot_data::Progress;
 
 use crate::{
-    Base, Error, Format, Selection, TimeSpec,
+    Base, Error, Format, JoinKind, Selection, TimeSpec,
     by_name::ByName,
     channels::{Names, corrections},
     error::list,
@@ -177,7 +177,11 @@ pub(crate) fn open(
             columns: own.map(str::to_owned).collect(),
             ..selection.clone()
         };
-        let opened = open(path, &own)?;
+        let is_slerp = |column: &str| {
+            let rule = selection.join.columns.get(&format!("{name}.{column}"));
+            rule.is_some_and(|rule| rule.kind == Some(JoinKind::Slerp))
+        };
+        let opened = with_siblings(path, own, &is_slerp, open)?;
         let clocks = corrections(folder, name, &selection.join.clocks);
         let mut rows = resample::series(folder, &opened, &clocks, budget, progress)?;
         name.clone_into(&mut rows.name);
@@ -220,6 +224,32 @@ pub(crate) fn open(
     join(&series, &kinds, base, progress, |stamps, columns| rows.push_columns(stamps, columns)).map_err(apart)?;
     let table: Box<dyn Table> = Box::new(StoredTable { store: rows.finish()?, columns: joined, has_time: true });
     Ok(Opened { time_column: Some("its clock".into()), chosen: Chosen::Caller, ..Opened::of_table(table, None, notes) })
+}
+
+/// Opens a file for columns, and for all four of each quaternion of which one is joined by slerp, as far as the file has them.
+fn with_siblings(
+    path: &Path,
+    own: Selection,
+    is_slerp: &dyn Fn(&str) -> bool,
+    open: &dyn Fn(&Path, &Selection) -> Result<Opened, Error>,
+) -> Result<Opened, Error> {
+    let stems = own.columns.iter().filter(|column| is_slerp(column));
+    let mut stems: Vec<&str> = stems.filter_map(|column| column.strip_suffix(['x', 'y', 'z', 'w'])).collect();
+    loop {
+        let siblings = stems.iter().flat_map(|stem| ["x", "y", "z", "w"].map(|letter| format!("{stem}{letter}")));
+        let columns = own.columns.iter().cloned().chain(siblings).collect::<BTreeSet<_>>().into_iter().collect();
+        match open(path, &Selection { columns, ..own.clone() }) {
+            // Three of them are a vector.
+            Err(Error::MissingColumn { column, .. }) if !own.columns.contains(&column) => {
+                let before = stems.len();
+                stems.retain(|stem| column.strip_suffix(['x', 'y', 'z', 'w']) != Some(stem));
+                if stems.len() == before {
+                    return open(path, &own);
+                }
+            }
+            opened => return opened,
+        }
+    }
 }
 
 /// A column with its topic.

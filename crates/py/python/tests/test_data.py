@@ -314,6 +314,24 @@ def test_files_of_runs_are_topics(tmp_path):
         model.score(runs)
 
 
+def test_two_parts_of_a_quaternion_are_joined_as_four(tmp_path):
+    t = np.arange(400) * 0.01
+    sign = np.where(np.arange(400) % 2, -1.0, 1.0)
+    none = np.zeros(400)
+    camera = {"t": t, "px": t, "py": t, "pz": t}
+    turned = {"qx": none, "qy": none, "qz": sign * np.sin(t / 2), "qw": sign * np.cos(t / 2)}
+    pq.write_table(pa.table(camera | turned), tmp_path / "mocap.parquet")
+    pq.write_table(pa.table({"t": t[::2] + 0.005, "v": t[::2]}), tmp_path / "odom.parquet")
+    recipe = {
+        "files": {"odom": "odom.*", "mocap": "mocap.*"},
+        "time": {"base": "odom"},
+        "join": {"mocap.*": "slerp"},
+    }
+    table = ff.read(ff.open(tmp_path, recipe=recipe), ["mocap.qz", "mocap.qw", "mocap.px"])
+    np.testing.assert_allclose(2 * np.arctan2(table["mocap.qz"], table["mocap.qw"]), t[::2] + 0.005, atol=1e-12)
+    np.testing.assert_allclose(table["mocap.px"], t[::2] + 0.005, atol=1e-12)
+
+
 def test_lists_of_runs_with_their_clocks():
     runs = [np.random.default_rng(i).normal(size=(20 + i, 2)) for i in range(3)]
     stamps = [np.arange(20 + i) * 0.1 for i in range(3)]
