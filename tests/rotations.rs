@@ -339,7 +339,7 @@ fn what_is_no_rotation_is_refused() {
         fs::write(path.join("own.toml"), recipe).unwrap();
         fleetfoot(path, &[&["fit", "sindy", "-c", "own.toml"], more].concat())
     };
-    let message = fit(RECIPE, &["lost.csv"]).fails(&["lost.csv", "row 120", "attitude", "length 0", "--where"]);
+    let message = fit(RECIPE, &["lost.csv"]).fails(&["lost.csv", "row 121", "attitude", "length 0", "--where"]);
     // The mend that it tells.
     let condition = message.split('"').nth(1).unwrap().to_owned();
     fit(RECIPE, &["lost.csv", "--where", &condition]).ok();
