@@ -9,7 +9,7 @@ use crate::{Error, Logs, Recipe};
 /// Files beside a file that are looked at.
 const MOST_FILES: usize = 20;
 
-/// How files of one run are joined, for a column of one of them.
+/// The advice to join files of one run by `[files]`, where a file of the same call has the column that is missing.
 fn mend(file: &Path, column: &str) -> String {
     let name = file.file_name().unwrap_or_default().to_string_lossy();
     let topic: String = name.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
