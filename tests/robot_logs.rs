@@ -330,11 +330,15 @@ fn messages_in_groups_keep_their_rows() {
     let mut writer = McapWriter::create(path.join("run.mcap"), &McapOptions::default()).unwrap();
     let state = writer.channel::<Twist>("/state").unwrap();
     let command = writer.channel::<Twist>("/command").unwrap();
+    let rare = writer.channel::<Twist>("/rare").unwrap();
     let (mut v, mut ms) = (0.0_f64, 0);
     for step in 0..1200_i64 {
         let u = (0.3 * step as f64).sin() + 0.3 * (0.11 * step as f64).cos();
         let (of_state, of_command) = (LOG_START + ms * 1_000_000, LOG_START + (ms - 3) * 1_000_000);
         writer.write(command, of_command, of_command, &Twist { linear: [u, 0.0, 0.0], angular: [0.0; 3] }).unwrap();
+        if step < 6 {
+            writer.write(rare, of_state, of_state, &Twist { linear: [u, 0.0, 0.0], angular: [0.0; 3] }).unwrap();
+        }
         writer.write(state, of_state, of_state, &Twist { linear: [v, 0.0, 0.0], angular: [0.0; 3] }).unwrap();
         let wait = if step % 4 == 3 { 80 } else { 10 };
         v += 1e-3 * wait as f64 * (3.0 * u - 2.0 * v);
@@ -357,6 +361,23 @@ fn messages_in_groups_keep_their_rows() {
         "`/command.linear.x` is missing in 1200 of 1200 rows",
         "max_gap = SECONDS",
         "--base /command",
+    ]);
+    // `fit sparse` and `scan` say so as well; `fit sparse` also where a few rows are complete.
+    let tasks = "[latents]\nf = { functions = [\"v\", \"u\"] }\n[tasks]\nfirst = { target = \"v\", right = \"f\" }\n";
+    let sparse = |column: &str, more: &str| {
+        let recipe = format!("[columns]\nv = \"/state.linear.x\"\nu = \"{column}\"\n{tasks}{more}");
+        fs::write(path.join("sparse.toml"), recipe).unwrap();
+        fleetfoot(path, &["fit", "sparse", "-c", "sparse.toml", "run.mcap", "--base", "/state", "-o", "s.json"])
+    };
+    let short = "[join]\n\"/command.linear.x\" = { kind = \"linear\", max_gap = 0.001 }\n";
+    let words = ["`/command.linear.x` is missing in 1200 of 1200 rows", "max_gap = SECONDS", "--base /command"];
+    sparse("/command.linear.x", short).fails(&words);
+    fleetfoot(path, &["scan", "-c", "sparse.toml", "run.mcap", "--base", "/state", "-o", "s.stats"]).fails(&words);
+    sparse("/rare.linear.x", "").fails(&[
+        "fold",
+        "`/rare.linear.x` is missing in 119",
+        "max_gap = SECONDS",
+        "--base /rare",
     ]);
     // A pattern of [join] that matches nothing is told, one of a field that is not read is not.
     for (pattern, words) in [

@@ -68,7 +68,8 @@ pub(crate) fn with_reasons(error: Error, dataset: &Dataset, functions: impl Into
     }
 }
 
-fn is_too_few(error: &Error) -> bool {
+/// Whether rows are too few for what was asked.
+pub(crate) fn is_too_few(error: &Error) -> bool {
     match error {
         Error::Request(request) => matches!(request.cause, Cause::TooFewRows { .. }),
         Error::Identification(error) => matches!(error, fleetfoot_pwa::Error::TooFewRows { .. }),
@@ -77,7 +78,10 @@ fn is_too_few(error: &Error) -> bool {
 }
 
 /// Why rows are too few: the field that lacks most values, and episodes of a few rows.
-fn too_few(dataset: &Dataset) -> Result<Vec<String>, Error> {
+///
+/// # Errors
+/// Those of reading.
+pub(crate) fn too_few(dataset: &Dataset) -> Result<Vec<String>, Error> {
     let source = dataset.source();
     let (mut missing, mut rows) = (vec![0; source.columns().len()], 0);
     for (episode, info) in source.episodes().iter().enumerate() {

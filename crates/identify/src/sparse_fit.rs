@@ -31,6 +31,7 @@ use crate::{
     Dataset, Error, Logs, Recipe, RequestError, StructuredTask, concentrated,
     condition::refuse_other_rows,
     folds::smoothed_rows,
+    not_finite,
     open::OpenedStructure,
     output::refuse_not_finite,
     statistic::{LabelKey, ScanOptions, scan, scan_tasks},
@@ -112,16 +113,17 @@ pub fn fit_sparse(
     refuse_bounds_without_latents(&evidence.recipe)?;
     let options = SparseOptions::new(&evidence.recipe.sparse)?;
     let all: BTreeSet<EpisodeId> = evidence.file.episodes.iter().map(|episode| episode.id).collect();
+    let reasons = |error| if logs.is_statistic() { error } else { evidence.with_reasons(error, logs, progress) };
     let Some(label) = &request.by else {
-        let found = vec![evidence.fit(&options, None, &all, request.influence, progress)?];
-        return evidence.kept(request, found);
+        let found = evidence.fit(&options, None, &all, request.influence, progress);
+        return evidence.kept(request, vec![found.map_err(reasons)?]);
     };
     let mut fitted = Vec::new();
     for (value, episodes) in by_label(&evidence.file, label)? {
         let found = evidence.fit(&options, Some(value.clone()), &episodes, request.influence, progress);
         fitted.push(found.map_err(|error| match error {
             Error::Request(RequestError { cause, message }) => {
-                Error::Request(RequestError { cause, message: format!("{label} = {value}: {message}") })
+                reasons(Error::Request(RequestError { cause, message: format!("{label} = {value}: {message}") }))
             }
             other => other,
         })?);
@@ -136,6 +138,22 @@ impl Evidence {
             self.file.write(path)?;
         }
         Ok(fitted)
+    }
+
+    /// An error of too few rows with the columns that lack values in the logs.
+    fn with_reasons(&self, error: Error, logs: &Logs, progress: &dyn Progress) -> Error {
+        if !not_finite::is_too_few(&error) {
+            return error;
+        }
+        let explained =
+            |error, dataset: &Dataset| not_finite::with_reasons(error, dataset, self.task.expressions().cloned());
+        match &self.rows {
+            Some(dataset) => explained(error, dataset),
+            None => match Dataset::for_structure(&self.recipe, logs, progress) {
+                Ok(opened) => explained(error, &opened.dataset),
+                Err(_) => error,
+            },
+        }
     }
 }
 

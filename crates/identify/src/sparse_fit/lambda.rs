@@ -10,6 +10,7 @@ use fleetfoot_sparse::{
         task_criteria,
     },
 };
+use fleetfoot_stats::FoldError;
 
 use super::{LambdaRule, SparseOptions, problem::Problem};
 use crate::{
@@ -56,9 +57,16 @@ pub(super) fn folds(
             notes.push(format!("no held-out errors: {error}"));
             Ok(None)
         }
-        Err(error) => Err(Error::undetermined(format!(
-            "{error}; without folds lambda can be given (`--lambda`), or chosen by `--select bic`"
-        ))),
+        Err(error) => {
+            let few = matches!(
+                error,
+                SelectError::EmptyFold { .. } | SelectError::TooFew { .. } | SelectError::Folds(FoldError::Rows { .. })
+            );
+            let message =
+                format!("{error}; without folds lambda can be given (`--lambda`), or chosen by `--select bic`");
+            let found = problem.rows() as u64;
+            Err(if few { Error::too_few_rows(found, found + 1, message) } else { Error::undetermined(message) })
+        }
     }
 }
 

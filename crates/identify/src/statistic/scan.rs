@@ -19,6 +19,7 @@ use super::{
 use crate::{
     Dataset, EquationTask, Error, Logs, Recipe, StructuredTask,
     left_out::left_out,
+    not_finite::too_few,
     open::OpenedStructure,
     stats_file::{ContentHash, EquationStatistic, FileRecord, StatisticFile, refuse_unprintable},
     subset::Subset,
@@ -174,11 +175,15 @@ impl<'a> Scan<'a> {
         let mut file = self.begin(&opened, progress)?;
         let before = file.scanned.counts().incomplete;
         let added = self.add(&mut file, &files, &opened.dataset, progress, keep);
-        let incomplete = file.scanned.counts().incomplete - before;
+        let counts = file.scanned.counts();
+        let (incomplete, no_row) = (counts.incomplete - before, counts.complete == 0);
         self.file = Some(file);
         added?;
         let read = row_expressions(&opened.task).cloned().collect();
         self.report.notes.extend(left_out(incomplete, &opened.dataset, read)?);
+        if no_row {
+            self.report.notes.extend(too_few(&opened.dataset)?);
+        }
         Ok(())
     }
 
