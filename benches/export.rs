@@ -9,13 +9,11 @@ use std::{error::Error, fmt::Write, path::Path, process::Command, time::Instant}
 
 use fleetfoot::{
     Silent,
+    codegen::{ExportOptions, StepMethod, Target, export},
     data::{Column as Field, MemorySource, mix},
     dynamics::{RolloutOptions, Simulator, Start, Step},
     library::{Expr, Library},
-    model::{
-        Column, Equation, ExportOptions, Latent, Model, Partition, Prediction, Region, Role, Rule, StepMethod, Target,
-        Training, export,
-    },
+    model::{Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training},
     with_threads,
 };
 

@@ -5,13 +5,14 @@ mod circles;
 use std::{collections::BTreeSet, fs, path::Path, process::Command};
 
 /// Crate, and the crates of the workspace that it may use.
-const ARROWS: [(&str, &[&str]); 19] = [
+const ARROWS: [(&str, &[&str]); 20] = [
     // No code: the features of third-party crates.
     ("fleetfoot-features", &[]),
     ("fleetfoot-data", &["features"]),
     ("fleetfoot-library", &["data"]),
     ("fleetfoot-stats", &["data", "library"]),
     ("fleetfoot-model", &["data", "library"]),
+    ("fleetfoot-codegen", &["data", "library", "model"]),
     ("fleetfoot-dynamics", &["data", "library", "stats", "model"]),
     ("fleetfoot-message", &["data"]),
     ("fleetfoot-signal", &["data"]),
@@ -24,14 +25,17 @@ const ARROWS: [(&str, &[&str]); 19] = [
     ("fleetfoot-report", &["features"]),
     (
         "fleetfoot-identify",
-        &["data", "library", "stats", "model", "dynamics", "signal", "log", "pwa", "sparse", "estimate", "report"],
+        &[
+            "data", "library", "stats", "model", "codegen", "dynamics", "signal", "log", "pwa", "sparse", "estimate",
+            "report",
+        ],
     ),
     ("fleetfoot-synth", &["data", "library", "stats", "model", "dynamics", "message", "log", "pwa", "sim", "identify"]),
     (
         "fleetfoot",
         &[
-            "data", "library", "stats", "model", "dynamics", "message", "signal", "log", "pwa", "sparse", "estimate",
-            "sim", "report", "identify", "synth",
+            "data", "library", "stats", "model", "codegen", "dynamics", "message", "signal", "log", "pwa", "sparse",
+            "estimate", "sim", "report", "identify", "synth",
         ],
     ),
     ("fleetfoot-cli", &["fleetfoot"]),

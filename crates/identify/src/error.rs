@@ -143,7 +143,7 @@ pub enum Error {
     Model(#[from] fleetfoot_model::FileError),
     /// The model cannot be written in another language.
     #[error(transparent)]
-    Export(#[from] fleetfoot_model::ExportError),
+    Export(#[from] fleetfoot_codegen::ExportError),
     /// Prediction, scoring or rolling out failed.
     #[error(transparent)]
     Dynamics(#[from] fleetfoot_dynamics::Error),

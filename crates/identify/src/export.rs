@@ -4,8 +4,9 @@ mod engine;
 
 use std::path::{Path, PathBuf};
 
+use fleetfoot_codegen::{Cost, ExportOptions, ExportedFile, Target, TestVector, test_vectors};
 use fleetfoot_log::{check_outputs, together, write_atomic};
-use fleetfoot_model::{Cost, ExportOptions, ExportedFile, Model, Target, TestVector, test_vectors};
+use fleetfoot_model::Model;
 
 use crate::{Error, FilterSection};
 
@@ -40,7 +41,7 @@ pub fn export(model: &Model, options: &ExportOptions, folder: &Path, inputs: &[P
         Target::C | Target::Rust | Target::Python => engine_vectors(model, options, VECTORS, SEED)?,
         Target::Latex | Target::Npz => Vec::new(),
     };
-    let exported = fleetfoot_model::export(model, options, &vectors)?;
+    let exported = fleetfoot_codegen::export(model, options, &vectors)?;
     let files = write(&exported.files, folder, inputs)?;
     Ok(Exported { files, cost: exported.cost, compared: vectors.len() })
 }
@@ -66,7 +67,7 @@ pub fn export_filter(
                 .to_owned(),
         )
     })?;
-    let exported = fleetfoot_model::export_filter(model, &tables, options)?;
+    let exported = fleetfoot_codegen::export_filter(model, &tables, options)?;
     write(&exported, folder, inputs)
 }
 

@@ -1,4 +1,4 @@
-//! What a model is: latents, partitions, equations; saved, printed, exported.
+//! What a model is: latents, partitions, equations; saved, printed.
 //!
 //! One type, [`Model`], for whatever method produced it. Its [`Latent`] functions are each a library of candidate
 //! functions x a [`Partition`] of the state space into regions x coefficients; its [`Equation`]s say how what is predicted
@@ -30,8 +30,8 @@
 mod closed;
 mod column;
 mod equation;
-mod export;
 mod file;
+mod filter_tables;
 mod latent;
 mod latent_groups;
 mod lattice;
@@ -52,11 +52,8 @@ mod validate;
 pub use closed::{Closed, ClosedError, FirstOrderLag, auxiliary_columns, check_simulated};
 pub use column::{Column, Role};
 pub use equation::{Equation, Prediction};
-pub use export::{
-    Cost, Export, ExportError, ExportOptions, ExportedFile, FilterColour, FilterTables, Operations, Precision, Signals,
-    StepMethod, Target, TestResult, TestVector, evaluate_at, export, export_filter, signals, test_vectors,
-};
 pub use file::{FORMAT_VERSION, FileError};
+pub use filter_tables::{FilterColour, FilterTables};
 pub use latent::Latent;
 pub use latent_groups::{LaggedLatent, LatentGroup, partitions_in_use};
 pub use lattice::{Join, Lattice, Level};
@@ -71,7 +68,7 @@ pub use rotations::{Rotation, rotations};
 pub use trained::{TrainedEpisode, known};
 pub use transitions::Transitions;
 pub use tree::{Branch, Cut, Side, Tree};
-pub use typeset::SetEquation;
+pub use typeset::{SetEquation, summands};
 
 use fleetfoot_library::Expr;
 

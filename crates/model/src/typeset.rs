@@ -78,7 +78,7 @@ fn left(equation: &Equation) -> String {
 }
 
 /// A function in a region as terms, each whether it is subtracted, and its absolute value with coefficients of so many digits; zeros are left out.
-pub(crate) fn summands(model: &Model, latent: &Latent, region: usize, digits: usize) -> Vec<(bool, Expr)> {
+pub fn summands(model: &Model, latent: &Latent, region: usize, digits: usize) -> Vec<(bool, Expr)> {
     let constant = latent.constants.get(region).map(|&value| (value, None));
     let coefficients = latent.coefficients.get(region).into_iter().flatten();
     let functions = model.libraries[latent.library].iter().zip(coefficients).map(|(f, &value)| (value, Some(f)));

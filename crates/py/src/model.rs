@@ -3,9 +3,9 @@
 use std::{path::PathBuf, sync::OnceLock};
 
 use fleetfoot::{
+    codegen::{ExportOptions, Precision, StepMethod, Target},
     dynamics::{Linearized, Method, Stepper, StepperWorkspace, Tangent},
     library::{Expr, Filter, FilterKind},
-    model::{ExportOptions, Precision, StepMethod, Target},
 };
 use numpy::{PyArray1, PyArrayDyn};
 use pyo3::{prelude::*, types::PyBytes};

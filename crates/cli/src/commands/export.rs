@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use fleetfoot::{
-    Error, Model, Recipe, made_controller,
-    model::{Cost, ExportOptions, Precision, StepMethod, Target},
+    Error, Model, Recipe,
+    codegen::{Cost, ExportOptions, Precision, StepMethod, Target},
+    made_controller,
 };
 use serde::Serialize;
 

@@ -316,7 +316,7 @@ impl SwitchedFilter {
         self.period
     }
 
-    /// The numbers of the filter, of which code is made ([`fleetfoot_model::export_filter`]); `None` where a submodel is not affine or a sensor has no deviation. A factor on the
+    /// The numbers of the filter, of which code is made; `None` where a submodel is not affine or a sensor has no deviation. A factor on the
     /// process noise that is to be found is 1.
     pub fn tables(&self) -> Option<FilterTables> {
         let steps = self.steps.as_ref()?;

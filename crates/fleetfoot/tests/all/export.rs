@@ -6,8 +6,9 @@ pub(crate) mod models;
 use std::process::Command;
 
 use fleetfoot::{
+    codegen::{ExportOptions, Precision, StepMethod, Target},
     engine_vectors, export,
-    model::{ExportOptions, Precision, Prediction, StepMethod, Target},
+    model::Prediction,
 };
 
 #[test]

@@ -4,12 +4,13 @@ use std::{path::Path, process::Command};
 
 use fleetfoot::{
     FilterNoise, FilterSection, FilterSwitching, Tunable,
+    codegen::{ExportOptions, Precision, Target},
     dynamics::filter::{SwitchedFilter, Track},
     export_filter, filter_of,
     library::Expr,
     model::{
-        Column, Equation, ExportOptions, Latent, Model, Partition, Precision, Prediction, Region, ResidualCorrelation,
-        Role, Rule, Target, Training, Transitions,
+        Column, Equation, Latent, Model, Partition, Prediction, Region, ResidualCorrelation, Role, Rule, Training,
+        Transitions,
     },
 };
 

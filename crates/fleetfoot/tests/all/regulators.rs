@@ -3,10 +3,11 @@
 use std::process::Command;
 
 use fleetfoot::{
-    ControlSchedule, ControlSection, control_lqr,
+    ControlSchedule, ControlSection,
+    codegen::{ExportOptions, Precision, Target},
+    control_lqr,
     dynamics::controller::{Controller, Regulator},
     export,
-    model::{ExportOptions, Precision, Target},
 };
 
 use crate::export::models;
@@ -78,7 +79,7 @@ fn c_gives_the_commands_of_the_engine() {
         let model = made.law_model().expect("a model");
         let exported = export(&model, &options, folder.path(), &[]).expect("code");
         assert!(exported.compared >= 24, "{}", exported.compared);
-        let signals = fleetfoot::model::signals(&model, &options).expect("signals");
+        let signals = fleetfoot::codegen::signals(&model, &options).expect("signals");
         let reads = law.reads();
         let order: Vec<usize> = (signals.inputs.iter())
             .map(|name| reads.iter().position(|read| read == name).expect("what the law reads"))

@@ -190,7 +190,7 @@ impl ControllerFile {
         Self::from_json(&text, &name)
     }
 
-    /// The law as a model, of which [`crate::export`] makes code; its training domain is no matter ([`fleetfoot_model::ExportOptions::domain`]).
+    /// The law as a model, of which [`crate::export`] makes code; its training domain is no matter ([`fleetfoot_codegen::ExportOptions::domain`]).
     ///
     /// # Errors
     /// A law that cannot be used.

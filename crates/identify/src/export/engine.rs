@@ -1,10 +1,11 @@
 //! The engine's values at test vectors: each is an episode of its own.
 
+use fleetfoot_codegen::{ExportOptions, Signals, StepMethod, TestResult, TestVector, signals};
 use fleetfoot_data::{Column, MemorySource, Silent, Source};
 use fleetfoot_dynamics::{
     End, Method, Predicted, Predictor, PredictorWorkspace, RolloutOptions, Simulator, Start, Step, Trajectory,
 };
-use fleetfoot_model::{ExportOptions, Model, Prediction, Signals, StepMethod, TestResult, TestVector, signals};
+use fleetfoot_model::{Model, Prediction};
 
 use crate::Error;
 

@@ -133,6 +133,14 @@ proptest! {
 }
 
 #[test]
+fn every_kind_of_model_reads_back() {
+    for (name, model) in crate::models::all() {
+        let again = Model::from_json(&model.to_json(), name).expect("a model");
+        assert_eq!(format!("{again:?}"), format!("{model:?}"), "{name}");
+    }
+}
+
+#[test]
 fn every_truncation_and_every_changed_digit_is_refused() {
     let text = model(&[0.5; 12]).to_json();
     for end in (0..text.len()).filter(|&end| text.is_char_boundary(end)).step_by(7) {

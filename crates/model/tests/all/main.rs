@@ -1,9 +1,6 @@
-//! Models in files, and models as code.
+//! Models in files, and models as text.
 
-#[path = "../../../../tests/outside.rs"]
-mod outside;
-
-mod export;
+mod counted;
 mod file;
 mod models;
 mod transitions;

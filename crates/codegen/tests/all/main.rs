@@ -1,0 +1,11 @@
+//! Models as code.
+
+#[path = "../../../../tests/outside.rs"]
+mod outside;
+
+#[path = "../../../model/tests/all/counted.rs"]
+mod counted;
+mod export;
+#[path = "../../../model/tests/all/models.rs"]
+mod models;
+mod transitions;
