@@ -1,0 +1,79 @@
+//! Pages about the house name files: each of them exists.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+/// Pages that name files, beside all records of decisions.
+const PAGES: [&str; 3] = ["CONTRIBUTING.md", "docs/architecture.md", "docs/numbers.md"];
+
+/// Folders of the checkout's root that a path may begin with.
+const ROOTS: [&str; 7] = ["crates", "tests", "docs", "fuzz", "benches", ".cargo", ".github"];
+
+/// Folders that a path may have behind the name of a crate.
+const IN_CRATES: [&str; 6] = ["src", "tests", "build.rs", "benches", "python", "Cargo.toml"];
+
+#[test]
+fn paths_that_pages_name_exist() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let mut pages: Vec<PathBuf> = PAGES.iter().map(PathBuf::from).collect();
+    for entry in fs::read_dir(root.join("docs/decisions")).expect("a folder of decisions") {
+        let name = entry.expect("an entry").file_name();
+        if Path::new(&name).extension().is_some_and(|extension| extension == "md") {
+            pages.push(Path::new("docs/decisions").join(name));
+        }
+    }
+    pages.sort();
+    let (mut found, mut missing) = (0, Vec::new());
+    for page in &pages {
+        let text = fs::read_to_string(root.join(page)).unwrap_or_else(|error| panic!("{}: {error}", page.display()));
+        for (line, path) in paths(&text) {
+            found += 1;
+            if !exists(&root, &path) {
+                missing.push(format!("{}:{line}: `{path}` does not exist", page.display()));
+            }
+        }
+    }
+    assert!(found > 400, "only {found} paths were found in {} pages", pages.len());
+    assert!(missing.is_empty(), "{} paths of pages are gone:\n{}", missing.len(), missing.join("\n"));
+}
+
+#[test]
+fn paths_are_told_from_other_code() {
+    let text = "See `stats/src/scan.rs`,\n`pwa`, `a/b`, `crates/py/build.rs` and `docs/`.\n```sh\nls `tests/none.rs`\n```\n`tests/peers/` `pwa/src/x.rs:12`";
+    let found: Vec<(usize, String)> = paths(text);
+    let wanted =
+        [(1, "stats/src/scan.rs"), (2, "crates/py/build.rs"), (2, "docs/"), (6, "tests/peers/"), (6, "pwa/src/x.rs")];
+    assert_eq!(found, wanted.map(|(line, path)| (line, path.to_owned())));
+}
+
+/// Whether a path exists, from the root or from the folder of crates.
+fn exists(root: &Path, path: &str) -> bool {
+    root.join(path).exists() || root.join("crates").join(path).exists()
+}
+
+/// Paths between backticks of a page, with the line of each; blocks of code are left out.
+fn paths(text: &str) -> Vec<(usize, String)> {
+    let (mut found, mut fenced) = (Vec::new(), false);
+    for (number, line) in text.lines().enumerate() {
+        if line.trim_start().starts_with("```") {
+            fenced = !fenced;
+        } else if !fenced {
+            // Every other piece stands between backticks.
+            let code = line.split('`').skip(1).step_by(2);
+            found.extend(code.filter_map(path).map(|path| (number + 1, path.to_owned())));
+        }
+    }
+    found
+}
+
+/// The path that a piece of code is, without the number of a line behind it.
+fn path(code: &str) -> Option<&str> {
+    let path = code.split_once(':').map_or(code, |(path, _)| path);
+    let spelt = |sign: char| sign.is_ascii_alphanumeric() || "_-./".contains(sign);
+    let mut parts = path.split('/');
+    let (first, second) = (parts.next()?, parts.next()?);
+    let named = ROOTS.contains(&first) || IN_CRATES.contains(&second);
+    (named && path.chars().all(spelt)).then_some(path)
+}
