@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _plain
-from ._arrays import numbers, unmasked
+from ._arrays import numbers
 from ._keywords import hinting
+from ._numbers import unmasked
 
 if TYPE_CHECKING:
     from ._plain import (

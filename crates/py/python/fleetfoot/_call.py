@@ -10,10 +10,11 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from ._arrays import numbers, period_seconds, seconds, unmasked
+from ._arrays import numbers, period_seconds
 from ._base import DataConversionWarning
 from ._data import in_unit
 from ._frames import CLOCKS, Frame, frame, frames, is_lazy, slopes_in_order
+from ._numbers import seconds, unmasked
 from ._runs import Columns, array_runs, is_arrays
 from .exceptions import DataError, RequestError
 

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from . import _core
+from . import _core, plot
 from ._data import Dataset
 from ._data import open as open_data
 from ._html import of_comparison
@@ -90,26 +90,28 @@ class Comparison:
             "  ".join(cell.ljust(w) if not i else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths)))
             for row in [header, *lines]
         ]
-        rows = int(self.rows.sum())
-        text.append(
-            f"one-step RMSE, mean over {len(self.groups)} {self.by}s ({rows} rows; {self.excluded} left out of all) "
-            f"with 95 % intervals; differences are to {self.reference}, paired by {self.by}"
-        )
+        text.append(self._below())
         text += [f"in-sample: {name} was trained on {len(own)} of these" for name, own in self.in_sample.items() if own]
         return "\n".join(text + self.notes)
 
+    def _below(self) -> str:
+        """The line under the table: which errors these are."""
+        rows = int(self.rows.sum())
+        return (
+            f"one-step RMSE, mean over {len(self.groups)} {self.by}s ({rows} rows; {self.excluded} left out of all) "
+            f"with 95 % intervals; differences are to {self.reference}, paired by {self.by}"
+        )
+
     def plot(self, target: str | None = None, *, ax: Any = None) -> Any:
         """Errors of all models with their intervals, by matplotlib: :func:`fleetfoot.plot.comparison`."""
-        from ._figures import comparison
-
-        return comparison(self, target=target, ax=ax)
+        return plot.comparison(self, target=target, ax=ax)
 
     def cells(self) -> tuple[list[str], list[list[str]]]:
         """Header and lines of the table, as texts."""
         return self._cells(" ± ")
 
     def _repr_html_(self) -> str:
-        return of_comparison(self)
+        return of_comparison(*self.cells(), self._below(), self.notes)
 
     def _cells(self, between: str, escape: Callable[[str], str] = str) -> tuple[list[str], list[list[str]]]:
         """Header and lines: for each target its error and the difference to the reference."""

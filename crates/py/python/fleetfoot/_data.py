@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import builtins
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from . import _core
-from ._arrays import is_words, numbers, period_seconds
+from ._arrays import numbers
+from ._axes import channels_of
 from ._frames import Frame, frame
 from ._html import of_dataset
 from ._lazy import has_lazy, spooled
+from ._numbers import is_words
+from ._recipe import as_toml
 from ._warnings import warn
 
 
@@ -69,7 +70,7 @@ class Dataset:
         return f"Dataset({len(names)} {'log' if len(names) == 1 else 'logs'}: {shown})"
 
     def _repr_html_(self) -> str:
-        return of_dataset(self)
+        return of_dataset(self.names)
 
     def plot(self, columns: Sequence[str] | None = None, **options: Any) -> Any:
         """Channels over time with their gaps, by matplotlib: :func:`fleetfoot.plot.channels`.
@@ -79,9 +80,9 @@ class Dataset:
         array of matplotlib.axes.Axes
             One a channel.
         """
-        from ._figures import channels
-
-        return channels(self, columns=columns, **options)
+        recipe = options.pop("recipe", None)
+        data = self if recipe is None else open(self, recipe=recipe)
+        return channels_of(data._core, data.recipe, columns, **options)
 
     def __add__(self, other: Dataset) -> Dataset:
         """Both as one; they are read by one recipe."""
@@ -183,12 +184,12 @@ def open(  # noqa: A001
     else:
         core, added = _memory(source, name, t, has_clock=dt is not None or _says_clock(recipe))
     clock, unit = (t, None) if isinstance(t, str) else added or (None, None)
-    return Dataset(core, _recipe(recipe, clock, unit, dt, where), (source, given))
+    return Dataset(core, as_toml(recipe, clock, unit, dt, where), (source, given))
 
 
 def _says_clock(recipe: Any) -> bool:
     """Whether a recipe says which column is the clock, or that there is none."""
-    text = _recipe(recipe, None, None, None)
+    text = as_toml(recipe)
     time = json.loads(_core.recipe_json(text, "the recipe")).get("time", {}) if text.strip() else {}
     return "column" in time or "dt" in time
 
@@ -258,10 +259,9 @@ def in_unit(name: str, stamps: list[Any], unit: str | None = None) -> list[Any]:
         return stamps
     if not sum(map(len, stamps)):
         return stamps
-    from ._read import read
-
     time = {"column": name} if unit is None else {"column": name, "unit": unit}
-    whole = read(open([{name: one} for one in stamps], recipe={"time": time}), [name])["stamp"]
+    opened = open([{name: one} for one in stamps], recipe={"time": time})
+    whole = _core.read_table(opened._core, opened.recipe, [name], None, None, None, None)["stamp"]
     if len(whole) != sum(map(len, stamps)):
         return stamps
     return np.split(whole, np.cumsum([len(one) for one in stamps])[:-1])
@@ -374,38 +374,3 @@ def _parts(name: str, run: Any) -> list[tuple[Any, list[str]]]:
             names = [str(key)]
         parts.append((array, names))
     return parts
-
-
-def _recipe(
-    recipe: Any, clock: str | None, unit: str | None, dt: float | None, where: str | None = None
-) -> str:
-    """A recipe as TOML, with the clock and the condition that are given beside it; checked."""
-    if recipe is None:
-        text, origin, is_json = "", "the recipe", False
-    elif isinstance(recipe, Mapping):
-        text, origin, is_json = json.dumps(recipe, default=_plain), "recipe", True
-    elif isinstance(recipe, str) and ("\n" in recipe or "=" in recipe or recipe.strip() == ""):
-        text, origin, is_json = recipe, "the recipe", False
-    elif isinstance(recipe, (str, os.PathLike)):
-        path = Path(recipe)
-        try:
-            with builtins.open(path, encoding="utf-8") as file:
-                text, origin, is_json = file.read(), str(path), False
-        except OSError as error:
-            from .exceptions import RequestError
-
-            raise RequestError(
-                f"{path} cannot be read as a recipe: {error.strerror}; give a TOML file, TOML text or a dict"
-            ) from error
-    else:
-        raise TypeError(f"recipe is a {type(recipe).__name__}; give a TOML file, TOML text or a dict")
-    return _core.recipe(text, origin, is_json, clock, unit, None if dt is None else period_seconds(dt, "dt"), where)
-
-
-def _plain(value: Any) -> Any:
-    """Numbers and arrays of numpy, and paths, as JSON has them."""
-    if isinstance(value, (np.generic, np.ndarray)):
-        return value.tolist()
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)
-    raise TypeError(f"recipe: {value!r} is no text, number, list or table")

@@ -13,6 +13,7 @@ from . import _recipe
 from ._arrays import numbers
 from ._base import check_is_fitted
 from ._call import OF_STATES, TASKS, Call, Second, second_by_position
+from ._data import open as open_data
 from ._frames import frame, in_order, runs_in_order, slopes_in_order
 from ._lazy import has_lazy, signals
 from ._model import Model
@@ -214,8 +215,6 @@ class Fitted:
         is_whole = any(one is not None for one in besides) or callable(self._derivative()) or np.ndim(t) > 0
         if is_whole:
             return given, own, None
-        from ._data import open as open_data
-
         dataset = open_data(given.x)
         if t is not None and not isinstance(t, str):
             given, t = replace(given, dt=t), None
@@ -248,8 +247,6 @@ class Fitted:
         for values, names in beside:
             for table, one in zip(tables, [] if values is None else array_runs(values, "columns")):
                 table.update(by_name(one, names))
-        from ._data import open as open_data
-
         if call.t is None or np.ndim(call.t) == 0:
             period = call.dt if call.t is None else call.t
             dataset = open_data(tables, dt=model.dt or 1.0 if period is None else period)

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from ._arrays import floats, is_empty, is_words, numbers
+from . import _core
+from ._numbers import Array, as_floats, is_empty, is_words, of_array
 from ._warnings import warn
 from .exceptions import ModelError
 
-Array = np.ndarray[Any, Any]
 #: Names of what is a clock in a table where nobody says which column is: the first that there is.
 CLOCKS = ("stamp", "t", "time", "timestamp")
 
@@ -103,7 +103,7 @@ class Frame:
         if is_words(column):
             return "words or dates"
         try:
-            kind = numbers(column, f"column `{name}`").dtype.kind
+            kind = of_array(column, f"column `{name}`").dtype.kind
         except TypeError:
             # Lists, dicts, or objects of another kind.
             return "nested values"
@@ -111,7 +111,7 @@ class Frame:
 
     def matrix(self, names: Sequence[str]) -> Array:
         """Columns side by side (rows, names), durations in seconds."""
-        columns = [floats(self.column(name), f"column `{name}`") for name in names]
+        columns = [as_floats(of_array(self.column(name), f"column `{name}`")) for name in names]
         return np.column_stack(columns) if columns else np.empty((self.rows, 0))
 
 
@@ -322,9 +322,10 @@ def _of_arrow(table: Any) -> Frame:
 
 def _of_own(table: Any) -> Frame:
     def made(new: Sequence[str], values: Array) -> Any:
-        from ._read import read
-
-        return read({name: values[:, at] for at, name in enumerate(new)}, list(new), dt=1.0)[list(new)]
+        columns = {name: values[:, at] for at, name in enumerate(new)}
+        data = _core.Data.arrays([("run", [(array, [name]) for name, array in columns.items()])])
+        recipe = _core.recipe("", "the recipe", False, None, None, 1.0, None)
+        return _core.read_table(data, recipe, list(new), None, None, None, None)[list(new)]
 
     def joined(name: str, values: Array) -> Any:
         return {**{one: table[one] for one in table.columns}, name: values}

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from ._compare import Comparison
-    from ._core import Table
-    from ._data import Dataset
-    from ._model import Model
+from ._core import Table
 
 #: Rows and columns of a table that are shown.
 ROWS, COLUMNS = 10, 12
@@ -37,33 +33,35 @@ def of_table(table: Table) -> str:
     return grid(header, zip(*columns), f"{rows} rows, {width} columns{more}")
 
 
-def of_model(model: Model) -> str:
-    """A model's equations, and what they were trained on."""
-    equations, formulas = model.equations(), model._core.mathml()
+def of_model(
+    method: str,
+    equations: Sequence[str],
+    formulas: Iterable[tuple[str | None, str]],
+    regions: int,
+    *,
+    dt: float | None,
+    is_continuous: bool,
+) -> str:
+    """A model's equations, each with its region and its MathML, and what they were trained on."""
     items = "".join(
         f"<li>{escape(f'region {region}: ') if region else ''}<math alttext=\"{escape(line)}\">{formula}</math></li>"
         for line, (region, formula) in zip(equations[:MOST], formulas)
     )
     more = f"<p>and {len(equations) - MOST} more</p>" if len(equations) > MOST else ""
-    regions = len(model.regions)
-    step = f"; a step of {model.dt:.6g} s" if model.dt else ""
-    facts = f"{regions} region{'' if regions == 1 else 's'}, {'continuous' if model.is_continuous else 'discrete'}{step}"
-    return f"<p><b>{escape(model.method)}</b>: {escape(facts)}</p><ul>{items}</ul>{more}"
+    step = f"; a step of {dt:.6g} s" if dt else ""
+    facts = f"{regions} region{'' if regions == 1 else 's'}, {'continuous' if is_continuous else 'discrete'}{step}"
+    return f"<p><b>{escape(method)}</b>: {escape(facts)}</p><ul>{items}</ul>{more}"
 
 
-def of_dataset(dataset: Dataset) -> str:
+def of_dataset(names: Sequence[str]) -> str:
     """The logs of a data set."""
-    names = dataset.names
     more = f"and {len(names) - MOST} more" if len(names) > MOST else ""
     return grid([f"{len(names)} log{'' if len(names) == 1 else 's'}"], [[name] for name in names[:MOST]], more)
 
 
-def of_comparison(comparison: Comparison) -> str:
-    """The errors of models beside each other."""
-    header, rows = comparison.cells()
-    *_, below = [line for line in str(comparison).splitlines() if not line.startswith("in-sample") and line not in comparison.notes]
-    notes = "".join(f"<p>{escape(note)}</p>" for note in comparison.notes)
-    return grid(header, rows, below) + notes
+def of_comparison(header: Sequence[str], rows: Iterable[Sequence[str]], below: str, notes: Iterable[str]) -> str:
+    """The errors of models beside each other, with a line under them, and notes."""
+    return grid(header, rows, below) + "".join(f"<p>{escape(note)}</p>" for note in notes)
 
 
 def _cell(value: Any) -> str:

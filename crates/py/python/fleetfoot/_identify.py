@@ -9,9 +9,10 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from . import _core, _recipe
+from . import _core, _recipe, plot
 from ._base import BaseEstimator
 from ._call import OF_STATES, Call, clocks, second_by_position
+from ._data import open as open_data
 from ._fitted import Fitted
 from ._model import Model
 from ._progress import Progress, reporting
@@ -238,9 +239,7 @@ class Identifier(Fitted, BaseEstimator):
         """The coefficients with their intervals, or with data what is measured beside what is predicted:
         :func:`fleetfoot.plot.coefficients` and :func:`fleetfoot.plot.prediction`.
         """
-        from ._figures import coefficients, prediction
-
-        return coefficients(self, **options) if data is None else prediction(self, data, **options)
+        return plot.coefficients(self, **options) if data is None else plot.prediction(self, data, **options)
 
     def _names_columns(self, own: Mapping[str, Any]) -> bool:
         """Whether arguments or recipe give columns of tables their roles."""
@@ -294,8 +293,6 @@ class Identifier(Fitted, BaseEstimator):
         self._remember(None, None, None)
         if hasattr(call.x, "_as_data"):
             return call.x._as_data(), own
-        from ._data import open as open_data
-
         dataset = open_data(call.x, t=call.t, dt=call.dt)
         return dataset._core, _recipe.over(own, _recipe.of_toml(dataset.recipe))
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from . import _core, _recipe
+from . import _core, _recipe, plot
 from ._arrays import floats, period_seconds, since_first
 from ._equations import Content
 from ._filtering import Filtering
@@ -166,9 +166,7 @@ class Model(OnRecordings, Filtering, Regulated):
         """The coefficients of an equation, or with data what is measured beside what is predicted, by matplotlib:
         :func:`fleetfoot.plot.coefficients` and :func:`fleetfoot.plot.prediction`.
         """
-        from ._figures import coefficients, prediction
-
-        return coefficients(self, **options) if data is None else prediction(self, data, **options)
+        return plot.coefficients(self, **options) if data is None else plot.prediction(self, data, **options)
 
     def describe(self, regions: int = 10) -> str:
         """The model in words: columns, equations, and its ``regions`` largest regions."""
@@ -186,7 +184,9 @@ class Model(OnRecordings, Filtering, Regulated):
         return f"Model({self.method!r}, {', '.join(self.outputs)}; {count} region{'' if count == 1 else 's'})"
 
     def _repr_html_(self) -> str:
-        return of_model(self)
+        return of_model(
+            self.method, self.equations(), self._core.mathml(), len(self.regions), dt=self.dt, is_continuous=self.is_continuous
+        )
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Model) and self._core.hash() == other._core.hash()

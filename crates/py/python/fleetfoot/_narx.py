@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 from . import _core, _recipe
+from ._data import open as open_data
 from ._identify import AnyRecipe, Derivative, Identifier, States, documented, partition
 from ._model import Model
 from ._progress import Progress
@@ -181,8 +182,6 @@ class NARX(Identifier):
     def _fit(self, data: _core.Data, recipe: str, progress: Any) -> tuple[Model, dict[str, Any]]:
         other = None
         if self.free_run is not None:
-            from ._data import open as open_data
-
             other = open_data(self.free_run)._core
         model, report = _core.fit_narx(data, recipe, other, self.cache, progress)
         return Model(model), report

@@ -10,12 +10,14 @@ import numpy as np
 
 from . import _core as engine
 from . import _recipe
-from ._arrays import floats, numbers, period_seconds, seconds, since_first
+from ._arrays import floats, numbers, period_seconds, since_first
 from ._controller import Controller, what
 from ._data import in_unit
+from ._data import open as open_data
 from ._equations import Content
 from ._frames import CLOCKS, Frame, frame, in_order, runs_in_order, slopes_in_order
 from ._keywords import hinting
+from ._numbers import seconds
 from ._progress import Progress, reporting
 from ._runs import is_arrays, runs
 from ._tables import Rollouts, Scores
@@ -25,8 +27,6 @@ from .exceptions import DataError, ModelError, RequestError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
-
-    from ._data import Dataset
 
 
 class OnRecordings:
@@ -374,9 +374,7 @@ class OnRecordings:
     ) -> tuple[engine.Data, str]:
         """The recordings, and what their recipe says of clock, topics and episodes: the model knows its columns
         itself."""
-        from ._data import open as open_data
-
-        dataset: Dataset = open_data(data, t=t, dt=dt)
+        dataset = open_data(data, t=t, dt=dt)
         changes = _recipe.over(_recipe.of_anything(recipe), _recipe.of_toml(dataset.recipe))
         own = ("time", "files", "rename", "join", "episodes", "filter", "resimulate")
         kept: dict[str, Any] = {name: changes[name] for name in own if name in changes}

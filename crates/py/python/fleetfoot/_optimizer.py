@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arrays import unmasked
 from ._base import BaseEstimator, MultiOutputMixin, RegressorMixin, check_is_fitted, check_weight, check_x, check_xy
+from ._numbers import unmasked
 from ._params import Rule, check_params, real
 
 #: Options of pysindy's iterative ridge solvers: the ridge here is solved directly, and more exactly than any of them.

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arrays import unmasked
+from ._numbers import unmasked
+
 
 if TYPE_CHECKING:
     from typing_extensions import Self

@@ -5,9 +5,14 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from . import _core
+from ._arrays import period_seconds
+from .exceptions import RequestError
 
 Recipe = dict[str, Any]
 
@@ -20,11 +25,44 @@ def of_toml(text: str, name: str = "the recipe") -> Recipe:
 
 def of_anything(recipe: str | os.PathLike[str] | Mapping[str, Any] | None) -> Recipe:
     """A TOML file, TOML text or a mapping as a dictionary."""
-    if recipe is None:
-        return {}
-    from ._data import _recipe
+    return {} if recipe is None else of_toml(as_toml(recipe))
 
-    return of_toml(_recipe(recipe, None, None, None))
+
+def as_toml(
+    recipe: Any,
+    clock: str | None = None,
+    unit: str | None = None,
+    dt: float | None = None,
+    where: str | None = None,
+) -> str:
+    """A recipe as TOML, with the clock and the condition that are given beside it; checked."""
+    if recipe is None:
+        text, origin, is_json = "", "the recipe", False
+    elif isinstance(recipe, Mapping):
+        text, origin, is_json = json.dumps(recipe, default=plain), "recipe", True
+    elif isinstance(recipe, str) and ("\n" in recipe or "=" in recipe or recipe.strip() == ""):
+        text, origin, is_json = recipe, "the recipe", False
+    elif isinstance(recipe, (str, os.PathLike)):
+        path = Path(recipe)
+        try:
+            with open(path, encoding="utf-8") as file:
+                text, origin, is_json = file.read(), str(path), False
+        except OSError as error:
+            raise RequestError(
+                f"{path} cannot be read as a recipe: {error.strerror}; give a TOML file, TOML text or a dict"
+            ) from error
+    else:
+        raise TypeError(f"recipe is a {type(recipe).__name__}; give a TOML file, TOML text or a dict")
+    return _core.recipe(text, origin, is_json, clock, unit, None if dt is None else period_seconds(dt, "dt"), where)
+
+
+def plain(value: Any) -> Any:
+    """Numbers and arrays of numpy, and paths, as JSON has them."""
+    if isinstance(value, (np.generic, np.ndarray)):
+        return value.tolist()
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    raise TypeError(f"recipe: {value!r} is no text, number, list or table")
 
 
 def over(above: Mapping[str, Any], below: Mapping[str, Any]) -> Recipe:
@@ -55,9 +93,7 @@ def said(**entries: Any) -> Recipe:
 
 def to_json(recipe: Mapping[str, Any]) -> str:
     """A recipe for the engine."""
-    from ._data import _plain
-
     try:
-        return json.dumps(recipe, default=_plain, allow_nan=False)
+        return json.dumps(recipe, default=plain, allow_nan=False)
     except ValueError as error:
         raise ValueError(f"the recipe holds a number that is not finite: {error}") from error

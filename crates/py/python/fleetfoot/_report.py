@@ -10,6 +10,7 @@ from typing import Any
 from . import _core
 from ._compare import _unwrapped
 from ._controller import Controller, what
+from ._model import Model
 from ._progress import Progress, reporting
 from ._values import count, names_of
 from ._warnings import tell_all
@@ -96,8 +97,6 @@ def report(
     >>> told["findings"][0]["head"]
     'What was fitted.'
     """
-    from ._model import Model
-
     named = models if isinstance(models, Mapping) else {None: models}
     listed: list[tuple[str, _core.Model]] = []
     fits: list[str] = []

@@ -9,7 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from . import _core
-from ._arrays import numbers, period_seconds, seconds
+from ._arrays import numbers, period_seconds
+from ._numbers import seconds
 from ._values import names_of
 
 Differentiate = Callable[[np.ndarray[Any, Any], Any], Any]

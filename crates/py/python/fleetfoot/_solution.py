@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from ._model import Model
+from . import _core
+from ._model import Model
 
 _RATIOS = {"least-squares": 1.0, "ridge": 0.0, "lasso": 1.0, "elastic-net": None}
 
@@ -86,10 +86,7 @@ class Solution:
     @property
     def model(self) -> Model:
         """The model that these coefficients make."""
-        from ._core import Model as Core
-        from ._model import Model
-
-        return Model(Core.from_json(self._json, "the solution"))
+        return Model(_core.Model.from_json(self._json, "the solution"))
 
 
 def strength(method: str, alpha: float | None, l1_ratio: float | None) -> tuple[float | None, float]:

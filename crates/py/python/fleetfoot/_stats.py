@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, TypeVar
+from typing import Any, Literal, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +13,11 @@ from ._core import Data, Statistic
 from ._data import open as open_data
 from ._episodes import Episode, Episodes, matching
 from ._progress import Progress, reporting
+from ._recipe import as_toml
+from ._solution import Solution, solution, strength
 from ._values import count
 from ._warnings import tell_all
 from .exceptions import StatisticError
-
-if TYPE_CHECKING:
-    from ._solution import Solution
 
 #: What a recipe may be: a path, TOML text, or the same as a mapping.
 Recipe: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any]"
@@ -377,11 +376,8 @@ class Stats(_Value):
         ValueError
             The method is unknown, or an option does not go with it.
         """
-        from ._data import _recipe
-        from ._solution import strength, solution
-
         alpha, ratio = strength(method, alpha, l1_ratio)
-        text = None if recipe is None else _recipe(recipe, None, None, None)
+        text = None if recipe is None else as_toml(recipe)
         with reporting(progress) as callback:
             return solution(method, self._core.solve(text, alpha, ratio, callback))
 

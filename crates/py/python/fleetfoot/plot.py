@@ -5,14 +5,17 @@ Each function draws on an ``Axes``, a new one when none is given, and returns it
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
 
 from . import _core
+from ._axes import axes_of, short
+from ._data import Dataset
 from ._data import open as open_data
-from ._figures import axes_of, channels, coefficients, comparison, prediction, short
 from ._progress import Progress, reporting
 
 __all__ = [
@@ -26,8 +29,276 @@ __all__ = [
     "selection_frequency",
 ]
 
+#: Half the width of a 95 % interval, in standard errors.
+_TWO_SIDED = 1.96
 #: Lines that are told by name; the rest are grey.
 _NAMED = 10
+
+
+def channels(
+    data: Any,
+    *,
+    columns: Sequence[str] | None = None,
+    recipe: Any = None,
+    most: int = 12,
+    ax: Any = None,
+    progress: Progress = None,
+) -> Any:
+    """Channels over time, one below the other; gaps between the episodes of a log are shaded.
+
+    Parameters
+    ----------
+    data : path, table, array, Dataset, ...
+        As in :func:`fleetfoot.open`.
+    columns : list of str, optional
+        Columns, or expressions over them; the recipe's states and inputs, else all, when not given.
+    recipe : path, str or mapping, optional
+        Which fields are what.
+    most : int
+        Channels shown, where no columns are named.
+    ax : sequence of matplotlib.axes.Axes, optional
+        Where to draw: as many as there are channels.
+    progress : bool or callable, optional
+        ``True`` for a bar of tqdm, or a function of (stage, done, total).
+
+    Returns
+    -------
+    array of matplotlib.axes.Axes
+        One a channel.
+
+    Raises
+    ------
+    ValueError
+        Not as many axes as channels, or no channel.
+    ImportError
+        matplotlib is not installed.
+
+    Examples
+    --------
+    >>> import numpy as np, fleetfoot as ff
+    >>> t = np.concatenate([np.arange(100), np.arange(300, 400)]) * 0.01
+    >>> data = ff.open({"t": t, "q": np.sin(t)}, t="t")
+    >>> [axes.get_ylabel() for axes in ff.plot.channels(data)]
+    ['q']
+    """
+    dataset = data if isinstance(data, Dataset) and recipe is None else open_data(data, recipe=recipe)
+    return dataset.plot(columns, most=most, ax=ax, progress=progress)
+
+
+def coefficients(
+    model: Any,
+    *,
+    target: int | str = 0,
+    region: int = 0,
+    most: int = 30,
+    ax: Any = None,
+) -> Any:
+    """The coefficients of one equation, with 95 % intervals where the fit knows them.
+
+    Parameters
+    ----------
+    model : Model or estimator
+        A model, or a fitted estimator with ``model_``. A model's file has no standard errors; those of ``SINDy``,
+        ``NARX`` and ``BlockSparse`` are in their ``report_``.
+    target : int or str
+        Which output, or latent function.
+    region : int
+        Which region.
+    most : int
+        Functions shown, in the order of the library; of more those with the largest coefficients.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ValueError
+        No such target or region.
+    ImportError
+        matplotlib is not installed.
+
+    Examples
+    --------
+    >>> import numpy as np, fleetfoot as ff
+    >>> x = np.cumsum(np.random.default_rng(0).normal(size=(500, 2)), axis=0)
+    >>> ax = ff.plot.coefficients(ff.PWA(1).fit(x, dt=0.1, feature_names=["a", "b"]), target="d(b)/dt")
+    >>> ax.get_title()
+    'd(b)/dt'
+    """
+    inner = getattr(model, "model_", model)
+    content = inner.content
+    names = [*inner.outputs, *(latent["name"] for latent in content.latents)]
+    place = names.index(target) if isinstance(target, str) and target in names else target
+    if not isinstance(place, (int, np.integer)) or not 0 <= place < len(names):
+        raise ValueError(f"target={target!r} is none of {', '.join(names)}")
+    latent = _latent(inner, int(place), names)
+    if not 0 <= region < len(latent["constants"]):
+        raise ValueError(f"region={region}: the model has the regions 0 to {len(latent['constants']) - 1}")
+    errors = _standard_errors(getattr(model, "report_", None), names[place], latent["name"], region)
+    values = [("1", float(latent["constants"][region]))]
+    values += zip(content.libraries[latent["library"]], map(float, latent["coefficients"][region]))
+    shown = [(name, value) for name, value in values if value != 0.0]
+    least = sorted((abs(value) for _, value in shown), reverse=True)[: max(1, most)]
+    shown = [(name, value) for name, value in shown if abs(value) >= least[-1]]
+    ax = axes_of(ax)
+    half = [_TWO_SIDED * errors.get(name, math.nan) for name, _ in shown]
+    ax.axvline(0.0, color="0.6", lw=0.8)
+    ax.errorbar([value for _, value in shown], range(len(shown)), xerr=half, fmt="o", ms=4, capsize=3)
+    ax.set_yticks(range(len(shown)), [short(name) for name, _ in shown])
+    ax.set_ylim(len(shown) - 0.5, -0.5)
+    known = any(math.isfinite(width) for width in half)
+    ax.set_xlabel("coefficient, 95 % interval" if known else "coefficient")
+    several = len(latent["constants"]) > 1
+    ax.set_title(f"{names[place]}, region {inner.regions[region]}" if several else names[place])
+    return ax
+
+
+def _latent(model: Any, place: int, names: list[str]) -> dict[str, Any]:
+    """The function that a target is, or a latent by its name."""
+    content = model.content
+    if place >= len(model.outputs):
+        found: dict[str, Any] = content.latent(names[place])
+        return found
+    latent = content.own_latent(content.fitted()[place])
+    if latent is None:
+        listed = ", ".join(names[len(model.outputs) :])
+        raise ValueError(f"{names[place]} is a formula of {listed}; name one of these")
+    own: dict[str, Any] = latent
+    return own
+
+
+def _standard_errors(report: Any, target: str, latent: str, region: int) -> dict[str, float]:
+    """Standard errors by function, as the report of a fit tells them."""
+    if not isinstance(report, dict):
+        return {}
+    terms: list[dict[str, Any]] = []
+    regions = report.get("regions")
+    if isinstance(regions, list) and region < len(regions) and isinstance(regions[region], dict):
+        equations = regions[region].get("equations", [])
+        terms = [term for one in equations if one.get("label") == target for term in one["terms"]]
+    if isinstance(report.get("latents"), list) and not terms:
+        terms = [term for one in report["latents"] if one.get("name") == latent for term in one.get("functions", [])]
+    found = {str(term["function"]): term.get("standard_error") for term in terms}
+    return {name: float(error) for name, error in found.items() if error is not None}
+
+
+def prediction(
+    model: Any,
+    data: Any,
+    *,
+    target: int | str = 0,
+    episode: int | str = 0,
+    recipe: Any = None,
+    ax: Any = None,
+    progress: Progress = None,
+) -> Any:
+    """Measured values over time, and what the model predicts one step ahead.
+
+    Parameters
+    ----------
+    model : Model or estimator
+        A model, or a fitted estimator with ``model_``.
+    data : path, table, array, Dataset, ...
+        Rows to show, as in :func:`fleetfoot.open`.
+    target : int or str
+        Which output.
+    episode : int or str
+        Which episode.
+    recipe : path, str or mapping, optional
+        Changes of clock, topics or labels for these data.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw.
+    progress : bool or callable, optional
+        ``True`` for a bar of tqdm, or a function of (stage, done, total).
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ValueError
+        No such target or episode.
+    ImportError
+        matplotlib is not installed.
+    """
+    inner = getattr(model, "model_", model)
+    dataset = data if isinstance(data, Dataset) else open_data(data, recipe=recipe)
+    found = inner.predict(dataset, recipe=recipe, progress=progress)
+    column = _place("target", target, found["targets"])
+    shown = found["episode"] == _place("episode", episode, found["episodes"])
+    stamp = found["stamp"][shown]
+    time = (stamp - stamp[:1]) * 1e-9
+    ax = axes_of(ax)
+    ax.plot(time, found["measured"][shown, column], color="0.25", lw=1.2, label="measured")
+    ax.plot(time, found["predicted"][shown, column], color="tab:blue", lw=1.2, label="predicted")
+    unit = next((one["unit"] for one in inner.content.fitted() if one["unit"]), None)
+    unit = inner.content.fitted()[column]["unit"] if column < len(inner.content.fitted()) else unit
+    ax.set_xlabel("time since the start of the episode [s]")
+    ax.set_ylabel(f"{found['targets'][column]} [{unit}]" if unit else found["targets"][column])
+    ax.legend(fontsize="small", frameon=False)
+    return ax
+
+
+def _place(what: str, wanted: int | str, names: Sequence[str]) -> int:
+    if isinstance(wanted, str) and wanted in names:
+        return list(names).index(wanted)
+    if isinstance(wanted, (int, np.integer)) and 0 <= wanted < len(names):
+        return int(wanted)
+    raise ValueError(f"{what}={wanted!r} is none of {', '.join(names)}")
+
+
+def comparison(found: Any, *, target: str | None = None, ax: Any = None) -> Any:
+    """Errors of the models of a comparison, with 95 % intervals across the groups.
+
+    Parameters
+    ----------
+    found : Comparison
+        What :func:`fleetfoot.compare` gives.
+    target : str, optional
+        One target, in its unit; all of them, over the error of the null model, when not given.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ValueError
+        No such target.
+    ImportError
+        matplotlib is not installed.
+    """
+    targets = list(found.targets) if target is None else [target]
+    if target is not None and target not in found.targets:
+        raise ValueError(f"target={target!r} is none of {', '.join(found.targets)}")
+    cells = {(row["model"], row["target"]): row for row in found.table}
+    ax = axes_of(ax)
+    models = [name for name in found.models if target is not None or name != "null"]
+    step = 0.8 / max(1, len(models))
+    for at, model in enumerate(models):
+        rows = [cells[model, one] for one in targets]
+        over = [1.0 if target is not None else cells["null", one]["rmse"] for one in targets]
+        values = np.array([row["rmse"] / scale for row, scale in zip(rows, over)])
+        ends = np.array([[row["low"] / scale, row["high"] / scale] for row, scale in zip(rows, over)])
+        places = np.arange(len(targets)) - 0.4 + (at + 0.5) * step
+        # An interval that is not known has no ends.
+        reach = np.nan_to_num(np.abs(ends - values[:, None]).T, nan=0.0)
+        ax.errorbar(values, places, xerr=reach, fmt="o", ms=4, capsize=3, label=model, color=f"C{at % 10}")
+    ax.set_yticks(range(len(targets)), [short(one) for one in targets])
+    ax.set_ylim(len(targets) - 0.5, -0.5)
+    unit = found.units.get(target) if target is not None else None
+    if target is None:
+        ax.axvline(1.0, color="black", lw=0.8, ls="--", label="null")
+    ax.set_xlim(left=0.0)
+    ax.set_xlabel("RMSE over the null model's" if target is None else f"RMSE [{unit}]" if unit else "RMSE")
+    ax.legend(fontsize="small", frameon=False)
+    return ax
 
 
 def path(
@@ -418,8 +689,6 @@ def _regions(
 
 def _units_of(model: Any) -> dict[str, str | None]:
     """The units of a model's columns, as its file tells them."""
-    import json
-
     content = json.loads(model.to_json())
     columns = content.get("columns") or content.get("model", {}).get("columns", [])
     return {column["name"]: column.get("unit") for column in columns}
