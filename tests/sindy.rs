@@ -680,3 +680,53 @@ fn coefficients_keep_the_signs_that_they_must_have() {
     }
     assert_eq!(sparse["limits"][0]["name"], "damping, v of F");
 }
+
+/// Before a fit that takes long a note says how long, and what makes it shorter; `--dry-run` says so as well.
+#[test]
+fn long_fits_say_so_beforehand() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    fs::write(path.join("log.csv"), robot_csv(3000, 0.3)).unwrap();
+    let plain = "[columns]\nv = \"v [m/s]\"\n[states]\nx = {}\nv = {}\n[inputs]\nu = \"u\"\n";
+    fs::write(path.join("plain.toml"), plain).unwrap();
+    let functions: Vec<String> = (1..1500).map(|k| format!("\"sin({k}*x)\"")).collect();
+    let tasks = format!(
+        "[latents]\nf = {{ functions = [{}] }}\n[tasks]\nfirst = {{ target = \"v\", right = \"f\" }}\n",
+        functions.join(", ")
+    );
+    fs::write(path.join("tasks.toml"), format!("{plain}{tasks}")).unwrap();
+    let sindy =
+        |library: &'static str| ["fit", "sindy", "-c", "plain.toml", "log.csv", "--library", library, "-o", "m.json"];
+    let dry = |command: &[&str]| fleetfoot(path, &[command, &["--dry-run", "--json"]].concat()).ok();
+    let long = [
+        dry(&sindy("fourier(600)")),
+        dry(&["fit", "pwa", "-c", "plain.toml", "log.csv", "--lags", "400", "-p", "average,kmeans:20", "-o", "m.json"]),
+        dry(&["fit", "sparse", "-c", "tasks.toml", "log.csv", "-o", "m.json"]),
+    ];
+    for said in &long {
+        assert!(
+            said.err.contains("note: this takes about ") && said.err.contains("fewer folds (--folds 2)"),
+            "{}",
+            said.err
+        );
+        assert!(said.json()["operations"].as_f64().unwrap() > 1e10, "{}", said.out);
+    }
+    let short = dry(&sindy("fourier(3)"));
+    assert!(!short.err.contains("this takes"), "{}", short.err);
+    assert!(short.json()["operations"].as_f64().unwrap() < 1e8, "{}", short.out);
+    // The count is the same in every run, and a note in none that is quiet.
+    let quiet = fleetfoot(path, &[&sindy("fourier(600)")[..], &["--dry-run", "--json", "--quiet"]].concat()).ok();
+    assert_eq!((quiet.out.as_str(), quiet.err.as_str()), (long[0].out.as_str(), ""));
+    // The fit says it before its work, and is not waited for.
+    let mut fit = Command::new(env!("CARGO_BIN_EXE_fleetfoot"))
+        .current_dir(path)
+        .args(sindy("fourier(60)"))
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    let lines = std::io::BufRead::lines(std::io::BufReader::new(fit.stderr.take().unwrap()));
+    let told = lines.map_while(Result::ok).find(|line| line.contains("this takes about "));
+    fit.kill().unwrap();
+    fit.wait().unwrap();
+    assert!(told.is_some_and(|note| note.contains("fewer functions in the library")));
+}

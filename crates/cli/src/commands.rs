@@ -53,6 +53,13 @@ impl Context {
         }
     }
 
+    /// Tells how long work takes, where it is long.
+    pub(crate) fn expect(&self, work: fleetfoot::Work) {
+        if !self.quiet {
+            self.notes(crate::progress::long(work).as_slice());
+        }
+    }
+
     pub(crate) fn notes(&self, notes: &[String]) {
         for note in notes {
             self.say(format!("note: {note}"));

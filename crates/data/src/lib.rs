@@ -47,7 +47,7 @@ pub use memory::MemorySource;
 pub use nearest::{did_you_mean, nearest, nearest_one};
 pub use packed::{packed, packed_row};
 pub use parallel::{
-    Progress, Silent, Stages, Threads, parallel_all, parallel_fold, parallel_map, parallel_pieces, thread_count,
+    Progress, Silent, Stages, Threads, Work, parallel_all, parallel_fold, parallel_map, parallel_pieces, thread_count,
     with_threads,
 };
 pub use random::mix;

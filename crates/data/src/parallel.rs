@@ -24,6 +24,20 @@ pub trait Progress: Sync {
 
     /// A new stage begins.
     fn stage(&self, _name: &str) {}
+
+    /// So much work lies ahead: told once, before the longest stages.
+    fn expect(&self, _work: Work) {}
+}
+
+/// Work that lies ahead, by a rough count: the same input has the same count on every machine.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Work {
+    /// Multiplications, about.
+    pub operations: f64,
+    /// Parts of it that threads can do at the same time.
+    pub parts: usize,
+    /// What makes it less, as a clause: `fewer folds make it shorter`.
+    pub mend: &'static str,
 }
 
 /// Tells nobody.
@@ -63,6 +77,10 @@ impl Progress for Stages<'_> {
 
     fn stage(&self, name: &str) {
         self.progress.stage(&format!("{name}, {}", self.of));
+    }
+
+    fn expect(&self, work: Work) {
+        self.progress.expect(work);
     }
 }
 

@@ -33,7 +33,7 @@ pub use fleetfoot_synth::{self as generate, demo};
 pub use fleetfoot_codegen as codegen;
 pub use fleetfoot_data as data;
 pub use fleetfoot_data::{
-    Column, ColumnKind, Episode, EpisodeId, Halo, Progress, Silent, Source, Threads, thread_count, with_threads,
+    Column, ColumnKind, Episode, EpisodeId, Halo, Progress, Silent, Source, Threads, Work, thread_count, with_threads,
 };
 pub use fleetfoot_dynamics as dynamics;
 pub use fleetfoot_estimate as estimate;

@@ -5,7 +5,7 @@ mod options;
 mod residuals;
 mod statistic;
 
-use fleetfoot_data::{Progress, Source};
+use fleetfoot_data::{Progress, Source, Work};
 use fleetfoot_estimate::Hold;
 use fleetfoot_library::Expr;
 use fleetfoot_model::{Model, Prediction};
@@ -21,6 +21,7 @@ use crate::{
     open,
     output::refuse_not_finite,
     rollout_choice::{HeldOut, candidates, open_spans, settled, terms},
+    told,
 };
 pub use fitted::{Fitted, PwaRequest, rival};
 pub use options::PwaOptions;
@@ -66,6 +67,9 @@ pub struct FitPlan {
     /// Bytes, about.
     #[serde(rename = "memory_bytes")]
     pub memory: usize,
+    /// What the models of all regions and folds take, passes over the rows left out.
+    #[serde(rename = "operations", serialize_with = "told::operations")]
+    pub work: Work,
     /// What was assumed or left out.
     #[serde(skip)]
     pub notes: Vec<String>,
@@ -109,8 +113,18 @@ pub fn plan_pwa(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress)
         bounded: options.identification.stability.is_some() || !options.identification.ports.is_empty(),
         clustered_rows: cost.clustered_rows,
         memory: cost.bytes,
+        work: work(&task.problem, &cost),
         notes,
     })
+}
+
+/// What the models of all regions and folds take.
+fn work(problem: &Problem, cost: &fleetfoot_pwa::Cost) -> Work {
+    Work {
+        operations: cost.operations,
+        parts: problem.equations.iter().filter(|equation| equation.target.is_some()).count().max(1),
+        mend: "a smaller library (--degree, --lags), fewer regions or fewer folds (--folds 2) make it shorter",
+    }
 }
 
 /// Passes of one identification: survey, scan, errors.
@@ -156,6 +170,7 @@ pub fn fit_pwa(
         task.problem = spanned(recipe, &task.problem, choice.candidates[choice.chosen].over);
         rollouts = Some(choice);
     }
+    progress.expect(work(&task.problem, &fleetfoot_pwa::cost(&task.problem, &options, dataset.rows())));
     let found = fleetfoot_pwa::identify(&task.problem, &options, &view, progress);
     let mut identification =
         found.map_err(|error| not_finite::with_reasons(error.into(), &dataset, functions(&task, &said.labels())))?;

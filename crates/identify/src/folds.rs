@@ -19,6 +19,15 @@ pub enum FoldRule {
 }
 
 impl FoldRule {
+    /// How many folds there will be, at most; `episodes`: how many there are, where they are known.
+    pub(crate) fn expected(self, episodes: Option<usize>) -> usize {
+        match self {
+            Self::Auto => 10,
+            Self::Count(count) | Self::Splits(count) => count,
+            Self::Episodes => episodes.unwrap_or(10),
+        }
+    }
+
     /// The folds of the chunks of a statistic.
     ///
     /// # Errors

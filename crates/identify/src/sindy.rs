@@ -19,6 +19,7 @@ mod state_smoothing;
 mod statistic;
 mod units;
 mod words;
+mod work;
 
 use std::path::{Path, PathBuf};
 
@@ -121,9 +122,10 @@ pub fn fit_sindy(
     let options = SindyOptions::new(&recipe.sindy)?.within(&recipe)?;
     let mut notes = std::mem::take(&mut evidence.notes);
     let solver = Solver::new(&evidence, &options, request.front, &mut notes)?;
-    let regions: Vec<Vec<Solved>> = (0..evidence.scan.regions())
-        .map(|region| solver.solve(region, &mut notes, progress))
-        .collect::<Result<_, _>>()?;
+    let (targets, count) = (evidence.task.fitted.len(), evidence.scan.regions());
+    progress.expect(work::work(&options, evidence.task.candidates(), targets, count, solver.folds()));
+    let regions: Vec<Vec<Solved>> =
+        (0..count).map(|region| solver.solve(region, &mut notes, progress)).collect::<Result<_, _>>()?;
     let method = match &evidence.partition {
         None => format!("sindy {}", options.optimizer.name()),
         Some(partition) => format!("sindy {}, {}", options.optimizer.name(), partition.specification),

@@ -23,7 +23,7 @@ use fleetfoot_model::{Equation, Model};
 use fleetfoot_sparse::{
     bolasso::refit,
     inference::{Clusters, clustered_covariance},
-    select::held_out_refit,
+    select::{Folds, held_out_refit},
 };
 use fleetfoot_stats::{Concentration, Key, SquareRoot};
 
@@ -267,6 +267,7 @@ impl Evidence {
         progress.stage("lambda");
         let smoothed = smoothed_rows(self.recipe.time.smoothed, self.file.step());
         let folds = lambda::folds(&problem, options, smoothed, &mut notes)?;
+        progress.expect(options.work(problem.structure.coefficients(), folds.as_ref().map_or(0, Folds::len)));
         let lambda = lambda::choose(&problem, options, folds.as_ref(), &mut notes, progress)?;
         let mut support = support::select(&problem, &self.file, options, lambda.value, source, progress)?;
         notes.append(&mut support.notes);

@@ -1,5 +1,6 @@
 //! Parts of reports that programs are told otherwise than they are kept.
 
+use fleetfoot_data::Work;
 use fleetfoot_sparse::{Certificate, narx::NarxOrder};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
@@ -38,6 +39,11 @@ pub(crate) fn functions(functions: &[(String, Vec<f64>)]) -> Vec<Along<'_>> {
 
 pub(crate) fn along<S: Serializer>(along: &[(String, Vec<f64>)], serializer: S) -> Result<S::Ok, S::Error> {
     functions(along).serialize(serializer)
+}
+
+/// Multiplications that lie ahead.
+pub(crate) fn operations<S: Serializer>(work: &Work, serializer: S) -> Result<S::Ok, S::Error> {
+    work.operations.serialize(serializer)
 }
 
 /// The decoded columns of robots' logs: their bytes, and whether the cache has them already.

@@ -11,7 +11,7 @@ use crate::{
 const PASSES: usize = 3;
 
 /// What an identification will keep in memory, and how often it reads the rows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Cost {
     /// Rows that are kept to find regions: all, or as many as the memory allows.
@@ -20,6 +20,8 @@ pub struct Cost {
     pub passes: usize,
     /// Bytes, about: kept rows, stored statistics, blocks in flight.
     pub bytes: usize,
+    /// Multiplications of the models of all regions and folds, about; finding regions that fit the dynamics comes beside them.
+    pub operations: f64,
 }
 
 /// Tells beforehand what [`identify`](crate::identify()) will keep in memory for `rows` rows.
@@ -43,7 +45,10 @@ pub fn cost(problem: &Problem, options: &Options, rows: usize) -> Cost {
     let statistics = (rows.div_ceil(256) * regions * gram_bytes(width)).min(STATS_BUDGET);
     let blocks = 2 * fleetfoot_data::thread_count() * 65_536 * 8 * (problem.columns.len() + 1);
     let drawn = any(|one| matches!(one, Specification::Refined(_))) && !options.continuous && refined < rows;
+    let models = options.partitions.iter().map(|one| expected_regions(one).max(1)).sum::<usize>();
+    let models = models * usize::from(options.folds.max(1)) * if options.folds > 1 { 2 } else { 1 };
     Cost {
+        operations: models as f64 * (problem.library.len() as f64 + 1.0).powi(3),
         passes: PASSES + usize::from(drawn) + usize::from(problem.weight.is_some()),
         clustered_rows: clustered.max(refined),
         bytes: clustered * per_row + refined * per_example + statistics + cells + blocks,

@@ -88,6 +88,7 @@ fn dry_run(recipe: &Recipe, files: &[std::path::PathBuf], context: &Context) -> 
     bar.finish();
     let plan = plan?;
     context.notes(&plan.notes);
+    context.expect(plan.work);
     let clustered = if plan.clustered_rows == 0 {
         "none".to_owned()
     } else if plan.clustered_rows < plan.reading.rows {

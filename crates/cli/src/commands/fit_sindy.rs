@@ -113,6 +113,7 @@ fn dry_run(recipe: &Recipe, files: &[PathBuf], context: &Context) -> Result<(), 
     bar.finish();
     let plan = plan?;
     context.notes(&plan.notes);
+    context.expect(plan.work);
     context.print(&plan, || plan_text(&plan));
     Ok(())
 }

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use fleetfoot::{
-    CandidateReport, Error, LatentReport, LeaveOneOutReport, LimitReport, ReadPlan, Recipe, SparseFitted, SparseReport,
-    SparseRequest, file_by_value, fit_sparse, is_statistic,
+    CandidateReport, Error, LatentReport, LeaveOneOutReport, LimitReport, ReadPlan, Recipe, SparseFitted,
+    SparseOptions, SparseReport, SparseRequest, file_by_value, fit_sparse, is_statistic,
     log::together,
     statistic::{LabelKey, PlannedLatent, ScanOptions, ScanPlan, StatisticFile, plan_scan},
     write_frequencies, write_model,
@@ -92,6 +92,7 @@ struct Planned<'a> {
     chunks: usize,
     chunk_rows: usize,
     bytes: usize,
+    operations: f64,
 }
 
 impl<'a> From<&'a ScanPlan> for Planned<'a> {
@@ -104,6 +105,7 @@ impl<'a> From<&'a ScanPlan> for Planned<'a> {
             chunks: plan.chunks,
             chunk_rows: plan.chunk_rows,
             bytes: plan.bytes,
+            operations: 0.0,
         }
     }
 }
@@ -129,8 +131,11 @@ fn dry_run(recipe: &Recipe, options: &ScanOptions, files: &[PathBuf], context: &
     bar.finish();
     let plan = plan?;
     context.notes(&plan.notes);
+    let coefficients = plan.latents.iter().map(|own| own.functions).sum();
+    let work = SparseOptions::new(&recipe.sparse)?.planned_work(coefficients, plan.reading.episodes);
+    context.expect(work);
     let latents: Vec<String> = plan.latents.iter().map(|own| format!("{} ({})", own.name, own.functions)).collect();
-    context.print(Planned::from(&plan), || {
+    context.print(Planned { operations: work.operations, ..Planned::from(&plan) }, || {
         format!(
             "{}\ntasks: {}\nlatents and their functions: {}\none pass over the rows; {} of at most {} rows, about {}",
             reading(&plan.reading, 0),

@@ -1,12 +1,13 @@
 //! What a fit of equations would read and keep.
 
-use fleetfoot_data::Progress;
+use fleetfoot_data::{Progress, Work};
 use fleetfoot_estimate::SmoothingOptions;
 use serde::Serialize;
 
-use super::SindyOptions;
+use super::{SindyOptions, work::work};
 use crate::{
     Dataset, EquationTask, Error, Logs, Objective, ReadPlan, Recipe, open::estimate_equations, problem::specification,
+    told,
 };
 
 /// What a fit of equations would read and keep.
@@ -33,6 +34,9 @@ pub struct SindyPlan {
     /// Bytes of statistics, about.
     #[serde(rename = "memory_bytes")]
     pub memory: usize,
+    /// What finding the terms takes, rows and simulations left out.
+    #[serde(rename = "operations", serialize_with = "told::operations")]
+    pub work: Work,
     /// What was assumed or left out.
     #[serde(skip)]
     pub notes: Vec<String>,
@@ -61,6 +65,7 @@ pub fn plan_sindy(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progres
         smoothing: (options.smooth_states.may_apply(task, recipe, regions > 1, reading.rows))
             .then(|| SmoothingOptions::default().memory as usize),
         memory: fleetfoot_sparse::system::SystemPlan::memory(&task.system(), regions, reading.rows),
+        work: work(&options, task.candidates(), task.fitted.len(), regions, options.folds.expected(reading.episodes)),
         reading,
         notes,
     };

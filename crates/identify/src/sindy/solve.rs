@@ -29,6 +29,11 @@ const THRESHOLDS: usize = 60;
 const THRESHOLDS_OF_MANY: usize = 24;
 const MANY: usize = 300;
 
+/// Thresholds that are tried at most with so many candidates.
+pub(super) fn most_thresholds(candidates: usize) -> usize {
+    if candidates > MANY { THRESHOLDS_OF_MANY } else { THRESHOLDS }
+}
+
 /// What was found of one equation in one region.
 pub(super) struct Solved {
     /// The model that was taken.
@@ -180,8 +185,7 @@ impl<'a> Solver<'a> {
             },
             false => CriterionOptions::default(),
         };
-        let most = if problem.columns() > MANY { THRESHOLDS_OF_MANY } else { THRESHOLDS };
-        let every = Thresholds::Changes { most };
+        let every = Thresholds::Changes { most: most_thresholds(problem.columns()) };
         let (overlap, rivals) = (self.overlap(), self.rivals());
         let optimizer = self.optimizer(problem.columns());
         let thresholds = match options.threshold {

@@ -6,7 +6,7 @@ use std::{
     path::Path,
 };
 
-use fleetfoot_data::{Column, Episode, Progress, Source, until_stopped};
+use fleetfoot_data::{Column, Episode, Progress, Source, Work, until_stopped};
 use fleetfoot_library::Expr;
 use fleetfoot_sparse::structured::Plan;
 use fleetfoot_stats::{FINE, Grid};
@@ -410,5 +410,9 @@ impl Progress for Whole<'_> {
 
     fn cancelled(&self) -> bool {
         self.outer.cancelled()
+    }
+
+    fn expect(&self, work: Work) {
+        self.outer.expect(work);
     }
 }

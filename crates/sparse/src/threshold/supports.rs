@@ -9,10 +9,6 @@ use super::{
     sweep::sweep_thresholds,
 };
 
-/// Terms from which backward elimination starts, at most: each removal costs a regression of that size. Of more candidates it starts from the largest model of
-/// the optimiser's path that is no larger.
-const START: usize = 150;
-
 /// What competes beside the optimiser's own path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Rivals {
@@ -25,6 +21,10 @@ pub struct Rivals {
 }
 
 impl Rivals {
+    /// Terms from which backward elimination starts, at most: each removal costs a regression of that size. Of more candidates it starts from the largest model of
+    /// the optimiser's path that is no larger.
+    pub const START: usize = 150;
+
     /// The models of one target: the optimiser's path (over thresholds where it has one), and those rivals whose supports are not on it.
     ///
     /// # Errors
@@ -69,8 +69,8 @@ fn add(trail: &mut Trail, step: Step) {
 fn backward(problem: &Compressed, target: usize, terms: &Terms, path: &Trail) -> Result<Vec<Step>, ThresholdError> {
     let allowed = |j: usize| terms.allowed.as_ref().is_none_or(|allowed| allowed[j]);
     let mut open: Vec<bool> = (0..problem.columns()).map(allowed).collect();
-    if open.iter().filter(|open| **open).count() > START {
-        let sizes = path.steps.iter().filter(|step| step.terms() <= START);
+    if open.iter().filter(|open| **open).count() > Rivals::START {
+        let sizes = path.steps.iter().filter(|step| step.terms() <= Rivals::START);
         let Some(largest) = sizes.max_by(|a, b| a.terms().cmp(&b.terms()).then(b.rss.total_cmp(&a.rss))) else {
             return Ok(Vec::new());
         };
