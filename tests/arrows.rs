@@ -5,37 +5,43 @@ mod circles;
 use std::{collections::BTreeSet, fs, path::Path, process::Command};
 
 /// Crate, and the crates of the workspace that it may use.
-const ARROWS: [(&str, &[&str]); 20] = [
+const ARROWS: [(&str, &[&str]); 21] = [
     // No code: the features of third-party crates.
     ("fleetfoot-features", &[]),
     ("fleetfoot-data", &["features"]),
     ("fleetfoot-library", &["data"]),
     ("fleetfoot-stats", &["data", "library"]),
     ("fleetfoot-model", &["data", "library"]),
-    ("fleetfoot-codegen", &["data", "library", "model"]),
     ("fleetfoot-dynamics", &["data", "library", "stats", "model"]),
+    ("fleetfoot-control", &["data", "library", "stats", "model", "dynamics"]),
+    // The numbers of a filter are those of `control`.
+    ("fleetfoot-codegen", &["data", "library", "stats", "model", "control"]),
     ("fleetfoot-message", &["data"]),
     ("fleetfoot-signal", &["data"]),
     ("fleetfoot-log", &["data", "message"]),
     ("fleetfoot-sparse", &["data", "library", "stats", "model"]),
     ("fleetfoot-pwa", &["data", "library", "stats", "model"]),
     ("fleetfoot-estimate", &["data", "library", "stats", "model", "dynamics"]),
-    ("fleetfoot-sim", &["data", "library", "dynamics"]),
+    // Simulated robots run on the laws of `control`.
+    ("fleetfoot-sim", &["data", "library", "dynamics", "control"]),
     // Of logs and models it knows nothing.
     ("fleetfoot-report", &["features"]),
     (
         "fleetfoot-identify",
         &[
-            "data", "library", "stats", "model", "codegen", "dynamics", "signal", "log", "pwa", "sparse", "estimate",
-            "report",
+            "data", "library", "stats", "model", "dynamics", "control", "codegen", "signal", "log", "pwa", "sparse",
+            "estimate", "report",
         ],
     ),
-    ("fleetfoot-synth", &["data", "library", "stats", "model", "dynamics", "message", "log", "pwa", "sim", "identify"]),
+    (
+        "fleetfoot-synth",
+        &["data", "library", "stats", "model", "dynamics", "control", "message", "log", "pwa", "sim", "identify"],
+    ),
     (
         "fleetfoot",
         &[
-            "data", "library", "stats", "model", "codegen", "dynamics", "message", "signal", "log", "pwa", "sparse",
-            "estimate", "sim", "report", "identify", "synth",
+            "data", "library", "stats", "model", "dynamics", "control", "codegen", "message", "signal", "log", "pwa",
+            "sparse", "estimate", "sim", "report", "identify", "synth",
         ],
     ),
     ("fleetfoot-cli", &["fleetfoot"]),

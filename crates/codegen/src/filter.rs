@@ -7,7 +7,8 @@ mod coloured;
 mod crossing;
 mod source;
 
-use fleetfoot_model::{FilterTables, Model};
+use fleetfoot_control::filter::FilterTables;
+use fleetfoot_model::Model;
 
 use crate::{
     ExportError, ExportOptions, ExportedFile,

@@ -4,6 +4,6 @@ use fleetfoot_library::Unary;
 
 /// The same angle within (-pi, pi].
 #[inline(always)]
-pub(crate) fn wrap(angle: f64) -> f64 {
+pub fn wrap(angle: f64) -> f64 {
     Unary::Wrap.apply(angle)
 }

@@ -1,28 +1,10 @@
-//! Controllers: what drives a model's inputs, or a robot's, from what is seen of its state.
-//!
-//! A [`Controller`] closes the loop around a model in a rollout; the laws it is made of ([`Treadmill`], [`DifferentialDrive`], [`Pid`])
-//! are those that a simulated robot runs on.
+//! What a controller has to offer that closes the loop around a model in a rollout.
 
-mod differential_drive;
 mod driver;
-mod pid;
-mod regulator;
-mod regulator_model;
-mod sampling;
-mod treadmill;
-mod treadmill_loop;
 
 use std::fmt;
 
-pub use differential_drive::DifferentialDrive;
 pub(crate) use driver::{Drive, Driver, Read};
-pub use pid::{Pid, PidState};
-pub use regulator::{
-    DrivenInput, MeasuredColumn, RegionChoice, RegionLaw, RegulatedRotation, RegulatedState, Regulator,
-};
-pub use sampling::Sampling;
-pub use treadmill::Treadmill;
-pub use treadmill_loop::{TreadmillLoop, TreadmillSpeed};
 
 pub use crate::parameter_error::ParameterError;
 
@@ -53,9 +35,4 @@ pub trait ControllerState: Send {
     /// `seconds` count from the trajectory's start; `columns` hold the present values of [`Controller::reads`]. `inputs`, in the order of
     /// [`Controller::drives`], come with the values of the step before (at the start with the recorded ones): what is not changed is held.
     fn control(&mut self, seconds: f64, columns: &[f64], inputs: &mut [f64]);
-}
-
-/// Refuses a number that is not finite or does not pass the test.
-fn check(name: &str, value: f64, ok: bool, allowed: &'static str) -> Result<(), ParameterError> {
-    if ok && value.is_finite() { Ok(()) } else { Err(ParameterError::new(name, value, allowed)) }
 }

@@ -153,12 +153,6 @@ pub enum Error {
         /// What is wrong with it.
         problem: String,
     },
-    /// A regulator cannot be made for the model.
-    #[error(transparent)]
-    Control(#[from] crate::control_error::ControlError),
-    /// A filter cannot be made of the model.
-    #[error(transparent)]
-    Filter(#[from] crate::filter_error::FilterError),
     /// A controller's parameter cannot be used.
     #[error("the controller's {0}")]
     Parameter(#[from] crate::parameter_error::ParameterError),

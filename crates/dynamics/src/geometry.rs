@@ -10,22 +10,29 @@ use crate::angle::wrap;
 
 /// A state's place.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Shape {
+pub enum Shape {
     /// A real number.
     Line,
     /// An angle, in (-pi, pi].
     Circle,
     /// A part of a rotation: which one, which part.
-    Rotation { group: usize, part: usize },
+    Rotation {
+        /// Index among the groups.
+        group: usize,
+        /// Place among the parts of the group.
+        part: usize,
+    },
 }
 
 /// States that are a rotation together.
 #[derive(Debug, Clone)]
-pub(crate) struct Group {
-    pub(crate) name: String,
-    pub(crate) kind: RotationKind,
+pub struct Group {
+    /// The name of the rotation.
+    pub name: String,
+    /// How its parts tell the rotation.
+    pub kind: RotationKind,
     /// Place of each part among the states.
-    pub(crate) places: Vec<usize>,
+    pub places: Vec<usize>,
 }
 
 /// The most parts that a rotation has.
@@ -33,14 +40,16 @@ const PARTS: usize = 4;
 
 /// The geometry of some states.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Geometry {
-    pub(crate) shapes: Vec<Shape>,
-    pub(crate) groups: Vec<Group>,
+pub struct Geometry {
+    /// The place of each state.
+    pub shapes: Vec<Shape>,
+    /// The rotations among them.
+    pub groups: Vec<Group>,
 }
 
 impl Geometry {
     /// Of states that stand in these columns of a model; an index beyond them is of what is no column.
-    pub(crate) fn new(model: &Model, columns: &[usize]) -> Self {
+    pub fn new(model: &Model, columns: &[usize]) -> Self {
         let shape = |&column: &usize| match model.columns.get(column).is_some_and(|own| own.angle) {
             true => Shape::Circle,
             false => Shape::Line,
@@ -57,7 +66,7 @@ impl Geometry {
     }
 
     /// The group of a state that is part of a rotation, and which part it is.
-    pub(crate) fn group(&self, state: usize) -> Option<(&Group, usize)> {
+    pub fn group(&self, state: usize) -> Option<(&Group, usize)> {
         match self.shapes[state] {
             Shape::Rotation { group, part } => Some((&self.groups[group], part)),
             _ => None,
@@ -65,7 +74,7 @@ impl Geometry {
     }
 
     /// What a state is where nothing is known of it: 0, of a quaternion's first part 1.
-    pub(crate) fn neutral(&self, state: usize) -> f64 {
+    pub fn neutral(&self, state: usize) -> f64 {
         match self.group(state) {
             Some((Group { kind: RotationKind::Quaternion, .. }, 0)) => 1.0,
             _ => 0.0,
@@ -74,7 +83,7 @@ impl Geometry {
 
     /// `a - b` of a state: that of an angle is in (-pi, pi]; of a rotation a is written as near to b as it can be.
     #[inline(always)]
-    pub(crate) fn difference(&self, state: usize, a: impl Fn(usize) -> f64, b: impl Fn(usize) -> f64) -> f64 {
+    pub fn difference(&self, state: usize, a: impl Fn(usize) -> f64, b: impl Fn(usize) -> f64) -> f64 {
         match self.shapes[state] {
             Shape::Line => a(state) - b(state),
             Shape::Circle => wrap(a(state) - b(state)),
@@ -83,7 +92,7 @@ impl Geometry {
     }
 
     /// Values of some states, each rotation written as near to `mean` as it can be; where parts are missing, by those of a quaternion that are there.
-    pub(crate) fn aligned(&self, states: &[usize], values: &[f64], mean: &[f64]) -> Vec<f64> {
+    pub fn aligned(&self, states: &[usize], values: &[f64], mean: &[f64]) -> Vec<f64> {
         let mut aligned = values.to_vec();
         for Group { kind, places, .. } in &self.groups {
             // What is measured twice is aligned twice.
@@ -107,7 +116,7 @@ impl Geometry {
     }
 
     /// Brings a mean back to rotations, and their covariance (n x n) with it.
-    pub(crate) fn retract_distribution(&self, mean: &mut [f64], covariance: &mut [f64]) {
+    pub fn retract_distribution(&self, mean: &mut [f64], covariance: &mut [f64]) {
         let n = mean.len();
         for Group { kind, places, .. } in &self.groups {
             let before: Vec<f64> = places.iter().map(|&place| mean[place]).collect();
@@ -131,7 +140,7 @@ impl Geometry {
     }
 
     /// Rotations of what is known before anything is measured: no rotation at all where nothing is.
-    pub(crate) fn begin(&self, mean: &mut [f64]) {
+    pub fn begin(&self, mean: &mut [f64]) {
         for group in &self.groups {
             if group.places.iter().any(|&place| mean[place] != 0.0) {
                 continue;
@@ -143,13 +152,13 @@ impl Geometry {
 
     /// The angle of a state in (-pi, pi]; any other as it is.
     #[inline(always)]
-    pub(crate) fn wrapped(&self, state: usize, value: f64) -> f64 {
+    pub fn wrapped(&self, state: usize, value: f64) -> f64 {
         if self.shapes[state] == Shape::Circle { wrap(value) } else { value }
     }
 
     /// Brings rotations back that a step has made; value `s` stands at `at(s)`.
     #[inline(always)]
-    pub(crate) fn retract(&self, values: &mut [f64], at: impl Fn(usize) -> usize) {
+    pub fn retract(&self, values: &mut [f64], at: impl Fn(usize) -> usize) {
         for Group { kind, places, .. } in &self.groups {
             let mut own = [0.0; PARTS];
             let own = &mut own[..places.len()];
@@ -162,7 +171,7 @@ impl Geometry {
 
 impl Group {
     /// The parts of a vector of states.
-    pub(crate) fn of(&self, x: impl Fn(usize) -> f64) -> Vec<f64> {
+    pub fn of(&self, x: impl Fn(usize) -> f64) -> Vec<f64> {
         self.places.iter().map(|&place| x(place)).collect()
     }
 
@@ -173,48 +182,50 @@ impl Group {
     }
 
     /// Log(b^-1 a), rad in the body's axes.
-    pub(crate) fn rotation(&self, a: impl Fn(usize) -> f64, b: impl Fn(usize) -> f64) -> [f64; 3] {
+    pub fn rotation(&self, a: impl Fn(usize) -> f64, b: impl Fn(usize) -> f64) -> [f64; 3] {
         self.kind.difference(&self.of(a), &self.of(b))
     }
 }
 
-/// What errors of states are told by: a state, or a rotation by its angle.
+/// A part of the vector of errors: a state, or a rotation by its angle.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Told {
+pub enum Component {
+    /// A state.
     State(usize),
+    /// A rotation, by its index among the groups: three entries of the vector.
     Group(usize),
 }
 
 impl Geometry {
     /// The states, every rotation once in the place of its first part.
-    pub(crate) fn told(&self) -> Vec<Told> {
-        let mut told = Vec::new();
+    pub fn components(&self) -> Vec<Component> {
+        let mut components = Vec::new();
         for (state, shape) in self.shapes.iter().enumerate() {
             let own = match *shape {
-                Shape::Rotation { group, .. } => Told::Group(group),
-                _ => Told::State(state),
+                Shape::Rotation { group, .. } => Component::Group(group),
+                _ => Component::State(state),
             };
-            if !told.contains(&own) {
-                told.push(own);
+            if !components.contains(&own) {
+                components.push(own);
             }
         }
-        told
+        components
     }
 
-    /// The covariance of errors, packed, from that of the states in training (`state`: entry of two of them) and their means: in the order of `told`, each rotation
+    /// The covariance of errors, packed, from that of the states in training (`state`: entry of two of them) and their means: in the order of `components`, each rotation
     /// by the three parts of its rotation vector. For a rotation that is not far from its mean m the vector is `turning(m) (q - m)`.
-    pub(crate) fn covariance(
+    pub fn covariance(
         &self,
-        told: &[Told],
+        components: &[Component],
         state: impl Fn(usize, usize) -> f64,
         mean: impl Fn(usize) -> f64,
     ) -> Vec<f64> {
         // Every error as a sum of states, each with its factor.
         let mut rows: Vec<Vec<(usize, f64)>> = Vec::new();
-        for own in told {
+        for own in components {
             match *own {
-                Told::State(state) => rows.push(vec![(state, 1.0)]),
-                Told::Group(group) => {
+                Component::State(state) => rows.push(vec![(state, 1.0)]),
+                Component::Group(group) => {
                     let group = &self.groups[group];
                     let (mut centre, parts) = (group.of(&mean), group.places.len());
                     group.kind.retract(&mut centre);
@@ -246,13 +257,13 @@ impl Geometry {
     }
 }
 
-/// The places of what is told in a vector of errors: one of a state, three of a rotation.
-pub(crate) fn parts(told: &[Told]) -> Vec<Range<usize>> {
+/// The entries of each component in the vector of errors: one of a state, three of a rotation.
+pub fn parts(components: &[Component]) -> Vec<Range<usize>> {
     let mut from = 0;
-    let span = |own: &Told| {
-        let length = if matches!(own, Told::Group(_)) { 3 } else { 1 };
+    let span = |own: &Component| {
+        let length = if matches!(own, Component::Group(_)) { 3 } else { 1 };
         from += length;
         from - length..from
     };
-    told.iter().map(span).collect()
+    components.iter().map(span).collect()
 }

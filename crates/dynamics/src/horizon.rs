@@ -8,7 +8,7 @@ use fleetfoot_model::Model;
 
 use crate::{
     Baseline, Basis, End, Error, Estimate, Mahalanobis, RolloutOptions, Simulator, Trajectory,
-    geometry::{Geometry, Told, parts},
+    geometry::{Component, Geometry, parts},
     window::Window,
 };
 
@@ -102,7 +102,7 @@ pub(crate) struct HorizonScorer {
     /// States that are advanced.
     states: usize,
     /// What errors are told by: states and rotations.
-    told: Vec<Told>,
+    told: Vec<Component>,
     /// The parts of the errors that enter the Mahalanobis score: one of a state, the rotation vector's three of a rotation.
     scored: Vec<Range<usize>>,
     metric: Mahalanobis,
@@ -170,20 +170,20 @@ impl HorizonScorer {
         let (horizon, shown) = (options.horizon, simulator.shown());
         let names = simulator.states();
         let geometry = Geometry::new(model, &shown.iter().map(|state| state.column).collect::<Vec<_>>());
-        let told = geometry.told();
+        let told = geometry.components();
         // Of a part of a rotation there is no distance.
         let place = |name: &String| {
-            let place = told.iter().position(|own| matches!(*own, Told::State(state) if names[state] == *name));
+            let place = told.iter().position(|own| matches!(*own, Component::State(state) if names[state] == *name));
             place.ok_or_else(|| {
                 let nearest = nearest(name, names.iter().map(String::as_str));
                 Error::from(UnknownColumn { name: name.clone(), nearest })
             })
         };
-        let counts = |own: &Told| match *own {
-            Told::State(state) => shown[state].order.is_some(),
-            Told::Group(group) => geometry.groups[group].places.iter().all(|&place| shown[place].order.is_some()),
+        let counts = |own: &Component| match *own {
+            Component::State(state) => shown[state].order.is_some(),
+            Component::Group(group) => geometry.groups[group].places.iter().all(|&place| shown[place].order.is_some()),
         };
-        let ordered: Vec<Told> = told.iter().copied().filter(counts).collect();
+        let ordered: Vec<Component> = told.iter().copied().filter(counts).collect();
         let order = |s: usize| shown[s].order.unwrap_or_default();
         let training = &model.training;
         let covariance = geometry.covariance(
@@ -293,12 +293,12 @@ impl HorizonScorer {
         let mut at = 0;
         for (told, size) in self.told.iter().zip(size) {
             match *told {
-                Told::State(state) => {
+                Component::State(state) => {
                     error[at] = self.geometry.difference(state, recorded, own);
                     *size = error[at];
                     at += 1;
                 }
-                Told::Group(group) => {
+                Component::Group(group) => {
                     let rotation = self.geometry.groups[group].rotation(recorded, own);
                     error[at..at + 3].copy_from_slice(&rotation);
                     *size = rotation.iter().map(|part| part * part).sum::<f64>().sqrt();
@@ -310,9 +310,9 @@ impl HorizonScorer {
 
     /// The names of what errors are told by.
     fn names(&self, states: &[String]) -> Vec<String> {
-        let name = |own: &Told| match *own {
-            Told::State(state) => states[state].clone(),
-            Told::Group(group) => self.geometry.groups[group].name.clone(),
+        let name = |own: &Component| match *own {
+            Component::State(state) => states[state].clone(),
+            Component::Group(group) => self.geometry.groups[group].name.clone(),
         };
         self.told.iter().map(name).collect()
     }

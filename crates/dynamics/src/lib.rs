@@ -5,8 +5,8 @@
 //! - [`Simulator`] and [`rollout`]: free runs from many starts, and their errors by horizon beside the same baselines.
 //! - [`Stepper`] and [`Tangent`]: values at hand instead of a recording: steps, regions, exact derivatives.
 //! - [`free_run`]: whole episodes simulated from their first complete rows.
-//! - [`controller`]: laws that drive a model's inputs in a rollout, or a robot.
-//! - [`control`]: linear-quadratic regulators of a model, region by region, and the set points that they hold; [`linear`] has their algebra.
+//! - [`controller`]: what a law has to offer that drives a model's inputs in a rollout.
+//! - [`geometry`]: what the difference of two states is, where some are angles or rotations.
 //!
 //! A source given to this crate has the model's columns (aliases) as its columns, in any order.
 //!
@@ -41,26 +41,19 @@ mod baseline;
 mod binding;
 mod cell;
 mod compiled;
-pub mod control;
-mod control_error;
 pub mod controller;
 mod domain;
 mod error;
-pub mod filter;
-mod filter_error;
 mod free_run;
 mod general;
-mod geometry;
+pub mod geometry;
 mod horizon;
 mod integrate;
 mod kernel;
 mod layout;
 mod lean;
-pub mod linear;
 mod metrics;
-mod named;
 pub mod parameter_error;
-mod pieces;
 mod plane;
 mod points;
 mod predict;
@@ -90,6 +83,7 @@ mod trajectories;
 mod trajectory;
 mod window;
 
+pub use angle::wrap;
 pub use baseline::Baseline;
 pub use domain::Domain;
 pub use error::Error;
@@ -111,6 +105,7 @@ pub use shooting::{Segment, Shooting, ShootingOptions};
 pub use simulation::{Course, InputSequence, Integration};
 pub use simulator::Simulator;
 pub use starts::{Start, Starts};
+pub use state::nothing_to_advance;
 pub use step_control::Tolerance;
 pub use stepper::{Stepper, StepperWorkspace};
 pub use stretch::{Stretch, StretchPath, Stretches};

@@ -83,8 +83,8 @@ pub(crate) fn advanced_states(model: &Model) -> Result<(Vec<State>, Vec<&Equatio
     if states.is_empty() { Err(nothing_to_advance(model)) } else { Ok((states, equations)) }
 }
 
-/// No equation of the model advances a state.
-pub(crate) fn nothing_to_advance(model: &Model) -> Error {
+/// [`Error::NothingToAdvance`] of a model no equation of which advances a state.
+pub fn nothing_to_advance(model: &Model) -> Error {
     let equations = model.equations.iter().map(Equation::label).collect::<Vec<_>>().join(", ");
     Error::NothingToAdvance { equations }
 }

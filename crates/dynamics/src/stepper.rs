@@ -167,6 +167,37 @@ impl Stepper {
         self.states.iter().any(|state| state.advance.continuous)
     }
 
+    /// Whether some states are first-order lags of what is computed.
+    pub fn has_lags(&self) -> bool {
+        !self.lags.is_empty()
+    }
+
+    /// Whether derivatives are integrated of some states, while others have a next value or a difference.
+    pub fn is_mixed(&self) -> bool {
+        let continuous = self.is_continuous();
+        self.states.iter().any(|state| state.advance.continuous != continuous)
+    }
+
+    /// The standard deviation of a state in training; 1 where that is not known, or zero.
+    pub fn state_size(&self, state: usize) -> f64 {
+        self.states[state].size()
+    }
+
+    /// Index of a state among the columns with role State, as the training's covariance has them; `None` where it is not one.
+    pub fn state_order(&self, state: usize) -> Option<usize> {
+        self.states[state].order
+    }
+
+    /// Where the states live.
+    pub fn geometry(&self) -> &Geometry {
+        &self.geometry
+    }
+
+    /// The model as it is evaluated: closed, its first-order lags and computed columns among its columns.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
     /// Zeros for this many points.
     pub fn points(&self, count: usize) -> Points {
         Points::reaching(count, self.names.len(), self.history, self.ahead)

@@ -31,6 +31,7 @@ pub use fleetfoot_identify::*;
 pub use fleetfoot_synth::{self as generate, demo};
 
 pub use fleetfoot_codegen as codegen;
+pub use fleetfoot_control as control;
 pub use fleetfoot_data as data;
 pub use fleetfoot_data::{
     Column, ColumnKind, Episode, EpisodeId, Halo, Progress, Silent, Source, Threads, Work, thread_count, with_threads,

@@ -2,7 +2,7 @@
 
 mod file;
 
-use fleetfoot_dynamics::control::{Lqr, LqrOptions, Schedule, lqr};
+use fleetfoot_control::design::{Lqr, LqrOptions, Schedule, lqr};
 use fleetfoot_model::Model;
 
 pub use file::{ControllerFile, ControllerRecord, LqrRecord, SetPointRecord};

@@ -2,8 +2,8 @@
 
 use std::{path::Path, sync::Arc};
 
+use fleetfoot_control::controller::{Controller, TreadmillLoop};
 use fleetfoot_data::nearest;
-use fleetfoot_dynamics::controller::{Controller, TreadmillLoop};
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_model::{Column, Model, Role};
 use toml::{Table, Value};

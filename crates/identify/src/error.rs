@@ -147,6 +147,9 @@ pub enum Error {
     /// Prediction, scoring or rolling out failed.
     #[error(transparent)]
     Dynamics(#[from] fleetfoot_dynamics::Error),
+    /// A regulator or a filter cannot be made of the model.
+    #[error(transparent)]
+    Control(#[from] fleetfoot_control::Error),
     /// A `.stats` file, or what was asked of it, was refused.
     #[error(transparent)]
     Statistic(#[from] StatisticError),

@@ -9,8 +9,8 @@ mod writer;
 
 use std::path::Path;
 
+use fleetfoot_control::filter::{Consistency, SwitchedFilter};
 use fleetfoot_data::{Block, Halo, Progress, Source, parallel_fold};
-use fleetfoot_dynamics::filter::{Consistency, SwitchedFilter};
 use fleetfoot_model::Model;
 use serde::Serialize;
 

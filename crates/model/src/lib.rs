@@ -31,7 +31,6 @@ mod closed;
 mod column;
 mod equation;
 mod file;
-mod filter_tables;
 mod latent;
 mod latent_groups;
 mod lattice;
@@ -53,7 +52,6 @@ pub use closed::{Closed, ClosedError, FirstOrderLag, auxiliary_columns, check_si
 pub use column::{Column, Role};
 pub use equation::{Equation, Prediction};
 pub use file::{FORMAT_VERSION, FileError};
-pub use filter_tables::{FilterColour, FilterTables};
 pub use latent::Latent;
 pub use latent_groups::{LaggedLatent, LatentGroup, partitions_in_use};
 pub use lattice::{Join, Lattice, Level};

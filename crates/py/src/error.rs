@@ -101,7 +101,7 @@ pub(crate) fn of_engine(error: Error) -> PyErr {
         | Error::Signal { .. }
         | Error::UnseenLabel { .. }
         | Error::TextAsNumber { .. } => Kind::Data,
-        Error::Model(_) | Error::Export(_) | Error::Dynamics(_) => Kind::Model,
+        Error::Model(_) | Error::Export(_) | Error::Dynamics(_) | Error::Control(_) => Kind::Model,
         Error::Statistic(_) | Error::Merge(_) => Kind::Statistic,
         _ => Kind::Fit,
     };

@@ -1,6 +1,6 @@
 //! A regulator on a robot: what it reads found among what the robot's sensors show.
 
-use fleetfoot_dynamics::controller::{Controller, ControllerState, Regulator};
+use fleetfoot_control::controller::{Controller, ControllerState, Regulator};
 
 use crate::ParameterError;
 

@@ -2,8 +2,8 @@
 
 use std::{fmt, path::Path};
 
+use fleetfoot_control::controller::Regulator;
 use fleetfoot_data::{did_you_mean, nearest_one};
-use fleetfoot_dynamics::controller::Regulator;
 use fleetfoot_log::Format as LogFormat;
 use fleetfoot_sim::Scenario;
 use toml::{Table, Value};

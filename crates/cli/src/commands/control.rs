@@ -3,8 +3,9 @@
 use std::cmp::Reverse;
 
 use fleetfoot::{
-    ControllerFile, ControllerRecord, Error, LqrRecord, Recipe, Settings, control_lqr,
-    dynamics::controller::{DrivenInput, RegionLaw},
+    ControllerFile, ControllerRecord, Error, LqrRecord, Recipe, Settings,
+    control::controller::{DrivenInput, RegionLaw},
+    control_lqr,
 };
 
 use super::{Context, read_model};

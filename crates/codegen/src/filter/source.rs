@@ -1,6 +1,7 @@
 //! The header and the source of a filter: the common text with its tokens replaced by the model's sizes and names.
 
-use fleetfoot_model::{FilterTables, Model};
+use fleetfoot_control::filter::FilterTables;
+use fleetfoot_model::Model;
 
 use super::{coloured, crossing};
 use crate::{

@@ -2,12 +2,9 @@
 
 mod common;
 mod controllers;
-mod filters;
 mod horizons;
 mod latents;
 mod plane;
-mod regulated_rotations;
-mod regulators;
 mod replayed;
 mod rollouts;
 mod rotations;

@@ -5,7 +5,7 @@ use std::{path::Path, process::Command};
 use fleetfoot::{
     FilterNoise, FilterSection, FilterSwitching, Tunable,
     codegen::{ExportOptions, Precision, Target},
-    dynamics::filter::{SwitchedFilter, Track},
+    control::filter::{SwitchedFilter, Track},
     export_filter, filter_of,
     library::Expr,
     model::{

@@ -5,9 +5,8 @@ use std::process::Command;
 use fleetfoot::{
     ControlSchedule, ControlSection,
     codegen::{ExportOptions, Precision, Target},
-    control_lqr,
-    dynamics::controller::{Controller, Regulator},
-    export,
+    control::controller::{Controller, Regulator},
+    control_lqr, export,
 };
 
 use crate::export::models;

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use fleetfoot_dynamics::{
-    control::{LqrRegion, SetPoint},
+use fleetfoot_control::{
     controller::{Controller, Regulator},
+    design::{LqrRegion, SetPoint},
 };
 use fleetfoot_log::write_atomic;
 use fleetfoot_model::Model;

@@ -1,10 +1,8 @@
 //! What is asked of a filter, and where the logs have it.
 
+use fleetfoot_control::filter::{FilterOptions, Measured, NoiseColour, ProcessFactor, SwitchedFilter, Switching};
 use fleetfoot_data::{Progress, Source};
-use fleetfoot_dynamics::{
-    Stepper,
-    filter::{FilterOptions, Measured, NoiseColour, ProcessFactor, SwitchedFilter, Switching},
-};
+use fleetfoot_dynamics::Stepper;
 use fleetfoot_model::{Column, Model, Role};
 
 use crate::{

@@ -1,7 +1,7 @@
 //! Rows of an episode, filtered, and the filter along them.
 
+use fleetfoot_control::filter::{SwitchedFilter, Track};
 use fleetfoot_data::Block;
-use fleetfoot_dynamics::filter::{SwitchedFilter, Track};
 use fleetfoot_library::Unary;
 
 use super::asked::Reading;

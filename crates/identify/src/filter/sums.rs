@@ -1,7 +1,7 @@
 //! Sums over filtered rows, which do not grow with them.
 
+use fleetfoot_control::filter::{Consistency, SwitchedFilter};
 use fleetfoot_data::EpisodeId;
-use fleetfoot_dynamics::filter::{Consistency, SwitchedFilter};
 
 use super::{
     DeviationFrom, SensorReport, TruthReport,

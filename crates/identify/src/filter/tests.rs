@@ -1,7 +1,7 @@
 use std::path::PathBuf;
 
+use fleetfoot_control::filter::Track;
 use fleetfoot_data::{Silent, with_threads};
-use fleetfoot_dynamics::filter::Track;
 
 use super::*;
 

@@ -1,6 +1,6 @@
 //! Control of a crank.
 
-use fleetfoot_dynamics::controller::Pid;
+use fleetfoot_control::controller::Pid;
 use serde::{Deserialize, Serialize};
 
 use crate::parameter_error::{not_negative, positive};

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use fleetfoot_dynamics::controller::Treadmill;
+use fleetfoot_control::controller::Treadmill;
 
 use super::parameters::{COMMANDS, HexapodTreadmill, SHOWN};
 use crate::excitation::Signal;

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use fleetfoot_dynamics::controller::{DifferentialDrive, Pid, PidState};
+use fleetfoot_control::controller::{DifferentialDrive, Pid, PidState};
 
 use super::crank_control::CrankControl;
 use super::parameters::HexapodTreadmill;

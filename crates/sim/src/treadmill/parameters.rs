@@ -1,6 +1,6 @@
 //! Everything physical about the experiment.
 
-use fleetfoot_dynamics::controller::{DifferentialDrive, Regulator, Treadmill};
+use fleetfoot_control::controller::{DifferentialDrive, Regulator, Treadmill};
 use serde::{Deserialize, Serialize};
 
 use super::{BeltParameters, CrankControl};

@@ -1,6 +1,6 @@
 //! Tables of a world file with some of their keys: the others keep the values that this robot has, not those of any motor or sensor.
 
-use fleetfoot_dynamics::controller::Pid;
+use fleetfoot_control::controller::Pid;
 
 use crate::DcMotor;
 use crate::partial_table::partial_table;

@@ -1,6 +1,6 @@
 //! Dead reckoning from the wheels' encoders.
 
-use fleetfoot_dynamics::controller::DifferentialDrive;
+use fleetfoot_control::controller::DifferentialDrive;
 
 /// Where a differential drive believes to be from its wheels' turns: it takes slip for motion.
 #[derive(Debug, Clone)]

@@ -1,6 +1,6 @@
 //! The wheeled robot's world file.
 
-use fleetfoot_dynamics::controller::{DifferentialDrive, Pid, Regulator};
+use fleetfoot_control::controller::{DifferentialDrive, Pid, Regulator};
 use serde::{Deserialize, Serialize};
 
 use super::defaults::{self, default_encoder, default_imu, default_latency, default_pid};

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use fleetfoot_dynamics::controller::PidState;
+use fleetfoot_control::controller::PidState;
 use glam::{DQuat, DVec3};
 use rand::RngExt;
 

@@ -3,8 +3,8 @@
 
 use std::path::PathBuf;
 
+use fleetfoot_control::controller::DifferentialDrive;
 use fleetfoot_data::Progress;
-use fleetfoot_dynamics::controller::DifferentialDrive;
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_model::{Equation, Model, Prediction};
 use fleetfoot_pwa::{Options, Problem};

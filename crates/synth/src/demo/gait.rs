@@ -6,8 +6,8 @@ use std::{
     path::PathBuf,
 };
 
+use fleetfoot_control::controller::DifferentialDrive;
 use fleetfoot_data::{Halo, Progress, Source};
-use fleetfoot_dynamics::controller::DifferentialDrive;
 use fleetfoot_stats::{Grid, Moments, reduce};
 use serde::Serialize;
 

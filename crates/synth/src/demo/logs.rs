@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use fleetfoot_control::controller::DifferentialDrive;
 use fleetfoot_data::Progress;
-use fleetfoot_dynamics::controller::DifferentialDrive;
 use fleetfoot_sim::HexapodTreadmill;
 
 use fleetfoot_identify::Error;

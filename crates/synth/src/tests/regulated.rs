@@ -111,20 +111,20 @@ fn a_regulator_keeps_the_wheeled_robot_on_a_line() {
 #[test]
 fn what_a_robot_does_not_show_or_have_is_refused() {
     let mut world = World::of("hexapod").unwrap();
-    let mut law = fleetfoot_dynamics::controller::Regulator {
+    let mut law = fleetfoot_control::controller::Regulator {
         period: 0.01,
-        states: vec![fleetfoot_dynamics::controller::RegulatedState {
+        states: vec![fleetfoot_control::controller::RegulatedState {
             name: "z".into(),
             at: 0.0,
             size: 1.0,
             angle: false,
         }],
-        inputs: vec![fleetfoot_dynamics::controller::DrivenInput { name: "u_v".into(), lowest: 0.0, highest: 1.0 }],
+        inputs: vec![fleetfoot_control::controller::DrivenInput { name: "u_v".into(), lowest: 0.0, highest: 1.0 }],
         rotations: Vec::new(),
         measured: Vec::new(),
         integrated: Vec::new(),
         partition: None,
-        laws: vec![fleetfoot_dynamics::controller::RegionLaw {
+        laws: vec![fleetfoot_control::controller::RegionLaw {
             inputs: vec![0.3],
             gain: vec![vec![1.0]],
             integral: Vec::new(),

@@ -5,7 +5,7 @@ use fleetfoot_model::{RotationKind, Rule};
 use serde::{Deserialize, Serialize};
 
 use super::{Controller, ControllerState, ParameterError, check};
-use crate::angle::wrap;
+use fleetfoot_dynamics::wrap;
 
 /// Stamps closer than this count as equal, s.
 const SAME: f64 = 1e-9;

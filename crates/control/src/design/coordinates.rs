@@ -5,12 +5,12 @@
 
 use faer::Mat;
 use fleetfoot_data::nearest;
+use fleetfoot_dynamics::geometry::{Component, Group};
 use fleetfoot_model::{Model, RotationKind};
 
 use super::Named;
 use crate::{
     control_error::ControlError,
-    geometry::{Group, Told},
     named::finite,
     pieces::{Affine, Pieces},
 };
@@ -48,7 +48,7 @@ pub(super) struct Coordinates<'a> {
 
 impl<'a> Coordinates<'a> {
     pub(super) fn new(pieces: &'a Pieces, model: &Model) -> Self {
-        let geometry = &pieces.whole.geometry;
+        let geometry = pieces.whole.geometry();
         let own = (0..pieces.states.len()).filter(|&state| geometry.group(state).is_none());
         let mut of: Vec<Coordinate> = own
             .map(|state| Coordinate {
@@ -297,12 +297,12 @@ impl Turned {
 
 /// The standard deviations of the turns of a rotation in training, rad about the axes of the body at their mean; 1 where they are not known.
 fn turns(pieces: &Pieces, model: &Model, group: usize) -> [f64; 3] {
-    let (geometry, training) = (&pieces.whole.geometry, &model.training);
-    let states = &pieces.whole.states;
+    let (geometry, training) = (pieces.whole.geometry(), &model.training);
     let places = &geometry.groups[group].places;
-    let order = |state: usize| states[state].order.unwrap_or_default();
-    let known = !training.state_covariance.is_empty() && places.iter().all(|&place| states[place].order.is_some());
-    let told = [Told::Group(group)];
+    let order = |state: usize| pieces.whole.state_order(state).unwrap_or_default();
+    let known =
+        !training.state_covariance.is_empty() && places.iter().all(|&place| pieces.whole.state_order(place).is_some());
+    let told = [Component::Group(group)];
     let covariance = match known {
         true => geometry.covariance(
             &told,

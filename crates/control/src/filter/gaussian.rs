@@ -3,7 +3,7 @@
 use fleetfoot_stats::Autoregression;
 
 use super::steps::StepMap;
-use crate::geometry::Geometry;
+use fleetfoot_dynamics::geometry::Geometry;
 
 /// Points that the covariance of the whole counts as, where that of a part is found by few.
 const BLENDED: f64 = 2.0;

@@ -3,12 +3,14 @@
 use std::sync::Arc;
 
 use crate::common::*;
+use fleetfoot_control::{
+    ControlError, Error,
+    controller::Regulator,
+    design::{LqrOptions, Schedule, lqr},
+};
 use fleetfoot_data::Silent;
 use fleetfoot_dynamics::{
-    End, Error, Method, RolloutOptions, Starts, Step, Stepper, StepperWorkspace,
-    control::{ControlError, LqrOptions, Schedule, lqr},
-    controller::{Controller, Regulator},
-    rollout_closed_loop,
+    End, Method, RolloutOptions, Starts, Step, Stepper, StepperWorkspace, controller::Controller, rollout_closed_loop,
 };
 use fleetfoot_model::{Model, Partition, Prediction, Role, Rule};
 use proptest::prelude::*;

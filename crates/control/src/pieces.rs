@@ -2,13 +2,13 @@
 
 use faer::Mat;
 use fleetfoot_data::packed;
+use fleetfoot_dynamics::{Linearized, Points, Stepper, StepperWorkspace, Tangent, nothing_to_advance};
 use fleetfoot_model::{Model, Partition, Prediction, Region};
 
 use crate::{
-    Error, Linearized, Points, Stepper, StepperWorkspace, Tangent,
+    Error,
     control_error::ControlError,
     linear::{exponential, of_rows},
-    state::nothing_to_advance,
 };
 
 /// The submodels of a model.
@@ -52,13 +52,13 @@ impl Pieces {
         let states: Vec<String> = whole.states().map(str::to_owned).collect();
         let inputs: Vec<String> = whole.inputs().map(str::to_owned).collect();
         if states.is_empty() {
-            return Err(nothing_to_advance(model));
+            return Err(nothing_to_advance(model).into());
         }
-        if whole.history() > 0 || whole.uses_time() || !whole.lags.is_empty() {
+        if whole.history() > 0 || whole.uses_time() || whole.has_lags() {
             return Err(ControlError::Memory.into());
         }
         let continuous = whole.is_continuous();
-        if whole.states.iter().any(|state| state.advance.continuous != continuous) {
+        if whole.is_mixed() {
             return Err(ControlError::Mixed.into());
         }
         let partition = divided(model)?;
@@ -83,7 +83,7 @@ impl Pieces {
 
     /// What is large for a state or, behind these, an input: its standard deviation in training; 1 where that is not known.
     pub(crate) fn size(&self, variable: usize) -> f64 {
-        let known = self.whole.states.get(variable).map_or(1.0, |state| state.size());
+        let known = if variable < self.states.len() { self.whole.state_size(variable) } else { 1.0 };
         self.seen[variable].map_or(known, |[_, deviation]| if deviation > 0.0 { deviation } else { known })
     }
 
@@ -118,7 +118,7 @@ impl Piece {
 
     /// With the inputs of the model in the place of those that the submodel reads.
     fn spread(&self, found: Vec<Linearized>, n: usize, m: usize) -> Affine {
-        let Some(Linearized { a, b, c }) = found.into_iter().next() else {
+        let Some(Linearized { a, b, c, .. }) = found.into_iter().next() else {
             return Affine { a: Mat::zeros(0, 0), b: Mat::zeros(0, 0), c: Vec::new() };
         };
         let own = of_rows(n, self.places.len(), &b);

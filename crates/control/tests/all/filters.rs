@@ -2,15 +2,15 @@
 
 use crate::common::*;
 use faer::{Mat, linalg::solvers::Solve};
-use fleetfoot_data::{EpisodeId, packed};
-use fleetfoot_dynamics::{
-    Error, Stepper, StepperWorkspace,
-    control::ControlError,
+use fleetfoot_control::{
+    ControlError, Error,
     filter::{
         Consistency, FilterError, FilterOptions, MeanBand, Measured, NoiseColour, ProcessFactor, SwitchedFilter,
         Switching,
     },
 };
+use fleetfoot_data::{EpisodeId, packed};
+use fleetfoot_dynamics::{Stepper, StepperWorkspace};
 use fleetfoot_model::{Model, Partition, Prediction, ResidualCorrelation, Role, Rule, Transitions};
 use proptest::prelude::*;
 

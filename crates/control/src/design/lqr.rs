@@ -13,7 +13,9 @@ use super::{
 use crate::{
     Error,
     control_error::ControlError,
-    controller::{DrivenInput, MeasuredColumn, RegionChoice, RegionLaw, RegulatedRotation, RegulatedState, Regulator},
+    controller::{
+        Controller, DrivenInput, MeasuredColumn, RegionChoice, RegionLaw, RegulatedRotation, RegulatedState, Regulator,
+    },
     linear::Mode,
     named::{find, indices},
     pieces::{Affine, Pieces},
@@ -96,7 +98,7 @@ struct Design<'a> {
 /// Finds the set point and the laws.
 ///
 /// # Errors
-/// [`Error::Control`]: names that the model has not, weights that cannot be, a set point that cannot be kept, a model that looks back; those of [`crate::Stepper::new`].
+/// [`Error::Control`]: names that the model has not, weights that cannot be, a set point that cannot be kept, a model that looks back; those of [`fleetfoot_dynamics::Stepper::new`].
 pub fn lqr(model: &Model, options: &LqrOptions) -> Result<Lqr, Error> {
     let pieces = Pieces::new(model)?;
     let labelled = |index: usize| matches!(model.partitions[index].rule, Rule::Labels { .. });
@@ -142,14 +144,14 @@ pub fn lqr(model: &Model, options: &LqrOptions) -> Result<Lqr, Error> {
     }
     let partition = if by_region { pieces.partition.and_then(|_| choice(&pieces)) } else { None };
     let regulator = design.regulator(&found, laws, partition);
-    crate::controller::Controller::validate(&regulator)?;
+    Controller::validate(&regulator).map_err(fleetfoot_dynamics::Error::from)?;
     let setpoint = design.told(&found, region);
     Ok(Lqr { regulator, setpoint, regions, notes: design.notes })
 }
 
 /// The partition that decides the region, over columns that are not computed.
 fn choice(pieces: &Pieces) -> Option<RegionChoice> {
-    let model = &pieces.whole.model;
+    let model = pieces.whole.model();
     let partition = model.partitions.get(pieces.partition?)?;
     Some(RegionChoice {
         columns: partition.columns.iter().map(ToString::to_string).collect(),
@@ -392,7 +394,7 @@ impl<'a> Design<'a> {
             let given = self.options.limits.iter().find(|(own, ..)| own == name);
             given.map_or((f64::MIN, f64::MAX), |&(_, lowest, highest)| (lowest, highest))
         };
-        let angle = |state: usize| pieces.whole.model.columns[pieces.whole.state_column(state)].angle;
+        let angle = |state: usize| pieces.whole.model().columns[pieces.whole.state_column(state)].angle;
         Regulator {
             period: self.period,
             states: self
@@ -435,7 +437,7 @@ impl<'a> Design<'a> {
     /// The rotations that are kept.
     fn rotations(&self, found: &Rest) -> Vec<RegulatedRotation> {
         let kept: Vec<_> = self.kept.iter().map(|&at| &self.coordinates.of[at]).collect();
-        let one = |(at, group): (usize, &crate::geometry::Group)| {
+        let one = |(at, group): (usize, &fleetfoot_dynamics::geometry::Group)| {
             let own = kept.iter().filter(|own| matches!(own.of, Of::Turn { group, .. } if group == at));
             let size: Vec<f64> = own.map(|own| own.size).collect();
             Some(RegulatedRotation {
@@ -470,11 +472,11 @@ fn given(
 ) -> Result<(Vec<f64>, Vec<bool>), ControlError> {
     let n = pieces.states.len();
     let mut start: Vec<f64> = pieces.seen.iter().map(|seen| seen.map_or(0.0, |[mean, _]| mean)).collect();
-    let order = |place: usize| pieces.whole.states[place].order;
+    let order = |place: usize| pieces.whole.state_order(place);
     for &place in coordinates.groups.iter().flat_map(|group| &group.places) {
         start[place] = order(place).and_then(|order| model.training.state_mean.get(order).copied()).unwrap_or(0.0);
     }
-    pieces.whole.geometry.begin(&mut start[..n]);
+    pieces.whole.geometry().begin(&mut start[..n]);
     let (mut given, rest) = coordinates.given(setpoint, &mut start[..n])?;
     given.resize(coordinates.len() + pieces.inputs.len(), false);
     let rotations = coordinates.groups.iter().map(|group| format!("yaw({})", group.name)).collect::<Vec<_>>();

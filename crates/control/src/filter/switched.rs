@@ -4,18 +4,21 @@ use std::cell::RefCell;
 
 use faer::Mat;
 use fleetfoot_data::packed;
-use fleetfoot_model::{FilterColour, FilterTables, Model};
+use fleetfoot_dynamics::{
+    Points, StepperWorkspace,
+    geometry::{Component, Geometry, Shape, parts},
+};
+use fleetfoot_model::Model;
 use fleetfoot_stats::Autoregression;
 
 use super::{
-    FilterError, Gaussian, StepMap,
+    FilterColour, FilterError, FilterTables, Gaussian, StepMap,
     noise::{coloured_noise, described, white_noise},
     points::standard_points,
     step_noise::StepNoise,
 };
 use crate::{
-    Error, Points, StepperWorkspace,
-    geometry::{Geometry, Shape, Told, parts},
+    ControlError, Error,
     named::{find, finite},
     pieces::Pieces,
 };
@@ -130,7 +133,7 @@ impl SwitchedFilter {
     ///
     /// # Errors
     /// [`Error::Control`]: names that the model has not, numbers that cannot be, a model that looks back or has several partitions; [`Error::Filter`]; those of
-    /// [`crate::Stepper::new`].
+    /// [`fleetfoot_dynamics::Stepper::new`].
     pub fn new(model: &Model, options: &FilterOptions) -> Result<Self, Error> {
         let pieces = Pieces::new(model)?;
         let names: Vec<&String> = pieces.states.iter().collect();
@@ -168,7 +171,7 @@ impl SwitchedFilter {
             Switching::State => None,
             Switching::Transitions => Some(transitions(model, &pieces)?),
         };
-        let mut geometry = pieces.whole.geometry.clone();
+        let mut geometry = pieces.whole.geometry().clone();
         let behind = colour.as_ref().map_or(0, |colour| colour.targets() * colour.order());
         geometry.shapes.extend(std::iter::repeat_n(Shape::Line, behind));
         let mut filter = Self {
@@ -233,13 +236,13 @@ impl SwitchedFilter {
     }
 
     /// What true values of some states are told by: states, and rotations of which all parts are there.
-    fn told(&self, states: &[usize]) -> Vec<Told> {
+    fn told(&self, states: &[usize]) -> Vec<Component> {
         let there = |state: usize| states.contains(&state);
-        let counts = |own: &Told| match *own {
-            Told::State(state) => there(state),
-            Told::Group(group) => self.geometry.groups[group].places.iter().all(|&place| there(place)),
+        let counts = |own: &Component| match *own {
+            Component::State(state) => there(state),
+            Component::Group(group) => self.geometry.groups[group].places.iter().all(|&place| there(place)),
         };
-        self.geometry.told().into_iter().filter(counts).collect()
+        self.geometry.components().into_iter().filter(counts).collect()
     }
 
     /// Degrees of freedom of errors of some states: three of a rotation, all of whose parts are among them, and none of one that lacks some.
@@ -262,8 +265,8 @@ impl SwitchedFilter {
         let mut errors = Vec::new();
         for own in &told {
             match *own {
-                Told::State(state) => errors.push(self.geometry.difference(state, |s| estimate.mean[s], truth)),
-                Told::Group(group) => {
+                Component::State(state) => errors.push(self.geometry.difference(state, |s| estimate.mean[s], truth)),
+                Component::Group(group) => {
                     errors.extend(self.geometry.groups[group].rotation(|s| estimate.mean[s], truth));
                 }
             }
@@ -388,7 +391,7 @@ impl SwitchedFilter {
     /// Whether the partition looks at inputs.
     pub(super) fn regions_read_inputs(&self) -> bool {
         let Some(partition) = self.pieces.partition else { return false };
-        let columns = &self.pieces.whole.model.partitions[partition].columns;
+        let columns = &self.pieces.whole.model().partitions[partition].columns;
         columns.iter().any(|column| column.columns().iter().any(|name| self.inputs().iter().any(|own| **own == **name)))
     }
 
@@ -494,7 +497,7 @@ fn positive(of: &'static str, name: &str, value: f64) -> Result<(), Error> {
         return Ok(());
     }
     let allowed = "a positive number";
-    Err(crate::control::ControlError::Value { of, name: name.to_owned(), value, allowed }.into())
+    Err(ControlError::Value { of, name: name.to_owned(), value, allowed }.into())
 }
 
 /// Probabilities from region to region by the counts of the training, with a share of all alike.

@@ -3,12 +3,13 @@
 use std::{f64::consts::PI, sync::Arc};
 
 use crate::{common::*, regulators::assert_model_is_the_law};
+use fleetfoot_control::{
+    controller::Regulator,
+    design::{LqrOptions, lqr},
+};
 use fleetfoot_data::Silent;
 use fleetfoot_dynamics::{
-    End, Method, RolloutOptions, Start, Starts, Step,
-    control::{LqrOptions, lqr},
-    controller::{Controller, Regulator},
-    rollout_closed_loop,
+    End, Method, RolloutOptions, Start, Starts, Step, controller::Controller, rollout_closed_loop,
 };
 use fleetfoot_library::{Expr, Quaternion, rotation_vector_rates};
 use fleetfoot_model::{Column, Equation, Model, Prediction, Role, RotationKind, RotationPart, Training};

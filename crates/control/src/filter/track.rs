@@ -1,7 +1,7 @@
 //! A filter's memory along one recording.
 
 use super::{Gaussian, ProcessFactor, SwitchedFilter, switched::Placing};
-use crate::geometry::Geometry;
+use fleetfoot_dynamics::geometry::Geometry;
 
 /// The deviation of a sensor that the first rows go by, as a share of what is large for the state.
 const GUESS: f64 = 0.1;

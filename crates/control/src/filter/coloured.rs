@@ -3,7 +3,7 @@
 use fleetfoot_stats::Autoregression;
 
 use super::{Gaussian, StepMap};
-use crate::geometry::Geometry;
+use fleetfoot_dynamics::geometry::Geometry;
 
 impl Gaussian {
     /// One step on of n states and, behind them, of the whitened residuals of the last p rows, the newest first: `rho+ = Phi h + e`, then `x+ = A x + B u + c + sqrt(f) S rho+ + w`, w of covariance `f Q`.

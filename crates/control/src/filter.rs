@@ -1,7 +1,7 @@
 //! Filters of a model: what its states are likely to be, from noisy measurements of some of them, with a Kalman filter for every region.
 //!
 //! ```
-//! use fleetfoot_dynamics::filter::{FilterOptions, Measured, SwitchedFilter};
+//! use fleetfoot_control::filter::{FilterOptions, Measured, SwitchedFilter};
 //! use fleetfoot_library::{Expr, Scope};
 //! use fleetfoot_model::{Column, Equation, Model, Prediction, Role, Training};
 //!
@@ -33,12 +33,14 @@ mod points;
 mod step_noise;
 mod steps;
 mod switched;
+mod tables;
 mod track;
 
 pub use consistency::{Consistency, MeanBand, chi_square_band};
 pub use gaussian::Gaussian;
 pub use steps::StepMap;
 pub use switched::{FilterOptions, Measured, NoiseColour, ProcessFactor, SwitchedFilter, Switching};
+pub use tables::{FilterColour, FilterTables};
 pub use track::Track;
 
 pub use crate::filter_error::FilterError;

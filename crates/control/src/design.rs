@@ -1,7 +1,7 @@
 //! Regulators of a model: set points that it can rest at, and the linear-quadratic law that keeps it there, region by region.
 //!
 //! ```
-//! use fleetfoot_dynamics::control::{LqrOptions, lqr};
+//! use fleetfoot_control::design::{LqrOptions, lqr};
 //! use fleetfoot_library::{Expr, Scope};
 //! use fleetfoot_model::{Column, Equation, Model, Prediction, Role, Training};
 //!
@@ -31,5 +31,3 @@ mod setpoint;
 
 pub use lqr::{Lqr, LqrRegion, SetPoint, lqr};
 pub use options::{LqrOptions, Named, Schedule};
-
-pub use crate::control_error::ControlError;

@@ -1,0 +1,31 @@
+//! Controllers: what drives a model's inputs, or a robot's, from what is seen of its state.
+//!
+//! A [`Controller`] closes the loop around a model in a rollout; the laws it is made of ([`Treadmill`], [`DifferentialDrive`], [`Pid`])
+//! are those that a simulated robot runs on.
+
+mod differential_drive;
+mod pid;
+mod regulator;
+mod regulator_model;
+mod sampling;
+mod treadmill;
+mod treadmill_loop;
+
+pub use differential_drive::DifferentialDrive;
+pub use pid::{Pid, PidState};
+pub use regulator::{
+    DrivenInput, MeasuredColumn, RegionChoice, RegionLaw, RegulatedRotation, RegulatedState, Regulator,
+};
+pub use sampling::Sampling;
+pub use treadmill::Treadmill;
+pub use treadmill_loop::{TreadmillLoop, TreadmillSpeed};
+
+pub use fleetfoot_dynamics::{
+    ParameterError,
+    controller::{Controller, ControllerState},
+};
+
+/// Refuses a number that is not finite or does not pass the test.
+fn check(name: &str, value: f64, ok: bool, allowed: &'static str) -> Result<(), ParameterError> {
+    if ok && value.is_finite() { Ok(()) } else { Err(ParameterError::new(name, value, allowed)) }
+}

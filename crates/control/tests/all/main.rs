@@ -1,0 +1,8 @@
+//! Controllers around models, regulators and filters made of models.
+
+#[path = "../../../dynamics/tests/all/common.rs"]
+mod common;
+mod controllers;
+mod filters;
+mod regulated_rotations;
+mod regulators;
