@@ -149,3 +149,44 @@ fn files_that_make_no_run_are_told_with_the_mend() {
     fit("[states]\nv = {}\n", &[]).fails(&["cmd.csv", "[states] v", "odom.csv has it", "[files]", "odom.v"]);
     fit("[states]\nu = {}\n", &[]).fails(&["imu_0.csv has none of the columns", "[files]", "imu_0 = \"imu_0.csv\""]);
 }
+
+/// `info` says that files are of one run, and `init` writes the recipe that joins them, which fits as it is.
+#[test]
+fn a_recipe_for_the_files_of_runs_is_drafted() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    (0..2).for_each(|run| drop(write_run(folder, run)));
+    fs::rename(folder.join("runs/run_1/imu_0.csv"), folder.join("runs/run_1/imu_1.csv")).unwrap();
+    let info = fleetfoot(folder, &["info", "runs"]).ok().out;
+    let words = ["files of 2 runs", "[files]", "imu = \"imu*.csv\"", "odom = \"odom.csv\"", "fleetfoot init runs -o"];
+    assert!(words.iter().all(|word| info.contains(word)), "{info}");
+    let info = fleetfoot(folder, &["info", "runs/run_0", "--values", "--json"]).ok().json();
+    let note = info[0]["notes"].as_array().unwrap().last().unwrap().as_str().unwrap();
+    assert!(note.contains("files of one run") && note.contains("imu = \"imu_0.csv\""), "{note}");
+    let said = fleetfoot(folder, &["init", "runs", "-o", "draft.toml"]).ok();
+    let draft = fs::read_to_string(folder.join("draft.toml")).unwrap();
+    let section = "[files]\ncmd = \"cmd.csv\"\nimu = \"imu*.csv\"\nodom = \"odom.csv\"\n";
+    assert!(draft.contains(section) && !said.err.contains("note:"), "{draft}{}", said.err);
+    // States are where the robot is, inputs what it was told; the rows are those of the states.
+    for line in
+        ["odom_v = \"odom.v\"", "odom_v = {}", "odom_x = {}", "cmd_u = {}", "base = \"odom\"", "# ax = \"imu.ax\""]
+    {
+        assert!(draft.lines().any(|own| own == line || own.starts_with(&format!("{line} "))), "{line}: {draft}");
+    }
+    assert!(!draft.contains("imu.t\"") && !draft.contains("odom.stamp"), "clocks are no columns: {draft}");
+    let fit = ["fit", "pwa", "-c", "draft.toml", "-p", "average", "-o", "model.json"];
+    let fitted = fleetfoot(folder, &[&fit[..], &["runs"]].concat()).ok();
+    assert!(fitted.err.contains("wrote model.json"), "{}", fitted.err);
+    let score = fleetfoot(folder, &["score", "model.json", "runs", "--json"]).ok().json();
+    assert!(score["rows"].as_u64().unwrap() > 700, "{score}");
+    // Files of the same columns are runs of one file; those whose clocks do not meet are no run.
+    let said = fleetfoot(folder, &["init", "joined_0.csv", "joined_1.csv"]).ok();
+    assert!(!said.out.contains("[files]") && said.err.contains("joined_0.csv and files like it"), "{}", said.err);
+    assert!(!fleetfoot(folder, &["info", "joined_0.csv", "joined_1.csv"]).ok().out.contains("[files]"));
+    let late = fs::read_to_string(folder.join("runs/run_0/cmd.csv")).unwrap();
+    let late: Vec<String> =
+        late.lines().map(|line| if line == "t,u" { line.into() } else { format!("9{line}") }).collect();
+    fs::write(folder.join("runs/run_0/cmd.csv"), late.join("\n")).unwrap();
+    let said = fleetfoot(folder, &["init", "runs/run_0"]).ok();
+    assert!(!said.out.contains("[files]") && said.err.contains("whose clocks overlap"), "{}", said.err);
+}

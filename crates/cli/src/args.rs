@@ -162,9 +162,9 @@ pub(crate) struct Info {
 
 #[derive(Debug, Args)]
 pub(crate) struct Init {
-    /// A log file.
-    #[arg(value_name = "FILE")]
-    pub(crate) file: PathBuf,
+    /// A log file; the files or the folder of a run, or of several, which `[files]` of the recipe joins.
+    #[arg(required = true, value_name = "DATA")]
+    pub(crate) data: Vec<PathBuf>,
     /// Topics of a robot's log to list, separated by commas (default: all).
     #[arg(long, value_name = "TOPICS")]
     pub(crate) topic: Option<List>,

@@ -2,6 +2,8 @@
 
 mod channels;
 mod names;
+mod run_files;
+mod short;
 
 use std::{
     collections::{HashMap, HashSet},
@@ -12,6 +14,7 @@ use fleetfoot_data::{Column, ColumnKind};
 use fleetfoot_library::Expr;
 use fleetfoot_log::{ClockInfo, FileInfo};
 use names::Names;
+pub use run_files::starter_recipe_of_runs;
 
 /// Names that usually stand for angles in radians.
 const ANGLES: [&str; 8] = ["yaw", "pitch", "roll", "theta", "psi", "heading", "angle", "azimuth"];
@@ -48,6 +51,7 @@ fn table_recipe(file: &str, columns: &[Column], clock: Option<&ClockInfo>) -> St
         .collect();
     let mut out = String::new();
     heading(&mut out, file);
+    columns_heading(&mut out);
     aliases(&mut out, columns);
     states_heading(&mut out, columns);
     for column in &numeric {
@@ -124,6 +128,9 @@ fn aliases(out: &mut String, columns: &[Column]) {
 fn heading(out: &mut String, file: &str) {
     let _ = writeln!(out, "# Recipe for {file} and files like it. Uncomment what the model shall use, then:");
     let _ = writeln!(out, "#   fleetfoot fit pwa -c THIS FILES... -o model.json\n");
+}
+
+fn columns_heading(out: &mut String) {
     let _ = writeln!(
         out,
         "# Short names for fields and for expressions over them. Odd names stand in backticks within expressions."

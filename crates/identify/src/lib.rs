@@ -94,7 +94,7 @@ pub use fit::{FitPlan, Fitted, PWA_PASSES, PwaOptions, PwaRequest, fit_pwa, plan
 pub use folds::FoldRule;
 pub use groups::{GroupRule, GroupWords};
 pub use in_words::{interval_in_words, replayed_in_words, spans_in_words, useful_in_words};
-pub use init::starter_recipe;
+pub use init::{starter_recipe, starter_recipe_of_runs};
 pub use json::Interval;
 pub use known::{KnownModel, is_known, known_model};
 pub use limit_report::{FreeErrors, LimitReport, LimitSide};

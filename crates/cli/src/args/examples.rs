@@ -23,7 +23,8 @@ Examples:
 pub(crate) const INIT: &str = "\
 Examples:
   fleetfoot init run.mcap
-  fleetfoot init run.mcap -o robot.toml";
+  fleetfoot init run.mcap -o robot.toml
+  fleetfoot init runs/ -o robot.toml              folders of imu.csv, odom.csv, ...: a recipe that joins them";
 
 pub(crate) const PREPARE: &str = "\
 Examples:

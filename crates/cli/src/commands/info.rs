@@ -2,7 +2,7 @@
 
 use fleetfoot::{
     ColumnKind, Error,
-    log::{ClockInfo, FileInfo, Format, TopicInfo, inspect_together},
+    log::{ClockInfo, FileInfo, Format, FoundRuns, TopicInfo, inspect_together, shell_word},
 };
 
 use super::{Context, files};
@@ -16,7 +16,17 @@ pub(crate) fn info(arguments: &Info, context: &Context) -> Result<(), Error> {
     let bar = context.bar();
     let infos = inspect_together(&files, arguments.values, &bar);
     bar.finish();
-    let infos = infos?;
+    let mut infos = infos?;
+    if let Some(found) = FoundRuns::among(&infos) {
+        let data: Vec<String> = arguments.data.iter().map(|path| shell_word(&path.to_string_lossy())).collect();
+        let note = format!(
+            "these look like the files of {}: their columns differ. [files] in the recipe joins them on one clock ({}); `fleetfoot init {} -o robot.toml` writes such a recipe",
+            if found.runs.len() == 1 { "one run".into() } else { format!("{} runs", found.runs.len()) },
+            found.in_words(),
+            data.join(" ")
+        );
+        infos.iter_mut().take(1).for_each(|info| info.notes.push(note.clone()));
+    }
     context.print(&infos, || infos.iter().map(to_text).collect::<Vec<_>>().join("\n\n"));
     Ok(())
 }

@@ -1,9 +1,15 @@
 //! `fleetfoot init`.
 
-use fleetfoot::{Error, log::write_atomic, starter_recipe};
+use std::path::PathBuf;
+
+use fleetfoot::{
+    Error,
+    log::{FoundRuns, inspect, inspect_together, write_atomic},
+    starter_recipe, starter_recipe_of_runs,
+};
 use serde::Serialize;
 
-use super::{Context, Files, is_replaced};
+use super::{Context, Files, files, is_replaced};
 use crate::args::Init;
 
 /// The recipe where it is written to no file.
@@ -13,9 +19,8 @@ struct Told<'a> {
 }
 
 pub(crate) fn init(arguments: &Init, context: &Context) -> Result<(), Error> {
-    let info =
-        fleetfoot::log::inspect(&arguments.file)?.of_topics(arguments.topic.as_ref().map_or(&[], |list| &list.0))?;
-    let text = starter_recipe(&info);
+    let files = files(&arguments.data)?;
+    let text = recipe(&files, arguments, context)?;
     match &arguments.output {
         None => context.print(Told { recipe: &text }, || text.clone()),
         Some(path) if is_replaced(path) && !arguments.force => {
@@ -23,7 +28,7 @@ pub(crate) fn init(arguments: &Init, context: &Context) -> Result<(), Error> {
         }
         Some(path) => {
             let of = std::slice::from_ref;
-            context.claim(of(path), of(&arguments.file), arguments.force)?;
+            context.claim(of(path), &files, arguments.force)?;
             write_atomic(path, text.as_bytes())?;
             if context.json {
                 context.print(Files { files: &[path.display().to_string()] }, String::new);
@@ -32,4 +37,25 @@ pub(crate) fn init(arguments: &Init, context: &Context) -> Result<(), Error> {
         }
     }
     Ok(())
+}
+
+/// A recipe that joins the files of runs, where they are such; else one for the first file.
+fn recipe(files: &[PathBuf], arguments: &Init, context: &Context) -> Result<String, Error> {
+    let topics = arguments.topic.as_ref().map_or(&[][..], |list| &list.0);
+    let Some(first) = files.first() else { return Err(Error::missing("no file is given".into())) };
+    if files.len() > 1 {
+        let bar = context.bar();
+        let infos = inspect_together(files, false, &bar);
+        let found = infos.map(|infos| FoundRuns::among(&infos).filter(|found| found.share_a_clock(&bar)));
+        bar.finish();
+        if let Some(found) = found? {
+            return starter_recipe_of_runs(&found);
+        }
+        context.say(format!(
+            "note: the recipe is for {} and files like it: the {} files are not the files of runs, whose columns differ and whose clocks overlap",
+            first.display(),
+            files.len()
+        ));
+    }
+    Ok(starter_recipe(&inspect(first)?.of_topics(topics)?))
 }

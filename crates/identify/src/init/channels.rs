@@ -9,7 +9,8 @@ use fleetfoot_data::{Column, ColumnKind};
 use fleetfoot_log::TopicInfo;
 
 use super::{
-    episodes_section, heading, key, method_section, model_section, names::Names, quaternions, states_heading, text,
+    columns_heading, episodes_section, heading, key, method_section, model_section, names::Names, quaternions,
+    short::short_names, states_heading, text,
 };
 
 /// Ends of an odometry's fields and the names that they get, with what the model makes of them.
@@ -24,6 +25,7 @@ const ODOMETRY: [(&str, &str); 5] = [
 pub(super) fn recipe(file: &str, columns: &[Column], topics: &[TopicInfo]) -> String {
     let mut out = String::new();
     heading(&mut out, file);
+    columns_heading(&mut out);
     let mut names = Names::default();
     let odometries: Vec<Odometry> =
         topics.iter().filter(|topic| is_odometry(topic)).map(|topic| Odometry::new(&topic.name, &mut names)).collect();
@@ -255,31 +257,6 @@ fn is_signal(column: &Column) -> bool {
         && !stamp.iter().any(|end| column.name.ends_with(end))
 }
 
-/// For each field the shortest end of its name that no other field shares, as one word.
-fn short_names(fields: &[&Column]) -> Vec<String> {
-    let parts: Vec<Vec<&str>> = fields
-        .iter()
-        .map(|field| field.name.split(['/', '.', '[', ']']).filter(|part| !part.is_empty()).collect())
-        .collect();
-    let word = |parts: &[&str], count: usize| {
-        let joined = parts[parts.len().saturating_sub(count)..].join("_");
-        joined.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect::<String>()
-    };
-    let mut names: Vec<String> = vec![String::new(); fields.len()];
-    for count in 1..=parts.iter().map(Vec::len).max().unwrap_or(0) {
-        let mut uses: BTreeMap<String, usize> = BTreeMap::new();
-        parts.iter().for_each(|parts| *uses.entry(word(parts, count)).or_default() += 1);
-        for (name, parts) in names.iter_mut().zip(&parts).filter(|(name, _)| name.is_empty()) {
-            let candidate = word(parts, count);
-            // A letter alone says too little, and is what an odometry's states are called.
-            if (uses[&candidate] == 1 && candidate.len() > 1) || count >= parts.len() {
-                *name = candidate;
-            }
-        }
-    }
-    names
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -369,11 +346,5 @@ mod tests {
         assert_eq!(states.states["x_2"].known.as_deref(), Some("v_2*cos(yaw_2)"));
         let inputs = Recipe::parse(&section("[inputs]", "# One clock"), "inputs").unwrap();
         assert_eq!(inputs.inputs.keys().collect::<Vec<_>>(), ["u0", "u1"]);
-    }
-
-    #[test]
-    fn short_names_are_the_shortest_that_differ() {
-        let columns = ["/a.linear.x", "/a.angular.x", "/b.position[left]"].map(Column::float);
-        assert_eq!(short_names(&columns.iter().collect::<Vec<_>>()), ["linear_x", "angular_x", "left"]);
     }
 }
