@@ -9,6 +9,7 @@ without a copy.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,52 +19,34 @@ from . import _plain
 from ._arrays import numbers
 from ._keywords import hinting
 from ._numbers import unmasked
+from ._plain import (
+    BaseEstimator,
+    ClusterMixin,
+    ConvergenceWarning,
+    DataConversionWarning,
+    KFold,
+    MultiOutputMixin,
+    NotFittedError,
+    RegressorMixin,
+    TransformerMixin,
+    check_cv,
+    check_is_fitted,
+)
 
-if TYPE_CHECKING:
-    from ._plain import (
-        BaseEstimator,
-        ClusterMixin,
-        ConvergenceWarning,
-        DataConversionWarning,
-        KFold,
-        MultiOutputMixin,
-        NotFittedError,
-        RegressorMixin,
-        TransformerMixin,
-        check_cv,
-        check_is_fitted,
-    )
-
-    HAS_SKLEARN: bool
-    _check_array: Any
-    _validate: Any
-else:
-    try:
+HAS_SKLEARN: bool = False
+_check_array: Any = None
+_validate: Any = None
+if not TYPE_CHECKING:
+    # The newest name first: an older scikit-learn is none at all.
+    with suppress(ImportError):
+        from sklearn.utils.validation import validate_data as _validate
         from sklearn.base import BaseEstimator, ClusterMixin, MultiOutputMixin, RegressorMixin, TransformerMixin
         from sklearn.exceptions import ConvergenceWarning, DataConversionWarning, NotFittedError
         from sklearn.model_selection import KFold, check_cv
         from sklearn.utils.validation import check_array as _check_array
         from sklearn.utils.validation import check_is_fitted
-        from sklearn.utils.validation import validate_data as _validate
 
         HAS_SKLEARN = True
-    except ImportError:
-        from ._plain import (
-            BaseEstimator,
-            ClusterMixin,
-            ConvergenceWarning,
-            DataConversionWarning,
-            KFold,
-            MultiOutputMixin,
-            NotFittedError,
-            RegressorMixin,
-            TransformerMixin,
-            check_cv,
-            check_is_fitted,
-        )
-
-        HAS_SKLEARN = False
-        _check_array = _validate = None
 
 if not TYPE_CHECKING:
     _Base = BaseEstimator

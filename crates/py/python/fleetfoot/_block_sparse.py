@@ -163,16 +163,7 @@ class BlockSparse(Identifier):
         self.target = target
         self.by = by
         self.influence = influence
-        self.states = states
-        self.inputs = inputs
-        self.angles = angles
-        self.derivative = derivative
-        self.known = known
-        self.weight = weight
-        self.dt = dt
-        self.recipe = recipe
-        self.cache = cache
-        self.progress = progress
+        super().__init__(states, inputs, angles, derivative, known, weight, dt, recipe, cache, progress)
 
     def _predicts(self, own: Mapping[str, Any] | None = None) -> str:
         return TASKS if self.tasks else super()._predicts(own)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import warnings
-from numbers import Real
 from typing import Any, TypedDict, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from ._base import ConvergenceWarning, MultiOutputMixin, check_is_fitted, check_weight, check_xy, random_seed
+from ._base import ConvergenceWarning, MultiOutputMixin, check_is_fitted, check_xy, random_seed
 from ._descent import pose
-from ._linear import LinearModel
+from ._linear import LinearModel, row_weights
 from ._params import ARRAY, BOOLEAN, NONE, RANDOM_STATE, Rule, check_params, integer, one_of, real
 from .exceptions import ParameterError
 
@@ -179,7 +178,7 @@ class Bolasso(MultiOutputMixin, LinearModel):
         """
         check_params(self, self._rules)
         X, y = check_xy(self, X, y, multi_output=True)
-        weight = None if isinstance(sample_weight, Real) else check_weight(sample_weight, len(X))
+        weight = row_weights(sample_weight, len(X))
         self._lengths = self._units(len(X), groups)
         self._seed = random_seed(self.random_state)
         problems = pose(X, y, weight, intercept=self.fit_intercept).problems

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from ._base import HAS_SKLEARN, ConvergenceWarning, check_finite, check_weight, check_xy
+from ._base import HAS_SKLEARN, ConvergenceWarning, check_finite, check_xy
 from ._coordinate_descent import enet_path, lasso_path
 from ._descent import Posed, given_gram, grid, largest_alpha
 from ._folds import FoldDesigns, cross_validation
-from ._linear import LinearModel
+from ._linear import LinearModel, as_precise, row_weights
 from ._params import (
     ARRAY,
     BOOLEAN,
@@ -55,14 +55,7 @@ class PathCV(LinearModel):
         "selection": (one_of("cyclic", "random"),),
     }
 
-    eps: float
-    alphas: Any
-    fit_intercept: bool
     precompute: Any
-    max_iter: int
-    tol: float
-    cv: Any
-    positive: bool
     _sparse = True
 
     alpha_: float
@@ -70,6 +63,34 @@ class PathCV(LinearModel):
     mse_path_: NDArray[np.float64]
     dual_gap_: Any
     n_iter_: int
+
+    def __init__(
+        self,
+        eps: float,
+        alphas: Any,
+        fit_intercept: bool,
+        max_iter: int,
+        tol: float,
+        cv: Any,
+        n_jobs: int | None,
+        positive: bool,
+    ) -> None:
+        self.eps = eps
+        self.alphas = alphas
+        self.fit_intercept = fit_intercept
+        self.max_iter = max_iter
+        self.tol = tol
+        self.cv = cv
+        self.n_jobs = n_jobs
+        self.positive = positive
+
+    def _accept(self, precompute: Any, copy_X: bool, verbose: bool | int, random_state: Any, selection: str) -> None:
+        """Arguments of scikit-learn's classes that change nothing but what is checked."""
+        self.precompute = precompute
+        self.copy_X = copy_X
+        self.verbose = verbose
+        self.random_state = random_state
+        self.selection = selection
 
     def _ratios(self) -> list[float]:
         return [1.0]
@@ -115,9 +136,7 @@ class PathCV(LinearModel):
         check_params(self, self._rules)
         given = None if isinstance(self.alphas, Integral) else _checked(self.alphas)
         X, y = check_xy(self, X, y, finite=not isinstance(self.precompute, (bool, np.bool_, str)), sparse=True)
-        if X.dtype == np.float32:
-            y = y.astype(np.float32, copy=False)
-        weight = None if isinstance(sample_weight, Real) else check_weight(sample_weight, len(y))
+        y, weight = as_precise(y, X), row_weights(sample_weight, len(y))
         given_gram(X, weight, self.precompute, intercept=self.fit_intercept, check=True)
         ratios = self._ratios()
         design, folds = cross_validation(X, y, self.cv, weight, **params)
@@ -196,6 +215,23 @@ def _checked(alphas: Any) -> NDArray[np.float64]:
     if found.size == 0:
         raise ParameterError("alphas is empty: give at least one, or their number")
     return found
+
+
+class SharesCV(PathCV):
+    """The same for several shares of the l1 penalty: the best one is kept."""
+
+    l1_ratio: Any
+    l1_ratio_: float
+
+    def _ratios(self) -> list[float]:
+        found = [float(ratio) for ratio in np.atleast_1d(self.l1_ratio)]
+        if not found or not all(0.0 <= ratio <= 1.0 for ratio in found):
+            raise ParameterError(f"l1_ratio is {self.l1_ratio!r}: every share lies in [0, 1]")
+        return found
+
+    def _refit(self, whole: Posed, ratio: float, estimator: _core.Estimator, dtype: Any) -> None:
+        super()._refit(whole, ratio, estimator, dtype)
+        self.l1_ratio_ = ratio
 
 
 class LassoCV(PathCV):
@@ -288,22 +324,11 @@ class LassoCV(PathCV):
         random_state: Any = None,
         selection: str = "cyclic",
     ) -> None:
-        self.eps = eps
-        self.alphas = alphas
-        self.fit_intercept = fit_intercept
-        self.precompute = precompute
-        self.max_iter = max_iter
-        self.tol = tol
-        self.copy_X = copy_X
-        self.cv = cv
-        self.verbose = verbose
-        self.n_jobs = n_jobs
-        self.positive = positive
-        self.random_state = random_state
-        self.selection = selection
+        super().__init__(eps, alphas, fit_intercept, max_iter, tol, cv, n_jobs, positive)
+        self._accept(precompute, copy_X, verbose, random_state, selection)
 
 
-class ElasticNetCV(PathCV):
+class ElasticNetCV(SharesCV):
     """The elastic net, its strength and its l1 share chosen by cross-validation, as scikit-learn's class of this name.
 
     Parameters
@@ -340,8 +365,6 @@ class ElasticNetCV(PathCV):
 
     _rules = {**PathCV._rules, "l1_ratio": (real(0, 1, "both"), ARRAY)}
 
-    l1_ratio_: float
-
     def __init__(
         self,
         *,
@@ -360,32 +383,6 @@ class ElasticNetCV(PathCV):
         random_state: Any = None,
         selection: str = "cyclic",
     ) -> None:
+        super().__init__(eps, alphas, fit_intercept, max_iter, tol, cv, n_jobs, positive)
+        self._accept(precompute, copy_X, verbose, random_state, selection)
         self.l1_ratio = l1_ratio
-        self.eps = eps
-        self.alphas = alphas
-        self.fit_intercept = fit_intercept
-        self.precompute = precompute
-        self.max_iter = max_iter
-        self.tol = tol
-        self.cv = cv
-        self.copy_X = copy_X
-        self.verbose = verbose
-        self.n_jobs = n_jobs
-        self.positive = positive
-        self.random_state = random_state
-        self.selection = selection
-
-    def _ratios(self) -> list[float]:
-        return shares(self.l1_ratio)
-
-    def _refit(self, whole: Posed, ratio: float, estimator: _core.Estimator, dtype: Any) -> None:
-        super()._refit(whole, ratio, estimator, dtype)
-        self.l1_ratio_ = ratio
-
-
-def shares(l1_ratio: Any) -> list[float]:
-    """The shares of the l1 penalty that are compared."""
-    found = [float(ratio) for ratio in np.atleast_1d(l1_ratio)]
-    if not found or not all(0.0 <= ratio <= 1.0 for ratio in found):
-        raise ParameterError(f"l1_ratio is {l1_ratio!r}: every share lies in [0, 1]")
-    return found

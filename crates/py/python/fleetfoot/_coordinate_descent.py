@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import warnings
 from collections.abc import Callable
-from numbers import Integral, Real
+from numbers import Integral
 from typing import Any, TypeVar
 
 import numpy as np
@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from . import _core
 from ._arrays import numbers
-from ._base import MultiOutputMixin, as_given, check_rows, check_weight, check_xy
+from ._base import MultiOutputMixin, as_given, check_rows, check_xy
 from ._descent import Posed, grid, largest_alpha, pose
-from ._linear import LinearModel
+from ._linear import LinearModel, as_precise, row_weights
 from ._multi_task import TaskPath, Tasks
 from ._params import ARRAY, BOOLEAN, NONE, RANDOM_STATE, VERBOSE, Rule, check_params, integer, one_of, real
 from ._plain import as_target
@@ -145,8 +145,7 @@ def enet_path(
         X, y = as_given(X), numbers(y, "y")
     if y.ndim != 1 and positive:
         raise ValueError("positive=True is not allowed for multi-output (y.ndim != 1)")
-    if X.dtype == np.float32:
-        y = np.asarray(y, dtype=np.float32)
+    y = as_precise(y, X)
     posed = pose(X, y, None, intercept=False, precompute=precompute, Xy=Xy, check_gram=check_input)
     if y.ndim != 1:
         alphas_, coefs, gaps, sweeps = _task_path(X, y, posed, l1_ratio, wanted, eps, coef_init, options)
@@ -462,9 +461,7 @@ class ElasticNet(MultiOutputMixin, LinearModel):
         else:
             X, y = as_given(X), numbers(y, "y")
             self.n_features_in_ = X.shape[1]
-        if X.dtype == np.float32:
-            y = np.asarray(y, dtype=np.float32)
-        weight = None if isinstance(sample_weight, Real) else check_weight(sample_weight, len(y))
+        y, weight = as_precise(y, X), row_weights(sample_weight, len(y))
         targets = 1 if y.ndim == 1 else y.shape[1]
         options: dict[str, Any] = {"precompute": self.precompute, "check_gram": check_input, "few": targets == 1}
         try:
@@ -478,38 +475,23 @@ class ElasticNet(MultiOutputMixin, LinearModel):
                 "Coordinate descent iterations resulted in non-finite parameter values, or would: squares of X overflow. "
                 f"{error}"
             ) from error
-        starts = self._starts(targets, X.shape[1])
+        start = self._warm_start(targets, X.shape[1])
+        starts = [None] * targets if start is None else list(start)
         estimator = _core.Estimator.elastic_net(self.l1_ratio, self.max_iter)
         options = {"estimator": estimator, "positive": self.positive, "max_iter": self.max_iter, "tol": self.tol}
         solved = [posed.solve(k, [self.alpha], start=starts[k], **options) for k in range(targets)]
         self._keep(solved, X.dtype, y.ndim)
         return self
 
-    def _starts(self, targets: int, features: int) -> list[NDArray[Any] | None]:
-        """Where every target starts from."""
-        if not self.warm_start or not hasattr(self, "coef_"):
-            return [None] * targets
-        start = np.atleast_2d(self.coef_)
-        if start.shape != (targets, features):
-            raise ValueError(
-                f"warm_start: coef_ has the shape {np.shape(self.coef_)}, and there are {targets} targets of {features} "
-                "features: set warm_start=False, or give data of the same shape"
-            )
-        return list(start)
-
     def _keep(self, solved: list[Any], dtype: Any, dimensions: int) -> None:
         coefs = np.array([one.coefs[0] for one in solved], dtype=dtype)
-        intercepts = np.array([one.intercepts[0] for one in solved], dtype=dtype)
         gaps = np.array([one.gaps[0] for one in solved], dtype=dtype)
         sweeps = [one.sweeps[0] for one in solved]
         single = len(solved) == 1
         self.coef_ = coefs[0] if single else coefs
         self.dual_gap_ = gaps[0] if single else gaps
         self.n_iter_ = sweeps[0] if single else sweeps
-        if self.fit_intercept:
-            self.intercept_ = intercepts[0] if dimensions == 1 else intercepts
-        else:
-            self.intercept_ = 0.0
+        self._set_intercepts([one.intercepts[0] for one in solved], dtype, single=dimensions == 1)
 
     @property
     def sparse_coef_(self) -> Any:

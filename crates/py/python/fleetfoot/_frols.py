@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ._base import check_is_fitted
 from ._core import Design, SparseModels, frols
-from ._optimizer import NUMBER, Optimizer, check_ridge
-from ._params import BOOLEAN, NONE, VERBOSE, Rule, integer
+from ._optimizer import NUMBER, RIDGE, Optimizer
+from ._params import NONE
 
 
 class FROLS(Optimizer):
@@ -73,15 +73,7 @@ class FROLS(Optimizer):
     array([[ 0. ,  2. , -0.5]])
     """
 
-    _rules = {
-        "normalize_columns": (BOOLEAN,),
-        "copy_X": (BOOLEAN,),
-        "kappa": (NUMBER, NONE),
-        "max_iter": (integer(1),),
-        "alpha": (Rule("a number: alpha cannot be negative", NUMBER.holds),),
-        "verbose": (VERBOSE,),
-        "unbias": (BOOLEAN,),
-    }
+    _rules = {**Optimizer._rules, "kappa": (NUMBER, NONE), "alpha": RIDGE}
 
     _ratios: NDArray[np.float64]
     #: pysindy's ensembles ask for it.
@@ -98,25 +90,16 @@ class FROLS(Optimizer):
         verbose: bool = False,
         unbias: bool = True,
     ) -> None:
-        self.normalize_columns = normalize_columns
-        self.copy_X = copy_X
         self.kappa = kappa
-        self.max_iter = max_iter
         self.alpha = alpha
         self.ridge_kw = ridge_kw
-        self.verbose = verbose
-        self.unbias = unbias
-        self._check()
+        super().__init__(max_iter, normalize_columns, copy_X, verbose, unbias)
 
     @property
     def ERR_global(self) -> NDArray[np.float64]:
         """Error reduction ratios (n_features, n_targets): pysindy's name."""
         check_is_fitted(self)
         return self._ratios
-
-    def _check(self) -> None:
-        super()._check()
-        check_ridge(self.ridge_kw, "FROLS")
 
     def _solve(self, X: NDArray[Any], y: NDArray[Any], weight: NDArray[np.float64] | None) -> SparseModels:
         return frols(

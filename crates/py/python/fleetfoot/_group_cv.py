@@ -5,15 +5,18 @@ from __future__ import annotations
 from typing import Any
 
 from . import _core
-from ._coordinate_cv import PathCV, shares
+from ._coordinate_cv import PathCV, SharesCV
 from ._descent import Posed
 from ._group_lasso import GROUP_RULES, group_labels, group_weights
-from ._params import ARRAY, BOOLEAN, CV, NONE, integer, real
+from ._params import ARRAY, real
 
 __all__ = ["GroupLassoCV", "SparseGroupLassoCV"]
 
+#: The parameters of all paths that the groups' have.
+_OF_PATHS = {"eps", "alphas", "fit_intercept", "max_iter", "tol", "cv", "n_jobs", "positive"}
 
-class SparseGroupLassoCV(PathCV):
+
+class SparseGroupLassoCV(SharesCV):
     """The sparse-group lasso, its strength and its l1 share chosen by cross-validation.
 
     The folds' problems and their held-out errors come from statistics of the rows: where every row is held out once, X
@@ -71,19 +74,11 @@ class SparseGroupLassoCV(PathCV):
     _rules = {
         **GROUP_RULES,
         "l1_ratio": (real(0, 1, "both"), ARRAY),
-        "eps": (real(0, closed="neither"),),
-        "alphas": (integer(1), ARRAY),
-        "fit_intercept": (BOOLEAN,),
-        "max_iter": (integer(1),),
-        "tol": (real(0),),
-        "cv": (CV,),
-        "n_jobs": (integer(), NONE),
-        "positive": (BOOLEAN,),
+        **{name: rule for name, rule in PathCV._rules.items() if name in _OF_PATHS},
     }
 
     #: There is no Gram matrix to give.
     precompute = False
-    l1_ratio_: float
 
     def __init__(
         self,
@@ -100,20 +95,10 @@ class SparseGroupLassoCV(PathCV):
         n_jobs: int | None = None,
         positive: bool = False,
     ) -> None:
+        super().__init__(eps, alphas, fit_intercept, max_iter, tol, cv, n_jobs, positive)
         self.groups = groups
         self.l1_ratio = l1_ratio
         self.weights = weights
-        self.eps = eps
-        self.alphas = alphas
-        self.fit_intercept = fit_intercept
-        self.max_iter = max_iter
-        self.tol = tol
-        self.cv = cv
-        self.n_jobs = n_jobs
-        self.positive = positive
-
-    def _ratios(self) -> list[float]:
-        return shares(self.l1_ratio)
 
     def _estimator(self, ratio: float, features: int) -> _core.Estimator:
         labels = group_labels(self.groups, features)
@@ -122,10 +107,6 @@ class SparseGroupLassoCV(PathCV):
 
     def _largest(self, whole: Posed, ratio: float, features: int) -> float:
         return whole.problems.largest_alpha(0, self._estimator(ratio, features), self.positive)
-
-    def _refit(self, whole: Posed, ratio: float, estimator: _core.Estimator, dtype: Any) -> None:
-        super()._refit(whole, ratio, estimator, dtype)
-        self.l1_ratio_ = ratio
 
 
 class GroupLassoCV(SparseGroupLassoCV):

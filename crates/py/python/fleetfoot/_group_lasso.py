@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from numbers import Integral, Real
+from numbers import Integral
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from ._base import MultiOutputMixin, check_weight, check_xy
+from ._base import MultiOutputMixin, check_xy
 from ._descent import pose
-from ._linear import LinearModel
+from ._linear import LinearModel, as_precise, row_weights
 from ._params import ARRAY, BOOLEAN, NONE, Rule, check_params, integer, real
 from .exceptions import ParameterError
 
@@ -181,14 +181,12 @@ class SparseGroupLasso(MultiOutputMixin, LinearModel):
         """
         check_params(self, self._rules)
         X, y = check_xy(self, X, y, multi_output=True)
-        if X.dtype == np.float32:
-            y = np.asarray(y, dtype=np.float32)
-        weight = None if isinstance(sample_weight, Real) else check_weight(sample_weight, len(X))
+        y, weight = as_precise(y, X), row_weights(sample_weight, len(y))
         labels = group_labels(self.groups, X.shape[1])
         weights = group_weights(self.weights, labels)
         posed = pose(X, y, weight, intercept=self.fit_intercept)
         targets = len(posed.problems)
-        start = self._start(targets, X.shape[1])
+        start = self._warm_start(targets, X.shape[1])
         # The coefficients of all targets are one list, the first target's first.
         estimator = _core.Estimator.group_lasso(
             np.tile(labels, targets).tolist(), weights.tolist(), self.l1_ratio, self.max_iter
@@ -201,31 +199,16 @@ class SparseGroupLasso(MultiOutputMixin, LinearModel):
             positive=self.positive,
             max_iter=self.max_iter,
             tol=self.tol,
-            start=start,
+            start=None if start is None else start.reshape(-1),
         )
         coefs = solved.coefs[0].reshape(targets, X.shape[1])
         intercepts = [posed.problems.intercept(t, np.ascontiguousarray(coefs[t])) for t in range(targets)]
         self.groups_ = labels
         self.coef_ = (coefs[0] if targets == 1 else coefs).astype(X.dtype)
-        self.intercept_ = 0.0
-        if self.fit_intercept:
-            kept = np.array(intercepts, dtype=X.dtype)
-            self.intercept_ = kept[0] if y.ndim == 1 else kept
+        self._set_intercepts(intercepts, X.dtype, single=y.ndim == 1)
         self.dual_gap_ = X.dtype.type(solved.gaps[0])
         self.n_iter_ = solved.sweeps[0]
         return self
-
-    def _start(self, targets: int, features: int) -> NDArray[Any] | None:
-        """Where the fit starts from."""
-        if not self.warm_start or not hasattr(self, "coef_"):
-            return None
-        start = np.atleast_2d(self.coef_)
-        if start.shape != (targets, features):
-            raise ValueError(
-                f"warm_start: coef_ has the shape {np.shape(self.coef_)}, and there are {targets} targets of {features} "
-                "features: set warm_start=False, or give data of the same shape"
-            )
-        return start.reshape(-1)
 
 
 class GroupLasso(SparseGroupLasso):

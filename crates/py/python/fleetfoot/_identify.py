@@ -66,16 +66,6 @@ class Identifier(Fitted, BaseEstimator):
 
     report_: dict[str, Any]
 
-    states: States
-    inputs: States
-    angles: Sequence[str]
-    derivative: Derivative
-    known: Mapping[str, str] | None
-    weight: str | None
-    recipe: AnyRecipe
-    cache: str | os.PathLike[str] | None
-    progress: Progress
-
     #: The arrays that scikit-learn's routing of metadata need not know.
     __metadata_request__fit = {"x": "$UNUSED$"}
     __metadata_request__score = {"x": "$UNUSED$"}
@@ -83,6 +73,30 @@ class Identifier(Fitted, BaseEstimator):
 
     #: The defaults of the constructor's arguments.
     _defaults: ClassVar[dict[str, Any]] = {}
+
+    def __init__(
+        self,
+        states: States,
+        inputs: States,
+        angles: Sequence[str],
+        derivative: Derivative,
+        known: Mapping[str, str] | None,
+        weight: str | None,
+        dt: float | None,
+        recipe: AnyRecipe,
+        cache: str | os.PathLike[str] | None,
+        progress: Progress,
+    ) -> None:
+        self.states = states
+        self.inputs = inputs
+        self.angles = angles
+        self.derivative = derivative
+        self.known = known
+        self.weight = weight
+        self.dt = dt
+        self.recipe = recipe
+        self.cache = cache
+        self.progress = progress
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)

@@ -30,9 +30,6 @@ COMMON_RULES: dict[str, tuple[Rule, ...]] = {
 class LarsModel(LinearModel):
     """What all estimators of least angle regression share: a path, and the model at its end."""
 
-    fit_intercept: bool
-    verbose: int | bool
-    eps: float
     method = "lasso"
     positive = False
     _sparse = True
@@ -41,6 +38,13 @@ class LarsModel(LinearModel):
     active_: Any
     coef_path_: Any
     n_iter_: Any
+
+    def __init__(self, fit_intercept: bool, verbose: int | bool, precompute: Any, eps: float, copy_X: bool) -> None:
+        self.fit_intercept = fit_intercept
+        self.verbose = verbose
+        self.precompute = precompute
+        self.eps = eps
+        self.copy_X = copy_X
 
     def _request(self, alpha_min: float, max_iter: float) -> LarsRequest:
         check_eps(type(self).__name__, self.eps)
@@ -67,14 +71,11 @@ class LarsModel(LinearModel):
         # As in scikit-learn, one target is a vector where the path is kept, and a matrix of one row where it is not.
         flat = one and fit_path
         self.coef_ = coefs[0][-1].copy() if flat else np.stack([path[-1] for path in coefs])
-        self._set_intercepts(X, y, [path.intercepts[-1] for path in paths])
+        self._set_ends(X, y, [path.intercepts[-1] for path in paths])
 
-    def _set_intercepts(self, X: NDArray[Any], y: NDArray[Any], intercepts: list[Any]) -> None:
-        if not self.fit_intercept:
-            self.intercept_ = 0.0
-            return
-        found = np.array(intercepts, dtype=X.dtype)
-        self.intercept_ = found[0] if y.ndim == 1 and self.coef_.ndim == 1 else found
+    def _set_ends(self, X: NDArray[Any], y: NDArray[Any], intercepts: list[Any]) -> None:
+        """The intercepts at the ends of the paths, in the shape of the coefficients."""
+        self._set_intercepts(intercepts, X.dtype, single=y.ndim == 1 and self.coef_.ndim == 1)
 
 
 class Lars(MultiOutputMixin, LarsModel):
@@ -145,12 +146,8 @@ class Lars(MultiOutputMixin, LarsModel):
         jitter: float | None = None,
         random_state: Any = None,
     ) -> None:
-        self.fit_intercept = fit_intercept
-        self.verbose = verbose
-        self.precompute = precompute
+        super().__init__(fit_intercept, verbose, precompute, eps, copy_X)
         self.n_nonzero_coefs = n_nonzero_coefs
-        self.eps = eps
-        self.copy_X = copy_X
         self.fit_path = fit_path
         self.jitter = jitter
         self.random_state = random_state
@@ -195,7 +192,7 @@ class Lars(MultiOutputMixin, LarsModel):
             return self
         known = centred_paths(X, y, gram, Xy, self.fit_intercept, request)
         self._keep(X, y, [path for path, _ in known], self.fit_path)
-        self._set_intercepts(X, y, [intercepts[-1] for _, intercepts in known])
+        self._set_ends(X, y, [intercepts[-1] for _, intercepts in known])
         return self
 
 
@@ -243,13 +240,9 @@ class LassoLars(Lars):
         jitter: float | None = None,
         random_state: Any = None,
     ) -> None:
+        LarsModel.__init__(self, fit_intercept, verbose, precompute, eps, copy_X)
         self.alpha = alpha
-        self.fit_intercept = fit_intercept
-        self.verbose = verbose
-        self.precompute = precompute
         self.max_iter = max_iter
-        self.eps = eps
-        self.copy_X = copy_X
         self.fit_path = fit_path
         self.positive = positive
         self.jitter = jitter

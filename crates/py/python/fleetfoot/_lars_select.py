@@ -93,15 +93,11 @@ class LassoLarsCV(LarsModel):
         copy_X: bool = True,
         positive: bool = False,
     ) -> None:
-        self.fit_intercept = fit_intercept
-        self.verbose = verbose
+        super().__init__(fit_intercept, verbose, precompute, eps, copy_X)
         self.max_iter = max_iter
-        self.precompute = precompute
         self.cv = cv
         self.max_n_alphas = max_n_alphas
         self.n_jobs = n_jobs
-        self.eps = eps
-        self.copy_X = copy_X
         self.positive = positive
 
     def fit(self, X: Any, y: Any, **params: Any) -> Self:
@@ -212,13 +208,9 @@ class LassoLarsIC(LarsModel):
         positive: bool = False,
         noise_variance: float | None = None,
     ) -> None:
+        super().__init__(fit_intercept, verbose, precompute, eps, copy_X)
         self.criterion = criterion
-        self.fit_intercept = fit_intercept
-        self.verbose = verbose
-        self.precompute = precompute
         self.max_iter = max_iter
-        self.eps = eps
-        self.copy_X = copy_X
         self.positive = positive
         self.noise_variance = noise_variance
 

@@ -1,13 +1,14 @@
-"""What all linear estimators do once they are fitted."""
+"""What all linear estimators share: weights of rows, starts of a fit, intercepts, predictions."""
 
 from __future__ import annotations
 
+from numbers import Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._base import HAS_SKLEARN, BaseEstimator, RegressorMixin, check_is_fitted, check_x
+from ._base import HAS_SKLEARN, BaseEstimator, RegressorMixin, check_is_fitted, check_weight, check_x
 
 
 class LinearModel(RegressorMixin, BaseEstimator):
@@ -15,6 +16,7 @@ class LinearModel(RegressorMixin, BaseEstimator):
 
     coef_: NDArray[Any]
     intercept_: Any
+    fit_intercept: bool
 
     #: Whether X may be a sparse matrix.
     _sparse = False
@@ -44,3 +46,33 @@ class LinearModel(RegressorMixin, BaseEstimator):
         X = check_x(self, X, reset=False, sparse=self._sparse)
         found: NDArray[Any] = np.asarray(X @ np.asarray(self.coef_).T + self.intercept_)
         return found
+
+    def _warm_start(self, targets: int, features: int) -> NDArray[Any] | None:
+        """The coefficients (n_targets, n_features) of the fit before, where `warm_start` asks for them."""
+        if not getattr(self, "warm_start", False) or not hasattr(self, "coef_"):
+            return None
+        start = np.atleast_2d(self.coef_)
+        if start.shape != (targets, features):
+            raise ValueError(
+                f"warm_start: coef_ has the shape {np.shape(self.coef_)}, and there are {targets} targets of {features} "
+                "features: set warm_start=False, or give data of the same shape"
+            )
+        return start
+
+    def _set_intercepts(self, intercepts: Any, dtype: Any, *, single: bool) -> None:
+        """The intercepts of all targets, or of the single one as a number; 0.0 without one."""
+        if not self.fit_intercept:
+            self.intercept_ = 0.0
+            return
+        found = np.array(intercepts, dtype=dtype)
+        self.intercept_ = found[0] if single else found
+
+
+def as_precise(y: NDArray[Any], X: Any) -> NDArray[Any]:
+    """The target with single precision where X has it."""
+    return np.asarray(y, dtype=np.float32) if X.dtype == np.float32 else y
+
+
+def row_weights(sample_weight: Any, rows: int) -> NDArray[np.float64] | None:
+    """The weights of the rows; one number for all of them changes nothing."""
+    return None if isinstance(sample_weight, Real) else check_weight(sample_weight, rows)

@@ -140,16 +140,7 @@ class NARX(Identifier):
         self.partition = partition
         self.partition_on = partition_on
         self.free_run = free_run
-        self.states = states
-        self.inputs = inputs
-        self.angles = angles
-        self.derivative = derivative
-        self.known = known
-        self.weight = weight
-        self.dt = dt
-        self.recipe = recipe
-        self.cache = cache
-        self.progress = progress
+        super().__init__(states, inputs, angles, derivative, known, weight, dt, recipe, cache, progress)
 
     def _period(self, recipe: Mapping[str, Any]) -> float | None:
         return 1.0

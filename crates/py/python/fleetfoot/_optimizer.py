@@ -9,11 +9,13 @@ from numpy.typing import NDArray
 
 from ._base import BaseEstimator, MultiOutputMixin, RegressorMixin, check_is_fitted, check_weight, check_x, check_xy
 from ._numbers import unmasked
-from ._params import Rule, check_params, real
+from ._params import ARRAY, BOOLEAN, NONE, VERBOSE, Rule, check_params, integer, real
 
 #: Options of pysindy's iterative ridge solvers: the ridge here is solved directly, and more exactly than any of them.
 SOLVER_OPTIONS = {"solver", "tol", "max_iter", "random_state", "check_input", "copy_X"}
 NUMBER = real(0.0)
+#: A ridge.
+RIDGE = (Rule("a number: alpha cannot be negative", NUMBER.holds),)
 
 
 class Optimizer(MultiOutputMixin, RegressorMixin, BaseEstimator):
@@ -27,10 +29,27 @@ class Optimizer(MultiOutputMixin, RegressorMixin, BaseEstimator):
     n_iter_: int
     _iters: int = 0
 
-    _rules: dict[str, tuple[Rule, ...]] = {}
+    #: Rules of the parameters that all optimizers share.
+    _rules: dict[str, tuple[Rule, ...]] = {
+        "max_iter": (integer(1),),
+        "normalize_columns": (BOOLEAN,),
+        "copy_X": (BOOLEAN,),
+        "initial_guess": (ARRAY, NONE),
+        "verbose": (VERBOSE,),
+        "unbias": (BOOLEAN,),
+    }
+
+    def __init__(self, max_iter: int, normalize_columns: bool, copy_X: bool, verbose: bool, unbias: bool) -> None:
+        self.max_iter = max_iter
+        self.normalize_columns = normalize_columns
+        self.copy_X = copy_X
+        self.verbose = verbose
+        self.unbias = unbias
+        self._check()
 
     def _check(self) -> None:
         check_params(self, self._rules)
+        check_ridge(getattr(self, "ridge_kw", None), type(self).__name__)
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None) -> Any:
         """Fits the coefficients.
@@ -69,7 +88,7 @@ class Optimizer(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.intercept_ = 0.0
         self.n_iter_ = max(models.iterations, 1)
         self._told(models)
-        if getattr(self, "verbose", False):
+        if self.verbose:
             self._print(X, y)
         return self
 

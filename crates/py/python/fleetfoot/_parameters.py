@@ -86,16 +86,7 @@ class Parameters(Identifier):
         self.segment = segment
         self.compare = compare
         self.folds = folds
-        self.states = states
-        self.inputs = inputs
-        self.angles = angles
-        self.derivative = derivative
-        self.known = known
-        self.weight = weight
-        self.dt = dt
-        self.recipe = recipe
-        self.cache = cache
-        self.progress = progress
+        super().__init__(states, inputs, angles, derivative, known, weight, dt, recipe, cache, progress)
 
     def _own_recipe(self) -> dict[str, Any]:
         compare = self._list("compare")

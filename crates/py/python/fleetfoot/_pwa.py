@@ -160,16 +160,7 @@ class PWA(Identifier):
         self.tsqr = tsqr
         self.keep_all = keep_all
         self.memory = memory
-        self.states = states
-        self.inputs = inputs
-        self.angles = angles
-        self.derivative = derivative
-        self.known = known
-        self.weight = weight
-        self.dt = dt
-        self.recipe = recipe
-        self.cache = cache
-        self.progress = progress
+        super().__init__(states, inputs, angles, derivative, known, weight, dt, recipe, cache, progress)
 
     def _ports(self) -> str | None:
         said = self._said("passive")

@@ -212,16 +212,7 @@ class SINDy(Identifier):
         self.partition = partition
         self.partition_on = partition_on
         self.front = front
-        self.states = states
-        self.inputs = inputs
-        self.angles = angles
-        self.derivative = derivative
-        self.known = known
-        self.weight = weight
-        self.dt = dt
-        self.recipe = recipe
-        self.cache = cache
-        self.progress = progress
+        super().__init__(states, inputs, angles, derivative, known, weight, dt, recipe, cache, progress)
 
     def _derivative(self) -> Derivative:
         given = self._said("derivative")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ._base import ConvergenceWarning
 from ._core import Design, sr3
 from ._optimizer import Optimizer, checked_guess, lengths
-from ._params import ARRAY, BOOLEAN, NONE, VERBOSE, Rule, integer, real
+from ._params import Rule, real
 from ._requests import Sr3Request
 from ._trimming import Trimmed, trimmed
 
@@ -88,12 +88,7 @@ class SR3(Optimizer):
         "tol": (Rule("a number: tol must be positive", real(0.0, closed="neither").holds),),
         "trimming_fraction": (real(0.0, 1.0, "left"),),
         "trimming_step_size": (real(0.0, closed="neither"),),
-        "max_iter": (integer(1),),
-        "copy_X": (BOOLEAN,),
-        "initial_guess": (ARRAY, NONE),
-        "normalize_columns": (BOOLEAN,),
-        "verbose": (VERBOSE,),
-        "unbias": (BOOLEAN,),
+        **Optimizer._rules,
     }
 
     coef_full_: NDArray[np.float64]
@@ -120,13 +115,8 @@ class SR3(Optimizer):
         self.tol = tol
         self.trimming_fraction = trimming_fraction
         self.trimming_step_size = trimming_step_size
-        self.max_iter = max_iter
-        self.copy_X = copy_X
         self.initial_guess = initial_guess
-        self.normalize_columns = normalize_columns
-        self.verbose = verbose
-        self.unbias = unbias
-        self._check()
+        super().__init__(max_iter, normalize_columns, copy_X, verbose, unbias)
 
     @staticmethod
     def calculate_l0_weight(threshold: Any, relax_coeff_nu: float) -> Any:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ._base import ConvergenceWarning, check_is_fitted
 from ._core import Design, SparseModels, stlsq
-from ._optimizer import NUMBER, Optimizer, check_ridge, checked_guess, lengths
-from ._params import ARRAY, BOOLEAN, NONE, VERBOSE, Rule, integer
+from ._optimizer import NUMBER, RIDGE, Optimizer, checked_guess, lengths
+from ._params import ARRAY, NONE, Rule
 
 
 class STLSQ(Optimizer):
@@ -84,14 +84,9 @@ class STLSQ(Optimizer):
 
     _rules = {
         "threshold": (Rule("a number: threshold cannot be negative", NUMBER.holds),),
-        "alpha": (Rule("a number: alpha cannot be negative", NUMBER.holds),),
-        "max_iter": (integer(1),),
-        "normalize_columns": (BOOLEAN,),
-        "copy_X": (BOOLEAN,),
-        "initial_guess": (ARRAY, NONE),
-        "verbose": (VERBOSE,),
+        "alpha": RIDGE,
+        **Optimizer._rules,
         "sparse_ind": (ARRAY, NONE),
-        "unbias": (BOOLEAN,),
     }
 
     optvar_non_sparse_: NDArray[np.float64]
@@ -112,25 +107,16 @@ class STLSQ(Optimizer):
     ) -> None:
         self.threshold = threshold
         self.alpha = alpha
-        self.max_iter = max_iter
         self.ridge_kw = ridge_kw
-        self.normalize_columns = normalize_columns
-        self.copy_X = copy_X
         self.initial_guess = initial_guess
-        self.verbose = verbose
         self.sparse_ind = sparse_ind
-        self.unbias = unbias
-        self._check()
+        super().__init__(max_iter, normalize_columns, copy_X, verbose, unbias)
 
     @property
     def complexity(self) -> int:
         """Number of terms; one more where the threshold is 0, as pysindy counts the intercept."""
         check_is_fitted(self)
         return int(np.count_nonzero(self.coef_)) + int(abs(self.intercept_) >= self.threshold)
-
-    def _check(self) -> None:
-        super()._check()
-        check_ridge(self.ridge_kw, "STLSQ")
 
     def _others(self, features: int) -> NDArray[np.intp]:
         """Columns that are always in."""
