@@ -5,7 +5,7 @@ mod circles;
 use std::{collections::BTreeSet, fs, path::Path, process::Command};
 
 /// Crate, and the crates of the workspace that it may use.
-const ARROWS: [(&str, &[&str]); 21] = [
+const ARROWS: [(&str, &[&str]); 25] = [
     // No code: the features of third-party crates.
     ("fleetfoot-features", &[]),
     ("fleetfoot-data", &["features"]),
@@ -26,22 +26,29 @@ const ARROWS: [(&str, &[&str]); 21] = [
     ("fleetfoot-sim", &["data", "library", "dynamics", "control"]),
     // Of logs and models it knows nothing.
     ("fleetfoot-report", &["features"]),
+    ("fleetfoot-recipe", &["data", "library", "model", "signal", "log"]),
+    ("fleetfoot-task", &["data", "library", "stats", "model", "sparse", "pwa", "estimate", "recipe"]),
+    ("fleetfoot-dataset", &["data", "library", "stats", "model", "signal", "log", "sparse", "pwa", "recipe", "task"]),
+    ("fleetfoot-prepare", &["data", "library", "model", "signal", "log", "recipe", "task", "dataset"]),
     (
         "fleetfoot-identify",
         &[
-            "data", "library", "stats", "model", "dynamics", "control", "codegen", "signal", "log", "pwa", "sparse",
-            "estimate", "report",
+            "data", "library", "stats", "model", "dynamics", "control", "signal", "log", "pwa", "sparse", "estimate", "report",
+            "codegen", "recipe", "task", "dataset",
         ],
     ),
     (
         "fleetfoot-synth",
-        &["data", "library", "stats", "model", "dynamics", "control", "message", "log", "pwa", "sim", "identify"],
+        &[
+            "data", "library", "stats", "model", "dynamics", "control", "message", "log", "pwa", "sim", "recipe", "dataset",
+            "prepare", "identify",
+        ],
     ),
     (
         "fleetfoot",
         &[
-            "data", "library", "stats", "model", "dynamics", "control", "codegen", "message", "signal", "log", "pwa",
-            "sparse", "estimate", "sim", "report", "identify", "synth",
+            "data", "library", "stats", "model", "dynamics", "control", "codegen", "message", "signal", "log", "pwa", "sparse",
+            "estimate", "sim", "report", "recipe", "task", "dataset", "prepare", "identify", "synth",
         ],
     ),
     ("fleetfoot-cli", &["fleetfoot"]),

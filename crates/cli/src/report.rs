@@ -6,7 +6,7 @@ use std::{
 };
 
 use clap::error::ErrorKind;
-use fleetfoot::Error;
+use fleetfoot::{Error, dataset::Error as DatasetError, recipe::Error as RecipeError};
 use miette::{LabeledSpan, NamedSource, miette};
 
 /// A line on standard error. Nobody may be reading it any more, as where a pager has ended: what was asked for is done all the same.
@@ -17,7 +17,7 @@ pub(crate) fn tell(text: impl Display) {
 /// Prints an error on standard error.
 pub(crate) fn report(error: Error) {
     match &error {
-        Error::Expression { place, text, source } => {
+        Error::Dataset(DatasetError::Recipe(RecipeError::Expression { place, text, source })) => {
             let at = source.position().min(text.len());
             let length = text[at..].chars().next().map_or(0, char::len_utf8);
             let report = miette!(labels = vec![LabeledSpan::at(at..at + length, "here")], "{source}")

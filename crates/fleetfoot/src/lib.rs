@@ -36,15 +36,19 @@ pub use fleetfoot_data as data;
 pub use fleetfoot_data::{
     Column, ColumnKind, Episode, EpisodeId, Halo, Progress, Silent, Source, Threads, Work, thread_count, with_threads,
 };
+pub use fleetfoot_dataset as dataset;
 pub use fleetfoot_dynamics as dynamics;
 pub use fleetfoot_estimate as estimate;
 pub use fleetfoot_library as library;
 pub use fleetfoot_log as log;
 pub use fleetfoot_message as message;
 pub use fleetfoot_model::{self as model, Model, describe, describe_transitions};
+pub use fleetfoot_prepare as prepare;
 pub use fleetfoot_pwa as pwa;
+pub use fleetfoot_recipe as recipe;
 pub use fleetfoot_report as report;
 pub use fleetfoot_signal as signal;
 pub use fleetfoot_sim as sim;
 pub use fleetfoot_sparse as sparse;
 pub use fleetfoot_stats as stats;
+pub use fleetfoot_task as task;

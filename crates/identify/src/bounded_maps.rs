@@ -4,7 +4,7 @@ use fleetfoot_pwa::{PassiveRegion, Passivity, Score, Stability, StableRegion};
 use fleetfoot_report::words::{number, ratio};
 use serde::{Deserialize, Serialize};
 
-use crate::{told, told_table::ToldTable};
+use crate::told_table::ToldTable;
 
 /// How the maps of a partition's regions contract in one metric; numbers by region, before and after.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -21,19 +21,19 @@ pub struct BoundedMaps {
     /// Regions whose maps had to move.
     pub moved: usize,
     /// Spectral radii of the free maps.
-    #[serde(deserialize_with = "told::numbers")]
+    #[serde(deserialize_with = "fleetfoot_dataset::json::numbers")]
     pub free_radii: Vec<f64>,
     /// Their norms.
-    #[serde(deserialize_with = "told::numbers")]
+    #[serde(deserialize_with = "fleetfoot_dataset::json::numbers")]
     pub free_norms: Vec<f64>,
     /// Spectral radii of the maps that are written.
-    #[serde(deserialize_with = "told::numbers")]
+    #[serde(deserialize_with = "fleetfoot_dataset::json::numbers")]
     pub radii: Vec<f64>,
     /// Their norms: at most the bound.
-    #[serde(deserialize_with = "told::numbers")]
+    #[serde(deserialize_with = "fleetfoot_dataset::json::numbers")]
     pub norms: Vec<f64>,
     /// Relative duality gaps.
-    #[serde(deserialize_with = "told::numbers")]
+    #[serde(deserialize_with = "fleetfoot_dataset::json::numbers")]
     pub gaps: Vec<f64>,
     /// What the maps take in at ports, where they are passive.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -47,10 +47,10 @@ pub struct PassiveMaps {
     /// The ports.
     pub ports: Vec<PassivePort>,
     /// Norms of what the free maps give over what they may.
-    #[serde(deserialize_with = "told::numbers")]
+    #[serde(deserialize_with = "fleetfoot_dataset::json::numbers")]
     pub free_norms: Vec<f64>,
     /// Those of the maps that are written: at most 1.
-    #[serde(deserialize_with = "told::numbers")]
+    #[serde(deserialize_with = "fleetfoot_dataset::json::numbers")]
     pub norms: Vec<f64>,
 }
 

@@ -1,8 +1,9 @@
 //! Targets that do not vary: any model is perfect on them, so that a log of nothing looks like a success.
 
 use fleetfoot_stats::Gram;
+use fleetfoot_task::EquationTask;
 
-use crate::{EquationTask, Error};
+use crate::Error;
 
 /// Refuses the fitted equations of a task whose target has one value in all rows; `moments` begin with the targets. A rate that is constant and not zero is fine: its
 /// state varies.

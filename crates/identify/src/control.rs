@@ -2,12 +2,12 @@
 
 mod file;
 
+pub use file::{ControllerFile, ControllerRecord, LqrRecord, SetPointRecord};
 use fleetfoot_control::design::{Lqr, LqrOptions, Schedule, lqr};
 use fleetfoot_model::Model;
+use fleetfoot_recipe::{ControlSchedule, ControlSection, Recipe, Settings, items};
 
-pub use file::{ControllerFile, ControllerRecord, LqrRecord, SetPointRecord};
-
-use crate::{ControlSchedule, ControlSection, Error, Recipe, Settings, items};
+use crate::Error;
 
 /// Makes the linear-quadratic regulator of a model. What `said` leaves open is as `[control]` of the model's own recipe says.
 ///

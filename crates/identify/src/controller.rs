@@ -4,11 +4,13 @@ use std::{path::Path, sync::Arc};
 
 use fleetfoot_control::controller::{Controller, TreadmillLoop};
 use fleetfoot_data::nearest;
+use fleetfoot_dataset::Error as DatasetError;
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_model::{Column, Model, Role};
+use fleetfoot_recipe::{Error as RecipeError, Recipe};
 use toml::{Table, Value};
 
-use crate::{ControllerFile, Error, Recipe};
+use crate::{ControllerFile, Error};
 
 /// Controllers that there are.
 const KINDS: [&str; 1] = ["treadmill"];
@@ -161,7 +163,7 @@ pub(crate) fn source(recipe: &Recipe, name: &str) -> String {
 }
 
 /// An error about a column that the model did not ask for, told as the controller's.
-pub(crate) fn explained(error: Error, own: &Model) -> Error {
+pub(crate) fn explained(error: DatasetError, own: &Model) -> Error {
     let told = |place: String| {
         let name = place.strip_prefix("column ").and_then(|rest| rest.strip_suffix(" of the model"));
         match name {
@@ -170,10 +172,12 @@ pub(crate) fn explained(error: Error, own: &Model) -> Error {
         }
     };
     match error {
-        Error::Expression { place, text, source } => Error::Expression { place: told(place), text, source },
-        Error::UnknownColumn { place, name, candidates } => {
-            Error::UnknownColumn { place: told(place), name, candidates }
+        DatasetError::Recipe(RecipeError::Expression { place, text, source }) => {
+            RecipeError::Expression { place: told(place), text, source }.into()
         }
-        other => other,
+        DatasetError::Recipe(RecipeError::UnknownColumn { place, name, candidates }) => {
+            RecipeError::UnknownColumn { place: told(place), name, candidates }.into()
+        }
+        other => other.into(),
     }
 }

@@ -7,8 +7,9 @@ use std::path::{Path, PathBuf};
 use fleetfoot_codegen::{Cost, ExportOptions, ExportedFile, Target, TestVector, test_vectors};
 use fleetfoot_log::{check_outputs, together, write_atomic};
 use fleetfoot_model::Model;
+use fleetfoot_recipe::FilterSection;
 
-use crate::{Error, FilterSection};
+use crate::Error;
 
 /// Test vectors of exported C.
 const VECTORS: usize = 32;
@@ -35,7 +36,7 @@ pub struct Exported {
 /// `inputs` are files that must not be written over, the model's own among them.
 ///
 /// # Errors
-/// [`Error::Export`]; [`Cause::Internal`](crate::Cause::Internal) where the code and the engine disagree; [`Error::Write`] and [`Error::Log`] of writing.
+/// [`Error::Export`]; [`Cause::Internal`](fleetfoot_recipe::Cause::Internal) where the code and the engine disagree; those of writing.
 pub fn export(model: &Model, options: &ExportOptions, folder: &Path, inputs: &[PathBuf]) -> Result<Exported, Error> {
     let vectors = match options.target {
         Target::C | Target::Rust | Target::Python => engine_vectors(model, options, VECTORS, SEED)?,
@@ -49,7 +50,7 @@ pub fn export(model: &Model, options: &ExportOptions, folder: &Path, inputs: &[P
 /// Writes the filter of a model as C into a folder, as `[filter]` says: `PREFIX_filter.h` and `PREFIX_filter.c`.
 ///
 /// # Errors
-/// Those of [`crate::filter_of`]; another language than C, regions that are not affine; [`Error::Export`], [`Error::Write`] and [`Error::Log`] of writing.
+/// Those of [`crate::filter_of`]; another language than C, regions that are not affine; [`Error::Export`], those of writing.
 pub fn export_filter(
     model: &Model,
     said: &FilterSection,
@@ -73,7 +74,8 @@ pub fn export_filter(
 
 /// Writes files into a folder: all of them or none.
 fn write(exported: &[ExportedFile], folder: &Path, inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Error> {
-    std::fs::create_dir_all(folder).map_err(|source| Error::Write { path: folder.to_owned(), source })?;
+    std::fs::create_dir_all(folder)
+        .map_err(|source| fleetfoot_dataset::Error::Write { path: folder.to_owned(), source })?;
     let files: Vec<PathBuf> = exported.iter().map(|file| folder.join(&file.name)).collect();
     check_outputs(&files, inputs)?;
     together(|| files.iter().zip(exported).try_for_each(|(path, file)| write_atomic(path, &file.bytes)))?;
@@ -83,7 +85,7 @@ fn write(exported: &[ExportedFile], folder: &Path, inputs: &[PathBuf]) -> Result
 /// Test vectors with the engine's values: next states from a rollout of one step, outputs from a prediction.
 ///
 /// # Errors
-/// [`Error::Export`]; [`Cause::Internal`](crate::Cause::Internal) where the code, interpreted, and the engine differ by more than rounding or give different regions.
+/// [`Error::Export`]; [`Cause::Internal`](fleetfoot_recipe::Cause::Internal) where the code, interpreted, and the engine differ by more than rounding or give different regions.
 pub fn engine_vectors(
     model: &Model,
     options: &ExportOptions,

@@ -9,22 +9,23 @@ mod writer;
 
 use std::path::Path;
 
-use fleetfoot_control::filter::{Consistency, SwitchedFilter};
-use fleetfoot_data::{Block, Halo, Progress, Source, parallel_fold};
-use fleetfoot_model::Model;
-use serde::Serialize;
-
-use crate::{
-    Error, FilterSwitching, Logs, Recipe, output,
-    pieces::{ROWS, pieces_of},
-};
-
 use asked::Asked;
 pub use asked::filter_of;
+use fleetfoot_control::filter::{Consistency, SwitchedFilter};
+use fleetfoot_data::{Block, Halo, Progress, Source, parallel_fold};
+use fleetfoot_dataset::{
+    Logs,
+    pieces::{ROWS, pieces_of},
+};
+use fleetfoot_model::Model;
+use fleetfoot_recipe::{FilterSwitching, Recipe};
 pub use row::FilteredRows;
 use row::Follower;
+use serde::Serialize;
 use sums::Sums;
 use writer::FilteredWriter;
+
+use crate::{Error, output};
 
 /// What filtering logs gave.
 #[derive(Debug, Clone, Serialize)]

@@ -5,28 +5,29 @@ mod options;
 mod residuals;
 mod statistic;
 
+pub use fitted::{Fitted, PwaRequest, rival};
 use fleetfoot_data::{Progress, Source, Work};
+use fleetfoot_dataset::{Dataset, Logs, ReadPlan, open};
 use fleetfoot_estimate::Hold;
 use fleetfoot_library::Expr;
 use fleetfoot_model::{Model, Prediction};
 use fleetfoot_pwa::{Identification, Options, Problem, Selection, Shrinkage, Stability};
+use fleetfoot_recipe::{Derivative, Objective, Recipe};
+use fleetfoot_task::Task;
+pub use options::PwaOptions;
+use residuals::move_residuals;
 use serde::Serialize;
+pub(crate) use statistic::served;
 
 use crate::{
-    Dataset, Derivative, Error, Logs, Objective, ReadPlan, Recipe, Refinement, RolloutCandidate, RolloutChoice,
-    RolloutRule, Task, concentrated,
+    Error, Refinement, RolloutCandidate, RolloutChoice, RolloutRule, concentrated,
     left_out::left_out,
     not_finite, objective,
     objective::Beginning,
-    open,
     output::refuse_not_finite,
     rollout_choice::{HeldOut, candidates, open_spans, settled, terms},
     told,
 };
-pub use fitted::{Fitted, PwaRequest, rival};
-pub use options::PwaOptions;
-use residuals::move_residuals;
-pub(crate) use statistic::served;
 
 /// What a fit would read and keep.
 #[derive(Debug, Clone, Serialize)]
@@ -182,7 +183,7 @@ pub fn fit_pwa(
     }
     let mut notes = dataset.notes().to_vec();
     notes.extend(options::unused(recipe));
-    notes.extend(said.objective.note(refinement.as_ref()));
+    notes.extend(objective::note(said.objective, refinement.as_ref()));
     notes.extend(left_out(identification.incomplete, &dataset, functions(&task, &said.labels()))?);
     let told = identification.targets.iter().cloned().zip(identification.concentrated.iter().map(Option::as_ref));
     let name = |id| dataset.episodes().iter().find(|episode| episode.id == id).map(|episode| episode.name.clone());

@@ -12,32 +12,12 @@ mod rollout;
 mod score;
 mod sindy;
 mod sparse;
-mod statistic;
 
 use std::collections::BTreeMap;
 
+use fleetfoot_dataset::json::report;
 use fleetfoot_dynamics::{Baseline, Estimate};
 use serde::Serialize;
-use serde_json::Value;
-
-use crate::told::value;
-
-/// Version of the keys of reports (docs/reference/reports.md): raised when one is renamed, removed or means something else.
-const FORMAT: u32 = 2;
-
-/// A report with the version of its keys.
-#[derive(Serialize)]
-struct Report<R> {
-    format: u32,
-    #[serde(flatten)]
-    told: R,
-}
-
-/// A report as a tree of values.
-fn report(told: impl Serialize) -> Value {
-    value(Report { format: FORMAT, told })
-}
-
 /// A value and the ends of its interval, as every report tells them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Interval {

@@ -1,11 +1,14 @@
 //! A model whose equations are all given: what is known of the physics, as a baseline for what is fitted.
 
 use fleetfoot_data::{Progress, Source};
+use fleetfoot_dataset::{Dataset, Logs};
 use fleetfoot_library::{Design, DesignRows, Expr};
 use fleetfoot_model::{Column, Model, Role, TrainedEpisode, Training};
+use fleetfoot_recipe::{Recipe, State};
 use fleetfoot_stats::{Gram, Grid, reduce};
+use fleetfoot_task::KnownTask;
 
-use crate::{Dataset, Error, Logs, Recipe, State, constant::constant_target, problem::KnownTask};
+use crate::{Error, constant::constant_target};
 
 /// Rows of a chunk.
 const CHUNK_ROWS: usize = 65_536;

@@ -3,10 +3,11 @@
 use std::collections::BTreeSet;
 
 use fleetfoot_data::{Halo, Source};
+use fleetfoot_dataset::Dataset;
 use fleetfoot_library::Expr;
 use fleetfoot_sparse::system::SystemScan;
 
-use crate::{Dataset, Error, not_finite};
+use crate::{Error, not_finite};
 
 /// Rows read at once.
 const ROWS: usize = 65_536;

@@ -24,117 +24,82 @@
 extern crate self as fleetfoot;
 
 mod bounded_maps;
-pub mod clocks;
 mod concentrated;
-mod condition;
 mod constant;
 mod control;
 mod controller;
-mod dataset;
 mod error;
 mod export;
 mod filter;
 mod fit;
-pub mod folder;
 mod folds;
-mod found_clocks;
-mod groups;
 mod in_words;
-mod init;
 mod json;
 mod known;
-mod labels;
 mod left_out;
 mod limit_report;
-mod list;
-mod logs;
 mod narx;
 mod not_finite;
 mod objective;
-mod open;
 mod output;
 mod parameters;
-mod period;
-mod pieces;
-pub mod prepare;
-mod problem;
 mod project;
-mod read_plan;
-mod recipe;
-mod request;
+mod regions;
 mod resimulate;
 mod result_page;
 mod rollout_choice;
 mod rows;
 mod run;
-mod settled;
 mod sindy;
 mod spans;
 mod sparse_fit;
 pub mod statistic;
-mod statistic_error;
-mod stats_file;
 mod subset;
-mod text;
 mod told;
 mod told_table;
-mod view;
-mod wildcard;
 
 pub use bounded_maps::{BoundedCandidate, BoundedMaps, PassiveMaps, PassivePort};
 pub use control::{ControllerFile, ControllerRecord, LqrRecord, SetPointRecord, control_lqr};
 pub use controller::{controller, controller_file, made_controller};
-pub use dataset::Dataset;
 pub use error::Error;
 pub use export::{Exported, engine_vectors, export, export_filter};
 pub use filter::{
     DeviationFrom, Filtered, FilteredRows, SensorReport, SquareReport, TruthReport, filter, filter_of, filter_rows,
 };
 pub use fit::{FitPlan, Fitted, PWA_PASSES, PwaOptions, PwaRequest, fit_pwa, plan_pwa, rival};
+pub use fleetfoot_dataset::{
+    ColumnRecord, ContentHash, Dataset, EpisodeRecord, EquationGroup, EquationStatistic, FileRecord, Logs, NoRotation,
+    ReadPlan, Settled, Sizes, StatisticError, StatisticFile, clocks, folder, is_statistic,
+};
+pub use fleetfoot_recipe::*;
+pub use fleetfoot_task::{
+    CoefficientLimit, Difference, DifferenceErrors, EquationTask, FittedEquation, Moments, Parameter, Provenance,
+    SettledDifference, StructuredTask, Task, Windows,
+};
 pub use folds::FoldRule;
-pub use groups::{GroupRule, GroupWords};
 pub use in_words::{interval_in_words, replayed_in_words, spans_in_words, useful_in_words};
-pub use init::{starter_recipe, starter_recipe_of_runs};
 pub use json::Interval;
 pub use known::{KnownModel, is_known, known_model};
 pub use limit_report::{FreeErrors, LimitReport, LimitSide};
-pub use list::items;
-pub use logs::{Logs, is_statistic};
 pub use narx::{
     FileRun, FileRuns, GivenOrder, MeanRun, NarxCandidate, NarxEquation, NarxFitted, NarxOptions, NarxRegion,
     NarxReport, NarxRequest, NarxScores, NarxSearch, NarxStage, NarxTerm, OrderRule, TermRule, fit_narx,
 };
-pub use objective::{Bounded, HeldOutErrors, RefinedFold, Refinement, WeightErrors};
+pub use objective::{Bounded, HeldOutErrors, RefinedFold, Refinement, WeightErrors, simulation_cost};
 pub use output::{layout_files, write_model};
 pub use parameters::{
     ConfoundedPair, GainInterval, ParameterInterval, ParametersFitted, ParametersHeldOut, ParametersReport,
     fit_parameters,
 };
-pub use problem::{
-    CoefficientLimit, Difference, DifferenceErrors, EquationTask, FittedEquation, Moments, Parameter,
-    SettledDifference, StructuredTask, Task, Windows,
-};
 pub use project::{Projected, project};
-pub use read_plan::ReadPlan;
-pub use recipe::{
-    AttitudeForm, BodySection, ClockSection, ConstraintSection, ControlSchedule, ControlSection, Criterion, Derivative,
-    Effort, EpisodeRule, EstimateKind, EstimateMethod, EstimateSection, FilterNoise, FilterSection, FilterSwitching,
-    Frame, Gap, GivenAs, Gravity, Input, InputTable, Join, JoinTable, JointSection, Kind, Lags, LatentSection,
-    LibrarySection, Limits, ModelSection, Mounting, NarxSection, NarxSelection, NarxTerms, Normalize, Objective, Over,
-    ParameterSection, PartitionChoice, PhaseColumn, PortList, PrepareMethod, PrepareSection, PwaSection, Recipe,
-    ResimulateSection, SensorKind, SensorSection, Settings, SindyOptimizer, SindySection, SmoothStates, SpanDerivative,
-    SparseSection, State, TaskSection, Time, Tunable, UnseenLabels, whole,
-};
-pub use request::{Cause, RequestError};
 pub use resimulate::{Followed, Spread, resimulate};
 pub use result_page::{FigureFormat, Report, ReportOptions, report};
 pub use rollout_choice::{HORIZON, RolloutCandidate, RolloutChoice, RolloutRule};
 pub use rows::{ModelRows, Rows, model_rows, read_rows};
 pub use run::{PredictedRows, RolledOut, Scored, Written, predict, predict_rows, rollout, score};
-pub use settled::{NoRotation, Settled};
 pub use sindy::{
-    Ensemble, EquationReport, Evidence, FrontPoint, ParameterReport, Provenance, RegionReport, SindyFitted,
-    SindyOptions, SindyPlan, SindyReport, SindyRequest, StateNoise, StateSmoothing, TermReport, fit_sindy, plan_sindy,
+    Ensemble, EquationReport, Evidence, FrontPoint, ParameterReport, RegionReport, SindyFitted, SindyOptions,
+    SindyPlan, SindyReport, SindyRequest, StateNoise, StateSmoothing, TermReport, fit_sindy, plan_sindy,
 };
 pub use sparse_fit::{
     CandidateReport, EpisodeInfluence, LambdaChoice, LambdaRule, LatentReport, LeaveOneOutReport, PathReport,

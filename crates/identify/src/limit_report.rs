@@ -4,9 +4,10 @@ use std::fmt;
 
 use fleetfoot_report::words::number;
 use fleetfoot_sparse::constrained::Limit;
+use fleetfoot_task::CoefficientLimit;
 use serde::{Deserialize, Serialize};
 
-use crate::{CoefficientLimit, told, told_table::ToldTable};
+use crate::told_table::ToldTable;
 
 /// The side of a bound.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -47,10 +48,10 @@ pub struct LimitReport {
     /// `at least` or `at most`.
     pub side: LimitSide,
     /// The bound; of a matrix, of its eigenvalues.
-    #[serde(deserialize_with = "told::number")]
+    #[serde(deserialize_with = "fleetfoot_dataset::json::number")]
     pub bound: f64,
     /// The least distance from the bound at any row, or in any region; negative where it is broken.
-    #[serde(deserialize_with = "told::number")]
+    #[serde(deserialize_with = "fleetfoot_dataset::json::number")]
     pub nearest: f64,
     /// Where that is; `None` where it is the same at every row.
     pub episode: Option<String>,
@@ -124,9 +125,9 @@ impl LimitReport {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FreeErrors {
     /// Root mean squared error on the rows of the fit.
-    #[serde(rename = "free_rms", deserialize_with = "told::number")]
+    #[serde(rename = "free_rms", deserialize_with = "fleetfoot_dataset::json::number")]
     pub rms: f64,
     /// Root mean squared error on held-out rows; NaN where none are held out.
-    #[serde(rename = "free_held_out_rms", deserialize_with = "told::number")]
+    #[serde(rename = "free_held_out_rms", deserialize_with = "fleetfoot_dataset::json::number")]
     pub held_out: f64,
 }

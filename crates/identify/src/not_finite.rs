@@ -3,10 +3,12 @@
 use std::{ops::Range, path::PathBuf};
 
 use fleetfoot_data::{Block, Column, Halo, Source};
+use fleetfoot_dataset::{Dataset, Error as DatasetError};
 use fleetfoot_library::{Binary, Expr, Node, View};
 use fleetfoot_log::{Format, shell_word};
+use fleetfoot_recipe::Cause;
 
-use crate::{Dataset, Error, request::Cause};
+use crate::Error;
 
 /// Rows that are looked at together, and at most.
 const ROWS: usize = 65_536;
@@ -55,7 +57,7 @@ pub(crate) fn explain(dataset: &Dataset, functions: impl IntoIterator<Item = Exp
 /// An error with what may be behind it: rows that an expression has made useless.
 pub(crate) fn with_reasons(error: Error, dataset: &Dataset, functions: impl IntoIterator<Item = Expr>) -> Error {
     match error {
-        Error::Cancelled(_) | Error::Data(_) | Error::Log(_) => error,
+        Error::Cancelled(_) | Error::Dataset(DatasetError::Data(_) | DatasetError::Log(_)) => error,
         error if error.is_memory() => error,
         error => {
             let mut reasons = if is_too_few(&error) { too_few(dataset).unwrap_or_default() } else { Vec::new() };

@@ -3,21 +3,20 @@
 mod held;
 mod report;
 
-pub(crate) use held::Bound;
-pub(crate) use report::coefficient;
-
 use fleetfoot_data::{Progress, Silent, Source};
 use fleetfoot_dynamics::{
     Coefficient, Error as DynamicsError, Method, RolloutOptions, ScoreOptions, Scores, Simulator, Starts, score,
 };
 use fleetfoot_estimate::{EstimateError, Hold, Simulated, SimulationOptions, WHOLE_COEFFICIENTS, simulation_errors};
 use fleetfoot_model::Model;
+use fleetfoot_recipe::{MOST_STEPS, Objective};
+pub(crate) use held::Bound;
+pub(crate) use report::coefficient;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Error, Objective, RolloutRule,
+    Error, RolloutRule,
     output::refuse_not_finite,
-    recipe::MOST_STEPS,
     rollout_choice::{HeldOut, SAME},
 };
 
@@ -28,61 +27,59 @@ const DERIVATIVES: usize = 1 << 24;
 /// How much longer the second horizon is by which they are compared: what is fitted to N steps may run away later.
 const FAR: usize = 10;
 
-impl Objective {
-    /// How the model of the simulations is compared with that of one step, where there is one; a free run has the steps that `free` says.
-    pub(crate) fn rule(self, free: usize) -> Option<RolloutRule> {
-        let steps = match self {
-            Self::OneStep => return None,
-            Self::Steps(steps) => steps as usize,
-            Self::FreeRun => free,
-        };
-        Some(RolloutRule { starts: STARTS, ..RolloutRule::new(steps) })
-    }
+/// How the model of the simulations is compared with that of one step, where there is one; a free run has the steps that `free` says.
+pub(crate) fn rule(objective: Objective, free: usize) -> Option<RolloutRule> {
+    let steps = match objective {
+        Objective::OneStep => return None,
+        Objective::Steps(steps) => steps as usize,
+        Objective::FreeRun => free,
+    };
+    Some(RolloutRule { starts: STARTS, ..RolloutRule::new(steps) })
+}
 
-    /// Passes over the rows that it takes beside those of the fit, at most; `fit` passes make a model of one step. `many`: of more than 2,000 coefficients, or of maps that are bounded.
-    pub fn passes(self, fit: usize, many: bool) -> usize {
-        self.rule(1).map_or(0, |rule| {
-            let own = SimulationOptions::new(rule.horizon).passes(0, many);
-            // The training rows of a fold are fewer, so that its passes are less than the fit's own.
-            own + rule.folds * (fit + own)
-        })
-    }
+/// Passes over the rows that it takes beside those of the fit, at most; `fit` passes make a model of one step. `many`: of more than 2,000 coefficients, or of maps that are bounded.
+pub(crate) fn passes(objective: Objective, fit: usize, many: bool) -> usize {
+    rule(objective, 1).map_or(0, |rule| {
+        let own = SimulationOptions::new(rule.horizon).passes(0, many);
+        // The training rows of a fold are fewer, so that its passes are less than the fit's own.
+        own + rule.folds * (fit + own)
+    })
+}
 
-    /// What a job will cost, for people; nothing where the objective is one step. `bounded`: of maps that are bounded.
-    pub fn in_words(self, fit: usize, bounded: bool) -> Option<String> {
-        let rule = self.rule(1)?;
-        let steps = match self {
-            Self::FreeRun => "as many steps as they have room for".to_owned(),
-            _ => format!("{} steps", rule.horizon),
-        };
-        let more = match bounded {
-            true => String::new(),
-            false => format!(", {} of more than {WHOLE_COEFFICIENTS} coefficients", self.passes(fit, true)),
-        };
-        Some(format!(
-            "--objective {self}: at most {} passes over the rows more{more}, with {} x {} rollouts of {steps} on rows that did not train",
-            self.passes(fit, bounded),
-            2 * rule.folds,
-            rule.starts
-        ))
-    }
+/// What a job will cost, for people; nothing where the objective is one step. `bounded`: of maps that are bounded.
+pub fn simulation_cost(objective: Objective, fit: usize, bounded: bool) -> Option<String> {
+    let rule = rule(objective, 1)?;
+    let steps = match objective {
+        Objective::FreeRun => "as many steps as they have room for".to_owned(),
+        _ => format!("{} steps", rule.horizon),
+    };
+    let more = match bounded {
+        true => String::new(),
+        false => format!(", {} of more than {WHOLE_COEFFICIENTS} coefficients", passes(objective, fit, true)),
+    };
+    Some(format!(
+        "--objective {objective}: at most {} passes over the rows more{more}, with {} x {} rollouts of {steps} on rows that did not train",
+        passes(objective, fit, bounded),
+        2 * rule.folds,
+        rule.starts
+    ))
+}
 
-    /// What to know where nothing came of it.
-    pub(crate) fn note(self, refinement: Option<&Refinement>) -> Option<String> {
-        let nothing = self != Self::OneStep && refinement.is_none();
-        nothing.then(|| {
-            format!("objective = \"{self}\": the model has no coefficients that could be fitted to simulations")
-        })
-    }
+/// What to know where nothing came of it.
+pub(crate) fn note(objective: Objective, refinement: Option<&Refinement>) -> Option<String> {
+    let nothing = objective != Objective::OneStep && refinement.is_none();
+    nothing.then(|| {
+        format!("objective = \"{objective}\": the model has no coefficients that could be fitted to simulations")
+    })
+}
 
-    /// Refuses what needs rows where there are none.
-    pub(crate) fn refuse_statistic(self) -> Result<(), Error> {
-        match self {
-            Self::OneStep => Ok(()),
-            Self::Steps(_) | Self::FreeRun => Err(Error::needs_rows(format!(
-                "objective = \"{self}\" simulates the rows of logs, and a statistic has none: fit on the logs, or leave it away"
-            ))),
-        }
+/// Refuses what needs rows where there are none.
+pub(crate) fn refuse_statistic(objective: Objective) -> Result<(), Error> {
+    match objective {
+        Objective::OneStep => Ok(()),
+        Objective::Steps(_) | Objective::FreeRun => Err(Error::needs_rows(format!(
+            "objective = \"{objective}\" simulates the rows of logs, and a statistic has none: fit on the logs, or leave it away"
+        ))),
     }
 }
 
@@ -239,8 +236,8 @@ pub(crate) fn refine(
     if Coefficient::support(model).is_empty() {
         return Ok(None);
     }
-    let Some(rule) = objective.rule(1) else { return Ok(None) };
-    let mut held = HeldOut::new((source, smoothed), rule, format!("--objective {objective}"))?;
+    let Some(judged) = rule(objective, 1) else { return Ok(None) };
+    let mut held = HeldOut::new((source, smoothed), judged, format!("--objective {objective}"))?;
     if objective == Objective::FreeRun {
         held.reach(longest(model, source, held.room())?);
     }

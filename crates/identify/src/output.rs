@@ -8,9 +8,9 @@ mod trajectories;
 
 use std::{collections::BTreeMap, path::Path};
 
+use fleetfoot_dataset::Logs;
 use fleetfoot_log::{Compression, Format, McapOptions, WriteOptions, is_stream};
 use fleetfoot_model::Model;
-
 pub use layout::layout_files;
 pub(crate) use layout::{Line, Plot, finish_with_layouts};
 pub(crate) use model::refuse_not_finite;
@@ -19,7 +19,7 @@ pub(crate) use plane::write_plane;
 pub(crate) use predictions::{Place, PredictionsWriter};
 pub(crate) use trajectories::write_trajectories;
 
-use crate::{Error, Logs};
+use crate::Error;
 
 /// What is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

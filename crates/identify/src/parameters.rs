@@ -3,20 +3,20 @@
 mod held_out;
 mod report;
 
-pub use report::{ConfoundedPair, GainInterval, ParameterInterval, ParametersHeldOut, ParametersReport};
-
 use faer::Mat;
 use fleetfoot_data::{Progress, Source};
+use fleetfoot_dataset::{Dataset, Logs};
 use fleetfoot_estimate::{
     Bounded, EquationError, EstimateError, FilterError, FilterErrorOptions, Gains, MatrixLimit, Options, OutputError,
     OutputErrorOptions, equation_error, filter_error, output_error,
 };
 use fleetfoot_model::{Column, Estimated, Model};
-
-use crate::{
-    Dataset, Error, EstimateMethod, Logs, Recipe, folds::smoothed_rows, known::given, problem::ParametersTask,
-};
+use fleetfoot_recipe::{EstimateMethod, Recipe};
+use fleetfoot_task::ParametersTask;
+pub use report::{ConfoundedPair, GainInterval, ParameterInterval, ParametersHeldOut, ParametersReport};
 use report::{Found, report};
+
+use crate::{Error, folds::smoothed_rows, known::given};
 
 /// A model whose equations were given and whose parameters were estimated.
 #[derive(Debug, Clone)]
@@ -45,7 +45,7 @@ impl EstimateOptions {
     fn new(recipe: &Recipe) -> Result<Self, Error> {
         let said = &recipe.estimate;
         let method = said.method.unwrap_or_default();
-        let compare: Vec<String> = said.compare.as_deref().map(crate::items).unwrap_or_default();
+        let compare: Vec<String> = said.compare.as_deref().map(fleetfoot_recipe::items).unwrap_or_default();
         let compare: Vec<String> = compare.iter().map(|name| name.trim().trim_matches('`').to_owned()).collect();
         if let Some(rows) = said.segment.filter(|&rows| rows < 2) {
             return Err(Error::value(format!("segment = {rows}: a segment has two rows at least")));

@@ -3,11 +3,13 @@
 use std::path::Path;
 
 use fleetfoot_data::Progress;
+use fleetfoot_dataset::{Dataset, Logs};
 use fleetfoot_dynamics::{Axis, Plane};
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_model::Model;
+use fleetfoot_recipe::Recipe;
 
-use crate::{Dataset, Error, Logs, Recipe, output};
+use crate::{Error, output};
 
 /// A plane, and what to know about the data.
 #[derive(Debug, Clone)]
@@ -80,9 +82,7 @@ pub(crate) fn axis(model: &Model, text: &str) -> Result<Expr, Error> {
         return Ok(Expr::column(text.trim()));
     }
     let scope = Scope::new(model.columns.iter().map(|column| column.name.as_str()));
-    Expr::parse(text, &scope).map_err(|source| Error::Expression {
-        place: "--plane".into(),
-        text: text.to_owned(),
-        source,
+    Expr::parse(text, &scope).map_err(|source| {
+        fleetfoot_recipe::Error::Expression { place: "--plane".into(), text: text.to_owned(), source }.into()
     })
 }

@@ -6,11 +6,13 @@ mod writer;
 use std::path::Path;
 
 use fleetfoot_data::Progress;
+use fleetfoot_dataset::{Dataset, Logs};
 use fleetfoot_estimate::{Ending, EstimateError, Resimulated, Resimulation, ResimulationOptions};
 use fleetfoot_model::Model;
+use fleetfoot_recipe::{Recipe, ResimulateSection};
 use serde::Serialize;
 
-use crate::{Dataset, Error, Logs, Recipe, ResimulateSection, output, run::is_needed};
+use crate::{Error, output, run::is_needed};
 
 /// Recordings followed, and what to know of them.
 #[derive(Debug, Clone)]

@@ -33,19 +33,21 @@ use std::{
     sync::Arc,
 };
 
+use fitting::Fit;
 use fleetfoot_data::Progress;
+use fleetfoot_dataset::Logs;
 use fleetfoot_dynamics::controller::Controller;
 use fleetfoot_log::{check_outputs, together, write_atomic};
 use fleetfoot_model::Model;
+use fleetfoot_recipe::Recipe;
 use fleetfoot_report::{Page, Part, Section, Sentence, words::series as listed};
-use serde_json::Value;
-
-use crate::{Error, Logs, Recipe};
-use fitting::Fit;
 use judged::Judged;
 use opened::Opened;
 use passed::Passed;
 use rolled_on::Wanted;
+use serde_json::Value;
+
+use crate::Error;
 
 /// What a page shows beside what its models and logs say.
 #[derive(Clone)]
@@ -245,7 +247,8 @@ impl Report {
         format: FigureFormat,
         inputs: &[PathBuf],
     ) -> Result<Vec<PathBuf>, Error> {
-        std::fs::create_dir_all(folder).map_err(|source| Error::Write { path: folder.to_owned(), source })?;
+        std::fs::create_dir_all(folder)
+            .map_err(|source| fleetfoot_dataset::Error::Write { path: folder.to_owned(), source })?;
         let figures: Vec<_> = self.page.figures().collect();
         let suffix = if format == FigureFormat::Svg { "svg" } else { "csv" };
         let paths: Vec<PathBuf> =

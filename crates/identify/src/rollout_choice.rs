@@ -6,9 +6,10 @@
 use fleetfoot_data::{Progress, Silent, Source};
 use fleetfoot_dynamics::{Baseline, Error as DynamicsError, Horizon, RolloutOptions, Starts, rollout};
 use fleetfoot_model::Model;
+use fleetfoot_recipe::{Derivative, Recipe};
 use serde::Serialize;
 
-use crate::{Derivative, Error, Recipe, spans::Spans};
+use crate::{Error, spans::Spans};
 
 /// How candidates are compared by rollouts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

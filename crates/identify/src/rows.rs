@@ -1,10 +1,12 @@
 //! Rows of logs as columns in memory: what a recipe names, or what a model sees and predicts.
 
 use fleetfoot_data::{Column, Halo, Progress, Source, ensure_memory, parallel_fold};
+use fleetfoot_dataset::{Dataset, Logs, pieces::pieces};
 use fleetfoot_dynamics::{Predicted, Predictor, PredictorWorkspace};
 use fleetfoot_model::Model;
+use fleetfoot_recipe::Recipe;
 
-use crate::{Dataset, Error, Logs, Recipe, pieces::pieces};
+use crate::Error;
 
 /// Rows of logs, in their order, as columns.
 #[derive(Debug, Clone, Default)]
@@ -167,8 +169,9 @@ impl Rows {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use fleetfoot_data::Silent;
+
+    use super::*;
 
     fn csv(rows: usize) -> tempfile::NamedTempFile {
         let file = tempfile::Builder::new().suffix(".csv").tempfile().unwrap();

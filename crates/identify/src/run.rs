@@ -3,19 +3,21 @@
 use std::{path::Path, sync::Arc};
 
 use fleetfoot_data::{Progress, Source, parallel_fold};
+use fleetfoot_dataset::{Dataset, Logs, pieces::pieces};
 use fleetfoot_dynamics::{
     Domain, Predicted, Predictor, PredictorWorkspace, RolloutOptions, Rollouts, RowStatus, ScoreOptions, Scores,
     Starts, controller::Controller,
 };
 use fleetfoot_library::Expr;
 use fleetfoot_model::{Equation, Model, Prediction, Rule};
+use fleetfoot_recipe::Recipe;
 use serde::Serialize;
 
 use crate::{
-    Dataset, Error, FileRuns, Logs, Recipe, controller,
+    Error, FileRuns, controller,
     narx::free_runs_by_file,
-    output::{self, Place, PredictionsWriter},
-    pieces::pieces,
+    output,
+    output::{Place, PredictionsWriter},
 };
 
 /// Scores, and what to know about the data.
@@ -98,11 +100,12 @@ fn refuse_unseen_labels(model: &Model, without_region: u64, scored: u64) -> Resu
         _ => None,
     });
     match label {
-        Some((column, names)) if without_region > 0 => Err(Error::UnseenLabel {
+        Some((column, names)) if without_region > 0 => Err(fleetfoot_dataset::Error::UnseenLabel {
             column,
             labels: format!("it knows {}; {scored} rows have one of these", names.join(", ")),
             rows: without_region,
-        }),
+        }
+        .into()),
         _ => Ok(()),
     }
 }

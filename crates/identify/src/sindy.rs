@@ -1,13 +1,12 @@
 //! From logs, or from their statistic, to equations: sparse sums of candidate functions, beside what is known of the dynamics.
 //!
-//! A recipe becomes an [`EquationTask`](crate::EquationTask); one pass over the rows makes its [`Evidence`]; everything else (models of every size, held-out errors, ensembles,
+//! A recipe becomes an [`EquationTask`](fleetfoot_task::EquationTask); one pass over the rows makes its [`Evidence`]; everything else (models of every size, held-out errors, ensembles,
 //! standard errors) follows from the statistic ([`fit_sindy`]).
 
 mod estimation;
 mod evidence;
 mod frozen;
 mod limits;
-mod model;
 mod options;
 mod plan;
 mod refined;
@@ -17,27 +16,22 @@ mod solve;
 mod spans;
 mod state_smoothing;
 mod statistic;
-mod units;
 mod words;
 mod work;
 
 use std::path::{Path, PathBuf};
 
-use faer::Mat;
-use fleetfoot_data::Progress;
-use fleetfoot_log::together;
-use fleetfoot_model::Model;
-use fleetfoot_sparse::inference::{Clusters, system_errors};
-
-use crate::{
-    Error, HORIZON, Logs, Recipe, RolloutRule,
-    output::{refuse_not_finite, write_model},
-    rollout_choice::{open_spans, settled},
-};
 pub use estimation::ParameterReport;
 pub use evidence::Evidence;
+use faer::Mat;
+use fleetfoot_data::Progress;
+use fleetfoot_dataset::Logs;
+use fleetfoot_log::together;
+use fleetfoot_model::Model;
+use fleetfoot_recipe::Recipe;
+use fleetfoot_sparse::inference::{Clusters, system_errors};
+use fleetfoot_task::Provenance;
 pub(crate) use frozen::Frozen;
-pub use model::Provenance;
 pub use options::{Ensemble, SindyOptions};
 pub use plan::{SindyPlan, plan_sindy};
 pub(crate) use refined::coefficients_of;
@@ -46,6 +40,12 @@ pub(crate) use solve::keys;
 use solve::{Solved, Solver};
 pub use state_smoothing::{StateNoise, StateSmoothing};
 pub(crate) use statistic::beneath;
+
+use crate::{
+    Error, HORIZON, RolloutRule, objective,
+    output::{refuse_not_finite, write_model},
+    rollout_choice::{open_spans, settled},
+};
 
 /// Episodes from which on they are the clusters of the standard errors; with fewer, chunks are.
 const ENOUGH_EPISODES: usize = 10;
@@ -105,7 +105,7 @@ pub fn fit_sindy(
     // What is wrong with the options is said before the pass.
     let options = SindyOptions::new(&recipe.sindy)?.within(recipe)?;
     if logs.is_statistic() {
-        options.objective.refuse_statistic()?;
+        objective::refuse_statistic(options.objective)?;
     }
     let (mut evidence, recipe, rollouts) = if logs.is_statistic() {
         let (evidence, recipe) = Evidence::of_statistic(recipe, logs)?;
@@ -161,7 +161,7 @@ pub fn fit_sindy(
     }
     report.rollouts = rollouts;
     report.refinement = refined::refined(&recipe, &options, &evidence, &model, logs, progress)?;
-    report.notes.extend(options.objective.note(report.refinement.as_ref()));
+    report.notes.extend(objective::note(options.objective, report.refinement.as_ref()));
     if let Some(found) = report.refinement.clone().filter(|found| found.written) {
         model = model_of(&coefficients_of(&found.fitted.model, &evidence.task, regions.len()));
         report.refine(&evidence.task, &model, &found);

@@ -124,8 +124,9 @@ impl Source for Spans<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use fleetfoot_data::MemorySource;
+
+    use super::*;
 
     fn source() -> MemorySource {
         let mut source = MemorySource::new(vec![Column::float("x")]);

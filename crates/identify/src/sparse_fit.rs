@@ -19,25 +19,16 @@ use std::{
 };
 
 use fleetfoot_data::{EpisodeId, Progress, Source};
+use fleetfoot_dataset::{Dataset, Logs, StatisticFile, condition::refuse_other_rows, open::OpenedStructure};
 use fleetfoot_model::{Equation, Model};
+use fleetfoot_recipe::{Recipe, RequestError};
 use fleetfoot_sparse::{
     bolasso::refit,
     inference::{Clusters, clustered_covariance},
     select::{Folds, held_out_refit},
 };
 use fleetfoot_stats::{Concentration, Key, SquareRoot};
-
-use crate::{
-    Dataset, Error, Logs, Recipe, RequestError, StructuredTask, concentrated,
-    condition::refuse_other_rows,
-    folds::smoothed_rows,
-    not_finite,
-    open::OpenedStructure,
-    output::refuse_not_finite,
-    statistic::{LabelKey, ScanOptions, scan, scan_tasks},
-    stats_file::StatisticFile,
-    subset::Subset,
-};
+use fleetfoot_task::StructuredTask;
 pub use frequencies::write_frequencies;
 pub use influence::{EpisodeInfluence, LeaveOneOutReport};
 pub use lambda::LambdaChoice;
@@ -48,6 +39,15 @@ use report::Price;
 pub use report::{CandidateReport, LatentReport, SparseReport, TaskReport};
 pub use shown_path::PathReport;
 pub use solve::{SolveMethod, Solved, solve_statistic};
+
+use crate::{
+    Error, concentrated,
+    folds::smoothed_rows,
+    not_finite,
+    output::refuse_not_finite,
+    statistic::{LabelKey, ScanOptions, scan, scan_tasks},
+    subset::Subset,
+};
 
 /// Episodes from which on they are the clusters of the standard errors, and the units of stability selection; with fewer, chunks are.
 const ENOUGH_EPISODES: usize = 10;

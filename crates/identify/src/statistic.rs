@@ -4,30 +4,25 @@
 //! ([`fleetfoot_sparse::structured::Scanned`]) and those of the equations of `fit sindy` and `fit pwa` ([`EquationStatistic`]). Kept as a file, it is shipped instead of
 //! the logs, appended to, merged, parted by episode and solved later. [`scan()`] makes one in memory, [`scan_to`] on disk.
 
-mod compare;
 mod content;
-mod describe;
 mod equations;
+mod json;
 mod key;
-mod operations;
 mod plan;
 mod scan;
+mod serves;
 mod target;
-mod task;
 #[cfg(test)]
 mod tests;
 
-pub use describe::TaskSummary;
+pub use fleetfoot_dataset::{
+    ColumnRecord, ContentHash, EpisodeRecord, EquationGroup, EquationStatistic, FileRecord, Sizes, StatisticError,
+    StatisticFile, TaskSummary, Unwanted,
+};
+pub use json::description;
 pub use key::LabelKey;
-pub use operations::Unwanted;
-pub use plan::{PlannedLatent, ScanPlan, plan_scan};
+pub use plan::{PlannedLatent, ScanPlan, plan_append, plan_scan};
 pub(crate) use scan::scan_tasks;
 pub use scan::{ScanOptions, ScanReport, freeze, scan, scan_part};
+pub use serves::serves;
 pub use target::{ScanOutcome, ScanTarget, scan_to};
-
-pub use crate::{
-    statistic_error::StatisticError,
-    stats_file::{
-        ColumnRecord, ContentHash, EpisodeRecord, EquationGroup, EquationStatistic, FileRecord, Sizes, StatisticFile,
-    },
-};

@@ -2,23 +2,7 @@
 
 use fleetfoot_data::Work;
 use fleetfoot_sparse::{Certificate, narx::NarxOrder};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use serde_json::Value;
-
-/// A part of a report as a tree of values.
-pub(crate) fn value(told: impl Serialize) -> Value {
-    serde_json::to_value(told).expect("keys of reports are text, and nothing else can fail in memory")
-}
-
-/// Numbers of a report that is read again: one that is none was told as `null`.
-pub(crate) fn numbers<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
-    Ok(Vec::<Option<f64>>::deserialize(deserializer)?.into_iter().map(|value| value.unwrap_or(f64::NAN)).collect())
-}
-
-/// The same of one number.
-pub(crate) fn number<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
-    Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::NAN))
-}
+use serde::{Serialize, Serializer};
 
 /// Rows that were left out: at borders, incomplete ones and, where there are regions, those that none took.
 pub(crate) fn left_out<S: Serializer>(rows: &[u64], serializer: S) -> Result<S::Ok, S::Error> {
@@ -44,17 +28,6 @@ pub(crate) fn along<S: Serializer>(along: &[(String, Vec<f64>)], serializer: S) 
 /// Multiplications that lie ahead.
 pub(crate) fn operations<S: Serializer>(work: &Work, serializer: S) -> Result<S::Ok, S::Error> {
     work.operations.serialize(serializer)
-}
-
-/// The decoded columns of robots' logs: their bytes, and whether the cache has them already.
-pub(crate) fn decoded<S: Serializer>(decoded: &Option<(u64, bool)>, serializer: S) -> Result<S::Ok, S::Error> {
-    #[derive(Serialize)]
-    struct Told {
-        decoded_bytes: Option<u64>,
-        cached: Option<bool>,
-    }
-    let told = Told { decoded_bytes: decoded.map(|(bytes, _)| bytes), cached: decoded.map(|(_, cached)| cached) };
-    told.serialize(serializer)
 }
 
 #[derive(Serialize)]

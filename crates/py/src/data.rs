@@ -39,7 +39,7 @@ impl Data {
         if fleetfoot::is_statistic(&patterns) {
             return Ok(Self { logs: (&patterns).into() });
         }
-        let paths = fleetfoot::log::paths(patterns).map_err(|error| of_engine(error.into()))?;
+        let paths = fleetfoot::log::paths(patterns).map_err(of_engine)?;
         Ok(Self { logs: (&paths).into() })
     }
 

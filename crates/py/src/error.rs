@@ -2,7 +2,9 @@
 
 use std::fmt::Display;
 
-use fleetfoot::{Cause, Error, RequestError, statistic::StatisticError};
+use fleetfoot::{
+    Cause, Error, RequestError, dataset::Error as DatasetError, recipe::Error as RecipeError, statistic::StatisticError,
+};
 use pyo3::{
     exceptions::{PyBaseException, PyImportError, PyKeyboardInterrupt, PyRuntimeError},
     prelude::*,
@@ -76,36 +78,46 @@ fn class<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyType>> {
 }
 
 /// What a pipeline's error is in Python.
-pub(crate) fn of_engine(error: Error) -> PyErr {
+pub(crate) fn of_engine(error: impl Into<Error>) -> PyErr {
+    let error = error.into();
     let kind = match &error {
         error if error.is_memory() => Kind::Memory,
         Error::Cancelled(_) | Error::Paused { .. } => return PyKeyboardInterrupt::new_err(error.to_string()),
         Error::Request(request) => return of_request(request),
-        Error::UnknownColumn { name, candidates, .. } => {
+        Error::Dataset(DatasetError::Recipe(RecipeError::UnknownColumn { name, candidates, .. })) => {
             return with(Kind::UnknownName.error(&error), |value| {
                 value.setattr("name", name)?;
                 value.setattr("candidates", candidates)
             });
         }
-        Error::Columns(_) => Kind::UnknownName,
-        Error::Recipe { .. }
-        | Error::Expression { .. }
-        | Error::World { .. }
-        | Error::Library(_)
-        | Error::Specification(_)
-        | Error::Filter(_) => Kind::Request,
-        Error::Log(fleetfoot::log::Error::Io { action: "write", .. }) | Error::Write { .. } => Kind::Write,
-        Error::Statistic(StatisticError::Key { .. }) => Kind::Request,
-        Error::Log(_)
-        | Error::Data(_)
-        | Error::Signal { .. }
-        | Error::UnseenLabel { .. }
-        | Error::TextAsNumber { .. } => Kind::Data,
-        Error::Model(_) | Error::Export(_) | Error::Dynamics(_) | Error::Control(_) => Kind::Model,
-        Error::Statistic(_) | Error::Merge(_) => Kind::Statistic,
+        Error::Dataset(error) => of_dataset(error),
+        Error::World { .. } | Error::Specification(_) => Kind::Request,
+        Error::Export(_) | Error::Dynamics(_) | Error::Control(_) => Kind::Model,
+        Error::Merge(_) => Kind::Statistic,
         _ => Kind::Fit,
     };
     kind.error(error)
+}
+
+/// What kind an error between a recipe and the rows of its logs is of.
+fn of_dataset(error: &DatasetError) -> Kind {
+    match error {
+        DatasetError::Recipe(RecipeError::Columns(_)) => Kind::UnknownName,
+        DatasetError::Recipe(RecipeError::TargetInPartition { .. }) => Kind::Fit,
+        DatasetError::Recipe(_) => Kind::Request,
+        DatasetError::Log(fleetfoot::log::Error::Io { action: "write", .. }) | DatasetError::Write { .. } => {
+            Kind::Write
+        }
+        DatasetError::Statistic(StatisticError::Key { .. }) => Kind::Request,
+        DatasetError::Log(_)
+        | DatasetError::Data(_)
+        | DatasetError::Signal { .. }
+        | DatasetError::UnseenLabel { .. }
+        | DatasetError::TextAsNumber { .. } => Kind::Data,
+        DatasetError::Model(_) => Kind::Model,
+        DatasetError::Statistic(_) | DatasetError::Merge(_) => Kind::Statistic,
+        _ => Kind::Fit,
+    }
 }
 
 /// What a request that cannot be met is in Python: a class a cause, with what a program can act on as attributes.

@@ -19,6 +19,6 @@ pub(crate) fn prepare<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let (recipe, request) = (of_json(recipe_text)?, PrepareRequest { folder, force });
-    let prepared = run(py, progress, |progress| run_prepare(&recipe, &request, &data.logs, progress))?;
+    let prepared = run(py, progress, |progress| Ok(run_prepare(&recipe, &request, &data.logs, progress)?))?;
     object(py, &prepared.to_json())
 }

@@ -129,12 +129,12 @@ impl Statistic {
     /// Reads a `.stats` file.
     #[staticmethod]
     fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        Ok(Self::of(run(py, None, |_| StatisticFile::read(&path))?))
+        Ok(Self::of(run(py, None, |_| Ok(StatisticFile::read(&path)?))?))
     }
 
     /// Writes a `.stats` file, whole or not at all.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        run(py, None, |_| self.file.write(&path)).map(|_| ())
+        run(py, None, |_| Ok(self.file.write(&path)?)).map(|_| ())
     }
 
     /// This and others as one; a log that two of them have is refused.
@@ -207,7 +207,7 @@ impl Statistic {
     /// The methods that need no logs, each with its regions.
     #[getter]
     fn serves(&self) -> Vec<String> {
-        self.file.serves()
+        fleetfoot::statistic::serves(&self.file)
     }
 
     /// Rows of a chunk, at most.

@@ -290,7 +290,7 @@ fn generate_run(
     let run = Run { seconds: job.seconds, seed: run_seed(job.seed, job.first_run + index) };
     let end = record(scenario.as_ref(), run, &mut recorder)?;
     let (rows, messages, gathered) = recorder.finish()?;
-    let size = std::fs::metadata(&path).map_err(|source| Error::Write { path, source })?.len();
+    let size = std::fs::metadata(&path).map_err(|source| fleetfoot_dataset::Error::Write { path, source })?.len();
     let report = RunReport {
         run: job.first_run + index,
         file: folder.target(&name),
@@ -313,7 +313,7 @@ fn record(scenario: &dyn Scenario, run: Run, recorder: &mut Recorder<'_>) -> Res
     scenario.run(run, recorder).map_err(|error| match error.downcast::<Error>() {
         Ok(error) => *error,
         Err(error) => match error.downcast::<fleetfoot_log::Error>() {
-            Ok(error) => Error::Log(*error),
+            Ok(error) => fleetfoot_dataset::Error::Log(*error).into(),
             Err(error) => Error::output(format!("the simulated log cannot be written: {error}")),
         },
     })

@@ -80,14 +80,14 @@ pub fn plan(job: &Job, progress: &dyn Progress) -> Result<Plan, Error> {
     let seconds = (SAMPLE_ROWS * scenario.row_period()).min(job.seconds);
     progress.stage("sample");
     let temporary = tempfile::tempdir();
-    let folder = temporary.map_err(|source| Error::Write { path: std::env::temp_dir(), source })?;
+    let folder = temporary.map_err(|source| fleetfoot_dataset::Error::Write { path: std::env::temp_dir(), source })?;
     let path = folder.path().join("sample");
     let output = Output::create(&path, job, job.metadata(0, &world), scenario.as_ref())?;
     let telling = Seconds::new(&Silent, seconds, 1);
     let mut recorder = Recorder::new(output, &terms, columns.len(), telling.run());
     record(scenario.as_ref(), Run { seconds, seed: run_seed(job.seed, job.first_run) }, &mut recorder)?;
     let (rows, messages, _) = recorder.finish()?;
-    let bytes = std::fs::metadata(&path).map_err(|source| Error::Write { path, source })?.len();
+    let bytes = std::fs::metadata(&path).map_err(|source| fleetfoot_dataset::Error::Write { path, source })?.len();
     let planned = job.runs * (job.seconds / scenario.row_period()).round().max(1.0) as u64;
     // By rows, not by time: the short run may have ended early.
     let scaled = |count: u64| (count as f64 * planned as f64 / rows.max(1) as f64).round() as u64;

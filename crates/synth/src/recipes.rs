@@ -120,7 +120,7 @@ impl RecipeParts {
 
     /// The recipe for logs of a format.
     pub(super) fn recipe(&self, format: Format) -> Result<Recipe, Error> {
-        Recipe::parse(&self.text(format, "", &[]), "recipe of the generated logs")
+        Ok(Recipe::parse(&self.text(format, "", &[]), "recipe of the generated logs")?)
     }
 }
 

@@ -103,8 +103,8 @@ fn dry_run(recipe: &Recipe, files: &[std::path::PathBuf], context: &Context) -> 
         let of_choice = plan.choice_passes;
         format!("; of them {of_choice} for the choice, with {candidates} x {folds} x {starts} rollouts of {horizon} steps at most")
     });
-    let simulations =
-        plan.objective.in_words(plan.fit_passes, plan.bounded).map_or_else(String::new, |words| format!("\n{words}"));
+    let simulations = fleetfoot::simulation_cost(plan.objective, plan.fit_passes, plan.bounded)
+        .map_or_else(String::new, |words| format!("\n{words}"));
     context.print(
         &plan,
         || {
@@ -211,7 +211,7 @@ fn bounded(candidates: &[Score], held_out: bool) -> String {
 
 /// Tells what a fit to simulations will cost, before it begins: of so many passes a fit of one step, and whether maps are bounded.
 pub(crate) fn say_passes(objective: Option<Objective>, (fit, bounded): (usize, bool), context: &Context) {
-    if let Some(words) = objective.unwrap_or_default().in_words(fit, bounded) {
+    if let Some(words) = fleetfoot::simulation_cost(objective.unwrap_or_default(), fit, bounded) {
         context.say(format!("note: {words}"));
     }
 }

@@ -123,7 +123,8 @@ fn plan_text(plan: &SindyPlan) -> String {
         [] => String::new(),
         names => format!("\nestimated first, a pass a step: {}", names.join(", ")),
     };
-    let simulations = plan.objective.in_words(1, false).map_or_else(String::new, |words| format!("\n{words}"));
+    let simulations =
+        fleetfoot::simulation_cost(plan.objective, 1, false).map_or_else(String::new, |words| format!("\n{words}"));
     let smoothing = plan.smoothing.map_or_else(String::new, |most| {
         format!(
             "\nstates are smoothed where --smooth-states asks for it, or noise is more than a fifth of what differences vary by: some hundred passes over rows in memory, {} of it at most",

@@ -49,7 +49,7 @@ fn recipe(files: &[PathBuf], arguments: &Init, context: &Context) -> Result<Stri
         let found = infos.map(|infos| FoundRuns::among(&infos).filter(|found| found.share_a_clock(&bar)));
         bar.finish();
         if let Some(found) = found? {
-            return starter_recipe_of_runs(&found);
+            return Ok(starter_recipe_of_runs(&found)?);
         }
         context.say(format!(
             "note: the recipe is for {} and files like it: the {} files are not the files of runs, whose columns differ and whose clocks overlap",

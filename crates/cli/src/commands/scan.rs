@@ -2,7 +2,7 @@
 
 use fleetfoot::{
     Error,
-    statistic::{LabelKey, ScanOptions, ScanOutcome, ScanTarget, StatisticFile, plan_scan, scan_to},
+    statistic::{LabelKey, ScanOptions, ScanOutcome, ScanTarget, StatisticFile, plan_append, plan_scan, scan_to},
 };
 use serde::Serialize;
 use serde_json::Value;
@@ -40,7 +40,9 @@ pub(crate) fn scan(arguments: &Scan, context: &Context) -> Result<(), Error> {
     if arguments.dry_run {
         let append = Some(&arguments.output).filter(|output| arguments.append && output.exists());
         let plan = match append.or(arguments.plan.as_ref()) {
-            Some(base) => StatisticFile::read(base).and_then(|base| base.plan_append(&recipe, &options, &files, &bar)),
+            Some(base) => StatisticFile::read(base)
+                .map_err(Into::into)
+                .and_then(|base| plan_append(&base, &recipe, &options, &files, &bar)),
             None => plan_scan(&recipe, &options, &files, &bar),
         };
         bar.finish();
@@ -86,7 +88,7 @@ fn to_text(outcome: &ScanOutcome) -> String {
         counts.incomplete,
         count(file.chunks(), "chunk"),
         file.plan.chunk_rows,
-        file.serves().join(", "),
+        fleetfoot::statistic::serves(&file).join(", "),
         bytes(outcome.sizes.total),
     )
 }

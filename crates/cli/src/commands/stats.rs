@@ -26,7 +26,7 @@ pub(crate) fn stats(arguments: &Stats, context: &Context) -> Result<(), Error> {
 fn info(arguments: &StatsInfo, context: &Context) -> Result<(), Error> {
     let (file, sizes) = StatisticFile::read_with_sizes(&arguments.file)?;
     let tasks = file.task_summaries();
-    context.print(file.to_json(&sizes, &tasks), || {
+    context.print(fleetfoot::statistic::description(&file, &sizes, &tasks), || {
         let mut text = info_text(&file, &sizes, &tasks);
         if arguments.episodes {
             text.push_str(&episodes_text(&file));
@@ -78,7 +78,7 @@ fn info_text(file: &StatisticFile, sizes: &Sizes, tasks: &[TaskSummary]) -> Stri
         file.version,
         table(&header, rows),
         latents.join(", "),
-        file.serves().join(", "),
+        fleetfoot::statistic::serves(&file).join(", "),
     );
     for (label, values) in file.by_label() {
         let rows = values

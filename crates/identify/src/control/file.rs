@@ -8,10 +8,11 @@ use fleetfoot_control::{
 };
 use fleetfoot_log::write_atomic;
 use fleetfoot_model::Model;
+use fleetfoot_recipe::ControlSection;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
-use crate::{ControlSection, Error};
+use crate::Error;
 
 /// Version of the format.
 const FORMAT: u32 = 1;

@@ -2,13 +2,12 @@
 
 use fleetfoot_control::filter::{FilterOptions, Measured, NoiseColour, ProcessFactor, SwitchedFilter, Switching};
 use fleetfoot_data::{Progress, Source};
+use fleetfoot_dataset::{Dataset, Logs};
 use fleetfoot_dynamics::Stepper;
 use fleetfoot_model::{Column, Model, Role};
+use fleetfoot_recipe::{FilterNoise, FilterSection, FilterSwitching, Recipe, Settings, Tunable, items};
 
-use crate::{
-    Dataset, Error, FilterNoise, FilterSection, FilterSwitching, Logs, Recipe, Settings, Tunable, controller::source,
-    items,
-};
+use crate::{Error, controller::source};
 
 /// What is asked, resolved on logs.
 pub(super) struct Asked {

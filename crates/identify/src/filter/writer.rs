@@ -3,12 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use fleetfoot_control::filter::SwitchedFilter;
+use fleetfoot_dataset::Logs;
 use fleetfoot_log::{Overlay, SeriesId, TableWriter, Values, WriteColumn, WriteKind};
 use fleetfoot_model::Model;
 
 use super::FilteredRows;
 use crate::{
-    Error, Logs,
+    Error,
     output::{Kind, Line, Plot, finish_with_layouts, mcap_options, table_options},
 };
 

@@ -2,11 +2,9 @@
 
 use fleetfoot_model::UnseenLabel;
 use fleetfoot_pwa::{Options, Selection, Shrinkage, Specification};
+use fleetfoot_recipe::{Objective, PartitionChoice, PwaSection, Recipe, Tunable, UnseenLabels, seed};
 
-use crate::{
-    Error, HORIZON, Objective, PartitionChoice, PwaSection, Recipe, RolloutRule, Tunable, UnseenLabels,
-    folds::smoothed_rows, recipe::seed, rollout_choice::open_spans,
-};
+use crate::{Error, HORIZON, RolloutRule, folds::smoothed_rows, rollout_choice::open_spans};
 
 /// How a piecewise-affine model is found.
 #[derive(Debug, Clone)]
@@ -20,7 +18,7 @@ pub struct PwaOptions {
     pub rollouts: Option<RolloutRule>,
     /// What coefficients are fitted to.
     pub objective: Objective,
-    /// Whether regions are counted along a phase, which is known once the columns are ([`crate::Task::phase`]).
+    /// Whether regions are counted along a phase, which is known once the columns are ([`fleetfoot_task::Task::phase`]).
     pub(crate) phase: bool,
     /// Seconds over which the logs were smoothed before, where they were.
     smoothed: Option<f64>,
@@ -58,7 +56,7 @@ impl PwaOptions {
         let is_bound = |bound: &f64| *bound > 0.0 && bound.is_finite();
         let stable = section.stable.map(|bound| checked("stable", bound, is_bound, "a bound above 0, such as 1"));
         options.stability = stable.transpose()?;
-        options.ports = section.passive.clone().map_or_else(Vec::new, |ports| ports.0);
+        options.ports = section.passive.iter().flat_map(|ports| &ports.0).map(port).collect();
         options.unseen = match section.unseen_labels {
             None | Some(UnseenLabels::Refuse) => UnseenLabel::Refuse,
             Some(UnseenLabels::Pool) => UnseenLabel::Pool,
@@ -122,7 +120,8 @@ impl PwaOptions {
 
 /// What the recipe says of states that maps of regions have no use for, for people.
 pub(super) fn unused(recipe: &Recipe) -> Option<String> {
-    let has = |state: &crate::State| state.nominal.is_some() || state.library.is_some() || !state.fixed.is_empty();
+    let has =
+        |state: &fleetfoot_recipe::State| state.nominal.is_some() || state.library.is_some() || !state.fixed.is_empty();
     let names: Vec<&str> =
         recipe.states.iter().filter(|(_, state)| has(state)).map(|(name, _)| name.as_str()).collect();
     (!names.is_empty()).then(|| {
@@ -165,6 +164,11 @@ fn checked<T: std::fmt::Display>(
 
 fn refused(what: &str, value: impl std::fmt::Display, allowed: &str) -> Error {
     Error::value(format!("[pwa] {what} = {value}: write {allowed}"))
+}
+
+/// A port of the recipe as the estimator has it.
+fn port(port: &fleetfoot_recipe::Port) -> fleetfoot_pwa::Port {
+    fleetfoot_pwa::Port { input: port.input.clone(), output: port.output.clone(), shortage: port.shortage }
 }
 
 #[cfg(test)]

@@ -1,23 +1,25 @@
 //! A piecewise-affine model from a `.stats` file: no pass.
 
 use faer::{Mat, MatRef};
+use fleetfoot_dataset::{EpisodeRecord, Logs, StatisticFile};
 use fleetfoot_model::{Partition, UnseenLabel};
 use fleetfoot_pwa::{Options, Specification, Summed, SummedPartition, SummedRows, identify_summed};
+use fleetfoot_recipe::Recipe;
 use fleetfoot_sparse::{inference::system_effective_rows, select::Folds, system::SystemScan};
 use fleetfoot_stats::{FoldRule, Purge, SquareRoot};
+use fleetfoot_task::{Task, piecewise};
 
 use super::{
     Fitted, PwaOptions, PwaRequest,
     options::{TRIED, unused},
 };
 use crate::{
-    Error, Logs, Recipe, Task, concentrated,
+    Error, concentrated,
     folds::reached,
     left_out::in_no_region,
+    objective,
     output::refuse_not_finite,
-    problem::piecewise,
     sindy::{beneath, keys},
-    stats_file::{EpisodeRecord, StatisticFile},
 };
 
 /// Fits the sums of a statistic, in the regions that were frozen with its plan.
@@ -28,7 +30,7 @@ pub(crate) fn fit(recipe: &Recipe, request: PwaRequest, logs: &Logs) -> Result<F
     let file = logs.statistic()?;
     let recipe = beneath(recipe, &Recipe::parse(&file.recipe, "the recipe of the statistic")?)?;
     let said = PwaOptions::new(&recipe)?;
-    said.objective.refuse_statistic()?;
+    objective::refuse_statistic(said.objective)?;
     refuse_rows(&said)?;
     let mut options = said.of_step(file.step());
     options.keep_all = request.keep_all;
@@ -195,7 +197,7 @@ fn unserved(file: &StatisticFile, partition: Option<&str>) -> Error {
     Error::other_statistic(format!(
         "the statistic has no sums for `fit pwa`{asked} with the targets, functions and weights of the recipe; without the logs it serves {}; scan again with \
          that recipe{}, or give the logs",
-        file.serves().join(", "),
+        served(file).join(", "),
         partition.map_or_else(String::new, |partition| format!(" and --partition {partition}"))
     ))
 }

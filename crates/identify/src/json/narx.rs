@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use fleetfoot_dataset::json::value;
 use fleetfoot_dynamics::{FreeRunOutcome, OutputErrors, TargetScore};
 use fleetfoot_sparse::narx::OrderScore;
 use serde::{Serialize, Serializer};
@@ -10,7 +11,7 @@ use serde_json::Value;
 use super::report;
 use crate::{
     FileRuns, MeanRun, NarxCandidate, NarxRegion, NarxReport, NarxScores, NarxSearch, NarxStage, Refinement,
-    told::{Order, left_out, value},
+    told::{Order, left_out},
 };
 
 impl NarxReport {

@@ -1,10 +1,11 @@
 //! The page of results.
 
+use fleetfoot_dataset::json::value;
 use fleetfoot_report::Sentence;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::{Report, told::value};
+use crate::Report;
 
 impl Report {
     /// The findings for programs; the figures have their tables on the page.

@@ -1,10 +1,11 @@
 //! The report of estimated parameters.
 
+use fleetfoot_recipe::EstimateMethod;
 use serde::Serialize;
 use serde_json::Value;
 
 use super::report;
-use crate::{ConfoundedPair, EstimateMethod, GainInterval, LimitReport, ParameterInterval, ParametersReport};
+use crate::{ConfoundedPair, GainInterval, LimitReport, ParameterInterval, ParametersReport};
 
 impl ParametersReport {
     /// Parameters, intervals, noise and held-out rollouts for programs.

@@ -4,11 +4,13 @@ use std::collections::BTreeMap;
 
 use faer::Mat;
 use fleetfoot_data::{EpisodeId, Progress, Source};
+use fleetfoot_recipe::{Criterion, NarxSelection};
 use fleetfoot_sparse::{
     narx::{NarxFold, NarxOrder, OrderChoice, OrderOptions, OrderSearch, search_orders},
     system::{SystemPlan, SystemScan},
     threshold::{Criterion as By, CriterionOptions},
 };
+use fleetfoot_task::EquationTask;
 
 use super::{
     GivenOrder, NarxCandidate, NarxOptions, NarxSearch, OrderRule, TermRule,
@@ -22,7 +24,7 @@ use super::{
     terms::{EquationTerms, Problems, Support, Trails, choice},
     training::Fit,
 };
-use crate::{Criterion, EquationTask, Error, NarxSelection, spans::Spans};
+use crate::{Error, spans::Spans};
 
 /// The shortest span has as many rows for every lag that is looked for.
 const ROWS_PER_LAG: usize = 8;

@@ -1,55 +1,7 @@
 //! How much work a search may be: a count of what is evaluated, never the time that it takes, so that the same input gives the same model.
 
+use fleetfoot_recipe::Effort;
 use fleetfoot_sparse::narx::NarxOrder;
-
-use crate::Effort;
-
-impl Effort {
-    /// Terms that may be evaluated.
-    pub fn limit(self) -> u64 {
-        match self {
-            Self::Low => 300_000_000,
-            Self::Normal => 3_000_000_000,
-            Self::High => 30_000_000_000,
-        }
-    }
-
-    /// Lags that the linear models have, where they are not given.
-    pub(crate) fn lags(self) -> &'static [usize] {
-        match self {
-            Self::Low => &[1, 2, 3, 4],
-            Self::Normal => &[1, 2, 3, 4, 5, 6, 8, 10],
-            Self::High => &[1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 20],
-        }
-    }
-
-    /// Linear models whose lags nonlinear ones take over.
-    pub(crate) fn seeds(self) -> usize {
-        match self {
-            Self::Low => 1,
-            Self::Normal => 4,
-            Self::High => 10,
-        }
-    }
-
-    /// The most candidates of an order.
-    pub(crate) fn most_candidates(self) -> usize {
-        match self {
-            Self::Low => 120,
-            Self::Normal => 300,
-            Self::High => 1_000,
-        }
-    }
-
-    /// Times that the orders next to the best one are tried.
-    pub(crate) fn rounds(self) -> usize {
-        match self {
-            Self::Low => 1,
-            Self::Normal => 4,
-            Self::High => 12,
-        }
-    }
-}
 
 /// What of the effort is left.
 #[derive(Debug, Clone)]

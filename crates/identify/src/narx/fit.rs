@@ -2,8 +2,11 @@
 
 use faer::Mat;
 use fleetfoot_data::{EpisodeId, Progress, Source};
+use fleetfoot_dataset::{Dataset, Logs};
 use fleetfoot_model::{Model, Partition};
+use fleetfoot_recipe::{Objective, Recipe};
 use fleetfoot_sparse::system::SystemScan;
+use fleetfoot_task::EquationTask;
 
 use super::{
     FileRuns, NarxEquation, NarxOptions, NarxRegion, NarxReport, NarxTerm, OrderRule,
@@ -18,10 +21,10 @@ use super::{
     training::Fit,
 };
 use crate::{
-    Dataset, EquationTask, Error, Logs, Objective, Recipe, Refinement, concentrated,
+    Error, Refinement, concentrated,
     folds::smoothed_rows,
     left_out::{in_no_region, left_out},
-    not_finite,
+    not_finite, objective,
     objective::{coefficient, refine},
     output::refuse_not_finite,
     sindy::{beneath, coefficients_of},
@@ -121,7 +124,7 @@ fn of_sums(recipe: &Recipe, logs: &Logs, progress: &dyn Progress) -> Result<(Mod
     let recipe = beneath(recipe, &scanned)?;
     let recipe = by_single_steps(&recipe, &mut notes)?.into_owned();
     let mut options = NarxOptions::new(&recipe)?;
-    options.objective.refuse_statistic()?;
+    objective::refuse_statistic(options.objective)?;
     let expanded = recipe.expand(&file.fields)?;
     let task = EquationTask::resolve(&one_row_ahead(&expanded, &options)?, &file.fields)?;
     let base = NarxBase::new(task, &expanded)?;
@@ -173,7 +176,7 @@ impl Fit<'_> {
         };
         let mut model = model_of(&coefficients);
         let refinement = self.refined(&model, &chosen, progress)?;
-        notes.extend(self.options.objective.note(refinement.as_ref()));
+        notes.extend(objective::note(self.options.objective, refinement.as_ref()));
         if let Some(found) = refinement.as_ref().filter(|found| found.written) {
             model = model_of(&coefficients_of(&found.fitted.model, &chosen.task, coefficients.len()));
         }

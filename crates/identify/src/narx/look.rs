@@ -4,6 +4,7 @@
 use std::collections::BTreeSet;
 
 use fleetfoot_data::Progress;
+use fleetfoot_recipe::Effort;
 use fleetfoot_sparse::narx::NarxOrder;
 use serde::Serialize;
 
@@ -14,7 +15,7 @@ use super::{
     options::USUAL,
     select::{Job, Selection, Tried},
 };
-use crate::{Effort, Error};
+use crate::Error;
 
 /// The highest degree that is looked for.
 const MOST_DEGREE: usize = 3;

@@ -1,11 +1,12 @@
 //! How an autoregression is found: the words of `[narx]`, checked once.
 
 use fleetfoot_pwa::Specification;
+use fleetfoot_recipe::{
+    Criterion, Effort, GivenAs, Lags, NarxSection, NarxSelection, NarxTerms, Objective, Recipe, seed,
+};
 use fleetfoot_sparse::narx::NarxOrder;
 
-use crate::{
-    Criterion, Effort, Error, GivenAs, Lags, NarxSection, NarxSelection, NarxTerms, Objective, Recipe, recipe::seed,
-};
+use crate::Error;
 
 /// How many terms an equation has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -5,9 +5,10 @@ use std::collections::BTreeMap;
 use fleetfoot_data::{Progress, Source, Stages};
 use fleetfoot_model::Partition;
 use fleetfoot_pwa::{Options, Problem, Specification};
+use fleetfoot_recipe::NarxSelection;
 
 use super::{OrderRule, choice::Choice, options::USUAL, summed::Evidence, task::NarxTask, training::Fit};
-use crate::{Error, NarxSelection, spans::Spans};
+use crate::{Error, spans::Spans};
 
 impl Fit<'_> {
     /// The partitions asked for, and beside them the cells that refinements start from, on all rows that train; those that cluster once a start.
@@ -133,13 +134,16 @@ fn made(
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::{
-        EquationTask, NarxOptions, Recipe,
-        narx::task::{NarxBase, one_row_ahead},
-    };
     use fleetfoot_data::{Column, MemorySource, Silent, mix, with_threads};
     use fleetfoot_model::Rule;
+    use fleetfoot_recipe::Recipe;
+    use fleetfoot_task::EquationTask;
+
+    use super::*;
+    use crate::{
+        NarxOptions,
+        narx::task::{NarxBase, one_row_ahead},
+    };
 
     /// Two modes of y by the sign of u, and noise.
     fn recording(rows: usize) -> Vec<Vec<f64>> {

@@ -3,11 +3,12 @@
 use std::{collections::BTreeMap, path::PathBuf};
 
 use fleetfoot_data::{Progress, Source};
+use fleetfoot_dataset::Dataset;
 use fleetfoot_model::{Model, Prediction};
 use serde::Serialize;
 
 use super::{NarxScores, scores::scores};
-use crate::{Dataset, Error, spans::Spans};
+use crate::{Error, spans::Spans};
 
 /// Free runs of files.
 #[derive(Debug, Clone)]

@@ -15,6 +15,7 @@ use fleetfoot_sparse::{
     threshold::FrolsChoice,
 };
 use fleetfoot_stats::{aic, bic};
+use fleetfoot_task::Provenance;
 
 use super::{
     TermRule,
@@ -24,7 +25,7 @@ use super::{
     task::{NarxBase, NarxTask},
     terms::{Problems, Support, Trails, coefficients},
 };
-use crate::{Error, Provenance, spans::Spans};
+use crate::{Error, spans::Spans};
 
 /// What models are compared by.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -396,9 +397,12 @@ fn candidate(
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::{EquationTask, NarxOptions, Recipe, narx::task::one_row_ahead};
     use fleetfoot_data::{Column, MemorySource, Source, mix, with_threads};
+    use fleetfoot_recipe::Recipe;
+    use fleetfoot_task::EquationTask;
+
+    use super::*;
+    use crate::{NarxOptions, narx::task::one_row_ahead};
 
     fn noise(seed: u64, row: u64) -> f64 {
         mix(mix(seed).wrapping_add(row)) as f64 / u64::MAX as f64 * 2.0 - 1.0

@@ -4,15 +4,18 @@ use std::{borrow::Cow, collections::BTreeMap};
 
 use faer::MatRef;
 use fleetfoot_data::{EpisodeId, Source};
+use fleetfoot_dataset::{EquationStatistic, StatisticFile};
 use fleetfoot_library::Expr;
 use fleetfoot_model::{Partition, TrainedEpisode};
 use fleetfoot_pwa::Problem;
+use fleetfoot_recipe::{Criterion, GivenAs, NarxSection, NarxSelection, Recipe};
 use fleetfoot_sparse::{
     narx::{NarxFold, NarxOrder},
     select::Folds,
     system::{System, SystemScan},
 };
 use fleetfoot_stats::{FoldRule, Purge};
+use fleetfoot_task::{EquationTask, placeholder};
 
 use super::{
     NarxOptions, OrderRule,
@@ -20,12 +23,7 @@ use super::{
     options::USUAL,
     task::{NarxBase, NarxTask, one_row_ahead},
 };
-use crate::{
-    Criterion, EquationTask, Error, GivenAs, NarxSection, NarxSelection, Recipe,
-    problem::placeholder,
-    sindy::keys,
-    stats_file::{EquationStatistic, StatisticFile},
-};
+use crate::{Error, sindy::keys};
 
 /// The candidates that a scan sums for `fit narx`: those of all lags up to the recipe's, in one of its partitions.
 pub(crate) struct Summed {
@@ -220,7 +218,7 @@ fn unserved(file: &StatisticFile) -> Error {
     Error::other_statistic(format!(
         "the statistic has no sums for `fit narx` with the outputs, inputs, candidates and regions of the recipe; without the logs it serves {}; scan again with a \
          recipe that has [narx] lags_out, lags_in and the partition, or give the logs",
-        file.serves().join(", ")
+        served(file).join(", ")
     ))
 }
 

@@ -2,10 +2,12 @@
 
 use fleetfoot_library::Expr;
 use fleetfoot_model::{ClosedError, Role};
+use fleetfoot_recipe::Recipe;
 use fleetfoot_sparse::narx::{Addend, NarxLibrary, NarxOrder};
+use fleetfoot_task::{EquationTask, seen};
 
 use super::{GivenOrder, NarxOptions, OrderRule};
-use crate::{EquationTask, Error, Recipe, problem::seen};
+use crate::Error;
 
 /// The equations `next(y) = f(lags)` of a recipe's states, while the order is not known.
 #[derive(Debug, Clone)]

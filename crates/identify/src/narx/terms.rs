@@ -1,6 +1,7 @@
 //! The terms of an order in every region, by forward regression.
 
 use faer::Mat;
+use fleetfoot_recipe::Criterion;
 use fleetfoot_sparse::{
     system::SystemScan,
     threshold::{
@@ -10,7 +11,6 @@ use fleetfoot_sparse::{
 use fleetfoot_stats::Compressed;
 
 use super::TermRule;
-use crate::Criterion;
 
 /// The problems of one training set: all rows, and the rows of every region, with the constant first.
 pub(crate) struct Problems {

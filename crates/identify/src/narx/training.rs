@@ -2,10 +2,12 @@
 
 use fleetfoot_data::Progress;
 use fleetfoot_model::Partition;
+use fleetfoot_recipe::Recipe;
 use fleetfoot_sparse::system::{System, SystemPlan, SystemScan};
+use fleetfoot_task::{EquationTask, Provenance};
 
 use super::{NarxOptions, TermRule, summed::Evidence, task::NarxBase};
-use crate::{EquationTask, Error, Provenance, Recipe, constant::refuse_constant_targets, folds::smoothed_rows};
+use crate::{Error, constant::refuse_constant_targets, folds::smoothed_rows};
 
 /// What all ways to a model share.
 pub(crate) struct Fit<'a> {

@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
+use fleetfoot_dataset::Logs;
 use fleetfoot_dynamics::Plane;
 use fleetfoot_log::{TableWriter, Values, WriteColumn, WriteKind};
 use fleetfoot_model::Model;
 
 use super::table_options;
-use crate::{Error, Logs};
+use crate::Error;
 
 /// Writes a row a cell: the centres of its two bins under the axes' names, counts, transition ratio, mean score.
 pub(crate) fn write_plane(path: &Path, model: &Model, plane: &Plane, logs: &Logs) -> Result<(), Error> {

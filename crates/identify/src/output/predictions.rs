@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use fleetfoot_dataset::Logs;
 use fleetfoot_dynamics::{Domain, Predicted, Predictor};
 use fleetfoot_log::{Overlay, SeriesId, TableWriter, Values, WriteColumn, WriteKind};
 use fleetfoot_model::Model;
@@ -11,7 +12,7 @@ use super::{
     layout::{Line, Plot, finish_with_layouts},
     mcap_options, table_options,
 };
-use crate::{Error, Logs};
+use crate::Error;
 
 /// What is written of every fitted equation.
 const KINDS: [&str; 3] = ["measured", "predicted", "residual"];

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use fleetfoot_data::{Halo, Source};
+use fleetfoot_dataset::Logs;
 use fleetfoot_dynamics::{Rollouts, Trajectory};
 use fleetfoot_log::{Overlay, SeriesId, TableWriter, Values, WriteColumn, WriteKind};
 use fleetfoot_model::{Model, RotationKind};
@@ -12,7 +13,7 @@ use super::{
     layout::{Line, Plot, finish_with_layouts},
     mcap_options, table_options,
 };
-use crate::{Error, Logs};
+use crate::Error;
 
 /// Writes trajectories. `log_offset` tells what must be added to the stamps of an episode to get the times of its recording, nanoseconds.
 pub(crate) fn write_trajectories(

@@ -3,11 +3,11 @@
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_dynamics::{Method, RolloutOptions, Starts};
 use fleetfoot_model::Model;
+use fleetfoot_task::ParametersTask;
 
 use super::{EstimateOptions, ParametersHeldOut, again, closed, report::Found};
 use crate::{
     Error, RolloutRule,
-    problem::ParametersTask,
     rollout_choice::{HORIZON, HeldOut},
 };
 

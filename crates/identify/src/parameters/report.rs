@@ -3,10 +3,12 @@
 use faer::Mat;
 use fleetfoot_estimate::{EquationError, FilterError, Gain, MatrixLimit, OutputError, Status};
 use fleetfoot_model::Model;
+use fleetfoot_recipe::EstimateMethod;
 use fleetfoot_stats::student_t_95;
+use fleetfoot_task::ParametersTask;
 use serde::Serialize;
 
-use crate::{EstimateMethod, LimitReport, problem::ParametersTask};
+use crate::LimitReport;
 
 /// Correlation beyond which two parameters can hardly be told apart (Klein and Morelli 2006, section 5.4).
 const CONFOUNDED: f64 = 0.9;

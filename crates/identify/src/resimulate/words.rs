@@ -4,7 +4,7 @@ use crate::Error;
 
 /// `a, b`.
 pub(super) fn names(text: &str) -> Vec<String> {
-    crate::items(text).iter().map(|name| plain(name)).collect()
+    fleetfoot_recipe::items(text).iter().map(|name| plain(name)).collect()
 }
 
 fn plain(name: &str) -> String {
@@ -19,7 +19,7 @@ fn pairs(entry: &str, text: &str, example: &str) -> Result<Vec<(String, String)>
         })?;
         Ok((plain(name), value.trim().to_owned()))
     };
-    crate::items(text).iter().map(pair).collect()
+    fleetfoot_recipe::items(text).iter().map(pair).collect()
 }
 
 /// `V=0.5,alpha=0.01`.

@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
+use fleetfoot_dataset::Logs;
 use fleetfoot_estimate::Resimulated;
 use fleetfoot_log::{Overlay, TableWriter, Values, WriteColumn, WriteKind};
 use fleetfoot_model::Model;
 
 use super::Followed;
 use crate::{
-    Error, Logs,
+    Error,
     output::{Kind, Line, Plot, finish_with_layouts, mcap_options, table_options},
 };
 

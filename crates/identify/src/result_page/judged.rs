@@ -1,8 +1,10 @@
 //! A model with what the logs say of it.
 
 use fleetfoot_data::Progress;
+use fleetfoot_dataset::{Dataset, Logs};
 use fleetfoot_dynamics::{Error as DynamicsError, Estimate, Horizon, RolloutOptions, Starts};
 use fleetfoot_model::Model;
+use fleetfoot_recipe::{Cause, Recipe, RequestError};
 
 use super::{
     ReportOptions,
@@ -10,7 +12,7 @@ use super::{
     starts::{Place, common, places},
 };
 use crate::{
-    Cause, Dataset, Error, Logs, Recipe, RequestError, RolledOut, Scored,
+    Error, RolledOut, Scored,
     run::{opened_to_roll, roll_rows, score_rows},
 };
 

@@ -1,6 +1,7 @@
 //! What a fit keeps within bounds: maps that contract or are passive, coefficients, functions and parameters with limits, and what that costs. The report of the fit has it.
 
 use fleetfoot_model::Model;
+use fleetfoot_recipe::{Objective, Recipe};
 use fleetfoot_report::{Cell, Part, Table};
 use serde::Deserialize;
 use serde_json::Value;
@@ -9,10 +10,7 @@ use super::{
     Judged,
     fitting::{Fit, Priced},
 };
-use crate::{
-    BoundedCandidate, BoundedMaps, LimitReport, Objective, Recipe, bounded_maps::unexplained, told,
-    told_table::ToldTable,
-};
+use crate::{BoundedCandidate, BoundedMaps, LimitReport, bounded_maps::unexplained, told_table::ToldTable};
 
 /// Rows of a table of prices, at most.
 const ROWS: usize = 24;
@@ -21,11 +19,11 @@ const ROWS: usize = 24;
 #[derive(Deserialize)]
 struct Partition {
     partition: String,
-    #[serde(deserialize_with = "told::number")]
+    #[serde(deserialize_with = "fleetfoot_dataset::json::number")]
     loss: f64,
-    #[serde(deserialize_with = "told::numbers")]
+    #[serde(deserialize_with = "fleetfoot_dataset::json::numbers")]
     r2: Vec<f64>,
-    #[serde(deserialize_with = "told::number")]
+    #[serde(deserialize_with = "fleetfoot_dataset::json::number")]
     free_loss: f64,
     stability: BoundedMaps,
 }

@@ -3,15 +3,17 @@
 use std::ops::Range;
 
 use fleetfoot_data::Episode;
+use fleetfoot_dataset::{Dataset, clocks::AlignedClock};
 use fleetfoot_log::TopicInfo;
 use fleetfoot_model::Model;
+use fleetfoot_recipe::Recipe;
 use fleetfoot_report::{
     Axis, Cell, Chart, Figure, Part, Section, Span, Spans, Table,
     words::{count, number, seconds, series, thousands, within},
 };
 
 use super::{coverage, missing, passed::Passed};
-use crate::{Dataset, Error, Recipe, clocks::AlignedClock};
+use crate::Error;
 
 /// Logs that are drawn, and logs that stand unfolded in the table.
 const DRAWN: usize = 24;

@@ -1,9 +1,11 @@
 //! Logs as a model sees them, opened once for all that a page asks of them: where they have to be decoded, that is most of the work.
 
 use fleetfoot_data::Progress;
+use fleetfoot_dataset::{Dataset, Logs, reads_of_model};
 use fleetfoot_model::{Model, Rule};
+use fleetfoot_recipe::Recipe;
 
-use crate::{Dataset, Error, Logs, Recipe, dataset::reads_of_model, run::is_needed};
+use crate::{Error, run::is_needed};
 
 /// The rows of logs, and the model that they were opened for.
 pub(super) struct Opened<'a> {

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use fleetfoot_data::{Block, Episode, EpisodeId, Progress, Source};
+use fleetfoot_dataset::Dataset;
 use fleetfoot_dynamics::{Predicted, Predictor, PredictorWorkspace, RowStatus};
 use fleetfoot_model::{Model, Transitions};
 use fleetfoot_stats::{Chunk, Grid, reduce};
@@ -12,7 +13,7 @@ use super::{
     missing::Lost,
     target::{Target, targets},
 };
-use crate::{Dataset, Error};
+use crate::Error;
 
 /// Regions whose transitions are counted: of more there is no map that one could read.
 const REGIONS: usize = 64;

@@ -1,12 +1,13 @@
 //! Where on a plane of two columns a model errs, and where its regions change (Fig. 9 of Buchan, Haldane, Fearing: the plane of the cranks, leg phases).
 
 use fleetfoot_data::Progress;
+use fleetfoot_dataset::Dataset;
 use fleetfoot_dynamics::{Axis, Plane, PlaneCell};
 use fleetfoot_model::Model;
 use fleetfoot_report::{Axis as Drawn, Chart, Figure, Map, Part};
 
 use crate::{
-    Dataset, Error,
+    Error,
     project::{axis, plane_of_rows},
 };
 

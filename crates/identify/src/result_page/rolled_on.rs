@@ -4,12 +4,13 @@
 use std::ops::Range;
 
 use fleetfoot_data::{Halo, Source};
+use fleetfoot_dataset::Dataset;
 use fleetfoot_dynamics::{End, Predicted, Predictor, PredictorWorkspace, RolloutOptions, Start, Starts, Trajectory};
 use fleetfoot_library::Unary;
 use fleetfoot_model::Model;
 
 use super::starts::{Place, Recorded};
-use crate::{Dataset, Error, RolledOut};
+use crate::{Error, RolledOut};
 
 /// Simulations that are drawn one behind the other, and steps of each that are: of one model, and of each of several.
 const SIMULATIONS: usize = 4;

@@ -1,10 +1,11 @@
 //! Where the simulations of several models begin: at the same rows, else their errors say nothing of each other.
 
 use fleetfoot_data::{Episode, Halo};
+use fleetfoot_dataset::Dataset;
 use fleetfoot_dynamics::{Start, Starts};
 use fleetfoot_model::Model;
 
-use crate::{Dataset, Error, RolledOut};
+use crate::{Error, RolledOut};
 
 /// An episode, whatever columns are read of it: its identity is one of the columns in use.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -5,9 +5,10 @@ use fleetfoot_estimate::{
     Estimate, LinearTarget, Options, Residual, SeparableOptions, nonlinear_least_squares, separable,
 };
 use fleetfoot_library::Expr;
+use fleetfoot_task::{EquationTask, FittedEquation, Parameter, names};
 use serde::Serialize;
 
-use crate::{EquationTask, Error, FittedEquation, Parameter, problem::names};
+use crate::Error;
 
 /// An estimated number.
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -6,19 +6,21 @@ use std::{
 };
 
 use fleetfoot_data::{EpisodeId, Progress, Source};
+use fleetfoot_dataset::{Dataset, Logs};
 use fleetfoot_library::Expr;
 use fleetfoot_model::{Partition, TrainedEpisode};
+use fleetfoot_recipe::{Recipe, Tunable};
 use fleetfoot_report::words::count;
 use fleetfoot_sparse::system::{System, SystemPlan, SystemScan, Weak};
+use fleetfoot_task::{EquationTask, FittedEquation, Provenance, WeakForm, specification};
 
 use super::frozen::Frozen;
 use crate::{
-    Dataset, EquationTask, Error, FittedEquation, Logs, ParameterReport, Provenance, Recipe, Tunable, concentrated,
+    Error, ParameterReport, concentrated,
     constant::refuse_constant_targets,
     folds::{reached, smoothed_rows},
     left_out::left_out,
     not_finite,
-    problem::{WeakForm, specification},
 };
 
 /// A task and the statistic of its rows.

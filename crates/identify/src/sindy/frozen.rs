@@ -3,12 +3,15 @@
 use std::collections::BTreeMap;
 
 use fleetfoot_data::{Progress, Source};
+use fleetfoot_dataset::Dataset;
 use fleetfoot_model::Partition;
+use fleetfoot_recipe::Recipe;
+use fleetfoot_task::{EquationTask, WeakForm, specification};
 
 use super::estimation;
 use crate::{
-    Dataset, EquationTask, Error, ParameterReport, Recipe,
-    problem::{WeakForm, clustering, regions, specification},
+    Error, ParameterReport,
+    regions::{clustering, regions},
 };
 
 /// Equations that are ready to be summed.

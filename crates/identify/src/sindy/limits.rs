@@ -1,12 +1,13 @@
 //! Bounds of coefficients, and what they cost.
 
 use fleetfoot_data::Progress;
+use fleetfoot_task::EquationTask;
 
 use super::{
     SindyReport,
     solve::{Solved, Solver},
 };
-use crate::{EquationTask, Error, Evidence, FreeErrors, LimitReport};
+use crate::{Error, Evidence, FreeErrors, LimitReport};
 
 /// The equations of every region without the bounds, found by the same rule on the same folds; `None` where there are no bounds.
 pub(super) fn free(

@@ -1,14 +1,16 @@
 //! How equations are found: the words of `[sindy]`, checked once.
 
+use fleetfoot_recipe::{
+    Criterion, GroupRule, Normalize, Objective, Recipe, SindyOptimizer, SindySection, SmoothStates, Tunable, seed,
+};
 use fleetfoot_sparse::{
     bolasso::BootstrapUnit,
     threshold::{Scaling, Stlsq},
 };
+use fleetfoot_task::WeakForm;
 
-use crate::{
-    Criterion, Error, FoldRule, GroupRule, Normalize, Objective, Recipe, SindyOptimizer, SindySection, SmoothStates,
-    Tunable, folds, problem::WeakForm, recipe::seed,
-};
+use super::smoothed::smooth_states;
+use crate::{Error, FoldRule, folds};
 
 /// What an ensemble varies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -132,7 +134,7 @@ impl SindyOptions {
             l1_ratio: section.l1_ratio.unwrap_or(0.0),
             seed: seed("sindy", section.seed)?,
             objective: section.objective.unwrap_or_default(),
-            smooth_states: SmoothStates::new(section)?,
+            smooth_states: smooth_states(section)?,
         })
     }
 }

@@ -1,14 +1,14 @@
 //! What a fit of equations would read and keep.
 
 use fleetfoot_data::{Progress, Work};
+use fleetfoot_dataset::{Dataset, Logs, ReadPlan, open::estimate_equations};
 use fleetfoot_estimate::SmoothingOptions;
+use fleetfoot_recipe::{Objective, Recipe};
+use fleetfoot_task::{EquationTask, specification};
 use serde::Serialize;
 
-use super::{SindyOptions, work::work};
-use crate::{
-    Dataset, EquationTask, Error, Logs, Objective, ReadPlan, Recipe, open::estimate_equations, problem::specification,
-    told,
-};
+use super::{SindyOptions, smoothed::may_apply, work::work};
+use crate::{Error, told};
 
 /// What a fit of equations would read and keep.
 #[derive(Debug, Clone, Serialize)]
@@ -62,7 +62,7 @@ pub fn plan_sindy(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progres
         parameters: task.parameters.iter().map(|parameter| parameter.name.clone()).collect(),
         regions,
         objective,
-        smoothing: (options.smooth_states.may_apply(task, recipe, regions > 1, reading.rows))
+        smoothing: (may_apply(options.smooth_states, task, recipe, regions > 1, reading.rows))
             .then(|| SmoothingOptions::default().memory as usize),
         memory: fleetfoot_sparse::system::SystemPlan::memory(&task.system(), regions, reading.rows),
         work: work(&options, task.candidates(), task.fitted.len(), regions, options.folds.expected(reading.episodes)),

@@ -2,11 +2,14 @@
 
 use faer::Mat;
 use fleetfoot_data::Progress;
+use fleetfoot_dataset::{Dataset, Logs};
 use fleetfoot_model::Model;
+use fleetfoot_recipe::{Objective, Recipe};
+use fleetfoot_task::EquationTask;
 
 use super::{SindyOptions, SindyReport, report, spans};
 use crate::{
-    Dataset, EquationTask, Error, Evidence, Logs, Objective, Recipe, Refinement,
+    Error, Evidence, Refinement,
     folds::smoothed_rows,
     objective::{coefficient, refine},
 };

@@ -2,13 +2,11 @@
 
 use fleetfoot_model::factor;
 use fleetfoot_stats::Compressed;
+use fleetfoot_task::{DifferenceErrors, EquationTask};
 use serde::Serialize;
 
 use super::{solve::Solved, words::short};
-use crate::{
-    DifferenceErrors, EquationTask, FreeErrors, LimitReport, ParameterReport, Refinement, RolloutChoice,
-    StateSmoothing, told,
-};
+use crate::{FreeErrors, LimitReport, ParameterReport, Refinement, RolloutChoice, StateSmoothing, told};
 
 /// What a fit of equations found.
 #[derive(Debug, Clone, Serialize)]

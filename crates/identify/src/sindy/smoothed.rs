@@ -4,17 +4,16 @@ mod search;
 
 use faer::Mat;
 use fleetfoot_data::{Progress, Source};
+use fleetfoot_dataset::{Dataset, Logs};
 use fleetfoot_dynamics::Coefficient;
 use fleetfoot_estimate::{SmoothingOptions, StateSmoother};
 use fleetfoot_model::Model;
+use fleetfoot_recipe::{Objective, Recipe, SindyOptimizer, SindySection, SmoothStates};
+use fleetfoot_task::{EquationTask, Provenance, WeakForm, Windows};
+use search::{Found, Search};
 
 use super::{Frozen, SindyOptions, SindyReport, StateNoise, coefficients_of, report, spans};
-use crate::{
-    Dataset, EquationTask, Error, Evidence, Logs, Objective, Provenance, Recipe, RolloutRule, SindyOptimizer,
-    SindySection, SmoothStates, StateSmoothing, Windows, folds::smoothed_rows, problem::WeakForm,
-    rollout_choice::HeldOut,
-};
-use search::{Found, Search};
+use crate::{Error, Evidence, RolloutRule, StateSmoothing, folds::smoothed_rows, rollout_choice::HeldOut};
 
 /// Equations found in turn with the states, and what came of it.
 pub(super) struct Smoothed {
@@ -30,49 +29,47 @@ const UNASKED: usize = 20_000;
 /// Folds that are held out in turn.
 const FOLDS: usize = 5;
 
-impl SmoothStates {
-    /// Reads `smooth_states` of `[sindy]`.
-    ///
-    /// # Errors
-    /// Another entry that it would overrule.
-    pub(super) fn new(section: &SindySection) -> Result<Self, Error> {
-        let asked = section.smooth_states.unwrap_or_default();
-        match overruled(section) {
-            None => Ok(asked),
-            Some(_) if asked == Self::Auto => Ok(Self::Off),
-            Some(what) if asked == Self::On => Err(Error::conflict(format!(
-                "[sindy] smooth_states = on, and {what}: terms are looked for with the states, by what they leave of the measurements; leave one of them away"
-            ))),
-            Some(_) => Ok(asked),
-        }
+/// Reads `smooth_states` of `[sindy]`.
+///
+/// # Errors
+/// Another entry that it would overrule.
+pub(super) fn smooth_states(section: &SindySection) -> Result<SmoothStates, Error> {
+    let asked = section.smooth_states.unwrap_or_default();
+    match overruled(section) {
+        None => Ok(asked),
+        Some(_) if asked == SmoothStates::Auto => Ok(SmoothStates::Off),
+        Some(what) if asked == SmoothStates::On => Err(Error::conflict(format!(
+            "[sindy] smooth_states = on, and {what}: terms are looked for with the states, by what they leave of the measurements; leave one of them away"
+        ))),
+        Some(_) => Ok(asked),
     }
+}
 
-    /// Whether these equations are to be found in turn with the states.
-    fn applies(self, evidence: &Evidence, recipe: &Recipe) -> Result<bool, Error> {
-        if self == Self::Off {
-            return Ok(false);
-        }
-        let task = &evidence.task;
-        let estimated = !evidence.parameters.is_empty();
-        match (self, obstacle(task, recipe, estimated, evidence.partition.is_some())) {
-            (Self::On, Some(what)) => {
-                Err(Error::conflict(format!("[sindy] smooth_states = on, and {what}: leave one of them away")))
-            }
-            (Self::On, None) => Ok(true),
-            (_, Some(_)) => Ok(false),
-            (_, None) => Ok(task.windows.as_ref().is_some_and(Windows::noisy)),
-        }
+/// Whether these equations are to be found in turn with the states.
+fn applies(asked: SmoothStates, evidence: &Evidence, recipe: &Recipe) -> Result<bool, Error> {
+    if asked == SmoothStates::Off {
+        return Ok(false);
     }
+    let task = &evidence.task;
+    let estimated = !evidence.parameters.is_empty();
+    match (asked, obstacle(task, recipe, estimated, evidence.partition.is_some())) {
+        (SmoothStates::On, Some(what)) => {
+            Err(Error::conflict(format!("[sindy] smooth_states = on, and {what}: leave one of them away")))
+        }
+        (SmoothStates::On, None) => Ok(true),
+        (_, Some(_)) => Ok(false),
+        (_, None) => Ok(task.windows.as_ref().is_some_and(Windows::noisy)),
+    }
+}
 
-    /// Whether the states of so many rows may be smoothed, before it is known how noisy they are; `regions`: whether there is a partition.
-    pub(super) fn may_apply(self, task: &EquationTask, recipe: &Recipe, regions: bool, rows: usize) -> bool {
-        let asked = match self {
-            Self::Off => false,
-            Self::On => true,
-            Self::Auto => rows <= UNASKED && WeakForm::new(&recipe.sindy).is_ok_and(|form| form != WeakForm::Off),
-        };
-        asked && obstacle(task, recipe, false, regions).is_none()
-    }
+/// Whether the states of so many rows may be smoothed, before it is known how noisy they are; `regions`: whether there is a partition.
+pub(super) fn may_apply(asked: SmoothStates, task: &EquationTask, recipe: &Recipe, regions: bool, rows: usize) -> bool {
+    let asked = match asked {
+        SmoothStates::Off => false,
+        SmoothStates::On => true,
+        SmoothStates::Auto => rows <= UNASKED && WeakForm::new(&recipe.sindy).is_ok_and(|form| form != WeakForm::Off),
+    };
+    asked && obstacle(task, recipe, false, regions).is_none()
 }
 
 /// What keeps states from being smoothed.
@@ -130,7 +127,7 @@ pub(super) fn smoothed(
             _ => Ok(None),
         };
     }
-    if !options.smooth_states.applies(evidence, recipe)? {
+    if !applies(options.smooth_states, evidence, recipe)? {
         return Ok(None);
     }
     if options.smooth_states == SmoothStates::Auto

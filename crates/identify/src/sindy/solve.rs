@@ -5,9 +5,10 @@ use std::collections::BTreeSet;
 use faer::Mat;
 use fleetfoot_data::Progress;
 use fleetfoot_library::Expr;
+use fleetfoot_recipe::{Criterion, SindyOptimizer};
 use fleetfoot_sparse::{
     bolasso::{BootstrapUnit, multinomial_counts},
-    group::GroupLasso,
+    group::{GroupLasso, Groups},
     inference::system_effective_rows,
     select::Folds,
     system::SystemScan,
@@ -18,11 +19,10 @@ use fleetfoot_sparse::{
     },
 };
 use fleetfoot_stats::{Compressed, Fold, Key, Purge, blocks};
+use fleetfoot_task::EquationTask;
 
 use super::options::{Ensemble, SindyOptions};
-use crate::{
-    Criterion, EquationTask, Error, Evidence, FittedEquation, FoldRule, SindyOptimizer, folds::purge, problem::bounds,
-};
+use crate::{Error, Evidence, FoldRule, folds::purge};
 
 /// Thresholds that are tried at most: of a large library each costs a factorisation of the size of the library, in every fold.
 const THRESHOLDS: usize = 60;
@@ -355,36 +355,12 @@ impl<'a> Solver<'a> {
     }
 }
 
-impl EquationTask {
-    /// What every equation may and must have, for the optimisers.
-    pub fn terms(&self) -> Vec<Terms> {
-        let mut terms = self.free_terms();
-        if !self.limits.is_empty() {
-            for (equation, terms) in terms.iter_mut().enumerate() {
-                let own = self.limits.iter().filter(|limit| limit.owner == equation);
-                terms.bounds = Some(bounds(self.candidates(), own, |limit| limit.candidate));
-            }
-        }
-        terms
-    }
-
-    /// The same without bounds of coefficients.
-    pub(crate) fn free_terms(&self) -> Vec<Terms> {
-        let terms = |equation: &FittedEquation| Terms {
-            allowed: Some(equation.allowed.clone()),
-            fixed: equation.fixed.clone(),
-            ..Terms::all()
-        };
-        self.fitted.iter().map(terms).collect()
-    }
-}
-
 /// The group lasso on the candidates of all equations.
 fn group_lasso(task: &EquationTask, options: &SindyOptions) -> Result<GroupLasso, Error> {
     let one = Expr::number(1.0);
     let functions = task.constant.then_some(&one).into_iter().chain(&task.functions);
     let functions: Vec<(usize, &Expr)> = functions.map(|function| (0, function)).collect();
-    options.groups.estimator(&functions, options.l1_ratio)
+    Ok(GroupLasso { l1_ratio: options.l1_ratio, ..GroupLasso::new(Groups::new(options.groups.labels(&functions)?)) })
 }
 
 /// One target of a problem.

@@ -1,13 +1,15 @@
 //! Open spans of derivatives, `over = "auto"`: chosen by rollouts of rows that did not train.
 
 use fleetfoot_data::{Progress, Source};
+use fleetfoot_dataset::{Dataset, Logs};
 use fleetfoot_library::Expr;
 use fleetfoot_model::Model;
+use fleetfoot_recipe::{Derivative, Kind, Recipe};
+use fleetfoot_task::EquationTask;
 
 use super::{Frozen, SindyOptions, Solver, coefficients};
 use crate::{
-    Dataset, Derivative, EquationTask, Error, Evidence, Kind, Logs, Recipe, RolloutCandidate, RolloutChoice,
-    RolloutRule,
+    Error, Evidence, RolloutCandidate, RolloutChoice, RolloutRule,
     folds::smoothed_rows,
     rollout_choice::{HeldOut, candidates, open_spans, settled, terms},
 };
@@ -33,7 +35,7 @@ pub(super) fn by_rollouts(
     let held = HeldOut::new((&view, smoothed_rows(recipe.time.smoothed, dataset.step())), rule, "over = \"auto\"")?;
     let mut found = Vec::new();
     for over in candidates(recipe) {
-        let task = task.spanned(recipe, over);
+        let task = spanned(&task, recipe, over);
         let mut size = 0;
         let errors = held.errors(progress, |train| {
             let model = equations(recipe, &task, options, dataset.step(), train, progress)?;
@@ -72,26 +74,24 @@ pub(super) fn equations(
     Ok(evidence.task.model(&evidence.scan, evidence.partition.as_ref(), &chosen, provenance))
 }
 
-impl EquationTask {
-    /// The task with its open spans settled.
-    fn spanned(&self, recipe: &Recipe, over: Option<u32>) -> Self {
-        let mut task = self.clone();
-        for name in open_spans(recipe) {
-            let angle = recipe.states.get(&name).is_some_and(|state| state.kind == Some(Kind::Angle));
-            let measured = Derivative::settled(&Expr::column(name.as_str()), angle, over);
-            let equations = task.equations.iter_mut().filter(|one| one.subject == name && one.target.is_some());
-            for equation in equations {
-                let latents = equation.right.columns();
-                let own = task.fitted.iter_mut().find(|own| latents.iter().any(|latent| **latent == *own.latent));
-                let Some(own) = own else { continue };
-                own.measure(measured.clone());
-                equation.target = Some(measured.clone());
-                if over.is_some() {
-                    (own.central, own.difference) = (None, None);
-                }
-                own.label = equation.label();
+/// The task with its open spans settled.
+fn spanned(task: &EquationTask, recipe: &Recipe, over: Option<u32>) -> EquationTask {
+    let mut task = task.clone();
+    for name in open_spans(recipe) {
+        let angle = recipe.states.get(&name).is_some_and(|state| state.kind == Some(Kind::Angle));
+        let measured = Derivative::settled(&Expr::column(name.as_str()), angle, over);
+        let equations = task.equations.iter_mut().filter(|one| one.subject == name && one.target.is_some());
+        for equation in equations {
+            let latents = equation.right.columns();
+            let own = task.fitted.iter_mut().find(|own| latents.iter().any(|latent| **latent == *own.latent));
+            let Some(own) = own else { continue };
+            own.measure(measured.clone());
+            equation.target = Some(measured.clone());
+            if over.is_some() {
+                (own.central, own.difference) = (None, None);
             }
+            own.label = equation.label();
         }
-        task
     }
+    task
 }

@@ -2,16 +2,14 @@
 
 use std::collections::BTreeMap;
 
+use fleetfoot_dataset::{EquationGroup, EquationStatistic, Logs, StatisticFile, condition::refuse_other_rows};
 use fleetfoot_library::Expr;
+use fleetfoot_recipe::{ModelSection, Recipe};
 use fleetfoot_sparse::system::{System, SystemScan};
+use fleetfoot_task::{EquationTask, WeakForm};
 
 use super::frozen::Frozen;
-use crate::{
-    EquationTask, Error, Evidence, Logs, ModelSection, Recipe,
-    condition::refuse_other_rows,
-    problem::WeakForm,
-    stats_file::{EquationGroup, EquationStatistic, StatisticFile},
-};
+use crate::{Error, Evidence};
 
 impl Evidence {
     /// Reads the statistic of logs, and tells the recipe with that of the scan beneath. A recipe that names no states and nothing to predict is that of the scan.
@@ -28,7 +26,7 @@ impl Evidence {
         let scanned = EquationTask::resolve(&EquationStatistic::whole(&own), &file.fields)?;
         let task = task.differentiated_like(&scanned, &equations.differences);
         let group = equations.of(&recipe, &task.partition_columns)?;
-        let task = task.over(&group.plan.system)?;
+        let task = over(task, &group.plan.system)?;
         let scan = SystemScan::new(&group.plan, &group.sums)?;
         let known: BTreeMap<_, _> = file.episodes.iter().map(|episode| (episode.id, episode.trained())).collect();
         WeakForm::new(&recipe.sindy)?.check_statistic(group.plan.system.weak.as_ref())?;
@@ -100,45 +98,42 @@ fn notes(task: &EquationTask, group: &EquationGroup) -> Vec<String> {
     notes
 }
 
-impl EquationTask {
-    /// The same equations over the candidates of a scan, of which they may have those that they had before.
-    fn over(self, scanned: &System) -> Result<Self, Error> {
-        let wanted: Vec<&Expr> = self.fitted.iter().map(|equation| &equation.target).collect();
-        if !scanned.targets.iter().eq(wanted.iter().copied()) || scanned.weight != self.weight {
-            let weight = |weight: &Option<Expr>| weight.as_ref().map_or("1".to_owned(), Expr::to_string);
-            let list =
-                |targets: &mut dyn Iterator<Item = &Expr>| targets.map(Expr::to_string).collect::<Vec<_>>().join(", ");
-            return Err(Error::other_statistic(format!(
-                "the statistic is of other equations or weights: it has the left sides {} with the weight {}, the recipe asks for {} with {}; fit with the \
-                 recipe of its scan, scan again with this one, or give the logs",
-                list(&mut scanned.targets.iter()),
-                weight(&scanned.weight),
-                list(&mut wanted.into_iter()),
-                weight(&self.weight)
-            )));
-        }
-        let first = usize::from(self.constant);
-        let mut places: Vec<usize> = (0..first).collect();
-        for function in &self.functions {
-            let place = scanned.functions.iter().position(|known| known == function).ok_or_else(|| {
-                Error::other_statistic(format!(
-                    "the statistic has no candidate `{function}`; name candidates that were scanned (there are {}), scan again with the --library or --degree that has it, \
-                     or give the logs",
-                    scanned.functions.len()
-                ))
-            })?;
-            places.push(first + place);
-        }
-        let mut task = self;
-        for equation in &mut task.fitted {
-            let mut allowed = vec![false; first + scanned.functions.len()];
-            equation.allowed.iter().zip(&places).filter(|(own, _)| **own).for_each(|(_, &place)| allowed[place] = true);
-            equation.allowed = allowed;
-            equation.fixed = equation.fixed.iter().map(|&j| places[j]).collect();
-            equation.fixed.sort_unstable();
-        }
-        task.limits.iter_mut().for_each(|limit| limit.candidate = places[limit.candidate]);
-        task.functions = scanned.functions.clone();
-        Ok(task)
+/// The same equations over the candidates of a scan, of which they may have those that they had before.
+fn over(mut task: EquationTask, scanned: &System) -> Result<EquationTask, Error> {
+    let wanted: Vec<&Expr> = task.fitted.iter().map(|equation| &equation.target).collect();
+    if !scanned.targets.iter().eq(wanted.iter().copied()) || scanned.weight != task.weight {
+        let weight = |weight: &Option<Expr>| weight.as_ref().map_or("1".to_owned(), Expr::to_string);
+        let list =
+            |targets: &mut dyn Iterator<Item = &Expr>| targets.map(Expr::to_string).collect::<Vec<_>>().join(", ");
+        return Err(Error::other_statistic(format!(
+            "the statistic is of other equations or weights: it has the left sides {} with the weight {}, the recipe asks for {} with {}; fit with the \
+             recipe of its scan, scan again with this one, or give the logs",
+            list(&mut scanned.targets.iter()),
+            weight(&scanned.weight),
+            list(&mut wanted.into_iter()),
+            weight(&task.weight)
+        )));
     }
+    let first = usize::from(task.constant);
+    let mut places: Vec<usize> = (0..first).collect();
+    for function in &task.functions {
+        let place = scanned.functions.iter().position(|known| known == function).ok_or_else(|| {
+            Error::other_statistic(format!(
+                "the statistic has no candidate `{function}`; name candidates that were scanned (there are {}), scan again with the --library or --degree that has it, \
+                 or give the logs",
+                scanned.functions.len()
+            ))
+        })?;
+        places.push(first + place);
+    }
+    for equation in &mut task.fitted {
+        let mut allowed = vec![false; first + scanned.functions.len()];
+        equation.allowed.iter().zip(&places).filter(|(own, _)| **own).for_each(|(_, &place)| allowed[place] = true);
+        equation.allowed = allowed;
+        equation.fixed = equation.fixed.iter().map(|&j| places[j]).collect();
+        equation.fixed.sort_unstable();
+    }
+    task.limits.iter_mut().for_each(|limit| limit.candidate = places[limit.candidate]);
+    task.functions = scanned.functions.clone();
+    Ok(task)
 }

@@ -1,7 +1,7 @@
 use fleetfoot_data::Column as DataColumn;
+use fleetfoot_task::EquationTask;
 
 use super::*;
-use crate::EquationTask;
 
 fn fields() -> Vec<DataColumn> {
     ["x", "y", "u", "m", "dx", "theta"].map(DataColumn::float).to_vec()

@@ -1,11 +1,12 @@
 //! What every log does to a sparse fit, by name.
 
 use fleetfoot_data::Progress;
+use fleetfoot_dataset::StatisticFile;
 use fleetfoot_sparse::inference::{InferenceError, Influence, influence};
 use serde::Serialize;
 
 use super::problem::Problem;
-use crate::{Error, stats_file::StatisticFile, told};
+use crate::{Error, told};
 
 /// A fit and the fits without each of its episodes: least squares on what was selected from all rows.
 #[derive(Debug, Clone, Serialize)]

@@ -1,6 +1,7 @@
 //! The choice of lambda.
 
 use fleetfoot_data::Progress;
+use fleetfoot_recipe::Criterion;
 use fleetfoot_sparse::{
     SparseError,
     bolasso::{bach_lambda, refit},
@@ -14,7 +15,7 @@ use fleetfoot_stats::FoldError;
 
 use super::{LambdaRule, SparseOptions, problem::Problem};
 use crate::{
-    Criterion, Error, FoldRule,
+    Error, FoldRule,
     folds::{purge, reached},
 };
 

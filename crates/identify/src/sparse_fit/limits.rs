@@ -10,9 +10,10 @@ use fleetfoot_sparse::{
     structured::Assembled,
 };
 use fleetfoot_stats::SquareRoot;
+use fleetfoot_task::{CoefficientLimit, bounds};
 
 use super::problem::Problem;
-use crate::{CoefficientLimit, Error, LimitReport, LimitSide, problem::bounds};
+use crate::{Error, LimitReport, LimitSide};
 
 /// Distance from a bound, relative to it or to 1, below which a coefficient is held by it: the tolerance of the program.
 const AT_BOUND: f64 = 1e-8;

@@ -3,16 +3,14 @@
 use std::collections::BTreeSet;
 
 use fleetfoot_data::{packed, packed_row};
+use fleetfoot_dataset::{EpisodeRecord, StatisticFile};
 use fleetfoot_library::Expr;
 use fleetfoot_model::{Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Training};
 use fleetfoot_sparse::structured::{Spread, Structure};
 use fleetfoot_stats::{Gram, Key};
+use fleetfoot_task::{Moments, StructuredTask};
 
 use super::problem::Problem;
-use crate::{
-    Moments, StructuredTask,
-    stats_file::{EpisodeRecord, StatisticFile},
-};
 
 /// The model with the coefficients `theta` (p).
 pub(super) fn model(

@@ -1,9 +1,10 @@
 //! How a sparse regression goes: the words of `[sparse]`, checked once.
 
 use fleetfoot_data::Work;
+use fleetfoot_recipe::{Criterion, GroupRule, SparseSection, seed};
 use fleetfoot_sparse::bolasso::BootstrapUnit;
 
-use crate::{Criterion, Error, FoldRule, GroupRule, SparseSection, folds, recipe::seed};
+use crate::{Error, FoldRule, folds};
 
 /// What a path of lambda costs, in factorisations of the size of the problem.
 const OF_PATH: f64 = 2.5;

@@ -1,15 +1,18 @@
 //! The assembled problem of a statistic: weights of the tasks, penalty factors, signs.
 
+use fleetfoot_dataset::StatisticFile;
 use fleetfoot_library::Expr;
 use fleetfoot_sparse::{
     adaptive::{Initial, adaptive},
     estimator::{ElasticNet, Estimator},
+    group::{GroupLasso, Groups},
     structured::{Assembled, Assembly, Banks, Structure},
 };
 use fleetfoot_stats::{Key, SquareRoot};
+use fleetfoot_task::StructuredTask;
 
 use super::SparseOptions;
-use crate::{Error, StructuredTask, stats_file::StatisticFile};
+use crate::Error;
 
 /// A regression as the solvers see it.
 pub(super) struct Problem<'a> {
@@ -95,7 +98,7 @@ fn estimator(task: &StructuredTask, options: &SparseOptions) -> Result<Estimator
     let latents = task.regression.latents.iter().enumerate();
     let functions: Vec<(usize, &Expr)> =
         latents.flat_map(|(index, latent)| latent.functions.iter().map(move |function| (index, function))).collect();
-    Ok(groups.estimator(&functions, options.l1_ratio)?.into())
+    Ok(GroupLasso { l1_ratio: options.l1_ratio, ..GroupLasso::new(Groups::new(groups.labels(&functions)?)) }.into())
 }
 
 /// The error of a task that counts as one: what the recipe says, else the standard deviation of the target, of a prior its root mean square.

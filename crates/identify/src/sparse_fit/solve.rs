@@ -1,10 +1,12 @@
 //! One solve of a statistic: coefficients at a penalty that is given. Nothing is chosen, held out, selected or refitted.
 
+use fleetfoot_dataset::StatisticFile;
 use fleetfoot_model::Model;
+use fleetfoot_recipe::Recipe;
 use fleetfoot_sparse::{Certificate, Strength, bolasso::refit, certificate};
 
 use super::{SparseOptions, model, problem::Problem, report::named, standard_errors, support};
-use crate::{Error, Recipe, stats_file::StatisticFile};
+use crate::Error;
 
 /// What is solved for.
 #[derive(Debug, Clone, Copy, PartialEq)]

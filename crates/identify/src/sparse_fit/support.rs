@@ -1,6 +1,7 @@
 //! Which columns stay: those of the penalised fit at lambda, what the replicates of a bolasso agree on, or a stability selection.
 
 use fleetfoot_data::{Progress, Source};
+use fleetfoot_dataset::StatisticFile;
 use fleetfoot_sparse::{
     Certificate, Path, PathStatus, Solution,
     bolasso::{BootstrapOptions, Selection, StabilityOptions, block_bootstrap, row_bootstrap, stability_selection},
@@ -8,7 +9,7 @@ use fleetfoot_sparse::{
 };
 
 use super::{Resampled, SparseOptions, problem::Problem};
-use crate::{Error, stats_file::StatisticFile};
+use crate::Error;
 
 /// Lambdas of a stability selection, over two decades above the one that was chosen.
 const STABILITY_GRID: usize = 20;

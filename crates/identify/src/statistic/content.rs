@@ -7,9 +7,11 @@ use std::{
 };
 
 use fleetfoot_data::{Cancelled, ColumnKind, Progress, parallel_map};
+use fleetfoot_dataset::{ContentHash, Logs, StatisticError};
 use fleetfoot_log::{Log, MemoryTable};
+use fleetfoot_recipe::Recipe;
 
-use crate::{Error, Logs, Recipe, statistic_error::StatisticError, stats_file::ContentHash};
+use crate::Error;
 
 /// Bytes read at once.
 const BUFFER: usize = 1 << 20;

@@ -3,18 +3,21 @@
 use std::collections::HashSet;
 
 use fleetfoot_data::{Progress, Source};
+use fleetfoot_dataset::{
+    ContentHash, Dataset, Error as DatasetError, Logs, ReadPlan, StatisticFile,
+    open::{OpenedStructure, estimate_structure},
+};
+use fleetfoot_recipe::Recipe;
+use fleetfoot_task::StructuredTask;
 use serde::Serialize;
 
 use super::{
     ScanOptions,
     content::hash_logs,
+    equations::{self, accepts_equations},
     scan::{chunk_bytes, default_chunk},
 };
-use crate::{
-    Dataset, Error, Logs, ReadPlan, Recipe, StructuredTask,
-    open::{OpenedStructure, estimate_structure},
-    stats_file::{ContentHash, EquationStatistic, StatisticFile},
-};
+use crate::Error;
 
 /// What a scan would read and keep.
 #[derive(Debug, Clone)]
@@ -67,7 +70,7 @@ pub fn plan_scan(
     let chunk_rows = options.chunk_rows.map(usize::from);
     match plan_new(recipe, chunk_rows, logs, progress) {
         // A scan skips what is there twice; hashing all bytes to know it beforehand would take as long as reading them.
-        Err(Error::Log(fleetfoot_log::Error::Duplicate { .. })) => {
+        Err(Error::Dataset(DatasetError::Log(fleetfoot_log::Error::Duplicate { .. }))) => {
             let new = unknown(HashSet::new(), logs, recipe, progress)?;
             let plan = plan_new(recipe, chunk_rows, &new, progress)?;
             Ok(ScanPlan { skipped: logs.len() - new.len(), ..plan })
@@ -76,30 +79,28 @@ pub fn plan_scan(
     }
 }
 
-impl StatisticFile {
-    /// [`plan_scan`] of a scan that goes on from this statistic: files that it has are left out, and its chunks are used.
-    ///
-    /// # Errors
-    /// As [`plan_scan`]; a recipe that asks for something else than what is here.
-    pub fn plan_append(
-        &self,
-        recipe: &Recipe,
-        options: &ScanOptions,
-        logs: impl Into<Logs>,
-        progress: &dyn Progress,
-    ) -> Result<ScanPlan, Error> {
-        let logs: Logs = logs.into();
-        let logs = &logs.by(recipe)?.0;
-        let (expanded, fields, task) = Dataset::structure(recipe, logs)?;
-        self.accepts_chunks(&task, options.chunk_rows.map(Into::into), "the statistic", "the recipe")?;
-        self.accepts_equations(&expanded, &fields, ["the statistic", "the recipe"])?;
-        let new = unknown(self.files.iter().map(|file| file.hash).collect(), logs, recipe, progress)?;
-        let plan = match new.is_empty() {
-            true => ScanPlan::new(&task, ReadPlan::default(), self.plan.chunk_rows, 0),
-            false => plan_new(recipe, Some(self.plan.chunk_rows), &new, progress)?,
-        };
-        Ok(ScanPlan { skipped: logs.len() - new.len(), ..plan })
-    }
+/// [`plan_scan`] of a scan that goes on from this statistic: files that it has are left out, and its chunks are used.
+///
+/// # Errors
+/// As [`plan_scan`]; a recipe that asks for something else than what is here.
+pub fn plan_append(
+    file: &StatisticFile,
+    recipe: &Recipe,
+    options: &ScanOptions,
+    logs: impl Into<Logs>,
+    progress: &dyn Progress,
+) -> Result<ScanPlan, Error> {
+    let logs: Logs = logs.into();
+    let logs = &logs.by(recipe)?.0;
+    let (expanded, fields, task) = Dataset::structure(recipe, logs)?;
+    file.accepts_chunks(&task, options.chunk_rows.map(Into::into), "the statistic", "the recipe")?;
+    accepts_equations(file, &expanded, &fields, ["the statistic", "the recipe"])?;
+    let new = unknown(file.files.iter().map(|known| known.hash).collect(), logs, recipe, progress)?;
+    let plan = match new.is_empty() {
+        true => ScanPlan::new(&task, ReadPlan::default(), file.plan.chunk_rows, 0),
+        false => plan_new(recipe, Some(file.plan.chunk_rows), &new, progress)?,
+    };
+    Ok(ScanPlan { skipped: logs.len() - new.len(), ..plan })
 }
 
 /// The logs whose content is not known, each content once.
@@ -125,7 +126,7 @@ fn plan_new(
         let chunk_rows = chunk(&task, reading.rows);
         let chunks = reading.rows.div_ceil(chunk_rows).max(logs.len());
         let (recipe, fields, _) = Dataset::structure(recipe, logs)?;
-        let (equation_passes, equation_bytes) = EquationStatistic::cost(&recipe, &fields, reading.rows);
+        let (equation_passes, equation_bytes) = equations::cost(&recipe, &fields, reading.rows);
         let plan = ScanPlan::new(&task, reading, chunk_rows, chunks);
         return Ok(ScanPlan { equation_bytes, equation_passes, ..plan });
     }
@@ -133,7 +134,7 @@ fn plan_new(
     let view = dataset.view()?;
     let chunk_rows = chunk(&task, view.rows());
     let chunks = view.episodes().iter().map(|episode| episode.rows.div_ceil(chunk_rows)).sum();
-    let (equation_passes, equation_bytes) = EquationStatistic::cost(&recipe, &fields, view.rows());
+    let (equation_passes, equation_bytes) = equations::cost(&recipe, &fields, view.rows());
     Ok(ScanPlan {
         notes: dataset.notes().to_vec(),
         equation_bytes,

@@ -7,23 +7,21 @@ use std::{
 };
 
 use fleetfoot_data::{Column, Episode, Progress, Source, Work, until_stopped};
+use fleetfoot_dataset::{
+    ContentHash, Dataset, EquationStatistic, FileRecord, Logs, StatisticFile, open::OpenedStructure, refuse_unprintable,
+};
 use fleetfoot_library::Expr;
+use fleetfoot_recipe::Recipe;
 use fleetfoot_sparse::structured::Plan;
 use fleetfoot_stats::{FINE, Grid};
+use fleetfoot_task::{EquationTask, StructuredTask};
 
 use super::{
     LabelKey,
     content::{Hashed, hash_logs},
-    equations::unserved,
+    equations::{self, accepts_equations, unserved},
 };
-use crate::{
-    Dataset, EquationTask, Error, Logs, Recipe, StructuredTask,
-    left_out::left_out,
-    not_finite::too_few,
-    open::OpenedStructure,
-    stats_file::{ContentHash, EquationStatistic, FileRecord, StatisticFile, refuse_unprintable},
-    subset::Subset,
-};
+use crate::{Error, left_out::left_out, not_finite::too_few, subset::Subset};
 
 /// Rows that are scanned between two moments at which the work can be kept.
 const GROUP_ROWS: usize = 1 << 18;
@@ -163,7 +161,7 @@ impl<'a> Scan<'a> {
             let (recipe, fields, task) = Dataset::structure(self.recipe, &vec![first.log.clone()].into())?;
             file.accepts_rows(self.recipe, &self.whose)?;
             file.accepts_chunks(&task, self.options.chunk_rows.map(Into::into), &self.whose, "the recipe")?;
-            file.accepts_equations(&recipe, &fields, [&self.whose, "the recipe"])?;
+            accepts_equations(file, &recipe, &fields, [&self.whose, "the recipe"])?;
         }
         let files = self.new_files(files);
         if files.is_empty() {
@@ -217,7 +215,7 @@ impl<'a> Scan<'a> {
     ) -> Result<Option<EquationStatistic>, Error> {
         let chunk_rows = self.options.chunk_rows.map(Into::into);
         let notes = &mut self.report.notes;
-        let found = EquationStatistic::freeze(recipe, tasks, (dataset, chunk_rows), notes, progress);
+        let found = equations::freeze(recipe, tasks, (dataset, chunk_rows), notes, progress);
         match found.and_then(|equations| refuse_unprintable(&equations).map(|()| equations).map_err(Error::from)) {
             Ok(equations) => Ok(Some(equations)),
             Err(error) if progress.cancelled() => Err(error),

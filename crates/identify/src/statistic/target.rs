@@ -6,14 +6,16 @@ use std::{
 };
 
 use fleetfoot_data::{Progress, unstoppable};
+use fleetfoot_dataset::Logs;
 use fleetfoot_log::{WriteLock, check_outputs, is_stream};
+use fleetfoot_recipe::Recipe;
 
 use super::{
     ScanOptions, ScanReport, Sizes, StatisticError, StatisticFile,
     content::{Hashed, hash_logs},
     scan::Scan,
 };
-use crate::{Error, Logs, Recipe};
+use crate::Error;
 
 /// Where a scan goes, and what may be there.
 #[derive(Debug, Clone, Default)]
@@ -124,7 +126,7 @@ pub(super) fn scan_in_groups(
         _ => file.write(&target.output)?,
     };
     if partial.exists() {
-        fs::remove_file(&partial).map_err(|source| Error::Write { path: partial, source })?;
+        fs::remove_file(&partial).map_err(|source| fleetfoot_dataset::Error::Write { path: partial, source })?;
     }
     Ok(ScanOutcome { file, report, resumed, before: before.map(|sizes| sizes.total), sizes })
 }
@@ -149,7 +151,7 @@ fn interrupted(partial: &Path, command: [u8; 32], force: bool) -> Result<Option<
         Ok(file) if file.command == Some(command) => Ok(Some(file)),
         _ if force => Ok(None),
         Ok(_) => Err(StatisticError::OtherCommand { path: partial.to_owned() }.into()),
-        Err(error) => Err(error),
+        Err(error) => Err(error.into()),
     }
 }
 

@@ -14,9 +14,10 @@ use std::{
 };
 
 use fleetfoot_data::Silent;
+use fleetfoot_recipe::Recipe;
 
 use super::*;
-use crate::{Error, Recipe};
+use crate::Error;
 
 /// Two equations that share the latent T: `a = T - D`, `b = 2 T`, with T = 3 + x - 0.5 x^2 and D = 0.7 v.
 const RECIPE: &str = r#"
@@ -156,7 +157,7 @@ fn text_in_the_regression_is_refused() {
         .collect();
     fs::write(&path, format!("t,x,v,a,b\n{rows}")).unwrap();
     let error = scan(&recipe(), &options(), None, &[path], &Silent).unwrap_err();
-    assert!(matches!(error, Error::TextAsNumber { .. }), "{error}");
+    assert!(matches!(error, Error::Dataset(fleetfoot_dataset::Error::TextAsNumber { .. })), "{error}");
 }
 
 #[test]

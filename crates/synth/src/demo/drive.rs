@@ -65,7 +65,7 @@ pub fn differential_drive(
     ];
     let scope = Scope::new(["alpha_l_rate", "alpha_r_rate"]);
     for (equation, text) in model.equations.iter_mut().zip(rights) {
-        equation.right = Expr::parse(&text, &scope).map_err(|source| Error::Expression {
+        equation.right = Expr::parse(&text, &scope).map_err(|source| fleetfoot_recipe::Error::Expression {
             place: equation.subject.clone(),
             text,
             source,

@@ -67,8 +67,9 @@ fn lasted(generated: &Generated) -> Vec<PathBuf> {
 /// Minutes that are not positive or too few, and those of [`generate`].
 pub fn generate_logs(folder: &Path, seed: u64, minutes: f64, progress: &dyn Progress) -> Result<DemoLogs, Error> {
     let world = World::of("hexapod")?;
-    let parameters: HexapodTreadmill = toml::from_str(&world.to_toml())
-        .map_err(|error| Error::Recipe { name: "world of hexapod".into(), problem: error.to_string() })?;
+    let parameters: HexapodTreadmill = toml::from_str(&world.to_toml()).map_err(|error| {
+        fleetfoot_recipe::Error::Recipe { name: "world of hexapod".into(), problem: error.to_string() }
+    })?;
     // Whole milliseconds: no digits that nobody needs in the commands that repeat it.
     let each = |share: f64| (share * minutes * 60_000.0 / RUNS as f64).round() / 1000.0;
     let seconds = (each(1.0 - HELD_OUT), each(HELD_OUT));

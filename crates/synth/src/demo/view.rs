@@ -7,10 +7,11 @@ use fleetfoot_library::{Expr, Scope};
 use fleetfoot_model::{Column, Model, Role, Training};
 
 use fleetfoot_identify::{Dataset, Error, Recipe};
+use fleetfoot_recipe::Error as RecipeError;
 
 /// A column of the logs by an expression over the names of a recipe.
 pub(super) fn column(recipe: &Recipe, name: &str, text: &str, unit: &str, angle: bool) -> Result<Column, Error> {
-    let refused = |source| Error::Expression { place: name.to_owned(), text: text.to_owned(), source };
+    let refused = |source| RecipeError::Expression { place: name.to_owned(), text: text.to_owned(), source };
     let mut scope = Scope::open();
     scope.define_all(&recipe.columns).map_err(refused)?;
     let expression = Expr::parse(text, &scope).map_err(refused)?;
@@ -31,5 +32,5 @@ pub(super) fn columns_only(recipe: &Recipe, method: &str, columns: Vec<Column>) 
 
 /// Opens logs for the columns of a model.
 pub(super) fn open(model: &Model, files: &[PathBuf], progress: &dyn Progress) -> Result<Dataset, Error> {
-    Dataset::for_model(model, &Recipe::default(), files, progress)
+    Ok(Dataset::for_model(model, &Recipe::default(), files, progress)?)
 }

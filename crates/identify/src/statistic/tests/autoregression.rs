@@ -31,13 +31,13 @@ fn recipe(more: &str) -> Recipe {
     Recipe::parse(&text, "test").unwrap()
 }
 
-fn fit(recipe: &Recipe, logs: impl Into<crate::Logs>) -> Result<(String, NarxReport), crate::Error> {
+fn fit(recipe: &Recipe, logs: impl Into<fleetfoot_dataset::Logs>) -> Result<(String, NarxReport), crate::Error> {
     let fitted = fit_narx(recipe, &NarxRequest::default(), logs, &Silent)?;
     Ok((fitted.model.to_json(), fitted.report))
 }
 
-fn of(file: StatisticFile) -> crate::Logs {
-    crate::Logs::of_statistic(std::sync::Arc::new(file))
+fn of(file: StatisticFile) -> fleetfoot_dataset::Logs {
+    fleetfoot_dataset::Logs::of_statistic(std::sync::Arc::new(file))
 }
 
 fn scanned(recipe: &Recipe, files: &[PathBuf]) -> StatisticFile {
@@ -62,7 +62,7 @@ fn logs_and_their_statistics_give_the_same_autoregression() {
         let (wanted, report) = fit(&recipe, &files).unwrap();
         let options = ScanOptions::default();
         let all = scanned(&recipe, &files);
-        assert!(all.serves().iter().any(|method| method.starts_with("fit narx")), "{what}: {:?}", all.serves());
+        assert!(serves(&all).iter().any(|method| method.starts_with("fit narx")), "{what}: {:?}", serves(&all));
         let read = StatisticFile::from_bytes(&bytes(&all), Path::new("run.stats")).unwrap().0;
         assert_eq!(read, all, "{what}");
         let plan = all.without_rows();
@@ -130,7 +130,7 @@ fn what_needs_rows_or_was_not_summed_is_refused_with_a_mend() {
         assert!(parts.iter().all(|part| error.contains(part)), "{more}: {error}");
     }
     let none = scanned(&recipe(""), &files);
-    assert!(!none.serves().iter().any(|method| method.starts_with("fit narx")), "nothing is summed unasked");
+    assert!(!serves(&none).iter().any(|method| method.starts_with("fit narx")), "nothing is summed unasked");
     let error = fit(&recipe(narx), of(none)).unwrap_err().to_string();
     assert!(error.contains("no sums for `fit narx`"), "{error}");
     // Of a recipe that picks rows, the other sums are made all the same.

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
+use fleetfoot_dataset::stats_file::of_sections;
 use proptest::prelude::*;
 
 use super::*;
-use crate::stats_file::{Writer, to_bytes};
 
 /// A statistic of one small log.
 fn small() -> Vec<u8> {
@@ -93,9 +93,7 @@ fn foreign_and_newer_files_are_told() {
 
 /// A file of these sections, checksums right.
 fn crafted(sections: &[(&str, Vec<u8>)]) -> Vec<u8> {
-    let mut writer = Writer::new(Vec::new(), sections.len() as u32).unwrap();
-    sections.iter().for_each(|(name, payload)| writer.section(name, payload).unwrap());
-    writer.finish().unwrap().0
+    of_sections(sections).unwrap()
 }
 
 /// The sections of a file.
@@ -124,7 +122,7 @@ fn files_that_lie_are_refused() {
     let names: Vec<&str> = sections.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(names, ["head", "plan", "source", "files", "episodes", "task", "also", "systems"]);
     // Counts far beyond the file, in every section.
-    let huge = to_bytes(&u64::MAX);
+    let huge = postcard::to_stdvec(&u64::MAX).unwrap();
     for index in 0..sections.len() {
         let error = read(&with(&sections, index, huge.clone())).unwrap_err();
         assert!(matches!(error, StatisticError::Damaged { .. }), "{}: {error}", names[index]);
@@ -137,7 +135,7 @@ fn files_that_lie_are_refused() {
         }
     }
     // An episode that no chunk may speak of, no files, no task.
-    let none = to_bytes(&Vec::<u8>::new());
+    let none = postcard::to_stdvec(&Vec::<u8>::new()).unwrap();
     for index in [3, 4] {
         assert!(matches!(read(&with(&sections, index, none.clone())), Err(StatisticError::Damaged { .. })));
     }

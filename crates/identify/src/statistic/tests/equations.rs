@@ -41,13 +41,13 @@ fn recipes() -> Vec<(&'static str, String)> {
     ]
 }
 
-fn model(recipe: &Recipe, logs: impl Into<crate::Logs>) -> (String, crate::SindyReport) {
+fn model(recipe: &Recipe, logs: impl Into<fleetfoot_dataset::Logs>) -> (String, crate::SindyReport) {
     let fitted = fit_sindy(recipe, SindyRequest::default(), logs, &Silent).unwrap();
     (fitted.model.to_json(), fitted.report)
 }
 
-fn of(file: StatisticFile) -> crate::Logs {
-    crate::Logs::of_statistic(std::sync::Arc::new(file))
+fn of(file: StatisticFile) -> fleetfoot_dataset::Logs {
+    fleetfoot_dataset::Logs::of_statistic(std::sync::Arc::new(file))
 }
 
 /// Small statistics with equations: moments, and products in regions.
@@ -70,7 +70,7 @@ fn logs_and_their_statistics_give_the_same_equations() {
             let options = ScanOptions::default();
             let (wanted, report) = model(&recipe, &files);
             let (all, told) = scan(&recipe, &options, None, &files, &Silent).unwrap();
-            assert!(all.equations.is_some() && all.serves().len() >= 2, "{what}: {:?}", told.notes);
+            assert!(all.equations.is_some() && serves(&all).len() >= 2, "{what}: {:?}", told.notes);
             let read = StatisticFile::from_bytes(&bytes(&all), Path::new("run.stats")).unwrap().0;
             assert_eq!(read, all, "{what}");
             let plan = all.without_rows();
@@ -205,7 +205,7 @@ fn other_formats_are_refused_with_the_reason() {
 }
 
 /// A piecewise-affine fit with folds, of partitions to choose from.
-fn piecewise(recipe: &Recipe, logs: impl Into<crate::Logs>) -> crate::Fitted {
+fn piecewise(recipe: &Recipe, logs: impl Into<fleetfoot_dataset::Logs>) -> crate::Fitted {
     let mut recipe = recipe.clone();
     recipe.pwa.folds = Some(5);
     crate::fit_pwa(&recipe, crate::PwaRequest { keep_all: true }, logs, &Silent).unwrap()
@@ -242,9 +242,9 @@ fn piecewise_models_are_fitted_and_chosen_without_the_logs() {
     let options = ScanOptions::default();
     let all = scan(&recipe, &options, None, &files, &Silent).unwrap().0;
     assert!(
-        all.serves()[2].starts_with("fit pwa (--partition average | kmeans:2 | kmeans:4 | zscore:1"),
+        serves(&all)[2].starts_with("fit pwa (--partition average | kmeans:2 | kmeans:4 | zscore:1"),
         "{:?}",
-        all.serves()
+        serves(&all)
     );
     let (found, wanted) = (piecewise(&recipe, of(all.clone())), piecewise(&recipe, &files));
     let (own, logs) = (&found.identification, &wanted.identification);
@@ -321,8 +321,8 @@ fn a_derivative_that_is_measured_otherwise_has_sums_of_its_own() {
         (|recipe| recipe.pwa.phase = Some("labels:x".parse().unwrap()), "--phase"),
         (|recipe| recipe.pwa.continuous = Some(true), "--continuous"),
         (|recipe| recipe.pwa.tsqr = Some(true), "--tsqr"),
-        (|recipe| recipe.pwa.unseen_labels = Some(crate::UnseenLabels::Pool), "--unseen-labels"),
-        (|recipe| recipe.pwa.select = Some(crate::PartitionChoice::Rollout), "--select rollout"),
+        (|recipe| recipe.pwa.unseen_labels = Some(fleetfoot_recipe::UnseenLabels::Pool), "--unseen-labels"),
+        (|recipe| recipe.pwa.select = Some(fleetfoot_recipe::PartitionChoice::Rollout), "--select rollout"),
     ];
     for (change, word) in changes {
         let message = refused(&change);

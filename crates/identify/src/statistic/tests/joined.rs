@@ -190,7 +190,7 @@ fn sparse_models_of_logs_and_of_their_statistics_are_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let files = fleet(folder.path(), &[1, 2, 3], 2);
     let recipe = recipe();
-    let model = |logs: crate::Logs| {
+    let model = |logs: fleetfoot_dataset::Logs| {
         let fitted = crate::fit_sparse(&recipe, &crate::SparseRequest::default(), logs, &Silent).unwrap();
         fitted[0].model.to_json()
     };
@@ -206,7 +206,7 @@ fn sparse_models_of_logs_and_of_their_statistics_are_the_same_bytes() {
     }
     let wanted = model((&files).into());
     for statistic in [all, halves, apart] {
-        let found = model(crate::Logs::of_statistic(std::sync::Arc::new(statistic)));
+        let found = model(fleetfoot_dataset::Logs::of_statistic(std::sync::Arc::new(statistic)));
         assert!(found == wanted, "{found}\n{wanted}");
     }
 }

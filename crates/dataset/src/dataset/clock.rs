@@ -1,0 +1,61 @@
+//! What is computed of rows: whether it needs to know when they were, and which of their columns it takes for numbers.
+
+use std::{collections::BTreeSet, sync::Arc};
+
+use fleetfoot_library::Expr;
+use fleetfoot_model::{Equation, Model, Prediction, Rule};
+
+/// Whether rows must have stamps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Clock {
+    /// For rates, and for whatever reads seconds.
+    Needed,
+    /// For what is computed of rows alone.
+    Dispensable {
+        /// Whether it is computed of neighbouring rows too, by lags.
+        ordered: bool,
+    },
+}
+
+/// What the expressions over the columns of a log ask of its rows.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Reads {
+    /// Whether rows must have stamps.
+    pub(crate) clock: Clock,
+    /// The columns that are read as numbers; states and inputs are, whether they stand here or not.
+    pub(crate) numbers: BTreeSet<Arc<str>>,
+}
+
+impl Reads {
+    /// Columns as they are, beside their stamps: text may be among them.
+    pub(crate) fn columns() -> Self {
+        Self { clock: Clock::Needed, numbers: BTreeSet::new() }
+    }
+
+    /// These columns as numbers, beside their stamps.
+    pub(crate) fn numbers<'a>(names: impl IntoIterator<Item = &'a String>) -> Self {
+        Self { clock: Clock::Needed, numbers: names.into_iter().map(|name| Arc::from(name.as_str())).collect() }
+    }
+}
+
+/// A plain regression needs no clock; rates, and whatever reads seconds, do.
+pub(crate) fn reads<'a>(equations: &'a [Equation], expressions: impl Iterator<Item = &'a Expr>) -> Reads {
+    let (mut timed, mut ordered) = (false, false);
+    let mut numbers = BTreeSet::new();
+    let targets = equations.iter().filter_map(|equation| equation.target.as_ref());
+    for expression in expressions.chain(targets).chain(equations.iter().map(|equation| &equation.right)) {
+        timed |= expression.reads_clock();
+        ordered |= expression.reads_other_rows();
+        numbers.extend(expression.sources());
+    }
+    let plain = equations.iter().all(|equation| equation.prediction == Prediction::Value);
+    let clock = if plain && !timed { Clock::Dispensable { ordered } } else { Clock::Needed };
+    Reads { clock, numbers }
+}
+
+/// What a model needs, as [`reads`].
+pub fn reads_of_model(model: &Model) -> Reads {
+    let places = model.partitions.iter().filter(|partition| !matches!(partition.rule, Rule::Labels { .. }));
+    let partitions = places.flat_map(|partition| &partition.columns);
+    reads(&model.equations, model.libraries.iter().flatten().chain(partitions))
+}

@@ -1,0 +1,137 @@
+//! What can go wrong between a recipe and the rows of its logs. Every message says where, and what to do.
+
+use std::path::PathBuf;
+
+use fleetfoot_recipe::{RequestError, request_constructors};
+
+use crate::statistic_error::StatisticError;
+
+/// What can go wrong between a recipe and the rows of its logs.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The recipe cannot be understood.
+    #[error(transparent)]
+    Recipe(fleetfoot_recipe::Error),
+    /// What was asked for cannot be done.
+    #[error(transparent)]
+    Request(#[from] RequestError),
+    /// A model that advances row by row on rows of another period.
+    #[error(
+        "{}: its rows are {} s apart, those that the model was fitted on {} s, and it advances row by row, so that its numbers would mean nothing; {mend}; \
+         if the stamps of this log are wrong, give its period with --dt", path.display(), short(*found), short(*expected)
+    )]
+    OtherPeriod {
+        /// The log.
+        path: PathBuf,
+        /// Its period, s.
+        found: f64,
+        /// The model's, s.
+        expected: f64,
+        /// What to do.
+        mend: String,
+    },
+    /// Text where numbers are read.
+    #[error("{}: {what} holds text ({found}), and text is no number: {mend}", path.display())]
+    TextAsNumber {
+        /// The log.
+        path: PathBuf,
+        /// The column and its part.
+        what: String,
+        /// The first value that is no number, and where it stands.
+        found: String,
+        /// How the column is read.
+        mend: String,
+    },
+    /// A label that the model has not seen.
+    #[error(
+        "{rows} rows have labels of `{column}` that the model has not seen ({labels}); leave them out, or fit with --unseen-labels pool"
+    )]
+    UnseenLabel {
+        /// The column.
+        column: String,
+        /// Some of the labels.
+        labels: String,
+        /// How many rows.
+        rows: u64,
+    },
+    /// Reading or writing files.
+    #[error(transparent)]
+    Log(#[from] fleetfoot_log::Error),
+    /// Reading rows.
+    #[error(transparent)]
+    Data(#[from] fleetfoot_data::Error),
+    /// The answer needs more memory than there is.
+    #[error(transparent)]
+    Memory(#[from] fleetfoot_data::OutOfMemory),
+    /// The user stopped the work.
+    #[error(transparent)]
+    Cancelled(#[from] fleetfoot_data::Cancelled),
+    /// A model file was refused.
+    #[error(transparent)]
+    Model(#[from] fleetfoot_model::FileError),
+    /// A channel cannot be prepared.
+    #[error("{episode}, `{channel}`: {source}")]
+    Signal {
+        /// The episode.
+        episode: String,
+        /// The state or input.
+        channel: String,
+        /// What is wrong.
+        source: fleetfoot_signal::SignalError,
+    },
+    /// A file could not be written.
+    #[error("{path}: cannot be written: {source}")]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The pass over the rows failed.
+    #[error(transparent)]
+    Rows(#[from] fleetfoot_sparse::system::SystemError),
+    /// Statistics that do not go together.
+    #[error(transparent)]
+    Merge(#[from] fleetfoot_stats::MergeError),
+    /// A `.stats` file, or what was asked of it, was refused.
+    #[error(transparent)]
+    Statistic(#[from] StatisticError),
+}
+
+request_constructors!(Error);
+
+impl Error {
+    /// Whether less memory would have done.
+    pub fn is_memory(&self) -> bool {
+        matches!(self, Self::Memory(_) | Self::Log(fleetfoot_log::Error::Memory(_)))
+    }
+}
+
+/// A refused request is one error, whoever refused it.
+impl From<fleetfoot_recipe::Error> for Error {
+    fn from(error: fleetfoot_recipe::Error) -> Self {
+        match error {
+            fleetfoot_recipe::Error::Request(request) => Self::Request(request),
+            other => Self::Recipe(other),
+        }
+    }
+}
+
+/// Errors of expressions, where logs are opened through them.
+macro_rules! of_recipe {
+    ($($error:ty),*) => {
+        $(impl From<$error> for Error {
+            fn from(error: $error) -> Self {
+                fleetfoot_recipe::Error::from(error).into()
+            }
+        })*
+    };
+}
+
+of_recipe!(fleetfoot_library::UnknownColumn, fleetfoot_library::LibraryError, fleetfoot_library::FilterError);
+
+/// A positive number with five digits at most.
+pub fn short(value: f64) -> f64 {
+    if value > 0.0 && value.is_finite() { format!("{value:.4e}").parse().unwrap_or(value) } else { value }
+}

@@ -1,0 +1,182 @@
+//! Clocks that were found: for the join, for people and for programs.
+
+use fleetfoot_log::TopicClock;
+use fleetfoot_signal::{Alignment, EdgeAlignment, PartLag};
+use serde::Serialize;
+
+/// Points of a lag curve that are reported, at most.
+const POINTS: usize = 401;
+
+/// Clocks that were found, and what is made of them.
+#[derive(Debug, Default)]
+pub struct Clocks {
+    /// For the join.
+    pub topics: Vec<TopicClock>,
+    /// For people.
+    pub reports: Vec<AlignedClock>,
+    /// What to know of them.
+    pub notes: Vec<String>,
+}
+
+/// What the clock of another computer shows more than the one that it was compared with, and why that is known.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct AlignedClock {
+    /// Its name in the recipe.
+    pub clock: String,
+    /// The log; empty where the recipe gives the offset of all.
+    pub log: String,
+    /// `motion`, `wave` or `given`.
+    pub by: String,
+    /// The moment of the offset, seconds from the first stamp of the channel that it was compared with.
+    pub at: f64,
+    /// Seconds that it shows more then.
+    pub offset: f64,
+    /// Where the offset lies: with 95 % confidence by motion, for certain by a wave whose edges do not contradict each other (and that is even, where the recipe says so).
+    pub offset_interval: [f64; 2],
+    /// How much faster it goes, seconds a second.
+    pub skew: f64,
+    /// Where the skew lies, as the offset.
+    pub skew_interval: [f64; 2],
+    /// By motion: the share of the reference's variance that the channel does not explain, and at every lag (the lag curve: seconds, share).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unexplained: Option<f64>,
+    /// The lag curve, at the skew that was searched with.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub curve: Vec<(f64, f64)>,
+    /// By motion: how far each quarter of the log is off the line; clocks that do not run evenly are told by that.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<LagOfPart>,
+    /// By motion: values of the channel that was compared with, and of this clock's, that were left out as gross errors.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub left_out: Option<[usize; 2]>,
+    /// By a wave: whether the recipe says that it is even, so that its edges bound one another.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub even: Option<bool>,
+    /// By a wave: edges that both saw.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub edges: Option<usize>,
+    /// By a wave: edges that one of them did not see.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub alone: Option<[usize; 2]>,
+    /// By a wave: seconds by which its edges contradict each other.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub contradiction: Option<f64>,
+    /// By a wave: other offsets that it allows, whole periods away.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub others: Vec<f64>,
+}
+
+/// The lag of a part of a log beside the line through all of it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct LagOfPart {
+    /// Its middle, seconds from the first stamp of the channel that was compared with.
+    pub at: f64,
+    /// Its lag less that of the line, s.
+    pub off: f64,
+    /// The standard deviation of that, s.
+    pub deviation: f64,
+}
+
+impl AlignedClock {
+    pub(crate) fn new(clock: &str, log: &str, by: &str, [at, offset, skew]: [f64; 3]) -> Self {
+        Self {
+            clock: clock.to_owned(),
+            log: log.to_owned(),
+            by: by.to_owned(),
+            at,
+            offset,
+            offset_interval: [offset; 2],
+            skew,
+            skew_interval: [skew; 2],
+            unexplained: None,
+            curve: Vec::new(),
+            parts: Vec::new(),
+            left_out: None,
+            even: None,
+            edges: None,
+            alone: None,
+            contradiction: None,
+            others: Vec::new(),
+        }
+    }
+
+    pub(crate) fn given(clock: &str, offset: f64) -> Self {
+        Self::new(clock, "", "given", [0.0, offset, 0.0])
+    }
+
+    pub(crate) fn by_motion(clock: &str, log: &str, found: &Alignment, start: f64) -> Self {
+        let line = found.line;
+        let interval = |value: f64, deviation: f64| [value - 1.96 * deviation, value + 1.96 * deviation];
+        let part = |part: &PartLag| LagOfPart { at: part.at - start, off: part.off, deviation: part.deviation };
+        Self {
+            offset_interval: interval(line.offset, found.deviation),
+            skew_interval: interval(line.skew, found.skew_deviation),
+            unexplained: Some(found.unexplained),
+            curve: thinned(&found.curve),
+            parts: found.parts.iter().map(part).collect(),
+            left_out: Some(found.left_out.each_ref().map(Vec::len)),
+            ..Self::new(clock, log, "motion", [line.at - start, line.offset, line.skew])
+        }
+    }
+
+    pub(crate) fn by_wave(clock: &str, log: &str, found: &EdgeAlignment, even: bool, start: f64) -> Self {
+        let line = found.line;
+        Self {
+            offset_interval: found.offset,
+            skew_interval: found.skew,
+            even: Some(even),
+            edges: Some(found.edges),
+            alone: Some(found.alone),
+            contradiction: Some(found.contradiction),
+            others: found.others.clone(),
+            ..Self::new(clock, log, "wave", [line.at - start, line.offset, line.skew])
+        }
+    }
+
+    /// What speaks against it, in sentences: a share that is larger than `doubtful`, quarters that are off by more than `bent` deviations, edges that contradict each other.
+    pub(crate) fn doubts(&self, doubtful: f64, bent: f64) -> Vec<String> {
+        let place = format!("[clocks.{}], {}", self.clock, self.log);
+        let mut doubts = Vec::new();
+        if let Some(share) = self.unexplained.filter(|share| *share > doubtful) {
+            doubts.push(format!(
+                "{place}: {:.0} % of the motion is not explained even where the channels are most alike: do they see the same motion?",
+                100.0 * share
+            ));
+        }
+        let is_off = |part: &&LagOfPart| part.off.abs() > bent * part.deviation;
+        let off = self.parts.iter().filter(is_off).max_by(|a, b| a.off.abs().total_cmp(&b.off.abs()));
+        if let Some(part) = off {
+            doubts.push(format!(
+                "{place}: the clocks do not run evenly: about {:.0} s the lag is {:.3} ms (+- {:.3}) off the straight line",
+                part.at,
+                1e3 * part.off,
+                1e3 * part.deviation
+            ));
+        }
+        if let Some(seconds) = self.contradiction.filter(|seconds| *seconds > 0.0) {
+            doubts.push(format!(
+                "{place}: edges contradict each other by {:.4} ms: stamps jitter (dejitter = true evens them out), or the clocks do not run evenly; the interval is that of stamps which are wrong by as much",
+                1e3 * seconds
+            ));
+        }
+        if !self.others.is_empty() {
+            let others: Vec<String> = self.others.iter().map(|offset| format!("{offset:.3}")).collect();
+            doubts.push(format!(
+                "{place}: the wave repeats: offsets of {} s agree as well, and the one nearest to what was searched about is taken; a reach below half its period leaves one",
+                others.join(", ")
+            ));
+        }
+        doubts
+    }
+}
+
+/// Every n-th point of a curve, and its least.
+fn thinned(curve: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let every = curve.len().div_ceil(POINTS).max(1);
+    let least = (0..curve.len()).min_by(|&a, &b| curve[a].1.total_cmp(&curve[b].1));
+    let kept = |at: &usize| at.is_multiple_of(every) || Some(*at) == least;
+    // Lags at which too few rows are shared have no share.
+    (0..curve.len()).filter(kept).map(|at| curve[at]).filter(|(_, share)| share.is_finite()).collect()
+}

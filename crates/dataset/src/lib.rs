@@ -1,0 +1,33 @@
+//! Logs opened through a recipe: their clocks, joins and conditions, and the columns that are seen of them; or the `.stats` file that holds their sums.
+//!
+//! [`Logs`] are what is read; a [`Dataset`] is what a recipe or a model sees of them. [`StatisticFile`] stands in place of logs for the fits that need no rows.
+
+pub mod clocks;
+pub mod condition;
+mod dataset;
+mod error;
+pub mod folder;
+pub mod found_clocks;
+pub mod json;
+pub mod labels;
+mod logs;
+pub mod open;
+pub mod period;
+pub mod pieces;
+mod read_plan;
+mod settled;
+mod statistic_error;
+pub mod stats_file;
+pub mod text;
+pub mod view;
+
+pub use dataset::{Dataset, reads_of_model};
+pub use error::{Error, short};
+pub use logs::{Logs, NOISE, PREPARED, is_prepared, is_statistic};
+pub use read_plan::ReadPlan;
+pub use settled::{NoRotation, Settled};
+pub use statistic_error::StatisticError;
+pub use stats_file::{
+    ColumnRecord, ContentHash, EpisodeRecord, EquationGroup, EquationStatistic, FileRecord, Sizes, StatisticFile,
+    TaskSummary, Unwanted, covers, once, refuse_unprintable,
+};

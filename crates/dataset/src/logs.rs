@@ -1,0 +1,145 @@
+//! What is read: files, tables in memory, or both; or their statistic.
+
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use fleetfoot_log::{Log, MemoryTable, RunFiles};
+use fleetfoot_recipe::Recipe;
+
+use crate::{error::Error, stats_file::StatisticFile};
+
+/// What is read, in the order in which it is read: files by their paths, then tables in memory. Or the statistic of logs in their place.
+///
+/// Anything that is a list of paths becomes one.
+#[derive(Debug, Clone, Default)]
+pub struct Logs {
+    logs: Vec<Log>,
+    statistic: Option<Arc<StatisticFile>>,
+}
+
+impl Logs {
+    /// Tables in memory.
+    pub fn tables(tables: impl IntoIterator<Item = Arc<dyn MemoryTable>>) -> Self {
+        tables.into_iter().map(Log::Table).collect::<Vec<_>>().into()
+    }
+
+    /// A statistic, in place of logs, for the fits that need no rows.
+    pub fn of_statistic(statistic: Arc<StatisticFile>) -> Self {
+        Self { logs: Vec::new(), statistic: Some(statistic) }
+    }
+
+    /// All files and tables.
+    pub fn all(&self) -> &[Log] {
+        &self.logs
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.logs.len()
+    }
+
+    /// Whether there is nothing to read.
+    pub fn is_empty(&self) -> bool {
+        self.logs.is_empty()
+    }
+
+    /// Paths of the files among them.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let of_log = |log: &Log| match log {
+            Log::File(path) => vec![path.clone()],
+            Log::Run(run) => run.files.iter().map(|(_, path)| path.clone()).collect(),
+            Log::Table(_) => Vec::new(),
+        };
+        self.logs.iter().flat_map(of_log).collect()
+    }
+
+    /// The same logs as a recipe reads them: with its `[files]`, the files of a folder are one run. The files beside them that no pattern matches come second.
+    ///
+    /// # Errors
+    /// Those of [`RunFiles::group`].
+    pub fn by(&self, recipe: &Recipe) -> Result<(Self, Vec<PathBuf>), Error> {
+        if recipe.files.is_empty() {
+            return Ok((self.clone(), Vec::new()));
+        }
+        let patterns: Vec<(String, String)> =
+            recipe.files.iter().map(|(topic, pattern)| (topic.clone(), pattern.clone())).collect();
+        let files: Vec<PathBuf> = self
+            .logs
+            .iter()
+            .filter_map(|log| if let Log::File(path) = log { Some(path.clone()) } else { None })
+            .collect();
+        let (runs, others) = RunFiles::group(&files, &patterns)?;
+        let rest = self.logs.iter().filter(|log| !matches!(log, Log::File(_))).cloned();
+        Ok((
+            Self { logs: runs.into_iter().map(Log::Run).chain(rest).collect(), statistic: self.statistic.clone() },
+            others,
+        ))
+    }
+
+    /// Whether these are the statistic of logs instead of logs.
+    pub fn is_statistic(&self) -> bool {
+        self.statistic.is_some() || is_statistic(&self.files())
+    }
+
+    /// The statistic that these are.
+    ///
+    /// # Errors
+    /// Several of them; those of reading.
+    pub fn statistic(&self) -> Result<StatisticFile, Error> {
+        match (&self.statistic, self.logs.as_slice()) {
+            (Some(statistic), []) => Ok(statistic.as_ref().clone()),
+            (None, [Log::File(path)]) => StatisticFile::read(path),
+            _ => Err(Error::conflict(
+                "several files, a `.stats` among them: fit on one statistic (`fleetfoot stats merge` makes one of several) or on logs".into(),
+            )),
+        }
+    }
+}
+
+impl From<Vec<Log>> for Logs {
+    fn from(logs: Vec<Log>) -> Self {
+        Self { logs, statistic: None }
+    }
+}
+
+impl From<&Logs> for Logs {
+    fn from(logs: &Logs) -> Self {
+        logs.clone()
+    }
+}
+
+impl<P: AsRef<Path>> From<&[P]> for Logs {
+    fn from(files: &[P]) -> Self {
+        files.iter().map(|file| Log::File(file.as_ref().to_path_buf())).collect::<Vec<_>>().into()
+    }
+}
+
+impl<P: AsRef<Path>> From<&Vec<P>> for Logs {
+    fn from(files: &Vec<P>) -> Self {
+        files.as_slice().into()
+    }
+}
+
+impl<P: AsRef<Path>, const N: usize> From<&[P; N]> for Logs {
+    fn from(files: &[P; N]) -> Self {
+        files.as_slice().into()
+    }
+}
+
+/// Whether files are the statistic of logs instead of logs.
+pub fn is_statistic(files: &[PathBuf]) -> bool {
+    files.iter().any(|file| file.extension().is_some_and(|extension| extension == "stats"))
+}
+
+/// The end of the names of the files that `prepare` writes.
+pub const PREPARED: &str = ".clean.parquet";
+
+/// The key of a prepared file's metadata: the standard deviation of a measurement about the curve, by column, as JSON.
+pub const NOISE: &str = "fleetfoot.noise";
+
+/// Whether a file has the name of one that `prepare` wrote.
+pub fn is_prepared(name: &str) -> bool {
+    name.ends_with(PREPARED)
+}

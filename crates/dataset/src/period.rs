@@ -1,0 +1,92 @@
+//! Whether a model belongs to rows of a period.
+
+use std::{collections::HashSet, path::Path};
+
+use fleetfoot_data::{Column, Episode};
+use fleetfoot_library::{Expr, Node};
+use fleetfoot_model::{Model, Prediction};
+
+use crate::{
+    dataset::{Dataset, of_most},
+    error::{Error, short},
+};
+
+/// Periods that differ by less of the model's are one: clocks drift, and stamps are rounded.
+const TOLERANCE: f64 = 0.1;
+
+/// The files that did not train a model, each with the period of most of its rows.
+fn of_files<'a>(dataset: &'a Dataset, model: &Model) -> Vec<(&'a Path, f64)> {
+    let trained: HashSet<String> = dataset.in_sample(model).into_iter().collect();
+    let mut files: Vec<(&Path, Vec<&Episode>)> = Vec::new();
+    for (at, episode) in dataset.episodes().iter().enumerate().filter(|(_, own)| !trained.contains(&own.name)) {
+        let path = dataset.origin(at);
+        match files.last_mut().filter(|(last, _)| *last == path) {
+            Some((_, episodes)) => episodes.push(episode),
+            None => files.push((path, vec![episode])),
+        }
+    }
+    files.into_iter().map(|(path, episodes)| (path, of_most(episodes))).collect()
+}
+
+/// Refuses rows of another period than a model that advances row by row was fitted on; a note for models of derivatives, which hold for any. Every
+/// `every`-th row of the dataset, which sees the model's columns, is used.
+///
+/// # Errors
+/// [`Error::OtherPeriod`].
+pub(crate) fn check(model: &Model, dataset: &Dataset, every: usize) -> Result<Option<String>, Error> {
+    let expected = model.step;
+    let found = |seconds: f64| seconds * every as f64;
+    let other =
+        |(_, seconds): &(&Path, f64)| *seconds > 0.0 && (found(*seconds) - expected).abs() > TOLERANCE * expected;
+    let first = of_files(dataset, model).into_iter().find(other);
+    let Some((path, seconds)) = first.filter(|_| expected > 0.0) else { return Ok(None) };
+    let found = found(seconds);
+    if by_rows(model, dataset.aliases()) {
+        return Err(Error::OtherPeriod { path: path.into(), found, expected, mend: mend(found, expected) });
+    }
+    Ok(Some(format!(
+        "{}: its rows are {} s apart, those that the model was fitted on {} s; a model of derivatives holds for both, but measured derivatives and steps of \
+         integration are as coarse as the rows",
+        path.display(),
+        short(found),
+        short(expected)
+    )))
+}
+
+fn mend(found: f64, expected: f64) -> String {
+    let times = (expected / found).round();
+    let thin = if times >= 2.0 && (expected / found - times).abs() < TOLERANCE * times {
+        format!("keep every {times}th row, ")
+    } else {
+        String::new()
+    };
+    format!(
+        "{thin}resample the log to {} s (--rate {}), or fit a model on logs of this rate",
+        short(expected),
+        short(1.0 / expected)
+    )
+}
+
+/// Whether what a model says depends on how far apart rows are: it predicts the next row, or reads others than the present one by their number.
+fn by_rows(model: &Model, aliases: &[(Column, Expr)]) -> bool {
+    let steps = |prediction| matches!(prediction, Prediction::Next | Prediction::Difference);
+    let fitted = model.fitted().any(|equation| steps(equation.prediction));
+    let expressions = model
+        .libraries
+        .iter()
+        .flatten()
+        .chain(model.partitions.iter().flat_map(|partition| &partition.columns))
+        .chain(aliases.iter().map(|(_, expression)| expression));
+    fitted || expressions.into_iter().any(reads_other_rows)
+}
+
+/// Other rows than the present one, without the time between them: differences by the stamps hold for any period.
+fn reads_other_rows(expression: &Expr) -> bool {
+    let (mut other, mut time) = (false, false);
+    expression.fold(|part, _: &[()]| match part.node() {
+        Node::Column { lag, .. } => other |= *lag != 0,
+        Node::Time { .. } => time = true,
+        _ => {}
+    });
+    other && !time
+}

@@ -1,0 +1,38 @@
+//! The regions of all rows of a source.
+
+use fleetfoot_data::{Progress, Source};
+use fleetfoot_model::Partition;
+use fleetfoot_pwa::{Options, Problem, Specification};
+
+use crate::error::Error;
+
+/// How regions are found where nothing but a seed is said.
+pub(crate) fn clustering(seed: u64) -> Options {
+    let mut options = Options::default();
+    options.seed = seed;
+    options
+}
+
+/// The regions of all rows of a source, found as the options say.
+///
+/// # Errors
+/// Those of reading; more regions than rows.
+pub(crate) fn regions(
+    problem: &Problem,
+    specification: Specification,
+    mut options: Options,
+    source: &dyn Source,
+    notes: &mut Vec<String>,
+    progress: &dyn Progress,
+) -> Result<Partition, Error> {
+    if specification.fits_targets() {
+        notes.push(format!(
+            "{specification}: its regions fit all of these rows, so held-out errors of what is fitted in them are too small; `fit pwa` and `fit narx` on logs make \
+             regions anew for every fold"
+        ));
+    }
+    options.partitions = vec![specification];
+    let mut found = fleetfoot_pwa::partition(problem, &options, source, progress)?;
+    notes.append(&mut found.notes);
+    Ok(found.partitions.pop().map_or_else(Partition::whole, |(_, partition)| partition))
+}

@@ -1,0 +1,328 @@
+//! The joints of a recipe: their sensors as fusion wants them, and what fusion found.
+
+use fleetfoot_data::{Progress, did_you_mean, nearest};
+use fleetfoot_dataset::{Dataset, Error, Logs, found_clocks::Clocks};
+use fleetfoot_recipe::{JointSection, Kind, Recipe, SensorKind, SensorSection, Tunable};
+use fleetfoot_signal::{
+    fuse::Prior,
+    joint::{FusedJoint, JointOptions, JointRecord, JointRun, JointSensor, JointStates, Quantity, fuse_joint},
+};
+
+use super::{
+    super::{
+        CorrelationReport, JointReport, JointSensorReport, Places,
+        channel::{unwrapped, wrapped},
+    },
+    rows::{Layout, LogRows},
+    sensors::{channels, loss, numbers, refused},
+};
+
+/// The correlation of their errors beyond which two sensors are one.
+const ONE: f64 = 0.35;
+
+/// That beyond which it is told.
+const TOLD: f64 = 0.15;
+
+/// Deviations by which a correlation differs from none.
+const SURE: f64 = 6.0;
+
+/// How much noisier than about its own curve a sensor may be before it is told that sensors contradict each other.
+const CONTRADICTED: f64 = 3.0;
+
+/// A joint and its sensors, checked.
+pub(super) struct JointPlan {
+    pub(super) name: String,
+    pub(super) angle: bool,
+    pub(super) unit: Option<String>,
+    correlated: bool,
+    /// Names, and the channel of each.
+    sensors: Vec<(String, String)>,
+    options: JointOptions,
+}
+
+/// The joints of a recipe.
+pub(super) fn plans(recipe: &Recipe) -> Result<Vec<JointPlan>, Error> {
+    let of_joints = || recipe.sensor.iter().filter(|(_, sensor)| sensor.kind.is_of_joint()).map(|(name, _)| name);
+    let mut taken: Vec<&String> = Vec::new();
+    let mut plans = Vec::new();
+    for (name, section) in &recipe.joint {
+        let names: Vec<&String> = match section.sensors.is_empty() && recipe.joint.len() == 1 {
+            true => of_joints().collect(),
+            false => section.sensors.iter().collect(),
+        };
+        if names.is_empty() {
+            return Err(Error::missing(format!(
+                "[joint.{name}]: name its sensors, sensors = [\"encoder\"], and a [sensor.encoder] of kind \"position\""
+            )));
+        }
+        for sensor in &names {
+            let Some(own) = recipe.sensor.get(*sensor).filter(|own| own.kind.is_of_joint()) else {
+                let mend = did_you_mean(&nearest(sensor, of_joints().map(String::as_str)));
+                return Err(Error::unknown(
+                    sensor.as_str(),
+                    format!("[joint.{name}] sensors: there is no [sensor.{sensor}] of a position or a rate{mend}"),
+                ));
+            };
+            if own.channels.len() != channels(own.kind) {
+                let found = format!("channels has {}", own.channels.len());
+                return Err(refused(sensor, &found, "a sensor of a joint has 1"));
+            }
+            if taken.contains(sensor) {
+                return Err(refused(sensor, "joint", "a sensor is of one joint"));
+            }
+            taken.push(sensor);
+        }
+        plans.push(JointPlan::new(recipe, name, section, &names)?);
+    }
+    match of_joints().find(|name| !taken.contains(name)) {
+        None => Ok(plans),
+        Some(name) => Err(Error::missing(format!(
+            "[sensor.{name}] is of no joint: add it to the sensors of one, [joint.NAME] sensors = [\"{name}\"]"
+        ))),
+    }
+}
+
+impl JointPlan {
+    fn new(recipe: &Recipe, name: &str, section: &JointSection, names: &[&String]) -> Result<Self, Error> {
+        let place = format!("[joint.{name}]");
+        let sensors: Vec<JointSensor> =
+            names.iter().map(|name| sensor(name, &recipe.sensor[*name])).collect::<Result<_, _>>()?;
+        let mut options = JointOptions::new(sensors);
+        options.jerk = section.jerk;
+        options.loss = loss(&place, section.huber, section.student)?;
+        options.gate = section.gate.unwrap_or(options.gate);
+        options.estimate = section.estimate.map_or(options.estimate, Into::into);
+        let channel = |name: &&String| ((*name).clone(), recipe.sensor[*name].channels[0].clone());
+        Ok(Self {
+            name: name.to_owned(),
+            angle: section.kind == Some(Kind::Angle),
+            unit: section.unit.clone(),
+            correlated: section.correlated.unwrap_or(false),
+            sensors: names.iter().map(channel).collect(),
+            options,
+        })
+    }
+
+    /// The channel whose rows are written where there is no body: the first position.
+    pub(super) fn base(&self) -> Option<&String> {
+        let is_position = |at: &usize| self.options.sensors[*at].quantity == Quantity::Position;
+        (0..self.sensors.len()).find(is_position).map(|at| &self.sensors[at].1)
+    }
+}
+
+fn sensor(name: &str, section: &SensorSection) -> Result<JointSensor, Error> {
+    if section.lever.is_some() || section.mounting.is_some() || section.walk.is_some() {
+        return Err(refused(name, "lever, mounting, walk", "these are of a body's sensors"));
+    }
+    let found = |what: &str, said: &Option<Tunable>| match said {
+        None => Ok(Prior::from(0.0)),
+        Some(Tunable::Number(value)) => Ok((*value).into()),
+        Some(Tunable::Word(word)) if word == "auto" => Ok(Prior { value: 0.0, deviation: f64::INFINITY }),
+        Some(Tunable::Word(word)) => Err(refused(name, &format!("{what} = {word:?}"), "write a number, or \"auto\"")),
+    };
+    let mut own = JointSensor::new(match section.kind {
+        SensorKind::Rate => Quantity::Rate,
+        _ => Quantity::Position,
+    });
+    own.resolution = super::sensors::seconds(name, "resolution", section.resolution)?;
+    own.average = super::sensors::seconds(name, "average", section.average)?;
+    own.delay = found("delay", &section.delay)?;
+    own.bias = found("bias", &section.bias)?;
+    if let Some(noise) = &section.noise {
+        let [noise] = numbers(name, "noise", noise)?;
+        own.noise = Some(noise);
+    }
+    Ok(own)
+}
+
+/// A joint whose sensors are fused.
+pub(super) struct Joint {
+    pub(super) plan: JointPlan,
+    pub(super) fused: FusedJoint,
+    /// Stamps of each sensor, log by log.
+    records: Vec<Vec<LogRows>>,
+}
+
+/// What is read for joints.
+#[derive(Clone, Copy)]
+pub(super) struct Opening<'a> {
+    pub(super) recipe: &'a Recipe,
+    pub(super) logs: &'a Logs,
+    pub(super) clocks: &'a Clocks,
+    pub(super) dejitter: bool,
+    pub(super) progress: &'a dyn Progress,
+}
+
+impl Joint {
+    /// Reads the sensors of a joint, each at its own stamps, and fuses them at the stamps of `rows`.
+    pub(super) fn new(
+        plan: JointPlan,
+        rows: &[LogRows],
+        opening: Opening<'_>,
+        notes: &mut Vec<String>,
+    ) -> Result<Self, Error> {
+        let records = (0..plan.sensors.len()).map(|sensor| plan.records(sensor, rows, opening, notes));
+        let records: Vec<Vec<LogRows>> = records.collect::<Result<_, _>>()?;
+        let runs: Vec<JointRun<'_>> = (0..rows.len())
+            .map(|at| JointRun { records: records.iter().map(|logs| record(&logs[at])).collect(), at: &rows[at].times })
+            .collect();
+        let channel = format!("[joint.{}]", plan.name);
+        let episode = if let [rows] = rows { rows.log.display().to_string() } else { "all logs".into() };
+        let error = |source| Error::Signal { episode, channel, source };
+        let fused = fuse_joint(&runs, &plan.options).map_err(error)?;
+        plan.judge(&fused, notes)?;
+        Ok(Self { plan, fused, records })
+    }
+
+    /// From which to which second of a log positions tell where the joint is.
+    pub(super) fn span(&self, at: usize) -> [f64; 2] {
+        let positions = self.records.iter().zip(&self.plan.options.sensors);
+        let positions =
+            positions.filter(|(_, sensor)| sensor.quantity == Quantity::Position).map(|(logs, _)| &logs[at]);
+        let (first, last) = (|rows: &LogRows| rows.times.first().copied(), |rows: &LogRows| rows.times.last().copied());
+        [
+            positions.clone().filter_map(first).fold(f64::INFINITY, f64::min),
+            positions.filter_map(last).fold(f64::NEG_INFINITY, f64::max),
+        ]
+    }
+
+    /// The first row of a log whose state is known: a filter needs some readings to begin.
+    pub(super) fn begun(&self, at: usize) -> usize {
+        let known = |value: &f64| !value.is_nan();
+        self.fused.runs[at].derivatives[0].iter().position(known).unwrap_or(0)
+    }
+
+    /// Values and deviations of the rows of a log, in the order of the columns.
+    pub(super) fn values(&self, at: usize, rows: &[usize]) -> Vec<Vec<f64>> {
+        let JointStates { derivatives, deviations, .. } = &self.fused.runs[at];
+        let pick = |(k, of): (usize, &Vec<f64>)| {
+            let value = |&row: &usize| if self.plan.angle && k == 0 { wrapped(of[row]) } else { of[row] };
+            rows.iter().map(value).collect()
+        };
+        derivatives.iter().chain(deviations).enumerate().map(pick).collect()
+    }
+
+    pub(super) fn report(&self) -> JointReport {
+        let (plan, fused) = (&self.plan, &self.fused);
+        let sensor = |(at, own): (usize, &fleetfoot_signal::joint::JointSensorEstimate)| {
+            let logs = fused.runs.iter().zip(&self.records[at]);
+            JointSensorReport {
+                sensor: plan.sensors[at].0.clone(),
+                kind: match plan.options.sensors[at].quantity {
+                    Quantity::Position => SensorKind::Position,
+                    Quantity::Rate => SensorKind::Rate,
+                },
+                readings: own.readings,
+                noise: own.noise,
+                noise_fitted: plan.options.sensors[at].noise.is_none(),
+                delay: own.delay.value,
+                delay_deviation: own.delay.deviation,
+                bias: own.bias.value,
+                bias_deviation: own.bias.deviation,
+                rejected: logs.map(|(run, rows)| Places::of(&run.rejected[at], &rows.times)).collect(),
+            }
+        };
+        JointReport {
+            joint: plan.name.clone(),
+            sensors: fused.sensors.iter().enumerate().map(sensor).collect(),
+            jerk: fused.jerk,
+            jerk_fitted: plan.options.jerk.is_none(),
+            correlations: plan.correlations(fused),
+            smoothed: fused.smoothed,
+            converged: fused.converged,
+        }
+    }
+}
+
+fn record(rows: &LogRows) -> JointRecord<'_> {
+    JointRecord { times: &rows.times, values: &rows.columns[0] }
+}
+
+impl JointPlan {
+    /// The readings of a sensor, log by log in the order of `rows`, in seconds after the first row of each; none where a log lacks it.
+    fn records(
+        &self,
+        sensor: usize,
+        rows: &[LogRows],
+        opening: Opening<'_>,
+        notes: &mut Vec<String>,
+    ) -> Result<Vec<LogRows>, Error> {
+        let Opening { recipe, logs, clocks, dejitter, progress } = opening;
+        let (name, channel) = &self.sensors[sensor];
+        let clocks = Clocks { topics: clocks.topics.clone(), ..Clocks::default() };
+        let seen = Dataset::for_columns_by(recipe, std::slice::from_ref(channel), clocks, logs, progress)?;
+        let mut found = LogRows::all(&seen, Layout { needed: 1, vectors: 0, skipped: 0 })?;
+        notes.extend(seen.notes().iter().filter(|note| !notes.contains(note)).cloned().collect::<Vec<_>>());
+        let mut records = Vec::new();
+        for own in rows {
+            let place = found.iter().position(|other| other.log == own.log);
+            let mut record = match place {
+                Some(at) => found.swap_remove(at),
+                None => {
+                    notes.push(format!("{}: [sensor.{name}] of [joint.{}] is silent", own.log.display(), self.name));
+                    LogRows::silent(own)
+                }
+            };
+            if record.missing > 0 {
+                notes.push(format!(
+                    "{}: {} readings of [sensor.{name}] have missing values and are left out",
+                    own.log.display(),
+                    record.missing
+                ));
+            }
+            if dejitter {
+                record.even_out()?;
+            }
+            let apart = (record.epoch - own.epoch) as f64 * 1e-9;
+            record.times.iter_mut().for_each(|time| *time += apart);
+            if self.angle && self.options.sensors[sensor].quantity == Quantity::Position {
+                record.columns[0] = unwrapped(&record.columns[0]);
+            }
+            records.push(record);
+        }
+        Ok(records)
+    }
+
+    fn correlations(&self, fused: &FusedJoint) -> Vec<CorrelationReport> {
+        let name = |at: usize| self.sensors[at].0.clone();
+        let of = |pair: &fleetfoot_signal::joint::Correlation| CorrelationReport {
+            sensors: [name(pair.first), name(pair.second)],
+            correlation: pair.correlation,
+            readings: pair.readings,
+        };
+        fused.correlations.iter().map(of).collect()
+    }
+
+    /// Refuses sensors that are one, and tells what is doubtful.
+    fn judge(&self, fused: &FusedJoint, notes: &mut Vec<String>) -> Result<(), Error> {
+        let place = format!("[joint.{}]", self.name);
+        for CorrelationReport { sensors: [first, second], correlation, readings } in self.correlations(fused) {
+            let (size, sure) = (correlation.abs(), SURE / (readings as f64).sqrt());
+            let told = format!(
+                "{place}: errors of `{first}` and `{second}` go together (a correlation of {correlation:.2} over {readings} pairs)"
+            );
+            if size > ONE.max(sure) && !self.correlated {
+                return Err(Error::value(format!(
+                    "{told}: one was computed from the other, or both from one sensor, and together they are no two witnesses; leave one out, or say correlated = true"
+                )));
+            }
+            if size > TOLD.max(sure) {
+                notes.push(format!("{told}: deviations are too small if one was computed from the other"));
+            }
+        }
+        for ((name, _), own) in self.sensors.iter().zip(&fused.sensors) {
+            if own.noise > CONTRADICTED * own.alone {
+                notes.push(format!(
+                    "{place}: `{name}` is {:.1} times as far off the fused motion as off its own curve: sensors contradict each other; check units, signs, clocks, delays and biases",
+                    own.noise / own.alone
+                ));
+            }
+        }
+        if !fused.converged {
+            notes.push(format!(
+                "{place}: the fusion did not come to rest: state noise, jerk or delay, or give longer records"
+            ));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,247 @@
+//! The sensors of a recipe, checked once: their channels, and what is known of them beforehand.
+
+use fleetfoot_dataset::Error;
+use fleetfoot_recipe::{Gravity, Mounting, Recipe, SensorKind, SensorSection, Tunable};
+use fleetfoot_signal::{
+    Loss,
+    fuse::{FuseOptions, Prior},
+};
+
+/// The deviation about the given stamps within which a delay is found, s: clocks that are further apart are told by `[clocks]` first.
+pub(super) const DELAY: f64 = 0.02;
+
+/// Sensors that make a body.
+pub(super) struct Sensors {
+    /// Three channels of angular rate, and three of specific force where there is an accelerometer.
+    pub(super) readings: Vec<String>,
+    /// Position and quaternion x, y, z, w.
+    pub(super) poses: Vec<String>,
+    /// Seconds before their stamps over which rates and forces are means.
+    pub(super) averages: [f64; 2],
+    /// The same of poses.
+    pub(super) pose_average: f64,
+    pub(super) options: FuseOptions,
+}
+
+pub(super) fn refused(name: &str, what: &str, allowed: &str) -> Error {
+    Error::value(format!("[sensor.{name}] {what}: {allowed}"))
+}
+
+/// `N` numbers.
+pub(super) fn numbers<const N: usize>(name: &str, what: &str, values: &[f64]) -> Result<[f64; N], Error> {
+    let allowed = format!("write {N} finite numbers");
+    let found: [f64; N] = values.try_into().map_err(|_| refused(name, what, &allowed))?;
+    if found.iter().all(|value| value.is_finite()) { Ok(found) } else { Err(refused(name, what, &allowed)) }
+}
+
+/// Numbers that are given, or found from nothing.
+fn prior<const N: usize>(
+    name: &str,
+    what: &str,
+    said: Option<&Mounting>,
+    otherwise: [f64; N],
+) -> Result<Prior<[f64; N]>, Error> {
+    match said {
+        None => Ok(otherwise.into()),
+        Some(Mounting::Given(values)) => Ok(numbers(name, what, values)?.into()),
+        Some(Mounting::Word(word)) if word == "auto" => Ok(Prior { value: otherwise, deviation: f64::INFINITY }),
+        Some(Mounting::Word(word)) => {
+            Err(refused(name, &format!("{what} = {word:?}"), &format!("write {N} numbers, or \"auto\"")))
+        }
+    }
+}
+
+/// How many channels a sensor has.
+pub(super) fn channels(kind: SensorKind) -> usize {
+    match kind {
+        SensorKind::Pose => 7,
+        SensorKind::Imu => 6,
+        SensorKind::Gyro | SensorKind::Accelerometer => 3,
+        SensorKind::Position | SensorKind::Rate => 1,
+    }
+}
+
+/// A number of seconds, 0 where nothing is said.
+pub(super) fn seconds(name: &str, what: &str, said: Option<f64>) -> Result<f64, Error> {
+    let seconds = said.unwrap_or(0.0);
+    match seconds >= 0.0 && seconds.is_finite() {
+        true => Ok(seconds),
+        false => Err(refused(name, &format!("{what} = {seconds}"), "write seconds, zero or more")),
+    }
+}
+
+/// What residuals cost: `huber` or `student` of a section.
+pub(super) fn loss(place: &str, huber: Option<f64>, student: Option<f64>) -> Result<Loss, Error> {
+    match (huber, student) {
+        (Some(_), Some(_)) => Err(Error::conflict(format!("{place}: huber and student; say one of them"))),
+        (Some(threshold), None) => Ok(Loss::Huber(threshold)),
+        (None, Some(freedom)) => Ok(Loss::Student(freedom)),
+        (None, None) => Ok(Loss::default()),
+    }
+}
+
+impl Sensors {
+    /// Reads `[body]` and `[sensor.NAME]`.
+    pub(super) fn new(recipe: &Recipe) -> Result<Self, Error> {
+        let mut own = Self {
+            readings: Vec::new(),
+            poses: Vec::new(),
+            averages: [0.0; 2],
+            pose_average: 0.0,
+            options: FuseOptions { fit_walks: [true; 2], ..FuseOptions::default() },
+        };
+        let (mut forces, mut silent) = (Vec::new(), false);
+        for (name, sensor) in recipe.sensor.iter().filter(|(_, sensor)| !sensor.kind.is_of_joint()) {
+            let channels = channels(sensor.kind);
+            if sensor.channels.len() != channels {
+                let found = sensor.channels.len();
+                return Err(refused(
+                    name,
+                    &format!("channels has {found}"),
+                    &format!("a sensor of this kind has {channels}"),
+                ));
+            }
+            let (rate, force) = sensor.channels.split_at(channels.min(3));
+            let (room, channels) = match sensor.kind {
+                SensorKind::Pose => (&mut own.poses, &sensor.channels[..]),
+                SensorKind::Imu => {
+                    if !forces.is_empty() {
+                        return Err(refused(
+                            name,
+                            "kind",
+                            "one sensor of the specific force is enough; leave the other out",
+                        ));
+                    }
+                    forces = force.to_vec();
+                    (&mut own.readings, rate)
+                }
+                SensorKind::Gyro => (&mut own.readings, rate),
+                SensorKind::Accelerometer => (&mut forces, rate),
+                SensorKind::Position | SensorKind::Rate => continue,
+            };
+            if !room.is_empty() {
+                return Err(refused(name, "kind", "one sensor of a kind is fused; leave the other out"));
+            }
+            room.extend_from_slice(channels);
+            own.read(name, sensor)?;
+            silent |= sensor.noise.is_none();
+        }
+        for (room, what) in
+            [(&own.readings, "angular rate (kind = \"imu\" or \"gyro\")"), (&own.poses, "pose (kind = \"pose\")")]
+        {
+            if room.is_empty() {
+                return Err(Error::missing(format!(
+                    "a body is fused of a gyroscope, best with an accelerometer, and poses: name a [sensor.NAME] of its {what}"
+                )));
+            }
+        }
+        own.readings.append(&mut forces);
+        let alone = own.readings.len() == 3;
+        own.body(recipe)?;
+        own.options.fit_noise = silent || (alone && recipe.body.as_ref().is_none_or(|body| body.jerk.is_none()));
+        Ok(own)
+    }
+
+    /// Whether there is an accelerometer.
+    pub(super) fn has_forces(&self) -> bool {
+        self.readings.len() > 3
+    }
+
+    fn body(&mut self, recipe: &Recipe) -> Result<(), Error> {
+        let body = recipe.body.clone().unwrap_or_default();
+        let options = &mut self.options;
+        options.gravity = match body.gravity {
+            None => Prior { value: [0.0, 0.0, -9.806_65], deviation: f64::INFINITY },
+            Some(Gravity::Size(size)) if size > 0.0 && size.is_finite() => {
+                Prior { value: [0.0, 0.0, -size], deviation: f64::INFINITY }
+            }
+            Some(Gravity::Size(size)) => {
+                return Err(Error::value(format!(
+                    "[body] gravity = {size}: write its size in m/s^2, or its three components in the world"
+                )));
+            }
+            Some(Gravity::Components(components)) => components.into(),
+        };
+        options.loss = loss("[body]", body.huber, body.student)?;
+        options.noise.jerk = body.jerk.unwrap_or(options.noise.jerk);
+        options.gate = body.gate.unwrap_or(options.gate);
+        options.estimate = body.estimate.map_or(options.estimate, Into::into);
+        Ok(())
+    }
+
+    /// What a section knows beside its channels.
+    fn read(&mut self, name: &str, sensor: &SensorSection) -> Result<(), Error> {
+        let (options, is_pose) = (&mut self.options, sensor.kind == SensorKind::Pose);
+        if !is_pose && (sensor.lever.is_some() || sensor.mounting.is_some() || sensor.delay.is_some()) {
+            return Err(refused(
+                name,
+                "lever, mounting, delay",
+                "these are of poses: the body's frame and clock are those of its inertial sensor",
+            ));
+        }
+        if is_pose && sensor.walk.is_some() {
+            return Err(refused(name, "walk", "poses have no bias that walks"));
+        }
+        if sensor.resolution.is_some() || sensor.bias.is_some() {
+            return Err(refused(name, "resolution, bias", "these are of a joint's sensors"));
+        }
+        let average = seconds(name, "average", sensor.average)?;
+        match sensor.kind {
+            SensorKind::Pose => self.pose_average = average,
+            SensorKind::Imu => self.averages = [average; 2],
+            SensorKind::Gyro => self.averages[0] = average,
+            _ => self.averages[1] = average,
+        }
+        let imu = &mut options.noise.imu;
+        let (noise, walk) = (sensor.noise.as_deref(), sensor.walk.as_deref());
+        match sensor.kind {
+            SensorKind::Pose => {
+                if let Some(noise) = noise {
+                    [options.noise.position, options.noise.attitude] = numbers(name, "noise", noise)?;
+                }
+                options.lever = prior(name, "lever", sensor.lever.as_ref(), [0.0; 3])?;
+                options.mounting = prior(name, "mounting", sensor.mounting.as_ref(), [0.0, 0.0, 0.0, 1.0])?;
+                options.offset = match &sensor.delay {
+                    None => 0.0.into(),
+                    Some(Tunable::Number(delay)) => (-delay).into(),
+                    Some(Tunable::Word(word)) if word == "auto" => Prior { value: 0.0, deviation: DELAY },
+                    Some(Tunable::Word(word)) => {
+                        return Err(refused(name, &format!("delay = {word:?}"), "write seconds, or \"auto\""));
+                    }
+                };
+            }
+            SensorKind::Imu => {
+                if let Some(noise) = noise {
+                    let [gyro, accelerometer] = numbers(name, "noise", noise)?;
+                    (imu.gyro, imu.accelerometer) = ([gyro; 3], [accelerometer; 3]);
+                }
+                if let Some(walk) = walk {
+                    [imu.gyro_walk, imu.accelerometer_walk] = numbers(name, "walk", walk)?;
+                    options.fit_walks = [false; 2];
+                }
+            }
+            SensorKind::Gyro => {
+                if let Some(noise) = noise {
+                    let [gyro] = numbers(name, "noise", noise)?;
+                    imu.gyro = [gyro; 3];
+                }
+                if let Some(walk) = walk {
+                    [imu.gyro_walk] = numbers(name, "walk", walk)?;
+                    options.fit_walks[0] = false;
+                }
+            }
+            SensorKind::Accelerometer => {
+                if let Some(noise) = noise {
+                    let [accelerometer] = numbers(name, "noise", noise)?;
+                    imu.accelerometer = [accelerometer; 3];
+                }
+                if let Some(walk) = walk {
+                    [imu.accelerometer_walk] = numbers(name, "walk", walk)?;
+                    options.fit_walks[1] = false;
+                }
+            }
+            SensorKind::Position | SensorKind::Rate => {}
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,138 @@
+//! What fusion found, for people and programs.
+
+use fleetfoot_recipe::SensorKind;
+use serde::Serialize;
+
+use crate::places::Places;
+
+/// What fusion found of a body's sensors.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct BodyReport {
+    /// The origin of the markers' frame in the body frame, m, and the deviations; 0 of what was given.
+    pub lever: [f64; 3],
+    /// Its deviations.
+    pub lever_deviation: [f64; 3],
+    /// The markers' frame to the body frame: x, y, z, w.
+    pub mounting: [f64; 4],
+    /// Its deviations, rad.
+    pub mounting_deviation: [f64; 3],
+    /// Seconds by which poses are stamped late.
+    pub delay: f64,
+    /// Its deviation.
+    pub delay_deviation: f64,
+    /// In the world, m/s^2.
+    pub gravity: [f64; 3],
+    /// The deviations of its direction about two axes across it, rad.
+    pub gravity_deviation: [f64; 2],
+    /// Whether there is an accelerometer. Without one gravity is not felt, and the jerk is taken for white noise.
+    pub accelerometer: bool,
+    /// Densities of the noise of rate and force, an axis.
+    pub imu_noise: [[f64; 3]; 2],
+    /// The deviations of these densities: 0 of what was given, `null` of what the residuals do not tell.
+    pub imu_noise_deviation: [[Option<f64>; 3]; 2],
+    /// Deviations of the white noise of single readings of rate (rad/s) and force (m/s^2), an axis, by the readings alone; `null` where these do not tell it.
+    pub reading_noise: [[Option<f64>; 3]; 2],
+    /// Their deviations.
+    pub reading_noise_deviation: [[Option<f64>; 3]; 2],
+    /// How their biases walk, rad/s^2/sqrt(Hz) and m/s^3/sqrt(Hz).
+    pub imu_walk: [f64; 2],
+    /// The deviations of these: 0 of what was given, `null` of what the record does not tell.
+    pub imu_walk_deviation: [Option<f64>; 2],
+    /// What rates and forces leave open between two readings, as a factor on where a jump may have been: 1 where it may have been anywhere, 0 where readings are means.
+    pub imu_missed: [f64; 2],
+    /// Their deviations.
+    pub imu_missed_deviation: [Option<f64>; 2],
+    /// Without an accelerometer: the density of the jerk's noise, m/s^3/sqrt(Hz).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub jerk: Option<f64>,
+    /// Its deviation.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub jerk_deviation: Option<f64>,
+    /// Deviations of position and attitude, m and rad.
+    pub pose_noise: [f64; 2],
+    /// The deviations of these.
+    pub pose_noise_deviation: [Option<f64>; 2],
+    /// Whether the noise was told by the residuals.
+    pub noise_fitted: bool,
+    /// Poses that were read.
+    pub poses: usize,
+    /// Poses without readings about them.
+    pub outside: usize,
+    /// Poses of stretches of which fewer than two positions or no attitude lay within the gate: these are not written.
+    pub contradicted: usize,
+    /// Poses that were left out, log by log.
+    pub rejected: Vec<RejectedPoses>,
+    /// Whether the iteration came to rest.
+    pub converged: bool,
+}
+
+/// Poses of a log that are gross errors.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct RejectedPoses {
+    /// The log.
+    pub log: String,
+    /// Positions, in seconds of the log's readings.
+    pub positions: Places,
+    /// Attitudes.
+    pub attitudes: Places,
+}
+
+/// What fusion found of a joint's sensors.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct JointReport {
+    /// The joint.
+    pub joint: String,
+    /// Its sensors.
+    pub sensors: Vec<JointSensorReport>,
+    /// Density of the white noise that the jerk is taken for, u/s^3/sqrt(Hz), u the unit of positions.
+    pub jerk: f64,
+    /// Whether the readings told it.
+    pub jerk_fitted: bool,
+    /// How the errors of sensors that share stamps go together.
+    pub correlations: Vec<CorrelationReport>,
+    /// Seconds after which states share a hundredth of a reading.
+    pub smoothed: f64,
+    /// Whether the iteration came to rest.
+    pub converged: bool,
+}
+
+/// What fusion found of a sensor.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct JointSensorReport {
+    /// The sensor.
+    pub sensor: String,
+    /// `position` or `rate`.
+    pub kind: SensorKind,
+    /// Readings that were fused.
+    pub readings: usize,
+    /// Deviation of a reading, steps aside.
+    pub noise: f64,
+    /// Whether the readings told it.
+    pub noise_fitted: bool,
+    /// Seconds by which it is stamped late.
+    pub delay: f64,
+    /// Its deviation; 0 of what was given.
+    pub delay_deviation: f64,
+    /// What a reading says too much.
+    pub bias: f64,
+    /// Its deviation; 0 of what was given.
+    pub bias_deviation: f64,
+    /// Readings that were left out, log by log, in seconds of its own stamps after the first row of the log.
+    pub rejected: Vec<Places>,
+}
+
+/// How the errors of two sensors go together.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct CorrelationReport {
+    /// Both.
+    pub sensors: [String; 2],
+    /// Of their errors at one stamp or at neighbouring ones, the greatest.
+    pub correlation: f64,
+    /// Pairs of readings that tell it.
+    pub readings: usize,
+}

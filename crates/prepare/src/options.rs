@@ -1,0 +1,313 @@
+//! How channels are prepared: the words of `[prepare]` and `[channels.NAME]`, checked once.
+
+use fleetfoot_data::{did_you_mean, nearest};
+use fleetfoot_dataset::Error;
+use fleetfoot_recipe::{Limits, PrepareMethod, PrepareSection, Recipe, Settings, Tunable};
+use fleetfoot_signal::{Interpolation, Lambda, Spline};
+
+/// How a channel becomes smooth.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Method {
+    /// The better of the two smoothing splines.
+    Auto(Lambda),
+    Spline(Spline, Lambda),
+    Trend {
+        degree: usize,
+        lambda: Lambda,
+    },
+    Interpolate(Interpolation),
+    SavitzkyGolay {
+        window: usize,
+        degree: usize,
+    },
+    Butterworth {
+        order: usize,
+        cutoff: f64,
+    },
+    None,
+}
+
+/// What is done to one channel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ChannelOptions {
+    pub(crate) method: Method,
+    pub(crate) second_order: bool,
+    /// Standard deviations; `None`: nothing is rejected.
+    pub(crate) reject: Option<f64>,
+    pub(crate) hampel: usize,
+    pub(crate) stuck: usize,
+    pub(crate) range: Option<[f64; 2]>,
+    pub(crate) bounds: Option<[f64; 2]>,
+    /// Seconds by which stamps are later than what they stamp.
+    pub(crate) late: f64,
+}
+
+impl Method {
+    /// How many derivatives beside the value it gives.
+    pub(crate) fn rates(self) -> usize {
+        match self {
+            Self::None => 0,
+            Self::Auto(_) => Spline::Cubic.states() - 1,
+            Self::Spline(spline, _) => spline.states() - 1,
+            Self::Trend { degree: 1, .. } | Self::Interpolate(Interpolation::ShapePreserving) => 1,
+            Self::Trend { .. } | Self::Interpolate(_) | Self::SavitzkyGolay { .. } | Self::Butterworth { .. } => 2,
+        }
+    }
+
+    /// Whether it is a smoothing spline, which knows how sure it is.
+    pub(crate) fn is_smoothing(self) -> bool {
+        matches!(self, Self::Auto(_) | Self::Spline(..))
+    }
+
+    /// Its word in a recipe.
+    pub(crate) fn word(self) -> &'static str {
+        match self {
+            Self::Auto(_) => "auto",
+            Self::Spline(Spline::Cubic, _) => "cubic",
+            Self::Spline(Spline::Quintic, _) => "quintic",
+            Self::Trend { .. } => "trend-filter",
+            Self::Interpolate(Interpolation::NotAKnot) => "not-a-knot",
+            Self::Interpolate(Interpolation::ShapePreserving) => "pchip",
+            Self::SavitzkyGolay { .. } => "savitzky-golay",
+            Self::Butterworth { .. } => "butterworth",
+            Self::None => "none",
+        }
+    }
+}
+
+/// What is done to whole episodes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct EpisodeOptions {
+    pub(crate) clip: f64,
+    pub(crate) dejitter: bool,
+    pub(crate) decimate: usize,
+    pub(crate) min_rows: usize,
+}
+
+/// Entries that speak of whole episodes.
+const OF_EPISODES: [&str; 4] = ["clip", "dejitter", "decimate", "min_rows"];
+
+fn refused(place: &str, what: &str, value: impl std::fmt::Display, allowed: &str) -> Error {
+    Error::value(format!("{place} {what} = {value}: write {allowed}"))
+}
+
+fn checked<T: std::fmt::Display + Copy>(
+    place: &str,
+    what: &str,
+    value: T,
+    holds: impl Fn(T) -> bool,
+    allowed: &str,
+) -> Result<T, Error> {
+    if holds(value) { Ok(value) } else { Err(refused(place, what, value, allowed)) }
+}
+
+impl EpisodeOptions {
+    /// Reads `[prepare]`.
+    pub(crate) fn new(section: &PrepareSection) -> Result<Self, Error> {
+        let is_time = |seconds: f64| seconds >= 0.0 && seconds.is_finite();
+        let clip = checked("[prepare]", "clip", section.clip.unwrap_or(0.0), is_time, "seconds, zero or more")?;
+        let decimate =
+            checked("[prepare]", "decimate", section.decimate.unwrap_or(1), |n| n > 0, "a number of rows from 1 on")?;
+        let dejitter = section.dejitter.unwrap_or(false);
+        Ok(Self { clip, dejitter, decimate, min_rows: section.min_rows.unwrap_or(50).max(2) })
+    }
+}
+
+impl ChannelOptions {
+    /// What is done to a state or an input: what `[channels.NAME]` says, else, of a state, what `[prepare]` says.
+    pub(crate) fn new(recipe: &Recipe, name: &str, is_state: bool) -> Result<Self, Error> {
+        let (place, section) = match recipe.channels.get(name) {
+            None if is_state => ("[prepare]".to_owned(), recipe.prepare.clone()),
+            None => ("[prepare]".to_owned(), PrepareSection::default()),
+            Some(own) => (format!("[channels.{name}]"), own.clone().over(recipe.prepare.clone())),
+        };
+        let says = recipe.channels.get(name).is_some_and(|own| own.method.is_some());
+        let second_order = is_state && section.second_order.unwrap_or(false);
+        let method = match section.method {
+            _ if !is_state && !says => PrepareMethod::None,
+            None if second_order => PrepareMethod::Quintic,
+            // A penalty is one of s^3 or of s^5.
+            None if matches!(section.lambda, Some(Tunable::Number(_))) => PrepareMethod::Cubic,
+            None => PrepareMethod::Auto,
+            Some(method) => method,
+        };
+        Self::read(&place, &section, method, second_order)
+    }
+
+    fn read(place: &str, section: &PrepareSection, method: PrepareMethod, second_order: bool) -> Result<Self, Error> {
+        let method = read_method(place, section, method)?;
+        if second_order && method.rates() < 2 {
+            let allowed = "quintic, trend-filter of degree 2 or 3, not-a-knot, savitzky-golay or butterworth with second_order: an acceleration is wanted";
+            return Err(refused(place, "method", method.word(), allowed));
+        }
+        let by_default = if method.is_smoothing() { 4.0 } else { 0.0 };
+        let is_number = |sigmas: f64| sigmas >= 0.0 && sigmas.is_finite();
+        let allowed = "a number of standard deviations, zero for none";
+        let reject = checked(place, "reject", section.reject.unwrap_or(by_default), is_number, allowed)?;
+        let limits = |what, limits: Option<Limits>| match limits {
+            Some(Limits([low, high])) if low.is_nan() || high.is_nan() || low >= high => {
+                Err(refused(place, what, format!("[{low}, {high}]"), "a least and a greatest value"))
+            }
+            limits => Ok(limits.map(|limits| limits.0)),
+        };
+        Ok(Self {
+            method,
+            second_order,
+            reject: Some(reject).filter(|&sigmas| sigmas > 0.0 && method != Method::None),
+            hampel: section.hampel.unwrap_or(0),
+            stuck: section.stuck.unwrap_or(0),
+            range: limits("range", section.range)?,
+            bounds: limits("bounds", section.bounds)?,
+            late: late(place, section)?,
+        })
+    }
+}
+
+/// Half of a mean's window, and the delay.
+fn late(place: &str, section: &PrepareSection) -> Result<f64, Error> {
+    let is_window = |seconds: f64| seconds >= 0.0 && seconds.is_finite();
+    let window = checked(place, "average", section.average.unwrap_or(0.0), is_window, "seconds, zero or more")?;
+    let delay = checked(place, "delay", section.delay.unwrap_or(0.0), |seconds: f64| seconds.is_finite(), "seconds")?;
+    Ok(delay + 0.5 * window)
+}
+
+fn read_method(place: &str, section: &PrepareSection, method: PrepareMethod) -> Result<Method, Error> {
+    Ok(match method {
+        PrepareMethod::Auto => match lambda(place, section)? {
+            Lambda::Given(lambda) => {
+                let allowed = "likelihood or gcv with method = \"auto\", or say which spline it is of: method = \"cubic\" (s^3) or \"quintic\" (s^5)";
+                return Err(refused(place, "lambda", lambda, allowed));
+            }
+            by => Method::Auto(by),
+        },
+        PrepareMethod::Cubic => Method::Spline(Spline::Cubic, lambda(place, section)?),
+        PrepareMethod::Quintic => Method::Spline(Spline::Quintic, lambda(place, section)?),
+        PrepareMethod::None => Method::None,
+        PrepareMethod::NotAKnot => Method::Interpolate(Interpolation::NotAKnot),
+        PrepareMethod::Pchip => Method::Interpolate(Interpolation::ShapePreserving),
+        PrepareMethod::TrendFilter => {
+            let is_degree = |degree: usize| (1..=3).contains(&degree);
+            let degree = checked(place, "degree", section.degree.unwrap_or(2), is_degree, "1, 2 or 3")?;
+            Method::Trend { degree, lambda: lambda(place, section)? }
+        }
+        PrepareMethod::SavitzkyGolay => {
+            let odd = |rows: usize| rows % 2 == 1 && rows >= 3;
+            let window =
+                checked(place, "window", section.window.unwrap_or(11), odd, "an odd number of rows from 3 on")?;
+            let fits = |degree: usize| (2..window).contains(&degree);
+            let degree =
+                checked(place, "degree", section.degree.unwrap_or(3), fits, "2 or more, less than the window")?;
+            Method::SavitzkyGolay { window, degree }
+        }
+        PrepareMethod::Butterworth => {
+            let Some(cutoff) = section.cutoff else {
+                return Err(Error::missing(format!(
+                    "{place} method = \"butterworth\": give a cut-off too, `cutoff = 20.0` in Hz"
+                )));
+            };
+            let is_rate = |hertz: f64| hertz > 0.0 && hertz.is_finite();
+            let cutoff = checked(place, "cutoff", cutoff, is_rate, "a frequency in Hz above 0")?;
+            let order = checked(place, "order", section.order.unwrap_or(4), |n| (1..=20).contains(&n), "1 to 20")?;
+            Method::Butterworth { order, cutoff }
+        }
+    })
+}
+
+fn lambda(place: &str, section: &PrepareSection) -> Result<Lambda, Error> {
+    match &section.lambda {
+        None => Ok(Lambda::Likelihood),
+        Some(Tunable::Number(lambda)) if *lambda > 0.0 && lambda.is_finite() => Ok(Lambda::Given(*lambda)),
+        Some(Tunable::Word(word)) if word == "likelihood" => Ok(Lambda::Likelihood),
+        Some(Tunable::Word(word)) if word == "gcv" => Ok(Lambda::Gcv),
+        Some(other) => Err(refused(place, "lambda", other, "a penalty above 0, likelihood or gcv")),
+    }
+}
+
+/// Refuses `[channels.NAME]` of what is no state and no input, and entries there that speak of whole episodes.
+pub(crate) fn check_channels(recipe: &Recipe) -> Result<(), Error> {
+    for (name, own) in &recipe.channels {
+        let names = || recipe.states.keys().chain(recipe.inputs.keys()).map(String::as_str);
+        if !names().any(|known| known == name) {
+            let mend = did_you_mean(&nearest(name, names()));
+            return Err(Error::unknown(
+                name,
+                format!("[channels.{name}]: `{name}` is neither a state nor an input{mend}"),
+            ));
+        }
+        let said = [own.clip.is_some(), own.dejitter.is_some(), own.decimate.is_some(), own.min_rows.is_some()];
+        if let Some(at) = said.iter().position(|&said| said) {
+            let entry = OF_EPISODES[at];
+            return Err(Error::conflict(format!(
+                "[channels.{name}] {entry}: it is of whole episodes; say it in [prepare]"
+            )));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn options(text: &str, name: &str) -> Result<ChannelOptions, String> {
+        let text = format!("[states]\nq = {{}}\n[inputs]\nu = \"u\"\n{text}");
+        let recipe = Recipe::parse(&text, "test").map_err(|error| error.to_string())?;
+        ChannelOptions::new(&recipe, name, name == "q").map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_channel_stands_above_the_section_and_inputs_stay_as_they_are() {
+        let default = options("", "q").unwrap();
+        assert_eq!(default.method, Method::Auto(Lambda::Likelihood));
+        assert_eq!((default.reject, default.second_order, default.range), (Some(4.0), false, None));
+        let section = "[prepare]\nsecond_order = true\nlambda = \"gcv\"\nreject = 0.0\nrange = [-1.0, 1.0]\n";
+        let own = options(section, "q").unwrap();
+        assert_eq!(own.method, Method::Spline(Spline::Quintic, Lambda::Gcv));
+        assert_eq!((own.reject, own.second_order, own.range), (None, true, Some([-1.0, 1.0])));
+        assert_eq!(options(section, "u").unwrap().method, Method::None);
+        let channels =
+            format!("{section}[channels.u]\nmethod = \"butterworth\"\ncutoff = 3.0\n[channels.q]\nlambda = 2.5\n");
+        let input = options(&channels, "u").unwrap();
+        assert_eq!((input.method, input.second_order), (Method::Butterworth { order: 4, cutoff: 3.0 }, false));
+        assert_eq!(options(&channels, "q").unwrap().method, Method::Spline(Spline::Quintic, Lambda::Given(2.5)));
+        let way = |text: &str| options(text, "q").unwrap().method;
+        assert_eq!(way("[prepare]\nlambda = \"gcv\"\n"), Method::Auto(Lambda::Gcv));
+        assert_eq!(way("[prepare]\nlambda = 2.5\n"), Method::Spline(Spline::Cubic, Lambda::Given(2.5)));
+        assert_eq!(way("[prepare]\nmethod = \"pchip\"\n"), Method::Interpolate(Interpolation::ShapePreserving));
+        let trend = way("[prepare]\nmethod = \"trend-filter\"\nlambda = \"gcv\"\n");
+        assert_eq!(trend, Method::Trend { degree: 2, lambda: Lambda::Gcv });
+        assert_eq!(options("[channels.q]\ndelay = 0.01\naverage = 0.02\n", "q").unwrap().late, 0.02);
+        // A range is no reason to smooth an input.
+        assert_eq!(options("[channels.u]\nrange = [0.0, 1.0]\n", "u").unwrap().method, Method::None);
+    }
+
+    #[test]
+    fn what_is_not_allowed_is_told_with_its_place() {
+        for (text, words) in [
+            ("[prepare]\nmethod = \"savitzky-golay\"\nwindow = 8\n", ["[prepare] window = 8", "odd"]),
+            (
+                "[channels.q]\nmethod = \"savitzky-golay\"\nwindow = 5\ndegree = 5\n",
+                ["[channels.q] degree = 5", "window"],
+            ),
+            ("[prepare]\nmethod = \"butterworth\"\n", ["cutoff", "Hz"]),
+            ("[prepare]\nlambda = 0.0\n", ["lambda = 0", "gcv"]),
+            ("[prepare]\nmethod = \"auto\"\nlambda = 2.5\n", ["lambda = 2.5", "s^5"]),
+            ("[prepare]\nmethod = \"auto\"\nsecond_order = true\n", ["method = auto", "quintic"]),
+            ("[prepare]\nreject = -1.0\n", ["reject = -1", "zero for none"]),
+            ("[prepare]\nbounds = [2.0, 1.0]\n", ["bounds = [2, 1]", "least"]),
+            ("[prepare]\nmethod = \"cubic\"\nsecond_order = true\n", ["method = cubic", "acceleration"]),
+            ("[prepare]\nmethod = \"pchip\"\nsecond_order = true\n", ["method = pchip", "acceleration"]),
+            (
+                "[prepare]\nmethod = \"trend-filter\"\ndegree = 1\nsecond_order = true\n",
+                ["method = trend-filter", "degree 2 or 3"],
+            ),
+            ("[prepare]\nmethod = \"trend-filter\"\ndegree = 4\n", ["[prepare] degree = 4", "1, 2 or 3"]),
+            ("[channels.q]\naverage = -0.1\n", ["[channels.q] average = -0.1", "zero or more"]),
+        ] {
+            let error = options(text, "q").unwrap_err();
+            assert!(words.iter().all(|word| error.contains(word)), "{text}: {error}");
+        }
+        assert_eq!("-1.5:2".parse(), Ok(Limits([-1.5, 2.0])));
+        assert!("3".parse::<Limits>().is_err() && "a:2".parse::<Limits>().is_err());
+    }
+}

@@ -1,0 +1,200 @@
+//! The samples of states whose topic is not the one that makes the rows.
+//!
+//! A join puts what lies on the straight line between two samples, or the last one again, into rows that come faster: to a curve these would be measurements without noise and with
+//! corners, and the true ones gross errors. So the curve of such a state goes through its own topic's samples at their own stamps, and is read off at the rows.
+
+use std::collections::BTreeMap;
+
+use fleetfoot_data::{Block, Episode, Halo, Progress, Source};
+use fleetfoot_dataset::{Dataset, Error, Logs};
+use fleetfoot_library::Expr;
+use fleetfoot_recipe::{Recipe, wildcard::is_match};
+use fleetfoot_signal::dejitter;
+
+use crate::{columns::Planned, options::Method, report::ClockReport};
+
+/// Samples of a channel in an episode of the rows.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Samples {
+    pub(crate) topic: String,
+    /// Seconds of the rows' episode, rising.
+    pub(crate) times: Vec<f64>,
+    pub(crate) values: Vec<f64>,
+    /// What the stamps say of their clock, of the longest run of them.
+    pub(crate) clock: Option<ClockReport>,
+}
+
+impl Samples {
+    /// Those from the last one at or before the first second to the first one at or after the last.
+    pub(crate) fn within(&self, first: f64, last: f64) -> (&[f64], &[f64]) {
+        let from = self.times.partition_point(|&time| time <= first).saturating_sub(1);
+        let to = (self.times.partition_point(|&time| time < last) + 1).min(self.times.len());
+        (&self.times[from..to.max(from)], &self.values[from..to.max(from)])
+    }
+}
+
+/// The states of one topic, opened at its own samples.
+struct OfTopic {
+    topic: String,
+    /// Their places among the planned columns.
+    channels: Vec<usize>,
+    dataset: Dataset,
+}
+
+/// All topics beside that of the rows.
+pub(crate) struct Topics {
+    sets: Vec<OfTopic>,
+    even: bool,
+}
+
+/// The topic of a field, with the key of its group where it has one: `/tf.transforms[base]` of `/tf.transforms[base].x`.
+fn group(field: &str, topics: &[&str]) -> Option<String> {
+    let is_of = |topic: &&&str| field.strip_prefix(**topic).is_some_and(|rest| rest.starts_with(['.', '[']));
+    let topic = topics.iter().filter(is_of).max_by_key(|topic| topic.len())?;
+    let keyed = field[topic.len()..].find("].").map(|end| topic.len() + end + 1);
+    Some(field[..keyed.unwrap_or(topic.len())].to_owned())
+}
+
+/// The one group of all that an expression reads in its own row.
+fn only_group(expression: &Expr, topics: &[&str]) -> Option<String> {
+    if expression.reads_other_rows() || expression.reads_clock() || !expression.filters().is_empty() {
+        return None;
+    }
+    let sources = expression.sources();
+    let mut groups = sources.iter().map(|field| group(field, topics));
+    let first = groups.next()??;
+    groups.all(|other| other.as_ref() == Some(&first)).then_some(first)
+}
+
+impl Topics {
+    /// Opens the topics of the states that are smoothed and are of another topic than the rows. A field whose join the recipe tells stays joined.
+    pub(crate) fn new(
+        recipe: &Recipe,
+        dataset: &Dataset,
+        planned: &[Planned],
+        logs: &Logs,
+        even: bool,
+        progress: &dyn Progress,
+    ) -> Result<Self, Error> {
+        let topics: Vec<&str> = dataset.topics().map(|topic| topic.name.as_str()).collect();
+        let base = match (&recipe.time.base, recipe.time.rate) {
+            (_, Some(_)) => None,
+            (Some(base), None) => group(&format!("{base}.x"), &topics),
+            (None, None) => dataset.aliases().iter().find_map(|(_, own)| group(own.sources().first()?, &topics)),
+        };
+        let is_told =
+            |own: &Expr| own.sources().iter().any(|field| recipe.join.keys().any(|pattern| is_match(pattern, field)));
+        let mut groups: BTreeMap<String, Vec<usize>> = BTreeMap::new();
+        for (at, (own, (_, expression))) in planned.iter().zip(dataset.aliases()).enumerate() {
+            let is_smooth = own.options.is_some_and(|options| options.method != Method::None);
+            let Some(topic) = only_group(expression, &topics).filter(|_| is_smooth && !is_told(expression)) else {
+                continue;
+            };
+            if base.as_ref() != Some(&topic) {
+                groups.entry(topic).or_default().push(at);
+            }
+        }
+        let open = |(topic, channels): (String, Vec<usize>)| {
+            let names: Vec<String> = channels.iter().map(|&at| planned[at].name.clone()).collect();
+            let dataset = Dataset::for_channels(recipe, &names, dataset.topic_clocks(), logs, progress)?;
+            Ok(OfTopic { topic, channels, dataset })
+        };
+        Ok(Self { sets: groups.into_iter().map(open).collect::<Result<_, Error>>()?, even })
+    }
+
+    /// The samples that belong to the rows of a block of `rows`, by the places of their channels; a topic whose stamps go back in the log is left to the join, and told.
+    pub(crate) fn of_episode(
+        &self,
+        rows: &Dataset,
+        episode: usize,
+        block: &Block,
+        notes: &mut Vec<String>,
+    ) -> Result<BTreeMap<usize, Samples>, Error> {
+        let mut found = BTreeMap::new();
+        for set in &self.sets {
+            let samples = set.samples(rows.origin(episode), block, self.even)?;
+            match samples {
+                Some(samples) => found.extend(set.channels.iter().copied().zip(samples)),
+                None => notes.push(format!(
+                    "{}: stamps of {} go back; its states are smoothed as they are joined on the rows",
+                    rows.episodes()[episode].name,
+                    set.topic
+                )),
+            }
+        }
+        Ok(found)
+    }
+}
+
+impl OfTopic {
+    /// The topic's samples in a log about the rows of a block, channel by channel, of those of its episodes that meet the rows; `None` where their stamps do not rise.
+    fn samples(&self, log: &std::path::Path, rows: &Block, even: bool) -> Result<Option<Vec<Samples>>, Error> {
+        let seconds = rows.seconds();
+        let (Some(&first), Some(&last)) = (seconds.first(), seconds.last()) else { return Ok(None) };
+        let view = self.dataset.view()?;
+        // A pause of the topic is a border here as it is for the rows: what was sampled beyond it is no part of their curve.
+        let meets = |episode: &Episode| episode.start <= stamp_at(rows, last) && episode.end >= stamp_at(rows, first);
+        let of_log = |(at, episode): &(usize, &Episode)| self.dataset.origin(*at) == log && meets(episode);
+        let empty = Samples { topic: self.topic.clone(), ..Samples::default() };
+        let mut all = vec![empty; self.channels.len()];
+        let mut longest = 0;
+        for (at, episode) in view.episodes().iter().enumerate().filter(of_log) {
+            let mut block = view.read(at, 0..episode.rows, Halo::default())?;
+            view.turn_on(&mut block);
+            let since = (block.start - rows.start) as f64 * 1e-9;
+            let mut times: Vec<f64> = block.seconds();
+            if even && times.len() > 2 {
+                let error =
+                    |source| Error::Signal { episode: episode.name.clone(), channel: self.topic.clone(), source };
+                let found = dejitter(&times).map_err(error)?;
+                if times.len() > longest {
+                    longest = times.len();
+                    all.iter_mut().for_each(|own| own.clock = Some(ClockReport::of(&found)));
+                }
+                times = found.times;
+            }
+            let times: Vec<f64> = times.iter().map(|time| since + time).collect();
+            // One more on either side, so that the first and the last row lie between samples.
+            let from = times.partition_point(|&time| time < first).saturating_sub(1);
+            let to = (times.partition_point(|&time| time <= last) + 1).min(times.len());
+            for (column, own) in all.iter_mut().enumerate() {
+                own.times.extend_from_slice(&times[from..to.max(from)]);
+                own.values.extend_from_slice(&block.column(column)[from..to.max(from)]);
+            }
+        }
+        let rises = |own: &Samples| own.times.windows(2).all(|pair| pair[0] < pair[1]);
+        Ok(all.iter().all(rises).then_some(all))
+    }
+}
+
+/// The stamp at so many seconds of a block.
+fn stamp_at(block: &Block, seconds: f64) -> i64 {
+    block.start + (seconds * 1e9).round() as i64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_field_belongs_to_its_topic_and_the_key_of_its_group() {
+        let topics = ["/tf", "/joint_states", "/imu", "/imu/data"];
+        let of = |field: &str| group(field, &topics);
+        assert_eq!(of("/imu/data.angular_velocity.x").as_deref(), Some("/imu/data"));
+        assert_eq!(of("/joint_states.position[left]").as_deref(), Some("/joint_states"));
+        assert_eq!(of("/tf.transforms[base].translation.x").as_deref(), Some("/tf.transforms[base]"));
+        assert_eq!(of("/tf.transforms[base].x"), of("/tf.transforms[base].x"));
+        assert_eq!(of("x"), None);
+    }
+
+    #[test]
+    fn samples_about_a_piece_reach_one_beyond_it() {
+        let times: Vec<f64> = (0..10).map(f64::from).collect();
+        let own = Samples { values: times.clone(), times, ..Samples::default() };
+        assert_eq!(own.within(2.5, 5.5).0, [2.0, 3.0, 4.0, 5.0, 6.0]);
+        assert_eq!(own.within(2.0, 5.0).0, [2.0, 3.0, 4.0, 5.0]);
+        assert_eq!(own.within(-1.0, 0.5).0, [0.0, 1.0]);
+        assert_eq!(own.within(8.5, 20.0).0, [8.0, 9.0]);
+        assert!(Samples::default().within(0.0, 1.0).0.is_empty());
+    }
+}

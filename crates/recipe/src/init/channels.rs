@@ -1,0 +1,350 @@
+//! A recipe for a robot's log: fields by topic with short names, a block for each odometry, and how channels are joined.
+
+use std::{
+    collections::{BTreeMap, HashMap},
+    fmt::Write,
+};
+
+use fleetfoot_data::{Column, ColumnKind};
+use fleetfoot_log::TopicInfo;
+
+use super::{
+    columns_heading, episodes_section, heading, key, method_section, model_section, names::Names, quaternions,
+    short::short_names, states_heading, text,
+};
+
+/// Ends of an odometry's fields and the names that they get, with what the model makes of them.
+const ODOMETRY: [(&str, &str); 5] = [
+    ("x", "pose.pose.position.x"),
+    ("y", "pose.pose.position.y"),
+    ("yaw", "pose.pose.orientation"),
+    ("v", "twist.twist.linear.x"),
+    ("w", "twist.twist.angular.z"),
+];
+
+pub(crate) fn recipe(file: &str, columns: &[Column], topics: &[TopicInfo]) -> String {
+    let mut out = String::new();
+    heading(&mut out, file);
+    columns_heading(&mut out);
+    let mut names = Names::default();
+    let odometries: Vec<Odometry> =
+        topics.iter().filter(|topic| is_odometry(topic)).map(|topic| Odometry::new(&topic.name, &mut names)).collect();
+    let drafted = draft(columns, odometries.is_empty());
+    let (states, given) = columns_section(&mut out, columns, topics, &odometries, &drafted, &mut names);
+    let _ = writeln!(out, "# all fields of a kind: q = \"/joint_states.position[*]\" gives q[left], q[right], ...\n");
+    states_heading(&mut out, columns);
+    odometries.iter().for_each(|odometry| odometry.states(&mut out));
+    for name in &states {
+        let _ = writeln!(out, "{} = {{}}", key(name));
+    }
+    let _ = writeln!(out, "\n# What is given from outside; held between messages.");
+    let _ = writeln!(out, "[inputs]");
+    for name in &given {
+        let _ = writeln!(out, "{} = {{}}", key(name));
+    }
+    let mut inputs = 0;
+    for topic in topics.iter().filter(|topic| topic.name.contains("cmd") || topic.name.contains("command")) {
+        for field in columns.iter().filter(|column| is_signal(column) && of_topic(&topic.name, &column.name)) {
+            let _ = writeln!(out, "# {} = {}", names.take(&format!("u{inputs}")), text(&field.name));
+            inputs += 1;
+        }
+    }
+    let _ = writeln!(out, "\n# One clock for all channels, and the channel whose messages make the rows.");
+    let _ = writeln!(out, "[time]");
+    let _ = writeln!(
+        out,
+        "# stamp = \"header\"         # or log, publish (default: header where every channel in use has one)"
+    );
+    let base = topics.iter().find(|topic| is_odometry(topic)).or(topics.iter().max_by_key(|topic| topic.messages));
+    if let Some(topic) = base {
+        let name = text(&topic.name);
+        let _ = writeln!(
+            out,
+            "# base = {name}   # or rate = 100; the others are joined to it (default: the first state's)"
+        );
+    }
+    model_section(&mut out);
+    let _ = writeln!(
+        out,
+        "\n# How other channels come to the rows' stamps, where the default is wrong: measured numbers linearly, inputs"
+    );
+    let _ = writeln!(
+        out,
+        "# and whole numbers held, quaternions by slerp, never across a gap of more than five of their periods."
+    );
+    let _ = writeln!(out, "# [join]\n# \"/gripper.state\" = {{ kind = \"hold\", max_gap = \"none\" }}");
+    method_section(&mut out);
+    episodes_section(&mut out);
+    out
+}
+
+/// The names of the states and of the inputs that are proposed.
+type Proposed = (Vec<String>, Vec<String>);
+
+/// Lists the fields of all topics; of a large log with a draft only those of its topics.
+fn columns_section(
+    out: &mut String,
+    columns: &[Column],
+    topics: &[TopicInfo],
+    odometries: &[Odometry],
+    drafted: &BTreeMap<String, Role>,
+    names: &mut Names,
+) -> Proposed {
+    let mut proposed = Proposed::default();
+    let fields: Vec<&Column> = columns.iter().filter(|column| is_signal(column)).collect();
+    let short = short_names(&fields);
+    let quaternions = quaternions(columns);
+    let (fields_of, quaternions_of) = (
+        by_topic(topics, fields.iter().map(|field| field.name.as_str())),
+        by_topic(topics, quaternions.iter().map(AsRef::as_ref)),
+    );
+    for topic in topics {
+        let rate = topic.rate.map(|rate| format!(", {rate:.4} Hz")).unwrap_or_default();
+        let count = topic.messages.map(|count| format!(", {count} messages{rate}")).unwrap_or_default();
+        let _ = writeln!(out, "# {} ({}{count})", topic.name, topic.type_name);
+        if let Some(problem) = &topic.problem {
+            let _ = writeln!(out, "#   cannot be read: {}", problem.replace('\n', " "));
+        }
+        let places = |of: &HashMap<&str, Vec<usize>>| of.get(topic.name.as_str()).cloned().unwrap_or_default();
+        let own: Vec<(&Column, &String)> = places(&fields_of).iter().map(|&at| (fields[at], &short[at])).collect();
+        // What is said once is no signal.
+        if topic.messages.is_some_and(|count| count < 2) && !own.is_empty() {
+            let _ = writeln!(out, "#   said once; `fleetfoot info --values` lists its {} fields", own.len());
+            continue;
+        }
+        let is_drafted = own.iter().any(|(field, _)| drafted.contains_key(&field.name));
+        if fields.len() > MANY_FIELDS && !drafted.is_empty() && !is_drafted {
+            let _ = writeln!(out, "#   {} fields; `fleetfoot init --topic {}` lists them", own.len(), topic.name);
+            continue;
+        }
+        let odometry = odometries.iter().find(|odometry| odometry.topic == topic.name);
+        for (field, name) in own {
+            let known = odometry.and_then(|odometry| odometry.name_of(&field.name));
+            let name = known.map_or_else(|| names.take(name), str::to_owned);
+            let role = drafted.get(&field.name);
+            let mark = if role.is_some() { "" } else { "# " };
+            let _ = writeln!(out, "{mark}{} = {}", key(&name), text(&field.name));
+            match role {
+                Some(Role::State) => proposed.0.push(name),
+                Some(Role::Input) => proposed.1.push(name),
+                None => {}
+            }
+        }
+        for prefix in places(&quaternions_of).iter().map(|&at| &quaternions[at]) {
+            let known = odometry.and_then(|odometry| odometry.name_of(prefix));
+            let name = known.map_or_else(|| names.take("yaw"), str::to_owned);
+            let _ = writeln!(out, "# {} = \"yaw({prefix})\"   # and pitch(...), roll(...)", key(&name));
+        }
+    }
+    proposed
+}
+
+/// Fields of a log from which only those of the draft's topics are listed.
+const MANY_FIELDS: usize = 300;
+
+/// What a field of the draft is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Role {
+    State,
+    Input,
+}
+
+/// Fields that usually are the states: rates of turn, else speeds of a twist, else positions and speeds of joints; and those that usually are the inputs. The
+/// first group of each that the log has is taken, and nothing where it has an odometry, whose states are proposed already.
+const DRAFTS: [(Role, &[&str]); 2] = [
+    (
+        Role::State,
+        &[
+            "/vehicle_angular_velocity.xyz[",
+            "/vehicle_attitude.rollspeed|/vehicle_attitude.pitchspeed|/vehicle_attitude.yawspeed",
+            ".twist.linear.|.twist.angular.",
+            "/joint_states.position[|/joint_states.velocity[",
+        ],
+    ),
+    (
+        Role::Input,
+        &[
+            "/actuator_controls_0.control[",
+            "/vehicle_torque_setpoint.xyz[",
+            "/actuator_motors.control[",
+            "/actuator_outputs.output[",
+            "/cmd_vel.linear.|/cmd_vel.angular.|/cmd_vel.twist.",
+        ],
+    ),
+];
+
+/// Elements of an array that a draft takes: outputs that no motor has are constant or missing.
+const FIRST_ELEMENTS: usize = 4;
+
+fn draft(columns: &[Column], without_odometry: bool) -> BTreeMap<String, Role> {
+    let mut drafted = BTreeMap::new();
+    for (role, groups) in DRAFTS.into_iter().filter(|_| without_odometry) {
+        let of_group = |group: &&&str| {
+            let is_of = |name: &str, pattern: &str| {
+                let Some((_, rest)) = name.split_once(pattern) else { return false };
+                let index = rest.trim_end_matches(']').parse::<usize>().ok().filter(|_| pattern.ends_with('['));
+                index.is_none_or(|index| index < FIRST_ELEMENTS)
+            };
+            let is_wanted =
+                |column: &&Column| is_signal(column) && group.split('|').any(|own| is_of(&column.name, own));
+            columns.iter().filter(is_wanted).map(|column| column.name.clone()).collect::<Vec<_>>()
+        };
+        let found = groups.iter().map(|group| of_group(&group)).find(|found| !found.is_empty());
+        drafted.extend(found.unwrap_or_default().into_iter().map(|name| (name, role)));
+    }
+    let has_states = drafted.values().any(|role| *role == Role::State);
+    if has_states { drafted } else { BTreeMap::new() }
+}
+
+/// The places of the fields of every topic, in one pass over the fields. A topic may be the beginning of another, whose fields are its own too.
+fn by_topic<'a>(topics: &'a [TopicInfo], fields: impl Iterator<Item = &'a str>) -> HashMap<&'a str, Vec<usize>> {
+    let mut places: HashMap<&str, Vec<usize>> = topics.iter().map(|topic| (topic.name.as_str(), Vec::new())).collect();
+    for (at, field) in fields.enumerate() {
+        for (end, _) in field.match_indices(['.', '[']) {
+            if let Some(own) = places.get_mut(&field[..end]) {
+                own.push(at);
+            }
+        }
+    }
+    places
+}
+
+fn of_topic(topic: &str, field: &str) -> bool {
+    field.strip_prefix(topic).is_some_and(|rest| rest.starts_with(['.', '[']))
+}
+
+fn is_odometry(topic: &TopicInfo) -> bool {
+    topic.type_name.ends_with("/Odometry")
+}
+
+/// An odometry's topic and the names of its fields, in the order of [`ODOMETRY`].
+struct Odometry {
+    topic: String,
+    names: [String; 5],
+}
+
+impl Odometry {
+    fn new(topic: &str, names: &mut Names) -> Self {
+        Self { topic: topic.to_owned(), names: ODOMETRY.map(|(name, _)| names.take(name)) }
+    }
+
+    /// The name of one of its fields.
+    fn name_of(&self, field: &str) -> Option<&str> {
+        let rest = field.strip_prefix(self.topic.as_str())?.strip_prefix('.')?;
+        let place = ODOMETRY.iter().position(|(_, end)| *end == rest)?;
+        Some(&self.names[place])
+    }
+
+    /// The usual states: the pose follows from speeds and heading, the speeds are fitted.
+    fn states(&self, out: &mut String) {
+        let Self { topic, names: [x, y, yaw, v, w] } = self;
+        let _ =
+            writeln!(out, "# of {topic}: where it is follows from speed and heading; how the speeds change is fitted");
+        let _ = writeln!(out, "# {x} = {{ known = \"{v}*cos({yaw})\", regressor = false }}");
+        let _ = writeln!(out, "# {y} = {{ known = \"{v}*sin({yaw})\", regressor = false }}");
+        let _ = writeln!(out, "# {yaw} = {{ known = \"{w}\", kind = \"angle\", regressor = false }}");
+        let _ = writeln!(out, "# {v} = {{}}\n# {w} = {{}}");
+    }
+}
+
+/// What may be a state or an input: no text, no stamp of a header, no covariance.
+fn is_signal(column: &Column) -> bool {
+    let stamp =
+        [".sec", ".nanosec", ".secs", ".nsecs", ".seconds", ".nanos", ".nsec", ".timestamp", ".timestamp_sample"];
+    !matches!(column.kind, ColumnKind::Category(_))
+        && !column.name.contains("covariance")
+        && !column.name.contains(".header.")
+        && !stamp.iter().any(|end| column.name.ends_with(end))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recipe::Recipe;
+
+    #[test]
+    fn an_odometry_is_ready_to_be_uncommented() {
+        let ends = ["pose.pose.position.x", "pose.pose.position.y", "twist.twist.linear.x", "twist.twist.angular.z"];
+        let mut columns: Vec<Column> = ends.iter().map(|end| Column::float(format!("/odom.{end}"))).collect();
+        columns.extend(["x", "y", "z", "w"].map(|end| Column::float(format!("/odom.pose.pose.orientation.{end}"))));
+        columns.push(Column::float("/odom.pose.covariance[0]"));
+        columns.push(Column::float("/joint_states.position[left]"));
+        let mut topic = TopicInfo::default();
+        (topic.name, topic.type_name, topic.messages) = ("/odom".into(), "nav_msgs/msg/Odometry".into(), Some(9));
+        let out = recipe("run.mcap", &columns, &[topic]);
+        assert!(Recipe::parse(&out, "starter").unwrap().states.is_empty());
+        let uncommented: String = out
+            .lines()
+            .map(|line| match line.strip_prefix("# ") {
+                Some(rest) if ["x =", "y =", "v =", "w =", "yaw ="].iter().any(|name| rest.starts_with(name)) => rest,
+                _ => line,
+            })
+            .flat_map(|line| [line, "\n"])
+            .collect();
+        let recipe = Recipe::parse(&uncommented, "uncommented").unwrap();
+        assert_eq!(recipe.states.keys().collect::<Vec<_>>(), ["x", "y", "yaw", "v", "w"]);
+        assert_eq!(recipe.columns["v"], "/odom.twist.twist.linear.x");
+        assert_eq!(recipe.columns["yaw"], "yaw(/odom.pose.pose.orientation)");
+        assert!(!out.contains("covariance"));
+    }
+
+    #[test]
+    fn a_flight_has_a_draft_of_rates_and_controls() {
+        let mut columns: Vec<Column> =
+            (0..3).map(|k| Column::float(format!("/vehicle_angular_velocity.xyz[{k}]"))).collect();
+        columns.extend((0..8).map(|k| Column::float(format!("/actuator_controls_0.control[{k}]"))));
+        columns.extend((0..400).map(|k| Column::float(format!("/esc_status.esc[{k}].rpm"))));
+        let topic = |name: &str| {
+            let mut topic = TopicInfo::default();
+            (topic.name, topic.type_name, topic.messages) = (name.into(), name[1..].into(), Some(9));
+            topic
+        };
+        let topics = ["/actuator_controls_0", "/esc_status", "/vehicle_angular_velocity"].map(topic);
+        let out = recipe("flight.ulg", &columns, &topics);
+        let recipe = Recipe::parse(&out, "starter").unwrap();
+        assert_eq!(recipe.states.len(), 3, "{out}");
+        assert_eq!(recipe.inputs.len(), 4, "{out}");
+        let names: Vec<&String> = recipe.states.keys().chain(recipe.inputs.keys()).collect();
+        assert!(names.iter().all(|name| recipe.columns.contains_key(*name)), "{out}");
+        assert!(out.lines().count() < 80 && out.contains("`fleetfoot init --topic /esc_status` lists them"), "{out}");
+    }
+
+    #[test]
+    fn two_odometries_and_two_commands_share_no_name() {
+        let ends = ["pose.pose.position.x", "pose.pose.position.y", "twist.twist.linear.x", "twist.twist.angular.z"];
+        let quaternion = ["x", "y", "z", "w"].map(|end| format!("pose.pose.orientation.{end}"));
+        let of_odometry = |topic: &str| {
+            let names = ends.iter().map(ToString::to_string).chain(quaternion.clone());
+            names.map(|end| Column::float(format!("{topic}.{end}"))).collect::<Vec<_>>()
+        };
+        let mut columns = [of_odometry("/odom"), of_odometry("/wheel/odom")].concat();
+        columns.extend(["/a/cmd_vel.linear.x", "/b/cmd_vel.linear.x", "/scan.2d"].map(Column::float));
+        let topic = |name: &str, kind: &str| {
+            let mut topic = TopicInfo::default();
+            (topic.name, topic.type_name, topic.messages) = (name.into(), kind.into(), Some(9));
+            topic
+        };
+        let odometry = "nav_msgs/msg/Odometry";
+        let topics = [
+            topic("/odom", odometry),
+            topic("/wheel/odom", odometry),
+            topic("/a/cmd_vel", "Twist"),
+            topic("/b/cmd_vel", "Twist"),
+            topic("/scan", "Scan"),
+        ];
+        let out = recipe("run.mcap", &columns, &topics);
+        let is_line =
+            |line: &&str| line.strip_prefix("# ").is_some_and(|rest| rest.contains(" = ") && !rest.starts_with(' '));
+        let section = |from: &str, to: &str| {
+            let text = &out[out.find(from).unwrap()..out.find(to).unwrap()];
+            text.lines().filter(is_line).fold(format!("{from}\n"), |all, line| format!("{all}{}\n", &line[2..]))
+        };
+        let names = Recipe::parse(&section("[columns]", "# all fields of a kind"), "columns").unwrap();
+        assert_eq!(names.columns["x_2"], "/wheel/odom.pose.pose.position.x");
+        assert_eq!(names.columns["_2d"], "/scan.2d");
+        let states = Recipe::parse(&section("[states]", "# What is given"), "states").unwrap();
+        assert_eq!(states.states["x_2"].known.as_deref(), Some("v_2*cos(yaw_2)"));
+        let inputs = Recipe::parse(&section("[inputs]", "# One clock"), "inputs").unwrap();
+        assert_eq!(inputs.inputs.keys().collect::<Vec<_>>(), ["u0", "u1"]);
+    }
+}

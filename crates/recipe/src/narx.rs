@@ -1,0 +1,199 @@
+//! `[narx]`: outputs from their own past and that of the inputs. Functions that are to be lagged in the place of outputs and inputs stand in `[library]`.
+
+use serde::{Deserialize, Serialize};
+
+use crate::{bounds::whole, criterion::Criterion, objective::Objective, recipe::Recipe, settings::settings};
+
+/// How far a search goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Effort {
+    /// Few lags, small libraries.
+    Low,
+    /// What finds the model of most machines within a minute.
+    #[default]
+    Normal,
+    /// Ten times as much.
+    High,
+}
+
+impl Effort {
+    /// As users write it.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Low => "low",
+            Self::Normal => "normal",
+            Self::High => "high",
+        }
+    }
+}
+
+/// What order, terms and partition are chosen by: `free-run`, or a [`Criterion`] of one-step errors.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", expecting = "expected free-run, one-se, cv, aic, bic or ebic")]
+pub enum NarxSelection {
+    /// The error of simulations of spans that did not train.
+    #[default]
+    FreeRun,
+    /// One-step errors.
+    #[serde(untagged)]
+    OneStep(Criterion),
+}
+
+impl clap::ValueEnum for NarxSelection {
+    fn value_variants<'a>() -> &'a [Self] {
+        use Criterion::{Aic, Bic, CrossValidation, Ebic, OneStandardError};
+        &[
+            Self::FreeRun,
+            Self::OneStep(OneStandardError),
+            Self::OneStep(CrossValidation),
+            Self::OneStep(Aic),
+            Self::OneStep(Bic),
+            Self::OneStep(Ebic),
+        ]
+    }
+
+    fn to_possible_value(&self) -> Option<clap::builder::PossibleValue> {
+        match self {
+            Self::FreeRun => {
+                Some(clap::builder::PossibleValue::new("free-run").help("Simulations of spans that did not train"))
+            }
+            Self::OneStep(criterion) => criterion.to_possible_value(),
+        }
+    }
+}
+
+/// Whether lags and degree that are given are those of the model, or its limits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum GivenAs {
+    /// They are the model's; 2 where they are not given.
+    Fixed,
+    /// The best up to them.
+    Auto,
+}
+
+settings! {
+    narx, NarxSection::silenced;
+    /// How an autoregression is found. Every entry is the flag of `fit narx` of the same name; outputs are `[states]`, inputs `[inputs]`.
+    pub struct NarxSection {
+        /// Past values of every output, y(k-1) to y(k-N) (default: looked for).
+        #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1000))]
+        pub lags_out: usize,
+        /// Past values of every input, u(k-1) to u(k-N) (default: looked for).
+        #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1000))]
+        pub lags_in: usize,
+        /// Inputs act at once: u(k) stands beside its past (default: looked for, unless --lags-in is given).
+        #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
+        pub direct: bool,
+        /// What lags and degree are that are given (default: what is not given is looked for).
+        #[arg(long, value_enum, value_name = "RULE")]
+        pub order: GivenAs,
+        /// How far what is not given is looked for: a count of work, never of seconds (default: normal).
+        #[arg(long, value_enum, value_name = "EFFORT")]
+        pub effort: Effort,
+        /// Terms of every equation, by forward regression: a number, auto, or all candidates (default: auto).
+        #[arg(long, value_name = "N")]
+        pub terms: NarxTerms,
+        /// The most terms that auto tries (default: 20).
+        #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=10_000))]
+        pub max_terms: usize,
+        /// What order, terms and partition are chosen by: free runs, or criteria of one-step errors (default: free-run).
+        #[arg(long, value_enum, value_name = "RULE")]
+        pub select: NarxSelection,
+        /// What coefficients are fitted to: one-step; steps:N, simulations of N steps; or free-run, as long as held-out rows allow. The simulations' model is written where its rollouts of held-out rows
+        /// are the better ones (default: one-step).
+        #[arg(long, value_name = "OBJECTIVE")]
+        pub objective: Objective,
+        /// Spans of the training rows that are held out in turn (default: 5).
+        #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1000))]
+        pub folds: usize,
+        /// Keep every n-th row (default: 1, all of them).
+        #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1_000_000))]
+        pub decimate: usize,
+        /// The last share of the rows of every episode, which does not train and is simulated (default: 0).
+        #[arg(long, value_name = "SHARE")]
+        pub test_share: f64,
+        /// Seed of k-means (default: 0).
+        #[arg(long, value_name = "SEED")]
+        pub seed: u64,
+        /// Clusterings of every k-means to choose from by free runs, from the seed and the next ones (default: 1).
+        #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1_000_000))]
+        pub starts: usize,
+    }
+}
+
+impl NarxSection {
+    /// Who says how far back outputs or inputs go speaks of no rows that go before all of them.
+    fn silenced(&self, recipe: &mut Recipe) {
+        if self.lags_out.is_some() || self.lags_in.is_some() {
+            recipe.model.lags = None;
+        }
+    }
+}
+
+/// A number of terms, or a word.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "expected a number, \"auto\" or \"all\"")]
+pub enum NarxTerms {
+    /// As many.
+    Number(usize),
+    /// `auto` or `all`.
+    Word(String),
+}
+
+impl std::str::FromStr for NarxTerms {
+    type Err = std::convert::Infallible;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Ok(text.parse().map_or_else(|_| Self::Word(text.to_owned()), Self::Number))
+    }
+}
+
+/// A count of what is evaluated, never the time that it takes, so that the same input gives the same model.
+impl Effort {
+    /// Terms that may be evaluated.
+    pub fn limit(self) -> u64 {
+        match self {
+            Self::Low => 300_000_000,
+            Self::Normal => 3_000_000_000,
+            Self::High => 30_000_000_000,
+        }
+    }
+
+    /// Lags that the linear models have, where they are not given.
+    pub fn lags(self) -> &'static [usize] {
+        match self {
+            Self::Low => &[1, 2, 3, 4],
+            Self::Normal => &[1, 2, 3, 4, 5, 6, 8, 10],
+            Self::High => &[1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 20],
+        }
+    }
+
+    /// Linear models whose lags nonlinear ones take over.
+    pub fn seeds(self) -> usize {
+        match self {
+            Self::Low => 1,
+            Self::Normal => 4,
+            Self::High => 10,
+        }
+    }
+
+    /// The most candidates of an order.
+    pub fn most_candidates(self) -> usize {
+        match self {
+            Self::Low => 120,
+            Self::Normal => 300,
+            Self::High => 1_000,
+        }
+    }
+
+    /// Times that the orders next to the best one are tried.
+    pub fn rounds(self) -> usize {
+        match self {
+            Self::Low => 1,
+            Self::Normal => 4,
+            Self::High => 12,
+        }
+    }
+}

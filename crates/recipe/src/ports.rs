@@ -1,0 +1,93 @@
+//! Where a model exchanges energy.
+
+use std::{
+    fmt::{self, Display, Formatter},
+    str::FromStr,
+};
+
+use serde::{Deserialize, Serialize};
+
+/// An input and the state with which it is a power.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Port {
+    /// The input.
+    pub input: String,
+    /// The state by which it is multiplied to be a power.
+    pub output: String,
+    /// The energy that the port may be short of, in units of the state over those of the input; `None`: what sampling takes.
+    pub shortage: Option<f64>,
+}
+
+/// `f:v`, `f:v:0.05, tau:w`: inputs, the states with which they are a power, and what each may be short of.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct PortList(pub Vec<Port>);
+
+impl FromStr for PortList {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let port = |item: &str| {
+            let mut parts = item.split(':').map(str::trim);
+            let named = |part: Option<&str>| part.filter(|name| !name.is_empty()).map(str::to_owned);
+            let mut port = Port { input: named(parts.next())?, output: named(parts.next())?, shortage: None };
+            if let Some(number) = parts.next() {
+                port.shortage = Some(number.parse().ok().filter(|value: &f64| *value > 0.0 && value.is_finite())?);
+            }
+            parts.next().is_none().then_some(port)
+        };
+        let found: Option<Vec<Port>> = text.split(',').map(port).collect();
+        found.map(Self).ok_or_else(|| {
+            format!(
+                "passive = \"{text}\": write INPUT:STATE, such as force:speed, several with commas, each with INPUT:STATE:SHORTAGE where what sampling takes is not to be found, a number \
+                 above 0"
+            )
+        })
+    }
+}
+
+impl Display for PortList {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        for (at, port) in self.0.iter().enumerate() {
+            let comma = if at > 0 { "," } else { "" };
+            write!(f, "{comma}{}:{}", port.input, port.output)?;
+            if let Some(shortage) = port.shortage {
+                write!(f, ":{shortage}")?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl TryFrom<String> for PortList {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, Self::Error> {
+        text.parse()
+    }
+}
+
+impl From<PortList> for String {
+    fn from(ports: PortList) -> Self {
+        ports.to_string()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_are_read_and_written() {
+        for (text, again) in [("f:v", "f:v"), (" f : v:0.05 , tau:w", "f:v:0.05,tau:w")] {
+            let found: PortList = text.parse().unwrap();
+            assert_eq!((found.to_string().as_str(), again.parse()), (again, Ok(found)));
+        }
+        let found: PortList = "f:v:0.05".parse().unwrap();
+        assert_eq!((&*found.0[0].input, &*found.0[0].output, found.0[0].shortage), ("f", "v", Some(0.05)));
+        for text in ["", "f", "f:", ":v", "f:v:0", "f:v:-1", "f:v:x", "f:v:1:2", "f:v,"] {
+            let told = text.parse::<PortList>().unwrap_err();
+            assert!(told.contains("force:speed"), "{text}: {told}");
+        }
+    }
+}

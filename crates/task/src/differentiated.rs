@@ -1,0 +1,94 @@
+//! The central differences of a task, settled by the data.
+
+use fleetfoot_data::Source;
+use fleetfoot_library::{Expr, REACHES, Spacing, unevenness};
+use fleetfoot_model::Equation;
+use fleetfoot_sparse::system::sampled_mean_squares;
+
+use crate::{
+    difference::{Difference, SettledDifference},
+    equations::{EquationTask, FittedEquation},
+    error::Error,
+};
+
+/// Unevenness of the stamps (root mean square) up to which the weights of even ones are right: what they neglect is smaller than the derivative by that much.
+const EVEN: f64 = 1e-4;
+
+impl EquationTask {
+    /// Estimates the errors of the central differences from a sample of the rows, and takes the order with the least error where it is free. Weights follow the stamps
+    /// where these are uneven.
+    ///
+    /// # Errors
+    /// Those of reading.
+    pub fn differentiated(&self, source: &dyn Source, notes: &mut Vec<String>) -> Result<Self, Error> {
+        let mut task = self.clone();
+        let columns = source.columns();
+        let known = |central: &Difference| {
+            central.form.of.columns().iter().all(|name| columns.iter().any(|column| column.name == **name))
+        };
+        let own = task.fitted.iter().enumerate().filter_map(|(at, equation)| Some((at, equation.central.clone()?)));
+        let mut found: Vec<(usize, Difference)> = own.filter(|(_, central)| known(central)).collect();
+        if found.is_empty() {
+            return Ok(task);
+        }
+        let uneven = sampled_mean_squares(&[unevenness()], source)?[0].sqrt() > EVEN;
+        let spacing = if uneven { Spacing::Stamps } else { Spacing::Even };
+        found.iter_mut().filter(|(_, own)| own.any_spacing).for_each(|(_, own)| own.form.spacing = spacing);
+        // The mean square of 1 tells whether any row has what all the others need.
+        let witnesses = found.iter().flat_map(|(_, central)| central.witnesses()).chain([Expr::number(1.0)]);
+        let squares = sampled_mean_squares(&witnesses.collect::<Vec<_>>(), source)?;
+        let measured = squares.last().is_some_and(|&one| one > 0.0);
+        if !measured {
+            notes.push(
+                "derivatives by central differences: their error is not known, because no row has five complete neighbours on either side; the order is the \
+                 lowest that was asked for"
+                    .into(),
+            );
+        }
+        for ((at, mut central), squares) in found.into_iter().zip(squares.chunks(REACHES.len() + 1)) {
+            if measured {
+                central.settle(squares);
+            }
+            task.measure_by(at, central);
+        }
+        Ok(task)
+    }
+
+    /// Measures the left side of a fitted equation by a central difference.
+    fn measure_by(&mut self, at: usize, central: Difference) {
+        let equation = &mut self.fitted[at];
+        equation.measure(central.form.expression());
+        equation.difference = Some(central.form.truncation());
+        equation.central = Some(central);
+        let of = |one: &&mut Equation| one.right.columns().iter().any(|name| **name == *equation.latent);
+        let same = self.equations.iter_mut().filter(|one| one.target.is_some()).filter(of);
+        same.for_each(|one| one.target = Some(equation.measured.clone()));
+    }
+
+    /// How the derivative of every fitted equation was settled; `None` where it is no central difference.
+    pub fn settled_differences(&self) -> Vec<Option<SettledDifference>> {
+        let of = |equation: &FittedEquation| {
+            let Difference { form, errors, .. } = equation.central.as_ref()?;
+            let settled = SettledDifference { reach: form.reach, spacing: form.spacing, errors: *errors };
+            Some(settled).filter(|_| equation.measured == form.expression())
+        };
+        self.fitted.iter().map(of).collect()
+    }
+
+    /// The task with its derivatives as those of an equal one were settled: where an equation of `raw` (as it was before) asks for the same derivative, it is
+    /// settled alike.
+    pub fn differentiated_like(mut self, raw: &Self, settled: &[Option<SettledDifference>]) -> Self {
+        for at in 0..self.fitted.len() {
+            let own = &self.fitted[at];
+            let same = |other: &FittedEquation| {
+                (&other.label, &other.measured, &other.central) == (&own.label, &own.measured, &own.central)
+            };
+            let Some(place) = raw.fitted.iter().position(same) else { continue };
+            if let (Some(mut central), Some(Some(kept))) = (own.central.clone(), settled.get(place)) {
+                (central.form.reach, central.form.spacing, central.errors) = (kept.reach, kept.spacing, kept.errors);
+                self.measure_by(at, central);
+            }
+        }
+        self
+    }
+}

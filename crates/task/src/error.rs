@@ -1,0 +1,12 @@
+//! What can go wrong where the rows of a recording settle a task.
+
+/// What can go wrong where the rows of a recording settle a task.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The recipe's words do not fit the recording.
+    #[error(transparent)]
+    Recipe(#[from] fleetfoot_recipe::Error),
+    /// The rows could not be summed.
+    #[error(transparent)]
+    Rows(#[from] fleetfoot_sparse::system::SystemError),
+}

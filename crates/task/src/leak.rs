@@ -1,0 +1,75 @@
+//! What must not decide about a prediction: the predicted value itself.
+
+use std::collections::BTreeSet;
+
+use fleetfoot_library::{Expr, Node};
+use fleetfoot_model::{Equation, Prediction, Role};
+use fleetfoot_recipe::{Aliases, Error};
+
+/// Refuses columns of a partition that tell what is predicted, in plain regression: which region a row is in would be known only when its target is.
+///
+/// A column does when it reads the target at the row itself or later: by its name, by another alias of the same field, by an expression over either, or,
+/// where the target is a function of one field that is no regressor, by that field. The target's past is known and may be used.
+///
+/// # Errors
+/// [`Error::TargetInPartition`], with the column.
+pub(crate) fn refuse_target_in_partition(
+    equations: &[Equation],
+    aliases: &Aliases<'_>,
+    partition: &[Expr],
+) -> Result<(), Error> {
+    let regressors: BTreeSet<String> = aliases
+        .columns
+        .iter()
+        .filter(|column| column.role != Role::Auxiliary && !predicted(equations, &column.name))
+        .flat_map(|column| now(&in_fields(&Expr::column(column.name.as_str()), aliases)))
+        .collect();
+    for equation in equations.iter().filter(|equation| equation.prediction == Prediction::Value) {
+        let target = in_fields(&Expr::column(equation.subject.as_str()), aliases);
+        let fields = now(&target);
+        for column in partition {
+            let seen = in_fields(column, aliases);
+            let of_its_field = fields.len() == 1 && fields.is_disjoint(&regressors) && !fields.is_disjoint(&now(&seen));
+            if of_its_field && reads_no_other_row(&target) || holds(&seen, &target) {
+                return Err(Error::TargetInPartition { column: column.to_string(), target: equation.subject.clone() });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Whether a column is what a plain regression predicts.
+pub(crate) fn predicted(equations: &[Equation], name: &str) -> bool {
+    equations.iter().any(|equation| equation.prediction == Prediction::Value && equation.subject == name)
+}
+
+/// An expression over aliases as one over the fields of the log.
+fn in_fields(expression: &Expr, aliases: &Aliases<'_>) -> Expr {
+    expression.substituted(|name| {
+        let known = aliases.expressions.iter().find(|(column, _)| column.name == name);
+        known.map(|(_, expression)| expression.clone())
+    })
+}
+
+/// The fields that an expression reads at its row or later. What a filter gives is made of its input's past.
+fn now(expression: &Expr) -> BTreeSet<String> {
+    let mut names = BTreeSet::new();
+    expression.fold(|part, _: &[()]| {
+        if let Node::Column { name, lag } = part.node()
+            && *lag <= 0
+        {
+            names.insert(name.to_string());
+        }
+    });
+    names
+}
+
+fn reads_no_other_row(expression: &Expr) -> bool {
+    let mut own = true;
+    expression.fold(|part, _: &[()]| own &= !matches!(part.node(), Node::Column { lag, .. } if *lag != 0));
+    own
+}
+
+fn holds(whole: &Expr, part: &Expr) -> bool {
+    whole.fold(|own, found: &[bool]| own == part || found.contains(&true))
+}

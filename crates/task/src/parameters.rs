@@ -1,0 +1,165 @@
+//! A recipe resolved to given equations with parameters.
+
+use fleetfoot_data::Column as DataColumn;
+use fleetfoot_estimate::{Affine, MatrixLimit, Residual};
+use fleetfoot_library::Expr;
+use fleetfoot_recipe::{Aliases, Error, Recipe};
+use fleetfoot_sparse::constrained::{Form, Limit, RowLimit};
+
+use crate::{derivative, known::KnownTask, parameter::Parameter, structured::together};
+
+/// Equations, parameters, and what the equations say of every row.
+pub struct ParametersTask {
+    /// The equations, over columns and parameters.
+    pub known: KnownTask,
+    /// The parameters, in the order of the recipe.
+    pub parameters: Vec<Parameter>,
+    /// Measured derivatives beside right sides, of the equations that have parameters.
+    pub residuals: Vec<Residual>,
+    /// What matrices of parameters keep.
+    pub limits: Vec<MatrixLimit>,
+}
+
+impl ParametersTask {
+    /// Resolves a recipe against the fields of a recording.
+    pub fn resolve(recipe: &Recipe, fields: &[DataColumn]) -> Result<Self, Error> {
+        refuse_other_sections(recipe)?;
+        let mut aliases = Aliases::of_recipe(recipe, fields)?;
+        let parameters = Parameter::all(recipe, &aliases)?;
+        let names: Vec<String> = parameters.iter().map(|parameter| parameter.name.clone()).collect();
+        aliases.hide(&names);
+        let mut measured = Vec::new();
+        for (name, state) in &recipe.states {
+            let angle = aliases.columns.iter().any(|column| column.name == *name && column.angle);
+            let place = format!("[states] {name}");
+            let x = Expr::column(name.as_str());
+            measured.push(derivative::measured(state.derivative.as_ref(), &x, angle, &place, &mut aliases)?);
+        }
+        let limits = limits(recipe, &names, &mut aliases)?;
+        let mut known = KnownTask::over(recipe, aliases)?;
+        refuse_filters(&known, &names)?;
+        let uses = |expr: &Expr, name: &str| expr.columns().iter().any(|column| **column == *name);
+        if let Some(idle) = names.iter().find(|name| !known.equations.iter().any(|own| uses(&own.right, name))) {
+            return Err(Error::unknown(
+                idle,
+                format!(
+                    "[parameters] {idle}: no equation speaks of it; leave it away, or look for a slip in `known` of the states"
+                ),
+            ));
+        }
+        let mut residuals = Vec::new();
+        for (equation, target) in known.equations.iter_mut().zip(measured) {
+            // A rotation is not differentiated.
+            let is_part = recipe.states.get(&equation.subject).is_some_and(|state| state.part.is_some());
+            if !is_part && names.iter().any(|name| uses(&equation.right, name)) {
+                let (name, model) = (equation.label(), equation.right.clone());
+                residuals.push(Residual { name, target: target.clone(), model, weight: 1.0 });
+                // What is estimated is scored like what is fitted.
+                equation.target = Some(target);
+            }
+        }
+        Ok(Self { known, parameters, residuals, limits })
+    }
+
+    /// A parameter of which no equation says anything row by row.
+    pub fn without_residual(&self) -> Option<&str> {
+        let uses = |own: &Residual, name: &str| own.model.columns().iter().any(|column| **column == *name);
+        let silent = |own: &&Parameter| !self.residuals.iter().any(|residual| uses(residual, &own.name));
+        self.parameters.iter().find(silent).map(|own| own.name.as_str())
+    }
+
+    /// The parameters between their bounds; those that are fixed have no room.
+    pub fn bounded(&self) -> Vec<fleetfoot_estimate::Parameter> {
+        let of = |own: &Parameter| {
+            let [least, most] = if own.fixed { [own.initial; 2] } else { own.bounds };
+            fleetfoot_estimate::Parameter::new(&own.name, own.initial).between(least, most)
+        };
+        self.parameters.iter().map(of).collect()
+    }
+
+    /// An expression with these values of the parameters.
+    pub fn insert(&self, expr: &Expr, values: &[f64]) -> Expr {
+        let value = |name: &str| self.parameters.iter().position(|own| own.name == name);
+        expr.substituted(|name| value(name).map(|at| Expr::number(values[at]))).simplified()
+    }
+}
+
+/// Refuses filters in the equations: a simulation has no past of its own states to filter, and their constants are no numbers of the equations.
+fn refuse_filters(known: &KnownTask, names: &[String]) -> Result<(), Error> {
+    for equation in &known.equations {
+        let Some(filter) = equation.right.filters().into_iter().next() else { continue };
+        let (place, text) = (format!("[states] {} known", equation.subject), filter.to_string());
+        let constants = filter.constant.columns();
+        return Err(Error::conflict(match names.iter().find(|name| constants.iter().any(|own| **own == ***name)) {
+            Some(name) => format!(
+                "{place}: `{text}` has the parameter `{name}` inside a filter, and fit parameters estimates numbers outside of filters alone: estimate `{name}` with \
+                 `fit sindy` (library = \"{text}\"), then write its number into [columns]"
+            ),
+            None => format!(
+                "{place}: `{text}` is computed from the rows of the log and no column yet: write `filtered = \"{text}\"` into [columns], make `filtered` one of [inputs], \
+                 write `filtered` here, and give --segment: the first rows have no value of a filter, and a segment that begins there is left out"
+            ),
+        }));
+    }
+    Ok(())
+}
+
+/// `[constraints]`, over the parameters alone.
+fn limits(recipe: &Recipe, names: &[String], aliases: &mut Aliases<'_>) -> Result<Vec<MatrixLimit>, Error> {
+    if let Some((name, _)) = recipe.constraints.iter().find(|(_, section)| !section.coefficients.is_empty()) {
+        return Err(Error::conflict(format!(
+            "[constraints] {name} coefficients: they are those of sums of functions, in `fit sparse` and `fit sindy`; a parameter has `bounds` in [parameters]"
+        )));
+    }
+    let found = together(recipe, names, "parameter", aliases)?;
+    found.iter().map(|limit| matrix(limit, names)).collect()
+}
+
+fn matrix(limit: &RowLimit, names: &[String]) -> Result<MatrixLimit, Error> {
+    let affine = |form: &Form| -> Option<Affine> {
+        let coefficient =
+            |term: &fleetfoot_sparse::structured::Term| Some((term.latent, term.coefficient.as_number()?));
+        let coefficients = form.terms.iter().map(coefficient).collect::<Option<_>>()?;
+        Some(Affine { constant: form.rest.as_number()?, coefficients })
+    };
+    let entries: Option<Vec<Affine>> = limit.forms.iter().map(affine).collect();
+    let entries = entries.ok_or_else(|| {
+        Error::value(format!(
+            "[constraints] {}: it speaks of columns, and of parameters alone can be told what holds at every row; the parameters are {}",
+            limit.name,
+            names.join(", ")
+        ))
+    })?;
+    let bound = limit.bound.as_number().unwrap_or(f64::NAN);
+    Ok(MatrixLimit { name: limit.name.clone(), entries, at_least: limit.side == Limit::AtLeast, bound })
+}
+
+fn refuse_other_sections(recipe: &Recipe) -> Result<(), Error> {
+    if recipe.parameters.is_empty() {
+        return Err(Error::missing(
+            "nothing is to be estimated: name the numbers that are not known in [parameters], for example `mass = { initial = 90.0 }`".into(),
+        ));
+    }
+    if recipe.states.is_empty() {
+        return Err(Error::missing(
+            "no states: write the equations of [states], for example `v = { known = \"(gain*u - friction*v)/mass\" }`"
+                .into(),
+        ));
+    }
+    if let Some((name, _)) = recipe.states.iter().find(|(_, state)| state.known.is_none()) {
+        return Err(Error::missing(format!(
+            "[states] {name}: fit parameters needs the equation of every state; write `known = \"...\"`, over columns and parameters"
+        )));
+    }
+    if recipe.model.weight.is_some() {
+        return Err(Error::conflict(
+            "weight: fit parameters weighs every measurement by the noise that it estimates; leave it away".into(),
+        ));
+    }
+    match recipe.model.predict.as_deref() {
+        None | Some("derivative") => Ok(()),
+        Some(other) => Err(Error::conflict(format!(
+            "predict = \"{other}\": the equations of `fit parameters` are derivatives; leave it away"
+        ))),
+    }
+}

@@ -1,0 +1,68 @@
+//! Right sides that are linear in the latents.
+
+use fleetfoot_library::{Binary, Expr, Node, Unary};
+use fleetfoot_recipe::Error;
+use fleetfoot_sparse::{constrained::Form, structured::Term};
+
+/// Takes a right side apart, over unknowns of a kind, `latent` or `parameter`: the coefficient of a latent is the derivative with respect to it, the rest is what stays when all latents are 0.
+///
+/// # Errors
+/// When it is not linear in the latents.
+pub(super) fn linear(right: &Expr, latents: &[String], place: &str, text: &str, kind: &str) -> Result<Form, Error> {
+    let is_latent = |name: &str| latents.iter().any(|latent| latent == name);
+    let problem = |problem: String| Error::value(format!("{place} = \"{text}\": {problem}"));
+    if let Some(found) = kinked(right, &is_latent) {
+        return Err(problem(format!(
+            "`{found}` is not linear in the {kind}s; only sums of coefficients times {kind}s will do"
+        )));
+    }
+    let mut terms = Vec::new();
+    for name in right.columns().iter().filter(|name| is_latent(name)) {
+        let coefficient = right.derivative(name).simplified();
+        if let Some(other) = coefficient.columns().iter().find(|column| is_latent(column)) {
+            return Err(problem(if **other == **name {
+                format!("it is not linear in `{name}`; only sums of coefficients times {kind}s will do")
+            } else {
+                format!("`{name}` is multiplied with `{other}`: a product of two {kind}s is not linear")
+            }));
+        }
+        if coefficient.as_number() == Some(0.0) {
+            return Err(problem(format!("`{name}` cancels out; leave it away")));
+        }
+        let latent = latents.iter().position(|latent| **latent == **name).unwrap_or_default();
+        terms.push(Term { latent, coefficient });
+    }
+    terms.sort_by_key(|term| term.latent);
+    let rest = right.substituted(|name| is_latent(name).then(|| Expr::number(0.0))).simplified();
+    Ok(Form { terms, rest })
+}
+
+/// The first part whose derivative would not show that it is not linear in a latent: steps and wraps of one, and one at another row.
+fn kinked(right: &Expr, is_latent: &dyn Fn(&str) -> bool) -> Option<Expr> {
+    let mut found = None;
+    right.fold(|expr, parts: &[bool]| {
+        let within = parts.contains(&true);
+        let (latent, kinked) = match expr.node() {
+            Node::Column { name, lag } => (is_latent(name), is_latent(name) && *lag != 0),
+            Node::Unary(Unary::Sign | Unary::Step | Unary::Wrap, _) | Node::Binary(Binary::Min | Binary::Max, ..) => {
+                (within, within)
+            }
+            _ => (within, false),
+        };
+        if kinked && found.is_none() {
+            found = Some(expr.clone());
+        }
+        latent
+    });
+    found
+}
+
+/// Refuses an expression that speaks of latents.
+pub(super) fn without_latents(expression: &Expr, latents: &[String], place: &str) -> Result<(), Error> {
+    match expression.columns().iter().find(|column| latents.iter().any(|latent| **latent == ***column)) {
+        None => Ok(()),
+        Some(name) => Err(Error::value(format!(
+            "{place}: `{expression}` speaks of the latent `{name}`; it is made of columns only (a field of this name needs another alias in [columns])"
+        ))),
+    }
+}

@@ -1,0 +1,32 @@
+//! What every equation may and must have.
+
+use fleetfoot_sparse::threshold::Terms;
+
+use crate::{
+    coefficients::bounds,
+    equations::{EquationTask, FittedEquation},
+};
+
+impl EquationTask {
+    /// What every equation may and must have, for the optimisers.
+    pub fn terms(&self) -> Vec<Terms> {
+        let mut terms = self.free_terms();
+        if !self.limits.is_empty() {
+            for (equation, terms) in terms.iter_mut().enumerate() {
+                let own = self.limits.iter().filter(|limit| limit.owner == equation);
+                terms.bounds = Some(bounds(self.candidates(), own, |limit| limit.candidate));
+            }
+        }
+        terms
+    }
+
+    /// The same without bounds of coefficients.
+    pub fn free_terms(&self) -> Vec<Terms> {
+        let terms = |equation: &FittedEquation| Terms {
+            allowed: Some(equation.allowed.clone()),
+            fixed: equation.fixed.clone(),
+            ..Terms::all()
+        };
+        self.fitted.iter().map(terms).collect()
+    }
+}
