@@ -2,28 +2,52 @@
 //!
 //! Flags of the command line are written into the recipe before it is used, so the recipe that a model carries says all.
 
+mod body;
+mod bounds;
+mod clocks;
+mod control;
+mod criterion;
+mod derivative;
+mod estimate;
+mod filter;
+mod lags;
+mod narx;
+mod objective;
+mod phase;
+mod ports;
+mod prepare;
+mod pwa;
+mod resimulate;
+mod settings;
+mod sindy;
+mod sparse;
+
 use std::{collections::BTreeMap, path::Path};
 
+pub use body::{AttitudeForm, BodySection, EstimateKind, Gravity, JointSection, Mounting, SensorKind, SensorSection};
+pub use bounds::whole;
+pub use clocks::ClockSection;
+pub use control::{ControlSchedule, ControlSection};
+pub use criterion::Criterion;
+pub use derivative::{Derivative, Over, SpanDerivative};
+pub use estimate::{EstimateMethod, EstimateSection};
+pub use filter::{FilterNoise, FilterSection, FilterSwitching};
 use fleetfoot_data::{did_you_mean, nearest};
 use indexmap::IndexMap;
+pub use lags::Lags;
+pub use narx::{Effort, GivenAs, NarxSection, NarxSelection, NarxTerms};
+pub use objective::{MOST_STEPS, Objective};
+pub use phase::PhaseColumn;
+pub use ports::{Port, PortList};
+pub use prepare::{Limits, PrepareMethod, PrepareSection};
+pub use pwa::{PartitionChoice, PwaSection, UnseenLabels};
+pub use resimulate::ResimulateSection;
 use serde::{Deserialize, Serialize};
+pub use settings::{Settings, Tunable, seed};
+pub use sindy::{LibrarySection, Normalize, ParameterSection, SindyOptimizer, SindySection, SmoothStates};
+pub use sparse::{ConstraintSection, LatentSection, SparseSection, TaskSection};
 
-use crate::{
-    body::{BodySection, JointSection, SensorSection},
-    clocks::ClockSection,
-    control::ControlSection,
-    derivative::Derivative,
-    error::Error,
-    estimate::EstimateSection,
-    filter::FilterSection,
-    lags::Lags,
-    narx::NarxSection,
-    prepare::PrepareSection,
-    pwa::PwaSection,
-    resimulate::ResimulateSection,
-    sindy::{LibrarySection, ParameterSection, SindySection},
-    sparse::{ConstraintSection, LatentSection, SparseSection, TaskSection},
-};
+use crate::error::Error;
 
 /// What a user says about the recordings and the model.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -427,7 +451,10 @@ impl Input {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{body::SensorKind, groups::GroupWords, settings::Tunable};
+    use crate::{
+        groups::GroupWords,
+        recipe::{SensorKind, Tunable},
+    };
 
     const TEXT: &str = r#"
 [columns]

@@ -9,7 +9,6 @@ use fleetfoot_sparse::{
 };
 use fleetfoot_task::WeakForm;
 
-use super::smoothed::smooth_states;
 use crate::{Error, FoldRule, folds};
 
 /// What an ensemble varies.
@@ -330,6 +329,36 @@ fn ensemble(text: &str) -> Result<(Ensemble, usize), Error> {
         _ => return Err(refused("ensemble", text, allowed)),
     };
     count.map(|count| (what, count)).ok_or_else(|| refused("ensemble", text, allowed))
+}
+
+/// Reads `smooth_states` of `[sindy]`.
+///
+/// # Errors
+/// Another entry that it would overrule.
+fn smooth_states(section: &SindySection) -> Result<SmoothStates, Error> {
+    let asked = section.smooth_states.unwrap_or_default();
+    match overruled(section) {
+        None => Ok(asked),
+        Some(_) if asked == SmoothStates::Auto => Ok(SmoothStates::Off),
+        Some(what) if asked == SmoothStates::On => Err(Error::conflict(format!(
+            "[sindy] smooth_states = on, and {what}: terms are looked for with the states, by what they leave of the measurements; leave one of them away"
+        ))),
+        Some(_) => Ok(asked),
+    }
+}
+
+/// What else says which terms there are.
+fn overruled(section: &SindySection) -> Option<&'static str> {
+    let said = [
+        (section.terms.is_some(), "terms"),
+        (section.threshold.is_some(), "threshold"),
+        (section.ensemble.is_some(), "ensemble"),
+        (section.groups.is_some(), "groups"),
+        (section.select.is_some(), "select"),
+        (section.optimizer.is_some_and(|own| own != SindyOptimizer::Auto), "an optimizer"),
+        (section.objective.is_some_and(|own| own != Objective::OneStep), "an objective of simulations"),
+    ];
+    said.into_iter().find(|(said, _)| *said).map(|(_, what)| what)
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use fleetfoot_dataset::{Dataset, Logs};
 use fleetfoot_dynamics::Coefficient;
 use fleetfoot_estimate::{SmoothingOptions, StateSmoother};
 use fleetfoot_model::Model;
-use fleetfoot_recipe::{Objective, Recipe, SindyOptimizer, SindySection, SmoothStates};
+use fleetfoot_recipe::{Recipe, SmoothStates};
 use fleetfoot_task::{EquationTask, Provenance, WeakForm, Windows};
 use search::{Found, Search};
 
@@ -28,22 +28,6 @@ pub(super) struct Smoothed {
 const UNASKED: usize = 20_000;
 /// Folds that are held out in turn.
 const FOLDS: usize = 5;
-
-/// Reads `smooth_states` of `[sindy]`.
-///
-/// # Errors
-/// Another entry that it would overrule.
-pub(super) fn smooth_states(section: &SindySection) -> Result<SmoothStates, Error> {
-    let asked = section.smooth_states.unwrap_or_default();
-    match overruled(section) {
-        None => Ok(asked),
-        Some(_) if asked == SmoothStates::Auto => Ok(SmoothStates::Off),
-        Some(what) if asked == SmoothStates::On => Err(Error::conflict(format!(
-            "[sindy] smooth_states = on, and {what}: terms are looked for with the states, by what they leave of the measurements; leave one of them away"
-        ))),
-        Some(_) => Ok(asked),
-    }
-}
 
 /// Whether these equations are to be found in turn with the states.
 fn applies(asked: SmoothStates, evidence: &Evidence, recipe: &Recipe) -> Result<bool, Error> {
@@ -87,20 +71,6 @@ fn obstacle(task: &EquationTask, recipe: &Recipe, estimated: bool, regions: bool
     } else {
         None
     }
-}
-
-/// What else says which terms there are.
-fn overruled(section: &SindySection) -> Option<&'static str> {
-    let said = [
-        (section.terms.is_some(), "terms"),
-        (section.threshold.is_some(), "threshold"),
-        (section.ensemble.is_some(), "ensemble"),
-        (section.groups.is_some(), "groups"),
-        (section.select.is_some(), "select"),
-        (section.optimizer.is_some_and(|own| own != SindyOptimizer::Auto), "an optimizer"),
-        (section.objective.is_some_and(|own| own != Objective::OneStep), "an objective of simulations"),
-    ];
-    said.into_iter().find(|(said, _)| *said).map(|(_, what)| what)
 }
 
 /// Finds equations in turn with the states, where that is asked for; from the coefficients of a fit (candidates x equations).

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{
+use super::{
     bounds::whole,
     settings::{Tunable, settings},
 };

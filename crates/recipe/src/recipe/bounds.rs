@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use clap::{Command, builder::RangedU64ValueParser, error::ErrorKind};
 
-use crate::{recipe::Recipe, settings::Settings};
+use super::{Recipe, settings::Settings};
 
 /// A whole number within bounds, which the message about any other one tells. Beyond them a job would not end, or its sizes would not fit an address.
 pub fn whole<T: TryFrom<u64> + Clone + Send + Sync>(allowed: RangeInclusive<u64>) -> RangedU64ValueParser<T> {

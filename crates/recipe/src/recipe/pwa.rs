@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{
+use super::{
     bounds::whole,
     objective::Objective,
     phase::PhaseColumn,

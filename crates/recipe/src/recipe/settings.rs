@@ -4,7 +4,8 @@
 
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
-use crate::{error::Error, recipe::Recipe};
+use super::Recipe;
+use crate::error::Error;
 
 /// The section of a recipe that says how a method goes: entries that may be left out, each the flag of the same name with hyphens.
 pub trait Settings: clap::Args + Clone + std::fmt::Debug + PartialEq + Default + Serialize + DeserializeOwned {

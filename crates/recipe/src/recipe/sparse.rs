@@ -3,7 +3,8 @@
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
-use crate::{criterion::Criterion, groups::GroupWords, recipe::Recipe, settings::settings};
+use super::{Recipe, criterion::Criterion, settings::settings};
+use crate::groups::GroupWords;
 
 /// An unknown function and the candidates that it may be made of: monomials of variables, or functions one by one.
 ///

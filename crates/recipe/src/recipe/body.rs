@@ -3,7 +3,7 @@
 use fleetfoot_signal::Estimate;
 use serde::{Deserialize, Serialize};
 
-use crate::{recipe::Kind, settings::Tunable};
+use super::{Kind, settings::Tunable};
 
 /// How the motion of a body is fused.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]

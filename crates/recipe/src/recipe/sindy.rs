@@ -2,14 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{
+use super::{
+    Recipe,
     bounds::whole,
     criterion::Criterion,
-    groups::GroupWords,
     objective::Objective,
-    recipe::Recipe,
     settings::{Tunable, settings},
 };
+use crate::groups::GroupWords;
 
 /// Candidate functions of every equation that has no library of its own, in the library language (`fleetfoot_library::Library::parse`).
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]

@@ -1,6 +1,6 @@
 //! `[resimulate]`: how recordings are followed by a model.
 
-use crate::{bounds::whole, settings::settings};
+use super::{bounds::whole, settings::settings};
 
 settings! {
     resimulate, |_, _| {};

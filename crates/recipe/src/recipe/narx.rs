@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{bounds::whole, criterion::Criterion, objective::Objective, recipe::Recipe, settings::settings};
+use super::{Recipe, bounds::whole, criterion::Criterion, objective::Objective, settings::settings};
 
 /// How far a search goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
