@@ -33,22 +33,22 @@ const ARROWS: [(&str, &[&str]); 25] = [
     (
         "fleetfoot-identify",
         &[
-            "data", "library", "stats", "model", "dynamics", "control", "signal", "log", "pwa", "sparse", "estimate", "report",
-            "codegen", "recipe", "task", "dataset",
+            "data", "library", "stats", "model", "dynamics", "control", "signal", "log", "pwa", "sparse", "estimate",
+            "report", "codegen", "recipe", "task", "dataset",
         ],
     ),
     (
         "fleetfoot-synth",
         &[
-            "data", "library", "stats", "model", "dynamics", "control", "message", "log", "pwa", "sim", "recipe", "dataset",
-            "prepare", "identify",
+            "data", "library", "stats", "model", "dynamics", "control", "message", "log", "pwa", "sim", "recipe",
+            "dataset", "prepare", "identify",
         ],
     ),
     (
         "fleetfoot",
         &[
-            "data", "library", "stats", "model", "dynamics", "control", "codegen", "message", "signal", "log", "pwa", "sparse",
-            "estimate", "sim", "report", "recipe", "task", "dataset", "prepare", "identify", "synth",
+            "data", "library", "stats", "model", "dynamics", "control", "codegen", "message", "signal", "log", "pwa",
+            "sparse", "estimate", "sim", "report", "recipe", "task", "dataset", "prepare", "identify", "synth",
         ],
     ),
     ("fleetfoot-cli", &["fleetfoot"]),
