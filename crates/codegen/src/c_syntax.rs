@@ -24,7 +24,7 @@ impl C<'_> {
     }
 
     /// The name of a function of the standard library for this type.
-    fn library(&self, name: &str) -> String {
+    pub(crate) fn library(&self, name: &str) -> String {
         match self.precision {
             Precision::Float => format!("{name}f"),
             Precision::Double => name.to_owned(),
@@ -36,7 +36,7 @@ impl C<'_> {
     }
 
     /// `FLT_MAX` or `DBL_MAX`.
-    fn largest(&self) -> &'static str {
+    pub(crate) fn largest(&self) -> &'static str {
         match self.precision {
             Precision::Float => "FLT_MAX",
             Precision::Double => "DBL_MAX",

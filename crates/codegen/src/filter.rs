@@ -1,11 +1,15 @@
 //! A filter in C: the switched Kalman filter of a model with affine regions, with the operations of the engine in the engine's order.
 //!
-//! Which region holds is the code of the model itself; what is around it is the same for all models but for sizes and tables, and stands in `filter.c.txt`,
-//! where noise is white and regions follow from the state; what is otherwise stands in `coloured` and `crossing`.
+//! Which region holds is the code of the model itself. Around it stand functions in C that are written one by one: `moments` of distributions, the `crossing` of
+//! borders where regions follow from the state, `coloured` noise, and the `step` that calls them. `source` has their order.
 
 mod coloured;
 mod crossing;
+mod header;
+mod moments;
+mod sizes;
 mod source;
+mod step;
 
 use fleetfoot_control::filter::FilterTables;
 use fleetfoot_model::Model;
@@ -20,7 +24,7 @@ use crate::{
     names::check_prefix,
     plan::Plan,
 };
-use source::Printer;
+use sizes::Filter;
 
 /// The files `PREFIX_filter.h` and `PREFIX_filter.c` of a filter of a model.
 ///
@@ -35,22 +39,22 @@ pub fn export_filter(
     let closed = closed(model, options)?;
     let plan = Plan::new(&closed)?;
     let prefix = format!("{}_filter", options.prefix);
-    let by_state = tables.transitions.is_none() && tables.regions.len() > 1;
+    let inputs: Vec<usize> =
+        (plan.inputs.iter()).filter_map(|input| tables.inputs.iter().position(|own| *own == input.name)).collect();
+    let c = C { precision: options.precision, prefix: &prefix };
+    let filter = Filter::new(c, model, tables, inputs);
     let mut code = Code::default();
     let regions = partition_alone(&closed.model, plan.advance.as_ref())?;
-    if let Some(evaluation) = regions.as_ref().filter(|_| by_state) {
+    if let Some(evaluation) = regions.as_ref().filter(|_| filter.by_state) {
         let precision = options.precision;
         let mut lowering = Lowering { plan: &plan, evaluation, precision, domain: false, tag: "", tables: Vec::new() };
         code.functions.push(lowering.region_alone("region"));
         code.tables = lowering.tables;
     }
-    let inputs: Vec<usize> =
-        (plan.inputs.iter()).filter_map(|input| tables.inputs.iter().position(|own| *own == input.name)).collect();
-    code.tables.extend(constant_tables(tables, &inputs, by_state));
-    let printer = Printer { c: C { precision: options.precision, prefix: &prefix }, tables, inputs, by_state, model };
+    code.tables.extend(constant_tables(&filter));
     Ok(vec![
-        ExportedFile::text(format!("{prefix}.h"), printer.header()),
-        ExportedFile::text(format!("{prefix}.c"), printer.source(&code)),
+        ExportedFile::text(format!("{prefix}.h"), filter.header()),
+        ExportedFile::text(format!("{prefix}.c"), filter.source(&code)),
     ])
 }
 
@@ -79,8 +83,8 @@ fn partition_alone(model: &Model, advance: Option<&Evaluation>) -> Result<Option
     }))
 }
 
-fn constant_tables(tables: &FilterTables, inputs: &[usize], by_state: bool) -> Vec<Table> {
-    let n = tables.states.len();
+fn constant_tables(filter: &Filter<'_>) -> Vec<Table> {
+    let (tables, inputs, n, by_state) = (filter.tables, &filter.inputs, filter.n, filter.by_state);
     let reals = |name: &str, comment: &str, row: usize, values: Vec<f64>| Table {
         name: format!("${name}"),
         comment: comment.to_owned(),

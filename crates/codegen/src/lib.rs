@@ -53,6 +53,7 @@ mod step_jacobian;
 mod transitions;
 mod vectors;
 mod walk;
+mod writer;
 mod zip;
 
 pub use cost::{Cost, Operations};

@@ -1,242 +1,230 @@
-//! The C code of a filter whose process noise hangs on that of the rows before: the whitened residuals of those rows stand behind the states.
+//! Process noise in C that hangs on that of the rows before: the whitened residuals of those rows stand behind the states.
 
-/// The functions of `filter.c.txt` that are others here: from which words to which, and what stands there.
-pub(super) const FUNCTIONS: [(&str, &str, &str); 2] = [
-    ("/* The normal distribution of those", "/* The normal distribution with the moments", PART),
-    ("/* Of every region: its step", "/* Takes in one measurement", PREDICT),
-];
+use super::sizes::Filter;
+use crate::writer::Writer;
 
-/// The estimate of the states alone.
-pub(super) const ESTIMATE: &str = "@T@ m[@A@];
-@T@ p[@AA@];
-@P@_mixture_(f->w, f->next_m, f->next_p, m, p);
-for (size_t i = 0; i < @N@; ++i) {
-    f->x[i] = m[i];
-    for (size_t j = 0; j < @N@; ++j) {
-        f->cov[i * @N@ + j] = p[i * @A@ + j];
+impl Filter<'_> {
+    /// The residuals behind the states of a part: they follow the states by regression.
+    pub(super) fn regressed(&self, w: &mut Writer) {
+        let Self { all, behind, n, t, zero, .. } = self;
+        w.each("a", n, |w| {
+            w.each("b", n, |w| {
+                writeln!(w, "pp[a * {all} + b] = first[a * {n} + b];");
+            });
+        });
+        writeln!(w, "{t} gain[{behind}][{n}];");
+        w.each("h", behind, |w| {
+            w.each("i", n, |w| {
+                writeln!(w, "{t} v = p[({n} + h) * {all} + i];");
+                w.each("k", "i", |w| {
+                    writeln!(w, "v -= l[i * {n} + k] * gain[h][k];");
+                });
+                writeln!(w, "gain[h][i] = (l[i * {n} + i] > {zero}) ? v / l[i * {n} + i] : {zero};");
+            });
+            w.block(format_args!("for (size_t i = {n}; i-- > 0;)"), |w| {
+                writeln!(w, "{t} v = gain[h][i];");
+                w.range("k", "i + 1", n, |w| {
+                    writeln!(w, "v -= l[k * {n} + i] * gain[h][k];");
+                });
+                writeln!(w, "gain[h][i] = (l[i * {n} + i] > {zero}) ? v / l[i * {n} + i] : {zero};");
+            });
+        });
+        self.following_residuals(w);
     }
-}";
 
-/// What every region begins with.
-pub(super) const BEGIN: &str = "for (size_t i = 0; i < @A@; ++i) {
-    f->m[r][i] = (i < @N@) ? f->x[i] : #0.0#;
-    for (size_t j = 0; j < @A@; ++j) {
-        @T@ v = #0.0#;
-        if (i < @N@ && j < @N@) {
-            v = f->cov[i * @N@ + j];
-        }
-        if (i >= @N@ && j >= @N@) {
-            v = @P@_lasting[(i - @N@) * @H@ + j - @N@];
-        }
-        f->p[r][i * @A@ + j] = v;
+    /// The moments of these residuals.
+    fn following_residuals(&self, w: &mut Writer) {
+        let Self { all, behind, n, t, zero, .. } = self;
+        w.each("h", behind, |w| {
+            w.each("k", n, |w| {
+                writeln!(w, "pm[{n} + h] += gain[h][k] * centre[k];");
+            });
+            w.each("j", n, |w| {
+                writeln!(w, "{t} both = {zero};");
+                writeln!(w, "{t} change = {zero};");
+                w.each("k", n, |w| {
+                    writeln!(w, "both += gain[h][k] * first[k * {n} + j];");
+                    writeln!(w, "change += gain[h][k] * (first[k * {n} + j] - p[k * {all} + j]);");
+                });
+                writeln!(w, "pp[({n} + h) * {all} + j] = both;");
+                writeln!(w, "pp[j * {all} + {n} + h] = both;");
+                writeln!(w, "offset[j] = change;");
+            });
+            w.through("o", "h", |w| {
+                writeln!(w, "{t} v = p[({n} + h) * {all} + {n} + o];");
+                w.each("j", n, |w| {
+                    writeln!(w, "v += offset[j] * gain[o][j];");
+                });
+                writeln!(w, "pp[({n} + h) * {all} + {n} + o] = v;");
+                writeln!(w, "pp[({n} + o) * {all} + {n} + h] = v;");
+            });
+        });
     }
-}";
 
-/// Points stand for states; the residuals behind them follow by regression.
-const PART: &str = "/* The normal distribution of those points that are marked. */
-static void @P@_part_(const @T@ m[@A@], const @T@ p[@AA@], const bool inside[@POINTS@], @T@ pm[@A@], @T@ pp[@AA@])
-{
-    size_t count = 0;
-    for (size_t i = 0; i < @POINTS@; ++i) {
-        count += inside[i] ? 1U : 0U;
+    /// The residuals one row on, then the states.
+    pub(super) fn coloured_predict(&self, w: &mut Writer) {
+        let Self { all, n, nn, p, q, r, square, t, zero, .. } = self;
+        w.comment("Of every region: its step, and the residuals that its noise hangs on.");
+        w.function(&format!("static void {p}_predict_({p}_state *f)"), |w| {
+            w.each("r", r, |w| {
+                w.block(format_args!("if (!(f->w[r] > {zero}))"), |w| {
+                    writeln!(w, "continue;");
+                });
+                writeln!(w, "const {t} *a = &{p}_a[r * {nn}];");
+                writeln!(w, "const {t} *q = &{p}_q[r * {nn}];");
+                writeln!(w, "const {t} *s = &{p}_s[r * ({n} * {q})];");
+                writeln!(w, "{t} *p = f->p[r];");
+                writeln!(w, "{t} m[{all}];");
+                writeln!(w, "{t} half[{square}];");
+                writeln!(w, "{t} moved[{square}];");
+                self.residuals(w);
+                self.spread_of_residuals(w);
+                self.states(w);
+                w.each("i", all, |w| {
+                    writeln!(w, "f->m[r][i] = m[i];");
+                    self.wrap(w, "i", "f->m[r][i]");
+                    w.each("j", all, |w| {
+                        writeln!(w, "p[i * {all} + j] = moved[i * {all} + j];");
+                    });
+                });
+                self.spread_of_states(w);
+            });
+        });
     }
-    for (size_t i = 0; i < @A@; ++i) {
-        pm[i] = m[i];
+
+    /// The residuals of the next row, and their covariance with what there is.
+    fn residuals(&self, w: &mut Writer) {
+        let Self { all, behind, n, p, q, zero, .. } = self;
+        w.each("i", all, |w| {
+            writeln!(w, "m[i] = (i < {n} + {q}) ? {zero} : f->m[r][i - {q}];");
+            w.each("j", all, |w| {
+                writeln!(w, "half[i * {all} + j] = (i < {n} + {q}) ? p[i * {all} + j] : p[(i - {q}) * {all} + j];");
+                writeln!(w, "moved[i * {all} + j] = p[i * {all} + j];");
+            });
+        });
+        w.each("i", q, |w| {
+            w.each("j", all, |w| {
+                writeln!(w, "half[({n} + i) * {all} + j] = {zero};");
+            });
+            w.each("k", behind, |w| {
+                writeln!(w, "m[{n} + i] += {p}_phi[i * {behind} + k] * f->m[r][{n} + k];");
+                w.each("j", all, |w| {
+                    writeln!(
+                        w,
+                        "half[({n} + i) * {all} + j] += {p}_phi[i * {behind} + k] * \
+                         p[({n} + k) * {all} + j];"
+                    );
+                });
+            });
+        });
     }
-    for (size_t i = 0; i < @AA@; ++i) {
-        pp[i] = p[i];
+
+    /// The covariance of the residuals of the next row.
+    fn spread_of_residuals(&self, w: &mut Writer) {
+        let Self { all, behind, n, p, q, t, zero, .. } = self;
+        w.range("i", n, all, |w| {
+            w.through("j", "i", |w| {
+                writeln!(w, "{t} v = {zero};");
+                w.branches(&[
+                    (&format!("if (j < {n})"), &|w| {
+                        writeln!(w, "v = half[i * {all} + j];");
+                    }),
+                    (&format!("else if (j < {n} + {q})"), &|w| {
+                        writeln!(w, "v = (i < {n} + {q}) ? {p}_new[(i - {n}) * {q} + j - {n}] : {zero};");
+                        w.each("k", behind, |w| {
+                            writeln!(w, "v += half[i * {all} + {n} + k] * {p}_phi[(j - {n}) * {behind} + k];");
+                        });
+                    }),
+                    ("else", &|w| {
+                        writeln!(w, "v = half[i * {all} + j - {q}];");
+                    }),
+                ]);
+                writeln!(w, "moved[i * {all} + j] = v;");
+                writeln!(w, "moved[j * {all} + i] = v;");
+            });
+        });
     }
-    if (count == 0 || count == @POINTS@) {
-        return;
+
+    /// The states of the next row, and their covariance with what there is.
+    fn states(&self, w: &mut Writer) {
+        let Self { all, n, p, q, t, zero, .. } = self;
+        w.each("i", n, |w| {
+            writeln!(w, "{t} v = {p}_c[r * {n} + i];");
+            w.each("j", n, |w| {
+                writeln!(w, "v += a[i * {n} + j] * f->m[r][j];");
+            });
+            self.driven(w);
+            w.each("t", q, |w| {
+                writeln!(w, "v += s[i * {q} + t] * m[{n} + t];");
+            });
+            writeln!(w, "m[i] = v;");
+            w.each("j", all, |w| {
+                writeln!(w, "half[i * {all} + j] = {zero};");
+            });
+            w.each("k", n, |w| {
+                w.each("j", all, |w| {
+                    writeln!(w, "half[i * {all} + j] += a[i * {n} + k] * moved[k * {all} + j];");
+                });
+            });
+            w.each("t", q, |w| {
+                w.each("j", all, |w| {
+                    writeln!(w, "half[i * {all} + j] += s[i * {q} + t] * moved[({n} + t) * {all} + j];");
+                });
+            });
+        });
     }
-    @T@ l[@NN@];
-    @T@ first[@NN@];
-    @T@ offset[@N@];
-    @T@ centre[@N@] = { #0.0# };
-    @P@_factor_(p, l);
-    for (size_t i = 0; i < @POINTS@; ++i) {
-        if (inside[i]) {
-            @P@_offset_(l, i, offset);
-            for (size_t s = 0; s < @N@; ++s) {
-                centre[s] += offset[s];
-            }
-        }
+
+    /// The covariance of the states of the next row.
+    fn spread_of_states(&self, w: &mut Writer) {
+        let Self { all, n, q, t, .. } = self;
+        w.each("i", n, |w| {
+            w.through("j", "i", |w| {
+                writeln!(w, "{t} v = q[i * {n} + j];");
+                w.each("k", n, |w| {
+                    writeln!(w, "v += half[i * {all} + k] * a[j * {n} + k];");
+                });
+                w.each("t", q, |w| {
+                    writeln!(w, "v += half[i * {all} + {n} + t] * s[j * {q} + t];");
+                });
+                writeln!(w, "p[i * {all} + j] = v;");
+                writeln!(w, "p[j * {all} + i] = v;");
+            });
+            w.range("j", n, all, |w| {
+                writeln!(w, "p[i * {all} + j] = half[i * {all} + j];");
+                writeln!(w, "p[j * {all} + i] = half[i * {all} + j];");
+            });
+        });
     }
-    for (size_t s = 0; s < @N@; ++s) {
-        centre[s] /= (@T@)count;
+
+    /// The estimate of the states alone.
+    pub(super) fn estimate_of_states(&self, w: &mut Writer) {
+        let Self { all, n, p, square, t, .. } = self;
+        writeln!(w, "{t} m[{all}];");
+        writeln!(w, "{t} p[{square}];");
+        writeln!(w, "{p}_mixture_(f->w, f->next_m, f->next_p, m, p);");
+        w.each("i", n, |w| {
+            writeln!(w, "f->x[i] = m[i];");
+            w.each("j", n, |w| {
+                writeln!(w, "f->cov[i * {n} + j] = p[i * {all} + j];");
+            });
+        });
     }
-    for (size_t a = 0; a < @N@; ++a) {
-        for (size_t b = 0; b < @N@; ++b) {
-            first[a * @N@ + b] = #2.0# * p[a * @A@ + b];
-        }
-    }
-    for (size_t i = 0; i < @POINTS@; ++i) {
-        if (inside[i]) {
-            @P@_offset_(l, i, offset);
-            for (size_t a = 0; a < @N@; ++a) {
-                for (size_t b = 0; b <= a; ++b) {
-                    first[a * @N@ + b] += (offset[a] - centre[a]) * (offset[b] - centre[b]);
-                }
-            }
-        }
-    }
-    for (size_t a = 0; a < @N@; ++a) {
-        for (size_t b = 0; b <= a; ++b) {
-            first[a * @N@ + b] /= (@T@)count + #2.0#;
-            first[b * @N@ + a] = first[a * @N@ + b];
-        }
-        pm[a] = m[a] + centre[a];
-        @WRAPPM@
-    }
-    for (size_t a = 0; a < @N@; ++a) {
-        for (size_t b = 0; b < @N@; ++b) {
-            pp[a * @A@ + b] = first[a * @N@ + b];
-        }
-    }
-    @T@ gain[@H@][@N@];
-    for (size_t h = 0; h < @H@; ++h) {
-        for (size_t i = 0; i < @N@; ++i) {
-            @T@ v = p[(@N@ + h) * @A@ + i];
-            for (size_t k = 0; k < i; ++k) {
-                v -= l[i * @N@ + k] * gain[h][k];
-            }
-            gain[h][i] = (l[i * @N@ + i] > #0.0#) ? v / l[i * @N@ + i] : #0.0#;
-        }
-        for (size_t i = @N@; i-- > 0;) {
-            @T@ v = gain[h][i];
-            for (size_t k = i + 1; k < @N@; ++k) {
-                v -= l[k * @N@ + i] * gain[h][k];
-            }
-            gain[h][i] = (l[i * @N@ + i] > #0.0#) ? v / l[i * @N@ + i] : #0.0#;
-        }
-    }
-    for (size_t h = 0; h < @H@; ++h) {
-        for (size_t k = 0; k < @N@; ++k) {
-            pm[@N@ + h] += gain[h][k] * centre[k];
-        }
-        for (size_t j = 0; j < @N@; ++j) {
-            @T@ both = #0.0#;
-            @T@ change = #0.0#;
-            for (size_t k = 0; k < @N@; ++k) {
-                both += gain[h][k] * first[k * @N@ + j];
-                change += gain[h][k] * (first[k * @N@ + j] - p[k * @A@ + j]);
-            }
-            pp[(@N@ + h) * @A@ + j] = both;
-            pp[j * @A@ + @N@ + h] = both;
-            offset[j] = change;
-        }
-        for (size_t o = 0; o <= h; ++o) {
-            @T@ v = p[(@N@ + h) * @A@ + @N@ + o];
-            for (size_t j = 0; j < @N@; ++j) {
-                v += offset[j] * gain[o][j];
-            }
-            pp[(@N@ + h) * @A@ + @N@ + o] = v;
-            pp[(@N@ + o) * @A@ + @N@ + h] = v;
-        }
+
+    /// What every region begins with: the states, and residuals at any time.
+    pub(super) fn coloured_begin(&self, w: &mut Writer) {
+        let Self { all, behind, n, p, t, zero, .. } = self;
+        w.each("i", all, |w| {
+            writeln!(w, "f->m[r][i] = (i < {n}) ? f->x[i] : {zero};");
+            w.each("j", all, |w| {
+                writeln!(w, "{t} v = {zero};");
+                w.block(format_args!("if (i < {n} && j < {n})"), |w| {
+                    writeln!(w, "v = f->cov[i * {n} + j];");
+                });
+                w.block(format_args!("if (i >= {n} && j >= {n})"), |w| {
+                    writeln!(w, "v = {p}_lasting[(i - {n}) * {behind} + j - {n}];");
+                });
+                writeln!(w, "f->p[r][i * {all} + j] = v;");
+            });
+        });
     }
 }
-
-";
-
-/// The residuals one row on, then the states.
-const PREDICT: &str = "/* Of every region: its step, and the residuals that its noise hangs on. */
-static void @P@_predict_(@P@_state *f)
-{
-    for (size_t r = 0; r < @R@; ++r) {
-        if (!(f->w[r] > #0.0#)) {
-            continue;
-        }
-        const @T@ *a = &@P@_a[r * @NN@];
-        const @T@ *q = &@P@_q[r * @NN@];
-        const @T@ *s = &@P@_s[r * (@N@ * @Q@)];
-        @T@ *p = f->p[r];
-        @T@ m[@A@];
-        @T@ half[@AA@];
-        @T@ moved[@AA@];
-        for (size_t i = 0; i < @A@; ++i) {
-            m[i] = (i < @N@ + @Q@) ? #0.0# : f->m[r][i - @Q@];
-            for (size_t j = 0; j < @A@; ++j) {
-                half[i * @A@ + j] = (i < @N@ + @Q@) ? p[i * @A@ + j] : p[(i - @Q@) * @A@ + j];
-                moved[i * @A@ + j] = p[i * @A@ + j];
-            }
-        }
-        for (size_t i = 0; i < @Q@; ++i) {
-            for (size_t j = 0; j < @A@; ++j) {
-                half[(@N@ + i) * @A@ + j] = #0.0#;
-            }
-            for (size_t k = 0; k < @H@; ++k) {
-                m[@N@ + i] += @P@_phi[i * @H@ + k] * f->m[r][@N@ + k];
-                for (size_t j = 0; j < @A@; ++j) {
-                    half[(@N@ + i) * @A@ + j] += @P@_phi[i * @H@ + k] * p[(@N@ + k) * @A@ + j];
-                }
-            }
-        }
-        for (size_t i = @N@; i < @A@; ++i) {
-            for (size_t j = 0; j <= i; ++j) {
-                @T@ v = #0.0#;
-                if (j < @N@) {
-                    v = half[i * @A@ + j];
-                } else if (j < @N@ + @Q@) {
-                    v = (i < @N@ + @Q@) ? @P@_new[(i - @N@) * @Q@ + j - @N@] : #0.0#;
-                    for (size_t k = 0; k < @H@; ++k) {
-                        v += half[i * @A@ + @N@ + k] * @P@_phi[(j - @N@) * @H@ + k];
-                    }
-                } else {
-                    v = half[i * @A@ + j - @Q@];
-                }
-                moved[i * @A@ + j] = v;
-                moved[j * @A@ + i] = v;
-            }
-        }
-        for (size_t i = 0; i < @N@; ++i) {
-            @T@ v = @P@_c[r * @N@ + i];
-            for (size_t j = 0; j < @N@; ++j) {
-                v += a[i * @N@ + j] * f->m[r][j];
-            }
-            @BU@
-            for (size_t t = 0; t < @Q@; ++t) {
-                v += s[i * @Q@ + t] * m[@N@ + t];
-            }
-            m[i] = v;
-            for (size_t j = 0; j < @A@; ++j) {
-                half[i * @A@ + j] = #0.0#;
-            }
-            for (size_t k = 0; k < @N@; ++k) {
-                for (size_t j = 0; j < @A@; ++j) {
-                    half[i * @A@ + j] += a[i * @N@ + k] * moved[k * @A@ + j];
-                }
-            }
-            for (size_t t = 0; t < @Q@; ++t) {
-                for (size_t j = 0; j < @A@; ++j) {
-                    half[i * @A@ + j] += s[i * @Q@ + t] * moved[(@N@ + t) * @A@ + j];
-                }
-            }
-        }
-        for (size_t i = 0; i < @A@; ++i) {
-            f->m[r][i] = m[i];
-            @WRAPFM@
-            for (size_t j = 0; j < @A@; ++j) {
-                p[i * @A@ + j] = moved[i * @A@ + j];
-            }
-        }
-        for (size_t i = 0; i < @N@; ++i) {
-            for (size_t j = 0; j <= i; ++j) {
-                @T@ v = q[i * @N@ + j];
-                for (size_t k = 0; k < @N@; ++k) {
-                    v += half[i * @A@ + k] * a[j * @N@ + k];
-                }
-                for (size_t t = 0; t < @Q@; ++t) {
-                    v += half[i * @A@ + @N@ + t] * s[j * @Q@ + t];
-                }
-                p[i * @A@ + j] = v;
-                p[j * @A@ + i] = v;
-            }
-            for (size_t j = @N@; j < @A@; ++j) {
-                p[i * @A@ + j] = half[i * @A@ + j];
-                p[j * @A@ + i] = half[i * @A@ + j];
-            }
-        }
-    }
-}
-
-";

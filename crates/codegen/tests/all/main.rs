@@ -6,6 +6,7 @@ mod outside;
 #[path = "../../../model/tests/all/counted.rs"]
 mod counted;
 mod export;
+mod filter;
 #[path = "../../../model/tests/all/models.rs"]
 mod models;
 mod transitions;
