@@ -1,6 +1,7 @@
-//! Pages about the house name files: each of them exists.
+//! Pages about the house name files: each of them exists. Records of decisions have one form, and an index.
 
 use std::{
+    collections::BTreeSet,
     fs,
     path::{Path, PathBuf},
 };
@@ -37,6 +38,34 @@ fn paths_that_pages_name_exist() {
     }
     assert!(found > 400, "only {found} paths were found in {} pages", pages.len());
     assert!(missing.is_empty(), "{} paths of pages are gone:\n{}", missing.len(), missing.join("\n"));
+}
+
+#[test]
+fn every_decision_has_its_parts_and_stands_in_the_index() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/decisions");
+    let index = fs::read_to_string(folder.join("README.md")).expect("an index");
+    let (mut numbers, mut problems) = (BTreeSet::new(), Vec::new());
+    for entry in fs::read_dir(&folder).expect("a folder of decisions") {
+        let name = entry.expect("an entry").file_name().into_string().expect("a name");
+        if name == "README.md" {
+            continue;
+        }
+        let number = name.split('-').next().unwrap_or_default().to_owned();
+        let text = fs::read_to_string(folder.join(&name)).expect("a record");
+        for part in [&*format!("# {number}. "), "\nDate: 20", "\n## Question\n", "\n## Choice\n", "\n## Evidence\n"] {
+            if !text.contains(part) {
+                problems.push(format!("{name} has no `{}`", part.trim()));
+            }
+        }
+        if !index.contains(&format!("\n- [{number}]({name}) ")) {
+            problems.push(format!("{name} is not in README.md: write `- [{number}]({name}) TITLE` below its theme"));
+        }
+        if !numbers.insert(number) {
+            problems.push(format!("{name} has the number of another record"));
+        }
+    }
+    assert!(numbers.len() > 90, "only {} records were found", numbers.len());
+    assert!(problems.is_empty(), "{} records need work:\n{}", problems.len(), problems.join("\n"));
 }
 
 #[test]
