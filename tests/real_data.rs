@@ -348,3 +348,20 @@ fn odd_logs_are_read_or_refused() {
     fit("nav2_turtlebot.mcap", "/odom.twist.twist.linear.x", &["--time", "t"]).fails(&["its own clock"]);
     fit("array_msgs_0.mcap", "/one_shot/imu.linear_acceleration.x", &["--stamp", "header"]).fails(&["not filled in"]);
 }
+
+/// The draft for a flight of PX4: the attitude as angles, the rates of turn, and the controls; it fits as it is.
+#[test]
+fn a_flight_has_a_draft_with_its_attitude() {
+    let Some(file) = data("ulog/sample_log_small.ulg") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let file = file.to_str().unwrap();
+    fleetfoot(folder.path(), &["init", file, "-o", "robot.toml"]).ok();
+    let recipe = fs::read_to_string(folder.path().join("robot.toml")).unwrap();
+    let states = recipe.split("[states]").nth(1).unwrap();
+    for name in ["roll = {", "pitch = {", "yaw = {", "p = {", "q = {", "r = {", "u0 = {"] {
+        assert!(states.lines().any(|line| line.starts_with(name)), "{name}: {recipe}");
+    }
+    let fit = ["fit", "pwa", "-c", "robot.toml", file, "-p", "average", "-o", "m.json", "--json"];
+    let fitted = fleetfoot(folder.path(), &fit).ok().json();
+    assert!(fitted["rows"].as_u64().unwrap() > 300, "{fitted}");
+}

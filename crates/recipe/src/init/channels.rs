@@ -6,6 +6,7 @@ use std::{
 };
 
 use fleetfoot_data::{Column, ColumnKind};
+use fleetfoot_library::Expr;
 use fleetfoot_log::TopicInfo;
 
 use super::{
@@ -30,10 +31,15 @@ pub(crate) fn recipe(file: &str, columns: &[Column], topics: &[TopicInfo]) -> St
     let odometries: Vec<Odometry> =
         topics.iter().filter(|topic| is_odometry(topic)).map(|topic| Odometry::new(&topic.name, &mut names)).collect();
     let drafted = draft(columns, odometries.is_empty());
-    let (states, given) = columns_section(&mut out, columns, topics, &odometries, &drafted, &mut names);
+    let attitude = Attitude::new(columns, &drafted, &mut names);
+    let named = Drafted { roles: &drafted, attitude: attitude.as_ref() };
+    let (states, given) = columns_section(&mut out, columns, topics, &odometries, named, &mut names);
     let _ = writeln!(out, "# all fields of a kind: q = \"/joint_states.position[*]\" gives q[left], q[right], ...\n");
     states_heading(&mut out, columns);
     odometries.iter().for_each(|odometry| odometry.states(&mut out));
+    if let Some(attitude) = &attitude {
+        attitude.states(&mut out, &states);
+    }
     for name in &states {
         let _ = writeln!(out, "{} = {{}}", key(name));
     }
@@ -87,7 +93,7 @@ fn columns_section(
     columns: &[Column],
     topics: &[TopicInfo],
     odometries: &[Odometry],
-    drafted: &BTreeMap<String, Role>,
+    Drafted { roles: drafted, attitude }: Drafted<'_>,
     names: &mut Names,
 ) -> Proposed {
     let mut proposed = Proposed::default();
@@ -112,6 +118,9 @@ fn columns_section(
             let _ = writeln!(out, "#   said once; `fleetfoot info --values` lists its {} fields", own.len());
             continue;
         }
+        if let Some(attitude) = attitude.filter(|attitude| attitude.topic == topic.name) {
+            attitude.aliases(out);
+        }
         let is_drafted = own.iter().any(|(field, _)| drafted.contains_key(&field.name));
         if fields.len() > MANY_FIELDS && !drafted.is_empty() && !is_drafted {
             let _ = writeln!(out, "#   {} fields; `fleetfoot init --topic {}` lists them", own.len(), topic.name);
@@ -120,8 +129,9 @@ fn columns_section(
         let odometry = odometries.iter().find(|odometry| odometry.topic == topic.name);
         for (field, name) in own {
             let known = odometry.and_then(|odometry| odometry.name_of(&field.name));
-            let name = known.map_or_else(|| names.take(name), str::to_owned);
             let role = drafted.get(&field.name);
+            let wanted = role.and_then(|role| usual_name(*role, &field.name)).unwrap_or_else(|| name.clone());
+            let name = known.map_or_else(|| names.take(&wanted), str::to_owned);
             let mark = if role.is_some() { "" } else { "# " };
             let _ = writeln!(out, "{mark}{} = {}", key(&name), text(&field.name));
             match role {
@@ -172,6 +182,83 @@ const DRAFTS: [(Role, &[&str]); 2] = [
         ],
     ),
 ];
+
+/// What is drafted: fields by their roles, and the attitude that turns with the rates among them.
+#[derive(Clone, Copy)]
+struct Drafted<'a> {
+    roles: &'a BTreeMap<String, Role>,
+    attitude: Option<&'a Attitude>,
+}
+
+/// The end of the topic whose quaternion, w first, is a PX4 vehicle's attitude: from the body (forward, right, down) to the world (north, east, down).
+const ATTITUDE: &str = "vehicle_attitude";
+
+/// Roll, pitch and yaw of a quaternion.
+struct Attitude {
+    topic: String,
+    /// The quaternion as expressions write it, x first.
+    quaternion: String,
+    names: [String; 3],
+}
+
+impl Attitude {
+    /// That of a log from which three rates of turn are drafted.
+    fn new(columns: &[Column], drafted: &BTreeMap<String, Role>, names: &mut Names) -> Option<Self> {
+        let is_rate = |name: &str| {
+            name.contains("/vehicle_angular_velocity.xyz[") || name.ends_with("speed") && name.contains(ATTITUDE)
+        };
+        let states = || drafted.iter().filter(|(_, role)| **role == Role::State);
+        if states().count() != 3 || !states().all(|(name, _)| is_rate(name)) {
+            return None;
+        }
+        let end = format!("/{ATTITUDE}.q[0]");
+        let topic = columns.iter().find(|column| column.name.ends_with(&end))?.name.strip_suffix(".q[0]")?;
+        let part = |at: usize| {
+            let name = format!("{topic}.q[{at}]");
+            columns.iter().any(|column| column.name == name).then(|| Expr::column(name).to_string())
+        };
+        let [x, y, z, w] = [part(1)?, part(2)?, part(3)?, part(0)?];
+        Some(Self {
+            topic: topic.to_owned(),
+            quaternion: format!("quat({x}, {y}, {z}, {w})"),
+            names: ["roll", "pitch", "yaw"].map(|name| names.take(name)),
+        })
+    }
+
+    fn aliases(&self, out: &mut String) {
+        let _ = writeln!(out, "# its quaternion is w first, and quat(x, y, z, w) takes w last");
+        for (name, angle) in self.names.iter().zip(["roll", "pitch", "yaw"]) {
+            let _ = writeln!(out, "{} = {}", key(name), text(&format!("{angle}({})", self.quaternion)));
+        }
+    }
+
+    /// The angles follow from the rates about the body's axes; how the rates change is fitted.
+    fn states(&self, out: &mut String, rates: &[String]) {
+        let ([roll, pitch, yaw], [p, q, r]) = (&self.names, rates) else { return };
+        let _ = writeln!(out, "# the attitude follows from the rates of turn; how these change is fitted");
+        for (name, known) in [
+            (roll, format!("{p} + tan({pitch})*({q}*sin({roll}) + {r}*cos({roll}))")),
+            (pitch, format!("{q}*cos({roll}) - {r}*sin({roll})")),
+            (yaw, format!("({q}*sin({roll}) + {r}*cos({roll}))/cos({pitch})")),
+        ] {
+            let _ =
+                writeln!(out, "{} = {{ kind = \"angle\", known = {}, regressor = false }}", key(name), text(&known));
+        }
+    }
+}
+
+/// What fields of a draft are usually called: p, q and r are the rates of turn about the body's axes, u0, u1, ... inputs.
+fn usual_name(role: Role, field: &str) -> Option<String> {
+    let (array, element) = field.strip_suffix(']')?.rsplit_once('[')?;
+    let element: usize = element.parse().ok()?;
+    match role {
+        Role::State if array.ends_with("/vehicle_angular_velocity.xyz") => {
+            ["p", "q", "r"].get(element).map(ToString::to_string)
+        }
+        Role::State => None,
+        Role::Input => Some(format!("u{element}")),
+    }
+}
 
 /// Elements of an array that a draft takes: outputs that no motor has are constant or missing.
 const FIRST_ELEMENTS: usize = 4;
@@ -307,6 +394,70 @@ mod tests {
         let names: Vec<&String> = recipe.states.keys().chain(recipe.inputs.keys()).collect();
         assert!(names.iter().all(|name| recipe.columns.contains_key(*name)), "{out}");
         assert!(out.lines().count() < 80 && out.contains("`fleetfoot init --topic /esc_status` lists them"), "{out}");
+    }
+
+    /// Of a quaternion that is known by hand: `q = q_yaw q_pitch q_roll` of half angles, w first as PX4 logs it.
+    #[test]
+    fn an_attitude_is_drafted_as_angles_that_are_right() {
+        let (roll, pitch, yaw) = (0.3_f64, -0.2_f64, 1.1_f64);
+        let ((sr, cr), (sp, cp), (sy, cy)) = ((roll / 2.0).sin_cos(), (pitch / 2.0).sin_cos(), (yaw / 2.0).sin_cos());
+        let quaternion = [
+            cr * cp * cy + sr * sp * sy,
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+        ];
+        let mut columns: Vec<Column> = (0..4).map(|k| Column::float(format!("/vehicle_attitude.q[{k}]"))).collect();
+        columns.extend((0..3).map(|k| Column::float(format!("/vehicle_angular_velocity.xyz[{k}]"))));
+        columns.extend((0..4).map(|k| Column::float(format!("/actuator_controls_0.control[{k}]"))));
+        let topic = |name: &str| {
+            let mut topic = TopicInfo::default();
+            (topic.name, topic.type_name, topic.messages) = (name.into(), name[1..].into(), Some(9));
+            topic
+        };
+        let topics = ["/vehicle_attitude", "/vehicle_angular_velocity", "/actuator_controls_0"].map(topic);
+        let out = recipe("flight.ulg", &columns, &topics);
+        let found = Recipe::parse(&out, "starter").unwrap();
+        assert_eq!(found.states.keys().collect::<Vec<_>>(), ["roll", "pitch", "yaw", "p", "q", "r"], "{out}");
+        assert_eq!(found.inputs.keys().collect::<Vec<_>>(), ["u0", "u1", "u2", "u3"], "{out}");
+        let mut source = fleetfoot_data::MemorySource::new(columns[..4].to_vec());
+        source.push_uniform("e", 0.1, quaternion.iter().map(|part| vec![*part]).collect());
+        let scope = fleetfoot_library::Scope::new(columns.iter().map(|column| column.name.as_str()));
+        let angles = ["roll", "pitch", "yaw"]
+            .map(|name| (Column::float(name), Expr::parse(&found.columns[name], &scope).unwrap()));
+        let view = fleetfoot_library::View::new(&source, &angles).unwrap();
+        let block = fleetfoot_data::Source::read(&view, 0, 0..1, fleetfoot_data::Halo::default()).unwrap();
+        for (at, angle) in [roll, pitch, yaw].into_iter().enumerate() {
+            assert!((block.core(at)[0] - angle).abs() < 1e-12, "{}: {}", block.core(at)[0], angle);
+        }
+        // What is known of a turn, p = (1, 2, 3) rad/s, against its difference quotient.
+        let rates = [1.0, 2.0, 3.0];
+        let (p, q, r) = (rates[0], rates[1], rates[2]);
+        let step = 1e-6;
+        let [w, x, y, z] = quaternion;
+        let turned = [
+            w - 0.5 * step * (x * p + y * q + z * r),
+            x + 0.5 * step * (w * p + y * r - z * q),
+            y + 0.5 * step * (w * q + z * p - x * r),
+            z + 0.5 * step * (w * r + x * q - y * p),
+        ];
+        let mut source = fleetfoot_data::MemorySource::new(columns[..4].to_vec());
+        source.push_uniform("e", 0.1, turned.iter().map(|part| vec![*part]).collect());
+        let view = fleetfoot_library::View::new(&source, &angles).unwrap();
+        let block = fleetfoot_data::Source::read(&view, 0, 0..1, fleetfoot_data::Halo::default()).unwrap();
+        let known = ["roll", "pitch", "yaw"].map(|name| found.states[name].known.clone().unwrap());
+        let names = ["roll", "pitch", "yaw", "p", "q", "r"];
+        let scope = fleetfoot_library::Scope::new(names);
+        let mut source = fleetfoot_data::MemorySource::new(names.map(Column::float).to_vec());
+        source.push_uniform("e", 0.1, [roll, pitch, yaw, p, q, r].map(|value| vec![value]).to_vec());
+        let equations: Vec<(Column, Expr)> =
+            known.iter().map(|text| (Column::float(text), Expr::parse(text, &scope).unwrap())).collect();
+        let view = fleetfoot_library::View::new(&source, &equations).unwrap();
+        let slopes = fleetfoot_data::Source::read(&view, 0, 0..1, fleetfoot_data::Halo::default()).unwrap();
+        for (at, angle) in [roll, pitch, yaw].into_iter().enumerate() {
+            let quotient = (block.core(at)[0] - angle) / step;
+            assert!((quotient - slopes.core(at)[0]).abs() < 1e-4, "{}: {quotient}, {}", known[at], slopes.core(at)[0]);
+        }
     }
 
     #[test]
