@@ -362,7 +362,9 @@ impl StateSmoother {
 
     fn not_followable(&self, segment: usize) -> EstimateError {
         let own = &self.segments[segment];
-        EstimateError::NotFollowable { episode: format!("number {} (from its row {})", own.episode + 1, own.rows[0]) }
+        EstimateError::NotFollowable {
+            episode: format!("number {} (from its row {})", own.episode + 1, own.rows[0] + 1),
+        }
     }
 
     fn chain(

@@ -99,7 +99,7 @@ impl LimitReport {
         let with_free = limits.iter().any(|limit| limit.free_nearest.is_some());
         let row = |limit: &Self| {
             let place = match (&limit.episode, limit.row) {
-                (Some(episode), Some(row)) => format!("{episode}, row {row}"),
+                (Some(episode), Some(row)) => format!("{episode}, row {}", row + 1),
                 _ => "everywhere".to_owned(),
             };
             let free = limit.free_nearest.map_or_else(|| "-".into(), |free| format!("{free:.3e}"));

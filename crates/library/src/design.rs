@@ -32,8 +32,8 @@ const LARGEST: f64 = 1e150;
 /// A value whose squares overflow.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error(
-    "`{expression}` is {value:e} in row {row} of {episode}: squares of values beyond 1e150 overflow; scale its columns (an alias such as `small = 1e{}*({expression})`), \
-     or leave out what is no measurement", -value.abs().log10().floor()
+    "`{expression}` is {value:e} in row {} of {episode}: squares of values beyond 1e150 overflow; scale its columns (an alias such as `small = 1e{}*({expression})`), \
+     or leave out what is no measurement", row + 1, -value.abs().log10().floor()
 )]
 pub struct TooLarge {
     /// What has the value.

@@ -38,7 +38,8 @@ pub enum SignalError {
     },
     /// A weight that is negative or not finite.
     #[error(
-        "the weight of row {row} is {weight}: weights are finite and not negative (0 for a value that does not count)"
+        "the weight of row {} is {weight}: weights are finite and not negative (0 for a value that does not count)",
+        row + 1
     )]
     Weight {
         /// The row.
@@ -48,7 +49,8 @@ pub enum SignalError {
     },
     /// A value that is not finite where all must be.
     #[error(
-        "the value of row {row} is {value}: this filter has no notion of missing values; fill the gap, or smooth by a spline"
+        "the value of row {} is {value}: this filter has no notion of missing values; fill the gap, or smooth by a spline",
+        row + 1
     )]
     NotFinite {
         /// The row.
@@ -78,7 +80,8 @@ pub enum SignalError {
     },
     /// An attitude that is no rotation.
     #[error(
-        "the attitude of row {row} is zero: a quaternion of norm 1 is wanted; leave out rows at which the body was not seen"
+        "the attitude of row {} is zero: a quaternion of norm 1 is wanted; leave out rows at which the body was not seen",
+        row + 1
     )]
     Attitude {
         /// The row.

@@ -69,7 +69,7 @@ pub enum DenseError {
     #[error(transparent)]
     Problem(#[from] SparseError),
     /// A group label that is not below the number of groups.
-    #[error("row {row} has the group {found}: groups are 0 to {most}")]
+    #[error("row {} has the group {found}: groups are 0 to {most}", row + 1)]
     Group {
         /// The row.
         row: usize,

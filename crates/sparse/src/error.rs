@@ -37,7 +37,7 @@ pub enum SparseError {
         targets: usize,
     },
     /// A row weight is negative or not finite.
-    #[error("the weight of row {row} is {value}: weights are finite and not negative")]
+    #[error("the weight of row {} is {value}: weights are finite and not negative", row + 1)]
     RowWeight {
         /// The row.
         row: usize,

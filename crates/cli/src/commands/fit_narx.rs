@@ -304,10 +304,12 @@ fn scores_table(name: &str, scores: &NarxScores) -> String {
     let mut text = table(&[name, "RMSE", "RRSE", "FIT %", "null model", "persistence"], rows);
     text.push_str(&format!("\n  free run: {}", replayed_in_words(&scores.free_run.replayed)));
     for run in scores.free_run.runs.iter().filter(|run| run.lost_at.is_some()).take(BEST) {
-        let at = run.lost_at.unwrap_or_default();
+        let at = run.lost_at.unwrap_or_default() + 1;
         text.push_str(&format!(
             "\n  the run from row {} of episode {} ends at row {at}: {:?}",
-            run.start.row, run.start.episode, run.end
+            run.start.row + 1,
+            run.start.episode,
+            run.end
         ));
     }
     text

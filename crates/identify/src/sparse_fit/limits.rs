@@ -80,7 +80,7 @@ fn varies(problem: &Problem<'_>, limit: &RowLimit) -> bool {
 }
 
 fn place(clearance: &Clearance) -> String {
-    clearance.place.as_ref().map_or_else(String::new, |(episode, row)| format!(" ({episode}, row {row})"))
+    clearance.place.as_ref().map_or_else(String::new, |(episode, row)| format!(" ({episode}, row {})", row + 1))
 }
 
 /// Nothing is penalised.

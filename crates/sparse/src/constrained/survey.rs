@@ -107,7 +107,7 @@ impl<'a> Survey<'a> {
         let limit = self.limits[at];
         let place = match limit.is_constant(self.regression) {
             true => String::new(),
-            false => format!(" at row {} of {}", breach.row, self.source.episodes()[breach.episode].name),
+            false => format!(" at row {} of {}", breach.row + 1, self.source.episodes()[breach.episode].name),
         };
         LinearConstraint {
             name: format!("{} {} {}{place}", limit.name, limit.side.symbol(), limit.bound),

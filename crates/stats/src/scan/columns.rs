@@ -15,7 +15,7 @@ pub enum RowError {
     #[error(transparent)]
     TooLarge(#[from] TooLarge),
     /// A row weight below zero.
-    #[error("episode {episode}, row {row}: the weight is {value}; weights are not negative")]
+    #[error("episode {episode}, row {}: the weight is {value}; weights are not negative", row + 1)]
     NegativeWeight {
         /// The episode.
         episode: String,
@@ -174,6 +174,6 @@ mod tests {
         assert_eq!((columns.width(0..3), columns.width(1..1), columns.count()), (3, 0, 4));
         let weight = Columns::compile(&[&[parse("x")]], Some(&parse("w - 1.5")), &source).unwrap();
         let error = weight.evaluate(&block, &source.episodes()[0], 1..5, &mut rows).err().unwrap();
-        assert_eq!(error.to_string(), "episode e, row 1: the weight is -0.5; weights are not negative");
+        assert_eq!(error.to_string(), "episode e, row 2: the weight is -0.5; weights are not negative");
     }
 }
