@@ -5,7 +5,7 @@ mod circles;
 use std::{collections::BTreeSet, fs, path::Path, process::Command};
 
 /// Crate, and the crates of the workspace that it may use.
-const ARROWS: [(&str, &[&str]); 25] = [
+const ARROWS: [(&str, &[&str]); 27] = [
     // No code: the features of third-party crates.
     ("fleetfoot-features", &[]),
     ("fleetfoot-data", &["features"]),
@@ -31,24 +31,33 @@ const ARROWS: [(&str, &[&str]); 25] = [
     ("fleetfoot-dataset", &["data", "library", "stats", "model", "signal", "log", "sparse", "pwa", "recipe", "task"]),
     ("fleetfoot-prepare", &["data", "library", "model", "signal", "log", "recipe", "task", "dataset"]),
     (
-        "fleetfoot-identify",
+        "fleetfoot-fit",
         &[
-            "data", "library", "stats", "model", "dynamics", "control", "signal", "log", "pwa", "sparse", "estimate",
-            "report", "codegen", "recipe", "task", "dataset",
+            "data", "library", "stats", "model", "dynamics", "log", "pwa", "sparse", "estimate", "recipe", "task",
+            "dataset",
         ],
+    ),
+    (
+        "fleetfoot-run",
+        &["data", "library", "model", "dynamics", "control", "codegen", "log", "estimate", "recipe", "dataset", "fit"],
+    ),
+    (
+        "fleetfoot-page",
+        &["data", "library", "stats", "model", "dynamics", "log", "report", "recipe", "dataset", "fit", "run"],
     ),
     (
         "fleetfoot-synth",
         &[
             "data", "library", "stats", "model", "dynamics", "control", "message", "log", "pwa", "sim", "recipe",
-            "dataset", "prepare", "identify",
+            "dataset", "prepare", "fit", "run", "page",
         ],
     ),
     (
         "fleetfoot",
         &[
             "data", "library", "stats", "model", "dynamics", "control", "codegen", "message", "signal", "log", "pwa",
-            "sparse", "estimate", "sim", "report", "recipe", "task", "dataset", "prepare", "identify", "synth",
+            "sparse", "estimate", "sim", "report", "recipe", "task", "dataset", "prepare", "fit", "run", "page",
+            "synth",
         ],
     ),
     ("fleetfoot-cli", &["fleetfoot"]),

@@ -26,9 +26,25 @@
 pub struct RustPage;
 
 #[doc(inline)]
-pub use fleetfoot_identify::*;
+pub use fleetfoot_dataset::{
+    ColumnRecord, ContentHash, Dataset, EpisodeRecord, EquationGroup, EquationStatistic, FileRecord, Logs, NoRotation,
+    ReadPlan, Settled, Sizes, StatisticError, StatisticFile, clocks, folder, is_statistic,
+};
+#[doc(inline)]
+pub use fleetfoot_fit::{Error, *};
+#[doc(inline)]
+pub use fleetfoot_page::*;
+#[doc(inline)]
+pub use fleetfoot_recipe::*;
+#[doc(inline)]
+pub use fleetfoot_run::*;
 #[doc(inline)]
 pub use fleetfoot_synth::{self as generate, demo};
+#[doc(inline)]
+pub use fleetfoot_task::{
+    CoefficientLimit, Difference, DifferenceErrors, EquationTask, FittedEquation, Moments, Parameter, Provenance,
+    SettledDifference, StructuredTask, Task, Windows,
+};
 
 pub use fleetfoot_codegen as codegen;
 pub use fleetfoot_control as control;

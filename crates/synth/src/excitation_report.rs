@@ -1,13 +1,12 @@
 //! How well a run excites its robot: what its rows could tell a model, before any model is fitted.
 
+use fleetfoot_recipe::{Kind, Recipe};
 use fleetfoot_sim::{
     Scenario,
     excitation::{Axis, Histogram},
 };
 use fleetfoot_stats::{Gram, RowGram};
 use serde::{Serialize, Serializer, ser::SerializeSeq};
-
-use fleetfoot_identify::{Kind, Recipe};
 
 /// What the rows of a run, or of all runs, could tell an affine model of the robot.
 #[derive(Debug, Clone, PartialEq, Serialize)]

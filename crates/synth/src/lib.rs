@@ -24,25 +24,21 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use fleetfoot_data::{Column, Progress, parallel_map};
-use fleetfoot_log::path_in_words;
-use fleetfoot_sim::{End, Run, Scenario};
-use serde::{Serialize, Serializer};
-
 pub use excitation_report::Excitation;
-pub use plan::{Plan, PlannedColumn, PlannedTopic, plan};
-pub use seeds::run_seed;
-pub use world::{World, robots};
-
 use excitation_report::{Gathered, Terms};
-use fleetfoot_identify::{
-    Error,
-    folder::{Folder, RECIPE},
-    starter_recipe,
-};
+use fleetfoot_data::{Column, Progress, parallel_map};
+use fleetfoot_dataset::folder::{Folder, RECIPE};
+use fleetfoot_fit::Error;
+use fleetfoot_log::path_in_words;
+use fleetfoot_recipe::starter_recipe;
+use fleetfoot_sim::{End, Run, Scenario};
 use names::{is_run, run_name};
+pub use plan::{Plan, PlannedColumn, PlannedTopic, plan};
 use recorder::{Output, Recorder, Seconds};
+pub use seeds::run_seed;
+use serde::{Serialize, Serializer};
 use world::{SCENARIO, WORLD};
+pub use world::{World, robots};
 
 /// How logs are kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

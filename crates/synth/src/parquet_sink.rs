@@ -3,9 +3,8 @@
 use std::path::Path;
 
 use fleetfoot_data::{Column, ColumnKind};
+use fleetfoot_fit::Error;
 use fleetfoot_log::{ParquetWriter, Values, WriteColumn, WriteKind, WriteOptions};
-
-use fleetfoot_identify::Error;
 
 /// The column of the stamps.
 pub(super) const TIME: &str = "t";

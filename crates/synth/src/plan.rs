@@ -1,6 +1,8 @@
 //! What a job would do, told before it is done: by a short run that leaves nothing behind.
 
 use fleetfoot_data::{Progress, Silent};
+use fleetfoot_dataset::folder::Folder;
+use fleetfoot_fit::Error;
 use fleetfoot_sim::Run;
 use serde::Serialize;
 
@@ -13,7 +15,6 @@ use super::{
     recorder::{Output, Recorder, Seconds, keeps},
     run_seed,
 };
-use fleetfoot_identify::{Error, folder::Folder};
 
 /// Rows of the short run, about.
 const SAMPLE_ROWS: f64 = 4000.0;

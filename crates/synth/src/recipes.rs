@@ -3,9 +3,10 @@
 use std::fmt::{self, Write};
 
 use fleetfoot_data::Column;
+use fleetfoot_fit::Error;
+use fleetfoot_recipe::Recipe;
 
 use super::{Format, parquet_sink::TIME, world_file::comment};
-use fleetfoot_identify::{Error, Recipe};
 
 /// What is known of a state.
 #[derive(Debug, Clone, Copy)]

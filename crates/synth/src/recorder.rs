@@ -3,6 +3,7 @@
 use std::{collections::BTreeMap, path::Path};
 
 use fleetfoot_data::{Cancelled, Progress};
+use fleetfoot_fit::Error;
 use fleetfoot_log::{McapOptions, WriteOptions};
 use fleetfoot_sim::{Reading, Scenario, Sink, SinkError, Stamps, Topic};
 
@@ -12,7 +13,6 @@ use super::{
     mcap_sink::McapSink,
     parquet_sink::ParquetSink,
 };
-use fleetfoot_identify::Error;
 
 /// Topics of the truth begin like this.
 const TRUTH: &str = "/truth";

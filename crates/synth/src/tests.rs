@@ -7,6 +7,7 @@ use std::{f64::consts::PI, fs, path::Path, sync::Mutex};
 
 use fleetfoot_data::{Column, Halo, Silent, Source, with_threads};
 use fleetfoot_log::{Recording, Selection, open};
+use fleetfoot_recipe::Recipe;
 use fleetfoot_sim::{
     End, Kind as Reads, ParameterError, Reading, Regressors, Run, Scenario, Sink, SinkError, Stamps, Topic,
     excitation::Axis, parameter_error::positive,
@@ -14,7 +15,6 @@ use fleetfoot_sim::{
 use serde::{Deserialize, Serialize};
 
 use super::{robot::Kind, *};
-use fleetfoot_identify::Recipe;
 
 /// A driven pendulum that faults beyond an angle: `angle' = rate`, `rate' = -gravity/length sin(angle) - damping rate + torque`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -281,8 +281,7 @@ fn the_recipe_fits_what_it_lies_beside() {
         let recipe = Recipe::read(&made.recipe).unwrap();
         let paths = fleetfoot_log::paths([folder.path()]).unwrap();
         assert_eq!(paths.len(), 3);
-        let fitted =
-            fleetfoot_identify::fit_pwa(&recipe, fleetfoot_identify::PwaRequest::default(), &paths, &Silent).unwrap();
+        let fitted = fleetfoot_fit::fit_pwa(&recipe, fleetfoot_fit::PwaRequest::default(), &paths, &Silent).unwrap();
         assert_eq!(fitted.identification.targets, ["d(rate)/dt"]);
         assert!(fitted.identification.candidates[1].over_null[0] < 0.5);
     }

@@ -4,12 +4,12 @@ use std::{fmt, path::Path};
 
 use fleetfoot_control::controller::Regulator;
 use fleetfoot_data::{did_you_mean, nearest_one};
+use fleetfoot_fit::Error;
 use fleetfoot_log::Format as LogFormat;
 use fleetfoot_sim::Scenario;
 use toml::{Table, Value};
 
 use super::{robot::Robot, robots::ROBOTS, world_file};
-use fleetfoot_identify::Error;
 
 /// Keys of a log's metadata.
 pub(super) const SCENARIO: &str = "fleetfoot.scenario";

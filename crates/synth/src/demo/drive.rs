@@ -5,12 +5,13 @@ use std::path::PathBuf;
 
 use fleetfoot_control::controller::DifferentialDrive;
 use fleetfoot_data::Progress;
+use fleetfoot_fit::Error;
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_model::{Equation, Model, Prediction};
 use fleetfoot_pwa::{Options, Problem};
+use fleetfoot_recipe::Recipe;
 
 use super::view;
-use fleetfoot_identify::{Error, Recipe};
 
 /// The model, with mean and covariance of what it predicts from these logs: its score is `D_M(X_D - X_D^, Sigma_XD)`. The recipe names the hexapod's
 /// truth. The speed is that over the belt.

@@ -8,11 +8,12 @@ use std::{
 
 use fleetfoot_control::controller::DifferentialDrive;
 use fleetfoot_data::{Halo, Progress, Source};
+use fleetfoot_fit::Error;
+use fleetfoot_recipe::Recipe;
 use fleetfoot_stats::{Grid, Moments, reduce};
 use serde::Serialize;
 
 use super::view;
-use fleetfoot_identify::{Error, Recipe};
 
 /// Bins of the leg phase.
 pub const PHASE_BINS: usize = 24;

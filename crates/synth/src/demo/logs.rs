@@ -4,9 +4,8 @@ use std::path::{Path, PathBuf};
 
 use fleetfoot_control::controller::DifferentialDrive;
 use fleetfoot_data::Progress;
+use fleetfoot_fit::Error;
 use fleetfoot_sim::HexapodTreadmill;
-
-use fleetfoot_identify::Error;
 
 use crate::{Generated, Job, World, generate};
 

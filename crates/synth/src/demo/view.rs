@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use fleetfoot_data::Progress;
+use fleetfoot_dataset::Dataset;
+use fleetfoot_fit::Error;
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_model::{Column, Model, Role, Training};
-
-use fleetfoot_identify::{Dataset, Error, Recipe};
-use fleetfoot_recipe::Error as RecipeError;
+use fleetfoot_recipe::{Error as RecipeError, Recipe};
 
 /// A column of the logs by an expression over the names of a recipe.
 pub(super) fn column(recipe: &Recipe, name: &str, text: &str, unit: &str, angle: bool) -> Result<Column, Error> {

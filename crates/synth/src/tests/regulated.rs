@@ -1,7 +1,9 @@
 //! Robots with regulators that were made from logs of them, beside their own controllers.
 
 use fleetfoot_data::Silent;
-use fleetfoot_identify::{ControlSection, ControllerFile, PwaRequest, control_lqr, fit_pwa};
+use fleetfoot_fit::{PwaRequest, fit_pwa};
+use fleetfoot_recipe::ControlSection;
+use fleetfoot_run::{ControllerFile, control_lqr};
 
 use super::*;
 

@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 
 use fleetfoot_data::{Halo, MemorySource, Silent, Source};
+use fleetfoot_dataset::Dataset;
 use fleetfoot_library::{Expr, Scope, View, central_difference};
+use fleetfoot_recipe::Recipe;
 use fleetfoot_sim::{End, Run, Scenario};
 
 use super::Rows;
-use fleetfoot_identify::{Dataset, Recipe};
-
 use crate::{Format, Job, World, generate, recipes::Details, robots::ROBOTS, run_seed};
 
 /// The world of a robot, without the seconds before the log begins, and the length of a short run.

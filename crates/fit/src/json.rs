@@ -1,0 +1,28 @@
+//! Reports for programs, as JSON: the structures of reports serialise themselves, and what a report tells otherwise than it is kept has a structure of its own here. A number
+//! that is none is `null`.
+
+mod narx;
+mod parameters;
+mod pwa;
+mod sindy;
+mod sparse;
+
+use fleetfoot_dataset::json::report;
+use fleetfoot_dynamics::Estimate;
+use serde::Serialize;
+/// A value and the ends of its interval, as every report tells them.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Interval {
+    /// The value.
+    pub value: f64,
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+impl From<&Estimate> for Interval {
+    fn from(estimate: &Estimate) -> Self {
+        Self { value: estimate.value, low: estimate.low, high: estimate.high }
+    }
+}

@@ -1,0 +1,98 @@
+//! The report of estimated parameters.
+
+use fleetfoot_recipe::EstimateMethod;
+use serde::Serialize;
+use serde_json::Value;
+
+use super::report;
+use crate::{
+    limit_report::LimitReport,
+    parameters::{ConfoundedPair, GainInterval, ParameterInterval, ParametersReport},
+};
+
+impl ParametersReport {
+    /// Parameters, intervals, noise and held-out rollouts for programs.
+    pub fn to_json(&self) -> Value {
+        report(Told {
+            method: self.method,
+            rows: self.rows,
+            episodes: self.episodes,
+            files: self.files,
+            parameters: &self.parameters,
+            confounded: &self.confounded,
+            noise: self
+                .noise
+                .iter()
+                .enumerate()
+                .map(|(at, (of, deviation))| Noise {
+                    of,
+                    deviation: *deviation,
+                    free_deviation: self.free_noise.get(at).copied(),
+                })
+                .collect(),
+            limits: &self.limits,
+            gains: &self.gains,
+            innovations: &self.innovations,
+            segments: self.segments.map(|segments| segments[0]),
+            missing_segments: self.segments.map(|segments| segments[1]),
+            correlated_rows: self.memory,
+            condition: self.condition,
+            gradient: self.gradient,
+            converged: self.converged,
+            held_out: self.held_out.as_ref().map(|held| HeldOut {
+                horizon: held.horizon,
+                over_persistence: held.share(),
+                folds: &held.folds,
+                ended: held.ended,
+                starts: held.starts,
+            }),
+            equations: &self.equations,
+            warnings: self.warnings(),
+            notes: &self.notes,
+        })
+    }
+}
+
+#[derive(Serialize)]
+struct Told<'a> {
+    method: EstimateMethod,
+    rows: u64,
+    episodes: usize,
+    files: usize,
+    parameters: &'a [ParameterInterval],
+    confounded: &'a [ConfoundedPair],
+    noise: Vec<Noise<'a>>,
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    limits: &'a [LimitReport],
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    gains: &'a [GainInterval],
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    innovations: &'a [Vec<f64>],
+    segments: Option<usize>,
+    missing_segments: Option<usize>,
+    correlated_rows: Option<usize>,
+    condition: f64,
+    gradient: f64,
+    converged: bool,
+    held_out: Option<HeldOut<'a>>,
+    equations: &'a [String],
+    warnings: Vec<String>,
+    notes: &'a [String],
+}
+
+#[derive(Serialize)]
+struct Noise<'a> {
+    of: &'a str,
+    deviation: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    free_deviation: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct HeldOut<'a> {
+    horizon: usize,
+    over_persistence: f64,
+    folds: &'a [f64],
+    ended: usize,
+    starts: usize,
+}

@@ -1,0 +1,168 @@
+//! The report of a piecewise-affine fit.
+
+use fleetfoot_pwa::{Continuity, Score};
+use serde::{Serialize, Serializer};
+use serde_json::Value;
+
+use super::{Interval, report};
+use crate::{
+    bounded_maps::BoundedMaps,
+    in_words::interval_in_words,
+    objective::Refinement,
+    pwa::Fitted,
+    rollout_choice::{RolloutCandidate, RolloutChoice},
+};
+
+impl Serialize for RolloutChoice {
+    /// What was compared, and what was taken.
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Choice<'a> {
+            horizon: usize,
+            folds: usize,
+            starts: usize,
+            chosen: usize,
+            candidates: Vec<Compared<'a>>,
+        }
+        #[derive(Serialize)]
+        struct Compared<'a> {
+            #[serde(flatten)]
+            candidate: &'a RolloutCandidate,
+            error_over_persistence: f64,
+        }
+        let compared = |candidate| Compared { candidate, error_over_persistence: RolloutCandidate::error(candidate) };
+        Choice {
+            horizon: self.rule.horizon,
+            folds: self.rule.folds,
+            starts: self.rule.starts,
+            chosen: self.chosen,
+            candidates: self.candidates.iter().map(compared).collect(),
+        }
+        .serialize(serializer)
+    }
+}
+
+impl Fitted {
+    /// Scores and candidates for programs.
+    pub fn to_json(&self) -> Value {
+        let found = &self.identification;
+        report(Told {
+            hash: found.model.hash(),
+            rows: found.rows,
+            episodes: self.episodes,
+            files: self.files,
+            effective_rows: found.effective_rows,
+            rows_at_border: found.at_border,
+            rows_incomplete: found.incomplete,
+            targets: &found.targets,
+            sigma: &found.sigma,
+            held_out: found.held_out,
+            fold_rule: found.fold_rule.as_deref(),
+            condition: found.condition,
+            preconditioned_condition: found.preconditioned,
+            chosen: found.chosen,
+            chosen_by: found.rule,
+            intervals: interval_in_words(&found.basis),
+            candidates: (found.candidates.iter().enumerate())
+                .map(|(at, own)| Candidate { chosen: at == found.chosen, ..Candidate::from(own) })
+                .collect(),
+            rollouts: self.rollouts.as_ref(),
+            objective: self.refinement.as_ref(),
+            notes: &self.notes,
+        })
+    }
+}
+
+#[derive(Serialize)]
+struct Told<'a> {
+    hash: String,
+    rows: u64,
+    episodes: usize,
+    files: usize,
+    effective_rows: f64,
+    rows_at_border: u64,
+    rows_incomplete: u64,
+    targets: &'a [String],
+    sigma: &'a [f64],
+    held_out: bool,
+    fold_rule: Option<&'a str>,
+    condition: f64,
+    preconditioned_condition: f64,
+    chosen: usize,
+    chosen_by: Option<&'static str>,
+    intervals: String,
+    candidates: Vec<Candidate<'a>>,
+    rollouts: Option<&'a RolloutChoice>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    objective: Option<&'a Refinement>,
+    notes: &'a [String],
+}
+
+/// A partition that was compared.
+#[derive(Serialize)]
+struct Candidate<'a> {
+    partition: String,
+    regions: usize,
+    coefficients: usize,
+    front: bool,
+    chosen: bool,
+    shrinkage: f64,
+    mae_over_null: &'a [f64],
+    mae_over_null_intervals: Vec<Interval>,
+    mae_over_sigma: &'a [f64],
+    r2: &'a [f64],
+    mahalanobis: f64,
+    loss: f64,
+    standard_error: f64,
+    fold_losses: &'a [f64],
+    bic: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    continuity: Option<Meeting>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    free_loss: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    stability: Option<BoundedMaps>,
+    #[serde(skip_serializing_if = "<[f64]>::is_empty")]
+    objective_by_pass: &'a [f64],
+}
+
+impl<'a> From<&'a Score> for Candidate<'a> {
+    fn from(score: &'a Score) -> Self {
+        Self {
+            partition: score.specification.to_string(),
+            regions: score.regions,
+            coefficients: score.coefficients,
+            front: score.front,
+            chosen: false,
+            shrinkage: score.shrinkage,
+            mae_over_null: &score.over_null,
+            mae_over_null_intervals: score.over_null_interval.iter().map(Interval::from).collect(),
+            mae_over_sigma: &score.over_sigma,
+            r2: &score.r2,
+            mahalanobis: score.mahalanobis,
+            loss: score.loss,
+            standard_error: score.standard_error,
+            fold_losses: &score.losses,
+            bic: score.bic,
+            continuity: score.continuity.map(Meeting::from),
+            free_loss: score.stability.as_ref().map(|_| score.free_loss),
+            stability: score.stability.as_ref().map(BoundedMaps::from),
+            objective_by_pass: &score.objective,
+        }
+    }
+}
+
+/// What it costs that maps meet at their borders.
+#[derive(Serialize)]
+struct Meeting {
+    borders: usize,
+    numbers: usize,
+    loss_apart: f64,
+    jump: f64,
+}
+
+impl From<Continuity> for Meeting {
+    fn from(Continuity { borders, numbers, apart, jump, .. }: Continuity) -> Self {
+        Self { borders, numbers, loss_apart: apart, jump }
+    }
+}

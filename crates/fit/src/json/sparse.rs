@@ -1,0 +1,44 @@
+//! The report of a structured sparse fit.
+
+use serde::{Serialize, Serializer};
+use serde_json::Value;
+
+use super::report;
+use crate::sparse::{LambdaChoice, SparseReport};
+
+impl SparseReport {
+    /// Tasks, latents, lambda and certificates for programs.
+    pub fn to_json(&self) -> Value {
+        report(self)
+    }
+}
+
+impl Serialize for LambdaChoice {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Chosen<'a> {
+            value: f64,
+            how: &'a str,
+            largest: f64,
+            validation: Option<Validation<'a>>,
+        }
+        #[derive(Serialize)]
+        struct Validation<'a> {
+            folds: usize,
+            fold_rule: Option<&'a str>,
+            lambdas: &'a [f64],
+            error: &'a [f64],
+            standard_error: &'a [f64],
+            features: &'a [f64],
+        }
+        let validation = self.validation.as_ref().map(|found| Validation {
+            folds: self.folds,
+            fold_rule: self.fold_rule.as_deref(),
+            lambdas: &found.lambdas,
+            error: &found.mean,
+            standard_error: &found.standard_error,
+            features: &found.features,
+        });
+        Chosen { value: self.value, how: &self.how, largest: self.largest, validation }.serialize(serializer)
+    }
+}

@@ -1,0 +1,25 @@
+//! Models as files.
+
+use std::path::Path;
+
+use fleetfoot_log::write_atomic;
+use fleetfoot_model::Model;
+
+use crate::error::Error;
+
+/// Writes a model, whole or not at all.
+///
+/// # Errors
+/// [`Error::NotFinite`]; those of writing.
+pub fn write_model(model: &Model, path: &Path) -> Result<(), Error> {
+    refuse_not_finite(model)?;
+    Ok(write_atomic(path, model.to_json().as_bytes())?)
+}
+
+/// Refuses a model with a coefficient that is no number: what it predicts is none either.
+///
+/// # Errors
+/// [`Error::NotFinite`], with the coefficient.
+pub(crate) fn refuse_not_finite(model: &Model) -> Result<(), Error> {
+    model.not_finite().map_or(Ok(()), |what| Err(Error::NotFinite { what }))
+}

@@ -1,0 +1,27 @@
+//! From files and a recipe to an autoregression with inputs, piecewise where asked for, and what its free runs are worth.
+
+mod candidate;
+mod choice;
+mod choose;
+mod effort;
+mod fit;
+mod look;
+mod options;
+mod partitions;
+mod report;
+mod runs;
+mod scores;
+mod select;
+mod summed;
+mod task;
+mod terms;
+mod training;
+
+pub use candidate::NarxCandidate;
+pub use fit::{NarxFitted, NarxRequest, fit_narx};
+pub use look::{NarxSearch, NarxStage};
+pub use options::{GivenOrder, NarxOptions, OrderRule, TermRule};
+pub use report::{NarxEquation, NarxRegion, NarxReport, NarxTerm};
+pub use runs::{FileRun, FileRuns, MeanRun, free_runs_by_file};
+pub use scores::NarxScores;
+pub(crate) use summed::{Summed, served};

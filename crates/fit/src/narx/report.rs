@@ -1,0 +1,96 @@
+//! What a fit of an autoregression found, for people and for programs.
+
+use fleetfoot_sparse::narx::{NarxOrder, OrderSearch};
+use serde::Serialize;
+
+use super::{FileRuns, NarxCandidate, NarxScores, NarxSearch};
+use crate::objective::Refinement;
+
+/// What a fit of an autoregression found.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct NarxReport {
+    /// Rows that trained.
+    pub rows: u64,
+    /// Episodes, or parts of them, that trained.
+    pub episodes: usize,
+    /// Rows without all lags, and rows with a missing value.
+    pub left_out: [u64; 2],
+    /// Lags and degree of the model.
+    pub order: NarxOrder,
+    /// Whether inputs act at once.
+    pub direct: bool,
+    /// Candidate functions of this order, the constant among them.
+    pub candidates: usize,
+    /// The partition, as users write it.
+    pub partition: String,
+    /// What order, terms and partition were chosen by, for people; `None` where all were given.
+    pub choice: Option<String>,
+    /// The model that is written, among those that were simulated: its terms, refitted on the other spans of every fold.
+    pub held_out: Option<NarxCandidate>,
+    /// What was looked at where the order was looked for, and what the effort cut.
+    pub search: Option<NarxSearch>,
+    /// Models that were simulated to choose one, in the order in which they were tried.
+    pub tried: Vec<NarxCandidate>,
+    /// Orders that were compared by one-step errors, where they were.
+    pub orders: Option<OrderSearch>,
+    /// The regions.
+    pub regions: Vec<NarxRegion>,
+    /// The fit to simulations, where it was asked for.
+    pub refinement: Option<Refinement>,
+    /// On the rows that trained; `None` where a statistic stood for them.
+    pub train: Option<NarxScores>,
+    /// On the rows kept back.
+    pub test: Option<NarxScores>,
+    /// On other files, one by one.
+    pub files: Option<FileRuns>,
+    /// What the user should know.
+    pub notes: Vec<String>,
+}
+
+impl NarxReport {
+    /// The best linear model with all terms of the same lags, among those that were tried; `None` where none was.
+    pub fn linear(&self) -> Option<&NarxCandidate> {
+        let own = self.held_out.as_ref()?;
+        let same = |c: &&NarxCandidate| {
+            c.order == fleetfoot_sparse::narx::NarxOrder { degree: 1, ..own.order } && c.partition == own.partition
+        };
+        self.tried.iter().filter(same).max_by_key(|candidate| candidate.terms)
+    }
+}
+
+/// The equations of a region.
+#[derive(Debug, Clone, Serialize)]
+#[non_exhaustive]
+pub struct NarxRegion {
+    /// Its name.
+    pub name: String,
+    /// Its rows.
+    pub rows: u64,
+    /// Whether it saw too few rows for terms of its own and has those of all rows.
+    pub shared: bool,
+    /// The equations.
+    pub equations: Vec<NarxEquation>,
+}
+
+/// An equation.
+#[derive(Debug, Clone, Serialize)]
+#[non_exhaustive]
+pub struct NarxEquation {
+    /// Its left side: `next(y)`.
+    pub label: String,
+    /// Its terms, in the order in which forward regression took them.
+    pub terms: Vec<NarxTerm>,
+}
+
+/// A term.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct NarxTerm {
+    /// The function; `1` for the constant.
+    pub function: String,
+    /// Its coefficient.
+    pub coefficient: f64,
+    /// Share of the target's square sum that it took away when it entered; NaN without forward regression.
+    pub err: f64,
+}

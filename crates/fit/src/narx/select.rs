@@ -1,0 +1,620 @@
+//! Choice of partition, order and number of terms by simulations of rows that did not train.
+//!
+//! One-step errors flatter an autoregression: the outputs hardly move within a row. What a model is for is seen when it feeds on its own answers.
+
+use std::{borrow::Cow, collections::BTreeMap, ops::Range, sync::Arc};
+
+use faer::Mat;
+use fleetfoot_data::{EpisodeId, Progress, Silent, Stages, parallel_map};
+use fleetfoot_dynamics::{Error as RunError, FreeRunOptions, free_run};
+use fleetfoot_model::Partition;
+use fleetfoot_sparse::{
+    inference::system_effective_rows,
+    narx::NarxOrder,
+    system::{System, SystemPlan, SystemScan},
+    threshold::FrolsChoice,
+};
+use fleetfoot_stats::{aic, bic};
+use fleetfoot_task::Provenance;
+
+use super::{
+    TermRule,
+    candidate::NarxCandidate,
+    choice::Choice,
+    runs::mean_of_moving,
+    task::{NarxBase, NarxTask},
+    terms::{Problems, Support, Trails, coefficients},
+};
+use crate::{error::Error, spans::Spans};
+
+/// What models are compared by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum By {
+    /// Simulations, of models of one scan after another.
+    Search,
+    /// Simulations, of models of one scan: information criteria tell of the same rows.
+    Simulations,
+    /// One-step errors of models of one scan.
+    OneStep,
+}
+
+/// An order to try.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Job {
+    pub(crate) order: NarxOrder,
+    /// How many of its terms.
+    pub(crate) terms: TermRule,
+}
+
+impl Job {
+    /// Numbers of terms of an order with `candidates` candidates.
+    pub(crate) fn counts(&self, candidates: usize) -> Vec<usize> {
+        match self.terms {
+            TermRule::All => vec![candidates],
+            TermRule::Count(count) => vec![count.min(candidates)],
+            TermRule::Auto(most) => (1..=most.min(candidates)).collect(),
+        }
+    }
+}
+
+/// A model that was tried, with what it takes to make it again.
+#[derive(Debug, Clone)]
+pub(crate) struct Tried {
+    pub(crate) candidate: NarxCandidate,
+    pub(crate) task: Arc<NarxTask>,
+    /// Of every region (outer) and equation.
+    pub(crate) supports: Vec<Vec<Support>>,
+}
+
+/// Everything that the candidates share.
+pub(crate) struct Selection<'a> {
+    pub(crate) base: &'a NarxBase,
+    pub(crate) partitions: &'a [Choice],
+    /// Of every partition whose regions fit the dynamics: those of the training rows of every fold. Empty for the others.
+    pub(crate) anew: &'a [Vec<Partition>],
+    /// The training rows, cut into spans.
+    pub(crate) cut: &'a Spans<'a>,
+    /// The spans of every fold.
+    pub(crate) held: &'a [Spans<'a>],
+    pub(crate) fold_of: &'a BTreeMap<EpisodeId, usize>,
+    /// Rows of a span that nobody predicts, so that models with few lags and with many are compared on the same rows.
+    pub(crate) first: usize,
+    pub(crate) step: f64,
+    pub(crate) by: By,
+}
+
+/// The statistics of one partition.
+struct Sets<'a> {
+    task: &'a NarxTask,
+    /// Of the rows that train for every fold.
+    folds: Vec<Training<'a>>,
+    all: Problems,
+}
+
+/// The rows that train for a fold.
+struct Training<'a> {
+    partition: Option<&'a Partition>,
+    scan: Cow<'a, SystemScan>,
+    problems: Problems,
+    /// Of the rows that the fold holds out, where one-step errors decide.
+    testing: Option<Problems>,
+}
+
+impl Training<'_> {
+    /// Whether its regions are its own, and not those of all rows.
+    fn is_anew(&self) -> bool {
+        matches!(self.scan, Cow::Owned(_))
+    }
+}
+
+/// The terms of a model that is tried: how many of each equation, and which.
+struct Wanted {
+    count: usize,
+    supports: Vec<Vec<Support>>,
+}
+
+/// Squared relative errors of every output over free runs; `None` where no run could begin.
+type Squares = Option<Vec<f64>>;
+
+/// What a model of the other spans does on those of a fold.
+#[derive(Debug, Clone)]
+enum Held {
+    Simulated(Squares),
+    /// Squared one-step error over the variance; `None` where the fold has no rows.
+    OneStep(Option<f64>),
+}
+
+/// What information criteria need of the rows that train: those that count as independent, and the variance of every output.
+struct Scale {
+    independent: f64,
+    variance: Vec<f64>,
+}
+
+impl Selection<'_> {
+    /// Tries every order and number of terms with every partition. Terms are chosen on all spans; the spans of every fold are simulated by the same terms, refitted on
+    /// the others. Regions that fit the dynamics are those of the others too, and as they are different ones so many terms are chosen in each of them anew: regions
+    /// that had seen what they are tested on would flatter themselves. One scan of the union of all candidates serves every order, one a partition more, and one
+    /// a fold where regions are made anew; lags do not reach over the borders of spans.
+    pub(crate) fn run(&self, jobs: &[Job], progress: &dyn Progress) -> Result<Vec<Tried>, Error> {
+        if jobs.is_empty() {
+            return Ok(Vec::new());
+        }
+        let orders: Vec<NarxOrder> = jobs.iter().map(|job| job.order).collect();
+        let task = Arc::new(self.base.with(&orders)?);
+        let whole = self.scan(&task, None, progress)?;
+        let scale = (self.by != By::Search).then(|| scale(&whole)).transpose()?;
+        let mut found = Vec::new();
+        for (index, choice) in self.partitions.iter().enumerate() {
+            let partition = choice.partition.as_ref();
+            let regions = partition.map(|partition| self.scan(&task, Some(partition), progress)).transpose()?;
+            let sets = self.sets(index, &task, (&whole, regions.as_ref()), progress)?;
+            let what = if self.by == By::OneStep { "one-step errors" } else { "free runs" };
+            progress.stage(&format!("{what} of {}", choice.specification));
+            let wanted = parallel_map(jobs.len(), &Silent, |job| wanted(&sets, &jobs[job]))?;
+            let count = self.held.len();
+            let runs = parallel_map(jobs.len() * count, progress, |at| {
+                let (job, fold) = (at / count, at % count);
+                self.runs((&sets, scale.as_ref()), &jobs[job], &wanted[job], fold)
+            })?;
+            let criteria = parallel_map(jobs.len(), &Silent, |job| criteria(&sets, scale.as_ref(), &wanted[job]))?;
+            for (((job, wanted), runs), criteria) in jobs.iter().zip(wanted).zip(runs.chunks(count)).zip(criteria) {
+                found.extend(wanted.into_iter().zip(criteria).enumerate().map(
+                    |(k, (Wanted { supports, .. }, criteria))| {
+                        let folds: Vec<&Held> = runs.iter().map(|fold| &fold[k]).collect();
+                        let candidate = candidate((index, choice), job.order, &supports, &folds, criteria);
+                        Tried { candidate, task: Arc::clone(&task), supports }
+                    },
+                ));
+            }
+        }
+        Ok(found)
+    }
+
+    /// What a partition trains on, from the scans of all rows without regions and with them.
+    fn sets<'s>(
+        &'s self,
+        index: usize,
+        task: &'s NarxTask,
+        (whole, regions): (&'s SystemScan, Option<&'s SystemScan>),
+        progress: &dyn Progress,
+    ) -> Result<Sets<'s>, Error> {
+        let all = Problems::all(whole, regions);
+        let partition = self.partitions[index].partition.as_ref();
+        let anew = self.anew.get(index).filter(|anew| !anew.is_empty());
+        let folds = match anew {
+            None => {
+                let all = 0..self.held.len();
+                let of = |(problems, testing)| Training {
+                    partition,
+                    scan: Cow::Borrowed(regions.unwrap_or(whole)),
+                    problems,
+                    testing,
+                };
+                let training = self.problems(whole, regions, all.clone(), true);
+                training.into_iter().zip(self.testing(whole, regions, all)).map(of).collect()
+            }
+            Some(anew) => {
+                let of = |(fold, partition): (usize, &'s Partition)| {
+                    let of_fold = Stages::fold(progress, fold, self.held.len());
+                    let scan = self.scan(task, Some(partition), &of_fold)?;
+                    let mut own = self.problems(whole, Some(&scan), fold..fold + 1, true);
+                    let testing = self.testing(whole, Some(&scan), fold..fold + 1).pop().flatten();
+                    Ok(own.pop().map(|problems| Training {
+                        partition: Some(partition),
+                        scan: Cow::Owned(scan),
+                        problems,
+                        testing,
+                    }))
+                };
+                anew.iter().enumerate().map(of).filter_map(Result::transpose).collect::<Result<_, Error>>()?
+            }
+        };
+        Ok(Sets { task, folds, all })
+    }
+
+    fn scan(
+        &self,
+        task: &NarxTask,
+        partition: Option<&Partition>,
+        progress: &dyn Progress,
+    ) -> Result<SystemScan, Error> {
+        let of = partition.map_or_else(String::new, |partition| format!(", {}", partition.specification));
+        progress.stage(&format!("scan of {} candidates{of}", task.task.functions.len()));
+        let system = System { partition: partition.cloned(), ..task.task.system() };
+        Ok(SystemPlan::new(system, None, self.cut)?.scan(self.cut, progress)?)
+    }
+
+    /// The problems of the rows that train for some folds, or of those that they hold out.
+    fn problems(
+        &self,
+        whole: &SystemScan,
+        regions: Option<&SystemScan>,
+        folds: Range<usize>,
+        train: bool,
+    ) -> Vec<Problems> {
+        let weights = |scan: &SystemScan| {
+            let fold = |unit: usize| self.fold_of.get(&scan.units()[unit].episode).copied();
+            let held = |unit: usize, f: usize| fold(unit) == Some(folds.start + f);
+            Mat::from_fn(scan.units().len(), folds.len(), |unit, f| f64::from(held(unit, f) != train))
+        };
+        Problems::sets(whole, regions, &weights)
+    }
+
+    /// The problems of the rows that some folds hold out, where one-step errors decide.
+    fn testing(&self, whole: &SystemScan, regions: Option<&SystemScan>, folds: Range<usize>) -> Vec<Option<Problems>> {
+        if self.by == By::OneStep {
+            return self.problems(whole, regions, folds, false).into_iter().map(Some).collect();
+        }
+        folds.map(|_| None).collect()
+    }
+
+    /// What models of the other spans do on those of a fold, one for each number of terms that is wanted.
+    fn runs(
+        &self,
+        (sets, scale): (&Sets<'_>, Option<&Scale>),
+        job: &Job,
+        wanted: &[Wanted],
+        fold: usize,
+    ) -> Result<Vec<Held>, Error> {
+        let training = &sets.folds[fold];
+        let anew = if training.is_anew() {
+            let columns = sets.task.library.columns(job.order);
+            Some(Trails::new(&training.problems, columns, job.terms, FrolsChoice::Last)?)
+        } else {
+            None
+        };
+        let of = |own: &Wanted| {
+            let again = anew.as_ref().map(|trails| trails.supports(Some(own.count)));
+            let supports = again.as_deref().unwrap_or(&own.supports);
+            let terms = training.problems.refitted(supports)?;
+            let coefficients = coefficients(&terms, sets.task.task.candidates());
+            Ok(match (&training.testing, scale) {
+                (Some(testing), Some(scale)) => Held::OneStep(testing.loss(&coefficients, &scale.variance)),
+                _ => Held::Simulated(self.squares(sets, &coefficients, training, fold)?),
+            })
+        };
+        wanted.iter().map(of).collect()
+    }
+
+    /// Free runs of the spans of a fold by a model of the others.
+    fn squares(
+        &self,
+        sets: &Sets<'_>,
+        coefficients: &[Mat<f64>],
+        training: &Training<'_>,
+        fold: usize,
+    ) -> Result<Squares, Error> {
+        let provenance = Provenance { step: self.step, ..Provenance::default() };
+        let model = sets.task.task.trial(&training.scan, training.partition, coefficients, provenance);
+        let mut options = FreeRunOptions::default();
+        options.first = self.first;
+        match free_run(&model, &self.held[fold], &options, &Silent) {
+            Ok(run) => Ok(Some(run.outputs.iter().map(|output| output.errors.rrse.powi(2)).collect())),
+            Err(RunError::NoCompleteRow { .. }) => Ok(None),
+            Err(error) => Err(error.into()),
+        }
+    }
+}
+
+/// The terms of an order on all rows, by their number; a number that forward regression does not reach is left out.
+fn wanted(sets: &Sets<'_>, job: &Job) -> Result<Vec<Wanted>, Error> {
+    let columns = sets.task.library.columns(job.order);
+    let counts = job.counts(columns.len());
+    let trails = Trails::new(&sets.all, columns, job.terms, FrolsChoice::Last)?;
+    let of = |count: usize| Wanted { count, supports: trails.supports(Some(count)) };
+    let mut found: Vec<Wanted> = counts.into_iter().map(of).collect();
+    found.dedup_by(|later, earlier| later.supports == earlier.supports);
+    Ok(found)
+}
+
+/// The root mean square over the outputs that move; infinite where no run could begin, NaN where no output moves.
+fn relative(squares: &Squares) -> f64 {
+    let Some(outputs) = squares else { return f64::INFINITY };
+    mean_of_moving(outputs.iter().copied()).sqrt()
+}
+
+/// What the statistic of all rows tells of a model.
+#[derive(Debug, Clone, Copy)]
+struct Criteria {
+    coefficients: usize,
+    bic: Option<f64>,
+    aic: Option<f64>,
+}
+
+/// Rows that count as independent, by the residuals of one region with all candidates, and the variance of every output.
+fn scale(whole: &SystemScan) -> Result<Scale, Error> {
+    let problem = whole.root(0).compressed(true);
+    let all = Support { columns: (0..problem.columns()).collect(), shared: true };
+    let supports = vec![vec![all; problem.targets()]];
+    let constant = problem.select(&[0]);
+    let variance = constant.residual.iter().map(|square| square / constant.weight).collect();
+    let candidates = problem.columns();
+    let terms = Problems { whole: problem, regions: Vec::new() }.refitted(&supports)?;
+    let fitted = coefficients(&terms, candidates);
+    let independent = fitted.first().map_or(1.0, |own| system_effective_rows(whole, 0, true, own.as_ref()));
+    Ok(Scale { independent, variance })
+}
+
+/// What the statistic of all rows tells of the models of an order.
+fn criteria(sets: &Sets<'_>, scale: Option<&Scale>, wanted: &[Wanted]) -> Result<Vec<Criteria>, Error> {
+    let of = |own: &Wanted| {
+        let coefficients_of = count(&own.supports);
+        let Some(scale) = scale else {
+            return Ok(Criteria { coefficients: coefficients_of, bic: None, aic: None });
+        };
+        let terms = sets.all.refitted(&own.supports)?;
+        let (error, weight) = sets.all.error(&coefficients(&terms, sets.task.task.candidates()));
+        Ok(Criteria {
+            coefficients: coefficients_of,
+            bic: Some(bic(&error, weight, coefficients_of, scale.independent)),
+            aic: Some(aic(&error, weight, coefficients_of, scale.independent)),
+        })
+    };
+    wanted.iter().map(of).collect()
+}
+
+/// Coefficients of all regions and equations; those of all rows, which starved regions share, count once.
+fn count(supports: &[Vec<Support>]) -> usize {
+    let own = supports.iter().flatten().filter(|own| !own.shared).map(|own| own.columns.len()).sum::<usize>();
+    let shared = supports.iter().filter(|equations| equations.iter().any(|own| own.shared));
+    own + shared.map(|equations| equations.iter().map(|own| own.columns.len()).sum()).max().unwrap_or(0)
+}
+
+fn candidate(
+    (partition, choice): (usize, &Choice),
+    order: NarxOrder,
+    supports: &[Vec<Support>],
+    folds: &[&Held],
+    criteria: Criteria,
+) -> NarxCandidate {
+    let (mut simulated, mut losses) = (Vec::new(), Vec::new());
+    for fold in folds {
+        match fold {
+            Held::Simulated(squares) => simulated.push(relative(squares)),
+            Held::OneStep(loss) => losses.extend(loss),
+        }
+    }
+    let mean = |folds: &[f64]| folds.iter().sum::<f64>() / folds.len() as f64;
+    let rrse = mean_of_moving(simulated.iter().copied());
+    NarxCandidate {
+        partition,
+        specification: choice.partition.as_ref().map_or_else(|| "average".into(), |p| p.specification.clone()),
+        seed: choice.seed,
+        regions: choice.partition.as_ref().map_or(1, |partition| partition.rule.count()),
+        order,
+        terms: supports.iter().flatten().map(|support| support.columns.len()).max().unwrap_or(0),
+        rrse: if rrse.is_nan() && losses.is_empty() { f64::INFINITY } else { rrse },
+        folds: simulated,
+        coefficients: criteria.coefficients,
+        loss: (!losses.is_empty()).then(|| mean(&losses)),
+        losses,
+        bic: criteria.bic,
+        aic: criteria.aic,
+        front: false,
+        chosen: false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fleetfoot_data::{Column, MemorySource, Source, mix, with_threads};
+    use fleetfoot_recipe::Recipe;
+    use fleetfoot_task::EquationTask;
+
+    use super::*;
+    use crate::narx::{NarxOptions, task::one_row_ahead};
+
+    fn noise(seed: u64, row: u64) -> f64 {
+        mix(mix(seed).wrapping_add(row)) as f64 / u64::MAX as f64 * 2.0 - 1.0
+    }
+
+    /// `y(k) = 0.7 y(k-1) + 0.5 u(k-1) + noise`.
+    fn recording(rows: usize) -> (Vec<f64>, Vec<f64>) {
+        let u: Vec<f64> = (0..rows as u64).map(|row| noise(1, row)).collect();
+        let mut y = vec![0.2];
+        for k in 1..rows {
+            y.push(0.7 * y[k - 1] + 0.5 * u[k - 1] + 0.1 * noise(2, k as u64));
+        }
+        (y, u)
+    }
+
+    /// Least squares of two terms by the normal equations, on the rows of every span but one, and the free run through that one.
+    fn by_hand(y: &[f64], u: &[f64], spans: &[std::ops::Range<usize>], held: usize) -> f64 {
+        let (mut g, mut c) = ([0.0; 3], [0.0; 2]);
+        for span in spans.iter().enumerate().filter(|(s, _)| *s != held).map(|(_, span)| span.clone()) {
+            for k in span.start..span.end - 1 {
+                g = [g[0] + y[k] * y[k], g[1] + y[k] * u[k], g[2] + u[k] * u[k]];
+                c = [c[0] + y[k] * y[k + 1], c[1] + u[k] * y[k + 1]];
+            }
+        }
+        let size = g[0] * g[2] - g[1] * g[1];
+        let (a, b) = ((g[2] * c[0] - g[1] * c[1]) / size, (g[0] * c[1] - g[1] * c[0]) / size);
+        let span = spans[held].clone();
+        let measured = &y[span.start + 1..span.end];
+        let mean = measured.iter().sum::<f64>() / measured.len() as f64;
+        let (mut run, mut error) = (y[span.start], 0.0);
+        for k in span.start..span.end - 1 {
+            run = a * run + b * u[k];
+            error += (y[k + 1] - run).powi(2);
+        }
+        (error / measured.iter().map(|y| (y - mean).powi(2)).sum::<f64>()).sqrt()
+    }
+
+    /// The rows of the three folds.
+    const SPANS: [Range<usize>; 3] = [0..90, 90..200, 200..300];
+
+    /// y and u, one row ahead.
+    fn base(source: &MemorySource) -> NarxBase {
+        let recipe = Recipe::parse("[states]\ny = {}\n[inputs]\nu = \"u\"\n", "test").unwrap();
+        let options = NarxOptions::new(&recipe).unwrap();
+        let task = EquationTask::resolve(&one_row_ahead(&recipe, &options).unwrap(), source.columns()).unwrap();
+        NarxBase::new(task, &recipe).unwrap()
+    }
+
+    /// A fold a span: all of them, each alone, and which is which.
+    fn folds(source: &MemorySource) -> (Spans<'_>, Vec<Spans<'_>>, BTreeMap<EpisodeId, usize>) {
+        let cut = Spans::new(source, SPANS.iter().map(|span| (0, span.clone())).collect(), 1).unwrap();
+        let held = SPANS.iter().map(|span| Spans::new(source, vec![(0, span.clone())], 1).unwrap()).collect();
+        let fold_of = cut.episodes().iter().enumerate().map(|(fold, episode)| (episode.id, fold)).collect();
+        (cut, held, fold_of)
+    }
+
+    #[test]
+    fn the_held_out_error_is_that_of_the_same_terms_refitted_on_the_other_spans() {
+        let (y, u) = recording(300);
+        let mut source = MemorySource::new(vec![Column::float("y"), Column::float("u")]);
+        source.push_uniform("run", 1.0, vec![y.clone(), u.clone()]);
+        let base = base(&source);
+        let (cut, held, fold_of) = folds(&source);
+        let partitions = [Choice::whole(0)];
+        let selection = Selection {
+            base: &base,
+            partitions: &partitions,
+            anew: &[],
+            cut: &cut,
+            held: &held,
+            fold_of: &fold_of,
+            first: 0,
+            step: 1.0,
+            by: By::Simulations,
+        };
+        let job = Job {
+            order: NarxOrder { outputs: 1, inputs: 1, degree: 2, direct: false, every: 1 },
+            terms: TermRule::Auto(4),
+        };
+        let tried = with_threads(1, || selection.run(&[job], &Silent)).unwrap();
+        let of = |tried: &[Tried]| tried.iter().map(|tried| tried.candidate.clone()).collect::<Vec<_>>();
+        assert_eq!(of(&tried), of(&with_threads(3, || selection.run(&[job], &Silent)).unwrap()));
+        // Forward regression takes y and u on all rows; what is held out is their error, whatever it would take on a part of them.
+        let two = &tried[1];
+        let mut columns = two.supports[0][0].columns.clone();
+        columns.sort_unstable();
+        assert_eq!(columns, [1, 2]);
+        for (fold, error) in two.candidate.folds.iter().enumerate() {
+            let exact = by_hand(&y, &u, &SPANS, fold);
+            assert!((error - exact).abs() < 1e-10, "{fold}: {error} {exact}");
+        }
+        assert!((two.candidate.rrse - two.candidate.folds.iter().sum::<f64>() / 3.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn one_step_errors_and_criteria_are_those_of_the_rows() {
+        let (y, u) = recording(300);
+        let mut source = MemorySource::new(vec![Column::float("y"), Column::float("u")]);
+        source.push_uniform("run", 1.0, vec![y.clone(), u.clone()]);
+        let base = base(&source);
+        let (cut, held, fold_of) = folds(&source);
+        let cells = Partition {
+            columns: vec![fleetfoot_library::Expr::column("u")],
+            centre: vec![0.0],
+            scale: vec![1.0],
+            rule: fleetfoot_model::Rule::voronoi(vec![vec![-0.5], vec![0.5]]),
+            ..Partition::whole()
+        };
+        let specification = fleetfoot_pwa::Specification::KMeans(2);
+        let partitions = [Choice::whole(0), Choice { specification, partition: Some(cells), seed: 0 }];
+        let selection = Selection {
+            base: &base,
+            partitions: &partitions,
+            anew: &[],
+            cut: &cut,
+            held: &held,
+            fold_of: &fold_of,
+            first: 0,
+            step: 1.0,
+            by: By::OneStep,
+        };
+        let job = Job {
+            order: NarxOrder { outputs: 1, inputs: 1, degree: 1, direct: false, every: 1 },
+            terms: TermRule::All,
+        };
+        let tried = selection.run(&[job], &Silent).unwrap();
+        assert_eq!(tried.len(), 2);
+        // Rows of a span whose successor is in it, too: 1, y, u and what follows.
+        let rows =
+            |span: &Range<usize>| (span.start..span.end - 1).map(|k| [1.0, y[k], u[k], y[k + 1]]).collect::<Vec<_>>();
+        let spans: Vec<Vec<[f64; 4]>> = SPANS.iter().map(rows).collect();
+        let solved = |rows: &[[f64; 4]]| {
+            use faer::linalg::solvers::SolveLstsq;
+            let x = Mat::from_fn(rows.len(), 3, |i, j| rows[i][j]);
+            x.qr().solve_lstsq(Mat::from_fn(rows.len(), 1, |i, _| rows[i][3]))
+        };
+        let squares = |rows: &[[f64; 4]], beta: &Mat<f64>| {
+            rows.iter().map(|row| (row[3] - (0..3).map(|j| row[j] * beta[(j, 0)]).sum::<f64>()).powi(2)).sum::<f64>()
+        };
+        let all = spans.concat();
+        let mean = all.iter().map(|row| row[3]).sum::<f64>() / all.len() as f64;
+        let variance = all.iter().map(|row| (row[3] - mean).powi(2)).sum::<f64>() / all.len() as f64;
+        type Region = fn(&[f64; 4]) -> bool;
+        let regions: [&[Region]; 2] = [&[|_| true], &[|row| row[2] <= 0.0, |row| row[2] > 0.0]];
+        for (own, regions) in tried.iter().zip(regions) {
+            let of = |rows: &[[f64; 4]], region: &Region| rows.iter().copied().filter(region).collect::<Vec<_>>();
+            for (fold, loss) in own.candidate.losses.iter().enumerate() {
+                let others: Vec<[f64; 4]> = (0..3).filter(|&s| s != fold).flat_map(|s| spans[s].clone()).collect();
+                let error: f64 =
+                    regions.iter().map(|one| squares(&of(&spans[fold], one), &solved(&of(&others, one)))).sum();
+                let exact = error / spans[fold].len() as f64 / variance;
+                assert!((loss / exact - 1.0).abs() < 1e-9, "{loss} {exact}");
+            }
+            assert!((own.candidate.loss.unwrap() - own.candidate.losses.iter().sum::<f64>() / 3.0).abs() < 1e-15);
+            assert!(own.candidate.rrse.is_nan() && own.candidate.folds.is_empty(), "nothing is simulated");
+            assert_eq!(own.candidate.coefficients, 3 * regions.len());
+            let error: f64 = regions.iter().map(|one| squares(&of(&all, one), &solved(&of(&all, one)))).sum();
+            // Both criteria have the same first part: (BIC - AIC) / k = ln n - 2 tells the rows that count, and BIC the rest.
+            let (k, n) = ((3 * regions.len()) as f64, all.len() as f64);
+            let [bic, aic] = [own.candidate.bic, own.candidate.aic].map(Option::unwrap);
+            let independent = ((bic - aic) / k + 2.0).exp();
+            assert!(independent > 1.0 && independent <= n * (1.0 + 1e-9), "{independent}");
+            let exact = independent * (error / n).ln() + k * independent.ln();
+            assert!((bic / exact - 1.0).abs() < 1e-8, "{bic} {exact}");
+        }
+    }
+
+    #[test]
+    fn a_fold_is_simulated_in_the_regions_of_its_own_training_rows() {
+        let (y, u) = recording(300);
+        let mut source = MemorySource::new(vec![Column::float("y"), Column::float("u")]);
+        source.push_uniform("run", 1.0, vec![y, u]);
+        let base = base(&source);
+        let (cut, held, fold_of) = folds(&source);
+        // Cut in two, in three, and not at all: that of all rows is another again.
+        let on = |centroids: &[f64]| Partition {
+            columns: vec![fleetfoot_library::Expr::column("u")],
+            centre: vec![0.0],
+            scale: vec![1.0],
+            rule: fleetfoot_model::Rule::voronoi(centroids.iter().map(|&c| vec![c]).collect()),
+            ..Partition::whole()
+        };
+        let anew = [on(&[-0.4, 0.3]), on(&[-0.5, 0.0, 0.6]), on(&[0.1])];
+        let of_all = on(&[-0.9, 0.9]);
+        let run = |partition: &Partition, anew: &[Vec<Partition>], terms: TermRule| {
+            let specification = fleetfoot_pwa::Specification::Refined(2);
+            let partitions = [Choice { specification, partition: Some(partition.clone()), seed: 0 }];
+            let selection = Selection {
+                base: &base,
+                partitions: &partitions,
+                anew,
+                cut: &cut,
+                held: &held,
+                fold_of: &fold_of,
+                first: 0,
+                step: 1.0,
+                by: By::Simulations,
+            };
+            let job = Job { order: NarxOrder { outputs: 1, inputs: 1, degree: 1, direct: false, every: 1 }, terms };
+            let tried = selection.run(&[job], &Silent).unwrap();
+            tried.into_iter().map(|tried| tried.candidate).collect::<Vec<_>>()
+        };
+        let found = run(&of_all, &[anew.to_vec()], TermRule::All);
+        for (fold, own) in anew.iter().enumerate() {
+            let alone = run(own, &[], TermRule::All);
+            assert_eq!(found[0].folds[fold], alone[0].folds[fold], "{fold}");
+        }
+        assert_eq!(found[0].regions, 2, "what is written has the regions of all rows");
+        assert!(found[0].folds != run(&of_all, &[], TermRule::All)[0].folds);
+        // Where terms are chosen, so many are chosen in every region of a fold's own.
+        let found = run(&of_all, &[anew.to_vec()], TermRule::Auto(3));
+        assert_eq!(found.iter().map(|own| own.terms).collect::<Vec<_>>(), [1, 2, 3]);
+        assert!(found.iter().all(|own| own.rrse.is_finite()), "{found:?}");
+    }
+}

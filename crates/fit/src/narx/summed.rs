@@ -1,0 +1,236 @@
+//! An autoregression whose candidates were summed with a statistic: what `fit narx` fits without the logs.
+
+use std::{borrow::Cow, collections::BTreeMap};
+
+use faer::MatRef;
+use fleetfoot_data::{EpisodeId, Source};
+use fleetfoot_dataset::{EquationStatistic, StatisticFile};
+use fleetfoot_library::Expr;
+use fleetfoot_model::{Partition, TrainedEpisode};
+use fleetfoot_pwa::Problem;
+use fleetfoot_recipe::{Criterion, GivenAs, NarxSection, NarxSelection, Recipe};
+use fleetfoot_sparse::{
+    narx::{NarxFold, NarxOrder},
+    select::Folds,
+    system::{System, SystemScan},
+};
+use fleetfoot_stats::{FoldRule, Purge};
+use fleetfoot_task::{EquationTask, placeholder};
+
+use super::{
+    NarxOptions, OrderRule,
+    choice::Choice,
+    options::USUAL,
+    task::{NarxBase, NarxTask, one_row_ahead},
+};
+use crate::{error::Error, sindy::keys};
+
+/// The candidates that a scan sums for `fit narx`: those of all lags up to the recipe's, in one of its partitions.
+pub(crate) struct Summed {
+    /// How the recipe says that the autoregression is found.
+    pub(crate) options: NarxOptions,
+    /// The largest lags and degree.
+    pub(crate) order: NarxOrder,
+    task: NarxTask,
+}
+
+impl Summed {
+    /// Of a recipe that has its wildcards written out; `None` where it has no `[narx]`: lags of every output and input are not summed unasked.
+    ///
+    /// # Errors
+    /// What the recipe asks for is not there, or needs rows.
+    pub(crate) fn of(recipe: &Recipe, fields: &[fleetfoot_data::Column]) -> Result<Option<Self>, Error> {
+        if recipe.narx == NarxSection::default() {
+            return Ok(None);
+        }
+        let options = NarxOptions::new(recipe)?;
+        refuse_rows(&options)?;
+        let task = EquationTask::resolve(&one_row_ahead(recipe, &options)?, fields)?;
+        let base = NarxBase::new(task, recipe)?;
+        let order = match options.order {
+            OrderRule::Fixed(order) | OrderRule::UpTo(order) => order,
+            OrderRule::Look(given) => given.or(USUAL),
+        };
+        let task = base.with(&[order])?;
+        Ok(Some(Self { options, order, task }))
+    }
+
+    /// What is summed, in one region.
+    pub(crate) fn system(&self) -> System {
+        self.task.task.system()
+    }
+
+    /// What regions are made of.
+    pub(crate) fn problem(&self, step: f64) -> Problem {
+        self.task.task.problem(step)
+    }
+
+    /// What regions look at.
+    pub(crate) fn partition_columns(&self) -> &[Expr] {
+        &self.task.task.partition_columns
+    }
+}
+
+/// What the sums of every row cannot answer.
+fn refuse_rows(options: &NarxOptions) -> Result<(), Error> {
+    let wish = if options.decimate > 1 {
+        format!("[narx] decimate = {}: every n-th row is picked from rows", options.decimate)
+    } else if options.test_share > 0.0 {
+        format!("[narx] test_share = {}: the last rows are picked from rows", options.test_share)
+    } else {
+        return Ok(());
+    };
+    Err(Error::needs_rows(format!("{wish}, which a statistic has not; leave it away, or give the logs")))
+}
+
+/// Where the sums of a fit come from.
+#[derive(Clone, Copy)]
+pub(crate) enum Evidence<'a> {
+    /// Rows that train.
+    Rows(&'a dyn Source),
+    /// The sums of a statistic.
+    Sums(&'a Sums<'a>),
+}
+
+/// The sums of an autoregression in a statistic.
+pub(crate) struct Sums<'a> {
+    file: &'a StatisticFile,
+    equations: &'a EquationStatistic,
+    /// The order that was summed: what is fitted is within it.
+    pub(super) order: NarxOrder,
+}
+
+impl<'a> Sums<'a> {
+    /// The sums of a file that answer for a fit, in the regions that it asks for.
+    ///
+    /// # Errors
+    /// None that do, with what was summed.
+    pub(super) fn new(file: &'a StatisticFile, scanned: &Recipe, fit: &NarxOptions) -> Result<Self, Error> {
+        let whole = EquationStatistic::whole(&scanned.expand(&file.fields)?);
+        let (Some(equations), Some(summed)) = (&file.equations, Summed::of(&whole, &file.fields)?) else {
+            return Err(unserved(file));
+        };
+        let order = summed.order;
+        if let OrderRule::Fixed(asked) | OrderRule::UpTo(asked) = fit.order
+            && !asked.is_within(order)
+        {
+            return Err(Error::other_statistic(format!(
+                "the statistic has the sums of {order}, the fit asks for {asked}: ask for less, scan again with these lags in [narx], or give the logs"
+            )));
+        }
+        Ok(Self { file, equations, order })
+    }
+
+    /// The sums of a task, which has all candidates of the scan, in the regions of a partition.
+    pub(super) fn scan(&self, task: &EquationTask, partition: Option<&Partition>) -> Result<SystemScan, Error> {
+        let system = System { partition: partition.cloned(), ..task.system() };
+        let covering = self.equations.covering(&system).filter(|(_, places)| {
+            places.len() == system.functions.len() && places.iter().enumerate().all(|(at, &place)| at == place)
+        });
+        let (group, _) = covering.ok_or_else(|| unserved(self.file))?;
+        Ok(SystemScan::new(&group.plan, &group.sums)?)
+    }
+
+    /// The one partition of a fit, its regions as they were frozen with the scan.
+    pub(super) fn partitions(&self, task: &NarxTask, options: &NarxOptions) -> Result<Vec<Choice>, Error> {
+        let [one] = options.partitions.as_slice() else { return Err(unserved(self.file)) };
+        let wanted = placeholder(Some(one), &task.task.partition_columns);
+        let system = System { partition: wanted, ..task.task.system() };
+        let found = self.equations.covering(&system).map(|(group, _)| group.plan.system.partition.clone());
+        let partition = found.ok_or_else(|| unserved(self.file))?;
+        Ok(vec![Choice { specification: one.clone(), partition, seed: options.seed }])
+    }
+}
+
+impl Evidence<'_> {
+    /// The rows.
+    ///
+    /// # Errors
+    /// A statistic has none.
+    pub(super) fn rows(&self) -> Result<&dyn Source, Error> {
+        match self {
+            Self::Rows(source) => Ok(*source),
+            Self::Sums(_) => Err(Error::needs_rows(
+                "free runs need rows, which a statistic has not: leave --select free-run away, or give the logs".into(),
+            )),
+        }
+    }
+
+    /// Every episode that trains, by identity: a merged statistic knows no order of logs.
+    pub(super) fn episodes(&self) -> Vec<TrainedEpisode> {
+        let known: BTreeMap<EpisodeId, TrainedEpisode> = match self {
+            Self::Rows(source) => source.episodes().iter().map(|episode| (episode.id, episode.into())).collect(),
+            Self::Sums(sums) => sums.file.episodes.iter().map(|episode| (episode.id, episode.trained())).collect(),
+        };
+        known.into_values().collect()
+    }
+
+    /// The candidates of some orders: all that were summed, where there is a statistic.
+    pub(super) fn candidates(&self, base: &NarxBase, orders: &[NarxOrder]) -> Result<NarxTask, Error> {
+        match self {
+            Self::Rows(_) => base.with(orders),
+            Self::Sums(sums) => base.with(&[sums.order]),
+        }
+    }
+}
+
+/// Folds by the one rule, of the chunks of a scan; no lag of a row that trains, and no smoothing over so many rows, reaches what is held out.
+pub(super) fn folds_of_chunks(
+    scan: &SystemScan,
+    count: usize,
+    order: NarxOrder,
+    smoothed: usize,
+) -> Result<Vec<NarxFold>, Error> {
+    let (keys, rows) = keys(scan);
+    let purge = Purge::Exactly(order.reach() + smoothed);
+    let folds = Folds::of(&keys, &rows, FoldRule::Count(count), purge)?;
+    let problems = |weights: MatRef<'_, f64>| scan.roots(0, weights).into_iter().map(|root| root.compressed(true));
+    Ok(problems(folds.train()).zip(problems(folds.test())).map(|(train, test)| NarxFold { train, test }).collect())
+}
+
+/// The recipe of a fit from sums: what nobody says, and would be chosen by free runs, is chosen by errors of single steps of held-out chunks.
+///
+/// # Errors
+/// A choice by free runs that was asked for.
+pub(super) fn by_single_steps<'a>(recipe: &'a Recipe, notes: &mut Vec<String>) -> Result<Cow<'a, Recipe>, Error> {
+    let options = NarxOptions::new(recipe)?;
+    refuse_rows(&options)?;
+    let given = matches!(options.order, OrderRule::Fixed(_)) && !options.terms.is_free();
+    if options.selection != NarxSelection::FreeRun || given && options.partitions.len() == 1 {
+        return Ok(Cow::Borrowed(recipe));
+    }
+    if recipe.narx.select.is_some() {
+        return Err(Error::needs_rows(
+            "--select free-run simulates rows, which a statistic has not: leave it away, name a criterion of one-step errors (one-se, cv, bic), or give the logs"
+                .into(),
+        ));
+    }
+    let mut recipe = recipe.clone();
+    recipe.narx.select = Some(NarxSelection::OneStep(Criterion::OneStandardError));
+    recipe.narx.order.get_or_insert(GivenAs::Auto);
+    notes.push(
+        "lags and terms are chosen by errors of single steps: free runs, which choose them where logs are given, need rows".into(),
+    );
+    Ok(Cow::Owned(recipe))
+}
+
+fn unserved(file: &StatisticFile) -> Error {
+    Error::other_statistic(format!(
+        "the statistic has no sums for `fit narx` with the outputs, inputs, candidates and regions of the recipe; without the logs it serves {}; scan again with a \
+         recipe that has [narx] lags_out, lags_in and the partition, or give the logs",
+        served(file).join(", ")
+    ))
+}
+
+/// The partitions that `fit narx` has sums for, with the recipe of the scan.
+pub(crate) fn served(file: &StatisticFile) -> Vec<String> {
+    let Some(equations) = &file.equations else { return Vec::new() };
+    let Ok(recipe) = Recipe::parse(&file.recipe, "the recipe of the statistic") else { return Vec::new() };
+    let Ok(Some(summed)) = Summed::of(&EquationStatistic::whole(&recipe), &file.fields) else { return Vec::new() };
+    let system = summed.system();
+    let own = equations.groups.iter().filter(|group| {
+        let held = &group.plan.system;
+        (&held.functions, &held.targets) == (&system.functions, &system.targets)
+    });
+    own.map(|group| group.name().to_owned()).collect()
+}

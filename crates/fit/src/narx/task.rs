@@ -1,0 +1,209 @@
+//! A recipe resolved to an autoregression: the equations of the outputs one row ahead, over the lags of outputs and inputs.
+
+use fleetfoot_library::Expr;
+use fleetfoot_model::{ClosedError, Role};
+use fleetfoot_recipe::Recipe;
+use fleetfoot_sparse::narx::{Addend, NarxLibrary, NarxOrder};
+use fleetfoot_task::{EquationTask, seen};
+
+use super::{GivenOrder, NarxOptions, OrderRule};
+use crate::error::Error;
+
+/// The equations `next(y) = f(lags)` of a recipe's states, while the order is not known.
+#[derive(Debug, Clone)]
+pub(crate) struct NarxBase {
+    pub(crate) task: EquationTask,
+    candidates: Candidates,
+}
+
+/// What the candidates are made of.
+#[derive(Debug, Clone)]
+enum Candidates {
+    /// Products of lags.
+    Polynomial { outputs: Vec<Expr>, inputs: Vec<Expr> },
+    /// Lags of given functions.
+    Additive(Vec<Addend>),
+}
+
+/// The same with the candidates of some orders.
+#[derive(Debug, Clone)]
+pub(crate) struct NarxTask {
+    /// The system with all candidates.
+    pub(crate) task: EquationTask,
+    /// Which of them an order has.
+    pub(crate) library: NarxLibrary,
+}
+
+/// The recipe as `fit sindy` reads it, the lags left to [`NarxBase::with`].
+pub(crate) fn one_row_ahead(recipe: &Recipe, options: &NarxOptions) -> Result<Recipe, Error> {
+    let refuse = |what: &str, mend: &str| Err(Error::conflict(format!("{what}: {mend}")));
+    if recipe.states.values().any(|state| state.library.is_some() || !state.fixed.is_empty()) {
+        return refuse(
+            "a state has a library or fixed terms of its own",
+            "`fit narx` has one library for all outputs ([library] functions, --library); or run `fit sindy` with --predict next",
+        );
+    }
+    if !recipe.parameters.is_empty() {
+        return refuse("the recipe has [parameters]", "they are estimated by `fit sindy`; put numbers in their place");
+    }
+    if !recipe.constraints.is_empty() {
+        return refuse("the recipe has [constraints]", "`fit sindy` and `fit sparse` keep them; leave them away");
+    }
+    match recipe.model.predict.as_deref() {
+        None | Some("next") => {}
+        Some(other) => {
+            return refuse(
+                &format!("--predict {other}"),
+                "an autoregression gives the next value of its outputs; leave it away, or run `fit sindy`",
+            );
+        }
+    }
+    if recipe.states.is_empty() {
+        return refuse("no outputs", "name them in the recipe ([states]) or with --outputs");
+    }
+    let mut recipe = recipe.clone();
+    // Of several partitions only a label has to be known there: it is one more column.
+    recipe.model.partition = options.partitions.iter().find(|p| p.label().is_some()).map(ToString::to_string);
+    recipe.model.predict = Some("next".into());
+    // The candidates have them.
+    recipe.model.lags = None;
+    if recipe.library.functions.is_empty() {
+        recipe.library.functions = vec!["1".into()];
+    }
+    Ok(recipe)
+}
+
+impl NarxBase {
+    /// The outputs and inputs of a task whose library is the constant, or functions of one row, as [`one_row_ahead`] asks for.
+    ///
+    /// # Errors
+    /// A function of several rows.
+    pub(crate) fn new(task: EquationTask, recipe: &Recipe) -> Result<Self, Error> {
+        let regressor = |name: &str| recipe.states.get(name).is_none_or(|state| state.regressor != Some(false));
+        let of = |role: Role| -> Vec<Expr> {
+            task.columns
+                .iter()
+                .filter(|column| column.role == role && regressor(&column.name))
+                .flat_map(|column| seen(column, &task.columns))
+                .collect()
+        };
+        let candidates = if recipe.library.functions.is_empty() {
+            Candidates::Polynomial { outputs: of(Role::State), inputs: of(Role::Input) }
+        } else {
+            Candidates::Additive(
+                task.functions.iter().map(|function| addend(function, &task)).collect::<Result<_, _>>()?,
+            )
+        };
+        Ok(Self { task, candidates })
+    }
+
+    /// The task with the candidates of any of these orders.
+    ///
+    /// # Errors
+    /// More candidates than a library may have.
+    pub(crate) fn with(&self, orders: &[NarxOrder]) -> Result<NarxTask, Error> {
+        let library = match &self.candidates {
+            Candidates::Polynomial { outputs, inputs } => NarxLibrary::of_orders(outputs, inputs, orders)?,
+            Candidates::Additive(addends) => NarxLibrary::additive(addends, orders),
+        };
+        Ok(NarxTask { task: with_functions(&self.task, library.functions().to_vec()), library })
+    }
+
+    /// Candidates of an order, the constant among them.
+    pub(crate) fn candidates(&self, order: NarxOrder) -> usize {
+        match &self.candidates {
+            Candidates::Polynomial { outputs, inputs } => {
+                let variables =
+                    outputs.len() * order.outputs + inputs.len() * (order.inputs + usize::from(order.direct));
+                // C(variables + degree, degree)
+                (1..=order.degree).fold(1usize, |count, d| count.saturating_mul(variables + d) / d)
+            }
+            Candidates::Additive(addends) => 1 + NarxLibrary::additive(addends, &[order]).functions().len(),
+        }
+    }
+
+    /// What a row needs, whatever the order.
+    pub(crate) fn row_functions(&self) -> Vec<Expr> {
+        let mut functions = self.task.row_functions();
+        if let Candidates::Polynomial { outputs, inputs } = &self.candidates {
+            functions.extend(outputs.iter().chain(inputs).cloned());
+        }
+        functions
+    }
+
+    /// Number of outputs.
+    pub(crate) fn outputs(&self) -> usize {
+        self.task.fitted.len()
+    }
+
+    /// The rule with the orders that can run free. Inputs that follow from an output and would be needed before it is predicted are refused; where it is still
+    /// to be found whether inputs act at once, they then do not.
+    pub(crate) fn simulated(&self, rule: OrderRule, step: f64) -> Result<OrderRule, Error> {
+        self.check_simulated(false, step)?;
+        let Err(refused) = self.check_simulated(true, step) else { return Ok(rule) };
+        match rule {
+            OrderRule::Fixed(order) | OrderRule::UpTo(order) if order.direct => Err(refused),
+            OrderRule::Look(GivenOrder { direct: Some(true), .. }) => Err(refused),
+            OrderRule::Look(given) => Ok(OrderRule::Look(GivenOrder { direct: Some(false), ..given })),
+            rule => Ok(rule),
+        }
+    }
+
+    /// Refuses candidates that a free run could not evaluate; `direct`: with inputs that act at once.
+    fn check_simulated(&self, direct: bool, step: f64) -> Result<(), Error> {
+        let task = self.with(&[NarxOrder { outputs: 1, inputs: 1, degree: 1, direct, every: 1 }])?.task;
+        fleetfoot_model::check_simulated(&task.columns, &task.equations, step, &task.functions).map_err(
+            |error| match error {
+                ClosedError::Ahead { column, definition, state, ahead } => Error::conflict(format!(
+                    "the input `{column}` is {definition}, a function of the output `{state}`{}: it is known only when the output is; give it earlier rows \
+                     (leave --direct away, or write `lag({column}, {ahead})` as the input), or leave it out of the inputs",
+                    if ahead == 1 { String::new() } else { format!(" {} rows ahead", ahead - 1) }
+                )),
+                other => Error::conflict(other.to_string()),
+            },
+        )
+    }
+}
+
+impl NarxTask {
+    /// The task with some of the candidates only: columns of problems with the constant first, ascending.
+    pub(crate) fn restricted(&self, columns: &[usize]) -> EquationTask {
+        let functions = columns.iter().filter_map(|&j| j.checked_sub(1)).map(|j| self.task.functions[j].clone());
+        with_functions(&self.task, functions.collect())
+    }
+}
+
+fn with_functions(task: &EquationTask, functions: Vec<Expr>) -> EquationTask {
+    let mut task = task.clone();
+    task.functions = functions;
+    task.limits.clear();
+    task.constant = true;
+    for equation in &mut task.fitted {
+        equation.allowed = vec![true; task.functions.len() + 1];
+        equation.fixed.clear();
+    }
+    task
+}
+
+/// What a function of a library reads. A column that is neither an output nor computed from one comes from outside, as inputs do.
+fn addend(function: &Expr, task: &EquationTask) -> Result<Addend, Error> {
+    let several = fleetfoot_library::Program::compile(std::slice::from_ref(function), &names(task))
+        .is_ok_and(|program| program.leaves().iter().any(|leaf| leaf.lag() != 0));
+    if several || !function.filters().is_empty() {
+        return Err(Error::value(format!(
+            "--library {function}: `fit narx` makes the lags itself; write functions of one row (y, u, y^2) and say how far back they go by --lags-out and \
+             --lags-in"
+        )));
+    }
+    let outputs = function.columns().iter().any(|name| is_output(name, task));
+    let inputs = function.columns().iter().any(|name| !is_output(name, task));
+    Ok(Addend { function: function.clone(), outputs, inputs })
+}
+
+fn names(task: &EquationTask) -> Vec<&str> {
+    task.columns.iter().map(|column| column.name.as_str()).collect()
+}
+
+fn is_output(name: &str, task: &EquationTask) -> bool {
+    task.columns.iter().any(|column| column.name == name && column.role == Role::State)
+}

@@ -1,0 +1,211 @@
+//! Why rows lack a value though all that was measured is there: a division by zero, a root of a negative number, more than f64 holds.
+
+use std::{ops::Range, path::PathBuf};
+
+use fleetfoot_data::{Block, Column, Halo, Source};
+use fleetfoot_dataset::{Dataset, Error as DatasetError};
+use fleetfoot_library::{Binary, Expr, Node, View};
+use fleetfoot_log::{Format, shell_word};
+use fleetfoot_recipe::Cause;
+
+use crate::error::Error;
+
+/// Rows that are looked at together, and at most.
+const ROWS: usize = 65_536;
+const MOST_ROWS: usize = 1 << 21;
+/// Values that are looked at together: of many expressions fewer rows.
+const VALUES: usize = 1 << 23;
+/// Rows without a value in which one expression is looked at, at most: where values are missing in the log, its own are.
+const MOST_TRIED: usize = 4096;
+/// A field is told that lacks more than one value in so many rows, and episodes of fewer rows on average.
+const SHARE: usize = 10;
+const FEW: usize = 10;
+/// Expressions that are told.
+const MOST_TOLD: usize = 5;
+
+/// Sentences about the aliases of a dataset, and about functions of them, that have no finite value in a row though all that they read is there: each with
+/// what happened, and in which row of which file first.
+///
+/// # Errors
+/// Those of reading.
+pub(crate) fn explain(dataset: &Dataset, functions: impl IntoIterator<Item = Expr>) -> Result<Vec<String>, Error> {
+    let aliases = dataset.aliases().iter().filter(|(_, expression)| expression.filters().is_empty());
+    let aliases: Vec<(String, Expr)> = aliases
+        .map(|(column, expression)| {
+            let text = expression.to_string();
+            let name = &column.name;
+            (if text == *name { format!("`{name}`") } else { format!("`{name}` = `{text}`") }, expression.clone())
+        })
+        .collect();
+    let view = dataset.view()?;
+    let mut of_aliases: Vec<(String, Expr)> = Vec::new();
+    for function in functions.into_iter().filter(|function| function.as_column().is_none()) {
+        if !of_aliases.iter().any(|(_, known)| *known == function) {
+            of_aliases.push((format!("`{function}`"), function));
+        }
+    }
+    let mut told = first_of_each(dataset.source(), &aliases)?;
+    told.extend(first_of_each(&view, &of_aliases)?);
+    let more = told.len().saturating_sub(MOST_TOLD);
+    told.truncate(MOST_TOLD);
+    if more > 0 {
+        told.push(format!("{more} more expressions have no finite value in some rows"));
+    }
+    Ok(told)
+}
+
+/// An error with what may be behind it: rows that an expression has made useless.
+pub(crate) fn with_reasons(error: Error, dataset: &Dataset, functions: impl IntoIterator<Item = Expr>) -> Error {
+    match error {
+        Error::Cancelled(_) | Error::Dataset(DatasetError::Data(_) | DatasetError::Log(_)) => error,
+        error if error.is_memory() => error,
+        error => {
+            let mut reasons = if is_too_few(&error) { too_few(dataset).unwrap_or_default() } else { Vec::new() };
+            reasons.extend(explain(dataset, functions).unwrap_or_default());
+            if reasons.is_empty() {
+                return error;
+            }
+            Error::WithReasons { error: Box::new(error), reasons: reasons.join("; ") }
+        }
+    }
+}
+
+/// Whether rows are too few for what was asked.
+pub(crate) fn is_too_few(error: &Error) -> bool {
+    match error {
+        Error::Request(request) => matches!(request.cause, Cause::TooFewRows { .. }),
+        Error::Identification(error) => matches!(error, fleetfoot_pwa::Error::TooFewRows { .. }),
+        _ => false,
+    }
+}
+
+/// Why rows are too few: the field that lacks most values, and episodes of a few rows.
+///
+/// # Errors
+/// Those of reading.
+pub(crate) fn too_few(dataset: &Dataset) -> Result<Vec<String>, Error> {
+    let source = dataset.source();
+    let (mut missing, mut rows) = (vec![0; source.columns().len()], 0);
+    for (episode, info) in source.episodes().iter().enumerate() {
+        for from in (0..info.rows).step_by(ROWS) {
+            let range = from..(from + ROWS).min(info.rows).min(from + MOST_ROWS - rows);
+            rows += range.len();
+            let block = source.read(episode, range, Halo::default())?;
+            for (count, column) in missing.iter_mut().zip(0..) {
+                *count += block.core(column).iter().filter(|value| !value.is_finite()).count();
+            }
+        }
+    }
+    let mut told = Vec::new();
+    let worst = missing.iter().zip(source.columns()).max_by_key(|(count, _)| **count);
+    if let Some((&count, column)) = worst.filter(|(count, _)| SHARE * **count >= rows.max(1)) {
+        let name = &column.name;
+        let is_log = |file: &PathBuf| file.is_dir() || Format::of(file).is_some_and(|format| format.is_log());
+        let of_topics = source.episodes().iter().any(|episode| episode.file.as_ref().is_some_and(is_log));
+        let mend = of_topics.then(|| {
+            let topic = name.split(['.', '[']).next().unwrap_or(name);
+            format!(
+                ": its samples come too far apart for the rows; say how far its values reach (in the recipe, [join] \"{name}\" = {{ max_gap = SECONDS }}), \
+                 or make them the rows (--base {})",
+                shell_word(topic)
+            )
+        });
+        told.push(format!("`{name}` is missing in {count} of {rows} rows{}", mend.unwrap_or_default()));
+    }
+    let episodes = source.episodes().len();
+    if episodes > 1 && rows < FEW * episodes {
+        told.push(format!(
+            "gaps cut the {rows} rows into {episodes} episodes: --max-gap SECONDS keeps those together that lie closer"
+        ));
+    }
+    Ok(told)
+}
+
+/// For every expression over the columns of a source that has no finite value where it could, a sentence about the first such row.
+fn first_of_each(source: &dyn Source, expressions: &[(String, Expr)]) -> Result<Vec<String>, Error> {
+    let columns: Vec<(Column, Expr)> =
+        expressions.iter().map(|(label, expression)| (Column::float(label), expression.clone())).collect();
+    let seen = View::new(source, &columns)?;
+    let mut told: Vec<Option<String>> = vec![None; expressions.len()];
+    let mut tried = vec![0; expressions.len()];
+    let mut left = MOST_ROWS;
+    let rows = (VALUES / expressions.len().max(1)).clamp(1, ROWS);
+    for (episode, info) in source.episodes().iter().enumerate() {
+        for from in (0..info.rows).step_by(rows) {
+            let range = from..(from + rows).min(info.rows).min(from + left);
+            left -= range.len();
+            let values = seen.read(episode, range.clone(), Halo::default())?;
+            for (at, (label, expression)) in expressions.iter().enumerate() {
+                let open = told[at].is_none() && tried[at] < MOST_TRIED;
+                if !open || values.core(at).iter().all(|value| value.is_finite()) {
+                    continue;
+                }
+                let block = source.read(episode, range.clone(), halo(expression))?;
+                let lacking = (0..block.rows).filter(|&row| !values.core(at)[row].is_finite());
+                let reason = lacking.take(MOST_TRIED - tried[at]).inspect(|_| tried[at] += 1).find_map(|row| {
+                    let reason = reason(expression, source, &block, row)?;
+                    Some(format!("{label} is {reason} in row {} of {}", block.first + row + 1, info.name))
+                });
+                told[at] = reason;
+            }
+            if left == 0 {
+                break;
+            }
+        }
+    }
+    Ok(told.into_iter().flatten().collect())
+}
+
+/// The neighbours that an expression reads.
+fn halo(expression: &Expr) -> Halo {
+    let (back, ahead) = expression.reach();
+    Halo { before: back as usize, after: ahead as usize }
+}
+
+/// What becomes of finite values in a row; `None` where one is missing already, or beyond the episode.
+fn reason(expression: &Expr, source: &dyn Source, block: &Block, row: usize) -> Option<String> {
+    let rows: Range<i64> = 0..block.time.len() as i64;
+    let place = |lag: i32| {
+        let at = (block.before + row) as i64 - i64::from(lag);
+        rows.contains(&at).then_some(at as usize)
+    };
+    let seconds = block.seconds();
+    let mut found = None;
+    let mut missing = false;
+    expression.fold(|part, arguments: &[f64]| {
+        let value = match part.node() {
+            Node::Column { name, lag } => {
+                let column = source.column_index(name);
+                place(*lag).zip(column).map_or(f64::NAN, |(at, column)| block.column(column)[at])
+            }
+            Node::Time { lag } => place(*lag).map_or(f64::NAN, |at| seconds[at]),
+            Node::Number(value) => *value,
+            Node::Unary(function, _) => function.apply(arguments[0]),
+            Node::Binary(function, ..) => function.apply(arguments[0], arguments[1]),
+            Node::Power(_, exponent) => arguments[0].powi(*exponent),
+        };
+        let is_leaf = arguments.is_empty();
+        missing |= is_leaf && value.is_nan();
+        if found.is_none() && !value.is_finite() && arguments.iter().all(|argument| argument.is_finite()) {
+            found = Some(happened(part, arguments, value));
+        }
+        value
+    });
+    found.filter(|_| !missing)
+}
+
+fn happened(part: &Expr, arguments: &[f64], value: f64) -> String {
+    let by_zero = match part.node() {
+        Node::Binary(Binary::Div, ..) => arguments[1] == 0.0,
+        Node::Power(_, exponent) => *exponent < 0 && arguments[0] == 0.0,
+        _ => false,
+    };
+    let what = if value.is_nan() { "no number" } else { "infinite" };
+    let at: Vec<String> = arguments.iter().map(f64::to_string).collect();
+    match (by_zero, part.as_column()) {
+        (_, Some(_)) => format!("{what} in the log"),
+        (true, _) => format!("{what} (`{part}` divides by zero)"),
+        _ if value.is_nan() => format!("{what} (`{part}` has no value at {})", at.join(" and ")),
+        _ => format!("{what} (`{part}` is beyond 1.8e308)"),
+    }
+}

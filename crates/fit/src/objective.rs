@@ -1,0 +1,323 @@
+//! What coefficients are fitted to: one step, or simulations of several; and whether rows that did not train find the second better.
+
+mod held;
+mod report;
+
+use fleetfoot_data::{Progress, Silent, Source};
+use fleetfoot_dynamics::{
+    Coefficient, Error as DynamicsError, Method, RolloutOptions, ScoreOptions, Scores, Simulator, Starts, score,
+};
+use fleetfoot_estimate::{EstimateError, Hold, Simulated, SimulationOptions, WHOLE_COEFFICIENTS, simulation_errors};
+use fleetfoot_model::Model;
+use fleetfoot_recipe::{MOST_STEPS, Objective};
+pub(crate) use held::Bound;
+pub(crate) use report::coefficient;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    error::Error,
+    model_file::refuse_not_finite,
+    rollout_choice::{HeldOut, RolloutRule, SAME},
+};
+
+/// Rollouts of every fold, at most, by which the two models are compared.
+const STARTS: usize = 200;
+/// Numbers that the derivatives of a segment may take where its length is not said: 128 MiB, of which every chunk in flight has one.
+const DERIVATIVES: usize = 1 << 24;
+/// How much longer the second horizon is by which they are compared: what is fitted to N steps may run away later.
+const FAR: usize = 10;
+
+/// How the model of the simulations is compared with that of one step, where there is one; a free run has the steps that `free` says.
+pub(crate) fn rule(objective: Objective, free: usize) -> Option<RolloutRule> {
+    let steps = match objective {
+        Objective::OneStep => return None,
+        Objective::Steps(steps) => steps as usize,
+        Objective::FreeRun => free,
+    };
+    Some(RolloutRule { starts: STARTS, ..RolloutRule::new(steps) })
+}
+
+/// Passes over the rows that it takes beside those of the fit, at most; `fit` passes make a model of one step. `many`: of more than 2,000 coefficients, or of maps that are bounded.
+pub(crate) fn passes(objective: Objective, fit: usize, many: bool) -> usize {
+    rule(objective, 1).map_or(0, |rule| {
+        let own = SimulationOptions::new(rule.horizon).passes(0, many);
+        // The training rows of a fold are fewer, so that its passes are less than the fit's own.
+        own + rule.folds * (fit + own)
+    })
+}
+
+/// What a job will cost, for people; nothing where the objective is one step. `bounded`: of maps that are bounded.
+pub fn simulation_cost(objective: Objective, fit: usize, bounded: bool) -> Option<String> {
+    let rule = rule(objective, 1)?;
+    let steps = match objective {
+        Objective::FreeRun => "as many steps as they have room for".to_owned(),
+        _ => format!("{} steps", rule.horizon),
+    };
+    let more = match bounded {
+        true => String::new(),
+        false => format!(", {} of more than {WHOLE_COEFFICIENTS} coefficients", passes(objective, fit, true)),
+    };
+    Some(format!(
+        "--objective {objective}: at most {} passes over the rows more{more}, with {} x {} rollouts of {steps} on rows that did not train",
+        passes(objective, fit, bounded),
+        2 * rule.folds,
+        rule.starts
+    ))
+}
+
+/// What to know where nothing came of it.
+pub(crate) fn note(objective: Objective, refinement: Option<&Refinement>) -> Option<String> {
+    let nothing = objective != Objective::OneStep && refinement.is_none();
+    nothing.then(|| {
+        format!("objective = \"{objective}\": the model has no coefficients that could be fitted to simulations")
+    })
+}
+
+/// Refuses what needs rows where there are none.
+pub(crate) fn refuse_statistic(objective: Objective) -> Result<(), Error> {
+    match objective {
+        Objective::OneStep => Ok(()),
+        Objective::Steps(_) | Objective::FreeRun => Err(Error::needs_rows(format!(
+            "objective = \"{objective}\" simulates the rows of logs, and a statistic has none: fit on the logs, or leave it away"
+        ))),
+    }
+}
+
+/// A model that was fitted to its simulations, beside the one of one step.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Refinement {
+    /// Steps of a segment and of the rollouts, and folds.
+    pub rule: RolloutRule,
+    /// The fit to the simulations of all rows.
+    pub fitted: Simulated,
+    /// The fitted model one step ahead, on the rows that it was fitted to.
+    pub training: Scores,
+    /// Steps of the longer rollouts, at most ten times those of the segments.
+    pub far: usize,
+    /// Both models on the rows of every fold, fitted on those of the others.
+    pub folds: Vec<RefinedFold>,
+    /// What the weights of the prior bring, the heaviest first; empty where coefficients are few, and have no prior.
+    pub weights: Vec<WeightErrors>,
+    /// How the maps of the fitted model are bounded, where they are.
+    pub bound: Option<Bounded>,
+    /// Whether the model of the simulations is the better one in rollouts of rows that did not train, and not worse in the longer ones: then it is the one that
+    /// is written.
+    pub written: bool,
+}
+
+/// A weight of the prior, on rows that did not train: means over the folds.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct WeightErrors {
+    /// The weight, in squares of the steps ([`fleetfoot_estimate::ManyOptions::weights`]).
+    pub weight: f64,
+    /// As [`HeldOutErrors::rollouts`].
+    pub rollouts: f64,
+    /// As [`HeldOutErrors::far`].
+    pub far: f64,
+}
+
+/// How the maps of a fitted model contract: the greatest of its regions.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct Bounded {
+    /// The bound of the norms.
+    pub bound: f64,
+    /// Spectral radius.
+    pub radius: f64,
+    /// Norm in the metric of the fit of one step.
+    pub norm: f64,
+    /// What maps give at their ports over what they may, where they are passive.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub passive_norm: Option<f64>,
+}
+
+/// Two models on rows that trained neither.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct RefinedFold {
+    /// Fitted to one step.
+    pub one_step: HeldOutErrors,
+    /// Fitted to simulations.
+    pub simulated: HeldOutErrors,
+}
+
+/// Errors of a model on rows that did not train it.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct HeldOutErrors {
+    /// Squared error of rollouts over that of persistence, its root, the mean over the states; a rollout that ended early with its last good state.
+    pub rollouts: f64,
+    /// The same of the longer rollouts.
+    pub far: f64,
+    /// Rollouts, of [`Refinement::rule`]'s steps, that ended early.
+    pub ended: usize,
+    /// Rollouts.
+    pub starts: usize,
+    /// One step ahead.
+    pub one_step: Scores,
+}
+
+impl HeldOutErrors {
+    fn of(model: &Model, held: &dyn Source, rule: &HeldOut<'_>, far: usize) -> Result<Self, Error> {
+        let simulated = |steps: usize| {
+            let mut options = RolloutOptions::new(steps);
+            // As the coefficients were fitted.
+            options.method = Method::Rk4;
+            rule.simulated(model, held, &Starts::Even(rule.rule().starts), &options)
+        };
+        let found = simulated(rule.rule().horizon)?;
+        Ok(Self {
+            rollouts: found.share,
+            far: if far > rule.rule().horizon { simulated(far)?.share } else { found.share },
+            ended: found.ended,
+            starts: found.starts,
+            one_step: score(model, held, &ScoreOptions::default(), &Silent)?,
+        })
+    }
+
+    /// Mean absolute error one step ahead over that of the null model, the mean over the targets.
+    pub fn over_null(&self) -> f64 {
+        let shares: Vec<f64> = self.one_step.targets.iter().map(|target| target.mae_over_null.value).collect();
+        shares.iter().sum::<f64>() / shares.len() as f64
+    }
+}
+
+/// A model of one step, and the set in which a fit to simulations has to keep it.
+pub(crate) type Beginning = (Model, Option<Box<dyn Hold>>);
+
+/// Fits to simulations, one a weight of the prior where there is one, up to so many; what is too short for it is told with the mend.
+fn fitted(
+    objective: Objective,
+    (model, hold): &Beginning,
+    (steps, weights): (usize, usize),
+    source: &dyn Source,
+    progress: &dyn Progress,
+) -> Result<Vec<Simulated>, Error> {
+    let mut options = SimulationOptions::new(steps);
+    options.many.weights.truncate(weights);
+    simulation_errors(model, source, &options, hold.as_deref(), progress).map_err(|error| match error {
+        EstimateError::Dynamics(error @ DynamicsError::TooShort { .. }) => {
+            Error::undetermined(format!("--objective {objective}: {error}: ask for fewer steps, or give longer logs"))
+        }
+        error => error.into(),
+    })
+}
+
+/// The weight of least error over the steps of the segments, among those that are not worse over more of them than the model of one step; where all are, the one that is least so.
+fn chosen(weights: &[WeightErrors], one_far: f64) -> usize {
+    let key = |at: &usize| {
+        let own = &weights[*at];
+        if own.far <= one_far { (0, own.rollouts) } else { (1, own.far) }
+    };
+    let least = |a: &usize, b: &usize| {
+        let (a, b) = (key(a), key(b));
+        a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
+    };
+    (0..weights.len()).min_by(least).unwrap_or(0)
+}
+
+/// Fits a model to its simulations as the objective says; `None` for one step, and for a model without coefficients ([`Objective::note`]). `fit` makes a model of one
+/// step of some rows; `smoothed`: rows over which the source was smoothed before.
+///
+/// Where coefficients are many, or bounded, there is a prior, whose weight is that of the least error on the rows that did not train.
+///
+/// # Errors
+/// Those of `fit` and of fitting; held-out spans shorter than the simulations.
+pub(crate) fn refine(
+    objective: Objective,
+    beginning: &Beginning,
+    (source, smoothed): (&dyn Source, usize),
+    progress: &dyn Progress,
+    mut fit: impl FnMut(&dyn Source) -> Result<Beginning, Error>,
+) -> Result<Option<Refinement>, Error> {
+    let model = &beginning.0;
+    if Coefficient::support(model).is_empty() {
+        return Ok(None);
+    }
+    let Some(judged) = rule(objective, 1) else { return Ok(None) };
+    let mut held = HeldOut::new((source, smoothed), judged, format!("--objective {objective}"))?;
+    if objective == Objective::FreeRun {
+        held.reach(longest(model, source, held.room())?);
+    }
+    let rule = held.rule();
+    let far = held.far(FAR * rule.horizon);
+    let most = SimulationOptions::new(rule.horizon).many.weights.len();
+    let mut trials: Vec<Trial> = Vec::with_capacity(rule.folds);
+    held.each(|train, rows| {
+        let before = fit(train)?;
+        progress.stage(&format!("simulation error, without fold {} of {}", trials.len() + 1, rule.folds));
+        let after = match Coefficient::support(&before.0).is_empty() {
+            true => vec![(None, before.0.clone())],
+            false => fitted(objective, &before, (rule.horizon, most), train, progress)?
+                .into_iter()
+                .map(|found| (found.weight, found.model))
+                .collect(),
+        };
+        let errors = |model: &Model| HeldOutErrors::of(model, rows, &held, far);
+        let simulated =
+            after.iter().map(|(weight, model)| Ok((*weight, errors(model)?))).collect::<Result<_, Error>>()?;
+        trials.push(Trial { one_step: errors(&before.0)?, simulated });
+        Ok(())
+    })?;
+    let weights = weights(&trials);
+    let one_far = trials.iter().map(|trial| trial.one_step.far).sum::<f64>() / trials.len() as f64;
+    let chosen = chosen(&weights, one_far);
+    let folds = trials.into_iter().map(|trial| trial.fold(chosen)).collect();
+    progress.stage("simulation error");
+    let fitted = fitted(objective, beginning, (rule.horizon, chosen + 1), source, progress)?.pop();
+    let Some(fitted) = fitted else { return Ok(None) };
+    refuse_not_finite(&fitted.model)?;
+    let changed = fitted.model.latents != model.latents;
+    let training = score(&fitted.model, source, &ScoreOptions::default(), progress)?;
+    let mut refinement = Refinement { rule, far, fitted, training, folds, weights, bound: None, written: false };
+    let ([one_step, simulated], [one_far, simulated_far]) = (refinement.rollouts(), refinement.far_rollouts());
+    refinement.written = changed && simulated < one_step * (1.0 - SAME) && simulated_far <= one_far;
+    Ok(Some(refinement))
+}
+
+/// Steps of a free run through so many rows, as far as its derivatives have room in memory.
+fn longest(model: &Model, source: &dyn Source, rows: usize) -> Result<usize, Error> {
+    let simulator = Simulator::for_source(model, source, RolloutOptions::new(1).step)?;
+    let taken = |steps: usize| {
+        let needed = simulator.needed_rows(steps);
+        needed.before + 1 + needed.after
+    };
+    let room = (2..=rows).rev().find(|&steps| taken(steps) <= rows).ok_or_else(|| {
+        Error::undetermined(format!(
+            "--objective free-run: the longest of the held-out spans have {rows} rows, too few for a simulation: give longer logs"
+        ))
+    })?;
+    let numbers = Coefficient::support(model).len() * simulator.states().len();
+    // Every chunk of rows is read with a segment's behind it: no free run is longer than segments that are asked for may be.
+    Ok(room.min(DERIVATIVES / numbers.max(1)).clamp(1, MOST_STEPS as usize))
+}
+
+/// The models of a fold, on the rows that it holds out.
+struct Trial {
+    one_step: HeldOutErrors,
+    /// By the weight of the prior, where there is one.
+    simulated: Vec<(Option<f64>, HeldOutErrors)>,
+}
+
+impl Trial {
+    /// With the weight that was chosen.
+    fn fold(mut self, chosen: usize) -> RefinedFold {
+        let simulated = self.simulated.swap_remove(chosen.min(self.simulated.len() - 1)).1;
+        RefinedFold { one_step: self.one_step, simulated }
+    }
+}
+
+/// Means over the folds; none where a fold has no prior.
+fn weights(trials: &[Trial]) -> Vec<WeightErrors> {
+    let count = trials.iter().map(|trial| trial.simulated.len()).min().unwrap_or(0);
+    let mean = |at: usize, of: fn(&HeldOutErrors) -> f64| {
+        trials.iter().map(|trial| of(&trial.simulated[at].1)).sum::<f64>() / trials.len() as f64
+    };
+    let of = |at: usize| {
+        let weight = trials.first().and_then(|trial| trial.simulated[at].0)?;
+        Some(WeightErrors { weight, rollouts: mean(at, |own| own.rollouts), far: mean(at, |own| own.far) })
+    };
+    (0..count).map_while(of).collect()
+}

@@ -1,0 +1,244 @@
+//! Parameters of given equations, from logs: `fit parameters`.
+
+mod held_out;
+mod report;
+
+use faer::Mat;
+use fleetfoot_data::{Progress, Source};
+use fleetfoot_dataset::{Dataset, Logs};
+use fleetfoot_estimate::{
+    Bounded, EquationError, EstimateError, FilterError, FilterErrorOptions, Gains, MatrixLimit, Options, OutputError,
+    OutputErrorOptions, equation_error, filter_error, output_error,
+};
+use fleetfoot_model::{Column, Estimated, Model};
+use fleetfoot_recipe::{EstimateMethod, Recipe};
+use fleetfoot_task::ParametersTask;
+pub use report::{ConfoundedPair, GainInterval, ParameterInterval, ParametersHeldOut, ParametersReport};
+use report::{Found, report};
+
+use crate::{error::Error, folds::smoothed_rows, known::given};
+
+/// A model whose equations were given and whose parameters were estimated.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct ParametersFitted {
+    /// The model: the parameters' values stand in its equations.
+    pub model: Model,
+    /// What is known of the parameters.
+    pub report: ParametersReport,
+}
+
+/// Chunks of rows that the standard errors of equation error take for independent, about.
+const CHUNKS: usize = 64;
+
+/// What `[estimate]` says, checked.
+pub(crate) struct EstimateOptions {
+    pub(crate) method: EstimateMethod,
+    pub(crate) segment: Option<usize>,
+    pub(crate) compare: Vec<String>,
+    pub(crate) folds: usize,
+    /// Seconds over which the logs were smoothed before, where they were.
+    smoothed: Option<f64>,
+}
+
+impl EstimateOptions {
+    fn new(recipe: &Recipe) -> Result<Self, Error> {
+        let said = &recipe.estimate;
+        let method = said.method.unwrap_or_default();
+        let compare: Vec<String> = said.compare.as_deref().map(fleetfoot_recipe::items).unwrap_or_default();
+        let compare: Vec<String> = compare.iter().map(|name| name.trim().trim_matches('`').to_owned()).collect();
+        if let Some(rows) = said.segment.filter(|&rows| rows < 2) {
+            return Err(Error::value(format!("segment = {rows}: a segment has two rows at least")));
+        }
+        if method == EstimateMethod::EquationError && (said.segment.is_some() || said.compare.is_some()) {
+            return Err(Error::conflict(
+                "segment and compare speak of simulations, and method = \"equation-error\" makes none: leave them away"
+                    .into(),
+            ));
+        }
+        if let Some(name) = compare.iter().find(|name| !recipe.states.contains_key(name.as_str())) {
+            let near = fleetfoot_data::nearest(name, recipe.states.keys().map(String::as_str));
+            let near = fleetfoot_data::did_you_mean(&near);
+            return Err(Error::unknown(name, format!("compare: `{name}` is not a state{near}")));
+        }
+        Ok(Self {
+            method,
+            segment: said.segment,
+            compare,
+            folds: said.folds.unwrap_or(5),
+            smoothed: recipe.time.smoothed,
+        })
+    }
+}
+
+/// Estimates the parameters of a recipe whose states are all given by equations.
+///
+/// # Errors
+/// Those of the recipe, of reading and of the estimate; a state without an equation; a parameter that no equation uses.
+pub fn fit_parameters(
+    recipe: &Recipe,
+    logs: impl Into<Logs>,
+    progress: &dyn Progress,
+) -> Result<ParametersFitted, Error> {
+    let logs = &logs.into();
+    if logs.is_statistic() {
+        return Err(Error::needs_rows(
+            "fit parameters goes over the rows of logs, and a statistic has none: give the logs".into(),
+        ));
+    }
+    let mut options = EstimateOptions::new(recipe)?;
+    let (dataset, mut task) = Dataset::for_parameters(recipe, logs, progress)?;
+    options.compare = written_out(&options.compare, &task.known.columns);
+    let method = format!("parameters {}", report::word(options.method));
+    let known = std::mem::take(&mut task.known);
+    // With the names of parameters in its equations.
+    let open = given(&method, recipe, known, &dataset, progress)?;
+    let view = dataset.view()?;
+    let found = estimate(&task, &task.limits, &open, &view, &options, progress)?;
+    let model = closed(&open, &task, &found);
+    let mut notes = dataset.notes().to_vec();
+    let free = match task.limits.is_empty() {
+        true => None,
+        false => free(estimate(&task, &[], &open, &view, &options, progress), &mut notes)?,
+    };
+    let rows = (&view as &dyn Source, smoothed_rows(options.smoothed, dataset.step()));
+    let held_out = held_out::held_out(&task, &open, &found, rows, &options, &mut notes, progress)?;
+    let provenance = (dataset.episodes().len(), logs.len());
+    let report = report(&task, &open, (&found, free.as_ref()), held_out, provenance, notes);
+    Ok(ParametersFitted { model, report })
+}
+
+/// What is found without limits, as far as anything is.
+fn free(found: Result<Found, Error>, notes: &mut Vec<String>) -> Result<Option<Found>, Error> {
+    match found {
+        Ok(found) => Ok(Some(found)),
+        Err(error @ Error::Cancelled(_)) => Err(error),
+        Err(error) => {
+            notes.push(format!("without [constraints] nothing is found: {error}"));
+            Ok(None)
+        }
+    }
+}
+
+/// The states that are compared, a rotation by its parts.
+fn written_out(compare: &[String], columns: &[Column]) -> Vec<String> {
+    let parts = |name: &String| -> Vec<String> {
+        let is_part = |column: &&Column| column.rotation.as_ref().is_some_and(|own| own.group == *name);
+        let parts: Vec<String> = columns.iter().filter(is_part).map(|column| column.name.clone()).collect();
+        if parts.is_empty() { vec![name.clone()] } else { parts }
+    };
+    compare.iter().flat_map(parts).collect()
+}
+
+/// Estimates on the rows of a source, within these limits.
+fn estimate(
+    task: &ParametersTask,
+    limits: &[MatrixLimit],
+    open: &Model,
+    source: &dyn Source,
+    options: &EstimateOptions,
+    progress: &dyn Progress,
+) -> Result<Found, Error> {
+    if options.method == EstimateMethod::EquationError {
+        if let Some(silent) = task.without_residual() {
+            return Err(Error::conflict(format!(
+                "[parameters] {silent}: it stands in the rates of a rotation alone, whose kinematics no row can tell by itself: estimate it by simulations, method = \"output-error\""
+            )));
+        }
+        return Ok(Found::Equation(by_equations(task, limits, source, progress)?));
+    }
+    // What the rows say one by one is a second place to begin; where they say nothing, there is one.
+    let starts = match by_equations(task, limits, source, progress) {
+        Ok(found) => vec![found.estimate.values],
+        Err(EstimateError::Cancelled(cancelled)) => return Err(cancelled.into()),
+        Err(_) => Vec::new(),
+    };
+    Ok(match options.method {
+        EstimateMethod::FilterError => {
+            by_filter((task, limits), open, source, options, (starts, Gains::Estimated), progress)?.into()
+        }
+        _ => by_outputs((task, limits), open, source, options, starts, progress)?.into(),
+    })
+}
+
+/// The same method on other rows of the logs, from what was found before.
+fn again(
+    task: &ParametersTask,
+    open: &Model,
+    source: &dyn Source,
+    options: &EstimateOptions,
+    before: &Found,
+    progress: &dyn Progress,
+) -> Result<Found, EstimateError> {
+    let starts = vec![before.values().to_vec()];
+    Ok(match before {
+        Found::Equation(_) => Found::Equation(by_equations(task, &task.limits, source, progress)?),
+        Found::Simulated { filter: None, .. } => {
+            by_outputs((task, &task.limits), open, source, options, starts, progress)?.into()
+        }
+        Found::Simulated { filter: Some(before), .. } => {
+            let gains = Gains::Near(before.gains.iter().map(|gain| gain.value).collect());
+            by_filter((task, &task.limits), open, source, options, (starts, gains), progress)?.into()
+        }
+    })
+}
+
+fn by_equations(
+    task: &ParametersTask,
+    limits: &[MatrixLimit],
+    source: &dyn Source,
+    progress: &dyn Progress,
+) -> Result<EquationError, EstimateError> {
+    let chunk_rows = (source.rows() / CHUNKS).clamp(256, 65_536);
+    let options = Options { chunk_rows, ..Options::default() };
+    equation_error(&task.residuals, Bounded::new(&task.bounded(), limits), source, &options, progress)
+}
+
+fn by_outputs(
+    (task, limits): (&ParametersTask, &[MatrixLimit]),
+    open: &Model,
+    source: &dyn Source,
+    options: &EstimateOptions,
+    starts: Vec<Vec<f64>>,
+    progress: &dyn Progress,
+) -> Result<OutputError, EstimateError> {
+    output_error(open, Bounded::new(&task.bounded(), limits), source, &simulated(options, starts), progress)
+}
+
+fn by_filter(
+    (task, limits): (&ParametersTask, &[MatrixLimit]),
+    open: &Model,
+    source: &dyn Source,
+    options: &EstimateOptions,
+    (starts, gains): (Vec<Vec<f64>>, Gains),
+    progress: &dyn Progress,
+) -> Result<FilterError, EstimateError> {
+    let mut own = FilterErrorOptions::default();
+    (own.simulation, own.gains) = (simulated(options, starts), gains);
+    filter_error(open, Bounded::new(&task.bounded(), limits), source, &own, progress)
+}
+
+fn simulated(options: &EstimateOptions, starts: Vec<Vec<f64>>) -> OutputErrorOptions {
+    let mut own = OutputErrorOptions::default();
+    (own.rows, own.outputs, own.starts) = (options.segment, options.compare.clone(), starts);
+    own
+}
+
+/// The model with values in place of the parameters.
+fn closed(open: &Model, task: &ParametersTask, found: &Found) -> Model {
+    let mut model = open.clone();
+    let values = found.values();
+    for equation in &mut model.equations {
+        equation.right = task.insert(&equation.right, values);
+    }
+    let names = task.parameters.iter().map(|parameter| parameter.name.clone());
+    let described = names.zip(values).zip(found.half_widths());
+    model.training.parameters =
+        described.map(|((name, &value), half_width)| Estimated { name, value, half_width }).collect();
+    model.training.parameter_covariance = packed(&found.covariance());
+    model
+}
+
+fn packed(covariance: &Mat<f64>) -> Vec<f64> {
+    (0..covariance.nrows()).flat_map(|i| (0..=i).map(move |j| (i, j))).map(|(i, j)| covariance[(i, j)]).collect()
+}

@@ -1,0 +1,63 @@
+//! What a model is worth on rows that did not train it: refitted without them, and simulated over them.
+
+use fleetfoot_data::{Progress, Source};
+use fleetfoot_dynamics::{Method, RolloutOptions, Starts};
+use fleetfoot_model::Model;
+use fleetfoot_task::ParametersTask;
+
+use super::{EstimateOptions, ParametersHeldOut, again, closed, report::Found};
+use crate::{
+    error::Error,
+    rollout_choice::{HORIZON, HeldOut, RolloutRule},
+};
+
+/// Rollouts of the common folds; a note in their place where the logs are too short for them.
+pub(super) fn held_out(
+    task: &ParametersTask,
+    open: &Model,
+    found: &Found,
+    (source, smoothed): (&dyn Source, usize),
+    options: &EstimateOptions,
+    notes: &mut Vec<String>,
+    progress: &dyn Progress,
+) -> Result<Option<ParametersHeldOut>, Error> {
+    if options.folds == 0 {
+        notes.push("no rows are held out (folds = 0): what is told of errors is in-sample".into());
+        return Ok(None);
+    }
+    match rollouts(task, open, found, (source, smoothed), options, progress) {
+        Ok(held_out) => Ok(Some(held_out)),
+        Err(Error::Cancelled(cancelled)) => Err(cancelled.into()),
+        Err(error) => {
+            notes.push(format!("no rows are held out, and what is told of errors is in-sample: {error}"));
+            Ok(None)
+        }
+    }
+}
+
+fn rollouts(
+    task: &ParametersTask,
+    open: &Model,
+    found: &Found,
+    (source, smoothed): (&dyn Source, usize),
+    options: &EstimateOptions,
+    progress: &dyn Progress,
+) -> Result<ParametersHeldOut, Error> {
+    let rule = RolloutRule { folds: options.folds, ..RolloutRule::new(HORIZON) };
+    let held = HeldOut::new((source, smoothed), rule, "--folds")?;
+    let mut shares = Vec::with_capacity(rule.folds);
+    let (mut ended, mut starts) = (0, 0);
+    held.each(|train, rows| {
+        // Nothing of the held-out rows corrects the simulations of any method.
+        let refitted = again(task, open, train, options, found, progress)?;
+        let mut simulation = RolloutOptions::new(rule.horizon);
+        // As the parameters were fitted.
+        simulation.method = Method::Rk4;
+        let own = held.simulated(&closed(open, task, &refitted), rows, &Starts::Even(rule.starts), &simulation)?;
+        shares.push(own.share);
+        ended += own.ended;
+        starts += own.starts;
+        Ok(())
+    })?;
+    Ok(ParametersHeldOut { horizon: rule.horizon, folds: shares, ended, starts })
+}

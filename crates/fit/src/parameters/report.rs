@@ -1,0 +1,390 @@
+//! What is known of estimated parameters.
+
+use faer::Mat;
+use fleetfoot_estimate::{EquationError, FilterError, Gain, MatrixLimit, OutputError, Status};
+use fleetfoot_model::Model;
+use fleetfoot_recipe::EstimateMethod;
+use fleetfoot_stats::student_t_95;
+use fleetfoot_task::ParametersTask;
+use serde::Serialize;
+
+use crate::limit_report::LimitReport;
+
+/// Correlation beyond which two parameters can hardly be told apart (Klein and Morelli 2006, section 5.4).
+const CONFOUNDED: f64 = 0.9;
+
+/// How much wider an interval is by the correlation of the residuals where that is told.
+const WIDER: f64 = 1.1;
+
+/// The report of `fit parameters`.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct ParametersReport {
+    /// What the parameters were fitted to.
+    pub method: EstimateMethod,
+    /// Rows of the logs.
+    pub rows: u64,
+    /// Episodes.
+    pub episodes: usize,
+    /// Files.
+    pub files: usize,
+    /// The parameters.
+    pub parameters: Vec<ParameterInterval>,
+    /// Pairs whose correlation exceeds 0.9.
+    pub confounded: Vec<ConfoundedPair>,
+    /// Standard deviation of the noise: of the measured states, by filter error of what it predicts of them, by equation error of the derivatives.
+    pub noise: Vec<(String, f64)>,
+    /// The same without `[constraints]`, where there are any and something is found: their price.
+    pub free_noise: Vec<f64>,
+    /// What matrices of parameters keep.
+    pub limits: Vec<LimitReport>,
+    /// By filter error, by how much the measurements of every compared state correct the simulation; else none.
+    pub gains: Vec<GainInterval>,
+    /// By filter error the covariance of what the filter predicts and what was measured of the compared states, by rows; else none.
+    pub innovations: Vec<Vec<f64>>,
+    /// Segments that were simulated, and those left out for missing values; none by equation error.
+    pub segments: Option<[usize; 2]>,
+    /// Rows over which residuals are correlated; `None` by equation error.
+    pub memory: Option<usize>,
+    /// Whether that is as far as was looked, so that the intervals may be too narrow.
+    pub lasting: bool,
+    /// Condition of the Jacobian, its columns scaled to unit length.
+    pub condition: f64,
+    /// The certificate: the largest cosine of the angle between the residual and a column of the Jacobian.
+    pub gradient: f64,
+    /// Whether the minimum was reached.
+    pub converged: bool,
+    /// Rollouts of rows that did not train.
+    pub held_out: Option<ParametersHeldOut>,
+    /// The equations with their values.
+    pub equations: Vec<String>,
+    /// What the user should know.
+    pub notes: Vec<String>,
+}
+
+/// A parameter and its interval.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct ParameterInterval {
+    /// Its name.
+    pub name: String,
+    /// Its estimate, or where it was kept.
+    pub value: f64,
+    /// Standard error with the correlation of the residuals; infinite where the rows do not determine it, 0 where it is fixed or at a bound.
+    pub standard_error: f64,
+    /// Standard error for residuals that are independent from row to row.
+    pub white_error: f64,
+    /// The 95 % interval.
+    pub interval: [f64; 2],
+    /// Unit, when known.
+    pub unit: Option<String>,
+    /// Whether it was kept.
+    pub fixed: bool,
+    /// Whether it is at a bound that pushes back.
+    pub at_bound: bool,
+    /// Whether the rows determine it.
+    pub determined: bool,
+}
+
+/// By how much the measurements of a state correct the simulation of filter error.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct GainInterval {
+    /// The state.
+    pub name: String,
+    /// From 0, which is output error, to 1, which is equation error over a step.
+    pub value: f64,
+    /// Standard error with the correlation of the residuals; infinite where the rows do not determine it, 0 at a bound.
+    pub standard_error: f64,
+    /// The 95 % interval.
+    pub interval: [f64; 2],
+    /// Whether it is 0 or 1 because the rows ask for less, or more.
+    pub at_bound: bool,
+}
+
+impl From<&Gain> for GainInterval {
+    fn from(own: &Gain) -> Self {
+        let (name, value, standard_error) = (own.state.clone(), own.value, own.error);
+        Self { name, value, standard_error, interval: own.interval(), at_bound: own.at_bound }
+    }
+}
+
+/// Two parameters that the rows hardly tell apart.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct ConfoundedPair {
+    /// Their names.
+    pub names: [String; 2],
+    /// Their correlation.
+    pub correlation: f64,
+}
+
+/// Rollouts of rows that did not train the models that are rolled out.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct ParametersHeldOut {
+    /// Steps of a rollout.
+    pub horizon: usize,
+    /// Error over that of persistence, of every fold.
+    pub folds: Vec<f64>,
+    /// Rollouts that ended early.
+    pub ended: usize,
+    /// Rollouts.
+    pub starts: usize,
+}
+
+impl ParametersHeldOut {
+    /// Mean over the folds.
+    pub fn share(&self) -> f64 {
+        self.folds.iter().sum::<f64>() / self.folds.len() as f64
+    }
+}
+
+/// What a method found.
+pub(super) enum Found {
+    Equation(EquationError),
+    Simulated { found: OutputError, filter: Option<Filter> },
+}
+
+/// What a filter has beside parameters.
+pub(super) struct Filter {
+    pub(super) gains: Vec<Gain>,
+    pub(super) innovations: Mat<f64>,
+}
+
+impl From<OutputError> for Found {
+    fn from(found: OutputError) -> Self {
+        Self::Simulated { found, filter: None }
+    }
+}
+
+impl From<FilterError> for Found {
+    fn from(FilterError { parameters: found, gains, innovations, .. }: FilterError) -> Self {
+        Self::Simulated { found, filter: Some(Filter { gains, innovations }) }
+    }
+}
+
+impl Found {
+    fn method(&self) -> EstimateMethod {
+        match self {
+            Self::Equation(_) => EstimateMethod::EquationError,
+            Self::Simulated { filter: None, .. } => EstimateMethod::OutputError,
+            Self::Simulated { filter: Some(_), .. } => EstimateMethod::FilterError,
+        }
+    }
+
+    pub(super) fn values(&self) -> &[f64] {
+        match self {
+            Self::Equation(found) => &found.estimate.values,
+            Self::Simulated { found, .. } => &found.values,
+        }
+    }
+
+    /// As [`ParametersReport::noise`].
+    fn deviations(&self) -> &[f64] {
+        match self {
+            Self::Equation(found) => &found.deviations,
+            Self::Simulated { found, .. } => &found.deviations,
+        }
+    }
+
+    fn undetermined(&self) -> &[usize] {
+        match self {
+            Self::Equation(found) => &found.estimate.undetermined,
+            Self::Simulated { found, .. } => &found.undetermined,
+        }
+    }
+
+    fn at_bounds(&self) -> &[usize] {
+        match self {
+            Self::Equation(found) => &found.estimate.at_bounds,
+            Self::Simulated { found, .. } => &found.at_bounds,
+        }
+    }
+
+    /// With the correlation of the residuals, for which equation error takes that within chunks of rows.
+    pub(super) fn covariance(&self) -> Mat<f64> {
+        match self {
+            Self::Equation(found) => found.estimate.clustered.clone().unwrap_or(found.estimate.covariance.clone()),
+            Self::Simulated { found, .. } => found.covariance.clone(),
+        }
+    }
+
+    fn standard_errors(&self) -> Vec<f64> {
+        match self {
+            Self::Equation(found) => {
+                found.estimate.clustered_errors().unwrap_or_else(|| found.estimate.standard_errors())
+            }
+            Self::Simulated { found, .. } => found.standard_errors(),
+        }
+    }
+
+    fn white_errors(&self) -> Vec<f64> {
+        match self {
+            Self::Equation(found) => found.estimate.standard_errors(),
+            Self::Simulated { found, .. } => (0..found.values.len()).map(|j| found.white[(j, j)].sqrt()).collect(),
+        }
+    }
+
+    pub(super) fn half_widths(&self) -> Vec<f64> {
+        match self {
+            Self::Equation(found) => {
+                let factor = student_t_95((found.estimate.rows as usize).saturating_sub(found.estimate.values.len()));
+                self.standard_errors().iter().map(|error| factor * error).collect()
+            }
+            Self::Simulated { found, .. } => found.half_widths(),
+        }
+    }
+}
+
+/// The word of a method.
+pub(super) fn word(method: EstimateMethod) -> &'static str {
+    match method {
+        EstimateMethod::EquationError => "equation-error",
+        EstimateMethod::OutputError => "output-error",
+        EstimateMethod::FilterError => "filter-error",
+    }
+}
+
+pub(super) fn report(
+    task: &ParametersTask,
+    open: &Model,
+    (found, free): (&Found, Option<&Found>),
+    held_out: Option<ParametersHeldOut>,
+    (episodes, files): (usize, usize),
+    mut notes: Vec<String>,
+) -> ParametersReport {
+    let (errors, white, half_widths) = (found.standard_errors(), found.white_errors(), found.half_widths());
+    let interval = |j: usize| {
+        let (own, value) = (&task.parameters[j], found.values()[j]);
+        ParameterInterval {
+            name: own.name.clone(),
+            value,
+            standard_error: errors[j],
+            white_error: white[j],
+            interval: [value - half_widths[j], value + half_widths[j]],
+            unit: own.unit.clone(),
+            fixed: own.fixed,
+            at_bound: found.at_bounds().contains(&j),
+            determined: !found.undetermined().contains(&j),
+        }
+    };
+    let parameters: Vec<ParameterInterval> = (0..task.parameters.len()).map(interval).collect();
+    let moves = |j: usize| !parameters[j].fixed && !parameters[j].at_bound && parameters[j].determined;
+    let confounded = confounded(&found.covariance(), &parameters, moves);
+    // Six digits are what a person reads; the model has all.
+    let rounded: Vec<f64> =
+        found.values().iter().map(|value| format!("{value:.5e}").parse().unwrap_or(*value)).collect();
+    let equation = |own: &fleetfoot_model::Equation| format!("{} = {}", own.label(), task.insert(&own.right, &rounded));
+    let equations = open.equations.iter().map(equation);
+    let limit = |limit: &MatrixLimit| {
+        let clearance = |found: &Found| limit.clearance(found.values());
+        LimitReport::of_matrix(limit, clearance(found), free.map(clearance))
+    };
+    let limits = task.limits.iter().map(limit).collect();
+    let (noise, segments, memory, condition, gradient, converged) = match found {
+        Found::Equation(found) => {
+            let labels = task.residuals.iter().map(|residual| residual.name.clone());
+            let converged = found.settled && found.estimate.status.converged();
+            let noise = labels.zip(found.deviations.iter().copied()).collect();
+            (noise, None, None, found.estimate.condition, found.estimate.gradient, converged)
+        }
+        Found::Simulated { found, .. } => {
+            let noise = found.outputs.iter().cloned().zip(found.deviations.iter().copied()).collect();
+            let segments = Some([found.beginnings.len(), found.missing]);
+            let converged = found.status != Status::Iterations;
+            (noise, segments, Some(found.memory), found.condition, found.gradient, converged)
+        }
+    };
+    let (gains, innovations) = match found {
+        Found::Simulated { filter: Some(Filter { gains, innovations }), .. } => {
+            let row = |i: usize| (0..innovations.ncols()).map(|j| innovations[(i, j)]).collect();
+            (gains.iter().map(GainInterval::from).collect(), (0..innovations.nrows()).map(row).collect())
+        }
+        _ => (Vec::new(), Vec::new()),
+    };
+    if !converged {
+        notes.push(
+            "the minimum was not reached: intervals say nothing; begin nearer to it, or with shorter segments".into(),
+        );
+    }
+    ParametersReport {
+        method: found.method(),
+        rows: open.training.rows,
+        episodes,
+        files,
+        parameters,
+        confounded,
+        noise,
+        free_noise: free.map_or_else(Vec::new, |free| free.deviations().to_vec()),
+        limits,
+        gains,
+        innovations,
+        segments,
+        memory,
+        condition,
+        gradient,
+        lasting: matches!(found, Found::Simulated { found, .. } if found.lasting),
+        converged,
+        held_out,
+        equations: equations.collect(),
+        notes,
+    }
+}
+
+fn confounded(
+    covariance: &Mat<f64>,
+    parameters: &[ParameterInterval],
+    free: impl Fn(usize) -> bool,
+) -> Vec<ConfoundedPair> {
+    let mut found = Vec::new();
+    for a in (0..parameters.len()).filter(|&a| free(a)) {
+        for b in (a + 1..parameters.len()).filter(|&b| free(b)) {
+            let correlation = covariance[(a, b)] / (covariance[(a, a)] * covariance[(b, b)]).sqrt();
+            if correlation.abs() > CONFOUNDED {
+                let names = [parameters[a].name.clone(), parameters[b].name.clone()];
+                found.push(ConfoundedPair { names, correlation });
+            }
+        }
+    }
+    found
+}
+
+impl ParametersReport {
+    /// Warnings, in sentences: what the rows do not tell, or hardly tell apart; residuals that last.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut told = Vec::new();
+        for own in self.parameters.iter().filter(|own| !own.determined) {
+            told.push(format!(
+                "The rows do not determine `{}`: fix it, or give logs in which what it multiplies varies by itself.",
+                own.name
+            ));
+        }
+        for ConfoundedPair { names: [a, b], correlation } in &self.confounded {
+            told.push(format!(
+                "`{a}` and `{b}` are confounded (correlation {correlation:.3}): the rows tell a combination of them better than each."
+            ));
+        }
+        for own in self.gains.iter().filter(|own| own.at_bound) {
+            told.push(match own.value > 0.5 {
+                false => format!(
+                    "The gain of `{}` is at its bound 0: its measurements correct nothing, as by output error.",
+                    own.name
+                ),
+                true => format!(
+                    "The gain of `{}` is at its bound 1: every step begins at its measurement, as by equation error.",
+                    own.name
+                ),
+            });
+        }
+        let ratio = |own: &ParameterInterval| own.standard_error / own.white_error;
+        let widest = self.parameters.iter().map(ratio).filter(|ratio| ratio.is_finite()).fold(1.0, f64::max);
+        if let Some(rows) = self.memory.filter(|_| widest >= WIDER) {
+            told.push(format!(
+                "Residuals are correlated over {rows} rows, which the model does not explain: the intervals are up to {widest:.1} times as wide as those of white noise{}.",
+                if self.lasting { ", and may be too narrow, since correlation was looked for no further" } else { "" }
+            ));
+        }
+        told
+    }
+}

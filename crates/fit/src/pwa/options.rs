@@ -1,0 +1,254 @@
+//! How a piecewise-affine model is found: the words of `[pwa]` and the partitions of `[model]`, checked once.
+
+use fleetfoot_model::UnseenLabel;
+use fleetfoot_pwa::{Options, Selection, Shrinkage, Specification};
+use fleetfoot_recipe::{Objective, PartitionChoice, PwaSection, Recipe, Tunable, UnseenLabels, seed};
+
+use crate::{
+    error::Error,
+    folds::smoothed_rows,
+    rollout_choice::{HORIZON, RolloutRule, open_spans},
+};
+
+/// How a piecewise-affine model is found.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct PwaOptions {
+    /// What the identification is told; its purge gap, in rows, follows from [`PwaOptions::purge`] once the sampling period is known.
+    pub identification: Options,
+    /// Gap between held-out and training rows, seconds; `None`: a tenth of a held-out span.
+    pub purge: Option<f64>,
+    /// How partitions and open spans are compared by rollouts, where they are.
+    pub rollouts: Option<RolloutRule>,
+    /// What coefficients are fitted to.
+    pub objective: Objective,
+    /// Whether regions are counted along a phase, which is known once the columns are ([`fleetfoot_task::Task::phase`]).
+    pub(crate) phase: bool,
+    /// Seconds over which the logs were smoothed before, where they were.
+    smoothed: Option<f64>,
+}
+
+/// Most folds.
+const FOLDS: u16 = 100;
+
+/// What is tried where nothing is said of partitions: in one pass more than one region takes, each of the four with its error on rows that did not train.
+pub(crate) const TRIED: &str = "average,kmeans:2,5,10";
+
+impl PwaOptions {
+    /// Reads `[pwa]`, the partitions of `[model]`, and whether the recipe leaves a span open.
+    ///
+    /// # Errors
+    /// A number that is not allowed, with those that are; a partition that cannot be understood.
+    pub fn new(recipe: &Recipe) -> Result<Self, Error> {
+        if let Some(name) = recipe.constraints.keys().next() {
+            return Err(Error::conflict(format!(
+                "[constraints] {name}: `fit sindy`, `fit sparse` and `fit parameters` keep constraints; leave [constraints] away, or bound the maps of regions by --stable and --passive"
+            )));
+        }
+        let section = &recipe.pwa;
+        let mut options = Options::default();
+        options.folds = checked("folds", section.folds.unwrap_or(options.folds), |&n| n <= FOLDS, "0 to 100")?;
+        // Where nothing is held out, more regions are better for all that training rows tell.
+        let unsaid = if options.folds > 1 || section.select.is_some() { TRIED } else { "average" };
+        options.partitions = Specification::parse_list(recipe.model.partition.as_deref().unwrap_or(unsaid))?;
+        options.selection = match section.select {
+            Some(PartitionChoice::Bic) => Selection::Bic,
+            // By rollouts it is settled before it is asked for.
+            None | Some(PartitionChoice::Cv | PartitionChoice::Rollout) => Selection::CrossValidation,
+        };
+        options.shrinkage = section.shrinkage.as_ref().map_or(Ok(options.shrinkage), shrinkage)?;
+        let is_bound = |bound: &f64| *bound > 0.0 && bound.is_finite();
+        let stable = section.stable.map(|bound| checked("stable", bound, is_bound, "a bound above 0, such as 1"));
+        options.stability = stable.transpose()?;
+        options.ports = section.passive.iter().flat_map(|ports| &ports.0).map(port).collect();
+        options.unseen = match section.unseen_labels {
+            None | Some(UnseenLabels::Refuse) => UnseenLabel::Refuse,
+            Some(UnseenLabels::Pool) => UnseenLabel::Pool,
+        };
+        options.seed = seed("pwa", section.seed)?;
+        let from_one = |what, number: Option<usize>, default| {
+            checked(what, number.unwrap_or(default), |&number| number > 0, "a number from 1 on")
+        };
+        options.restarts = from_one("restarts", section.restarts, options.restarts)?;
+        options.iterations = from_one("iterations", section.iterations, options.iterations)?;
+        options.tsqr = section.tsqr.unwrap_or(options.tsqr);
+        options.continuous = section.continuous.unwrap_or(options.continuous);
+        let simulated = section.objective.filter(|objective| *objective != Objective::OneStep);
+        if let (true, Some(objective)) = (options.continuous, simulated) {
+            return Err(Error::conflict(format!(
+                "--continuous with --objective {objective}: simulations move the maps of regions apart; leave one of them away"
+            )));
+        }
+        if let (true, Some(ports)) = (options.continuous, &section.passive) {
+            return Err(Error::conflict(format!(
+                "--continuous with --passive {ports}: maps that are bounded region by region do not meet at borders; leave one of them away"
+            )));
+        }
+        if let (true, Some(bound)) = (options.continuous, options.stability) {
+            return Err(Error::conflict(format!(
+                "--continuous with --stable={bound}: maps that are bounded region by region do not meet at borders; leave one of them away"
+            )));
+        }
+        if let Some(mebibytes) = section.memory {
+            let is_size = |&size: &f64| size > 0.0 && size.is_finite();
+            let mebibytes = checked("memory", mebibytes, is_size, "a number of MiB above 0")?;
+            options.memory = (mebibytes * f64::from(1 << 20)) as usize;
+        }
+        let is_gap = |gap: &f64| *gap >= 0.0 && gap.is_finite();
+        let purge = section.purge.map(|gap| checked("purge", gap, is_gap, "seconds, zero or more")).transpose()?;
+        Ok(Self {
+            identification: options,
+            purge,
+            rollouts: rollouts(section, recipe)?,
+            objective: section.objective.unwrap_or_default(),
+            phase: section.phase.is_some(),
+            smoothed: recipe.time.smoothed,
+        })
+    }
+
+    /// The columns that partitions need beside the recipe's.
+    pub(crate) fn labels(&self) -> Vec<String> {
+        self.identification.partitions.iter().filter_map(|own| own.label().map(str::to_owned)).collect()
+    }
+
+    /// What the identification is told of rows that are `step` seconds apart; 0 where they have no clock.
+    pub(crate) fn of_step(&self, step: f64) -> Options {
+        let mut options = self.identification.clone();
+        if let (Some(seconds), true) = (self.purge, step > 0.0) {
+            options.purge = Some((seconds / step).ceil() as usize);
+        }
+        options.smoothed = smoothed_rows(self.smoothed, step);
+        options
+    }
+}
+
+/// What the recipe says of states that maps of regions have no use for, for people.
+pub(super) fn unused(recipe: &Recipe) -> Option<String> {
+    let has =
+        |state: &fleetfoot_recipe::State| state.nominal.is_some() || state.library.is_some() || !state.fixed.is_empty();
+    let names: Vec<&str> =
+        recipe.states.iter().filter(|(_, state)| has(state)).map(|(name, _)| name.as_str()).collect();
+    (!names.is_empty()).then(|| {
+        format!("`nominal`, `library` and `fixed` of {} are not used: they are of `fit sindy`", names.join(", "))
+    })
+}
+
+/// How partitions and open spans are compared by rollouts, where they are.
+fn rollouts(section: &PwaSection, recipe: &Recipe) -> Result<Option<RolloutRule>, Error> {
+    let compared = section.select == Some(PartitionChoice::Rollout) || !open_spans(recipe).is_empty();
+    match (section.horizon, compared) {
+        (None, false) => Ok(None),
+        (Some(steps), false) => Err(Error::conflict(format!(
+            "[pwa] horizon = {steps} (--horizon {steps}): nothing is chosen by rollouts; add select = \"rollout\" (--select rollout), or leave it away"
+        ))),
+        (steps, true) => {
+            let steps =
+                checked("horizon", steps.map_or(HORIZON, |steps| steps as usize), |&n| n > 0, "steps from 1 on")?;
+            Ok(Some(RolloutRule::new(steps)))
+        }
+    }
+}
+
+fn shrinkage(given: &Tunable) -> Result<Shrinkage, Error> {
+    match given {
+        Tunable::Word(word) if word == "auto" => Ok(Shrinkage::Auto),
+        Tunable::Number(rows) if *rows >= 0.0 && rows.is_finite() => Ok(Shrinkage::Rows(*rows)),
+        other => Err(refused("shrinkage", other, "a number of rows, zero or more, or auto")),
+    }
+}
+
+fn checked<T: std::fmt::Display>(
+    what: &str,
+    value: T,
+    is_allowed: impl Fn(&T) -> bool,
+    allowed: &str,
+) -> Result<T, Error> {
+    if is_allowed(&value) { Ok(value) } else { Err(refused(what, value, allowed)) }
+}
+
+fn refused(what: &str, value: impl std::fmt::Display, allowed: &str) -> Error {
+    Error::value(format!("[pwa] {what} = {value}: write {allowed}"))
+}
+
+/// A port of the recipe as the estimator has it.
+fn port(port: &fleetfoot_recipe::Port) -> fleetfoot_pwa::Port {
+    fleetfoot_pwa::Port { input: port.input.clone(), output: port.output.clone(), shortage: port.shortage }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn options(text: &str) -> Result<PwaOptions, String> {
+        let recipe = Recipe::parse(text, "test").map_err(|error| error.to_string())?;
+        PwaOptions::new(&recipe).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn what_maps_do_not_keep_is_said() {
+        let refused =
+            options("[constraints]\ndamping = { coefficients = { v = [\"v\"] }, at_most = 0.0 }\n").unwrap_err();
+        assert!(refused.contains("[constraints] damping") && refused.contains("--stable"), "{refused}");
+        let recipe = Recipe::parse("[states]\nx = {}\nv = { nominal = \"3*u\" }\nw = { fixed = [\"u\"] }\n", "test");
+        assert!(unused(&recipe.unwrap()).unwrap().contains("`fixed` of v, w are not used"));
+        assert_eq!(unused(&Recipe::parse("[states]\nx = {}\n", "test").unwrap()), None);
+    }
+
+    #[test]
+    fn words_are_read() {
+        let default = options("").unwrap();
+        let mut own = Options::default();
+        assert_eq!(options("[pwa]\nfolds = 0\n").unwrap().identification.partitions, own.partitions);
+        own.partitions = Specification::parse_list(TRIED).unwrap();
+        assert_eq!(options("[pwa]\nfolds = 0\nselect = \"bic\"\n").unwrap().identification.partitions, own.partitions);
+        assert_eq!(format!("{:?}", default.identification), format!("{own:?}"), "what is not said is the default");
+        assert_eq!((default.purge, default.rollouts), (None, None));
+        let text = "[pwa]\nselect = \"bic\"\nfolds = 4\npurge = 0.25\nshrinkage = \"auto\"\nunseen_labels = \"pool\"\nseed = 3\nrestarts = 2\n\
+                    iterations = 9\nmemory = 0.5\ntsqr = true\nstable = 0.99\n[model]\npartition = \"average,kmeans:4\"\n";
+        let given = options(text).unwrap();
+        let found = &given.identification;
+        assert_eq!((found.selection, found.folds, found.shrinkage), (Selection::Bic, 4, Shrinkage::Auto));
+        assert_eq!((found.unseen, found.seed, found.restarts), (UnseenLabel::Pool, 3, 2));
+        assert_eq!((found.iterations, found.memory, found.tsqr), (9, 512 << 10, true));
+        assert_eq!(found.stability, Some(0.99));
+        assert_eq!(found.partitions, [Specification::Average, Specification::KMeans(4)]);
+        assert_eq!((given.of_step(0.01).purge, given.of_step(0.0).purge), (Some(25), None));
+        assert_eq!(options("[pwa]\nshrinkage = 10").unwrap().identification.shrinkage, Shrinkage::Rows(10.0));
+    }
+
+    #[test]
+    fn rollouts_are_had_by_choice_and_by_an_open_span() {
+        let of = |text: &str| options(text).unwrap().rollouts.map(|rule| rule.horizon);
+        assert_eq!(of("[pwa]\nselect = \"rollout\""), Some(HORIZON));
+        assert_eq!(of("[pwa]\nhorizon = 20\n[states]\nv = { derivative = { over = \"auto\" } }"), Some(20));
+        assert_eq!(of("[states]\nv = { derivative = { over = 5 } }"), None);
+    }
+
+    #[test]
+    fn what_is_not_allowed_is_said_with_what_is() {
+        for (text, parts) in [
+            ("[pwa]\nfolds = 101", ["folds = 101", "0..=100"]),
+            ("[pwa]\nselect = \"best\"", ["select = \"best\"", "`rollout`"]),
+            ("[pwa]\nunseen_labels = \"guess\"", ["unseen_labels = \"guess\"", "`pool`"]),
+            ("[pwa]\npurge = -1.0", ["purge = -1", "zero or more"]),
+            ("[pwa]\nshrinkage = \"much\"", ["shrinkage = much", "auto"]),
+            ("[pwa]\nshrinkage = -2.0", ["shrinkage = -2", "zero or more"]),
+            ("[pwa]\nrestarts = 0", ["restarts = 0", "from 1 on"]),
+            ("[pwa]\niterations = 0", ["iterations = 0", "from 1 on"]),
+            ("[pwa]\nmemory = 0.0", ["memory = 0", "above 0"]),
+            ("[pwa]\nhorizon = 20", ["horizon = 20", "--select rollout"]),
+            ("[pwa]\nhorizon = 0\nselect = \"rollout\"", ["horizon = 0", "from 1 on"]),
+            ("[pwa]\nfold = 3", ["fold", "folds"]),
+            ("[pwa]\nstable = 1.0\ncontinuous = true", ["stable=1", "do not meet"]),
+            ("[pwa]\npassive = \"f:v\"\ncontinuous = true", ["passive f:v", "do not meet"]),
+            ("[pwa]\nstable = 0.0", ["stable = 0", "above 0"]),
+            ("[model]\npartition = \"kmeens:3\"", ["kmeens:3", "kmeans:10"]),
+        ] {
+            let message = options(text).expect_err(text);
+            assert!(parts.iter().all(|part| message.contains(part)), "{text}: {message}");
+        }
+        let mut recipe = Recipe::default();
+        recipe.pwa.seed = Some(u64::MAX);
+        assert!(PwaOptions::new(&recipe).unwrap_err().to_string().contains("seed = 18446744073709551615"));
+    }
+}

@@ -1,0 +1,250 @@
+//! A piecewise-affine model from a `.stats` file: no pass.
+
+use faer::{Mat, MatRef};
+use fleetfoot_dataset::{EpisodeRecord, Logs, StatisticFile};
+use fleetfoot_model::{Partition, UnseenLabel};
+use fleetfoot_pwa::{Options, Specification, Summed, SummedPartition, SummedRows, identify_summed};
+use fleetfoot_recipe::Recipe;
+use fleetfoot_sparse::{inference::system_effective_rows, select::Folds, system::SystemScan};
+use fleetfoot_stats::{FoldRule, Purge, SquareRoot};
+use fleetfoot_task::{Task, piecewise};
+
+use super::{
+    Fitted, PwaOptions, PwaRequest,
+    options::{TRIED, unused},
+};
+use crate::{
+    concentrated,
+    error::Error,
+    folds::reached,
+    left_out::in_no_region,
+    model_file::refuse_not_finite,
+    objective,
+    sindy::{beneath, keys},
+};
+
+/// Fits the sums of a statistic, in the regions that were frozen with its plan.
+///
+/// # Errors
+/// Those of the recipe and of reading; a question that needs rows; targets, functions or regions that were not summed; folds that the chunks are too long for.
+pub(crate) fn fit(recipe: &Recipe, request: PwaRequest, logs: &Logs) -> Result<Fitted, Error> {
+    let file = logs.statistic()?;
+    let recipe = beneath(recipe, &Recipe::parse(&file.recipe, "the recipe of the statistic")?)?;
+    let said = PwaOptions::new(&recipe)?;
+    objective::refuse_statistic(said.objective)?;
+    refuse_rows(&said)?;
+    let mut options = said.of_step(file.step());
+    options.keep_all = request.keep_all;
+    let unsaid = recipe.model.partition.is_none();
+    if unsaid {
+        options.partitions = vec![Specification::Average];
+    }
+    let options = &options;
+    let expanded = recipe.expand(&file.fields)?;
+    let parts = options.partitions.iter().map(|one| Part::new(&file, &expanded, one, options));
+    let parts: Vec<Part> = parts.collect::<Result<_, _>>()?;
+    let whole = Part::new(&file, &expanded, &Specification::Average, options)?;
+    let partitions: Vec<SummedPartition<'_>> = options
+        .partitions
+        .iter()
+        .zip(&parts)
+        .map(|(one, part)| SummedPartition {
+            specification: one.clone(),
+            partition: part.partition.clone(),
+            sums: part,
+        })
+        .collect();
+    let problem = Task::resolve(&expanded, &file.fields, &said.labels(), file.step())?.problem;
+    let mut identification = identify_summed(&problem, options, &whole, &partitions, &whole.rows(&file))?;
+    refuse_not_finite(&identification.model)?;
+    let text = recipe.to_toml();
+    for model in std::iter::once(&mut identification.model).chain(&mut identification.models) {
+        model.training.recipe.clone_from(&text);
+    }
+    let mut notes = std::mem::take(&mut identification.notes);
+    notes.extend(unused(&recipe));
+    notes.push(
+        "absolute errors and Mahalanobis scores need rows, which a statistic has not: R2 and the loss are told; `fleetfoot score` tells the others on logs".into(),
+    );
+    for (one, part) in options.partitions.iter().zip(&parts) {
+        notes.extend(in_no_region(&one.to_string(), &part.scan, whole.scan.counts().complete));
+    }
+    let told = identification.targets.iter().cloned().zip(whole.scan.concentrated().iter().map(Option::as_ref));
+    notes.extend(concentrated::notes(told, |id| file.episode(id).map(|episode| episode.name.clone())));
+    if unsaid {
+        notes.push(format!(
+            "the statistic has one region: `fleetfoot scan --partition {TRIED}` sums those that are tried on logs"
+        ));
+    }
+    let clustered = options.partitions.iter().any(|one| one.clusters().is_some());
+    let section = &recipe.pwa;
+    if clustered && (section.seed.is_some() || section.restarts.is_some() || section.iterations.is_some()) {
+        notes.push("[pwa] seed, restarts and iterations say how logs are clustered; the regions here are those of the scan, with the seed of [sindy]".into());
+    }
+    if clustered && whole.folds.is_some() {
+        notes.push(
+            "the regions of every fold are those of the scan, clustered on all rows; logs are clustered anew on the training rows of every fold, so that held-out losses differ"
+                .into(),
+        );
+    }
+    Ok(Fitted {
+        identification,
+        episodes: file.episodes.len(),
+        files: file.files.len(),
+        rollouts: None,
+        refinement: None,
+        notes,
+    })
+}
+
+/// What a statistic cannot answer.
+fn refuse_rows(said: &PwaOptions) -> Result<(), Error> {
+    let problem = if said.rollouts.is_some() {
+        "rollouts compare simulations with rows: leave --select rollout away and name the span of a derivative"
+    } else if said.phase {
+        "--phase asks rows where they are in their stride: leave it away"
+    } else if said.identification.tsqr {
+        "--tsqr factors the rows themselves: leave it away"
+    } else if said.identification.continuous {
+        "--continuous asks rows which regions are neighbours: leave it away"
+    } else if said.identification.unseen == UnseenLabel::Pool {
+        "--unseen-labels pool asks for one more region, which was not summed: leave it away"
+    } else {
+        return Ok(());
+    };
+    Err(Error::needs_rows(format!("{problem}, or give the logs instead of their statistic")))
+}
+
+/// The sums of one partition, with the square-root forms of all folds.
+struct Part {
+    scan: SystemScan,
+    partition: Partition,
+    /// Where the library's functions stand among those of the scan.
+    places: Vec<usize>,
+    folds: Option<Folds>,
+    /// Region by region: all rows, then the training rows of every fold.
+    training: Vec<Vec<SquareRoot>>,
+    testing: Vec<Vec<SquareRoot>>,
+}
+
+impl Part {
+    fn new(
+        file: &StatisticFile,
+        recipe: &Recipe,
+        specification: &Specification,
+        options: &Options,
+    ) -> Result<Self, Error> {
+        let one = match specification {
+            Specification::Null | Specification::Average => None,
+            one => Some(one.to_string()),
+        };
+        let mut own = recipe.clone();
+        own.model.partition.clone_from(&one);
+        let (_, system) = piecewise(&own, &file.fields, file.step())?;
+        let found = file.equations.as_ref().and_then(|equations| equations.covering(&system));
+        let (group, places) = found.ok_or_else(|| unserved(file, one.as_deref()))?;
+        let scan = SystemScan::new(&group.plan, &group.sums)?;
+        let halo = reached(system.expressions());
+        let folds = if options.folds > 1 { Some(folds(&scan, options.folds, options.gap(halo))?) } else { None };
+        let root = |region: usize| scan.root(region).select(&places);
+        let by_fold = |region: usize, weights: MatRef<'_, f64>| {
+            scan.roots(region, weights).into_iter().map(|root| root.select(&places)).collect::<Vec<_>>()
+        };
+        let (mut training, mut testing) = (Vec::new(), Vec::new());
+        for region in 0..scan.regions() {
+            let mut all = vec![root(region)];
+            if let Some(folds) = &folds {
+                all.extend(by_fold(region, folds.train()));
+                testing.push(by_fold(region, folds.test()));
+            }
+            training.push(all);
+        }
+        let partition = group.plan.system.partition.clone().unwrap_or_else(Partition::whole);
+        Ok(Self { partition, scan, places, folds, training, testing })
+    }
+
+    /// What is known of the rows beside the sums.
+    fn rows(&self, file: &StatisticFile) -> SummedRows {
+        let counts = self.scan.counts();
+        SummedRows {
+            scales: self.scan.also().clone(),
+            complete: counts.complete,
+            at_border: counts.at_border,
+            incomplete: counts.incomplete,
+            episodes: file.episodes.iter().map(EpisodeRecord::trained).collect(),
+            folds: self.folds.as_ref().map_or(0, |folds| folds.len() as u16),
+            fold_rule: self.folds.as_ref().map(|folds| folds.rule().to_owned()),
+        }
+    }
+
+    /// Coefficients of the library as those of all functions of the scan.
+    fn wide(&self, coefficients: MatRef<'_, f64>) -> Mat<f64> {
+        let mut wide = Mat::zeros(self.scan.functions(), coefficients.ncols());
+        for (row, &place) in self.places.iter().enumerate() {
+            (0..coefficients.ncols()).for_each(|t| wide[(place, t)] = coefficients[(row, t)]);
+        }
+        wide
+    }
+}
+
+/// Folds by the one rule, of the chunks of the scan.
+fn folds(scan: &SystemScan, count: u16, purge: Purge) -> Result<Folds, Error> {
+    let (keys, rows) = keys(scan);
+    Ok(Folds::of(&keys, &rows, FoldRule::Count(count.into()), purge)?)
+}
+
+fn unserved(file: &StatisticFile, partition: Option<&str>) -> Error {
+    let asked = partition.map_or_else(String::new, |partition| format!(" in the regions of {partition}"));
+    Error::other_statistic(format!(
+        "the statistic has no sums for `fit pwa`{asked} with the targets, functions and weights of the recipe; without the logs it serves {}; scan again with \
+         that recipe{}, or give the logs",
+        served(file).join(", "),
+        partition.map_or_else(String::new, |partition| format!(" and --partition {partition}"))
+    ))
+}
+
+impl Summed for Part {
+    fn training(&self, region: usize, held: Option<u16>) -> SquareRoot {
+        self.training[region][held.map_or(0, |fold| 1 + usize::from(fold))].clone()
+    }
+
+    fn testing(&self, region: usize, fold: u16) -> SquareRoot {
+        self.testing[region][usize::from(fold)].clone()
+    }
+
+    fn ranges(&self, region: usize) -> Vec<[f64; 2]> {
+        let ranges = self.scan.ranges(region);
+        self.places.iter().map(|&place| ranges[place]).collect()
+    }
+
+    fn residual_covariance(&self, region: usize, coefficients: MatRef<'_, f64>, intercept: &[f64]) -> Vec<f64> {
+        self.scan.residual_covariance(region, self.wide(coefficients).as_ref(), intercept)
+    }
+
+    fn effective_rows(&self, coefficients: MatRef<'_, f64>, intercept: &[f64]) -> f64 {
+        let wide = self.wide(coefficients);
+        let with_constant =
+            Mat::from_fn(1 + wide.nrows(), wide.ncols(), |j, t| if j == 0 { intercept[t] } else { wide[(j - 1, t)] });
+        system_effective_rows(&self.scan, 0, true, with_constant.as_ref())
+    }
+}
+
+/// The partitions that `fit pwa` has sums for, with the recipe of the scan.
+pub(crate) fn served(file: &StatisticFile) -> Vec<String> {
+    let Some(equations) = &file.equations else { return Vec::new() };
+    let Ok(recipe) = Recipe::parse(&file.recipe, "the recipe of the statistic") else { return Vec::new() };
+    let is_served = |partition: &Option<String>| {
+        let mut own = recipe.clone();
+        own.model.partition.clone_from(partition);
+        piecewise(&own, &file.fields, 0.0).is_ok_and(|(_, system)| equations.covering(&system).is_some())
+    };
+    let mut partitions: Vec<Option<String>> = Vec::new();
+    for group in &equations.groups {
+        let partition = group.plan.system.partition.as_ref().map(|partition| partition.specification.clone());
+        if !partitions.contains(&partition) {
+            partitions.push(partition);
+        }
+    }
+    let served = partitions.into_iter().filter(is_served);
+    served.map(|partition| partition.unwrap_or_else(|| "average".to_owned())).collect()
+}

@@ -1,0 +1,262 @@
+//! Choice of models by rollouts of rows that did not train.
+//!
+//! One-step errors say little about a simulation: what is wrong with a derivative adds up. Here every candidate is fitted on the training rows of each fold, and simulated
+//! over the spans that were kept back.
+
+use fleetfoot_data::{Progress, Silent, Source};
+use fleetfoot_dynamics::{Baseline, Error as DynamicsError, Horizon, RolloutOptions, Starts, rollout};
+use fleetfoot_model::Model;
+use fleetfoot_recipe::{Derivative, Recipe};
+use serde::Serialize;
+
+use crate::{error::Error, spans::Spans};
+
+/// How candidates are compared by rollouts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct RolloutRule {
+    /// Steps of a rollout.
+    pub horizon: usize,
+    /// Folds whose spans are held out in turn.
+    pub folds: usize,
+    /// Rollouts of every fold, at most.
+    pub starts: usize,
+}
+
+/// Steps of a rollout where none are given.
+pub const HORIZON: usize = 50;
+
+impl RolloutRule {
+    /// Rollouts of so many steps, 50 in each of five folds.
+    pub fn new(horizon: usize) -> Self {
+        Self { horizon, folds: 5, starts: 50 }
+    }
+}
+
+/// Spans that `over = "auto"` compares, rows; a central difference competes with them.
+pub(crate) const SPANS: [u32; 5] = [2, 5, 10, 20, 50];
+
+/// A candidate of a choice by rollouts.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct RolloutCandidate {
+    /// The partition, as the user wrote it; `average` for one region.
+    pub partition: String,
+    /// Rows of the mean slopes where the span was open; `None`: central differences.
+    pub over: Option<u32>,
+    /// Regions, or terms: of candidates whose errors are the same the smallest is taken.
+    #[serde(rename = "terms")]
+    pub size: usize,
+    /// Squared error of the rollouts over that of persistence, its root, the mean over the states, of every fold. Infinite where one diverged.
+    pub folds: Vec<f64>,
+}
+
+impl RolloutCandidate {
+    /// Mean over the folds.
+    pub fn error(&self) -> f64 {
+        self.folds.iter().sum::<f64>() / self.folds.len() as f64
+    }
+}
+
+/// What was chosen by rollouts.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct RolloutChoice {
+    /// How.
+    pub rule: RolloutRule,
+    /// What was compared.
+    pub candidates: Vec<RolloutCandidate>,
+    /// Index of the one that was taken.
+    pub chosen: usize,
+}
+
+/// Errors that differ by less count as equal.
+pub(crate) const SAME: f64 = 1e-3;
+
+impl RolloutChoice {
+    /// The least error; of errors within a thousandth of it the smallest model.
+    ///
+    /// # Errors
+    /// Every candidate diverges.
+    pub(crate) fn new(rule: RolloutRule, candidates: Vec<RolloutCandidate>) -> Result<Self, Error> {
+        let least = candidates.iter().map(RolloutCandidate::error).filter(|error| error.is_finite());
+        let Some(least) = least.min_by(f64::total_cmp) else {
+            return Err(Error::undetermined(format!(
+                "--select rollout: all {} candidates diverge within {} steps on rows that did not train; give a shorter --horizon, or other candidates",
+                candidates.len(),
+                rule.horizon
+            )));
+        };
+        let equal = |&at: &usize| candidates[at].error() <= least * (1.0 + SAME);
+        let key = |&at: &usize| (candidates[at].size, candidates[at].over.unwrap_or(0));
+        let chosen = (0..candidates.len()).filter(equal).min_by_key(key).unwrap_or(0);
+        Ok(Self { rule, candidates, chosen })
+    }
+
+    /// How the choice was made, for people.
+    pub fn in_words(&self) -> String {
+        let RolloutRule { horizon, folds, starts } = self.rule;
+        format!(
+            "least error of rollouts of {horizon} steps on spans that did not train ({folds} folds, up to {starts} rollouts each), as a share of persistence's; \
+             of errors within 0.1 % the smallest model"
+        )
+    }
+}
+
+/// The rows cut into spans that train and spans that are simulated.
+pub(crate) struct HeldOut<'a> {
+    cut: Spans<'a>,
+    fold_of: Vec<usize>,
+    rule: RolloutRule,
+    /// The option that asks for it.
+    option: String,
+}
+
+/// Rollouts of a model over spans that did not train it.
+pub(crate) struct HeldOutRollouts {
+    /// Squared error over that of persistence, its root, the mean over the states; a rollout that ended early with its last good state.
+    pub(crate) share: f64,
+    /// Rollouts that ended early.
+    pub(crate) ended: usize,
+    /// Rollouts.
+    pub(crate) starts: usize,
+}
+
+impl<'a> HeldOut<'a> {
+    /// Cuts a source, smoothed over `smoothed` rows before, by the one fold rule.
+    pub(crate) fn new(
+        (source, smoothed): (&'a dyn Source, usize),
+        rule: RolloutRule,
+        option: impl Into<String>,
+    ) -> Result<Self, Error> {
+        let (cut, fold_of) = Spans::folds(source, rule.folds, smoothed)?;
+        Ok(Self { cut, fold_of, rule, option: option.into() })
+    }
+
+    pub(crate) fn rule(&self) -> RolloutRule {
+        self.rule
+    }
+
+    /// Rows of the longest span of every fold, the least of them.
+    pub(crate) fn room(&self) -> usize {
+        let spans = || self.cut.episodes().iter().zip(&self.fold_of);
+        let longest = |fold: usize| spans().filter(|(_, own)| **own == fold).map(|(span, _)| span.rows).max();
+        (0..self.rule.folds).filter_map(longest).min().unwrap_or(0)
+    }
+
+    /// Rollouts of so many steps from now on.
+    pub(crate) fn reach(&mut self, steps: usize) {
+        self.rule.horizon = steps;
+    }
+
+    /// A horizon of so many steps, shortened to half of what every fold has room for; that of the rule at least.
+    pub(crate) fn far(&self, steps: usize) -> usize {
+        steps.min(self.room() / 2).max(self.rule.horizon)
+    }
+
+    /// The spans that train in a fold, or those that are held out. Differences and lags do not reach over their borders.
+    fn part(&self, fold: usize, held: bool) -> Result<Spans<'_>, Error> {
+        let rows = |span: usize| (span, 0..self.cut.episodes()[span].rows);
+        let own = (0..self.fold_of.len()).filter(|&span| (self.fold_of[span] == fold) == held);
+        Ok(Spans::new(&self.cut, own.map(rows).collect(), 1)?)
+    }
+
+    /// Fits on the training spans of every fold by `fit` and simulates the held-out ones: errors by model, then by fold.
+    pub(crate) fn errors(
+        &self,
+        progress: &dyn Progress,
+        mut fit: impl FnMut(&dyn Source) -> Result<Vec<Model>, Error>,
+    ) -> Result<Vec<Vec<f64>>, Error> {
+        let mut errors: Vec<Vec<f64>> = Vec::new();
+        self.each(|train, held| {
+            let models = fit(train)?;
+            progress.stage("rollouts");
+            errors.resize(models.len().max(errors.len()), Vec::new());
+            for (model, errors) in models.iter().zip(&mut errors) {
+                errors.push(self.error(model, held)?);
+            }
+            Ok(())
+        })?;
+        Ok(errors)
+    }
+
+    /// Hands on the rows that train and those that are held out, fold by fold.
+    pub(crate) fn each(
+        &self,
+        mut fold: impl FnMut(&dyn Source, &dyn Source) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        (0..self.rule.folds).try_for_each(|at| fold(&self.part(at, false)?, &self.part(at, true)?))
+    }
+
+    /// Error of a model's rollouts over that of persistence; infinite where one ended early.
+    fn error(&self, model: &Model, held: &dyn Source) -> Result<f64, Error> {
+        let options = RolloutOptions::new(self.rule.horizon);
+        let found = self.simulated(model, held, &Starts::Even(self.rule.starts), &options)?;
+        Ok(if found.ended > 0 { f64::INFINITY } else { found.share })
+    }
+
+    /// Rolls a model out over spans that did not train it.
+    pub(crate) fn simulated(
+        &self,
+        model: &Model,
+        held: &dyn Source,
+        starts: &Starts,
+        options: &RolloutOptions,
+    ) -> Result<HeldOutRollouts, Error> {
+        let found = match rollout(model, held, starts, options, &Silent) {
+            Ok(found) => found,
+            Err(error @ DynamicsError::TooShort { .. }) => {
+                return Err(Error::undetermined(format!(
+                    "{}: {error}; the held-out spans of {} folds are shorter than the rollouts: give a shorter --horizon (fewer steps), or longer logs",
+                    self.option, self.rule.folds
+                )));
+            }
+            Err(error) => return Err(error.into()),
+        };
+        let ended = found.diverged() + found.without_region();
+        Ok(HeldOutRollouts { share: over_persistence(&found.horizon), ended, starts: found.outcomes.len() })
+    }
+}
+
+/// Squared error of rollouts over that of persistence, its root, the mean over the states that move.
+fn over_persistence(horizon: &Horizon) -> f64 {
+    let persistence = horizon.baselines.iter().find(|(baseline, _)| *baseline == Baseline::Persistence);
+    let Some((_, persistence)) = persistence else { return f64::INFINITY };
+    let states = horizon.states.len();
+    let squares = |rmse: &[f64], state: usize| -> f64 {
+        rmse.iter().skip(state).step_by(states).filter(|value| value.is_finite()).map(|value| value * value).sum()
+    };
+    let moving = (0..states).filter(|&state| squares(&persistence.rmse, state) > 0.0);
+    let shares: Vec<f64> =
+        moving.map(|state| (squares(&horizon.model.rmse, state) / squares(&persistence.rmse, state)).sqrt()).collect();
+    shares.iter().sum::<f64>() / shares.len() as f64
+}
+
+/// Coefficients of a model that are not zero.
+pub(crate) fn terms(model: &Model) -> usize {
+    model.latents.iter().flat_map(|latent| latent.coefficients.iter().flatten()).filter(|&&value| value != 0.0).count()
+}
+
+/// States whose span is open: `derivative = { over = "auto" }`.
+pub(crate) fn open_spans(recipe: &Recipe) -> Vec<String> {
+    let open = recipe.states.iter().filter(|(_, state)| state.derivative.as_ref().is_some_and(Derivative::is_open));
+    open.map(|(name, _)| name.clone()).collect()
+}
+
+/// The recipe with its open spans settled; `None`: central differences.
+pub(crate) fn settled(recipe: &Recipe, over: Option<u32>) -> Recipe {
+    let mut recipe = recipe.clone();
+    let open = recipe.states.values_mut().filter(|state| state.derivative.as_ref().is_some_and(Derivative::is_open));
+    open.for_each(|state| {
+        state.derivative = Some(over.map_or_else(|| Derivative::Text("central".into()), Derivative::over))
+    });
+    recipe
+}
+
+/// Spans to compare: one that is open is a central difference, or a mean slope.
+pub(crate) fn candidates(recipe: &Recipe) -> Vec<Option<u32>> {
+    if open_spans(recipe).is_empty() {
+        return vec![None];
+    }
+    std::iter::once(None).chain(SPANS.map(Some)).collect()
+}

@@ -1,0 +1,71 @@
+//! Equations fitted to simulations: the terms stay, the coefficients are those of the objective.
+
+use faer::Mat;
+use fleetfoot_data::Progress;
+use fleetfoot_dataset::{Dataset, Logs};
+use fleetfoot_model::Model;
+use fleetfoot_recipe::{Objective, Recipe};
+use fleetfoot_task::EquationTask;
+
+use super::{SindyOptions, SindyReport, report, spans};
+use crate::{
+    error::Error,
+    folds::smoothed_rows,
+    objective::{Refinement, coefficient, refine},
+    sindy::Evidence,
+};
+
+/// Fits equations to simulations where that is the objective; equations of the training rows of a fold are found anew, their terms too.
+pub(super) fn refined(
+    recipe: &Recipe,
+    options: &SindyOptions,
+    evidence: &Evidence,
+    model: &Model,
+    logs: &Logs,
+    progress: &dyn Progress,
+) -> Result<Option<Refinement>, Error> {
+    let objective = options.objective;
+    if objective == Objective::OneStep {
+        return Ok(None);
+    }
+    if let Some(name) = recipe.parameters.keys().next() {
+        return Err(Error::conflict(format!(
+            "objective = \"{objective}\" and [parameters] {name}: simulations fit the coefficients of known expressions; write a number for {name}"
+        )));
+    }
+    let (dataset, _) = Dataset::for_equations(recipe, logs, progress)?;
+    let view = dataset.view()?;
+    let smoothed = smoothed_rows(recipe.time.smoothed, evidence.step);
+    refine(objective, &(model.clone(), None), (&view, smoothed), progress, |train| {
+        Ok((spans::equations(recipe, &evidence.task, options, evidence.step, train, progress)?, None))
+    })
+}
+
+/// The coefficients of a model of a task, region by region (candidates x equations).
+pub(crate) fn coefficients_of(model: &Model, task: &EquationTask, regions: usize) -> Vec<Mat<f64>> {
+    let value = |region: usize, j: usize, t: usize| {
+        coefficient(model, &task.fitted[t].latent, region, &task.candidate(j)).unwrap_or(0.0)
+    };
+    (0..regions).map(|region| Mat::from_fn(task.candidates(), task.fitted.len(), |j, t| value(region, j, t))).collect()
+}
+
+impl SindyReport {
+    /// Tells the equations of a model fitted to simulations: its coefficients, whose standard errors are not known, and its errors.
+    pub(super) fn refine(&mut self, task: &EquationTask, model: &Model, refinement: &Refinement) {
+        // What a region errs by is not told apart.
+        let whole = self.regions.len() == 1;
+        for (at, region) in self.regions.iter_mut().enumerate() {
+            for (target, equation) in region.equations.iter_mut().enumerate() {
+                for term in &mut equation.terms {
+                    let own = coefficient(model, &task.fitted[target].latent, at, &term.function);
+                    (term.coefficient, term.standard_error) = (own.unwrap_or(0.0), f64::NAN);
+                }
+                equation.right = report::right(task, target, &equation.terms);
+                let scores = &refinement.training.targets[target];
+                (equation.rms, equation.r2) = if whole { (scores.rmse, scores.r2) } else { (f64::NAN, f64::NAN) };
+                [equation.held_out, equation.held_out_r2] =
+                    if whole { refinement.held_out(target) } else { [f64::NAN; 2] };
+            }
+        }
+    }
+}

@@ -1,0 +1,321 @@
+//! Equations found in turn with the states: these are smoothed under the equations, and the terms are looked for on the smoothed states.
+
+mod search;
+
+use faer::Mat;
+use fleetfoot_data::{Progress, Source};
+use fleetfoot_dataset::{Dataset, Logs};
+use fleetfoot_dynamics::Coefficient;
+use fleetfoot_estimate::{SmoothingOptions, StateSmoother};
+use fleetfoot_model::Model;
+use fleetfoot_recipe::{Recipe, SmoothStates};
+use fleetfoot_task::{EquationTask, Provenance, WeakForm, Windows};
+use search::{Found, Search};
+
+use super::{Frozen, SindyOptions, SindyReport, StateNoise, coefficients_of, report, spans};
+use crate::{
+    error::Error,
+    folds::smoothed_rows,
+    rollout_choice::{HeldOut, RolloutRule},
+    sindy::{Evidence, StateSmoothing},
+};
+
+/// Equations found in turn with the states, and what came of it.
+pub(super) struct Smoothed {
+    pub(super) told: StateSmoothing,
+    /// Candidates x fitted equations.
+    pub(super) coefficients: Mat<f64>,
+    /// Their standard errors; 0 of what is not in.
+    errors: Mat<f64>,
+}
+
+/// Rows that are smoothed without being asked for, at most: what follows takes some hundred passes over them.
+const UNASKED: usize = 20_000;
+/// Folds that are held out in turn.
+const FOLDS: usize = 5;
+
+/// Whether these equations are to be found in turn with the states.
+fn applies(asked: SmoothStates, evidence: &Evidence, recipe: &Recipe) -> Result<bool, Error> {
+    if asked == SmoothStates::Off {
+        return Ok(false);
+    }
+    let task = &evidence.task;
+    let estimated = !evidence.parameters.is_empty();
+    match (asked, obstacle(task, recipe, estimated, evidence.partition.is_some())) {
+        (SmoothStates::On, Some(what)) => {
+            Err(Error::conflict(format!("[sindy] smooth_states = on, and {what}: leave one of them away")))
+        }
+        (SmoothStates::On, None) => Ok(true),
+        (_, Some(_)) => Ok(false),
+        (_, None) => Ok(task.windows.as_ref().is_some_and(Windows::noisy)),
+    }
+}
+
+/// Whether the states of so many rows may be smoothed, before it is known how noisy they are; `regions`: whether there is a partition.
+pub(super) fn may_apply(asked: SmoothStates, task: &EquationTask, recipe: &Recipe, regions: bool, rows: usize) -> bool {
+    let asked = match asked {
+        SmoothStates::Off => false,
+        SmoothStates::On => true,
+        SmoothStates::Auto => rows <= UNASKED && WeakForm::new(&recipe.sindy).is_ok_and(|form| form != WeakForm::Off),
+    };
+    asked && obstacle(task, recipe, false, regions).is_none()
+}
+
+/// What keeps states from being smoothed.
+fn obstacle(task: &EquationTask, recipe: &Recipe, estimated: bool, regions: bool) -> Option<&'static str> {
+    if !task.parameters.is_empty() || estimated {
+        Some("numbers inside expressions are estimated ([parameters])")
+    } else if regions {
+        Some("there are regions (--partition)")
+    } else if task.weight.is_some() {
+        Some("rows have weights")
+    } else if recipe.time.smoothed.is_some() {
+        Some("the logs were smoothed before ([time] smoothed)")
+    } else if task.fitted.iter().any(|equation| equation.central.is_none()) {
+        Some("not every equation is of a derivative by central differences")
+    } else {
+        None
+    }
+}
+
+/// Finds equations in turn with the states, where that is asked for; from the coefficients of a fit (candidates x equations).
+pub(super) fn smoothed(
+    recipe: &Recipe,
+    options: &SindyOptions,
+    evidence: &Evidence,
+    chosen: &Mat<f64>,
+    logs: &Logs,
+    (notes, progress): (&mut Vec<String>, &dyn Progress),
+) -> Result<Option<Smoothed>, Error> {
+    if logs.is_statistic() {
+        return match options.smooth_states {
+            SmoothStates::On => Err(Error::needs_rows(
+                "smooth_states = on smooths the rows of logs, and a statistic has none: fit on the logs, or leave it away".into(),
+            )),
+            SmoothStates::Auto if evidence.weak.is_some() => {
+                notes.push(
+                    "a statistic has no rows whose states could be smoothed: a fit on the logs may find other terms"
+                        .into(),
+                );
+                Ok(None)
+            }
+            _ => Ok(None),
+        };
+    }
+    if !applies(options.smooth_states, evidence, recipe)? {
+        return Ok(None);
+    }
+    if options.smooth_states == SmoothStates::Auto
+        && let Some(rows) = evidence.rows_read.filter(|rows| *rows > UNASKED)
+    {
+        notes.push(format!(
+            "{rows} rows are more than the {UNASKED} whose states are smoothed by themselves; --smooth-states on does so for more"
+        ));
+        return Ok(None);
+    }
+    progress.stage("smooth states");
+    let (dataset, _) = Dataset::for_equations(recipe, logs, progress)?;
+    match Alternation::new(recipe, options, evidence).run(chosen, &dataset.view()?, progress) {
+        Ok(found) => Ok(Some(found)),
+        Err(error @ Error::Cancelled(_)) => Err(error),
+        Err(error) if options.smooth_states == SmoothStates::On => Err(error),
+        Err(error) => {
+            notes.push(format!("states are not smoothed: {error}"));
+            Ok(None)
+        }
+    }
+}
+
+struct Alternation<'a> {
+    recipe: &'a Recipe,
+    options: &'a SindyOptions,
+    evidence: &'a Evidence,
+    /// Of every coefficient that may move, the candidate and the equation.
+    places: Vec<(usize, usize)>,
+    /// Numbers of those that stay.
+    fixed: Vec<usize>,
+}
+
+impl<'a> Alternation<'a> {
+    fn new(recipe: &'a Recipe, options: &'a SindyOptions, evidence: &'a Evidence) -> Self {
+        let fitted = || evidence.task.fitted.iter().enumerate();
+        let allowed = |t: usize, j: usize| evidence.task.fitted[t].allowed[j];
+        let candidates = evidence.task.candidates();
+        let places: Vec<(usize, usize)> =
+            fitted().flat_map(|(t, _)| (0..candidates).filter(move |&j| allowed(t, j)).map(move |j| (j, t))).collect();
+        let stays = |&at: &usize| evidence.task.fitted[places[at].1].fixed.contains(&places[at].0);
+        let fixed = (0..places.len()).filter(stays).collect();
+        Self { recipe, options, evidence, places, fixed }
+    }
+
+    fn task(&self) -> &EquationTask {
+        &self.evidence.task
+    }
+
+    fn smoother(&self, open: &Model, rows: &dyn Source, progress: &dyn Progress) -> Result<StateSmoother, Error> {
+        let first = usize::from(self.task().constant);
+        let coefficient =
+            |&(j, latent): &(usize, usize)| Coefficient { region: 0, latent, function: j.checked_sub(first) };
+        let candidates = self.places.iter().map(coefficient).collect();
+        Ok(StateSmoother::new(open, candidates, rows, SmoothingOptions::default(), progress)?)
+    }
+
+    fn search<'b>(&'b self, smoother: &'b StateSmoother, progress: &'b dyn Progress) -> Search<'b> {
+        Search { smoother, fixed: &self.fixed, progress }
+    }
+
+    /// Coefficients one a candidate that may move, of a matrix.
+    fn listed(&self, matrix: &Mat<f64>) -> Vec<f64> {
+        self.places.iter().map(|&place| matrix[place]).collect()
+    }
+
+    fn matrix(&self, listed: &[f64]) -> Mat<f64> {
+        let mut matrix = Mat::zeros(self.task().candidates(), self.task().fitted.len());
+        self.places.iter().zip(listed).for_each(|(&place, &value)| matrix[place] = value);
+        matrix
+    }
+
+    fn run(&self, chosen: &Mat<f64>, view: &dyn Source, progress: &dyn Progress) -> Result<Smoothed, Error> {
+        let open = self.task().open(&self.evidence.scan, self.provenance());
+        let smoother = self.smoother(&open, view, progress)?;
+        let search = self.search(&smoother, progress);
+        let found = search.run(&self.listed(chosen))?;
+        let settled = &found.place.settled;
+        let mut errors = vec![0.0; self.places.len()];
+        for (own, &at) in found.place.support.iter().enumerate() {
+            errors[at] = settled.covariance[own][own].sqrt();
+        }
+        let noise = smoother.states().iter().enumerate().map(|(s, state)| StateNoise {
+            state: state.clone(),
+            measurement: found.variances.measurement[s].sqrt(),
+            process: found.variances.process[s].sqrt(),
+        });
+        let held = self.held_out(&open, &found, view, progress)?;
+        Ok(Smoothed {
+            told: StateSmoothing {
+                rows: smoother.rows(),
+                segments: smoother.segments(),
+                candidates: self.places.len(),
+                noise: noise.collect(),
+                value: found.values,
+                price: search.price(),
+                tried: found.supports[1],
+                taken: found.supports[0],
+                promise: settled.promise,
+                converged: settled.converged,
+                folds: FOLDS,
+                held_out: held.misfit,
+                written: held.misfit[1] < held.misfit[0],
+                windows: held.windows,
+            },
+            coefficients: self.matrix(&settled.coefficients),
+            errors: self.matrix(&errors),
+        })
+    }
+
+    fn provenance(&self) -> Provenance {
+        self.evidence.provenance("sindy", self.recipe, self.options.seed)
+    }
+
+    /// Both ways on the training rows of every fold, and what they are worth on the rows that were held out.
+    fn held_out(&self, open: &Model, found: &Found, view: &dyn Source, progress: &dyn Progress) -> Result<Held, Error> {
+        let rule = RolloutRule { folds: FOLDS, ..RolloutRule::new(1) };
+        let smoothed = smoothed_rows(self.recipe.time.smoothed, self.evidence.step);
+        let held = HeldOut::new((view, smoothed), rule, "--smooth-states")?;
+        let targets = self.task().fitted.len();
+        let (mut costs, mut measured) = ([0.0; 2], 0.0);
+        let mut sums = vec![[0.0; 2]; targets];
+        let mut weight = 0.0;
+        held.each(|train, rows| {
+            progress.stage("smooth states, without a fold");
+            let (recipe, options, step) = (self.recipe, self.options, self.evidence.step);
+            let plain = spans::equations(recipe, self.task(), options, step, train, progress)?;
+            let plain = coefficients_of(&plain, self.task(), 1).remove(0);
+            // The variances of all rows serve, as a fold's would hardly differ; terms and coefficients are those of the training rows.
+            let (deviations, share) = (&found.variances.measurement[..], found.share);
+            let own = self.refitted(open, found, train, progress)?;
+            let smoother = self.smoother(open, rows, progress)?;
+            let search = self.search(&smoother, progress);
+            for (sum, coefficients) in costs.iter_mut().zip([&self.listed(&plain), &own]) {
+                *sum += match search.followed(coefficients, (deviations, share)) {
+                    Ok(settled) => 2.0 * settled.cost,
+                    Err(error @ Error::Cancelled(_)) => return Err(error),
+                    Err(_) => f64::INFINITY,
+                };
+            }
+            measured += smoother.measured().iter().sum::<usize>() as f64;
+            let frozen = Frozen { task: self.task().clone(), parameters: Vec::new() };
+            let evidence = Evidence::of_rows(recipe, options.seed, frozen, step, rows, progress)?;
+            let problem = evidence.scan.root(0).compressed(self.task().constant);
+            weight += problem.weight;
+            let left = problem.error(self.matrix(&own).as_ref());
+            for (t, sum) in sums.iter_mut().enumerate() {
+                *sum = [sum[0] + left[t], sum[1] + problem.total[t]];
+            }
+            Ok(())
+        })?;
+        let window = |[left, total]: [f64; 2]| [(left / weight).sqrt(), 1.0 - left / total];
+        Ok(Held { misfit: costs.map(|cost| cost / measured), windows: sums.into_iter().map(window).collect() })
+    }
+
+    /// The coefficients that the rows of a fold give the terms that were found.
+    fn refitted(
+        &self,
+        open: &Model,
+        found: &Found,
+        train: &dyn Source,
+        progress: &dyn Progress,
+    ) -> Result<Vec<f64>, Error> {
+        let smoother = self.smoother(open, train, progress)?;
+        let search = self.search(&smoother, progress);
+        let (deviations, share) = (&found.variances.measurement[..], found.share);
+        Ok(search.refitted(&found.place.settled.coefficients, (deviations, share))?.coefficients)
+    }
+}
+
+/// What held-out rows say.
+struct Held {
+    /// Without smoothing and with it.
+    misfit: [f64; 2],
+    /// Of every equation found with smoothed states: the root of the mean squared error on recorded rows or windows, and the share of their variance that is explained.
+    windows: Vec<[f64; 2]>,
+}
+
+impl Smoothed {
+    /// Tells these equations in the place of those of the report: standard errors of the errors-in-variables problem, and errors on the recorded rows or windows.
+    pub(super) fn tell(&self, evidence: &Evidence, report: &mut SindyReport) {
+        let task = &evidence.task;
+        let problem = evidence.scan.root(0).compressed(task.constant);
+        let left = problem.error(self.coefficients.as_ref());
+        let equations = report.regions.iter_mut().flat_map(|region| &mut region.equations);
+        for (t, equation) in equations.enumerate() {
+            equation.terms = (0..task.candidates())
+                .filter(|&j| self.coefficients[(j, t)] != 0.0)
+                .map(|j| report::TermReport {
+                    function: task.candidate(j),
+                    coefficient: self.coefficients[(j, t)],
+                    unit: task.coefficient_unit(t, j),
+                    standard_error: self.errors[(j, t)],
+                    inclusion: None,
+                    fixed: task.fitted[t].fixed.contains(&j),
+                })
+                .collect();
+            equation.right = report::right(task, t, &equation.terms);
+            equation.rms = (left[t] / problem.weight).sqrt();
+            equation.r2 = 1.0 - left[t] / problem.total[t];
+            [equation.held_out, equation.held_out_r2] = self.told.windows[t];
+            equation.parameter = equation.terms.len() as f64;
+            equation.correlation = f64::NAN;
+            equation.confounded.clear();
+            let size = |j: usize| {
+                let column = &problem.r.col_as_slice(j)[..=j];
+                (column.iter().map(|value| value * value).sum::<f64>() / problem.weight).sqrt()
+            };
+            let contributions: Vec<(String, f64)> = (0..task.candidates())
+                .filter(|&j| self.coefficients[(j, t)] != 0.0)
+                .map(|j| (task.candidate(j), size(j) * self.coefficients[(j, t)]))
+                .collect();
+            equation.choose_beside(&contributions);
+        }
+    }
+}

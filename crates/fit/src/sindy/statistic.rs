@@ -1,0 +1,139 @@
+//! Equations from a `.stats` file: no pass.
+
+use std::collections::BTreeMap;
+
+use fleetfoot_dataset::{EquationGroup, EquationStatistic, Logs, StatisticFile, condition::refuse_other_rows};
+use fleetfoot_library::Expr;
+use fleetfoot_recipe::{ModelSection, Recipe};
+use fleetfoot_sparse::system::{System, SystemScan};
+use fleetfoot_task::{EquationTask, WeakForm};
+
+use super::frozen::Frozen;
+use crate::{error::Error, sindy::Evidence};
+
+impl Evidence {
+    /// Reads the statistic of logs, and tells the recipe with that of the scan beneath. A recipe that names no states and nothing to predict is that of the scan.
+    ///
+    /// # Errors
+    /// Those of reading; a question that needs rows; candidates, targets or regions that were not summed.
+    pub(super) fn of_statistic(recipe: &Recipe, logs: &Logs) -> Result<(Self, Recipe), Error> {
+        refuse_rows(recipe)?;
+        let file = logs.statistic()?;
+        let own = Recipe::parse(&file.recipe, "the recipe of the statistic")?;
+        let Some(equations) = &file.equations else { return Err(unserved(&file, &own)) };
+        let recipe = beneath(recipe, &own)?;
+        let task = EquationTask::resolve(&recipe.expand(&file.fields)?, &file.fields)?;
+        let scanned = EquationTask::resolve(&EquationStatistic::whole(&own), &file.fields)?;
+        let task = task.differentiated_like(&scanned, &equations.differences);
+        let group = equations.of(&recipe, &task.partition_columns)?;
+        let task = over(task, &group.plan.system)?;
+        let scan = SystemScan::new(&group.plan, &group.sums)?;
+        let known: BTreeMap<_, _> = file.episodes.iter().map(|episode| (episode.id, episode.trained())).collect();
+        WeakForm::new(&recipe.sindy)?.check_statistic(group.plan.system.weak.as_ref())?;
+        let system = group.plan.system.clone();
+        let notes = notes(&task, group);
+        let frozen = Frozen { task, parameters: Vec::new() };
+        let found = Self::new(frozen, system, scan, file.step(), (&known, notes)).smoothed_over(own.time.smoothed);
+        found.check()?;
+        Ok((found, recipe))
+    }
+}
+
+/// The recipe with that of the scan beneath, where it names nothing to predict: what it says of the fit stands above. The rows are those of the scan.
+///
+/// # Errors
+/// Another condition for rows.
+pub(crate) fn beneath(recipe: &Recipe, scanned: &Recipe) -> Result<Recipe, Error> {
+    refuse_other_rows(recipe, scanned)?;
+    if !recipe.states.is_empty() || recipe.model.predict.is_some() {
+        let mut whole = recipe.clone();
+        whole.time.only.clone_from(&scanned.time.only);
+        return Ok(whole);
+    }
+    let mut whole = scanned.clone();
+    whole.say_all(recipe);
+    if recipe.library != Default::default() {
+        whole.library = recipe.library.clone();
+    }
+    if !recipe.constraints.is_empty() {
+        whole.constraints.clone_from(&recipe.constraints);
+    }
+    let ModelSection { predict: _, degree, lags, weight, partition, partition_on } = recipe.model.clone();
+    let below = &mut whole.model;
+    (below.degree, below.lags) = (degree.or(below.degree), lags.or(below.lags));
+    below.weight = weight.or(below.weight.take());
+    below.partition = partition.or(below.partition.take());
+    below.partition_on = partition_on.or(below.partition_on.take());
+    Ok(whole)
+}
+
+/// Why a statistic has no equations.
+fn unserved(file: &StatisticFile, recipe: &Recipe) -> Error {
+    let reason = match EquationStatistic::tasks(recipe, &file.fields) {
+        Err(error) => error.to_string(),
+        Ok(_) => "its plan sums the tasks of `fit sparse` alone, because columns of the equations are texts".to_owned(),
+    };
+    Error::other_statistic(format!(
+        "the statistic has no sums of equations for `fit sindy`: {reason}; give the logs, or `fleetfoot scan` them again with a recipe whose equations can be summed"
+    ))
+}
+
+/// What a statistic cannot answer.
+fn refuse_rows(recipe: &Recipe) -> Result<(), Error> {
+    match recipe.parameters.keys().next() {
+        None => Ok(()),
+        Some(name) => Err(Error::needs_rows(format!(
+            "[parameters] {name}: an estimate inside expressions needs the rows, which a statistic has not; give the logs instead"
+        ))),
+    }
+}
+
+/// What is told beside the fit.
+fn notes(task: &EquationTask, group: &EquationGroup) -> Vec<String> {
+    let mut notes = task.unit_notes();
+    notes.extend(task.narrowed_note());
+    if let Some(partition) = &group.plan.system.partition {
+        notes.push(format!("{}: the regions are those of the scan, frozen with its plan", partition.specification));
+    }
+    notes
+}
+
+/// The same equations over the candidates of a scan, of which they may have those that they had before.
+fn over(mut task: EquationTask, scanned: &System) -> Result<EquationTask, Error> {
+    let wanted: Vec<&Expr> = task.fitted.iter().map(|equation| &equation.target).collect();
+    if !scanned.targets.iter().eq(wanted.iter().copied()) || scanned.weight != task.weight {
+        let weight = |weight: &Option<Expr>| weight.as_ref().map_or("1".to_owned(), Expr::to_string);
+        let list =
+            |targets: &mut dyn Iterator<Item = &Expr>| targets.map(Expr::to_string).collect::<Vec<_>>().join(", ");
+        return Err(Error::other_statistic(format!(
+            "the statistic is of other equations or weights: it has the left sides {} with the weight {}, the recipe asks for {} with {}; fit with the \
+             recipe of its scan, scan again with this one, or give the logs",
+            list(&mut scanned.targets.iter()),
+            weight(&scanned.weight),
+            list(&mut wanted.into_iter()),
+            weight(&task.weight)
+        )));
+    }
+    let first = usize::from(task.constant);
+    let mut places: Vec<usize> = (0..first).collect();
+    for function in &task.functions {
+        let place = scanned.functions.iter().position(|known| known == function).ok_or_else(|| {
+            Error::other_statistic(format!(
+                "the statistic has no candidate `{function}`; name candidates that were scanned (there are {}), scan again with the --library or --degree that has it, \
+                 or give the logs",
+                scanned.functions.len()
+            ))
+        })?;
+        places.push(first + place);
+    }
+    for equation in &mut task.fitted {
+        let mut allowed = vec![false; first + scanned.functions.len()];
+        equation.allowed.iter().zip(&places).filter(|(own, _)| **own).for_each(|(_, &place)| allowed[place] = true);
+        equation.allowed = allowed;
+        equation.fixed = equation.fixed.iter().map(|&j| places[j]).collect();
+        equation.fixed.sort_unstable();
+    }
+    task.limits.iter_mut().for_each(|limit| limit.candidate = places[limit.candidate]);
+    task.functions = scanned.functions.clone();
+    Ok(task)
+}

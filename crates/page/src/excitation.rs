@@ -1,0 +1,125 @@
+//! What training rows could tell: how the functions that a model uses move together.
+
+use std::collections::BTreeSet;
+
+use fleetfoot_model::Model;
+use fleetfoot_report::{
+    Axis, Bars, Chart, Figure, Interval, Part,
+    words::{count, number, series},
+};
+use fleetfoot_stats::Collinearity;
+
+use crate::condition::{CONDITION, gram, used};
+
+/// Functions that are drawn, and groups that are told.
+const FUNCTIONS: usize = 24;
+const GROUPS: usize = 3;
+/// A function belongs to weak directions that take more than this share of its coefficient's variance (Belsley, Kuh, Welsch, section 3.2).
+const SHARE: f64 = 0.5;
+/// From here on a standard error is inflated seriously: a variance tenfold (Marquardt, Technometrics 12, 1970).
+const INFLATED: f64 = 3.162_277_660_168_379_5;
+
+/// The functions of a partition that the model uses, and how they move together over all its regions.
+struct Excitation {
+    /// The functions that they make, where there are several in the model.
+    of: String,
+    names: Vec<String>,
+    log_determinant: f64,
+    found: Collinearity,
+}
+
+/// What the rows of all partitions tell apart; nothing where the model does not know, or no function has company. `place` tells the figure from others.
+pub(crate) fn parts(model: &Model, place: usize) -> Vec<Part> {
+    let all: Vec<Excitation> =
+        (0..model.partitions.len()).filter_map(|partition| Excitation::of(model, partition)).collect();
+    if all.iter().all(|own| own.names.len() < 2) {
+        return Vec::new();
+    }
+    let several = all.len() > 1;
+    let mut parts = vec![Part::Heading("What the training rows tell apart".into())];
+    parts.extend(all.iter().map(|own| Part::Paragraph(own.in_words(several))));
+    parts.push(Part::Figure(figure(&all, place)));
+    parts
+}
+
+impl Excitation {
+    fn of(model: &Model, partition: usize) -> Option<Self> {
+        let own = &model.partitions[partition];
+        let latents: Vec<_> = model.latents.iter().filter(|latent| latent.partition == partition).collect();
+        let functions = &model.libraries[latents.first()?.library];
+        let used = (0..own.regions.len()).flat_map(|region| used(model, partition, region));
+        let used: Vec<usize> = used.collect::<BTreeSet<usize>>().into_iter().collect();
+        let parts = own.regions.iter().filter_map(|region| gram(region, &used));
+        let all = parts.reduce(|mut all, part| {
+            all.merge(&part);
+            all
+        })?;
+        Some(Self {
+            of: series(&latents.iter().map(|latent| latent.name.clone()).collect::<Vec<_>>(), GROUPS),
+            names: used.iter().map(|&function| functions[function].to_string()).collect(),
+            log_determinant: all.log_determinant().value,
+            found: all.collinearity()?,
+        })
+    }
+
+    fn in_words(&self, several: bool) -> String {
+        let named = |columns: &[usize]| {
+            series(&columns.iter().map(|&column| self.names[column].clone()).collect::<Vec<_>>(), 6)
+        };
+        let groups = self.found.together(CONDITION, SHARE);
+        let told = |group: &Vec<usize>| {
+            format!(" {} nearly move together: the rows hardly say which of them does what.", named(group))
+        };
+        let together = match groups.as_slice() {
+            [] => " None of them moves so closely with the others that its coefficient is in doubt.".to_owned(),
+            groups => groups.iter().take(GROUPS).map(told).collect(),
+        };
+        let still: Vec<usize> = (0..self.names.len()).filter(|column| !self.found.columns.contains(column)).collect();
+        let still =
+            if still.is_empty() { String::new() } else { format!(" Constant over the rows: {}.", named(&still)) };
+        let of = if several { format!("{}: ", self.of) } else { String::new() };
+        let weakest = self.found.index(self.found.columns.len() - 1);
+        format!(
+            "{of}{} beside the constant, over all training rows.{together}{still} Condition {}, log-determinant of their covariance {} and of their correlations {} (0 where \
+             no two move together).",
+            count(self.names.len(), "function"),
+            number(weakest),
+            number(self.log_determinant),
+            number(self.found.log_determinant())
+        )
+    }
+
+    /// Functions with the inflation of their coefficients' standard errors, and whether they are to be named with what they make.
+    fn inflated(&self, several: bool) -> impl Iterator<Item = (String, f64)> {
+        let name = move |&column: &usize| {
+            if several { format!("{}: {}", self.of, self.names[column]) } else { self.names[column].clone() }
+        };
+        self.found.columns.iter().map(name).zip(self.found.inflation.iter().map(|factor| factor.sqrt()))
+    }
+}
+
+/// How many times each standard error is what it would be if the function moved alone.
+fn figure(all: &[Excitation], place: usize) -> Figure {
+    let mut inflated: Vec<(String, f64)> = all.iter().flat_map(|own| own.inflated(all.len() > 1)).collect();
+    inflated.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let total = inflated.len();
+    inflated.truncate(FUNCTIONS);
+    let (groups, values): (Vec<String>, Vec<f64>) = inflated.into_iter().unzip();
+    let values: Vec<Interval> =
+        values.into_iter().map(|value| Interval { value, low: f64::NAN, high: f64::NAN }).collect();
+    let mut chart =
+        Bars::new(Axis::of("inflation of the standard error", ""), groups, vec![("inflation".into(), values)]);
+    chart.level = Some((INFLATED, "serious".to_owned()));
+    let more =
+        if total > FUNCTIONS { format!(" Shown are the {FUNCTIONS} largest of {total}.") } else { String::new() };
+    let of = |own: &Excitation| {
+        own.found.eigenvalues.iter().rev().take(4).map(|&value| number(value)).collect::<Vec<_>>().join(", ")
+    };
+    let eigenvalues: Vec<String> = all.iter().map(of).collect();
+    let caption = format!(
+        "How many times the standard error of each coefficient is what it would be if its function moved alone; 1 is best. From {INFLATED:.1} on, a variance tenfold, coefficients are traded for one \
+         another: drive so that the functions move apart. Least eigenvalues of the correlations: {}.{more}",
+        eigenvalues.join("; ")
+    );
+    Figure::new(format!("excitation-{place}"), "How well the rows tell functions apart", caption, Chart::Bars(chart))
+}

@@ -1,0 +1,157 @@
+//! What a fit keeps within bounds: maps that contract or are passive, coefficients, functions and parameters with limits, and what that costs. The report of the fit has it.
+
+use fleetfoot_fit::{BoundedCandidate, BoundedMaps, LimitReport, ToldTable, unexplained};
+use fleetfoot_model::Model;
+use fleetfoot_recipe::{Objective, Recipe};
+use fleetfoot_report::{Cell, Part, Table};
+use serde::Deserialize;
+use serde_json::Value;
+
+use crate::{
+    Judged,
+    fitting::{Fit, Priced},
+};
+
+/// Rows of a table of prices, at most.
+const ROWS: usize = 24;
+
+/// A partition that was compared, where maps are bounded.
+#[derive(Deserialize)]
+struct Partition {
+    partition: String,
+    #[serde(deserialize_with = "fleetfoot_dataset::json::number")]
+    loss: f64,
+    #[serde(deserialize_with = "fleetfoot_dataset::json::numbers")]
+    r2: Vec<f64>,
+    #[serde(deserialize_with = "fleetfoot_dataset::json::number")]
+    free_loss: f64,
+    stability: BoundedMaps,
+}
+
+/// Why intervals of least squares are not those of a model's coefficients, where that is so: by the recipe that the model carries, and by the report of its fit where that is known.
+pub(crate) fn not_least_squares(model: &Model, fit: Option<&Fit>) -> Option<&'static str> {
+    let recipe = Recipe::parse(&model.training.recipe, "the recipe of the model").ok()?;
+    let objective = match model.method.split_whitespace().next() {
+        Some("pwa") => recipe.pwa.objective,
+        Some("sindy") => recipe.sindy.objective,
+        Some("narx") => recipe.narx.objective,
+        _ => None,
+    };
+    let simulated = objective.is_some_and(|objective| objective != Objective::OneStep);
+    if simulated && fit.is_none_or(Fit::is_simulated) {
+        return Some(
+            "Its coefficients were fitted to simulations: intervals of least squares are not theirs, and none are told.",
+        );
+    }
+    let bounded = model.method.starts_with("pwa") && (recipe.pwa.stable.is_some() || recipe.pwa.passive.is_some());
+    if bounded && fit.is_none_or(Fit::is_moved) {
+        return Some(
+            "Its maps are kept within bounds, which moves coefficients: intervals of least squares are not theirs, and none are told.",
+        );
+    }
+    None
+}
+
+/// What there is to show of all models; nothing where no fit kept anything.
+pub(crate) fn parts(judged: &[Judged<'_>], fits: &[Fit]) -> Vec<Part> {
+    let mut parts = Vec::new();
+    for one in judged {
+        let own = Fit::of(fits, one.model).map(Fit::kept).unwrap_or_default();
+        if own.is_empty() {
+            continue;
+        }
+        let name = if judged.len() > 1 { format!(": {}", one.name) } else { String::new() };
+        parts.push(Part::Heading(format!("What the fit keeps{name}")));
+        parts.extend(own);
+    }
+    parts
+}
+
+impl Fit {
+    /// Whether the bounds of a partition that was taken moved the map of a region.
+    fn is_moved(&self) -> bool {
+        let candidates = self.candidates.as_array().into_iter().flatten();
+        let chosen = candidates.filter(|own| own.get("chosen").and_then(Value::as_bool).unwrap_or(true));
+        chosen.filter_map(|own| Partition::deserialize(own).ok()).any(|own| own.stability.moved > 0)
+    }
+
+    fn kept(&self) -> Vec<Part> {
+        let tables = BoundedCandidate::tables(&self.bounded());
+        let mut parts: Vec<Part> = tables.into_iter().map(|own| set(sentence(&own.caption), own)).collect();
+        parts.extend(self.bound_of_simulations().map(|bound| {
+            Part::Paragraph(format!(
+                "These numbers are of the fit to one step; the regions of the model that was fitted to simulations {}",
+                bound.in_words()
+            ))
+        }));
+        if !self.limits.is_empty() {
+            let caption = "How near the fit comes to each bound, and where; without cuts a bound costs nothing.";
+            parts.push(set(caption.into(), LimitReport::table(&self.limits)));
+            parts.extend(self.prices().map(Part::Table));
+        }
+        parts
+    }
+
+    /// The partitions of a piecewise-affine fit whose maps are bounded.
+    fn bounded(&self) -> Vec<BoundedCandidate> {
+        let candidates = self.candidates.as_array().into_iter().flatten();
+        let held_out = self.held_out.as_ref().and_then(Value::as_bool).unwrap_or(false);
+        let of = |candidate: &Value| {
+            let own = Partition::deserialize(candidate).ok()?;
+            let loss = if held_out { own.loss } else { unexplained(&own.r2) };
+            Some(BoundedCandidate { partition: own.partition, maps: own.stability, free_loss: own.free_loss, loss })
+        };
+        candidates.filter_map(of).collect()
+    }
+
+    /// Errors with limits beside those without, where both are known.
+    fn prices(&self) -> Option<Table> {
+        let caption = "Errors within the bounds and without them: what the bounds cost.";
+        let head = ["of", "error (rms)", "held out", "without bounds", "held out"];
+        let value = |value: Option<f64>| Cell::of(value.unwrap_or(f64::NAN));
+        let row = |name: String, own: &Priced| {
+            let values = [own.rms, own.held_out_rms, own.free_rms, own.free_held_out_rms];
+            std::iter::once(Cell::Text(name)).chain(values.map(value)).collect::<Vec<Cell>>()
+        };
+        let several = self.regions.len() > 1;
+        let equations = self.regions.iter().flat_map(|region| {
+            region.equations.iter().map(move |equation| {
+                let (label, own) = (&equation.label, &equation.priced);
+                (if several { format!("{label}, region {}", region.name) } else { label.clone() }, own)
+            })
+        });
+        let tasks = self.tasks.iter().map(|own| (own.name.clone(), &own.priced)).chain(equations);
+        let rows: Vec<Vec<Cell>> = tasks
+            .filter(|(_, own)| own.free_rms.is_some() || own.free_held_out_rms.is_some())
+            .take(ROWS)
+            .map(|(name, own)| row(name, own))
+            .collect();
+        if !rows.is_empty() {
+            return Some(rows.into_iter().fold(Table::new(caption, head), Table::row));
+        }
+        let noise = self.noise.iter().filter(|own| own.free_deviation.is_some()).take(ROWS);
+        let rows: Vec<Vec<Cell>> = noise
+            .map(|own| vec![Cell::Text(own.of.clone()), value(own.deviation), value(own.free_deviation)])
+            .collect();
+        let caption =
+            "Standard deviation of what the equations leave, within the bounds and without them: what the bounds cost.";
+        (!rows.is_empty())
+            .then(|| rows.into_iter().fold(Table::new(caption, ["of", "deviation", "without bounds"]), Table::row))
+    }
+}
+
+/// A table that is told, as a page has it.
+fn set(caption: String, told: ToldTable) -> Part {
+    let row = |cells: Vec<String>| {
+        let mut cells = cells.into_iter();
+        let first = cells.next().map(Cell::Text);
+        first.into_iter().chain(cells.map(Cell::Number)).collect::<Vec<Cell>>()
+    };
+    Part::Table(told.rows.into_iter().map(row).fold(Table::new(caption, told.header), Table::row))
+}
+
+/// What stands above a table on a terminal, as a sentence.
+fn sentence(caption: &str) -> String {
+    let mut letters = caption.chars();
+    letters.next().map_or_else(String::new, |first| format!("{}{}.", first.to_uppercase(), letters.as_str()))
+}

@@ -1,0 +1,182 @@
+//! Filtered states, row by row.
+
+use std::path::{Path, PathBuf};
+
+use fleetfoot_control::filter::SwitchedFilter;
+use fleetfoot_dataset::Logs;
+use fleetfoot_fit::Error;
+use fleetfoot_log::{Overlay, SeriesId, TableWriter, Values, WriteColumn, WriteKind};
+use fleetfoot_model::Model;
+
+use super::FilteredRows;
+use crate::output::{Kind, Line, Plot, finish_with_layouts, mcap_options, table_options};
+
+/// Of messages: what was measured, the mean and deviation of every state, innovation and its deviation of every sensor, and what there is one of a row.
+const TOPICS: [&str; 6] = [
+    "/fleetfoot/measured",
+    "/fleetfoot/estimate",
+    "/fleetfoot/deviation",
+    "/fleetfoot/innovation",
+    "/fleetfoot/innovation_deviation",
+    "/fleetfoot/region",
+];
+
+/// Writes, row by row: episode, time, mean and deviation of every state, the region that is most probable, the probability of every region, innovation and its deviation of
+/// every sensor, and the log-likelihood of the row; as a table, or as messages on [`TOPICS`], which have the stamps of the rows that they belong to.
+pub(crate) struct FilteredWriter {
+    sink: Sink,
+    states: usize,
+    regions: usize,
+    sensors: usize,
+}
+
+enum Sink {
+    Table(TableWriter),
+    Mcap { overlay: Box<Overlay>, topics: [SeriesId; 6], path: PathBuf, plots: Vec<Plot> },
+}
+
+impl FilteredWriter {
+    pub(crate) fn create(
+        kind: Kind,
+        path: &Path,
+        model: &Model,
+        filter: &SwitchedFilter,
+        logs: &Logs,
+    ) -> Result<Self, Error> {
+        let sink = match kind {
+            Kind::Table => Sink::Table(TableWriter::create(path, columns(model, filter), &table_options(model, logs))?),
+            Kind::Mcap => {
+                let mut overlay = Overlay::create(path, &mcap_options(model, logs))?;
+                let sensors: Vec<String> = filter.measured().map(|state| filter.states()[state].clone()).collect();
+                let mut about = vec!["region".to_owned(), "log_likelihood".to_owned()];
+                about.extend(filter.region_names().map(|region| format!("probability_{region}")));
+                let names = [&sensors, filter.states(), filter.states(), &sensors, &sensors, &about];
+                let mut topic = |at: usize| overlay.joint_state(TOPICS[at], names[at], "");
+                let topics = [topic(0)?, topic(1)?, topic(2)?, topic(3)?, topic(4)?, topic(5)?];
+                Sink::Mcap { overlay: Box::new(overlay), topics, path: path.to_owned(), plots: plots(filter) }
+            }
+        };
+        let (states, regions, sensors) = (filter.states().len(), filter.regions(), filter.measured().len());
+        Ok(Self { sink, states, regions, sensors })
+    }
+
+    pub(crate) fn write(&mut self, found: &FilteredRows) -> Result<(), Error> {
+        let (states, regions, sensors) = (self.states, self.regions, self.sensors);
+        match &mut self.sink {
+            Sink::Table(writer) => write_table(writer, found, states, regions, sensors),
+            Sink::Mcap { overlay, topics, .. } => write_messages(overlay, topics, found, states, regions, sensors),
+        }
+    }
+
+    pub(crate) fn finish(self) -> Result<(), Error> {
+        match self.sink {
+            Sink::Table(writer) => writer.finish()?,
+            Sink::Mcap { overlay, path, plots, .. } => finish_with_layouts(*overlay, &path, &plots)?,
+        }
+        Ok(())
+    }
+}
+
+fn columns(model: &Model, filter: &SwitchedFilter) -> Vec<WriteColumn> {
+    let mut columns = vec![WriteColumn::new("episode", WriteKind::Text), WriteColumn::new("time", WriteKind::Stamp)];
+    let mut push = |name: String, state: Option<&String>| {
+        let unit = state.and_then(|state| model.column(state)).and_then(|at| model.columns[at].unit.as_ref());
+        let column = WriteColumn::new(name, WriteKind::Float);
+        columns.push(unit.into_iter().fold(column, |column, unit| column.with_unit(unit)));
+    };
+    for state in filter.states() {
+        push(state.clone(), Some(state));
+        push(format!("{state} deviation"), Some(state));
+    }
+    for state in filter.measured().map(|state| &filter.states()[state]) {
+        push(format!("{state} innovation"), Some(state));
+        push(format!("{state} innovation deviation"), Some(state));
+    }
+    filter.region_names().for_each(|region| push(format!("probability {region}"), None));
+    push("log likelihood".into(), None);
+    columns.push(WriteColumn::new("region", WriteKind::Integer));
+    columns
+}
+
+/// The estimate over what was measured, a plot a state.
+fn plots(filter: &SwitchedFilter) -> Vec<Plot> {
+    let plot = |(place, name): (usize, &String)| {
+        let line = |topic: &str, place: usize, what: &str| Line {
+            topic: topic.to_owned(),
+            name: name.clone(),
+            place,
+            label: format!("{name} {what}"),
+        };
+        let sensor = filter.measured().position(|state| state == place);
+        let measured = sensor.map(|sensor| line(TOPICS[0], sensor, "measured"));
+        let lines = measured.into_iter().chain([line(TOPICS[1], place, "estimate")]).collect();
+        Plot { title: name.clone(), lines }
+    };
+    filter.states().iter().enumerate().map(plot).collect()
+}
+
+/// -1 for a row that the filter was lost before.
+fn region(found: &FilteredRows, row: usize) -> i64 {
+    found.region(row).map_or(-1, |region| region as i64)
+}
+
+fn write_table(
+    writer: &mut TableWriter,
+    found: &FilteredRows,
+    states: usize,
+    regions: usize,
+    sensors: usize,
+) -> Result<(), Error> {
+    let rows = found.rows();
+    let column =
+        |of: &[f64], width: usize, at: usize| -> Vec<f64> { (0..rows).map(|row| of[row * width + at]).collect() };
+    let mut numbers = Vec::new();
+    for state in 0..states {
+        numbers.push(column(found.means(), states, state));
+        numbers.push(column(found.deviations(), states, state));
+    }
+    for sensor in 0..sensors {
+        numbers.push(column(found.innovations(), sensors, sensor));
+        numbers.push(column(found.innovation_deviations(), sensors, sensor));
+    }
+    numbers.extend((0..regions).map(|region| column(found.probabilities(), regions, region)));
+    numbers.push(found.log_likelihood().to_vec());
+    let regions: Vec<i64> = (0..rows).map(|row| region(found, row)).collect();
+    let names = vec![found.episode(); rows];
+    let mut values = vec![Values::Text(&names), Values::Integer(found.stamps())];
+    values.extend(numbers.iter().map(|column| Values::Float(column)));
+    values.push(Values::Integer(&regions));
+    writer.write(&values)?;
+    Ok(())
+}
+
+/// What no sensor measured leaves a gap in the lines that a viewer draws.
+fn write_messages(
+    overlay: &mut Overlay,
+    topics: &[SeriesId; 6],
+    found: &FilteredRows,
+    states: usize,
+    regions: usize,
+    sensors: usize,
+) -> Result<(), Error> {
+    for (row, &stamp) in found.stamps().iter().enumerate() {
+        let log_time = stamp.saturating_add(found.log_offset());
+        let of = |values: &[f64], width: usize| values[row * width..][..width].to_vec();
+        let mut about = vec![region(found, row) as f64, found.log_likelihood()[row]];
+        about.extend(of(found.probabilities(), regions));
+        let values = [
+            (0..sensors).map(|sensor| found.measured(row, sensor)).collect(),
+            of(found.means(), states),
+            of(found.deviations(), states),
+            of(found.innovations(), sensors),
+            of(found.innovation_deviations(), sensors),
+            about,
+        ];
+        for (&topic, values) in topics.iter().zip(&values) {
+            if row < found.known && values.iter().any(|value| value.is_finite()) {
+                overlay.row(topic, stamp, log_time, values)?;
+            }
+        }
+    }
+    Ok(())
+}

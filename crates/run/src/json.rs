@@ -1,0 +1,16 @@
+//! Reports of what a model does, as JSON.
+
+mod control;
+mod filter;
+mod resimulate;
+mod rollout;
+mod score;
+
+use std::collections::BTreeMap;
+
+use fleetfoot_dynamics::Baseline;
+
+/// What is told of every baseline, by its name.
+fn by_baseline<T, V>(all: &[(Baseline, T)], of: impl Fn(&T) -> V) -> BTreeMap<&'static str, V> {
+    all.iter().map(|(baseline, own)| (baseline.name(), of(own))).collect()
+}

@@ -1,0 +1,13 @@
+//! Controllers.
+
+use fleetfoot_dataset::json::report;
+use serde_json::Value;
+
+use crate::ControllerFile;
+
+impl ControllerFile {
+    /// The controller for programs: what its file has, without the checksum.
+    pub fn told(&self) -> Value {
+        report(self)
+    }
+}

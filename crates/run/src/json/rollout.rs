@@ -1,0 +1,143 @@
+//! Scores of rollouts by horizon.
+
+use std::collections::BTreeMap;
+
+use fleetfoot_dataset::json::report;
+use fleetfoot_dynamics::{Estimate, Horizon, HorizonScore, RolloutSummary, StepSpan};
+use fleetfoot_fit::{Interval, interval_in_words};
+use serde::Serialize;
+use serde_json::Value;
+
+use super::by_baseline;
+use crate::RolledOut;
+
+impl RolledOut {
+    /// The scores for programs; trajectories are not among them.
+    pub fn to_json(&self) -> Value {
+        let rollouts = &self.rollouts;
+        let horizon = &rollouts.horizon;
+        let states = horizon.states.len();
+        report(Told {
+            rollouts: rollouts.outcomes.len(),
+            missing: rollouts.missing,
+            diverged: rollouts.diverged(),
+            without_region: rollouts.without_region(),
+            left_domain: rollouts.left_domain(),
+            ended_outside: rollouts.ended_outside(),
+            episodes: self.episodes,
+            in_sample_episodes: &self.in_sample,
+            states: &horizon.states,
+            replayed: &rollouts.replayed,
+            driven_inputs: &rollouts.driven_inputs,
+            time: &horizon.time,
+            model: Curves::new(&horizon.model, states),
+            baselines: by_baseline(&horizon.baselines, |score| Curves::new(score, states)),
+            ended: &horizon.ended,
+            intervals: interval_in_words(&horizon.basis),
+            useful_horizon: Useful::from(horizon),
+            notes: &self.notes,
+        })
+    }
+}
+
+#[derive(Serialize)]
+struct Told<'a> {
+    rollouts: usize,
+    missing: usize,
+    diverged: usize,
+    without_region: usize,
+    left_domain: usize,
+    ended_outside: usize,
+    episodes: usize,
+    in_sample_episodes: &'a [String],
+    states: &'a [String],
+    replayed: &'a [String],
+    driven_inputs: &'a [String],
+    time: &'a [f64],
+    model: Curves,
+    baselines: BTreeMap<&'static str, Curves>,
+    ended: &'a [f64],
+    intervals: String,
+    useful_horizon: Useful,
+    notes: &'a [String],
+}
+
+/// Scores by step: errors steps x states, and estimates with the ends of their intervals.
+#[derive(Serialize)]
+struct Curves {
+    rmse: Vec<Vec<f64>>,
+    mae: Vec<Vec<f64>>,
+    mahalanobis: Vec<[f64; 3]>,
+    summary: Summary,
+    displacement: Vec<[f64; 3]>,
+    displacement_summary: Option<Summary>,
+}
+
+impl Curves {
+    fn new(score: &HorizonScore, states: usize) -> Self {
+        let table = |values: &[f64]| values.chunks(states.max(1)).map(<[f64]>::to_vec).collect();
+        let triples = |all: &[Estimate]| all.iter().map(|own| [own.value, own.low, own.high]).collect();
+        Self {
+            rmse: table(&score.rmse),
+            mae: table(&score.mae),
+            mahalanobis: triples(&score.mahalanobis),
+            summary: (&score.summary).into(),
+            displacement: triples(&score.displacement),
+            displacement_summary: score.displacement_summary.as_ref().map(Summary::from),
+        }
+    }
+}
+
+/// Over whole rollouts.
+#[derive(Serialize)]
+struct Summary {
+    average: Interval,
+    last: Interval,
+    drift_per_second: Interval,
+}
+
+impl From<&RolloutSummary> for Summary {
+    fn from(own: &RolloutSummary) -> Self {
+        Self { average: (&own.average).into(), last: (&own.last).into(), drift_per_second: (&own.drift).into() }
+    }
+}
+
+/// From when to when the model is the best.
+#[derive(Serialize)]
+struct Useful {
+    steps: usize,
+    seconds: f64,
+    beaten_by: Option<&'static str>,
+    compared_steps: usize,
+    better_than_all: Vec<Span>,
+    better_than: BTreeMap<&'static str, Vec<Span>>,
+}
+
+impl From<&Horizon> for Useful {
+    fn from(horizon: &Horizon) -> Self {
+        let spans = |own: &[StepSpan]| own.iter().map(Span::from).collect::<Vec<_>>();
+        Self {
+            steps: horizon.useful.steps,
+            seconds: horizon.useful.seconds,
+            beaten_by: horizon.useful.beaten_by.map(|baseline| baseline.name()),
+            compared_steps: horizon.useful.compared,
+            better_than_all: spans(&horizon.useful.spans),
+            better_than: by_baseline(&horizon.better, |own| spans(own)),
+        }
+    }
+}
+
+/// Steps at which something holds.
+#[derive(Serialize)]
+struct Span {
+    first_step: usize,
+    last_step: usize,
+    from: f64,
+    to: f64,
+}
+
+impl From<&StepSpan> for Span {
+    fn from(span: &StepSpan) -> Self {
+        Self { first_step: span.first, last_step: span.last, from: span.from, to: span.to }
+    }
+}

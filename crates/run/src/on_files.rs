@@ -1,0 +1,318 @@
+//! A model run on files: scores, predictions row by row, rollouts.
+
+use std::{path::Path, sync::Arc};
+
+use fleetfoot_data::{Progress, Source, parallel_fold};
+use fleetfoot_dataset::{Dataset, Logs, pieces::pieces};
+use fleetfoot_dynamics::{
+    Domain, Predicted, Predictor, PredictorWorkspace, RolloutOptions, Rollouts, RowStatus, ScoreOptions, Scores,
+    Starts, controller::Controller,
+};
+use fleetfoot_fit::{Error, FileRuns, free_runs_by_file};
+use fleetfoot_library::Expr;
+use fleetfoot_model::{Equation, Model, Prediction, Rule};
+use fleetfoot_recipe::Recipe;
+use serde::Serialize;
+
+use crate::{
+    controller, output,
+    output::{Place, PredictionsWriter},
+};
+
+/// Scores, and what to know about the data.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Scored {
+    /// The scores.
+    pub scores: Scores,
+    /// Of an autoregression: whole files simulated from their first rows, one by one.
+    pub free_runs: FileRuns,
+    /// Episodes scored.
+    pub episodes: usize,
+    /// Names of those that the model was trained on: their scores are in-sample.
+    pub in_sample: Vec<String>,
+    /// What was assumed or left out.
+    pub notes: Vec<String>,
+}
+
+/// Scores one-step predictions on files.
+pub fn score(model: &Model, changes: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) -> Result<Scored, Error> {
+    score_rows(model, &Dataset::for_model(model, changes, logs, progress)?, progress)
+}
+
+/// Scores one-step predictions on rows that are opened.
+pub fn score_rows(model: &Model, dataset: &Dataset, progress: &dyn Progress) -> Result<Scored, Error> {
+    let view = dataset.view()?;
+    progress.stage("score");
+    let mut scores = fleetfoot_dynamics::score(model, &view, &ScoreOptions::default(), progress)?;
+    dataset.all_were_read();
+    let trained = dataset.trained(model);
+    scores.episodes.iter_mut().for_each(|score| score.in_training |= trained.contains(&score.episode));
+    refuse_unseen_labels(model, scores.skipped.no_region, scores.rows)?;
+    if scores.rows == 0 {
+        return Err(nothing_to_score(&scores));
+    }
+    let mut notes = dataset.notes().to_vec();
+    notes.extend(targets_at_rest(&scores));
+    Ok(Scored {
+        scores,
+        free_runs: free_runs_by_file(model, dataset, 1, progress)?,
+        episodes: dataset.episodes().len(),
+        in_sample: dataset.in_sample(model),
+        notes,
+    })
+}
+
+/// Targets that did not vary are predicted by any constant: their ratios praise no model.
+fn targets_at_rest(scores: &Scores) -> Option<String> {
+    let at_rest = scores.targets.iter().filter(|target| target.deviation == 0.0).map(|target| target.name.as_str());
+    let names: Vec<&str> = at_rest.collect();
+    let (have, them) =
+        if names.len() == 1 { ("has", "its R2 and ratio say") } else { ("have each", "their R2 and ratios say") };
+    (!names.is_empty()).then(|| {
+        format!(
+            "{} {have} the same value in all rows that were scored: {them} nothing about the model; score rows in which the robot moves",
+            names.join(", ")
+        )
+    })
+}
+
+fn nothing_to_score(scores: &Scores) -> Error {
+    let skipped = &scores.skipped;
+    Error::too_few_rows(
+        0,
+        1,
+        format!(
+            "no row can be scored: {} rows lack neighbours at the border of their episode, {} have a missing value, for {} the model gives no finite \
+         number; give longer episodes or other files",
+            skipped.border, skipped.missing, skipped.non_finite
+        ),
+    )
+}
+
+/// A model whose labels do not cover the data says so unless it was fitted to pool them.
+fn refuse_unseen_labels(model: &Model, without_region: u64, scored: u64) -> Result<(), Error> {
+    let label = model.partitions.iter().find_map(|partition| match &partition.rule {
+        Rule::Labels { names, .. } => {
+            Some((partition.columns.last().map(ToString::to_string).unwrap_or_default(), names))
+        }
+        _ => None,
+    });
+    match label {
+        Some((column, names)) if without_region > 0 => Err(fleetfoot_dataset::Error::UnseenLabel {
+            column,
+            labels: format!("it knows {}; {scored} rows have one of these", names.join(", ")),
+            rows: without_region,
+        }
+        .into()),
+        _ => Ok(()),
+    }
+}
+
+/// What was written.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
+pub struct Written {
+    /// Rows in the file.
+    pub rows: u64,
+    /// Rows with a prediction.
+    pub predicted: u64,
+    /// Of these, rows with a target to compare it with.
+    pub compared: u64,
+    /// Of the predicted rows, those outside what their region saw in training.
+    pub outside_domain: u64,
+    /// What was assumed or left out.
+    pub notes: Vec<String>,
+}
+
+/// Consecutive rows with their predictions.
+#[derive(Debug)]
+#[non_exhaustive]
+pub struct PredictedRows<'a> {
+    /// The episode that they are of.
+    pub episode: &'a fleetfoot_data::Episode,
+    /// What must be added to the stamps to get the times of the recording, nanoseconds.
+    pub log_offset: i64,
+    /// Their stamps, nanoseconds.
+    pub stamps: &'a [i64],
+    /// The columns that were read.
+    pub columns: &'a [fleetfoot_data::Column],
+    /// Their values, in the same order, and those of the rows beside them.
+    pub block: &'a fleetfoot_data::Block,
+    /// Predictions, targets, regions, distances.
+    pub predicted: &'a Predicted,
+}
+
+/// Whether a run of a model needs a column: all but those that only the targets speak of, which say what a prediction is compared with. A rollout starts from
+/// the states that it advances, so it needs these too.
+pub fn is_needed(model: &Model, name: &str, rollout: bool) -> bool {
+    let speaks =
+        |expression: &Expr| expression.columns().iter().chain(&expression.sources()).any(|column| **column == *name);
+    let targets = model.equations.iter().filter_map(|equation| equation.target.as_ref());
+    let partitions = model.partitions.iter().flat_map(|partition| &partition.columns);
+    let rights = model.equations.iter().map(|equation| &equation.right);
+    let advanced = |equation: &Equation| equation.prediction != Prediction::Value && equation.subject == *name;
+    !targets.into_iter().any(speaks)
+        || model.libraries.iter().flatten().chain(partitions).chain(rights).any(speaks)
+        || (rollout && model.equations.iter().any(advanced))
+}
+
+/// Predicts the rows of logs, in order; `take` gets them some at a time, and the predictor that made them. Tells how many there were.
+///
+/// # Errors
+/// Those of opening and reading, and of `take`.
+pub fn predict_rows(
+    model: &Model,
+    changes: &Recipe,
+    logs: impl Into<Logs>,
+    progress: &dyn Progress,
+    mut take: impl FnMut(&Predictor, &PredictedRows<'_>) -> Result<(), Error> + Send,
+) -> Result<Written, Error> {
+    let dataset = Dataset::for_run(model, changes, logs, &|name| is_needed(model, name, false), progress)?;
+    let view = dataset.view()?;
+    let names: Vec<&str> = view.columns().iter().map(|column| column.name.as_str()).collect();
+    let predictor = Predictor::new(model, &names)?;
+    let pieces = pieces(&view);
+    progress.stage("predict");
+    let mut written =
+        Written { rows: 0, predicted: 0, compared: 0, outside_domain: 0, notes: dataset.notes().to_vec() };
+    parallel_fold(
+        pieces.len(),
+        progress,
+        |piece| {
+            let (episode, rows) = pieces[piece].clone();
+            let block = view.read(episode, rows, predictor.halo())?;
+            let mut predicted = Predicted::default();
+            predictor.predict(&block, 0..block.rows, &mut PredictorWorkspace::default(), &mut predicted);
+            Ok::<_, Error>((episode, block, predicted))
+        },
+        |(episode, block, predicted)| {
+            let rows = PredictedRows {
+                episode: &view.episodes()[episode],
+                log_offset: dataset.log_offset(episode),
+                stamps: block.stamps(),
+                columns: view.columns(),
+                block: &block,
+                predicted: &predicted,
+            };
+            take(&predictor, &rows)?;
+            written.rows += predicted.rows as u64;
+            written.predicted += (0..predicted.rows).filter(|&row| predicted.is_predicted(row)).count() as u64;
+            written.compared += predicted.status.iter().filter(|&&status| status == RowStatus::Complete).count() as u64;
+            written.outside_domain +=
+                predicted.domain.iter().filter(|&&domain| domain != Domain::Inside).count() as u64;
+            Ok(())
+        },
+    )?;
+    Ok(written)
+}
+
+/// Writes per row: episode, stamp, measured target, prediction, residual of every fitted equation, region, distance from the training domain,
+/// and whether the row is inside it.
+pub fn predict(
+    model: &Model,
+    changes: &Recipe,
+    logs: impl Into<Logs>,
+    output: &Path,
+    progress: &dyn Progress,
+) -> Result<Written, Error> {
+    let kind = output::kind(output)?;
+    let logs = logs.into();
+    let mut writer = None;
+    let written = predict_rows(model, changes, &logs, progress, |predictor, rows| {
+        let place = Place { episode: &rows.episode.name, log_offset: rows.log_offset };
+        let writer = match &mut writer {
+            Some(writer) => writer,
+            None => writer.insert(PredictionsWriter::create(kind, output, model, predictor, &logs)?),
+        };
+        writer.write(&place, rows.stamps, rows.predicted)
+    })?;
+    if let Some(writer) = writer {
+        writer.finish()?;
+    }
+    Ok(written)
+}
+
+/// Rollouts, and what to know about the data.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct RolledOut {
+    /// Scores against the horizon, and the trajectories where they were kept.
+    pub rollouts: Rollouts,
+    /// Episodes there are.
+    pub episodes: usize,
+    /// Names of those that the model was trained on.
+    pub in_sample: Vec<String>,
+    /// What was assumed or left out.
+    pub notes: Vec<String>,
+}
+
+/// Simulates a model from measured states, with a controller around it where one is given; writes the trajectories when `output` is given.
+#[expect(
+    clippy::too_many_arguments,
+    reason = "all of them are the caller's choice; a controller and a file may be left out"
+)]
+pub fn rollout(
+    model: &Model,
+    changes: &Recipe,
+    logs: impl Into<Logs>,
+    starts: &Starts,
+    options: &RolloutOptions,
+    closed_by: Option<&Arc<dyn Controller>>,
+    output: Option<&Path>,
+    progress: &dyn Progress,
+) -> Result<RolledOut, Error> {
+    let kind = output.map(output::kind).transpose()?;
+    let logs = logs.into();
+    let (model, dataset) = &opened_to_roll(model, changes, &logs, closed_by, progress)?;
+    let mut options = options.clone();
+    options.keep |= output.is_some();
+    let rolled = roll_rows(model, dataset, starts, &options, closed_by, progress)?;
+    if let (Some(path), Some(kind)) = (output, kind) {
+        let offset = |episode| dataset.log_offset(episode);
+        output::write_trajectories(kind, path, model, &dataset.view()?, &offset, &rolled.rollouts, &logs)?;
+    }
+    Ok(rolled)
+}
+
+/// A model with the columns that a controller reads, and the rows that it is simulated on.
+pub fn opened_to_roll(
+    own: &Model,
+    changes: &Recipe,
+    logs: &Logs,
+    closed_by: Option<&Arc<dyn Controller>>,
+    progress: &dyn Progress,
+) -> Result<(Model, Dataset), Error> {
+    let model = match closed_by {
+        Some(closed_by) => controller::with_columns(own, closed_by.as_ref())?,
+        None => own.clone(),
+    };
+    let needed = |name: &str| is_needed(&model, name, true);
+    let dataset = Dataset::for_run(&model, changes, logs, &needed, progress)
+        .map_err(|error| controller::explained(error, own))?;
+    Ok((model, dataset))
+}
+
+/// Simulates a model, which has the columns that a controller reads, on rows that are opened.
+pub fn roll_rows(
+    model: &Model,
+    dataset: &Dataset,
+    starts: &Starts,
+    options: &RolloutOptions,
+    closed_by: Option<&Arc<dyn Controller>>,
+    progress: &dyn Progress,
+) -> Result<RolledOut, Error> {
+    dataset.search(progress)?;
+    let view = dataset.view()?;
+    progress.stage("rollout");
+    let rollouts = match closed_by {
+        Some(closed_by) => fleetfoot_dynamics::rollout_closed_loop(model, closed_by, &view, starts, options, progress)?,
+        None => fleetfoot_dynamics::rollout(model, &view, starts, options, progress)?,
+    };
+    Ok(RolledOut {
+        rollouts,
+        episodes: dataset.episodes().len(),
+        in_sample: dataset.in_sample(model),
+        notes: dataset.notes().to_vec(),
+    })
+}

@@ -1,0 +1,201 @@
+//! Recordings followed by a model within bounds: `resimulate`.
+
+mod words;
+mod writer;
+
+use std::path::Path;
+
+use fleetfoot_data::Progress;
+use fleetfoot_dataset::{Dataset, Logs};
+use fleetfoot_estimate::{Ending, EstimateError, Resimulated, Resimulation, ResimulationOptions};
+use fleetfoot_fit::Error;
+use fleetfoot_model::Model;
+use fleetfoot_recipe::{Recipe, ResimulateSection};
+use serde::Serialize;
+
+use crate::{on_files::is_needed, output};
+
+/// Recordings followed, and what to know of them.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Followed {
+    /// What was found.
+    pub found: Resimulation,
+    /// Units of the columns, where they are known.
+    pub units: Vec<Option<String>>,
+    /// Names of the episodes that were followed.
+    pub names: Vec<String>,
+    /// Names of those that were left out.
+    pub left_out: Vec<String>,
+    /// Names of those that the model was trained on.
+    pub in_sample: Vec<String>,
+    /// What was assumed or left out.
+    pub notes: Vec<String>,
+}
+
+/// Deviations of a column over the episodes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Spread {
+    /// Half of the episodes are below.
+    pub median: f64,
+    /// Nine of ten are below.
+    pub ninth: f64,
+    /// The largest.
+    pub worst: f64,
+}
+
+impl Spread {
+    /// Quantiles between neighbours; infinite ones count as they are. NaN without a number.
+    fn of(values: impl Iterator<Item = f64>) -> Self {
+        let mut sorted: Vec<f64> = values.filter(|value| !value.is_nan()).collect();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let at = |share: f64| {
+            let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
+            let place = share * last as f64;
+            let (low, high) = (sorted[place as usize], sorted[(place.ceil() as usize).min(last)]);
+            // Not between a number and infinity.
+            if low == high || high.is_infinite() { high } else { low + (high - low) * place.fract() }
+        };
+        Self { median: at(0.5), ninth: at(0.9), worst: at(1.0) }
+    }
+}
+
+impl Followed {
+    /// Root mean square of followed less recorded, over the episodes, of a column.
+    pub fn followed(&self, column: usize) -> Spread {
+        Spread::of(self.found.episodes.iter().map(|own| self.found.deviations_of(own)[column]))
+    }
+
+    /// The same of the open loop; `None` for an input.
+    pub fn open_loop(&self, column: usize) -> Option<Spread> {
+        let of = |own: &Resimulated| self.found.open_loop_deviations(own)[column];
+        (column < self.found.states).then(|| Spread::of(self.found.episodes.iter().map(of)))
+    }
+
+    /// The worst of the certificates: of the dynamics, of the bounds, stationarity.
+    pub fn worst(&self) -> [f64; 3] {
+        let worst = |of: fn(&Resimulated) -> f64| self.found.episodes.iter().map(of).fold(0.0, f64::max);
+        [
+            worst(|own| own.certificate.dynamics),
+            worst(|own| own.certificate.bounds),
+            worst(|own| own.certificate.stationarity),
+        ]
+    }
+
+    /// Episodes that ended at a minimum.
+    pub fn minima(&self) -> usize {
+        self.found.episodes.iter().filter(|own| own.ending == Ending::Minimum).count()
+    }
+
+    /// What the user should be warned of, in sentences.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut told = Vec::new();
+        for (own, name) in self.found.episodes.iter().zip(&self.names) {
+            let certificate = &own.certificate;
+            if own.ending != Ending::Minimum {
+                told.push(format!(
+                    "{name}: {} after {} convex programs, the dynamics violated by {:.1e} of a state's spread, stationarity {:.1e}: {}",
+                    if own.ending == Ending::Stalled { "no step was better" } else { "not at a minimum" },
+                    own.programs,
+                    certificate.dynamics,
+                    certificate.stationarity,
+                    if own.ending == Ending::Stalled {
+                        "look whether the model's regions or functions break there, or widen the bounds"
+                    } else {
+                        "allow more (--iterations)"
+                    }
+                ));
+            }
+        }
+        told
+    }
+}
+
+/// Follows the episodes of logs with a model; writes what follows them where `output` is given. How is said by `[resimulate]` of `changes`, above the model's own recipe.
+///
+/// # Errors
+/// Those of the settings, of opening and reading, of [`fleetfoot_estimate::resimulate`] and of writing.
+pub fn resimulate(
+    model: &Model,
+    changes: &Recipe,
+    logs: impl Into<Logs>,
+    output: Option<&Path>,
+    progress: &dyn Progress,
+) -> Result<Followed, Error> {
+    let kind = output.map(output::kind).transpose()?;
+    let logs = logs.into();
+    let mut recipe = Recipe::parse(&model.training.recipe, "the model's recipe")?;
+    recipe.say(changes.resimulate.clone());
+    let options = options(&recipe.resimulate)?;
+    let dataset = Dataset::for_run(model, changes, &logs, &|name| is_needed(model, name, true), progress)?;
+    let view = dataset.view()?;
+    let found = fleetfoot_estimate::resimulate(model, &view, &options, progress).map_err(refused)?;
+    dataset.all_were_read();
+    let name = |episode: usize| dataset.episodes()[episode].name.clone();
+    let unit = |column: &String| model.column(column).and_then(|at| model.columns[at].unit.clone());
+    let mut notes = dataset.notes().to_vec();
+    let reasons = [
+        (&found.missing, "a column that is followed has no value, or there are fewer than two rows"),
+        (&found.undefined, "the model has no finite value along them"),
+    ];
+    for (left, reason) in reasons.iter().filter(|(left, _)| !left.is_empty()) {
+        let names: Vec<String> = left.iter().take(3).map(|&episode| name(episode)).collect();
+        let (count, more) = (left.len(), if left.len() > 3 { ", ..." } else { "" });
+        let all = dataset.episodes().len();
+        notes.push(format!("{count} of {all} episodes left out ({}{more}): {reason}", names.join(", ")));
+    }
+    let followed = Followed {
+        units: found.columns.iter().map(unit).collect(),
+        names: found.episodes.iter().map(|own| name(own.episode)).collect(),
+        left_out: found.missing.iter().chain(&found.undefined).map(|&episode| name(episode)).collect(),
+        in_sample: dataset.in_sample(model),
+        notes,
+        found,
+    };
+    if let (Some(path), Some(kind)) = (output, kind) {
+        writer::write_followed(kind, path, model, &|episode| dataset.log_offset(episode), &followed, &logs)?;
+    }
+    Ok(followed)
+}
+
+/// What was asked for and cannot be is an error of the request.
+fn refused(error: EstimateError) -> Error {
+    match &error {
+        EstimateError::Option { .. } | EstimateError::Bounds { .. } | EstimateError::TooLong { .. } => {
+            Error::value(error.to_string())
+        }
+        EstimateError::NoInput { name, .. } | EstimateError::NotFollowed { name, .. } => {
+            Error::unknown(name, error.to_string())
+        }
+        EstimateError::LooksBack { .. } | EstimateError::Filtered { .. } | EstimateError::MixedSteps { .. } => {
+            Error::conflict(error.to_string())
+        }
+        _ => error.into(),
+    }
+}
+
+/// What `[resimulate]` says, checked as far as it can be without the model.
+fn options(said: &ResimulateSection) -> Result<ResimulationOptions, Error> {
+    let mut options = ResimulationOptions::default();
+    options.every = said.every.unwrap_or(options.every);
+    options.widen = said.widen.unwrap_or(options.widen);
+    options.iterations = said.iterations.unwrap_or(options.iterations);
+    options.free = said.free.as_deref().map(words::names).unwrap_or_default();
+    options.deviations = said.deviations.as_deref().map(words::values).transpose()?.unwrap_or_default();
+    options.bounds = said.bounds.as_deref().map(words::bounds).transpose()?.unwrap_or_default();
+    Ok(options)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_take_infinity_as_it_is() {
+        let spread = Spread::of([3.0, 1.0, f64::NAN, f64::INFINITY, 2.0].into_iter());
+        assert_eq!((spread.median, spread.ninth, spread.worst), (2.5, f64::INFINITY, f64::INFINITY));
+        assert!(Spread::of(std::iter::empty()).median.is_nan());
+        assert_eq!(Spread::of(std::iter::once(7.0)).ninth, 7.0);
+    }
+}

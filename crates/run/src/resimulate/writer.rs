@@ -1,0 +1,113 @@
+//! Recordings and what follows them.
+
+use std::path::Path;
+
+use fleetfoot_dataset::Logs;
+use fleetfoot_estimate::Resimulated;
+use fleetfoot_fit::Error;
+use fleetfoot_log::{Overlay, TableWriter, Values, WriteColumn, WriteKind};
+use fleetfoot_model::Model;
+
+use super::Followed;
+use crate::output::{Kind, Line, Plot, finish_with_layouts, mcap_options, table_options};
+
+/// The topics of messages.
+const TOPICS: [&str; 3] = ["/fleetfoot/measured", "/fleetfoot/followed", "/fleetfoot/open_loop"];
+
+/// Writes, for every row of the grid, each column as it was measured, as it follows, and the states of the open loop. `log_offset` tells what must be added to the stamps of an
+/// episode to get the times of its recording, nanoseconds.
+pub(crate) fn write_followed(
+    kind: Kind,
+    path: &Path,
+    model: &Model,
+    log_offset: &dyn Fn(usize) -> i64,
+    followed: &Followed,
+    logs: &Logs,
+) -> Result<(), Error> {
+    match kind {
+        Kind::Table => write_table(path, model, followed, logs),
+        Kind::Mcap => write_messages(path, model, log_offset, followed, logs),
+    }
+}
+
+/// A column of values by rows.
+fn column(values: &[f64], width: usize, at: usize) -> Vec<f64> {
+    values.iter().skip(at).step_by(width).copied().collect()
+}
+
+fn write_table(path: &Path, model: &Model, followed: &Followed, logs: &Logs) -> Result<(), Error> {
+    let found = &followed.found;
+    let mut columns = vec![
+        WriteColumn::new("episode", WriteKind::Text),
+        WriteColumn::new("time", WriteKind::Stamp),
+        WriteColumn::new("row", WriteKind::Integer),
+    ];
+    for (at, (name, unit)) in found.columns.iter().zip(&followed.units).enumerate() {
+        let mut names = vec![name.clone(), format!("{name} measured")];
+        names.extend((at < found.states).then(|| format!("{name} open loop")));
+        for name in names {
+            let column = WriteColumn::new(name, WriteKind::Float);
+            columns.push(unit.iter().fold(column, |column, unit| column.with_unit(unit)));
+        }
+    }
+    let mut writer = TableWriter::create(path, columns, &table_options(model, logs))?;
+    for (own, name) in found.episodes.iter().zip(&followed.names) {
+        let names = vec![name.as_str(); own.rows.len()];
+        let rows: Vec<i64> = own.rows.iter().map(|&row| row as i64).collect();
+        let width = found.columns.len();
+        let mut numbers = Vec::new();
+        for at in 0..width {
+            numbers.extend([column(&own.followed, width, at), column(&own.recorded, width, at)]);
+            numbers.extend((at < found.states).then(|| column(&own.open_loop, found.states, at)));
+        }
+        let mut values = vec![Values::Text(&names), Values::Integer(&own.stamps), Values::Integer(&rows)];
+        values.extend(numbers.iter().map(|column| Values::Float(column)));
+        writer.write(&values)?;
+    }
+    writer.finish()?;
+    Ok(())
+}
+
+/// Messages on [`TOPICS`] with the stamps of the rows.
+fn write_messages(
+    path: &Path,
+    model: &Model,
+    log_offset: &dyn Fn(usize) -> i64,
+    followed: &Followed,
+    logs: &Logs,
+) -> Result<(), Error> {
+    let found = &followed.found;
+    let mut overlay = Overlay::create(path, &mcap_options(model, logs))?;
+    let states = &found.columns[..found.states];
+    let measured = overlay.joint_state(TOPICS[0], &found.columns, "")?;
+    let followed = overlay.joint_state(TOPICS[1], &found.columns, "")?;
+    let open_loop = overlay.joint_state(TOPICS[2], states, "")?;
+    let mut order: Vec<&Resimulated> = found.episodes.iter().collect();
+    order.sort_by_key(|own| own.episode);
+    for own in order {
+        for (k, &stamp) in own.stamps.iter().enumerate() {
+            let log_time = stamp.saturating_add(log_offset(own.episode));
+            let series =
+                [(measured, &own.recorded, found.columns.len()), (followed, &own.followed, found.columns.len())];
+            for (series, values, width) in series.into_iter().chain([(open_loop, &own.open_loop, found.states)]) {
+                let values = &values[k * width..(k + 1) * width];
+                if values.iter().any(|value| value.is_finite()) {
+                    overlay.row(series, stamp, log_time, values)?;
+                }
+            }
+        }
+    }
+    let line = |topic: &str, place: usize, name: &String, what: &str| Line {
+        topic: topic.to_owned(),
+        name: name.clone(),
+        place,
+        label: format!("{name} {what}"),
+    };
+    let plot = |(place, name): (usize, &String)| {
+        let mut lines = vec![line(TOPICS[0], place, name, "measured"), line(TOPICS[1], place, name, "followed")];
+        lines.extend((place < found.states).then(|| line(TOPICS[2], place, name, "open loop")));
+        Plot { title: name.clone(), lines }
+    };
+    let plots: Vec<Plot> = found.columns.iter().enumerate().map(plot).collect();
+    finish_with_layouts(overlay, path, &plots)
+}
