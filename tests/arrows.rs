@@ -33,8 +33,9 @@ const ARROWS: [(&str, &[&str]); 27] = [
     (
         "fleetfoot-fit",
         &[
-            "data", "library", "stats", "model", "dynamics", "log", "pwa", "sparse", "estimate", "recipe", "task",
-            "dataset",
+            // Of `codegen` and `control` their errors, of `report` its words for numbers.
+            "data", "library", "stats", "model", "dynamics", "control", "codegen", "log", "pwa", "sparse", "estimate",
+            "report", "recipe", "task", "dataset",
         ],
     ),
     (
