@@ -55,14 +55,17 @@ pub use fleetfoot_data::{
 pub use fleetfoot_dataset as dataset;
 pub use fleetfoot_dynamics as dynamics;
 pub use fleetfoot_estimate as estimate;
+pub use fleetfoot_fit as fit;
 pub use fleetfoot_library as library;
 pub use fleetfoot_log as log;
 pub use fleetfoot_message as message;
 pub use fleetfoot_model::{self as model, Model, describe, describe_transitions};
+pub use fleetfoot_page as page;
 pub use fleetfoot_prepare as prepare;
 pub use fleetfoot_pwa as pwa;
 pub use fleetfoot_recipe as recipe;
 pub use fleetfoot_report as report;
+pub use fleetfoot_run as run;
 pub use fleetfoot_signal as signal;
 pub use fleetfoot_sim as sim;
 pub use fleetfoot_sparse as sparse;

@@ -165,6 +165,16 @@ impl Partition {
         }
     }
 
+    /// Whether its regions were drawn where the maps of targets differ: refined regions, joined cells, trees, alone or within labels.
+    ///
+    /// The specification ends with the kind of regions and their number; a column of labels may have any name.
+    pub fn is_drawn_by_targets(&self) -> bool {
+        let kind = self.specification.rsplit_once(':').map_or("", |(kind, _)| kind);
+        let within =
+            if kind.starts_with("labels:") { kind.rsplit_once('+').map_or("", |(_, kind)| kind) } else { kind };
+        ["refined", "lattice", "tree"].contains(&within)
+    }
+
     /// The name of a region, for people: `all`, `inner`, `3`, `grass`, `grass/2`.
     pub fn region_name(&self, region: usize) -> String {
         match &self.rule {
@@ -287,6 +297,17 @@ fn labels(values: &[f64], rules: &[Rule], unseen: UnseenLabel, z: &[&[f64]], reg
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_column_of_labels_may_be_called_as_a_kind_of_regions() {
+        let drawn = |text: &str| Partition { specification: text.into(), ..Partition::whole() }.is_drawn_by_targets();
+        for text in ["refined:4", "lattice:3", "tree:2", "labels:surface+refined:3", "labels:a:b+tree:1"] {
+            assert!(drawn(text), "{text}");
+        }
+        for text in ["average", "kmeans:4", "zscore:1.5", "labels:tree", "labels:tree+kmeans:2", "labels:refined:x"] {
+            assert!(!drawn(text), "{text}");
+        }
+    }
 
     #[test]
     fn nearest_centroid_and_ties() {

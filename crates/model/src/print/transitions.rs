@@ -157,7 +157,7 @@ fn pairs(out: &mut String, partition: &Partition, (counted, names): (&Transition
     if shown < order.len() {
         let _ = writeln!(out, "  and {} more, which differ no less", order.len() - shown);
     }
-    if ["refined", "lattice", "tree"].iter().any(|kind| partition.specification.contains(kind)) {
+    if partition.is_drawn_by_targets() {
         let _ = writeln!(
             out,
             "  regions that were drawn where maps differ, on these rows, differ here too: read which ones do not"
