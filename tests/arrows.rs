@@ -49,8 +49,8 @@ const ARROWS: [(&str, &[&str]); 27] = [
     (
         "fleetfoot-synth",
         &[
-            "data", "library", "stats", "model", "dynamics", "control", "message", "log", "pwa", "sim", "recipe",
-            "dataset", "prepare", "fit", "run", "page",
+            "data", "library", "stats", "model", "control", "message", "log", "pwa", "sim", "recipe", "dataset",
+            "prepare", "fit", "run", "page",
         ],
     ),
     (
