@@ -25,7 +25,7 @@ pub use estimation::ParameterReport;
 pub use evidence::Evidence;
 use faer::Mat;
 use fleetfoot_data::Progress;
-use fleetfoot_dataset::Logs;
+use fleetfoot_dataset::{Dataset, Logs};
 use fleetfoot_log::together;
 use fleetfoot_model::Model;
 use fleetfoot_recipe::Recipe;
@@ -108,16 +108,24 @@ pub fn fit_sindy(
     if logs.is_statistic() {
         objective::refuse_statistic(options.objective)?;
     }
-    let (mut evidence, recipe, rollouts) = if logs.is_statistic() {
+    // Logs are opened once: what else is asked of their rows is asked of the same ones.
+    let (mut evidence, recipe, rollouts, dataset) = if logs.is_statistic() {
         let (evidence, recipe) = Evidence::of_statistic(recipe, logs)?;
-        (evidence, recipe, None)
-    } else if open_spans(recipe).is_empty() {
-        (Evidence::of_logs(recipe, options.seed, logs, progress)?, recipe.clone(), None)
+        (evidence, recipe, None, None)
     } else {
-        let rule = RolloutRule::new(request.horizon.unwrap_or(HORIZON));
-        let choice = spans::by_rollouts(recipe, &options, rule, logs, progress)?;
-        let recipe = settled(recipe, choice.candidates[choice.chosen].over);
-        (Evidence::of_logs(&recipe, options.seed, logs, progress)?, recipe, Some(choice))
+        let opened = Dataset::for_equations(&settled(recipe, None), logs, progress)?;
+        let (recipe, rollouts, opened) = match open_spans(recipe).is_empty() {
+            true => (recipe.clone(), None, opened),
+            false => {
+                let rule = RolloutRule::new(request.horizon.unwrap_or(HORIZON));
+                let choice = spans::by_rollouts(recipe, &options, rule, (&opened.0, &opened.1), progress)?;
+                let recipe = settled(recipe, choice.candidates[choice.chosen].over);
+                let task = Dataset::equations(&recipe, logs)?.1;
+                (recipe, Some(choice), (opened.0, task))
+            }
+        };
+        let (evidence, dataset) = Evidence::of_logs(&recipe, options.seed, opened, logs, progress)?;
+        (evidence, recipe, rollouts, Some(dataset))
     };
     // Those of a statistic stand above the recipe of its scan.
     let options = SindyOptions::new(&recipe.sindy)?.within(&recipe)?;
@@ -133,7 +141,8 @@ pub fn fit_sindy(
     };
     let mut provenance = evidence.provenance(&method, &recipe, options.seed);
     let mut chosen: Vec<Mat<f64>> = regions.iter().map(|region| coefficients(region, |found| &found.step)).collect();
-    let smoothed = smoothed::smoothed(&recipe, &options, &evidence, &chosen[0], logs, (&mut notes, progress))?;
+    let smoothed =
+        smoothed::smoothed(&recipe, &options, &evidence, &chosen[0], dataset.as_ref(), (&mut notes, progress))?;
     let plain = chosen.clone();
     if let Some(found) = smoothed.as_ref().filter(|found| found.told.written) {
         provenance.method.push_str(", smoothed states");
@@ -161,7 +170,7 @@ pub fn fit_sindy(
         report.smoothing = Some(found.told.clone());
     }
     report.rollouts = rollouts;
-    report.refinement = refined::refined(&recipe, &options, &evidence, &model, logs, progress)?;
+    report.refinement = refined::refined(&recipe, &options, &evidence, &model, dataset.as_ref(), progress)?;
     report.notes.extend(objective::note(options.objective, report.refinement.as_ref()));
     if let Some(found) = report.refinement.clone().filter(|found| found.written) {
         model = model_of(&coefficients_of(&found.fitted.model, &evidence.task, regions.len()));

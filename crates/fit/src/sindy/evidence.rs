@@ -76,18 +76,24 @@ impl fmt::Display for Few {
 }
 
 impl Evidence {
-    /// Reads logs: one pass for the statistic, one before it for a partition, and one a step for parameters.
+    /// Reads logs, which are opened for the task of a recipe: one pass for the statistic, one before it for a partition, and one a step for parameters. The rows come
+    /// back, for what else is asked of them.
     ///
     /// # Errors
     /// Those of the recipe, of reading, of estimating parameters and of partitions; no rows, or fewer than candidates.
-    pub fn of_logs(recipe: &Recipe, seed: u64, logs: &Logs, progress: &dyn Progress) -> Result<Self, Error> {
-        let (mut dataset, task) = Dataset::for_equations(recipe, logs, progress)?;
+    pub fn of_logs(
+        recipe: &Recipe,
+        seed: u64,
+        (mut dataset, task): (Dataset, EquationTask),
+        logs: &Logs,
+        progress: &dyn Progress,
+    ) -> Result<(Self, Dataset), Error> {
         refuse_large(&task, dataset.rows())?;
         let mut notes = dataset.notes().to_vec();
         notes.extend(task.unit_notes());
         notes.extend(task.narrowed_note());
         let form = WeakForm::new(&recipe.sindy)?;
-        let frozen = Frozen::differentiated(task, &dataset.view()?, &mut notes)?;
+        let frozen = Frozen::differentiated(task.clone(), &dataset.view()?, &mut notes)?;
         let mut frozen = frozen.windowed(form, &dataset.view()?, &mut notes)?;
         frozen.estimate(&mut dataset, &mut notes, progress)?;
         let mut found = Self::of_rows(recipe, seed, frozen, dataset.step(), &dataset.view()?, progress)?;
@@ -100,19 +106,24 @@ impl Evidence {
                 "noise asks for windows of {} rows in the place of rows (--weak), and {few}: rows are taken as they are, and noise pulls coefficients towards zero",
                 weak.rows()
             );
-            drop((found, dataset));
+            drop(found);
             let mut plain = recipe.clone();
             plain.sindy.weak = Some(Tunable::Word("off".into()));
-            let mut found = Self::of_logs(&plain, seed, logs, progress)?;
+            // Where numbers inside expressions were estimated, the columns are those with these numbers.
+            let opened = match task.parameters.is_empty() {
+                true => (dataset, task),
+                false => Dataset::for_equations(&plain, logs, progress)?,
+            };
+            let (mut found, dataset) = Self::of_logs(&plain, seed, opened, logs, progress)?;
             found.notes.push(note);
-            return Ok(found);
+            return Ok((found, dataset));
         }
         (found.notes, found.rows_read) = (notes, Some(dataset.rows()));
         found.check().map_err(|error| not_finite::with_reasons(error, &dataset, found.task.row_functions()))?;
         let label = specification(recipe)?.and_then(|partition| partition.label().map(Expr::column));
         let read = found.task.row_functions().into_iter().chain(label).collect();
         found.notes.extend(left_out(found.scan.counts().incomplete, &dataset, read)?);
-        Ok(found)
+        Ok((found, dataset))
     }
 
     /// The evidence of rows, for what was settled before their pass; whether they are enough is for the caller to look at ([`Evidence::check`]).

@@ -2,7 +2,7 @@
 
 use faer::Mat;
 use fleetfoot_data::Progress;
-use fleetfoot_dataset::{Dataset, Logs};
+use fleetfoot_dataset::Dataset;
 use fleetfoot_model::Model;
 use fleetfoot_recipe::{Objective, Recipe};
 use fleetfoot_task::EquationTask;
@@ -21,7 +21,7 @@ pub(super) fn refined(
     options: &SindyOptions,
     evidence: &Evidence,
     model: &Model,
-    logs: &Logs,
+    dataset: Option<&Dataset>,
     progress: &dyn Progress,
 ) -> Result<Option<Refinement>, Error> {
     let objective = options.objective;
@@ -33,7 +33,8 @@ pub(super) fn refined(
             "objective = \"{objective}\" and [parameters] {name}: simulations fit the coefficients of known expressions; write a number for {name}"
         )));
     }
-    let (dataset, _) = Dataset::for_equations(recipe, logs, progress)?;
+    // A statistic is refused before its sums are looked at.
+    let Some(dataset) = dataset else { return Ok(None) };
     let view = dataset.view()?;
     let smoothed = smoothed_rows(recipe.time.smoothed, evidence.step);
     refine(objective, &(model.clone(), None), (&view, smoothed), progress, |train| {

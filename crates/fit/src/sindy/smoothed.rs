@@ -4,7 +4,7 @@ mod search;
 
 use faer::Mat;
 use fleetfoot_data::{Progress, Source};
-use fleetfoot_dataset::{Dataset, Logs};
+use fleetfoot_dataset::Dataset;
 use fleetfoot_dynamics::Coefficient;
 use fleetfoot_estimate::{SmoothingOptions, StateSmoother};
 use fleetfoot_model::Model;
@@ -84,10 +84,10 @@ pub(super) fn smoothed(
     options: &SindyOptions,
     evidence: &Evidence,
     chosen: &Mat<f64>,
-    logs: &Logs,
+    dataset: Option<&Dataset>,
     (notes, progress): (&mut Vec<String>, &dyn Progress),
 ) -> Result<Option<Smoothed>, Error> {
-    if logs.is_statistic() {
+    let Some(dataset) = dataset else {
         return match options.smooth_states {
             SmoothStates::On => Err(Error::needs_rows(
                 "smooth_states = on smooths the rows of logs, and a statistic has none: fit on the logs, or leave it away".into(),
@@ -101,7 +101,7 @@ pub(super) fn smoothed(
             }
             _ => Ok(None),
         };
-    }
+    };
     if !applies(options.smooth_states, evidence, recipe)? {
         return Ok(None);
     }
@@ -114,7 +114,6 @@ pub(super) fn smoothed(
         return Ok(None);
     }
     progress.stage("smooth states");
-    let (dataset, _) = Dataset::for_equations(recipe, logs, progress)?;
     match Alternation::new(recipe, options, evidence).run(chosen, &dataset.view()?, progress) {
         Ok(found) => Ok(Some(found)),
         Err(error @ Error::Cancelled(_)) => Err(error),

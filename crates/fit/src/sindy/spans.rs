@@ -1,7 +1,7 @@
 //! Open spans of derivatives, `over = "auto"`: chosen by rollouts of rows that did not train.
 
 use fleetfoot_data::{Progress, Source};
-use fleetfoot_dataset::{Dataset, Logs};
+use fleetfoot_dataset::Dataset;
 use fleetfoot_library::Expr;
 use fleetfoot_model::Model;
 use fleetfoot_recipe::{Derivative, Kind, Recipe};
@@ -11,11 +11,11 @@ use super::{Frozen, SindyOptions, Solver, coefficients};
 use crate::{
     error::Error,
     folds::smoothed_rows,
-    rollout_choice::{HeldOut, RolloutCandidate, RolloutChoice, RolloutRule, candidates, open_spans, settled, terms},
+    rollout_choice::{HeldOut, RolloutCandidate, RolloutChoice, RolloutRule, candidates, open_spans, terms},
     sindy::Evidence,
 };
 
-/// Compares the spans that may be, all open states together: equations are found on the training rows of each fold and simulated over the others.
+/// Compares the spans that may be, all open states together, on rows that are opened for central differences: equations are found on the training rows of each fold and simulated over the others.
 ///
 /// # Errors
 /// Those of the recipe and of finding equations; numbers inside expressions that are to be estimated too; every candidate diverges.
@@ -23,7 +23,7 @@ pub(super) fn by_rollouts(
     recipe: &Recipe,
     options: &SindyOptions,
     rule: RolloutRule,
-    logs: &Logs,
+    (dataset, task): (&Dataset, &EquationTask),
     progress: &dyn Progress,
 ) -> Result<RolloutChoice, Error> {
     if let Some(name) = recipe.parameters.keys().next() {
@@ -31,12 +31,11 @@ pub(super) fn by_rollouts(
             "over = \"auto\" and [parameters] {name}: a span is chosen where all expressions are known; write a number of rows, or a number for {name}"
         )));
     }
-    let (dataset, task) = Dataset::for_equations(&settled(recipe, None), logs, progress)?;
     let view = dataset.view()?;
     let held = HeldOut::new((&view, smoothed_rows(recipe.time.smoothed, dataset.step())), rule, "over = \"auto\"")?;
     let mut found = Vec::new();
     for over in candidates(recipe) {
-        let task = spanned(&task, recipe, over);
+        let task = spanned(task, recipe, over);
         let mut size = 0;
         let errors = held.errors(progress, |train| {
             let model = equations(recipe, &task, options, dataset.step(), train, progress)?;
