@@ -290,7 +290,7 @@ fn inspect_values_by(path: &Path, agreed: &Agreed, progress: &dyn Progress) -> R
         clock.summary = summary;
     }
     info.episodes = Some(recording.episodes().len());
-    info.notes.extend(recording.notes().iter().filter(|note| has_stamps || !note.contains("episode")).cloned());
+    info.notes.extend_from_slice(if has_stamps { recording.notes() } else { recording.notes_of_rows() });
     Ok(info)
 }
 

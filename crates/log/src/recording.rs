@@ -44,6 +44,7 @@ pub struct Recording {
     pub(crate) places: Vec<Place>,
     files: Vec<RecordedFile>,
     notes: Vec<String>,
+    row_notes: Vec<String>,
     pub(crate) dt: Option<f64>,
     without_clock: bool,
 }
@@ -170,6 +171,7 @@ pub(crate) fn open_agreed(
         places: Vec::new(),
         files: Vec::with_capacity(paths.len()),
         notes: Vec::new(),
+        row_notes: Vec::new(),
         dt: match selection.time {
             TimeSpec::Uniform { dt_seconds } => Some(dt_seconds),
             _ => None,
@@ -195,7 +197,7 @@ pub(crate) fn open_agreed(
             recode,
         });
     }
-    recording.notes = told.finish();
+    (recording.notes, recording.row_notes) = (told.all(), told.of_rows());
     recording.add_episodes(spans, &selection.label_rules, progress)?;
     if !selection.allow_duplicates {
         refuse_duplicates(&recording.episodes)?;
@@ -338,6 +340,11 @@ impl Recording {
     /// What a person should know: assumptions made, rows left out, how files were cut.
     pub fn notes(&self) -> &[String] {
         &self.notes
+    }
+
+    /// [`Recording::notes`] without where episodes begin: what there is to say of files that have no stamps.
+    pub fn notes_of_rows(&self) -> &[String] {
+        &self.row_notes
     }
 
     /// The files, in the order of their episodes, with what their stamps look like.

@@ -88,7 +88,7 @@ fn to_text(outcome: &ScanOutcome) -> String {
         counts.incomplete,
         count(file.chunks(), "chunk"),
         file.plan.chunk_rows,
-        fleetfoot::statistic::serves(&file).join(", "),
+        fleetfoot::statistic::serves(file).join(", "),
         bytes(outcome.sizes.total),
     )
 }

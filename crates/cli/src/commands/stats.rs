@@ -78,7 +78,7 @@ fn info_text(file: &StatisticFile, sizes: &Sizes, tasks: &[TaskSummary]) -> Stri
         file.version,
         table(&header, rows),
         latents.join(", "),
-        fleetfoot::statistic::serves(&file).join(", "),
+        fleetfoot::statistic::serves(file).join(", "),
     );
     for (label, values) in file.by_label() {
         let rows = values

@@ -323,6 +323,16 @@ fn a_header_in_a_comment_above_rows_with_words() {
 }
 
 #[test]
+fn a_file_without_stamps_keeps_what_is_said_of_its_rows() {
+    let folder = Folder::new();
+    // Its name is no word about episodes.
+    let path = folder.file("episode_3.csv", "lap,x\n1,4\n#lap,9\n2,3\n1,7\n");
+    let info = inspect_values(&path, &fleetfoot_data::Silent).unwrap();
+    assert!(info.notes.iter().any(|note| note.contains("line 3")), "{:?}", info.notes);
+    assert!(!info.notes.iter().any(|note| note.contains("new episode")), "{:?}", info.notes);
+}
+
+#[test]
 fn lines_that_begin_like_comments_are_counted_and_missing_values_are_rows() {
     let folder = Folder::new();
     let opened = |text: &str| {
