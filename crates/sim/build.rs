@@ -9,7 +9,7 @@ use std::{
 use syn::{Attribute, Expr, Field, Fields, GenericArgument, Item, Lit, Meta, PathArguments, Type};
 
 /// Folders with parameters, from this crate's.
-const FOLDERS: [&str; 2] = ["src", "../dynamics/src"];
+const FOLDERS: [&str; 3] = ["src", "../control/src", "../dynamics/src"];
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let here = PathBuf::from(env::var("CARGO_MANIFEST_DIR")?);
