@@ -1,5 +1,5 @@
 //! Gathers what the simulated robots' parameters say of themselves, so that a world file shows it beside each number: the doc comments
-//! of every `Deserialize` type of this crate and of the controllers in `dynamics`, which it uses.
+//! of every `Deserialize` type of this crate and of the controllers in `control`, which it uses.
 
 use std::{
     env, fs, io,
@@ -9,7 +9,7 @@ use std::{
 use syn::{Attribute, Expr, Field, Fields, GenericArgument, Item, Lit, Meta, PathArguments, Type};
 
 /// Folders with parameters, from this crate's.
-const FOLDERS: [&str; 3] = ["src", "../control/src", "../dynamics/src"];
+const FOLDERS: [&str; 2] = ["src", "../control/src"];
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let here = PathBuf::from(env::var("CARGO_MANIFEST_DIR")?);

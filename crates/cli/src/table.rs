@@ -4,7 +4,7 @@ use comfy_table::{CellAlignment, Table, presets};
 pub(crate) use fleetfoot::report::words::{bytes, count, number, ratio, seconds};
 
 /// A table that pages have too, below its sentence.
-pub(crate) fn told_table(told: &fleetfoot::ToldTable) -> String {
+pub(crate) fn text_table(told: &fleetfoot::TextTable) -> String {
     let caption = if told.caption.is_empty() { String::new() } else { format!("{}\n", told.caption) };
     caption + &table(&told.header, told.rows.clone())
 }

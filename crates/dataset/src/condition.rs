@@ -6,7 +6,7 @@ use fleetfoot_data::{Column, ColumnKind, Halo, Progress, Source, Watched, parall
 use fleetfoot_library::Expr;
 use fleetfoot_recipe::{Aliases, Recipe};
 
-use crate::{error::Error, pieces::pieces, view::seen_through};
+use crate::{blocks::blocks, error::Error, view::seen_through};
 
 /// Stretches of rows that are in use: each becomes an episode, with a name and an identity.
 const MOST_RUNS: usize = 20_000;
@@ -112,7 +112,7 @@ impl Condition {
             self.comparisons.iter().enumerate().map(|(at, (expression, ..))| (name(at), expression.clone())).collect();
         let codes = self.codes(source)?;
         let view = seen_through(Box::new(Watched::new(source, None)), &columns)?;
-        let pieces = pieces(&view);
+        let pieces = blocks(&view);
         let mut runs = Runs::new();
         progress.stage("rows in use");
         parallel_fold(

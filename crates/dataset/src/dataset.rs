@@ -30,7 +30,7 @@ use crate::{
     found_clocks::{AlignedClock, Clocks},
     labels::Labelled,
     logs::Logs,
-    settled::{Recorded, Settled},
+    rotations::{Recorded, UnitRotations},
     text::refuse_text,
     view::seen_through,
 };
@@ -209,12 +209,12 @@ impl Dataset {
     ///
     /// # Errors
     /// An alias reads what is not there, or a filter's constant is out of its range.
-    pub fn view(&self) -> Result<Settled<'_>, Error> {
+    pub fn view(&self) -> Result<UnitRotations<'_>, Error> {
         let mut view = seen_through(Box::new(Watched::new(&self.source, self.watch.as_ref())), &self.aliases)?;
         for (column, values) in &self.recodings {
             view.recode(column, values.clone());
         }
-        Ok(Settled::new(view, &self.rotations, &self.source, &self.aliases))
+        Ok(UnitRotations::new(view, &self.rotations, &self.source, &self.aliases))
     }
 
     /// The episodes.

@@ -2,6 +2,7 @@
 //!
 //! [`Logs`] are what is read; a [`Dataset`] is what a recipe or a model sees of them. [`StatisticFile`] stands in place of logs for the fits that need no rows.
 
+pub mod blocks;
 pub mod clocks;
 pub mod condition;
 mod dataset;
@@ -13,9 +14,8 @@ pub mod labels;
 mod logs;
 pub mod open;
 pub mod period;
-pub mod pieces;
 mod read_plan;
-mod settled;
+mod rotations;
 mod statistic_error;
 pub mod stats_file;
 pub mod text;
@@ -25,7 +25,7 @@ pub use dataset::{Dataset, reads_of_model};
 pub use error::{Error, short};
 pub use logs::{Logs, NOISE, PREPARED, is_prepared, is_statistic};
 pub use read_plan::ReadPlan;
-pub use settled::{NoRotation, Settled};
+pub use rotations::{NoRotation, UnitRotations};
 pub use statistic_error::StatisticError;
 pub use stats_file::{
     ColumnRecord, ContentHash, EpisodeRecord, EquationGroup, EquationStatistic, FileRecord, Sizes, StatisticFile,

@@ -7,7 +7,7 @@ use fleetfoot_library::Expr;
 use fleetfoot_log::Recording;
 use fleetfoot_model::{Column as ModelColumn, Role};
 
-use crate::{error::Error, labels::Labelled, pieces::pieces};
+use crate::{blocks::blocks, error::Error, labels::Labelled};
 
 /// Refuses the text columns of `source` that states, inputs, the aliases in `numbers` or any formula would read as numbers.
 ///
@@ -73,7 +73,7 @@ fn first_word(source: &dyn Source, field: &str, names: &[String]) -> Result<Opti
     let Some(column) = source.column_index(field) else { return Ok(None) };
     let is_word: Vec<bool> = names.iter().map(|name| name.trim().parse::<f64>().is_err()).collect();
     let any = is_word.contains(&true);
-    for (episode, rows) in pieces(source) {
+    for (episode, rows) in blocks(source) {
         let block = source.read(episode, rows.clone(), Halo::default())?;
         let shown = |code: f64| code >= 0.0 && is_word.get(code as usize).is_some_and(|word| *word || !any);
         if let Some(at) = block.core(column).iter().position(|&code| shown(code)) {

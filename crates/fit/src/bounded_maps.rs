@@ -4,7 +4,7 @@ use fleetfoot_pwa::{PassiveRegion, Passivity, Score, Stability, StableRegion};
 use fleetfoot_report::words::{number, ratio};
 use serde::{Deserialize, Serialize};
 
-use crate::told_table::ToldTable;
+use crate::text_table::TextTable;
 
 /// How the maps of a partition's regions contract in one metric; numbers by region, before and after.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -129,14 +129,14 @@ impl BoundedCandidate {
     }
 
     /// What there is to tell of them: a table of how they contract, and one of how they are passive, where they are.
-    pub fn tables(candidates: &[Self]) -> Vec<ToldTable> {
+    pub fn tables(candidates: &[Self]) -> Vec<TextTable> {
         let Some(first) = candidates.first() else { return Vec::new() };
-        let contracting = ToldTable {
+        let contracting = TextTable {
             caption: first.maps.in_words(),
             header: ["partition", "moved", "free radius", "radius", "norm", "free loss", "loss"].to_vec(),
             rows: candidates.iter().map(Self::contracting).collect(),
         };
-        let passive = first.maps.passivity.as_ref().map(|passivity| ToldTable {
+        let passive = first.maps.passivity.as_ref().map(|passivity| TextTable {
             caption: passivity.in_words(),
             header: ["partition", "moved", "shortage", "free norm", "norm", "free loss", "loss"].to_vec(),
             rows: candidates.iter().filter_map(Self::passive).collect(),

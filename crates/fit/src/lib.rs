@@ -8,14 +8,13 @@
 extern crate self as fleetfoot;
 
 mod bounded_maps;
-mod concentrated;
+mod concentration;
 mod constant;
 mod error;
 mod folds;
-mod in_words;
+mod incomplete;
 mod json;
 mod known;
-mod left_out;
 mod limit_report;
 mod model_file;
 mod narx;
@@ -25,18 +24,18 @@ mod parameters;
 mod pwa;
 mod regions;
 mod rollout_choice;
+mod serialize;
 mod sindy;
 mod spans;
 mod sparse;
 pub mod statistic;
 mod subset;
-mod told;
-mod told_table;
+mod text_table;
+mod words;
 
 pub use bounded_maps::{BoundedCandidate, BoundedMaps, PassiveMaps, PassivePort, unexplained};
 pub use error::Error;
 pub use folds::FoldRule;
-pub use in_words::{interval_in_words, replayed_in_words, spans_in_words, useful_in_words};
 pub use json::Interval;
 pub use known::{KnownModel, is_known, known_model};
 pub use limit_report::{FreeErrors, LimitReport, LimitSide};
@@ -62,4 +61,5 @@ pub use sparse::{
     Resampled, SolveMethod, Solved, SparseFitted, SparseOptions, SparseReport, SparseRequest, TaskReport,
     file_by_value, fit_sparse, solve_statistic, write_frequencies,
 };
-pub use told_table::ToldTable;
+pub use text_table::TextTable;
+pub use words::{interval_in_words, replayed_in_words, spans_in_words, useful_in_words};

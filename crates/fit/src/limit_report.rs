@@ -7,7 +7,7 @@ use fleetfoot_sparse::constrained::Limit;
 use fleetfoot_task::CoefficientLimit;
 use serde::{Deserialize, Serialize};
 
-use crate::told_table::ToldTable;
+use crate::text_table::TextTable;
 
 /// The side of a bound.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -95,7 +95,7 @@ impl LimitReport {
     }
 
     /// The table of what is kept at every row, and where it is nearest to its bound.
-    pub fn table(limits: &[Self]) -> ToldTable {
+    pub fn table(limits: &[Self]) -> TextTable {
         let with_free = limits.iter().any(|limit| limit.free_nearest.is_some());
         let row = |limit: &Self| {
             let place = match (&limit.episode, limit.row) {
@@ -113,7 +113,7 @@ impl LimitReport {
             told.into_iter().chain(with_free.then_some(free)).collect()
         };
         let header = ["kept", "bound", "nearest by", "at", "cuts"].into_iter();
-        ToldTable {
+        TextTable {
             caption: String::new(),
             header: header.chain(with_free.then_some("without bounds")).collect(),
             rows: limits.iter().map(row).collect(),

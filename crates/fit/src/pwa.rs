@@ -20,14 +20,14 @@ use serde::Serialize;
 pub(crate) use statistic::served;
 
 use crate::{
-    concentrated,
+    concentration,
     error::Error,
-    left_out::left_out,
+    incomplete::incomplete_rows,
     model_file::refuse_not_finite,
     not_finite, objective,
     objective::{Beginning, Refinement},
     rollout_choice::{HeldOut, RolloutCandidate, RolloutChoice, RolloutRule, candidates, open_spans, settled, terms},
-    told,
+    serialize,
 };
 
 /// What a fit would read and keep.
@@ -70,7 +70,7 @@ pub struct FitPlan {
     #[serde(rename = "memory_bytes")]
     pub memory: usize,
     /// What the models of all regions and folds take, passes over the rows left out.
-    #[serde(rename = "operations", serialize_with = "told::operations")]
+    #[serde(rename = "operations", serialize_with = "serialize::operations")]
     pub work: Work,
     /// What was assumed or left out.
     #[serde(skip)]
@@ -185,10 +185,10 @@ pub fn fit_pwa(
     let mut notes = dataset.notes().to_vec();
     notes.extend(options::unused(recipe));
     notes.extend(objective::note(said.objective, refinement.as_ref()));
-    notes.extend(left_out(identification.incomplete, &dataset, functions(&task, &said.labels()))?);
+    notes.extend(incomplete_rows(identification.incomplete, &dataset, functions(&task, &said.labels()))?);
     let told = identification.targets.iter().cloned().zip(identification.concentrated.iter().map(Option::as_ref));
     let name = |id| dataset.episodes().iter().find(|episode| episode.id == id).map(|episode| episode.name.clone());
-    notes.extend(concentrated::notes(told, name));
+    notes.extend(concentration::notes(told, name));
     notes.append(&mut identification.notes);
     Ok(Fitted { identification, episodes: dataset.episodes().len(), files: logs.len(), rollouts, refinement, notes })
 }

@@ -41,7 +41,7 @@ pub use shown_path::PathReport;
 pub use solve::{SolveMethod, Solved, solve_statistic};
 
 use crate::{
-    concentrated,
+    concentration,
     error::Error,
     folds::smoothed_rows,
     model_file::refuse_not_finite,
@@ -319,7 +319,7 @@ impl Evidence {
         let of = |target| Concentration::of(&self.file.scanned.also, target, self.file.plan.chunk_rows);
         let found: Vec<Option<Concentration>> = (0..labels.len()).map(of).collect();
         let name = |id| self.file.episode(id).map(|episode| episode.name.clone());
-        concentrated::notes(labels.into_iter().zip(found.iter().map(Option::as_ref)), name)
+        concentration::notes(labels.into_iter().zip(found.iter().map(Option::as_ref)), name)
     }
 }
 

@@ -28,7 +28,7 @@ pub struct RustPage;
 #[doc(inline)]
 pub use fleetfoot_dataset::{
     ColumnRecord, ContentHash, Dataset, EpisodeRecord, EquationGroup, EquationStatistic, FileRecord, Logs, NoRotation,
-    ReadPlan, Settled, Sizes, StatisticError, StatisticFile, clocks, folder, is_statistic,
+    ReadPlan, Sizes, StatisticError, StatisticFile, UnitRotations, clocks, folder, is_statistic,
 };
 #[doc(inline)]
 pub use fleetfoot_fit::{Error, *};

@@ -1,6 +1,6 @@
 //! What a fit keeps within bounds: maps that contract or are passive, coefficients, functions and parameters with limits, and what that costs. The report of the fit has it.
 
-use fleetfoot_fit::{BoundedCandidate, BoundedMaps, LimitReport, ToldTable, unexplained};
+use fleetfoot_fit::{BoundedCandidate, BoundedMaps, LimitReport, TextTable, unexplained};
 use fleetfoot_model::Model;
 use fleetfoot_recipe::{Objective, Recipe};
 use fleetfoot_report::{Cell, Part, Table};
@@ -141,7 +141,7 @@ impl Fit {
 }
 
 /// A table that is told, as a page has it.
-fn set(caption: String, told: ToldTable) -> Part {
+fn set(caption: String, told: TextTable) -> Part {
     let row = |cells: Vec<String>| {
         let mut cells = cells.into_iter();
         let first = cells.next().map(Cell::Text);

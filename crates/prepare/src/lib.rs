@@ -20,7 +20,7 @@ use channel::{Channel, Curve};
 use columns::{Planned, written_recipe};
 use fleetfoot_data::{Block, Halo, Progress, Source, parallel_map};
 use fleetfoot_dataset::{
-    Dataset, Error, Logs, NOISE, Settled,
+    Dataset, Error, Logs, NOISE, UnitRotations,
     clocks::AlignedClock,
     folder::{Folder, RECIPE},
     is_prepared,
@@ -213,7 +213,7 @@ struct Rows<'a> {
 
 /// A preparation under way.
 struct Job<'a> {
-    view: &'a Settled<'a>,
+    view: &'a UnitRotations<'a>,
     dataset: &'a Dataset,
     topics: &'a Topics,
     planned: &'a [Planned],

@@ -15,7 +15,7 @@ use fleetfoot_control::filter::{Consistency, SwitchedFilter};
 use fleetfoot_data::{Block, Halo, Progress, Source, parallel_fold};
 use fleetfoot_dataset::{
     Logs,
-    pieces::{ROWS, pieces_of},
+    blocks::{ROWS, blocks_of},
 };
 use fleetfoot_fit::Error;
 use fleetfoot_model::Model;
@@ -207,7 +207,7 @@ fn filter_pieces(
     let Asked { filter, readings, dataset, mut notes } = Asked::new(model, changes, &recipe.filter, logs, progress)?;
     notes.splice(0..0, dataset.notes().iter().cloned());
     let view = dataset.view()?;
-    let pieces = pieces_of(&view, at_a_time);
+    let pieces = blocks_of(&view, at_a_time);
     progress.stage("filter");
     let mut sums = Sums::new(&filter, &readings);
     let begun = |episode: usize| {

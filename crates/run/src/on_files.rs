@@ -3,7 +3,7 @@
 use std::{path::Path, sync::Arc};
 
 use fleetfoot_data::{Progress, Source, parallel_fold};
-use fleetfoot_dataset::{Dataset, Logs, pieces::pieces};
+use fleetfoot_dataset::{Dataset, Logs, blocks::blocks};
 use fleetfoot_dynamics::{
     Domain, Predicted, Predictor, PredictorWorkspace, RolloutOptions, Rollouts, RowStatus, ScoreOptions, Scores,
     Starts, controller::Controller,
@@ -172,7 +172,7 @@ pub fn predict_rows(
     let view = dataset.view()?;
     let names: Vec<&str> = view.columns().iter().map(|column| column.name.as_str()).collect();
     let predictor = Predictor::new(model, &names)?;
-    let pieces = pieces(&view);
+    let pieces = blocks(&view);
     progress.stage("predict");
     let mut written =
         Written { rows: 0, predicted: 0, compared: 0, outside_domain: 0, notes: dataset.notes().to_vec() };

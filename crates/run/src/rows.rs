@@ -1,7 +1,7 @@
 //! Rows of logs as columns in memory: what a recipe names, or what a model sees and predicts.
 
 use fleetfoot_data::{Column, Halo, Progress, Source, ensure_memory, parallel_fold};
-use fleetfoot_dataset::{Dataset, Logs, pieces::pieces};
+use fleetfoot_dataset::{Dataset, Logs, blocks::blocks};
 use fleetfoot_dynamics::{Predicted, Predictor, PredictorWorkspace};
 use fleetfoot_fit::Error;
 use fleetfoot_model::Model;
@@ -61,7 +61,7 @@ pub fn read_rows(
     progress.stage("reading rows");
     let view = dataset.view()?;
     rows.reserve(&view, 0)?;
-    let pieces = pieces(&view);
+    let pieces = blocks(&view);
     parallel_fold(
         pieces.len(),
         progress,
@@ -102,7 +102,7 @@ pub fn model_rows(
         targets,
     };
     out.rows.reserve(&view, 2 * out.targets.len())?;
-    let pieces = pieces(&view);
+    let pieces = blocks(&view);
     progress.stage("predict");
     parallel_fold(
         pieces.len(),

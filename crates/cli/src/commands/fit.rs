@@ -13,7 +13,7 @@ use serde_json::Value;
 use super::{Context, fit_known, is_replaced, logs_or_statistic, read_by, reading::reading};
 use crate::{
     args::{ChannelArgs, FitPwa, RecipeArgs, StampArg, TimeArgs},
-    table::{bytes, count, number, ratio, table, told_table},
+    table::{bytes, count, number, ratio, table, text_table},
 };
 
 pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
@@ -206,7 +206,7 @@ fn refinement(score: &Score) -> String {
 /// How the regions' maps are bounded, and what that costs one step ahead.
 fn bounded(candidates: &[Score], held_out: bool) -> String {
     let tables = BoundedCandidate::tables(&BoundedCandidate::of(candidates, held_out));
-    tables.iter().map(|own| format!("\n\n{}", told_table(own))).collect()
+    tables.iter().map(|own| format!("\n\n{}", text_table(own))).collect()
 }
 
 /// Tells what a fit to simulations will cost, before it begins: of so many passes a fit of one step, and whether maps are bounded.

@@ -8,7 +8,7 @@ use fleetfoot::{
 use super::{Context, WithModel, fit, fit_sindy, logs_or_statistic, read_by};
 use crate::{
     args::FitParameters,
-    table::{count, number, table, told_table},
+    table::{count, number, table, text_table},
 };
 
 pub(crate) fn parameters(arguments: &FitParameters, context: &Context) -> Result<(), Error> {
@@ -50,7 +50,7 @@ fn to_text(report: &ParametersReport) -> String {
         text.push_str(&format!("Without bounds of matrices: {}\n", free.join(", ")));
     }
     if !report.limits.is_empty() {
-        text.push_str(&format!("\n{}\n", told_table(&LimitReport::table(&report.limits))));
+        text.push_str(&format!("\n{}\n", text_table(&LimitReport::table(&report.limits))));
     }
     if !report.gains.is_empty() {
         let gains: Vec<String> = report.gains.iter().map(gain).collect();

@@ -11,7 +11,7 @@ use fleetfoot::{
 use super::{Context, WithModel, fit, fit_known, logs_or_statistic, read_by, reading::reading};
 use crate::{
     args::{EquationArgs, FitSindy},
-    table::{bytes, count, number, ratio, table, told_table},
+    table::{bytes, count, number, ratio, table, text_table},
 };
 
 pub(crate) fn sindy(arguments: &FitSindy, context: &Context) -> Result<(), Error> {
@@ -176,7 +176,7 @@ fn to_text(report: &SindyReport, front: bool) -> String {
         text.push_str(&format!("{}\n", parameter_text(parameter)));
     }
     if !report.limits.is_empty() {
-        text.push_str(&format!("\n{}\n", told_table(&LimitReport::table(&report.limits))));
+        text.push_str(&format!("\n{}\n", text_table(&LimitReport::table(&report.limits))));
     }
     for region in &report.regions {
         if report.regions.len() > 1 {

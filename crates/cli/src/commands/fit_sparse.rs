@@ -14,7 +14,7 @@ use serde::Serialize;
 use super::{Context, WithModel, fit, logs_or_statistic, read_by, reading::reading};
 use crate::{
     args::FitSparse,
-    table::{bytes, count, number, ratio, table, told_table},
+    table::{bytes, count, number, ratio, table, text_table},
 };
 
 /// Tables of functions have their intervals while they are not wider.
@@ -212,7 +212,7 @@ fn one_text(report: &SparseReport) -> String {
     }
     text.push_str(&table(&header, rows.collect()));
     if !report.limits.is_empty() {
-        text.push_str(&format!("\n\n{}", told_table(&LimitReport::table(&report.limits))));
+        text.push_str(&format!("\n\n{}", text_table(&LimitReport::table(&report.limits))));
     }
     let tables = |intervals: bool| -> Vec<String> {
         report.latents.iter().map(|latent| latent_table(latent, intervals)).collect()

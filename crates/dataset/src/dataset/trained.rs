@@ -9,7 +9,7 @@ use fleetfoot_data::{Halo, Progress, Source, Watch, Watched, parallel_fold};
 use fleetfoot_model::Model;
 
 use super::Dataset;
-use crate::{error::Error, pieces::pieces};
+use crate::{blocks::blocks, error::Error};
 
 impl Dataset {
     /// The episodes, by number, that the model was trained on, as a whole or in part. Parts are known once all rows have been read through
@@ -41,7 +41,7 @@ impl Dataset {
         };
         progress.stage("training rows");
         let rows = Watched::new(&self.source, Some(watch));
-        let pieces = pieces(&rows);
+        let pieces = blocks(&rows);
         let read = |piece: usize| {
             let (episode, range) = pieces[piece].clone();
             rows.read(episode, range, Halo::default()).map(drop).map_err(Error::from)

@@ -12,7 +12,7 @@ use super::report;
 use crate::{
     narx::{FileRuns, MeanRun, NarxCandidate, NarxRegion, NarxReport, NarxScores, NarxSearch, NarxStage},
     objective::Refinement,
-    told::{Order, left_out},
+    serialize::{Order, left_out},
 };
 
 impl NarxReport {

@@ -7,10 +7,10 @@ use serde_json::Value;
 use super::{Interval, report};
 use crate::{
     bounded_maps::BoundedMaps,
-    in_words::interval_in_words,
     objective::Refinement,
     pwa::Fitted,
     rollout_choice::{RolloutCandidate, RolloutChoice},
+    words::interval_in_words,
 };
 
 impl Serialize for RolloutChoice {

@@ -5,8 +5,8 @@ use serde_json::Value;
 
 use super::report;
 use crate::{
+    serialize::{Along, functions},
     sindy::{EquationReport, SindyReport},
-    told::{Along, functions},
 };
 
 impl SindyReport {

@@ -4,7 +4,7 @@ use fleetfoot_sparse::narx::NarxOrder;
 use fleetfoot_stats::front;
 use serde::Serialize;
 
-use crate::told;
+use crate::serialize;
 
 /// A model that was tried.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -22,7 +22,7 @@ pub struct NarxCandidate {
     #[serde(skip)]
     pub regions: usize,
     /// Lags and degree.
-    #[serde(flatten, serialize_with = "told::tried_order")]
+    #[serde(flatten, serialize_with = "serialize::tried_order")]
     pub order: NarxOrder,
     /// Most terms of an equation in a region.
     pub terms: usize,

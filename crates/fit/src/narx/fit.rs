@@ -21,10 +21,10 @@ use super::{
     training::Fit,
 };
 use crate::{
-    concentrated,
+    concentration,
     error::Error,
     folds::smoothed_rows,
-    left_out::{in_no_region, left_out},
+    incomplete::{in_no_region, incomplete_rows},
     model_file::refuse_not_finite,
     not_finite, objective,
     objective::{Refinement, coefficient, refine},
@@ -109,7 +109,7 @@ fn of_rows(
     let (model, mut report) = found.map_err(|error| not_finite::with_reasons(error, &dataset, functions()))?;
     refuse_not_finite(&model)?;
     report.notes.splice(0..0, dataset.notes().iter().cloned());
-    report.notes.extend(left_out(report.left_out[1], &dataset, functions())?);
+    report.notes.extend(incomplete_rows(report.left_out[1], &dataset, functions())?);
     progress.stage("scores");
     if options.test_share > 0.0 {
         report.test = scores(&model, &test, progress)?;
@@ -195,7 +195,7 @@ impl Fit<'_> {
                 every => format!("every {every}th row of {name}"),
             })
         };
-        notes.extend(concentrated::notes(labels.zip(chosen.whole.concentrated().iter().map(Option::as_ref)), name));
+        notes.extend(concentration::notes(labels.zip(chosen.whole.concentrated().iter().map(Option::as_ref)), name));
         let counts = chosen.whole.counts();
         if let Some(partition) = partition {
             notes.extend(in_no_region(&partition.specification, scan, counts.complete));

@@ -14,10 +14,10 @@ use super::{
     options::{TRIED, unused},
 };
 use crate::{
-    concentrated,
+    concentration,
     error::Error,
     folds::reached,
-    left_out::in_no_region,
+    incomplete::in_no_region,
     model_file::refuse_not_finite,
     objective,
     sindy::{beneath, keys},
@@ -70,7 +70,7 @@ pub(crate) fn fit(recipe: &Recipe, request: PwaRequest, logs: &Logs) -> Result<F
         notes.extend(in_no_region(&one.to_string(), &part.scan, whole.scan.counts().complete));
     }
     let told = identification.targets.iter().cloned().zip(whole.scan.concentrated().iter().map(Option::as_ref));
-    notes.extend(concentrated::notes(told, |id| file.episode(id).map(|episode| episode.name.clone())));
+    notes.extend(concentration::notes(told, |id| file.episode(id).map(|episode| episode.name.clone())));
     if unsaid {
         notes.push(format!(
             "the statistic has one region: `fleetfoot scan --partition {TRIED}` sums those that are tried on logs"

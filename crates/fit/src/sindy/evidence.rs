@@ -16,11 +16,11 @@ use fleetfoot_task::{EquationTask, FittedEquation, Provenance, WeakForm, specifi
 
 use super::frozen::Frozen;
 use crate::{
-    concentrated,
+    concentration,
     constant::refuse_constant_targets,
     error::Error,
     folds::{reached, smoothed_rows},
-    left_out::left_out,
+    incomplete::incomplete_rows,
     not_finite,
     sindy::ParameterReport,
 };
@@ -122,7 +122,7 @@ impl Evidence {
         found.check().map_err(|error| not_finite::with_reasons(error, &dataset, found.task.row_functions()))?;
         let label = specification(recipe)?.and_then(|partition| partition.label().map(Expr::column));
         let read = found.task.row_functions().into_iter().chain(label).collect();
-        found.notes.extend(left_out(found.scan.counts().incomplete, &dataset, read)?);
+        found.notes.extend(incomplete_rows(found.scan.counts().incomplete, &dataset, read)?);
         Ok((found, dataset))
     }
 
@@ -181,7 +181,7 @@ impl Evidence {
         found.resolution = found.resolution_of(|_| 1.0);
         let labels = found.task.fitted.iter().map(|equation| equation.label.clone());
         let told = labels.zip(found.scan.concentrated().iter().map(Option::as_ref));
-        let told = concentrated::notes(told, |id| known.get(&id).map(|episode| episode.name.clone()));
+        let told = concentration::notes(told, |id| known.get(&id).map(|episode| episode.name.clone()));
         found.notes.extend(told);
         found
     }

@@ -8,7 +8,7 @@ use fleetfoot_task::{EquationTask, specification};
 use serde::Serialize;
 
 use super::{SindyOptions, smoothed::may_apply, work::work};
-use crate::{error::Error, told};
+use crate::{error::Error, serialize};
 
 /// What a fit of equations would read and keep.
 #[derive(Debug, Clone, Serialize)]
@@ -35,7 +35,7 @@ pub struct SindyPlan {
     #[serde(rename = "memory_bytes")]
     pub memory: usize,
     /// What finding the terms takes, rows and simulations left out.
-    #[serde(rename = "operations", serialize_with = "told::operations")]
+    #[serde(rename = "operations", serialize_with = "serialize::operations")]
     pub work: Work,
     /// What was assumed or left out.
     #[serde(skip)]

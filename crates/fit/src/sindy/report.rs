@@ -10,8 +10,8 @@ use crate::{
     limit_report::{FreeErrors, LimitReport},
     objective::Refinement,
     rollout_choice::RolloutChoice,
+    serialize,
     sindy::{ParameterReport, StateSmoothing},
-    told,
 };
 
 /// What a fit of equations found.
@@ -23,7 +23,7 @@ pub struct SindyReport {
     /// Episodes.
     pub episodes: usize,
     /// Rows that lack neighbours at the border of their episode, rows with a missing value, complete rows that no region took.
-    #[serde(flatten, serialize_with = "told::left_out")]
+    #[serde(flatten, serialize_with = "serialize::left_out")]
     pub left_out: [u64; 3],
     /// How terms were found, for people.
     pub method: String,

@@ -6,7 +6,7 @@ use fleetfoot_sparse::inference::{InferenceError, Influence, influence};
 use serde::Serialize;
 
 use super::problem::Problem;
-use crate::{error::Error, told};
+use crate::{error::Error, serialize};
 
 /// A fit and the fits without each of its episodes: least squares on what was selected from all rows.
 #[derive(Debug, Clone, Serialize)]
@@ -41,7 +41,7 @@ pub struct EpisodeInfluence {
     pub held_out: f64,
     /// The coefficient that changes most in its standard errors, `T: N1*rho`, and the change without the episode in these; `None` without a fit or without
     /// standard errors.
-    #[serde(serialize_with = "told::largest_change")]
+    #[serde(serialize_with = "serialize::largest_change")]
     pub largest_change: Option<(String, f64)>,
 }
 

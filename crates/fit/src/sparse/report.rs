@@ -9,7 +9,7 @@ use super::{
 use crate::{
     error::Error,
     limit_report::{FreeErrors, LimitReport},
-    told,
+    serialize,
 };
 
 /// What a column may have beyond others, relative to its length, and still be called one with them.
@@ -24,7 +24,7 @@ pub struct SparseReport {
     /// Episodes.
     pub episodes: usize,
     /// Rows that lack neighbours at the border of their episode, and rows with a missing value.
-    #[serde(flatten, serialize_with = "told::left_out")]
+    #[serde(flatten, serialize_with = "serialize::left_out")]
     pub left_out: [u64; 2],
     /// Lambda, and how it was chosen.
     pub lambda: LambdaChoice,
@@ -43,7 +43,7 @@ pub struct SparseReport {
     #[serde(skip)]
     pub penalty: &'static str,
     /// Certificate of the penalised fit of all rows at lambda.
-    #[serde(serialize_with = "told::certificate")]
+    #[serde(serialize_with = "serialize::certificate")]
     pub certificate: Certificate,
     /// The largest violation of the optimality conditions of any replicate, where there are any.
     #[serde(rename = "worst_replicate_kkt")]

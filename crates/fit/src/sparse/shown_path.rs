@@ -4,7 +4,7 @@ use fleetfoot_sparse::{Path, Solution, estimator::Stop};
 use serde::Serialize;
 
 use super::problem::Problem;
-use crate::{error::Error, told};
+use crate::{error::Error, serialize};
 
 /// The path goes on to this share of the chosen lambda, or until so many more columns are in than were chosen.
 const BEYOND: f64 = 0.1;
@@ -20,7 +20,7 @@ pub struct PathReport {
     /// Lambdas, falling: the knots of a path that is linear between them, else those at which it was solved; of very many, evenly spread ones.
     pub lambdas: Vec<f64>,
     /// The functions with the largest coefficients, by name, and their coefficients at every lambda, in the units in which the penalty compares them.
-    #[serde(serialize_with = "told::along")]
+    #[serde(serialize_with = "serialize::along")]
     pub functions: Vec<(String, Vec<f64>)>,
     /// Functions that are in somewhere along the path.
     pub entered: usize,

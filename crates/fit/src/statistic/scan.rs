@@ -21,7 +21,7 @@ use super::{
     content::{Hashed, hash_logs},
     equations::{self, accepts_equations, unserved},
 };
-use crate::{error::Error, left_out::left_out, not_finite::too_few, subset::Subset};
+use crate::{error::Error, incomplete::incomplete_rows, not_finite::too_few, subset::Subset};
 
 /// Rows that are scanned between two moments at which the work can be kept.
 const GROUP_ROWS: usize = 1 << 18;
@@ -178,7 +178,7 @@ impl<'a> Scan<'a> {
         self.file = Some(file);
         added?;
         let read = row_expressions(&opened.task).cloned().collect();
-        self.report.notes.extend(left_out(incomplete, &opened.dataset, read)?);
+        self.report.notes.extend(incomplete_rows(incomplete, &opened.dataset, read)?);
         if no_row {
             self.report.notes.extend(too_few(&opened.dataset)?);
         }

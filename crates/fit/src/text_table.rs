@@ -1,9 +1,9 @@
-//! Tables that people are told, on a terminal as on a page.
+//! Tables of words, for a terminal as for a page.
 
 /// A table of words: its numbers are written already.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct ToldTable {
+pub struct TextTable {
     /// What it shows, in a sentence; empty where the header says it.
     pub caption: String,
     /// Heads of the columns.

@@ -19,7 +19,7 @@ const ROWS: usize = 65_536;
 ///
 /// # Errors
 /// Those of reading.
-pub(crate) fn left_out(incomplete: u64, dataset: &Dataset, read: Vec<Expr>) -> Result<Vec<String>, Error> {
+pub(crate) fn incomplete_rows(incomplete: u64, dataset: &Dataset, read: Vec<Expr>) -> Result<Vec<String>, Error> {
     if incomplete == 0 {
         return Ok(Vec::new());
     }

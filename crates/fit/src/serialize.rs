@@ -1,4 +1,4 @@
-//! Parts of reports that programs are told otherwise than they are kept.
+//! Parts of reports that are written otherwise than they are kept.
 
 use fleetfoot_data::Work;
 use fleetfoot_sparse::{Certificate, narx::NarxOrder};

@@ -58,7 +58,7 @@ impl Recorded {
 }
 
 /// The columns of a dataset: what a [`View`] shows, rotations settled. A row where a part is missing misses all.
-pub struct Settled<'a> {
+pub struct UnitRotations<'a> {
     pub(crate) view: View<'a>,
     source: &'a Labelled<Recording>,
     /// What the columns are made of.
@@ -67,7 +67,7 @@ pub struct Settled<'a> {
     rotations: Vec<(&'a Recorded, Vec<usize>)>,
 }
 
-impl<'a> Settled<'a> {
+impl<'a> UnitRotations<'a> {
     pub(crate) fn new(
         view: View<'a>,
         rotations: &'a [Recorded],
@@ -141,7 +141,7 @@ impl<'a> Settled<'a> {
     }
 }
 
-impl Source for Settled<'_> {
+impl Source for UnitRotations<'_> {
     fn columns(&self) -> &[Column] {
         self.view.columns()
     }

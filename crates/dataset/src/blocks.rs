@@ -6,12 +6,12 @@ use fleetfoot_data::Source;
 pub const ROWS: usize = 65_536;
 
 /// All rows of a source in pieces that are read at once: episodes, and rows of them.
-pub fn pieces(source: &dyn Source) -> Vec<(usize, std::ops::Range<usize>)> {
-    pieces_of(source, ROWS)
+pub fn blocks(source: &dyn Source) -> Vec<(usize, std::ops::Range<usize>)> {
+    blocks_of(source, ROWS)
 }
 
 /// All rows of a source in pieces of so many rows, less at the end of an episode.
-pub fn pieces_of(source: &dyn Source, most: usize) -> Vec<(usize, std::ops::Range<usize>)> {
+pub fn blocks_of(source: &dyn Source, most: usize) -> Vec<(usize, std::ops::Range<usize>)> {
     let of = |(episode, rows): (usize, usize)| {
         (0..rows).step_by(most).map(move |from| (episode, from..(from + most).min(rows)))
     };
