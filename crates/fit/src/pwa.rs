@@ -58,7 +58,7 @@ pub struct FitPlan {
     /// Passes of one identification.
     #[serde(skip)]
     pub fit_passes: usize,
-    /// What coefficients are fitted to, which takes [`Objective::passes`] beside [`Self::passes`].
+    /// What coefficients are fitted to, which takes passes of its simulations beside [`Self::passes`].
     #[serde(skip)]
     pub objective: Objective,
     /// Whether its regions' maps are bounded.
