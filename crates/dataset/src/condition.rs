@@ -62,7 +62,7 @@ pub(crate) fn stated(recipe: &Recipe) -> Option<&str> {
 /// Refuses a condition beside a statistic, but that of its scan.
 ///
 /// # Errors
-/// [`Error::NeedsRows`]: the rows of a statistic were chosen when it was scanned.
+/// Rows are needed: the rows of a statistic were chosen when it was scanned.
 pub fn refuse_other_rows(recipe: &Recipe, scanned: &Recipe) -> Result<(), Error> {
     if recipe.time.only.is_none() || stated(recipe) == stated(scanned) {
         return Ok(());

@@ -103,7 +103,7 @@ pub struct Report {
 /// simulations start. What is shown of them is binned as it is read: the page does not grow with the rows.
 ///
 /// # Errors
-/// No model; those of [`score`](crate::score) and [`rollout`](crate::rollout) but that nothing could be scored or simulated, which the page says.
+/// No model; those of [`score`](fleetfoot_run::score) and [`rollout`](fleetfoot_run::rollout) but that nothing could be scored or simulated, which the page says.
 pub fn report(
     models: &[(String, Model)],
     changes: &Recipe,

@@ -53,7 +53,7 @@ pub(crate) fn reads<'a>(equations: &'a [Equation], expressions: impl Iterator<It
     Reads { clock, numbers }
 }
 
-/// What a model needs, as [`reads`].
+/// What a model needs of its logs.
 pub fn reads_of_model(model: &Model) -> Reads {
     let places = model.partitions.iter().filter(|partition| !matches!(partition.rule, Rule::Labels { .. }));
     let partitions = places.flat_map(|partition| &partition.columns);

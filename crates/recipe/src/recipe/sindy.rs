@@ -181,7 +181,7 @@ settings! {
 }
 
 impl SindySection {
-    /// A threshold and a number of terms exclude each other; both said at once are left for [`SindyOptions::new`](crate::SindyOptions::new) to refuse.
+    /// A threshold and a number of terms exclude each other; both said at once are left for the options of the fit to refuse.
     fn silenced(&self, recipe: &mut Recipe) {
         if self.threshold.is_some() {
             recipe.sindy.terms = None;
