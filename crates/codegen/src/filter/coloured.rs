@@ -92,7 +92,7 @@ impl Filter<'_> {
         });
     }
 
-    /// The residuals of the next row, and their covariance with what there is.
+    /// Predicts the residuals of the next row, and their covariance with the states and residuals of this row.
     fn residuals(&self, w: &mut Writer) {
         let Self { all, behind, n, p, q, zero, .. } = self;
         w.each("i", all, |w| {
@@ -145,7 +145,7 @@ impl Filter<'_> {
         });
     }
 
-    /// The states of the next row, and their covariance with what there is.
+    /// Predicts the states of the next row, and their covariance with the states and residuals of this row.
     fn states(&self, w: &mut Writer) {
         let Self { all, n, p, q, t, zero, .. } = self;
         w.each("i", n, |w| {
@@ -210,7 +210,7 @@ impl Filter<'_> {
         });
     }
 
-    /// What every region begins with: the states, and residuals at any time.
+    /// The mean and covariance that each region starts from: those of the states, and the stationary ones of the residuals.
     pub(super) fn coloured_begin(&self, w: &mut Writer) {
         let Self { all, behind, n, p, t, zero, .. } = self;
         w.each("i", all, |w| {

@@ -12,9 +12,9 @@ pub(super) struct Filter<'a> {
     pub(super) model: &'a Model,
     /// Places of the code's inputs among those of the tables.
     pub(super) inputs: Vec<usize>,
-    /// Whether regions follow from the state.
+    /// Whether the state decides the region.
     pub(super) by_state: bool,
-    /// Whether regions follow one another by probabilities.
+    /// Whether a table of probabilities decides the next region.
     pub(super) switches: bool,
     /// The prefix of all names.
     pub(super) p: &'a str,
@@ -90,7 +90,7 @@ impl<'a> Filter<'a> {
         if self.m > 0 { format!(", {inputs}") } else { String::new() }
     }
 
-    /// Whether a value is a number.
+    /// The C test that a value is finite.
     pub(super) fn finite(&self, value: &str) -> String {
         format!("{value} >= -{max} && {value} <= {max}", max = self.max)
     }
