@@ -21,8 +21,9 @@ use fleetfoot_sparse::{
     bolasso::{
         BootstrapOptions, BootstrapUnit, Selection, bach_lambda, block_bootstrap, poisson_counts, row_bootstrap,
     },
-    structured::{Assembly, Banks, Candidates, Plan, Regression, Task, Term},
+    structured::Assembly,
 };
+use fleetfoot_sums::structured::{Banks, Candidates, Plan, Regression, Task, Term};
 
 /// Rows of the subset of section 9.3 of the paper, and replicates.
 const ROWS: usize = 334_531;

@@ -20,10 +20,8 @@ use fleetfoot_benches::{best_of, fma_rate, peak_rss_mib, peer, read_f64, write_f
 use fleetfoot_data::{Column, MemorySource, Silent, Source, thread_count};
 use fleetfoot_library::{Expr, Library, central_difference};
 use fleetfoot_log::{ParquetWriter, Selection, Values, WriteColumn, WriteKind, WriteOptions, open};
-use fleetfoot_sparse::{
-    system::{System, SystemPlan, SystemScan},
-    threshold::{Optimizer, Stlsq, Terms, optimize},
-};
+use fleetfoot_sparse::threshold::{Optimizer, Stlsq, Terms, optimize};
+use fleetfoot_sums::system::{System, SystemPlan, SystemScan};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 

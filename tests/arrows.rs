@@ -5,7 +5,7 @@ mod circles;
 use std::{collections::BTreeSet, fs, path::Path, process::Command};
 
 /// Crate, and the crates of the workspace that it may use.
-const ARROWS: [(&str, &[&str]); 27] = [
+const ARROWS: [(&str, &[&str]); 28] = [
     // No code: the features of third-party crates.
     ("fleetfoot-features", &[]),
     ("fleetfoot-data", &["features"]),
@@ -19,7 +19,8 @@ const ARROWS: [(&str, &[&str]); 27] = [
     ("fleetfoot-message", &["data"]),
     ("fleetfoot-signal", &["data"]),
     ("fleetfoot-log", &["data", "message"]),
-    ("fleetfoot-sparse", &["data", "library", "stats", "model"]),
+    ("fleetfoot-sums", &["data", "library", "stats", "model"]),
+    ("fleetfoot-sparse", &["data", "library", "stats", "sums"]),
     ("fleetfoot-pwa", &["data", "library", "stats", "model"]),
     ("fleetfoot-estimate", &["data", "library", "stats", "model", "dynamics"]),
     // Simulated robots run on the laws of `control`.
@@ -27,15 +28,15 @@ const ARROWS: [(&str, &[&str]); 27] = [
     // Of logs and models it knows nothing.
     ("fleetfoot-report", &["features"]),
     ("fleetfoot-recipe", &["data", "library", "model", "signal", "log"]),
-    ("fleetfoot-task", &["data", "library", "stats", "model", "sparse", "pwa", "estimate", "recipe"]),
-    ("fleetfoot-dataset", &["data", "library", "stats", "model", "signal", "log", "sparse", "pwa", "recipe", "task"]),
+    ("fleetfoot-task", &["data", "library", "stats", "model", "sums", "sparse", "pwa", "estimate", "recipe"]),
+    ("fleetfoot-dataset", &["data", "library", "stats", "model", "signal", "log", "sums", "pwa", "recipe", "task"]),
     ("fleetfoot-prepare", &["data", "library", "model", "signal", "log", "recipe", "task", "dataset"]),
     (
         "fleetfoot-fit",
         &[
             // Of `codegen` and `control` their errors, of `report` its words for numbers.
-            "data", "library", "stats", "model", "dynamics", "control", "codegen", "log", "pwa", "sparse", "estimate",
-            "report", "recipe", "task", "dataset",
+            "data", "library", "stats", "model", "dynamics", "control", "codegen", "log", "sums", "pwa", "sparse",
+            "estimate", "report", "recipe", "task", "dataset",
         ],
     ),
     (
@@ -56,8 +57,8 @@ const ARROWS: [(&str, &[&str]); 27] = [
     (
         "fleetfoot",
         &[
-            "data", "library", "stats", "model", "dynamics", "control", "codegen", "message", "signal", "log", "pwa",
-            "sparse", "estimate", "sim", "report", "recipe", "task", "dataset", "prepare", "fit", "run", "page",
+            "data", "library", "stats", "model", "dynamics", "control", "codegen", "message", "signal", "log", "sums",
+            "pwa", "sparse", "estimate", "sim", "report", "recipe", "task", "dataset", "prepare", "fit", "run", "page",
             "synth",
         ],
     ),

@@ -90,7 +90,7 @@ pub enum Error {
     },
     /// The pass over the rows failed.
     #[error(transparent)]
-    Rows(#[from] fleetfoot_sparse::system::SystemError),
+    Rows(#[from] fleetfoot_sums::system::SystemError),
     /// Statistics that do not go together.
     #[error(transparent)]
     Merge(#[from] fleetfoot_stats::MergeError),

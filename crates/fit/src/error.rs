@@ -63,13 +63,13 @@ pub enum Error {
     Threshold(fleetfoot_sparse::threshold::ThresholdError),
     /// The statistic of a system of equations could not be made.
     #[error(transparent)]
-    System(fleetfoot_sparse::system::SystemError),
+    System(fleetfoot_sums::system::SystemError),
     /// Parameters inside expressions could not be estimated.
     #[error(transparent)]
     Estimate(fleetfoot_estimate::EstimateError),
     /// The pass over the rows failed.
     #[error(transparent)]
-    Scan(#[from] fleetfoot_sparse::structured::ScanError),
+    Scan(#[from] fleetfoot_sums::structured::ScanError),
     /// Statistics that do not go together.
     #[error(transparent)]
     Merge(#[from] fleetfoot_stats::MergeError),
@@ -103,7 +103,7 @@ request_constructors!(Error);
 impl Error {
     /// Whether less memory would have done.
     pub fn is_memory(&self) -> bool {
-        use fleetfoot_sparse::{structured::ScanError, system::SystemError};
+        use fleetfoot_sums::{structured::ScanError, system::SystemError};
         match self {
             Self::Memory(_) => true,
             Self::Dataset(error) => error.is_memory(),
@@ -163,11 +163,11 @@ of_dataset!(
 
 /// Stopped by the user is one error, whatever was being done.
 macro_rules! or_cancelled {
-    ($($variant:ident($module:ident::$error:ident)),*) => {
-        $(impl From<fleetfoot_sparse::$module::$error> for Error {
-            fn from(error: fleetfoot_sparse::$module::$error) -> Self {
+    ($($variant:ident($room:ident::$module:ident::$error:ident)),*) => {
+        $(impl From<$room::$module::$error> for Error {
+            fn from(error: $room::$module::$error) -> Self {
                 match error {
-                    fleetfoot_sparse::$module::$error::Cancelled(cancelled) => Self::Cancelled(cancelled),
+                    $room::$module::$error::Cancelled(cancelled) => Self::Cancelled(cancelled),
                     other => Self::$variant(other),
                 }
             }
@@ -176,12 +176,12 @@ macro_rules! or_cancelled {
 }
 
 or_cancelled!(
-    Select(select::SelectError),
-    Bolasso(bolasso::BolassoError),
-    Inference(inference::InferenceError),
-    Constrained(constrained::ConstrainedError),
-    Threshold(threshold::ThresholdError),
-    System(system::SystemError)
+    Select(fleetfoot_sparse::select::SelectError),
+    Bolasso(fleetfoot_sparse::bolasso::BolassoError),
+    Inference(fleetfoot_sparse::inference::InferenceError),
+    Constrained(fleetfoot_sparse::constrained::ConstrainedError),
+    Threshold(fleetfoot_sparse::threshold::ThresholdError),
+    System(fleetfoot_sums::system::SystemError)
 );
 
 impl From<fleetfoot_estimate::EstimateError> for Error {

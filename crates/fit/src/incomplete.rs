@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use fleetfoot_data::{Halo, Source};
 use fleetfoot_dataset::Dataset;
 use fleetfoot_library::Expr;
-use fleetfoot_sparse::system::SystemScan;
+use fleetfoot_sums::system::SystemScan;
 
 use crate::{error::Error, not_finite};
 

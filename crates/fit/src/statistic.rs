@@ -1,7 +1,7 @@
 //! The statistic as an artefact: `.stats` files.
 //!
 //! A scan of logs is a plan (what is summed, in which coordinates) and sums by episode and chunk: those of the tasks of `fit sparse`
-//! ([`fleetfoot_sparse::structured::Scanned`]) and those of the equations of `fit sindy` and `fit pwa` ([`EquationStatistic`]). Kept as a file, it is shipped instead of
+//! ([`fleetfoot_sums::structured::Scanned`]) and those of the equations of `fit sindy` and `fit pwa` ([`EquationStatistic`]). Kept as a file, it is shipped instead of
 //! the logs, appended to, merged, parted by episode and solved later. [`scan()`] makes one in memory, [`scan_to`] on disk.
 
 mod content;

@@ -70,4 +70,5 @@ pub use fleetfoot_signal as signal;
 pub use fleetfoot_sim as sim;
 pub use fleetfoot_sparse as sparse;
 pub use fleetfoot_stats as stats;
+pub use fleetfoot_sums as sums;
 pub use fleetfoot_task as task;

@@ -12,8 +12,9 @@ use fleetfoot::{
             multinomial_counts, poisson_counts, row_bootstrap,
         },
         dense::DenseRows,
-        structured::{Assembly, Banks, Candidates, Plan, Regression, Task, Term},
+        structured::Assembly,
     },
+    sums::structured::{Banks, Candidates, Plan, Regression, Task, Term},
 };
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;

@@ -49,7 +49,6 @@ pub mod lars;
 pub mod narx;
 pub mod select;
 pub mod structured;
-pub mod system;
 pub mod threshold;
 
 // what they share

@@ -3,7 +3,7 @@
 use fleetfoot_data::Source;
 use fleetfoot_library::{Expr, REACHES, Spacing, unevenness};
 use fleetfoot_model::Equation;
-use fleetfoot_sparse::system::sampled_mean_squares;
+use fleetfoot_sums::system::sampled_mean_squares;
 
 use crate::{
     difference::{Difference, SettledDifference},

@@ -8,5 +8,5 @@ pub enum Error {
     Recipe(#[from] fleetfoot_recipe::Error),
     /// The rows could not be summed.
     #[error(transparent)]
-    Rows(#[from] fleetfoot_sparse::system::SystemError),
+    Rows(#[from] fleetfoot_sums::system::SystemError),
 }

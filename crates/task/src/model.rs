@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use faer::Mat;
 use fleetfoot_model::{Column, Latent, Model, Partition, Region, Role, TrainedEpisode, Training, auxiliary_columns};
-use fleetfoot_sparse::{structured::Spread, system::SystemScan};
+use fleetfoot_sums::{structured::Spread, system::SystemScan};
 
 use crate::equations::EquationTask;
 

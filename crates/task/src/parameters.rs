@@ -117,8 +117,7 @@ fn limits(recipe: &Recipe, names: &[String], aliases: &mut Aliases<'_>) -> Resul
 
 fn matrix(limit: &RowLimit, names: &[String]) -> Result<MatrixLimit, Error> {
     let affine = |form: &Form| -> Option<Affine> {
-        let coefficient =
-            |term: &fleetfoot_sparse::structured::Term| Some((term.latent, term.coefficient.as_number()?));
+        let coefficient = |term: &fleetfoot_sums::structured::Term| Some((term.latent, term.coefficient.as_number()?));
         let coefficients = form.terms.iter().map(coefficient).collect::<Option<_>>()?;
         Some(Affine { constant: form.rest.as_number()?, coefficients })
     };

@@ -5,7 +5,7 @@ use fleetfoot_library::Expr;
 use fleetfoot_model::Role;
 use fleetfoot_pwa::Problem;
 use fleetfoot_recipe::{Error, Recipe};
-use fleetfoot_sparse::system::System;
+use fleetfoot_sums::system::System;
 
 use crate::{
     partition::{placeholder, specification},

@@ -11,8 +11,8 @@ use fleetfoot_recipe::{Aliases, Error, Recipe};
 use fleetfoot_sparse::{
     Sign,
     constrained::{Form, RowLimit},
-    structured::{Candidates, Regression, Task as RegressionTask, Term},
 };
+use fleetfoot_sums::structured::{Candidates, Regression, Task as RegressionTask, Term};
 use latent::{Latent, prior};
 pub(crate) use limits::together;
 use right_side::linear;

@@ -2,7 +2,7 @@
 
 use fleetfoot_model::Partition;
 use fleetfoot_pwa::Problem;
-use fleetfoot_sparse::system::System;
+use fleetfoot_sums::system::System;
 
 use crate::equations::EquationTask;
 

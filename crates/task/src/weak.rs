@@ -3,7 +3,7 @@
 use fleetfoot_data::Source;
 use fleetfoot_library::{CentralDifference, Expr, Spacing};
 use fleetfoot_recipe::Error as RecipeError;
-use fleetfoot_sparse::system::{
+use fleetfoot_sums::system::{
     LEAST_REACH, Rate, Weak, WeakTarget, sampled_mean_squares, sampled_variances, weak_accuracy,
 };
 

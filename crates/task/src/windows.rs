@@ -1,7 +1,7 @@
 //! The weak form: windows in the place of rows, as users ask for them, and as they are.
 
 use fleetfoot_recipe::{Error, SindySection, Tunable};
-use fleetfoot_sparse::system::{LEAST_REACH, Weak};
+use fleetfoot_sums::system::{LEAST_REACH, Weak};
 
 /// Whether there are windows, as users ask for it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use fleetfoot_library::Expr;
-use fleetfoot_sparse::structured::{Regression, Task};
 use fleetfoot_stats::{SquareRoot, least_squares};
+use fleetfoot_sums::structured::{Regression, Task};
 use serde::Serialize;
 
 use super::StatisticFile;

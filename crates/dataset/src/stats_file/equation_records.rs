@@ -5,8 +5,8 @@ use std::{collections::BTreeMap, sync::Arc};
 use fleetfoot_data::EpisodeId;
 use fleetfoot_library::{REACHES, Spacing};
 use fleetfoot_model::{Branch, Cut, Partition, Rule, Tree, UnseenLabel};
-use fleetfoot_sparse::system::{EpisodeSums, Rate, System, SystemPlan, Weak, WeakTarget};
 use fleetfoot_stats::scan::{RegionRanges, RowCounts};
+use fleetfoot_sums::system::{EpisodeSums, Rate, System, SystemPlan, Weak, WeakTarget};
 use fleetfoot_task::{DifferenceErrors, SettledDifference};
 use serde::{Deserialize, Serialize};
 

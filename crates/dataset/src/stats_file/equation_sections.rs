@@ -1,7 +1,7 @@
 //! The equations of a statistic as sections of its file.
 
-use fleetfoot_sparse::system::{SystemPlan, SystemSums};
 use fleetfoot_stats::{Keyed, Sum};
+use fleetfoot_sums::system::{SystemPlan, SystemSums};
 use fleetfoot_task::SettledDifference;
 
 use super::{

@@ -11,7 +11,7 @@ use fleetfoot_library::{Binary, Expr, Node};
 use fleetfoot_model::Partition;
 use fleetfoot_pwa::Specification;
 use fleetfoot_recipe::Recipe;
-use fleetfoot_sparse::system::{System, SystemPlan, SystemSums};
+use fleetfoot_sums::system::{System, SystemPlan, SystemSums};
 use fleetfoot_task::{EquationTask, SettledDifference, placeholder, specification};
 
 use crate::error::Error;

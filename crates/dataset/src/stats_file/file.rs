@@ -10,8 +10,8 @@ use fleetfoot_data::{Column, Episode, EpisodeId};
 use fleetfoot_log::AtomicFile;
 use fleetfoot_model::TrainedEpisode;
 use fleetfoot_recipe::Recipe;
-use fleetfoot_sparse::structured::{Plan, Scanned, TaskStats};
 use fleetfoot_stats::{Stats, scan::RowCounts};
+use fleetfoot_sums::structured::{Plan, Scanned, TaskStats};
 use fleetfoot_task::StructuredTask;
 use serde::Serialize;
 

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use fleetfoot_data::{Column, ColumnKind};
 use fleetfoot_library::{Expr, Scope};
-use fleetfoot_sparse::structured::{Candidates, Plan, Regression, Task, Term};
 use fleetfoot_stats::Preconditioner;
+use fleetfoot_sums::structured::{Candidates, Plan, Regression, Task, Term};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use super::container::Sections;

@@ -7,9 +7,9 @@ use fleetfoot_data::{EpisodeId, Progress, Source};
 use fleetfoot_recipe::{Criterion, NarxSelection};
 use fleetfoot_sparse::{
     narx::{NarxFold, NarxOrder, OrderChoice, OrderOptions, OrderSearch, search_orders},
-    system::{SystemPlan, SystemScan},
     threshold::{Criterion as By, CriterionOptions},
 };
+use fleetfoot_sums::system::{SystemPlan, SystemScan};
 use fleetfoot_task::EquationTask;
 
 use super::{

@@ -5,7 +5,7 @@ use fleetfoot_data::{EpisodeId, Progress, Source};
 use fleetfoot_dataset::{Dataset, Logs};
 use fleetfoot_model::{Model, Partition};
 use fleetfoot_recipe::{Objective, Recipe};
-use fleetfoot_sparse::system::SystemScan;
+use fleetfoot_sums::system::SystemScan;
 use fleetfoot_task::EquationTask;
 
 use super::{

@@ -8,13 +8,9 @@ use faer::Mat;
 use fleetfoot_data::{EpisodeId, Progress, Silent, Stages, parallel_map};
 use fleetfoot_dynamics::{Error as RunError, FreeRunOptions, free_run};
 use fleetfoot_model::Partition;
-use fleetfoot_sparse::{
-    inference::system_effective_rows,
-    narx::NarxOrder,
-    system::{System, SystemPlan, SystemScan},
-    threshold::FrolsChoice,
-};
+use fleetfoot_sparse::{inference::system_effective_rows, narx::NarxOrder, threshold::FrolsChoice};
 use fleetfoot_stats::{aic, bic};
+use fleetfoot_sums::system::{System, SystemPlan, SystemScan};
 use fleetfoot_task::Provenance;
 
 use super::{

@@ -12,9 +12,9 @@ use fleetfoot_recipe::{Criterion, GivenAs, NarxSection, NarxSelection, Recipe};
 use fleetfoot_sparse::{
     narx::{NarxFold, NarxOrder},
     select::Folds,
-    system::{System, SystemScan},
 };
 use fleetfoot_stats::{FoldRule, Purge};
+use fleetfoot_sums::system::{System, SystemScan};
 use fleetfoot_task::{EquationTask, placeholder};
 
 use super::{

@@ -2,13 +2,11 @@
 
 use faer::Mat;
 use fleetfoot_recipe::Criterion;
-use fleetfoot_sparse::{
-    system::SystemScan,
-    threshold::{
-        Criterion as By, CriterionOptions, Frols, FrolsChoice, Optimizer, Terms, ThresholdError, Trail, optimize,
-    },
+use fleetfoot_sparse::threshold::{
+    Criterion as By, CriterionOptions, Frols, FrolsChoice, Optimizer, Terms, ThresholdError, Trail, optimize,
 };
 use fleetfoot_stats::Compressed;
+use fleetfoot_sums::system::SystemScan;
 
 use super::TermRule;
 

@@ -3,7 +3,7 @@
 use fleetfoot_data::Progress;
 use fleetfoot_model::Partition;
 use fleetfoot_recipe::Recipe;
-use fleetfoot_sparse::system::{System, SystemPlan, SystemScan};
+use fleetfoot_sums::system::{System, SystemPlan, SystemScan};
 use fleetfoot_task::{EquationTask, Provenance};
 
 use super::{NarxOptions, TermRule, summed::Evidence, task::NarxBase};

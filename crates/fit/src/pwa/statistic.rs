@@ -5,8 +5,9 @@ use fleetfoot_dataset::{EpisodeRecord, Logs, StatisticFile};
 use fleetfoot_model::{Partition, UnseenLabel};
 use fleetfoot_pwa::{Options, Specification, Summed, SummedPartition, SummedRows, identify_summed};
 use fleetfoot_recipe::Recipe;
-use fleetfoot_sparse::{inference::system_effective_rows, select::Folds, system::SystemScan};
+use fleetfoot_sparse::{inference::system_effective_rows, select::Folds};
 use fleetfoot_stats::{FoldRule, Purge, SquareRoot};
+use fleetfoot_sums::system::SystemScan;
 use fleetfoot_task::{Task, piecewise};
 
 use super::{

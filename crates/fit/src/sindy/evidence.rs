@@ -11,7 +11,7 @@ use fleetfoot_library::Expr;
 use fleetfoot_model::{Partition, TrainedEpisode};
 use fleetfoot_recipe::{Recipe, Tunable};
 use fleetfoot_report::words::count;
-use fleetfoot_sparse::system::{System, SystemPlan, SystemScan, Weak};
+use fleetfoot_sums::system::{System, SystemPlan, SystemScan, Weak};
 use fleetfoot_task::{EquationTask, FittedEquation, Provenance, WeakForm, specification};
 
 use super::frozen::Frozen;

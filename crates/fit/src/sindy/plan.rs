@@ -64,7 +64,7 @@ pub fn plan_sindy(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progres
         objective,
         smoothing: (may_apply(options.smooth_states, task, recipe, regions > 1, reading.rows))
             .then(|| SmoothingOptions::default().memory as usize),
-        memory: fleetfoot_sparse::system::SystemPlan::memory(&task.system(), regions, reading.rows),
+        memory: fleetfoot_sums::system::SystemPlan::memory(&task.system(), regions, reading.rows),
         work: work(&options, task.candidates(), task.fitted.len(), regions, options.folds.expected(reading.episodes)),
         reading,
         notes,

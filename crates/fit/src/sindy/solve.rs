@@ -11,7 +11,6 @@ use fleetfoot_sparse::{
     group::{GroupLasso, Groups},
     inference::system_effective_rows,
     select::Folds,
-    system::SystemScan,
     threshold::{
         Choice, Criterion as Information, CriterionOptions, EnsembleOptions, FoldProblem, FoldScores, Frols,
         FrolsChoice, Optimizer, PenalisedPath, Rivals, Scaling, Sr3, Ssr, Step, Stlsq, Sweep, SweepOptions, Terms,
@@ -19,6 +18,7 @@ use fleetfoot_sparse::{
     },
 };
 use fleetfoot_stats::{Compressed, Fold, Key, Purge, blocks};
+use fleetfoot_sums::system::SystemScan;
 use fleetfoot_task::EquationTask;
 
 use super::options::{Ensemble, SindyOptions};
@@ -380,7 +380,7 @@ fn one(problem: &Compressed, target: usize) -> Compressed {
 
 /// Keys of the units of a scan, for folds.
 pub(crate) fn keys(scan: &SystemScan) -> (Vec<Key>, Vec<u64>) {
-    let key = |unit: &fleetfoot_sparse::system::Unit| Key {
+    let key = |unit: &fleetfoot_sums::system::Unit| Key {
         episode: unit.episode,
         chunk: unit.chunk,
         fold: Fold::default(),

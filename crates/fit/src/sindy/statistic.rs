@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use fleetfoot_dataset::{EquationGroup, EquationStatistic, Logs, StatisticFile, condition::refuse_other_rows};
 use fleetfoot_library::Expr;
 use fleetfoot_recipe::{ModelSection, Recipe};
-use fleetfoot_sparse::system::{System, SystemScan};
+use fleetfoot_sums::system::{System, SystemScan};
 use fleetfoot_task::{EquationTask, WeakForm};
 
 use super::frozen::Frozen;

@@ -7,7 +7,7 @@ use fleetfoot_sparse::{
         Clearance, ConstrainedError, ConstrainedStatus, Constraints, LimitOptions, LimitedFit, LimitedRegression,
         LinearConstraint, RowLimit, fit_within_limits,
     },
-    structured::Assembled,
+    structured::{Assembled, assemble},
 };
 use fleetfoot_stats::SquareRoot;
 use fleetfoot_task::{CoefficientLimit, bounds};
@@ -127,7 +127,7 @@ impl Limited<'_> {
     /// The coefficients of other rows, without a pass: limits are kept at the rows that became constraints here, those that are the same at every row anew.
     pub(super) fn refit(&self, roots: &[SquareRoot]) -> Result<Vec<f64>, Error> {
         let Self { problem, support, found } = self;
-        let assembled = problem.structure.assemble(roots, &problem.assembly)?;
+        let assembled = assemble(&problem.structure, roots, &problem.assembly)?;
         let everywhere: Vec<RowLimit> =
             problem.task.limits.iter().filter(|limit| !varies(problem, limit)).cloned().collect();
         let found = solve(problem, &assembled, support, &everywhere, found.cuts.clone(), None, &Silent)?;

@@ -6,8 +6,8 @@ use fleetfoot_data::{packed, packed_row};
 use fleetfoot_dataset::{EpisodeRecord, StatisticFile};
 use fleetfoot_library::Expr;
 use fleetfoot_model::{Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Training};
-use fleetfoot_sparse::structured::{Spread, Structure};
 use fleetfoot_stats::{Gram, Key};
+use fleetfoot_sums::structured::{Spread, Structure};
 use fleetfoot_task::{Moments, StructuredTask};
 
 use super::problem::Problem;

@@ -6,9 +6,10 @@ use fleetfoot_sparse::{
     adaptive::{Initial, adaptive},
     estimator::{ElasticNet, Estimator},
     group::{GroupLasso, Groups},
-    structured::{Assembled, Assembly, Banks, Structure},
+    structured::{Assembled, Assembly, assemble},
 };
 use fleetfoot_stats::{Key, SquareRoot};
+use fleetfoot_sums::structured::{Banks, Structure};
 use fleetfoot_task::StructuredTask;
 
 use super::SparseOptions;
@@ -62,7 +63,7 @@ impl<'a> Problem<'a> {
             raw: options.unscaled,
             ..Assembly::default()
         };
-        let mut assembled = structure.assemble(&roots, &assembly)?;
+        let mut assembled = assemble(&structure, &roots, &assembly)?;
         if options.adaptive {
             assembly.factors = first_fit(&assembled)?;
             assembled.penalty.factors.clone_from(&assembly.factors);

@@ -4,7 +4,7 @@ use fleetfoot_data::{Column, Progress};
 use fleetfoot_dataset::{Dataset, StatisticFile, covers, once, text::text_among};
 use fleetfoot_pwa::Options;
 use fleetfoot_recipe::Recipe;
-use fleetfoot_sparse::system::{System, SystemPlan};
+use fleetfoot_sums::system::{System, SystemPlan};
 use fleetfoot_task::{EquationTask, WeakForm, piecewise, placeholder, specification};
 
 use super::{EquationGroup, EquationStatistic, StatisticError};

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use fleetfoot_dataset::{ColumnRecord, EpisodeRecord, FileRecord, ReadPlan, Sizes, StatisticFile, json::value};
-use fleetfoot_sparse::structured::Candidates;
 use fleetfoot_stats::scan::RowCounts;
+use fleetfoot_sums::structured::Candidates;
 use serde::{Serialize, Serializer};
 use serde_json::Value;
 

@@ -12,8 +12,8 @@ use fleetfoot_dataset::{
 };
 use fleetfoot_library::Expr;
 use fleetfoot_recipe::Recipe;
-use fleetfoot_sparse::structured::Plan;
 use fleetfoot_stats::{FINE, Grid};
+use fleetfoot_sums::structured::Plan;
 use fleetfoot_task::{EquationTask, StructuredTask};
 
 use super::{
@@ -373,7 +373,7 @@ pub(super) fn default_chunk(task: &StructuredTask, rows: usize) -> usize {
 /// Bytes of the statistics of one chunk.
 pub(super) fn chunk_bytes(task: &StructuredTask) -> usize {
     let numbers = |d: usize| d * (d + 1) / 2 + d + 8;
-    let terms = |task: &fleetfoot_sparse::structured::Task| task.terms.clone();
+    let terms = |task: &fleetfoot_sums::structured::Task| task.terms.clone();
     let functions = |latent: usize| task.regression.latents[latent].functions.len();
     let tasks = task.regression.tasks.iter().map(|task| terms(task).iter().map(|term| functions(term.latent)).sum());
     8 * tasks.map(|columns: usize| numbers(columns + 1)).chain([numbers(task.also.len())]).sum::<usize>()

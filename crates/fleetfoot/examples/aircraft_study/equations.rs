@@ -3,7 +3,8 @@
 use fleetfoot::{
     library::{Expr, Scope},
     sim::plant::aircraft::{Airplane, Latent},
-    sparse::structured::{Assembly, Candidates, Regression, Scanned, Task, Term},
+    sparse::structured::Assembly,
+    sums::structured::{Candidates, Regression, Scanned, Task, Term},
 };
 
 use super::Failure;

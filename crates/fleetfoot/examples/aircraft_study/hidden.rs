@@ -7,6 +7,7 @@ use fleetfoot::{
     sparse::{
         Strength,
         constrained::{Constraints, Limit, LimitOptions, LimitedRegression, RowLimit, fit_within_limits},
+        structured::assemble,
     },
 };
 
@@ -76,7 +77,7 @@ pub(crate) fn estimate(
 /// No prior, the functions that the bolasso selected without one, and drag at least 0 at every row.
 fn constrained(source: &MemorySource, scan: &Scan, support: &[usize], shown: usize) -> Result<Hidden, Failure> {
     let regression = &scan.plan.regression;
-    let assembled = regression.structure().assemble(&scan.roots, &equations::assembly(&scan.scanned, 0.0)?)?;
+    let assembled = assemble(&regression.structure(), &scan.roots, &equations::assembly(&scan.scanned, 0.0)?)?;
     let limits = [RowLimit::of_latent("D", 1, Limit::AtLeast, Expr::number(0.0))];
     let problem = LimitedRegression {
         regression,

@@ -7,9 +7,10 @@ use fleetfoot::{
     sparse::{
         bolasso::{BootstrapOptions, BootstrapUnit, Selection, block_bootstrap, refit, row_bootstrap},
         select::{CrossValidation, Folds, Lambdas, RandomSplits, SelectOptions, cross_validate},
-        structured::{Assembly, Banks, Plan, Scanned},
+        structured::Assembly,
     },
     stats::SquareRoot,
+    sums::structured::{Banks, Plan, Scanned},
 };
 
 use super::{Arguments, Failure, Resample, confounding::remainder, equations};

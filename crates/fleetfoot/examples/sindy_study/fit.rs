@@ -7,12 +7,12 @@ use fleetfoot::{
     library::{CentralDifference, Expr, Spacing, central_difference},
     sparse::{
         select::Folds,
-        system::{System, SystemPlan, SystemScan, Unit, sampled_mean_squares},
         threshold::{
             EnsembleOptions, FoldProblem, Optimizer, Stlsq, SweepOptions, Terms, Thresholds, ensemble, optimize, sweep,
         },
     },
     stats::{Compressed, Fold, FoldRule, Key, Purge, blocks},
+    sums::system::{System, SystemPlan, SystemScan, Unit, sampled_mean_squares},
 };
 
 use super::{Failure, candidates::Candidates, recordings::Recorded};

@@ -5,7 +5,8 @@ use fleetfoot_data::Progress;
 use super::{
     BolassoError, BootstrapOptions, BootstrapUnit, Selection, counts::multinomial_counts, joint::Joint, unit::enough,
 };
-use crate::structured::{Assembly, Banks, Structure};
+use crate::structured::Assembly;
+use fleetfoot_sums::structured::{Banks, Structure};
 
 /// Bolasso with replicates of episodes or chunks (Algorithm 1 of the block-sparse bolasso paper; Bach 2008): each replicate draws as many units as there
 /// are, with replacement, and its lasso is solved at [`BootstrapOptions::lambda`]; column scales are recomputed for each, task weights stay.

@@ -2,7 +2,8 @@
 
 use fleetfoot_data::Cancelled;
 
-use crate::{SparseError, dense::DenseError, structured::ScanError};
+use crate::{SparseError, dense::DenseError};
+use fleetfoot_sums::structured::ScanError;
 
 /// Why a bootstrap or a stability selection failed.
 #[derive(Debug, thiserror::Error)]

@@ -15,8 +15,9 @@ use super::{
 };
 use crate::{
     kernel::Slab,
-    structured::{Assembly, Banks, Structure},
+    structured::{Assembly, assemble, penalty, scales},
 };
+use fleetfoot_sums::structured::{Banks, Structure};
 
 /// Columns of weights that are multiplied at once.
 const BATCH: usize = 64;
@@ -127,12 +128,12 @@ impl<'a> Joint<'a> {
         unit: BootstrapUnit,
         progress: &dyn Progress,
     ) -> Result<Self, BolassoError> {
-        let penalty = structure.penalty(assembly)?;
+        let penalty = penalty(structure, assembly)?;
         let total = banks.total();
         // What is wrong with the statistic shows here, once.
-        structure.assemble(&total, assembly)?;
+        assemble(structure, &total, assembly)?;
         let units = units(banks.keys(), banks.rows(), unit);
-        let scales = structure.scales(&total, &assembly.weights);
+        let scales = scales(structure, &total, &assembly.weights);
         let (triangle, size) = triangle(structure, &total, &assembly.weights, &scales);
         let layout = Layout::new(structure, &total, &assembly.weights, &scales);
         let tasks: Vec<TaskMap<'_>> = banks

@@ -7,7 +7,8 @@
 use fleetfoot_data::{packed, packed_row};
 use fleetfoot_library::Expr;
 
-use crate::structured::{Assembly, Regression};
+use crate::structured::Assembly;
+use fleetfoot_sums::structured::Regression;
 
 /// Products of the functions of two libraries and a coefficient.
 #[derive(Debug, Clone, PartialEq)]

@@ -52,7 +52,7 @@ pub(crate) struct Fitted {
     pub(crate) converged: bool,
 }
 
-/// The scale of a column from its mean square over measured tasks, or over priors where there is none, as in [`Structure::assemble`].
+/// The scale of a column from its mean square over measured tasks, or over priors where there is none, as in [`assemble()`](crate::structured::assemble()).
 ///
 /// `None` for a column of zeros.
 pub(crate) fn scale(measured: f64, believed: f64) -> Option<f64> {
@@ -60,7 +60,7 @@ pub(crate) fn scale(measured: f64, believed: f64) -> Option<f64> {
     (square > 0.0 && square.is_finite()).then(|| square.sqrt())
 }
 
-/// Mean square of a column about its mean, from its sums about `centre`; of a column that does not vary about zero, as in [`Structure::scales`].
+/// Mean square of a column about its mean, from its sums about `centre`; of a column that does not vary about zero, as in [`assemble()`](crate::structured::assemble()).
 pub(crate) fn spread(square: f64, sum: f64, weight: f64, centre: f64) -> f64 {
     let shift = sum / weight;
     let (about_mean, mean) = (square / weight - shift * shift, centre + shift);

@@ -20,8 +20,9 @@ use super::{
 use crate::{
     SparseError,
     kernel::Slab,
-    structured::{Assembly, Plan, Regression, ScanError},
+    structured::{Assembly, penalty},
 };
+use fleetfoot_sums::structured::{Plan, Regression, ScanError};
 
 /// Bolasso with replicates of rows, drawn with replacement (Algorithm 1 of the block-sparse bolasso paper, equation (20); Bach 2008): Poisson(1) counts for
 /// each row, so that n varies from replicate to replicate by sqrt(n), and the objective has the replicate's own n.
@@ -44,7 +45,7 @@ pub fn row_bootstrap(
     progress: &dyn Progress,
 ) -> Result<Selection, BolassoError> {
     options.check()?;
-    let penalty = plan.regression.structure().penalty(assembly)?;
+    let penalty = penalty(&plan.regression.structure(), assembly)?;
     let columns = Columns::new(plan, assembly, source)?;
     let stride = PoissonCounts::stride(options.replicates);
     let sums = accumulate(plan, &columns, source, options.seed, stride, progress)?;

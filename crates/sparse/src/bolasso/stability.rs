@@ -14,8 +14,9 @@ use crate::{
     PathStatus,
     lars::{LarsOptions, lars},
     penalty::check_strength,
-    structured::{Assembly, Banks, Structure},
+    structured::Assembly,
 };
+use fleetfoot_sums::structured::{Banks, Structure};
 
 /// How a stability selection is done.
 #[derive(Debug, Clone, PartialEq)]

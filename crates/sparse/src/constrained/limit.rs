@@ -6,7 +6,7 @@ use fleetfoot_data::packed_row;
 use fleetfoot_library::{Expr, Node};
 
 use super::ConstrainedError;
-use crate::structured::{Regression, Term};
+use fleetfoot_sums::structured::{Regression, Term};
 
 /// On which side of its bound a form stays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -13,10 +13,8 @@ use super::{
     Constrained, ConstrainedError, ConstrainedOptions, Constraints, LinearConstraint, RowLimit, constrained,
     survey::{Breach, Found, Survey},
 };
-use crate::{
-    Strength,
-    structured::{Assembled, Regression},
-};
+use crate::{Strength, structured::Assembled};
+use fleetfoot_sums::structured::Regression;
 
 /// A structured regression with limits.
 #[derive(Debug, Clone, Copy)]

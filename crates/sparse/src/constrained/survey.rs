@@ -6,7 +6,7 @@ use fleetfoot_library::{Design, DesignRows, Expr};
 use fleetfoot_stats::{Grid, reduce};
 
 use super::{ConstrainedError, LinearConstraint, RowLimit};
-use crate::structured::Regression;
+use fleetfoot_sums::structured::Regression;
 
 /// A row of the data that breaks a limit.
 #[derive(Debug, Clone)]

@@ -7,8 +7,9 @@ use fleetfoot_stats::{Gram, blocks, student_t_95};
 use super::{InferenceError, least_squares::SupportFactor};
 use crate::{
     SparseError,
-    structured::{Assembly, Banks, Structure},
+    structured::{Assembly, assemble},
 };
+use fleetfoot_sums::structured::{Banks, Structure};
 
 /// Whose rows may be correlated with each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -48,7 +49,7 @@ pub struct Covariance {
 /// bias of the shrinkage and the uncertainty of the choice are not in it.
 ///
 /// # Errors
-/// As [`Structure::assemble`]; when theta has not p finite entries, there are fewer than two clusters, or the support is not identified.
+/// As [`assemble()`](crate::structured::assemble()); when theta has not p finite entries, there are fewer than two clusters, or the support is not identified.
 pub fn clustered_covariance(
     banks: &Banks,
     structure: &Structure,
@@ -64,7 +65,7 @@ pub fn clustered_covariance(
         return Err(InferenceError::NotFinite { column });
     }
     let support: Vec<usize> = (0..p).filter(|&j| theta[j] != 0.0).collect();
-    let assembled = structure.assemble(&banks.total(), assembly)?;
+    let assembled = assemble(structure, &banks.total(), assembly)?;
     let factor = SupportFactor::new(&assembled, &support)?.identified(&support)?;
     let (groups, count) = clusters_of(banks, clusters);
     if count < 2 {

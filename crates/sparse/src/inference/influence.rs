@@ -8,7 +8,8 @@ use super::{
     covariance::{Clusters, clusters_of},
     least_squares::SupportFactor,
 };
-use crate::structured::{Assembly, Banks, Structure};
+use crate::structured::{Assembly, assemble};
+use fleetfoot_sums::structured::{Banks, Structure};
 
 /// The fit without one episode.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,7 +47,7 @@ pub struct InfluenceReport {
 /// The least-squares fit of a support with each episode left out in turn, from the moments of the chunks: exact solves, not first-order ones, and no pass.
 ///
 /// # Errors
-/// As [`Structure::assemble`]; when the support is not identified by all rows, there are fewer than two episodes, or the user stops it.
+/// As [`assemble()`](crate::structured::assemble()); when the support is not identified by all rows, there are fewer than two episodes, or the user stops it.
 pub fn influence(
     banks: &Banks,
     structure: &Structure,
@@ -59,7 +60,7 @@ pub fn influence(
         return Err(InferenceError::TooFewClusters { clusters: count });
     }
     let roots = banks.total();
-    let full = SupportFactor::new(&structure.assemble(&roots, assembly)?, support)?.identified(support)?;
+    let full = SupportFactor::new(&assemble(structure, &roots, assembly)?, support)?.identified(support)?;
     let fit = Fit { structure, assembly, support };
     let coefficients = full.coefficients();
     let squares = fit.squares(&roots, &coefficients);
@@ -74,7 +75,7 @@ pub fn influence(
         let left = weight(&roots);
         let part = (n - left).max(f64::MIN_POSITIVE);
         let in_sample = own.squares(episode, &fit, banks, &coefficients) / part;
-        let factor = match structure.assemble(&roots, assembly) {
+        let factor = match assemble(structure, &roots, assembly) {
             Ok(assembled) => SupportFactor::new(&assembled, support)?.identified(support),
             Err(error) => Err(error.into()),
         };

@@ -4,7 +4,8 @@ use faer::{Mat, MatRef};
 use fleetfoot_stats::{BatchMeans, Compressed};
 
 use super::{Clusters, InferenceError, covariance::groups};
-use crate::{SparseError, system::SystemScan};
+use crate::SparseError;
+use fleetfoot_sums::system::SystemScan;
 
 /// Clusters whose statistics are in memory at once.
 const BATCH: usize = 16;
@@ -161,7 +162,7 @@ mod tests {
     use fleetfoot_library::Expr;
 
     use super::*;
-    use crate::system::{System, SystemPlan};
+    use fleetfoot_sums::system::{System, SystemPlan};
 
     /// Two episodes of a noisy line, in chunks of 50 rows.
     fn scan() -> (SystemScan, Vec<Vec<[f64; 3]>>) {

@@ -6,10 +6,8 @@ use fleetfoot_library::{Expr, Library};
 use fleetfoot_stats::Compressed;
 
 use super::*;
-use crate::{
-    system::{System, SystemPlan, SystemScan},
-    threshold::{Criterion, CriterionOptions},
-};
+use crate::threshold::{Criterion, CriterionOptions};
+use fleetfoot_sums::system::{System, SystemPlan, SystemScan};
 
 fn order(outputs: usize, inputs: usize, degree: usize) -> NarxOrder {
     NarxOrder { outputs, inputs, degree, direct: false, every: 1 }

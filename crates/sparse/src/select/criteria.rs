@@ -6,8 +6,9 @@ use fleetfoot_stats::SquareRoot;
 use super::{HeldOut, SelectError, held_out::Coefficients};
 use crate::{
     Path, Penalty, Quadratic,
-    structured::{Assembled, Assembly, Structure},
+    structured::{Assembled, Assembly},
 };
+use fleetfoot_sums::structured::Structure;
 
 /// What the noise variance is taken for.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -9,8 +9,9 @@ use crate::{
     Path, Penalty, Quadratic, Solution, SparseError,
     estimator::Estimator,
     penalty::check_strength,
-    structured::{Assembly, Banks, Structure},
+    structured::{Assembly, assemble},
 };
+use fleetfoot_sums::structured::{Banks, Structure};
 
 /// Which lambdas are compared.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,10 +74,10 @@ pub fn cross_validate(
     progress: &dyn Progress,
 ) -> Result<CrossValidation, SelectError> {
     let mut roots = fold_roots(banks, folds, progress)?;
-    let full = structure.assemble(&roots.remove(2 * folds.len()), assembly)?;
+    let full = assemble(structure, &roots.remove(2 * folds.len()), assembly)?;
     let k = folds.len();
     let splits = parallel_map(k, progress, |fold| {
-        let train = structure.assemble(&roots[fold], assembly)?;
+        let train = assemble(structure, &roots[fold], assembly)?;
         let test = HeldOut::tasks(structure, &roots[k + fold], assembly, train.scale)?;
         Ok::<_, SelectError>(Split { train: train.problem, penalty: train.penalty, test })
     })?;

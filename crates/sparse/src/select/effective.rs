@@ -3,10 +3,8 @@
 use fleetfoot_stats::BatchMeans;
 
 use super::SelectError;
-use crate::{
-    SparseError,
-    structured::{Banks, Structure},
-};
+use crate::SparseError;
+use fleetfoot_sums::structured::{Banks, Structure};
 
 /// Rows that count as independent, by the batch means of the residuals of the coefficients `theta` (p) over the chunks: the fewest of the measured tasks
 /// ([`BatchMeans`]), whatever the scale of the weights.

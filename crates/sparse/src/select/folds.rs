@@ -9,9 +9,9 @@ use fleetfoot_stats::{FoldLayout, FoldRule, Key, Purge, SPANS};
 use super::SelectError;
 use crate::SparseError;
 
-/// Training and test weights of every member in every fold: 0 or 1, so that a fold is a reweighting of [`Banks`](crate::structured::Banks).
+/// Training and test weights of every member in every fold: 0 or 1, so that a fold is a reweighting of [`Banks`](fleetfoot_sums::structured::Banks).
 ///
-/// Members are known by their keys and rows ([`Banks::keys`](crate::structured::Banks::keys), [`Banks::rows`](crate::structured::Banks::rows)). Neighbouring rows of a log are
+/// Members are known by their keys and rows ([`Banks::keys`](fleetfoot_sums::structured::Banks::keys), [`Banks::rows`](fleetfoot_sums::structured::Banks::rows)). Neighbouring rows of a log are
 /// correlated, so no fold cuts through a chunk; which chunks are held out together is for [`FoldLayout`] to say, as for every method.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Folds {

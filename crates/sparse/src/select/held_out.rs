@@ -4,10 +4,8 @@ use faer::{Accum, Mat, MatRef, Par, linalg::matmul::matmul};
 use fleetfoot_stats::SquareRoot;
 
 use super::SelectError;
-use crate::{
-    SparseError,
-    structured::{Assembly, Structure},
-};
+use crate::{SparseError, structured::Assembly};
+use fleetfoot_sums::structured::Structure;
 
 /// Coefficients whose errors are computed at once.
 const BATCH: usize = 64;

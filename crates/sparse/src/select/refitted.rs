@@ -4,7 +4,7 @@ use fleetfoot_data::{Cancelled, Progress, parallel_map};
 use fleetfoot_stats::SquareRoot;
 
 use super::{Folds, SelectError, cross_validation::fold_roots};
-use crate::structured::{Banks, Structure};
+use fleetfoot_sums::structured::{Banks, Structure};
 
 /// Mean squared error of every measured task (priors not) on held-out rows, in the units of its target: the coefficients are fitted again to every fold's training
 /// rows, by `fit` of their square-root forms. Means weigh each fold by its held-out rows.

@@ -2,8 +2,8 @@
 
 use faer::Mat;
 use fleetfoot_stats::SquareRoot;
+use fleetfoot_sums::structured::Structure;
 
-use super::Structure;
 use crate::{
     Penalty, Quadratic, Sign, Solution, SparseError,
     kernel::{Slab, norm},
@@ -64,106 +64,104 @@ impl Assembled {
     }
 }
 
-impl Structure {
-    /// The surrogate problem of tasks known by their square-root forms, in raw units: one a task, with the columns of [`Structure::columns`] and one target.
-    ///
-    /// # Errors
-    /// When lengths disagree, a weight is negative, there are no rows, or a statistic is not finite.
-    pub fn assemble(&self, roots: &[SquareRoot], assembly: &Assembly) -> Result<Assembled, SparseError> {
-        let penalty = self.penalty(assembly)?;
-        self.check(roots)?;
-        let p = self.coefficients();
-        let n = roots.iter().map(|root| root.weight).fold(0.0, f64::max);
-        if n.is_nan() || n <= 0.0 {
-            return Err(SparseError::NoRows);
-        }
-        let scale = if assembly.raw { vec![1.0; p] } else { self.scales(roots, &assembly.weights) };
-        let mut stack = Stack::new(p);
-        for (task, root) in roots.iter().enumerate() {
-            let factor = assembly.weights[task].sqrt();
-            if factor > 0.0 {
-                stack.add_task(&self.columns(task), root, factor, &scale);
-            }
-        }
-        if let Some(tikhonov) = &assembly.tikhonov {
-            stack.add_tikhonov(tikhonov, &scale);
-        }
-        let problem = stack.finish(n);
-        Ok(Assembled { problem: problem?, penalty, scale })
+/// The surrogate problem of tasks known by their square-root forms, in raw units: one a task, with the columns of [`Structure::columns`] and one target.
+///
+/// # Errors
+/// When lengths disagree, a weight is negative, there are no rows, or a statistic is not finite.
+pub fn assemble(structure: &Structure, roots: &[SquareRoot], assembly: &Assembly) -> Result<Assembled, SparseError> {
+    let penalty = penalty(structure, assembly)?;
+    check(structure, roots)?;
+    let p = structure.coefficients();
+    let n = roots.iter().map(|root| root.weight).fold(0.0, f64::max);
+    if n.is_nan() || n <= 0.0 {
+        return Err(SparseError::NoRows);
     }
-
-    /// Scale of every coefficient's column ([`Assembled::scale`]).
-    pub fn scales(&self, roots: &[SquareRoot], weights: &[f64]) -> Vec<f64> {
-        let p = self.coefficients();
-        let (mut measured, mut believed) = (vec![0.0; p], vec![0.0; p]);
-        for (task, root) in roots.iter().enumerate() {
-            let shape = &self.tasks[task];
-            let squares = if shape.prior { &mut believed } else { &mut measured };
-            let deviation = root.deviation();
-            let divisor = root.weight.sqrt().max(f64::MIN_POSITIVE);
-            for (column, &j) in self.columns(task).iter().enumerate() {
-                // The constant itself has no deviation but what rounding makes: its size is its own.
-                let varies = deviation[column] > root.noise * root.magnitude[column] / divisor;
-                let mean = if shape.centred && varies { 0.0 } else { root.mean_x[column] };
-                squares[j] += weights[task] * (deviation[column] * deviation[column] + mean * mean);
-            }
+    let scale = if assembly.raw { vec![1.0; p] } else { scales(structure, roots, &assembly.weights) };
+    let mut stack = Stack::new(p);
+    for (task, root) in roots.iter().enumerate() {
+        let factor = assembly.weights[task].sqrt();
+        if factor > 0.0 {
+            stack.add_task(&structure.columns(task), root, factor, &scale);
         }
-        let scale = |j: usize| {
-            let square = if measured[j] > 0.0 { measured[j] } else { believed[j] };
-            if square > 0.0 && square.is_finite() { square.sqrt() } else { 1.0 }
-        };
-        (0..p).map(scale).collect()
     }
-
-    /// Factors and signs for the solvers, once the options are those of this structure.
-    ///
-    /// # Errors
-    /// When lengths disagree, or a weight, a factor or a strength is out of range.
-    pub(crate) fn penalty(&self, assembly: &Assembly) -> Result<Penalty, SparseError> {
-        let (p, latents) = (self.coefficients(), self.functions.len());
-        let optional = |found: usize, expected: usize| if found == 0 { expected } else { found };
-        let tikhonov = assembly.tikhonov.as_ref();
-        for (what, found, expected) in [
-            ("the task weights", assembly.weights.len(), self.tasks.len()),
-            ("the penalty factors of the latents", optional(assembly.latents.len(), latents), latents),
-            ("the penalty factors", optional(assembly.factors.len(), p), p),
-            ("the signs", optional(assembly.signs.len(), p), p),
-            ("a row of Gamma", tikhonov.map_or(p, |tikhonov| tikhonov.gamma.ncols()), p),
-            ("the prior", tikhonov.map_or(p, |tikhonov| tikhonov.prior.len()), p),
-        ] {
-            if found != expected {
-                return Err(SparseError::Length { what, found, expected });
-            }
-        }
-        let weights = assembly.weights.iter().map(|&weight| ("a task weight", weight));
-        let latents = assembly.latents.iter().map(|&factor| ("a latent's penalty factor", factor));
-        let tikhonov = tikhonov.map(|tikhonov| ("the Tikhonov strength", tikhonov.strength));
-        for (name, value) in weights.chain(latents).chain(tikhonov) {
-            check_strength(name, value)?;
-        }
-        let latent_of = self.latent_of();
-        let latent = |j: usize| assembly.latents.get(latent_of[j]).copied().unwrap_or(1.0);
-        let factor = |j: usize| assembly.factors.get(j).copied().unwrap_or(1.0) * latent(j);
-        let factors: Vec<f64> = (0..p).map(factor).collect();
-        if let Some(column) = factors.iter().position(|factor| factor.is_nan() || *factor < 0.0) {
-            return Err(SparseError::PenaltyFactor { column, value: factors[column] });
-        }
-        Ok(Penalty { standardise: false, factors, signs: assembly.signs.clone() })
+    if let Some(tikhonov) = &assembly.tikhonov {
+        stack.add_tikhonov(tikhonov, &scale);
     }
+    let problem = stack.finish(n);
+    Ok(Assembled { problem: problem?, penalty, scale })
+}
 
-    fn check(&self, roots: &[SquareRoot]) -> Result<(), SparseError> {
-        let (found, expected) = (roots.len(), self.tasks.len());
+/// Scale of every coefficient's column ([`Assembled::scale`]).
+pub(crate) fn scales(structure: &Structure, roots: &[SquareRoot], weights: &[f64]) -> Vec<f64> {
+    let p = structure.coefficients();
+    let (mut measured, mut believed) = (vec![0.0; p], vec![0.0; p]);
+    for (task, root) in roots.iter().enumerate() {
+        let shape = &structure.tasks[task];
+        let squares = if shape.prior { &mut believed } else { &mut measured };
+        let deviation = root.deviation();
+        let divisor = root.weight.sqrt().max(f64::MIN_POSITIVE);
+        for (column, &j) in structure.columns(task).iter().enumerate() {
+            // The constant itself has no deviation but what rounding makes: its size is its own.
+            let varies = deviation[column] > root.noise * root.magnitude[column] / divisor;
+            let mean = if shape.centred && varies { 0.0 } else { root.mean_x[column] };
+            squares[j] += weights[task] * (deviation[column] * deviation[column] + mean * mean);
+        }
+    }
+    let scale = |j: usize| {
+        let square = if measured[j] > 0.0 { measured[j] } else { believed[j] };
+        if square > 0.0 && square.is_finite() { square.sqrt() } else { 1.0 }
+    };
+    (0..p).map(scale).collect()
+}
+
+/// Factors and signs for the solvers, once the options are those of this structure.
+///
+/// # Errors
+/// When lengths disagree, or a weight, a factor or a strength is out of range.
+pub(crate) fn penalty(structure: &Structure, assembly: &Assembly) -> Result<Penalty, SparseError> {
+    let (p, latents) = (structure.coefficients(), structure.functions.len());
+    let optional = |found: usize, expected: usize| if found == 0 { expected } else { found };
+    let tikhonov = assembly.tikhonov.as_ref();
+    for (what, found, expected) in [
+        ("the task weights", assembly.weights.len(), structure.tasks.len()),
+        ("the penalty factors of the latents", optional(assembly.latents.len(), latents), latents),
+        ("the penalty factors", optional(assembly.factors.len(), p), p),
+        ("the signs", optional(assembly.signs.len(), p), p),
+        ("a row of Gamma", tikhonov.map_or(p, |tikhonov| tikhonov.gamma.ncols()), p),
+        ("the prior", tikhonov.map_or(p, |tikhonov| tikhonov.prior.len()), p),
+    ] {
         if found != expected {
-            return Err(SparseError::Length { what: "the list of the tasks' statistics", found, expected });
+            return Err(SparseError::Length { what, found, expected });
         }
-        for (task, root) in roots.iter().enumerate() {
-            let (found, expected) = (root.regressors(), self.columns(task).len());
-            if found != expected {
-                return Err(SparseError::Length { what: "a task's statistic", found, expected });
-            }
-        }
-        Ok(())
     }
+    let weights = assembly.weights.iter().map(|&weight| ("a task weight", weight));
+    let latents = assembly.latents.iter().map(|&factor| ("a latent's penalty factor", factor));
+    let tikhonov = tikhonov.map(|tikhonov| ("the Tikhonov strength", tikhonov.strength));
+    for (name, value) in weights.chain(latents).chain(tikhonov) {
+        check_strength(name, value)?;
+    }
+    let latent_of = structure.latent_of();
+    let latent = |j: usize| assembly.latents.get(latent_of[j]).copied().unwrap_or(1.0);
+    let factor = |j: usize| assembly.factors.get(j).copied().unwrap_or(1.0) * latent(j);
+    let factors: Vec<f64> = (0..p).map(factor).collect();
+    if let Some(column) = factors.iter().position(|factor| factor.is_nan() || *factor < 0.0) {
+        return Err(SparseError::PenaltyFactor { column, value: factors[column] });
+    }
+    Ok(Penalty { standardise: false, factors, signs: assembly.signs.clone() })
+}
+
+fn check(structure: &Structure, roots: &[SquareRoot]) -> Result<(), SparseError> {
+    let (found, expected) = (roots.len(), structure.tasks.len());
+    if found != expected {
+        return Err(SparseError::Length { what: "the list of the tasks' statistics", found, expected });
+    }
+    for (task, root) in roots.iter().enumerate() {
+        let (found, expected) = (root.regressors(), structure.columns(task).len());
+        if found != expected {
+            return Err(SparseError::Length { what: "a task's statistic", found, expected });
+        }
+    }
+    Ok(())
 }
 
 /// Compressed rows of B theta = Y, gathered task by task.

@@ -1,8 +1,9 @@
 //! Least squares on a support.
 
 use fleetfoot_stats::SquareRoot;
+use fleetfoot_sums::structured::Structure;
 
-use super::{Assembly, Structure};
+use super::{Assembly, assemble};
 use crate::{
     Penalty, Sign, SparseError,
     lars::{LarsOptions, lars},
@@ -13,7 +14,7 @@ use crate::{
 /// Where columns of the support depend on each other, the first ones carry the fit.
 ///
 /// # Errors
-/// As [`Structure::assemble`]; when a column of the support does not exist.
+/// As [`assemble()`]; when a column of the support does not exist.
 pub fn refit(
     structure: &Structure,
     roots: &[SquareRoot],
@@ -24,7 +25,7 @@ pub fn refit(
     if let Some(&column) = support.iter().find(|&&column| column >= p) {
         return Err(SparseError::Length { what: "the regression", found: p, expected: column + 1 });
     }
-    let assembled = structure.assemble(roots, assembly)?;
+    let assembled = assemble(structure, roots, assembly)?;
     let penalty = least_squares_penalty(&assembled.penalty, p, support);
     let path = lars(&assembled.problem, &penalty, &LarsOptions::default())?;
     Ok(path.knots.last().map_or_else(|| vec![0.0; p], |solution| assembled.coefficients(solution)))

@@ -10,9 +10,10 @@ use fleetfoot_sparse::{
         multinomial_counts, poisson_counts, refit, row_bootstrap, stability_selection,
     },
     lars::{LarsOptions, lars},
-    structured::{Assembly, Banks, Candidates, Plan, Regression, Structure, Task, Term, Tikhonov},
+    structured::{Assembly, Tikhonov, assemble},
 };
 use fleetfoot_stats::{Factor, SquareRoot};
+use fleetfoot_sums::structured::{Banks, Candidates, Plan, Regression, Structure, Task, Term};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -105,7 +106,7 @@ fn repeated(regression: &Regression, source: &dyn Source, count: impl Fn(usize, 
 
 /// The lasso of one replicate the long way.
 fn lasso(structure: &Structure, roots: &[SquareRoot], assembly: &Assembly, lambda: f64) -> (Vec<f64>, f64) {
-    let assembled = structure.assemble(roots, assembly).expect("a problem");
+    let assembled = assemble(structure, roots, assembly).expect("a problem");
     let options = LarsOptions { lambda_min: lambda, ..LarsOptions::default() };
     let path = lars(&assembled.problem, &assembled.penalty, &options).expect("a path");
     let end = path.at(&assembled.problem, lambda).expect("the end of the path");

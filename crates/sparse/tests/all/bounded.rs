@@ -5,13 +5,14 @@ use fleetfoot_data::{Silent, mix};
 use fleetfoot_sparse::{
     Strength,
     constrained::{ConstrainedOptions, ConstrainedStatus, Constraints, constrained},
-    structured::{Assembly, Structure, TaskShape},
+    structured::{Assembly, assemble},
     threshold::{
         FoldProblem, Frols, Optimizer, PenalisedPath, Removal, Rivals, Scaling, Sr3, Ssr, Stlsq, Sweep, SweepOptions,
         Terms, ThresholdError, Thresholds, optimize, sweep,
     },
 };
 use fleetfoot_stats::{Compressed, Factor};
+use fleetfoot_sums::structured::{Structure, TaskShape};
 use proptest::prelude::*;
 
 use crate::thresholds::compressed;
@@ -143,7 +144,7 @@ fn interior_point(rows: &Mat<f64>, bounds: &[[f64; 2]]) -> Vec<f64> {
     let task = TaskShape { latents: vec![0], centred: false, prior: false };
     let structure = Structure { functions: vec![p], tasks: vec![task] };
     let assembly = Assembly { weights: vec![1.0], ..Assembly::default() };
-    let assembled = structure.assemble(&[factor.square_root()], &assembly).unwrap();
+    let assembled = assemble(&structure, &[factor.square_root()], &assembly).unwrap();
     let constraints = Constraints { bounds: bounds.to_vec(), ..Constraints::default() };
     let options = ConstrainedOptions::default();
     let found = constrained(&assembled, &constraints, Strength::lasso(0.0), None, &options).unwrap();

@@ -9,9 +9,10 @@ use fleetfoot_sparse::{
         constrained,
     },
     lars::{LarsOptions, lars},
-    structured::{Assembled, Assembly, Structure, TaskShape},
+    structured::{Assembled, Assembly, assemble},
 };
 use fleetfoot_stats::{Factor, least_squares};
+use fleetfoot_sums::structured::{Structure, TaskShape};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -24,7 +25,7 @@ fn problem(x: &Mat<f64>, y: &[f64], assembly: Assembly) -> Assembled {
     factor.push(Mat::from_fn(x.nrows(), p + 1, |i, j| if j < p { x[(i, j)] } else { y[i] }).as_ref(), None);
     let task = TaskShape { latents: vec![0], centred: false, prior: false };
     let structure = Structure { functions: vec![p], tasks: vec![task] };
-    structure.assemble(&[factor.square_root()], &Assembly { weights: vec![1.0], ..assembly }).expect("a problem")
+    assemble(&structure, &[factor.square_root()], &Assembly { weights: vec![1.0], ..assembly }).expect("a problem")
 }
 
 fn random_rows(seed: u64, n: usize, p: usize) -> (Mat<f64>, Vec<f64>) {

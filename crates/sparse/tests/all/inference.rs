@@ -10,9 +10,10 @@ use fleetfoot_sparse::{
         Clusters, InferenceError, bootstrap_intervals, clustered_covariance, confounded, influence, least_squares_on,
     },
     lars::{LarsOptions, lars},
-    structured::{Assembled, Assembly, Banks, Candidates, Plan, Regression, Structure, Task, Term, Tikhonov},
+    structured::{Assembled, Assembly, Tikhonov, assemble},
 };
 use fleetfoot_stats::{blocks, student_t_95};
+use fleetfoot_sums::structured::{Banks, Candidates, Plan, Regression, Structure, Task, Term};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -176,7 +177,7 @@ fn the_covariance_is_the_sandwich_of_the_rows() {
     let mut compared = 0;
     for prior in [None, Some(tikhonov())] {
         let assembly = Assembly { tikhonov: prior.clone(), ..assembly() };
-        let assembled = structure.assemble(&banks.total(), &assembly).expect("a problem");
+        let assembled = assemble(&structure, &banks.total(), &assembly).expect("a problem");
         let path = lars(&assembled.problem, &assembled.penalty, &LarsOptions::default()).expect("a path");
         let penalised = path.at(&assembled.problem, 0.05 * path.knots[0].l1).expect("on the path");
         let fits = [
@@ -231,7 +232,7 @@ fn intervals_cover_the_truth_when_errors_are_shared_within_episodes() {
         let plan = Plan::new(plain.clone(), Vec::new(), 30, &source).expect("a plan");
         let banks = Banks::new(&plan.scan(&source, &Silent).expect("a scan"), |_| true);
         let assembly = Assembly { weights: vec![1.0], ..Assembly::default() };
-        let assembled = structure.assemble(&banks.total(), &assembly).expect("a problem");
+        let assembled = assemble(&structure, &banks.total(), &assembly).expect("a problem");
         let theta = least_squares_on(&assembled, &[0, 1]).expect("identified");
         let found =
             clustered_covariance(&banks, &structure, &assembly, &theta, Clusters::Episodes).expect("identified");
@@ -342,7 +343,7 @@ fn problem(formulas: &[&str]) -> Assembled {
     let plan = Plan::new(regression, Vec::new(), 100, &source).expect("a plan");
     let banks = Banks::new(&plan.scan(&source, &Silent).expect("a scan"), |_| true);
     let assembly = Assembly { weights: vec![1.0], ..Assembly::default() };
-    plan.regression.structure().assemble(&banks.total(), &assembly).expect("a problem")
+    assemble(&plan.regression.structure(), &banks.total(), &assembly).expect("a problem")
 }
 
 #[test]
@@ -403,7 +404,7 @@ fn thrust_and_impulse_are_known_up_to_a_common_factor_without_a_belief() {
         let banks = Banks::new(&plan.scan(&source, &Silent).expect("a scan"), |_| true);
         let weights = if believed { vec![1e-8, 1e-3] } else { vec![1e-8] };
         let assembly = Assembly { weights, ..Assembly::default() };
-        let assembled = plan.regression.structure().assemble(&banks.total(), &assembly).expect("a problem");
+        let assembled = assemble(&plan.regression.structure(), &banks.total(), &assembly).expect("a problem");
         let found = confounded(&assembled, &support, 1e-7).expect("found");
         if believed {
             assert!(found.groups.is_empty(), "{found:?}");

@@ -11,8 +11,9 @@ use fleetfoot_sparse::{
         LinearConstraint, RowLimit, constrained, fit_within_limits,
     },
     lars::{LarsOptions, lars},
-    structured::{Assembled, Assembly, Banks, Candidates, Plan, Regression, Task, Term},
+    structured::{Assembled, Assembly, assemble},
 };
+use fleetfoot_sums::structured::{Banks, Candidates, Plan, Regression, Task, Term};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 
@@ -79,7 +80,7 @@ fn drag_that_least_squares_makes_negative_is_nowhere_negative_with_the_limit() {
     // Thrust is known up to a common factor of T and Isp, and T and D trade off: the failure of section 9.3.
     let weights = roots.iter().map(|root| 1.0 / (root.total[0] / root.weight).max(1e8)).collect();
     let assembly = Assembly { weights, ..Assembly::default() };
-    let assembled = regression.structure().assemble(&roots, &assembly).expect("a problem");
+    let assembled = assemble(&regression.structure(), &roots, &assembly).expect("a problem");
     let path = lars(&assembled.problem, &assembled.penalty, &LarsOptions::default()).expect("a path");
     let strength = Strength::lasso(1e-3 * path.knots[0].l1);
     let constraints = Constraints::default();
@@ -168,7 +169,7 @@ fn assembled(regression: &Regression, source: &MemorySource) -> Assembled {
     let plan = Plan::new(regression.clone(), Vec::new(), 4096, source).expect("a plan");
     let roots = Banks::new(&plan.scan(source, &Silent).expect("a scan"), |_| true).total();
     let assembly = Assembly { weights: vec![1.0; roots.len()], ..Assembly::default() };
-    regression.structure().assemble(&roots, &assembly).expect("a problem")
+    assemble(&regression.structure(), &roots, &assembly).expect("a problem")
 }
 
 fn full(order: usize, entries: &[f64]) -> Mat<f64> {

@@ -13,8 +13,9 @@ use fleetfoot_sparse::{
         CriteriaOptions, CrossValidation, Folds, Lambdas, NoiseVariance, RandomSplits, SelectError, SelectOptions,
         cross_validate, cross_validate_task, effective_rows, information_criteria, task_criteria,
     },
-    structured::{Assembly, Banks, Candidates, Plan, Regression, Task, Term},
+    structured::{Assembly, assemble},
 };
+use fleetfoot_sums::structured::{Banks, Candidates, Plan, Regression, Task, Term};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -393,7 +394,7 @@ fn groups_are_cross_validated_like_columns() {
     let mut of_episode: Vec<f64> = Vec::new();
     for episode in 0..study.episodes.len() {
         let train = study.rows(|e| e != episode);
-        let assembled = structure.assemble(&train.roots(), &study.assembly).expect("a problem");
+        let assembled = assemble(&structure, &train.roots(), &study.assembly).expect("a problem");
         let solution = options.estimator.solutions(&assembled.problem, &assembled.penalty, &[lambda]);
         let theta = assembled.coefficients(&solution.expect("a solution")[0]);
         let test = study.rows(|e| e == episode);
@@ -440,7 +441,7 @@ fn correlated_rows_count_for_less() {
     let structure = study.regression.structure();
     let banks = banks(&study.regression, 16, &study.source);
     let total = banks.total();
-    let assembled = structure.assemble(&total, &study.assembly).expect("a problem");
+    let assembled = assemble(&structure, &total, &study.assembly).expect("a problem");
     let path = lars(&assembled.problem, &assembled.penalty, &LarsOptions::default()).expect("a path");
     let best = assembled.coefficients(path.knots.last().expect("a knot"));
     // The noise is white, the model is true: nearly all rows count. Without a model, what the slow states explain is left over.

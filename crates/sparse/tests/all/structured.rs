@@ -5,14 +5,14 @@ use faer::Mat;
 use fleetfoot_sparse::{
     Path, PathStatus, Penalty, Quadratic, Strength, certificate,
     lars::{LarsOptions, lars},
-    structured::{Assembled, Tikhonov},
+    structured::{Assembled, Tikhonov, assemble},
 };
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 fn assembled(tasks: &Tasks) -> Assembled {
-    tasks.structure.assemble(&tasks.roots(), &tasks.assembly).expect("a problem")
+    assemble(&tasks.structure, &tasks.roots(), &tasks.assembly).expect("a problem")
 }
 
 fn path(problem: &Quadratic, penalty: &Penalty) -> Path {
@@ -308,7 +308,7 @@ proptest! {
 fn least_squares_finds_the_coefficients_of_an_aircraft() {
     let climbs = aircraft::climbs(30, false);
     let banks = climbs.banks(4096);
-    let assembled = climbs.structure.assemble(&banks.total(), &climbs.assembly).expect("a problem");
+    let assembled = assemble(&climbs.structure, &banks.total(), &climbs.assembly).expect("a problem");
     assert!(assembled.problem.weight() > 20_000.0);
     let worst = |theta: &[f64]| {
         let error = |range: std::ops::Range<usize>| {
@@ -336,7 +336,7 @@ fn least_squares_finds_the_coefficients_of_an_aircraft() {
 fn the_path_of_an_aircraft_in_turbulence_is_complete() {
     let climbs = aircraft::climbs(30, true);
     let banks = climbs.banks(4096);
-    let assembled = climbs.structure.assemble(&banks.total(), &climbs.assembly).expect("a problem");
+    let assembled = assemble(&climbs.structure, &banks.total(), &climbs.assembly).expect("a problem");
     let path = path(&assembled.problem, &assembled.penalty);
     let worst = path.knots.iter().map(|knot| knot.certificate.kkt).fold(0.0, f64::max);
     assert_eq!(path.status, PathStatus::Complete);

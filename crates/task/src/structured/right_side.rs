@@ -2,7 +2,8 @@
 
 use fleetfoot_library::{Binary, Expr, Node, Unary};
 use fleetfoot_recipe::Error;
-use fleetfoot_sparse::{constrained::Form, structured::Term};
+use fleetfoot_sparse::constrained::Form;
+use fleetfoot_sums::structured::Term;
 
 /// Takes a right side apart, over unknowns of a kind, `latent` or `parameter`: the coefficient of a latent is the derivative with respect to it, the rest is what stays when all latents are 0.
 ///

@@ -3,7 +3,8 @@
 use fleetfoot_data::{MemorySource, Silent};
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_sim::plant::aircraft::{AircraftClimb, Airplane, Flight, Latent};
-use fleetfoot_sparse::structured::{Assembly, Banks, Candidates, Plan, Regression, Structure, Task, Term};
+use fleetfoot_sparse::structured::Assembly;
+use fleetfoot_sums::structured::{Banks, Candidates, Plan, Regression, Structure, Task, Term};
 
 pub(crate) struct Climbs {
     pub(crate) source: MemorySource,

@@ -3,9 +3,10 @@
 use faer::Mat;
 use fleetfoot_sparse::{
     Quadratic,
-    structured::{Assembly, Structure, TaskShape, Tikhonov},
+    structured::{Assembly, Tikhonov},
 };
 use fleetfoot_stats::{Gram, Preconditioner, SquareRoot};
+use fleetfoot_sums::structured::{Structure, TaskShape};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 

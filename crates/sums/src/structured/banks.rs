@@ -37,7 +37,7 @@ impl Banks {
     }
 
     /// Coordinates and statistics of every task.
-    pub(crate) fn tasks(&self) -> &[(Preconditioner, Bank)] {
+    pub fn tasks(&self) -> &[(Preconditioner, Bank)] {
         &self.tasks
     }
 
