@@ -13,7 +13,7 @@ use fleetfoot::{
     data::{Column as Field, MemorySource, mix},
     dynamics::{RolloutOptions, Simulator, Start, Step},
     library::{Expr, Library},
-    model::{Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training},
+    model::{AffineMap, Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training},
     with_threads,
 };
 
@@ -95,8 +95,11 @@ fn model(states: usize, inputs: usize, functions: Vec<Expr>, rule: Rule, share: 
             name: format!("f{state}"),
             library: 0,
             partition: 0,
-            constants: (0..regions).map(|region| uniform(key(region, count))).collect(),
-            coefficients: (0..regions).map(|region| (0..count).map(|j| coefficient(region, j)).collect()).collect(),
+            map: AffineMap {
+                constants: (0..regions).map(|region| uniform(key(region, count))).collect(),
+                coefficients: (0..regions).map(|region| (0..count).map(|j| coefficient(region, j)).collect()).collect(),
+            }
+            .into(),
         });
         let name = format!("x{state}");
         model.equations.push(Equation {

@@ -3,7 +3,7 @@
 use fleetfoot_data::{Column, MemorySource};
 use fleetfoot_library::Expr;
 use fleetfoot_model::{
-    Column as ModelColumn, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training,
+    AffineMap, Column as ModelColumn, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -118,7 +118,12 @@ pub fn model(hertz: f64) -> Model {
             target: Some(Expr::column(names[i].as_str())),
             unit: None,
         });
-        model.latents.push(Latent { name, library: 0, partition: 0, constants, coefficients });
+        model.latents.push(Latent {
+            name,
+            library: 0,
+            partition: 0,
+            map: AffineMap { constants, coefficients }.into(),
+        });
     }
     model
 }

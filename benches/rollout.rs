@@ -101,8 +101,8 @@ fn write_problem(folder: &Path, model: &Model, source: &MemorySource, starts: &[
     let mut theta = Vec::new();
     for region in 0..REGIONS {
         for latent in &model.latents {
-            theta.extend_from_slice(&latent.coefficients[region]);
-            theta.push(latent.constants[region]);
+            theta.extend((0..latent.map.features()).map(|j| latent.map.coefficient(region, j)));
+            theta.push(latent.map.constant(region));
         }
     }
     let (mut first, mut inputs) = (Vec::new(), Vec::new());

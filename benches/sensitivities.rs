@@ -201,7 +201,7 @@ fn sparse(hertz: f64) -> Model {
     model.latents.retain(|latent| fitted(&latent.name));
     for (latent, state) in model.latents.iter_mut().zip((1..STATES).step_by(2)) {
         let kept = [state - 1, state, (state + 1) % STATES, (state + 2) % STATES];
-        for coefficients in &mut latent.coefficients {
+        for coefficients in &mut latent.affine_mut().expect("an affine latent").coefficients {
             let zero = |(column, value): (usize, &mut f64)| *value = if kept.contains(&column) { *value } else { 0.0 };
             coefficients.iter_mut().enumerate().for_each(zero);
         }

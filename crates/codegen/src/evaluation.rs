@@ -61,9 +61,9 @@ impl Group {
         let (mut constants, mut coefficients) = (Vec::new(), Vec::new());
         for region in 0..regions {
             for &latent in latents {
-                constants.push(model.latents[latent].constants[region]);
-                let row = &model.latents[latent].coefficients[region];
-                coefficients.extend(functions.iter().map(|&j| row[j]));
+                let map = &model.latents[latent].map;
+                constants.push(map.constant(region));
+                coefficients.extend(functions.iter().map(|&j| map.coefficient(region, j)));
             }
         }
         Self {

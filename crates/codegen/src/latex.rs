@@ -46,7 +46,7 @@ fn align(out: &mut String, lines: &[String]) {
 /// `f = c + ...`, or a case a region.
 fn latent_lines(model: &Model, latent: &Latent) -> String {
     let left = Expr::column(latent.name.as_str()).to_latex();
-    let regions = latent.constants.len();
+    let regions = latent.map.regions();
     if regions == 1 {
         return format!("{left} &= {}", sum(model, latent, 0));
     }

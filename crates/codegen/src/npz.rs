@@ -43,9 +43,9 @@ pub(crate) fn file(model: &Model, options: &ExportOptions) -> ExportedFile {
     for (index, latent) in model.latents.iter().enumerate() {
         let functions = &model.libraries[latent.library];
         let name = |what: &str| format!("latent/{index}/{what}");
-        arrays.reals(&name("constants"), &latent.constants, &[latent.constants.len()]);
-        let coefficients: Vec<f64> = latent.coefficients.iter().flatten().copied().collect();
-        arrays.reals(&name("coefficients"), &coefficients, &[latent.coefficients.len(), functions.len()]);
+        for array in latent.map.arrays() {
+            arrays.reals(&name(array.name), &array.values, &array.shape);
+        }
         arrays.strings(&name("functions"), &texts(functions.iter().map(ToString::to_string).collect()));
         arrays.integers(&name("partition"), &[latent.partition as i64], &[]);
     }

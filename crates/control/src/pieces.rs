@@ -176,8 +176,7 @@ fn divided(model: &Model) -> Result<Option<usize>, Error> {
 fn submodel(model: &Model, partition: usize, region: usize) -> Model {
     let mut own = model.clone();
     for latent in own.latents.iter_mut().filter(|latent| latent.partition == partition) {
-        latent.constants = vec![latent.constants[region]];
-        latent.coefficients = vec![latent.coefficients[region].clone()];
+        latent.map.keep_region(region);
     }
     let regions = model.partitions[partition].regions[region].clone();
     own.partitions[partition] = Partition { regions: vec![regions], ..Partition::whole() };

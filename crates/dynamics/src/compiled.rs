@@ -253,9 +253,9 @@ impl Latents {
         for (o, &slot) in slots.iter().enumerate() {
             let latent = &model.latents[slot];
             for region in 0..count {
-                constants[region * width + o] = latent.constants[region];
+                constants[region * width + o] = latent.map.constant(region);
                 for (j, &function) in kept.iter().enumerate() {
-                    matrices[(region * kept.len() + j) * width + o] = latent.coefficients[region][function];
+                    matrices[(region * kept.len() + j) * width + o] = latent.map.coefficient(region, function);
                 }
             }
         }

@@ -51,9 +51,9 @@ impl Coefficient {
     pub fn all(model: &Model) -> Vec<Self> {
         let mut found = Vec::new();
         for (latent, own) in model.latents.iter().enumerate() {
-            for (region, coefficients) in own.coefficients.iter().enumerate() {
+            for region in 0..own.map.regions() {
                 found.push(Self { region, latent, function: None });
-                found.extend((0..coefficients.len()).map(|j| Self { region, latent, function: Some(j) }));
+                found.extend((0..own.map.features()).map(|j| Self { region, latent, function: Some(j) }));
             }
         }
         found.sort_unstable();
@@ -62,17 +62,13 @@ impl Coefficient {
 
     /// Its value in a model.
     pub fn value(self, model: &Model) -> f64 {
-        let latent = &model.latents[self.latent];
-        self.function.map_or(latent.constants[self.region], |j| latent.coefficients[self.region][j])
+        let map = &model.latents[self.latent].map;
+        self.function.map_or_else(|| map.constant(self.region), |j| map.coefficient(self.region, j))
     }
 
     /// Gives it a value in a model.
     pub fn set(self, model: &mut Model, value: f64) {
-        let latent = &mut model.latents[self.latent];
-        match self.function {
-            None => latent.constants[self.region] = value,
-            Some(j) => latent.coefficients[self.region][j] = value,
-        }
+        model.latents[self.latent].map.set(self.region, self.function, value);
     }
 }
 

@@ -24,7 +24,7 @@ mod segments;
 use faer::Mat;
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_dynamics::{Coefficient, ShootingOptions, Stretch, Stretches};
-use fleetfoot_model::{Latent, Model, Partition, Region};
+use fleetfoot_model::{AffineMap, Latent, Model, Partition, Region};
 use fleetfoot_stats::{kernel::norm, student_t_95};
 
 use crate::{
@@ -411,8 +411,7 @@ fn with_parameters(model: &Model, parameters: &[Parameter]) -> Model {
         name: parameter.name.clone(),
         library,
         partition,
-        constants: vec![parameter.initial],
-        coefficients: vec![Vec::new()],
+        map: AffineMap { constants: vec![parameter.initial], coefficients: vec![Vec::new()] }.into(),
     }));
     model
 }

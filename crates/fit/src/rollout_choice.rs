@@ -234,7 +234,7 @@ fn over_persistence(horizon: &Horizon) -> f64 {
 
 /// Coefficients of a model that are not zero.
 pub(crate) fn terms(model: &Model) -> usize {
-    model.latents.iter().flat_map(|latent| latent.coefficients.iter().flatten()).filter(|&&value| value != 0.0).count()
+    model.latents.iter().map(|latent| latent.map.parameters()).sum()
 }
 
 /// States whose span is open: `derivative = { over = "auto" }`.

@@ -276,10 +276,9 @@ impl<'a> Closing<'a> {
     }
 }
 
-/// Whether any latent has a coefficient of a function.
+/// Whether any latent depends on a function.
 fn is_used(model: &Model, library: usize, function: usize) -> bool {
-    let has = |row: &Vec<f64>| row.get(function).is_some_and(|&coefficient| coefficient != 0.0);
-    model.latents.iter().any(|latent| latent.library == library && latent.coefficients.iter().any(has))
+    model.latents.iter().any(|latent| latent.library == library && latent.map.reads(function))
 }
 
 /// The seconds of a filter.

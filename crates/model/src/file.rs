@@ -4,6 +4,7 @@
 //! the shortest form that reads back to the same bits, and NaN and the infinities (which JSON lacks) as strings. The checksum covers the canonical
 //! text of the content, so that a damaged or hand-edited file is refused instead of being trusted.
 
+mod latent;
 mod marks;
 mod phases;
 mod rule;
@@ -15,9 +16,10 @@ use fleetfoot_library::{Expr, Scope};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Column, Equation, Join, Latent, Lattice, Level, Model, Partition, Prediction, Region, ResidualCorrelation, Role,
+    Column, Equation, Join, Lattice, Level, Model, Partition, Prediction, Region, ResidualCorrelation, Role,
     RotationKind, RotationPart, Transitions,
 };
+use latent::LatentText;
 use phases::{PairText, PhasesText};
 use rule::RuleText;
 use training::TrainingText;
@@ -262,16 +264,6 @@ struct RegionText {
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct LatentText {
-    name: String,
-    library: usize,
-    partition: usize,
-    constants: Reals,
-    coefficients: Vec<Reals>,
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 struct EquationText {
     subject: String,
     prediction: String,
@@ -487,30 +479,6 @@ impl RegionText {
             rank: self.rank,
             condition: self.condition.0,
             confounded: self.confounded,
-        }
-    }
-}
-
-impl From<&Latent> for LatentText {
-    fn from(l: &Latent) -> Self {
-        Self {
-            name: l.name.clone(),
-            library: l.library,
-            partition: l.partition,
-            constants: reals(&l.constants),
-            coefficients: rows(&l.coefficients),
-        }
-    }
-}
-
-impl LatentText {
-    fn into_latent(self) -> Latent {
-        Latent {
-            name: self.name,
-            library: self.library,
-            partition: self.partition,
-            constants: floats(self.constants),
-            coefficients: self.coefficients.into_iter().map(floats).collect(),
         }
     }
 }

@@ -1,6 +1,8 @@
-//! Latent functions: a library, a partition, coefficients.
+//! Latent functions: a library, a partition, and a map from the values of the library's functions.
 
-/// A fitted function: in the region that a row falls in, `constant + sum_j coefficient_j * function_j(row)`.
+use crate::{AffineMap, Map};
+
+/// A fitted function: in the region that a row falls in, a value from the functions of a library.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Latent {
     /// Its name, by which equations speak of it.
@@ -9,8 +11,24 @@ pub struct Latent {
     pub library: usize,
     /// Index into the model's partitions.
     pub partition: usize,
-    /// Constant term, one per region.
-    pub constants: Vec<f64>,
-    /// Coefficients, regions x functions.
-    pub coefficients: Vec<Vec<f64>>,
+    /// How its value follows from the functions, region by region.
+    pub map: Map,
+}
+
+impl Latent {
+    /// The constants and coefficients of a latent that is affine in its functions; `None` for another kind.
+    ///
+    /// Only what is about coefficients and nothing else asks for them: refits, bounds on linear maps, tables. Everything else reads [`Latent::map`].
+    pub fn affine(&self) -> Option<&AffineMap> {
+        match &self.map {
+            Map::Affine(map) => Some(map),
+        }
+    }
+
+    /// As [`Latent::affine`], to be changed.
+    pub fn affine_mut(&mut self) -> Option<&mut AffineMap> {
+        match &mut self.map {
+            Map::Affine(map) => Some(map),
+        }
+    }
 }

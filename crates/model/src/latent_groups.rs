@@ -35,7 +35,7 @@ impl Model {
     /// The latents that the right sides of some equations speak of, by library and partition. `names` are those of the columns and, behind
     /// them, of the model's latents.
     ///
-    /// Functions whose coefficients are all zero are not in use, except of the library `whole`, if any.
+    /// Functions that no latent depends on are not in use, except of the library `whole`, if any.
     ///
     /// # Errors
     /// [`UnknownColumn`] and [`LaggedLatent`].
@@ -51,8 +51,7 @@ impl Model {
             members.entry((latent.library, latent.partition)).or_default().push(at);
         }
         let group = |((library, partition), latents): (_, Vec<usize>)| {
-            let nonzero = |at: &usize, j: usize| self.latents[*at].coefficients.iter().any(|region| region[j] != 0.0);
-            let in_use = |&j: &usize| whole == Some(library) || latents.iter().any(|at| nonzero(at, j));
+            let in_use = |&j: &usize| whole == Some(library) || latents.iter().any(|&at| self.latents[at].map.reads(j));
             let functions = (0..self.libraries[library].len()).filter(in_use).collect();
             LatentGroup { library, partition, latents, functions }
         };

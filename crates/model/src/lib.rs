@@ -1,8 +1,8 @@
 //! What a model is: latents, partitions, equations; saved, printed.
 //!
 //! One type, [`Model`], for whatever method produced it. Its [`Latent`] functions are each a library of candidate
-//! functions x a [`Partition`] of the state space into regions x coefficients; its [`Equation`]s say how what is predicted
-//! follows from columns and latents. Some equations are given, not fitted (`dx/dt = vx*cos(yaw) - vy*sin(yaw)`).
+//! functions x a [`Partition`] of the state space into regions x a [`Map`] from the functions' values (affine in most models); its
+//! [`Equation`]s say how what is predicted follows from columns and latents. Some equations are given, not fitted (`dx/dt = vx*cos(yaw) - vy*sin(yaw)`).
 //!
 //! All expressions inside a model speak of the model's own columns (aliases). How an alias comes from the fields of a log is part of
 //! the model too ([`Column::source`]), so that a model is scored on a new log without being told the columns again.
@@ -27,6 +27,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod affine_map;
 mod closed;
 mod column;
 mod equation;
@@ -34,6 +35,8 @@ mod file;
 mod latent;
 mod latent_groups;
 mod lattice;
+mod map;
+mod map_kind;
 mod partition;
 mod phases;
 mod print;
@@ -48,6 +51,7 @@ mod tree;
 mod typeset;
 mod validate;
 
+pub use affine_map::AffineMap;
 pub use closed::{Closed, ClosedError, FirstOrderLag, auxiliary_columns, check_simulated};
 pub use column::{Column, Role};
 pub use equation::{Equation, Prediction};
@@ -55,6 +59,8 @@ pub use file::{FORMAT_VERSION, FileError};
 pub use latent::Latent;
 pub use latent_groups::{LaggedLatent, LatentGroup, partitions_in_use};
 pub use lattice::{Join, Lattice, Level};
+pub use map::Map;
+pub use map_kind::{MapArray, MapKind};
 pub use partition::{Partition, Rule, UnseenLabel, join};
 pub use phases::{Passage, PhaseBins, Phases};
 pub use print::{describe, describe_transitions, factor};

@@ -64,9 +64,8 @@ pub fn describe(model: &Model, regions: usize) -> String {
 /// A latent that is one function everywhere.
 fn describe_latent(out: &mut String, model: &Model, latent: &Latent) {
     let library = &model.libraries[latent.library];
-    let used = |regions: &Vec<f64>| regions.iter().filter(|&&coefficient| coefficient != 0.0).count();
-    let count = latent.coefficients.first().map_or(0, used);
-    let _ = writeln!(out, "\nlatent {}: {count} of {} functions", latent.name, library.len());
+    let count = (0..latent.map.features()).filter(|&feature| latent.map.coefficient(0, feature) != 0.0).count();
+    let _ = writeln!(out, "\nlatent {}: {count} of {} functions", latent.name, latent.map.features());
     let _ = writeln!(out, "  {} = {}", latent.name, terms(model, latent, 0));
     let first = model.latents.iter().find(|other| other.partition == latent.partition);
     let regions = &model.partitions[latent.partition].regions;
@@ -221,10 +220,10 @@ fn describe_level(out: &mut String, level: &Level, own: bool) {
 }
 
 fn terms(model: &Model, latent: &Latent, region: usize) -> String {
-    let constant = latent.constants[region];
-    let library = &model.libraries[latent.library];
-    let used: Vec<(&Expr, f64)> =
-        library.iter().zip(latent.coefficients[region].iter().copied()).filter(|(_, value)| *value != 0.0).collect();
+    let constant = latent.map.constant(region);
+    let used: Vec<(Expr, f64)> = (model.terms(latent, region).into_iter())
+        .filter_map(|(function, value)| function.filter(|_| value != 0.0).map(|function| (function, value)))
+        .collect();
     let mut text = if constant != 0.0 || used.is_empty() { short(constant) } else { String::new() };
     for (function, coefficient) in used {
         let (size, function) = (short(coefficient.abs()), factor(function.to_string()));

@@ -39,22 +39,29 @@ impl Model {
         let mut set = Vec::new();
         let alone: Vec<Option<&Latent>> = self.equations.iter().map(|equation| self.latent_of(equation)).collect();
         for (equation, latent) in self.equations.iter().zip(&alone) {
-            let regions = latent.map_or(1, |latent| latent.constants.len());
+            let regions = latent.map_or(1, |latent| latent.map.regions());
             let name = |region: usize| latent.and_then(|latent| self.region_of_several(latent, region));
             set.extend((0..regions).map(|region| (name(region), self.set_equation(equation, region))));
         }
         let shared = |latent: &&Latent| alone.iter().flatten().all(|own| own.name != latent.name);
         for latent in self.latents.iter().filter(shared) {
             let name = |region: usize| self.region_of_several(latent, region);
-            set.extend((0..latent.constants.len()).map(|region| (name(region), self.set_latent(latent, region))));
+            set.extend((0..latent.map.regions()).map(|region| (name(region), self.set_latent(latent, region))));
         }
         set
     }
 
     /// Name of a region of a function that has several.
     fn region_of_several(&self, latent: &Latent, region: usize) -> Option<&str> {
-        let several = (latent.constants.len() > 1).then(|| self.partitions.get(latent.partition))??;
+        let several = (latent.map.regions() > 1).then(|| self.partitions.get(latent.partition))??;
         several.regions.get(region).map(|region| region.name.as_str())
+    }
+
+    /// The terms of a function in a region: its constant (`None`), then its features, each with its coefficient, zeros among them.
+    pub fn terms(&self, latent: &Latent, region: usize) -> Vec<(Option<Expr>, f64)> {
+        let (map, library) = (&latent.map, self.libraries.get(latent.library).map_or(&[][..], Vec::as_slice));
+        let features = (0..map.features()).map(|j| (map.feature(j, library), map.coefficient(region, j)));
+        std::iter::once((None, map.constant(region))).chain(features).collect()
     }
 
     /// The fitted function that is all of an equation's right side.
@@ -79,14 +86,11 @@ fn left(equation: &Equation) -> String {
 
 /// A function in a region as terms, each whether it is subtracted, and its absolute value with coefficients of so many digits; zeros are left out.
 pub fn summands(model: &Model, latent: &Latent, region: usize, digits: usize) -> Vec<(bool, Expr)> {
-    let constant = latent.constants.get(region).map(|&value| (value, None));
-    let coefficients = latent.coefficients.get(region).into_iter().flatten();
-    let functions = model.libraries[latent.library].iter().zip(coefficients).map(|(f, &value)| (value, Some(f)));
-    let terms = constant.into_iter().chain(functions).filter(|(value, _)| *value != 0.0);
-    let term = |(value, function): (f64, Option<&Expr>)| {
+    let term = |(function, value): (Option<Expr>, f64)| {
         let size = Expr::number(rounded(value.abs(), digits));
         (value < 0.0, function.map_or_else(|| size.clone(), |function| size.clone() * function))
     };
+    let terms = model.terms(latent, region).into_iter().filter(|(_, value)| *value != 0.0);
     let terms: Vec<(bool, Expr)> = terms.map(term).collect();
     if terms.is_empty() { vec![(false, Expr::number(0.0))] } else { terms }
 }
@@ -130,7 +134,7 @@ mod tests {
     use fleetfoot_library::{Expr, Scope};
 
     use super::split;
-    use crate::{Column, Equation, Latent, Model, Prediction, Role, Training};
+    use crate::{AffineMap, Column, Equation, Latent, Model, Prediction, Role, Training};
 
     #[test]
     fn a_fitted_function_stands_in_its_equation_with_four_digits() {
@@ -142,8 +146,8 @@ mod tests {
             name: "f_T".into(),
             library: 0,
             partition: 0,
-            constants: vec![10.00004, 0.0],
-            coefficients: vec![vec![-0.512345, 0.0], vec![0.0, 0.0]],
+            map: AffineMap { constants: vec![10.00004, 0.0], coefficients: vec![vec![-0.512345, 0.0], vec![0.0, 0.0]] }
+                .into(),
         });
         let (subject, right) = ("T".to_owned(), Expr::column("f_T"));
         model.equations.push(Equation { subject, prediction: Prediction::Next, right, target: None, unit: None });

@@ -28,12 +28,7 @@ impl Model {
                 .get(latent.partition)
                 .ok_or_else(|| format!("{name}: no partition {}", latent.partition))?;
             let regions = partition.rule.count();
-            if latent.constants.len() != regions || latent.coefficients.len() != regions {
-                return Err(format!("{name}: coefficients for {} of {regions} regions", latent.coefficients.len()));
-            }
-            if let Some(row) = latent.coefficients.iter().find(|row| row.len() != library.len()) {
-                return Err(format!("{name}: {} coefficients for {} functions", row.len(), library.len()));
-            }
+            latent.map.check(library.len(), regions).map_err(|problem| format!("{name}: {problem}"))?;
         }
         for equation in &self.equations {
             let subject = &equation.subject;
@@ -83,14 +78,15 @@ impl Model {
     /// The first coefficient or constant that is NaN or infinite, in words; `None` for a model that can be used.
     pub fn not_finite(&self) -> Option<String> {
         for latent in &self.latents {
-            let library = self.libraries.get(latent.library)?;
             let regions = self.partitions.get(latent.partition).map_or(&[][..], |partition| &partition.regions);
-            for (region, (constant, row)) in latent.constants.iter().zip(&latent.coefficients).enumerate() {
-                let function = row.iter().position(|value| !value.is_finite());
-                let (value, of) = match function {
-                    Some(at) => (row[at], format!("the coefficient of `{}`", library.get(at)?)),
-                    None if !constant.is_finite() => (*constant, "the constant".to_owned()),
-                    None => continue,
+            for region in 0..latent.map.regions() {
+                let terms = self.terms(latent, region);
+                // The coefficients before the constant.
+                let first = terms[1..].iter().chain(&terms[..1]).find(|(_, value)| !value.is_finite());
+                let Some((function, value)) = first else { continue };
+                let of = match function {
+                    Some(function) => format!("the coefficient of `{function}`"),
+                    None => "the constant".to_owned(),
                 };
                 let place = match regions {
                     [] | [_] => String::new(),

@@ -11,11 +11,7 @@ pub(crate) const CONDITION: f64 = 30.0;
 pub(crate) fn used(model: &Model, partition: usize, region: usize) -> Vec<usize> {
     let Some(first) = model.latents.iter().find(|latent| latent.partition == partition) else { return Vec::new() };
     let same = || model.latents.iter().filter(|other| other.partition == partition && other.library == first.library);
-    let is_used = |function: &usize| {
-        same().any(|latent| {
-            latent.coefficients.get(region).is_some_and(|row| row.get(*function).is_some_and(|&c| c != 0.0))
-        })
-    };
+    let is_used = |function: &usize| same().any(|latent| latent.map.coefficient(region, *function) != 0.0);
     (0..model.libraries[first.library].len()).filter(is_used).collect()
 }
 

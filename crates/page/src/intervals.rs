@@ -121,10 +121,9 @@ const HEAD: [&str; 3] = ["term", "coefficient", "told from zero"];
 
 /// The terms of a function in a region with their coefficients, the constant first.
 fn terms(model: &Model, latent: &Latent, region: usize) -> Vec<(String, f64)> {
-    let functions = model.libraries[latent.library].iter().map(ToString::to_string);
-    let all = std::iter::once(("1".to_owned(), latent.constants[region]))
-        .chain(functions.zip(latent.coefficients[region].iter().copied()));
-    all.filter(|(_, value)| *value != 0.0).collect()
+    let all = model.terms(latent, region).into_iter();
+    let named = all.map(|(function, value)| (function.map_or_else(|| "1".to_owned(), |own| own.to_string()), value));
+    named.filter(|(_, value)| *value != 0.0).collect()
 }
 
 /// Whether a partition's statistics speak of the functions of a latent.
@@ -248,8 +247,8 @@ impl<'a> Inverses<'a> {
     /// freedom, where a share of the rows counts as independent. NaN where the model does not know the moments.
     fn half_widths(&mut self, model: &Model, latent: &Latent, region: usize, target: usize, share: f64) -> Vec<f64> {
         let support: Vec<usize> =
-            (0..latent.coefficients[region].len()).filter(|&j| latent.coefficients[region][j] != 0.0).collect();
-        let constant = latent.constants[region] != 0.0;
+            (0..latent.map.features()).filter(|&j| latent.map.coefficient(region, j) != 0.0).collect();
+        let constant = latent.map.constant(region) != 0.0;
         let count = support.len() + usize::from(constant);
         let own = self.region;
         let variance = own.residual_covariance.get(packed(target, target)).copied();

@@ -63,7 +63,7 @@ fn parts(model: &Model, number: usize, shown: usize, fit: Option<&Fit>) -> Vec<P
         .collect();
     parts.extend(capped(given));
     let shared: Vec<Equation> = (model.latents.iter())
-        .filter(|latent| is_shared(model, latent) && latent.constants.len() == 1)
+        .filter(|latent| is_shared(model, latent) && latent.map.regions() == 1)
         .map(|latent| set(model.set_latent(latent, 0), String::new()))
         .collect();
     parts.extend(capped(shared));
@@ -105,7 +105,7 @@ fn about(model: &Model) -> String {
 
 /// Whether an equation is a fitted function that differs from region to region.
 fn is_by_region(model: &Model, equation: &ModelEquation) -> bool {
-    model.latent_of(equation).is_some_and(|latent| latent.constants.len() > 1)
+    model.latent_of(equation).is_some_and(|latent| latent.map.regions() > 1)
 }
 
 /// Whether a fitted function stands in equations by its name.

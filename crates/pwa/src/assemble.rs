@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use fleetfoot_data::{Source, packed_row};
 use fleetfoot_library::Expr;
-use fleetfoot_model::{Latent, Model, Partition, Region, TrainedEpisode, Training};
+use fleetfoot_model::{AffineMap, Latent, Model, Partition, Region, TrainedEpisode, Training};
 use fleetfoot_stats::SquareRoot;
 
 use crate::{
@@ -87,11 +87,14 @@ pub(crate) fn assembled(
             name: equation.right.as_column().map_or_else(|| equation.right.to_string(), str::to_owned),
             library: 0,
             partition: 0,
-            constants: full.iter().map(|region| region.intercept[t]).collect(),
-            coefficients: full
-                .iter()
-                .map(|region| (0..library.len()).map(|j| region.coefficients[(j, t)]).collect())
-                .collect(),
+            map: AffineMap {
+                constants: full.iter().map(|region| region.intercept[t]).collect(),
+                coefficients: full
+                    .iter()
+                    .map(|region| (0..library.len()).map(|j| region.coefficients[(j, t)]).collect())
+                    .collect(),
+            }
+            .into(),
         })
         .collect();
     model.libraries = vec![library];

@@ -6,7 +6,7 @@ use fleetfoot::{
     Column, Episode, Halo, Source,
     data::{Block, Error as DataError, Fingerprint, ScalarBuffer},
     library::Expr,
-    model::{Branch, Column as ModelColumn, Cut, Equation, Prediction, Role, Rule, Tree},
+    model::{Branch, Column as ModelColumn, Cut, Equation, Latent, Prediction, Role, Rule, Tree},
     pwa::{Identification, Options, Problem, Selection, Shrinkage, Specification, identify},
 };
 use numpy::PyArray1;
@@ -212,14 +212,15 @@ impl PwaFit {
     #[getter]
     fn coefficients(&self) -> Vec<Vec<Vec<f64>>> {
         let latents = &self.found.model.latents;
-        (0..self.regions()).map(|k| latents.iter().map(|latent| latent.coefficients[k].clone()).collect()).collect()
+        let row = |latent: &Latent, k| (0..latent.map.features()).map(|j| latent.map.coefficient(k, j)).collect();
+        (0..self.regions()).map(|k| latents.iter().map(|latent| row(latent, k)).collect()).collect()
     }
 
     /// Constant of each region and target (regions x q).
     #[getter]
     fn constants(&self) -> Vec<Vec<f64>> {
         let latents = &self.found.model.latents;
-        (0..self.regions()).map(|k| latents.iter().map(|latent| latent.constants[k]).collect()).collect()
+        (0..self.regions()).map(|k| latents.iter().map(|latent| latent.map.constant(k)).collect()).collect()
     }
 
     /// The partition as users write it.
@@ -324,7 +325,7 @@ impl PwaFit {
 
 impl PwaFit {
     fn regions(&self) -> usize {
-        self.found.model.latents.first().map_or(0, |latent| latent.constants.len())
+        self.found.model.latents.first().map_or(0, |latent| latent.map.regions())
     }
 }
 

@@ -3,7 +3,9 @@
 use std::collections::BTreeSet;
 
 use faer::Mat;
-use fleetfoot_model::{Column, Latent, Model, Partition, Region, Role, TrainedEpisode, Training, auxiliary_columns};
+use fleetfoot_model::{
+    AffineMap, Column, Latent, Model, Partition, Region, Role, TrainedEpisode, Training, auxiliary_columns,
+};
 use fleetfoot_sums::{structured::Spread, system::SystemScan};
 
 use crate::equations::EquationTask;
@@ -89,7 +91,10 @@ impl EquationTask {
         let mut model = self.trial(scan, None, &[Mat::zeros(self.candidates(), self.fitted.len())], provenance);
         model.columns = self.model_columns(&all, &Partition::whole());
         model.libraries = vec![self.functions.clone()];
-        model.latents.iter_mut().for_each(|latent| latent.coefficients = vec![vec![0.0; all.len()]]);
+        for latent in &mut model.latents {
+            let constants = vec![latent.map.constant(0)];
+            latent.map = AffineMap { constants, coefficients: vec![vec![0.0; all.len()]] }.into();
+        }
         for region in model.partitions.iter_mut().flat_map(|partition| &mut partition.regions) {
             region.mean = vec![f64::NAN; all.len()];
             region.covariance = vec![f64::NAN; all.len() * (all.len() + 1) / 2];
@@ -128,8 +133,11 @@ impl EquationTask {
             name: equation.latent.clone(),
             library: 0,
             partition: 0,
-            constants: coefficients.iter().map(|b| self.constant_of(b, t)).collect(),
-            coefficients: coefficients.iter().map(|b| used.iter().map(|j| b[(first + j, t)]).collect()).collect(),
+            map: AffineMap {
+                constants: coefficients.iter().map(|b| self.constant_of(b, t)).collect(),
+                coefficients: coefficients.iter().map(|b| used.iter().map(|j| b[(first + j, t)]).collect()).collect(),
+            }
+            .into(),
         });
         let columns = self.model_columns(&used, &partition);
         let states = columns.iter().filter(|column| column.role == Role::State).count();

@@ -311,9 +311,10 @@ fn what_cannot_be_code_says_why() {
         model
     };
     // A function that is in use, whatever was drawn.
-    let used = models::sindy().latents[0].coefficients[0].iter().position(|v| *v != 0.0).expect("a term");
-    assert!(refused(&sindy(&|m| m.latents[0].coefficients[0][used] = f64::NAN), &options).contains("NaN"));
-    let large = sindy(&|m| m.latents[0].constants[0] = 1e60);
+    let used =
+        models::sindy().latents[0].affine().unwrap().coefficients[0].iter().position(|v| *v != 0.0).expect("a term");
+    assert!(refused(&sindy(&|m| m.latents[0].map.set(0, Some(used), f64::NAN)), &options).contains("NaN"));
+    let large = sindy(&|m| m.latents[0].map.set(0, None, 1e60));
     assert!(refused(&large, &with(&|o| o.precision = Precision::Float)).contains("32 bits"));
     assert!(export(&large, &options, &[]).is_ok());
     let ahead = sindy(&|m| m.libraries[0][used] = Expr::lagged("u", -1));
@@ -411,7 +412,7 @@ fn numpy_reads_the_arrays() {
     let mut options = ExportOptions::new(Target::Npz);
     options.prefix = "robot".into();
     write(&model, &options, &folder.0);
-    let sum: f64 = model.latents[1].coefficients.iter().flatten().sum();
+    let sum: f64 = model.latents[1].affine().unwrap().coefficients.iter().flatten().sum();
     let program = format!(
         "import numpy as np\na = np.load('robot.npz')\nc = a['latent/1/coefficients']\nassert c.shape == (5, 7) and abs(c.sum() - {sum:?}) < 1e-12\nassert list(a['columns/names'])[3] == 'yaw' and a['columns/units'][0] == 'm/s\\u00b2'\nassert a['partition/0/rule/weights'].shape == (5, 4) and a['step'] == 0.02\nassert a['partition/0/ranges'].shape == (5, 7, 2)\n"
     );

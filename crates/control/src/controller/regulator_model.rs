@@ -3,7 +3,7 @@
 use fleetfoot_data::packed;
 use fleetfoot_library::{Expr, Quaternion, Scope};
 use fleetfoot_model::{
-    Column, Equation, Latent, Model, Partition, Prediction, Region, Role, RotationKind, Rule, Training,
+    AffineMap, Column, Equation, Latent, Model, Partition, Prediction, Region, Role, RotationKind, Rule, Training,
 };
 
 use super::{Controller, ParameterError, RegulatedRotation, Regulator};
@@ -120,8 +120,11 @@ impl Regulator {
             name: name.clone(),
             library: 0,
             partition: 0,
-            constants: self.laws.iter().map(|law| law.inputs[j]).collect(),
-            coefficients: self.laws.iter().map(|law| row(law, j, grown)).collect(),
+            map: AffineMap {
+                constants: self.laws.iter().map(|law| law.inputs[j]).collect(),
+                coefficients: self.laws.iter().map(|law| row(law, j, grown)).collect(),
+            }
+            .into(),
         };
         let now = names.now.iter().enumerate().map(|(j, name)| latent(name, j, false));
         now.chain(names.grown.iter().enumerate().map(|(j, name)| latent(name, j, true))).collect()

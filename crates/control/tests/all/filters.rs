@@ -59,7 +59,7 @@ fn batch(
     r: &[f64],
 ) -> (Vec<f64>, Mat<f64>) {
     let (n, rows) = (filter.states().len(), readings.len());
-    let coefficient = |i: usize, j: usize| model.latents[i].coefficients[0][j];
+    let coefficient = |i: usize, j: usize| model.latents[i].map.coefficient(0, j);
     let q = Mat::from_fn(n, n, |i, j| model.partitions[0].regions[0].residual_covariance[packed(i, j)]);
     let weight = q.partial_piv_lu().solve(Mat::<f64>::identity(n, n));
     let all = n * rows;
@@ -84,7 +84,7 @@ fn batch(
         // x_row - A x_(row-1) = B u + c, of covariance Q.
         let jacobian =
             Mat::from_fn(n, 2 * n, |i, j| if j < n { -coefficient(i, j) } else { f64::from(u8::from(j == n + i)) });
-        let value = Mat::from_fn(n, 1, |i, _| coefficient(i, n) * inputs[row - 1] + model.latents[i].constants[0]);
+        let value = Mat::from_fn(n, 1, |i, _| coefficient(i, n) * inputs[row - 1] + model.latents[i].map.constant(0));
         let (own, side) = (jacobian.transpose() * &weight * &jacobian, jacobian.transpose() * &weight * &value);
         for i in 0..2 * n {
             right[((row - 1) * n + i, 0)] += side[(i, 0)];
@@ -152,7 +152,7 @@ fn conditioned(
     (r, autocovariances): (&[f64], &[Mat<f64>]),
 ) -> (Vec<f64>, Mat<f64>) {
     let (n, rows) = (filter.states().len(), readings.len());
-    let coefficient = |i: usize, j: usize| model.latents[i].coefficients[0][j];
+    let coefficient = |i: usize, j: usize| model.latents[i].map.coefficient(0, j);
     let a = Mat::from_fn(n, n, coefficient);
     let q = Mat::from_fn(n, n, |i, j| model.partitions[0].regions[0].residual_covariance[packed(i.max(j), i.min(j))]);
     let lower = q.llt(faer::Side::Lower).unwrap().L().to_owned();
@@ -182,7 +182,7 @@ fn conditioned(
         }
         let next = |i: usize| {
             let states: f64 = (0..n).map(|j| coefficient(i, j) * mean[j]).sum();
-            states + coefficient(i, n) * inputs[row - 1] + model.latents[i].constants[0]
+            states + coefficient(i, n) * inputs[row - 1] + model.latents[i].map.constant(0)
         };
         mean = (0..n).map(next).collect();
         for (k, &s) in sensors.iter().enumerate().filter(|(k, _)| readings[row][*k].is_finite()) {
@@ -279,8 +279,9 @@ fn a_region_without_mass_changes_no_bit() {
     let regions = vec![one.partitions[0].regions[1].clone()];
     one.partitions[0] = Partition { regions, ..Partition::whole() };
     for latent in &mut one.latents {
-        latent.constants.remove(0);
-        latent.coefficients.remove(0);
+        let map = latent.affine_mut().unwrap();
+        map.constants.remove(0);
+        map.coefficients.remove(0);
     }
     let run = |model: &Model| {
         let filter = SwitchedFilter::new(model, &measured(&[("x", 0.2)])).unwrap();
@@ -612,8 +613,9 @@ proptest! {
             };
         }
         for (latent, from) in turned.latents.iter_mut().zip(&model.latents) {
-            latent.constants = (0..regions).map(|region| from.constants[at(region)]).collect();
-            latent.coefficients = (0..regions).map(|region| from.coefficients[at(region)].clone()).collect();
+            let (map, from) = (latent.affine_mut().unwrap(), from.affine().unwrap());
+            map.constants = (0..regions).map(|region| from.constants[at(region)]).collect();
+            map.coefficients = (0..regions).map(|region| from.coefficients[at(region)].clone()).collect();
         }
         let run = |model: &Model| {
             let filter = SwitchedFilter::new(model, &measured(&[("x0", 0.3), ("x1", 0.5)])).unwrap();

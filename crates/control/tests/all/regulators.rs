@@ -261,7 +261,12 @@ fn units_change_nothing() {
     let own = with_friction();
     let mut scaled = own.clone();
     scaled.partitions[0].scale = vec![1e3];
-    for (constants, rows) in scaled.latents.iter_mut().map(|latent| (&mut latent.constants, &mut latent.coefficients)) {
+    for (constants, rows) in scaled
+        .latents
+        .iter_mut()
+        .map(|latent| latent.affine_mut().unwrap())
+        .map(|map| (&mut map.constants, &mut map.coefficients))
+    {
         constants.iter_mut().for_each(|constant| *constant *= 1e3);
         rows.iter_mut().for_each(|row| row[1] *= 1e3);
     }

@@ -2,7 +2,7 @@
 
 use fleetfoot_data::{Column as DataColumn, MemorySource, Silent, with_threads};
 use fleetfoot_library::Expr;
-use fleetfoot_model::{Column, Equation, Latent, Model, Partition, Prediction, Role, Training};
+use fleetfoot_model::{AffineMap, Column, Equation, Latent, Model, Partition, Prediction, Role, Training};
 
 use super::*;
 
@@ -18,8 +18,7 @@ fn model(b: [f64; 4]) -> Model {
         name: "f_y".into(),
         library: 0,
         partition: 0,
-        constants: vec![b[0]],
-        coefficients: vec![b[1..].to_vec()],
+        map: AffineMap { constants: vec![b[0]], coefficients: vec![b[1..].to_vec()] }.into(),
     }];
     model.equations = vec![Equation {
         subject: "y".into(),

@@ -4,7 +4,9 @@
 
 use fleetfoot_data::{Column as DataColumn, MemorySource, packed};
 use fleetfoot_library::{Expr, Scope};
-use fleetfoot_model::{Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training};
+use fleetfoot_model::{
+    AffineMap, Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training,
+};
 
 /// A column of a model.
 pub(crate) fn column(name: &str, role: Role, angle: bool) -> Column {
@@ -85,7 +87,12 @@ pub(crate) fn model(
             unit: None,
         });
         let (constants, coefficients) = maps.into_iter().unzip();
-        model.latents.push(Latent { name, library: 0, partition: 0, constants, coefficients });
+        model.latents.push(Latent {
+            name,
+            library: 0,
+            partition: 0,
+            map: AffineMap { constants, coefficients }.into(),
+        });
     }
     for (subject, prediction, right) in given {
         let right = parse(right);

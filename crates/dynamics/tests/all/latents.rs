@@ -5,7 +5,7 @@ use fleetfoot_data::{Silent, Source};
 use fleetfoot_dynamics::{
     Method, Predicted, Predictor, PredictorWorkspace, RolloutOptions, RowStatus, ScoreOptions, Simulator, Starts, score,
 };
-use fleetfoot_model::{Equation, Latent, Model, Partition, Prediction, Role, Training};
+use fleetfoot_model::{AffineMap, Equation, Latent, Model, Partition, Prediction, Role, Training};
 
 /// `m v' = T cos(a) - D`, `w' = T sin(a)/m`, and the force along the path as a plain column: `force = T - D` with T = 2 + 3 a - a^2, D = 0.5 v^2.
 fn shared() -> Model {
@@ -34,8 +34,7 @@ fn shared() -> Model {
             name: name.into(),
             library: index,
             partition: index,
-            constants: vec![constant],
-            coefficients: vec![coefficients],
+            map: AffineMap { constants: vec![constant], coefficients: vec![coefficients] }.into(),
         });
     }
     for (subject, prediction, right, target) in [

@@ -281,16 +281,16 @@ fn overflow_and_leaving_the_domain_are_noticed() {
     // Nothing known about the state's scale: only overflow ends it.
     growing.training.state_covariance = vec![0.0];
     growing.partitions[0].regions[0].range = vec![[-1.0, 4.5]];
-    growing.latents[0].coefficients = vec![vec![0.0]];
+    growing.latents[0].map.set(0, Some(0), 0.0);
     let source = source(&["x"], 0.1, vec![vec![vec![0.0; 20]]]);
     for general in [false, true] {
         // A coefficient of zero takes the function out of use; a tiny one keeps its range.
-        growing.latents[0].coefficients = vec![vec![1e-30]];
+        growing.latents[0].map.set(0, Some(0), 1e-30);
         let simulator = Simulator::new(&growing).unwrap();
         let simulator = if general { simulator.general() } else { simulator };
         let end = one(&simulator, &source, 1, &options(10, Method::Euler));
         assert_eq!((end.end, end.left_domain), (End::Horizon, Some(5)));
-        growing.latents[0].coefficients = vec![vec![1e300]];
+        growing.latents[0].map.set(0, Some(0), 1e300);
         let simulator = Simulator::new(&growing).unwrap();
         let simulator = if general { simulator.general() } else { simulator };
         let end = one(&simulator, &source, 1, &options(10, Method::Euler));

@@ -165,9 +165,10 @@ fn predictions_follow_the_regions_in_any_tile() {
         let region = partition.rule.assign_row(&z).unwrap();
         assert_eq!(whole.region[row], region);
         for (t, latent) in model.latents.iter().enumerate() {
-            let coefficients = &latent.coefficients[region as usize];
+            let map = latent.affine().unwrap();
+            let coefficients = &map.coefficients[region as usize];
             let expected: f64 =
-                latent.constants[region as usize] + (0..5).map(|j| coefficients[j] * columns[j][row]).sum::<f64>();
+                map.constants[region as usize] + (0..5).map(|j| coefficients[j] * columns[j][row]).sum::<f64>();
             let predicted = Predicted::equation(&whole.predicted, 300, t)[row];
             assert!((predicted - expected).abs() < 1e-12 * (1.0 + expected.abs()));
             let measured = (columns[t][row + 1] - columns[t][row]) / 0.01;

@@ -2,7 +2,7 @@
 
 use crate::common::{column, identity, parse, region};
 use fleetfoot_dynamics::{Course, Error, InputSequence, Integration, Method, Points, Stepper, Tolerance};
-use fleetfoot_model::{Equation, Latent, Model, Partition, Prediction, Role, Rule, Training};
+use fleetfoot_model::{AffineMap, Equation, Latent, Model, Partition, Prediction, Role, Rule, Training};
 
 const DT: f64 = 0.01;
 
@@ -119,7 +119,12 @@ fn right_sides_that_jump_come_to_an_end() {
     partition.regions = vec![region("0", 1, 1), region("1", 1, 1)];
     model.partitions = vec![partition];
     let (constants, coefficients) = (vec![-1.0, 1.0], vec![vec![0.0], vec![0.0]]);
-    model.latents.push(Latent { name: "f".into(), library: 0, partition: 0, constants, coefficients });
+    model.latents.push(Latent {
+        name: "f".into(),
+        library: 0,
+        partition: 0,
+        map: AffineMap { constants, coefficients }.into(),
+    });
     model.equations.push(Equation {
         subject: "x".into(),
         prediction: Prediction::Derivative,

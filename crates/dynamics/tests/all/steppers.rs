@@ -6,7 +6,7 @@ use fleetfoot_dynamics::{
     Course, Error, InputSequence, Integration, Method, Points, RolloutOptions, Simulator, Start, Step, Stepper,
     StepperWorkspace, Tangent,
 };
-use fleetfoot_model::{Equation, Latent, Model, Partition, Prediction, Role, Rule, Training};
+use fleetfoot_model::{AffineMap, Equation, Latent, Model, Partition, Prediction, Role, Rule, Training};
 
 /// Two regions, two latents of one library, an angle, a lag, a product of latents, time, and an input: or the same as next values and differences.
 fn model(prediction: [Prediction; 3]) -> Model {
@@ -37,7 +37,12 @@ fn model(prediction: [Prediction; 3]) -> Model {
         ("f", vec![0.3, -0.2], vec![vec![-0.5, 0.7, 0.2, 0.1], vec![-0.3, 0.4, -0.1, 0.2]]),
         ("g", vec![0.1, 0.2], vec![vec![0.3, -0.6, 0.0, 0.0], vec![0.2, 0.5, 0.0, 0.1]]),
     ] {
-        model.latents.push(Latent { name: name.into(), library: 0, partition: 0, constants, coefficients });
+        model.latents.push(Latent {
+            name: name.into(),
+            library: 0,
+            partition: 0,
+            map: AffineMap { constants, coefficients }.into(),
+        });
     }
     let rights = ["f*cos(a) + 0.1*u*g", "2*g + v", "0.5*f*g - 0.2*w + 0.05*sin(time())"];
     for ((subject, right), prediction) in ["v", "a", "w"].iter().zip(rights).zip(prediction) {

@@ -134,10 +134,9 @@ pub(super) fn path(
 fn in_use(model: &Model) -> Vec<Coefficient> {
     let used = |coefficient: &Coefficient| {
         let library = model.latents[coefficient.latent].library;
-        coefficient.function.is_none_or(|j| {
-            let own = model.latents.iter().filter(|latent| latent.library == library);
-            own.flat_map(|latent| &latent.coefficients).any(|row| row[j] != 0.0)
-        })
+        coefficient
+            .function
+            .is_none_or(|j| model.latents.iter().any(|latent| latent.library == library && latent.map.has(j)))
     };
     Coefficient::all(model).into_iter().filter(used).collect()
 }

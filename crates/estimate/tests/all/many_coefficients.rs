@@ -23,7 +23,7 @@ impl Hold for AtMost {
     fn nearest(&self, model: &Model, normal: &NormalBlocks) -> Option<Model> {
         let mut model = model.clone();
         let (range, values) = normal.blocks().next()?;
-        let (n, over) = (range.len(), model.latents[0].coefficients[0][0] - self.0);
+        let (n, over) = (range.len(), model.latents[0].map.coefficient(0, 0) - self.0);
         if over <= 0.0 {
             return Some(model);
         }
@@ -38,9 +38,10 @@ impl Hold for AtMost {
         }
         let column: Vec<f64> = (0..n).map(|i| rows[i][n] / rows[i][i]).collect();
         let move_by = |i: usize| -over * column[i] / column[1];
-        model.latents[0].constants[0] += move_by(0);
-        (1..n).for_each(|i| model.latents[0].coefficients[0][i - 1] += move_by(i));
-        model.latents[0].coefficients[0][0] = self.0;
+        let map = model.latents[0].affine_mut().unwrap();
+        map.constants[0] += move_by(0);
+        (1..n).for_each(|i| map.coefficients[0][i - 1] += move_by(i));
+        map.coefficients[0][0] = self.0;
         Some(model)
     }
 }
@@ -60,7 +61,7 @@ fn values(found: &Simulated) -> Vec<f64> {
 /// A start of which every number is free in both fits.
 fn start() -> (Model, MemorySource) {
     let mut start = linear_model(&[vec![0.8, 0.1, 0.2], vec![-0.1, 0.7, 0.2]]);
-    start.latents.iter_mut().for_each(|latent| latent.constants[0] = 0.01);
+    start.latents.iter_mut().for_each(|latent| latent.map.set(0, None, 0.01));
     (start, source(&["x", "y", "u"], 0.1, (0..3).map(|seed| linear(seed, 300, 0.2)).collect()))
 }
 
@@ -211,10 +212,10 @@ fn a_model_that_is_held_ends_where_the_conditions_of_a_minimum_hold() {
     let (steps, tau, bound) = (8, 0.064, 0.9);
     let options = options(steps, tau / 64.0);
     let found = &simulation_errors(&start, &source, &options, Some(&AtMost(bound)), &Silent).unwrap()[0];
-    assert_eq!(found.model.latents[0].coefficients[0][0], bound);
+    assert_eq!(found.model.latents[0].map.coefficient(0, 0), bound);
     assert!(found.gradient < 1e-4 && found.cost[1] < 0.9 * found.cost[0], "{} {:?}", found.gradient, found.cost);
     let free = simulation_errors(&start, &source, &options, Some(&Everywhere), &Silent).unwrap();
-    assert!(free[0].model.latents[0].coefficients[0][0] > bound + 0.01 && free[0].cost[1] < found.cost[1]);
+    assert!(free[0].model.latents[0].map.coefficient(0, 0) > bound + 0.01 && free[0].cost[1] < found.cost[1]);
     // The sum of squares, by fits of no trial.
     let mut look = options.clone();
     look.many.trials = 0;

@@ -6,7 +6,9 @@ use fleetfoot_data::{Column as DataColumn, MemorySource, Silent, with_threads};
 use fleetfoot_dynamics::Coefficient;
 use fleetfoot_estimate::{EstimateError, MOST_PRODUCTS, Simulated, SimulationOptions, Status, simulation_error};
 use fleetfoot_library::{Expr, Scope};
-use fleetfoot_model::{Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training};
+use fleetfoot_model::{
+    AffineMap, Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training,
+};
 use fleetfoot_stats::{Factor, least_squares};
 
 use crate::outside;
@@ -66,7 +68,12 @@ pub(crate) fn model(
             target,
             unit: None,
         });
-        model.latents.push(Latent { name, library: 0, partition: 0, constants, coefficients });
+        model.latents.push(Latent {
+            name,
+            library: 0,
+            partition: 0,
+            map: AffineMap { constants, coefficients }.into(),
+        });
     }
     for (subject, right) in given {
         let prediction = Prediction::Derivative;
@@ -167,7 +174,7 @@ fn error(coefficients: &[Vec<f64>]) -> f64 {
 }
 
 fn coefficients(model: &Model) -> Vec<Vec<f64>> {
-    model.latents.iter().map(|latent| latent.coefficients[0].clone()).collect()
+    model.latents.iter().map(|latent| latent.affine().unwrap().coefficients[0].clone()).collect()
 }
 
 #[test]

@@ -4,7 +4,7 @@ use fleetfoot_data::{Column as DataColumn, Episode, MemorySource, Silent, Source
 use fleetfoot_dynamics::Coefficient;
 use fleetfoot_estimate::{EstimateError, Settled, SmoothingOptions, StateSmoother, Variances};
 use fleetfoot_library::Expr;
-use fleetfoot_model::{Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Training};
+use fleetfoot_model::{AffineMap, Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Training};
 use proptest::prelude::*;
 
 use crate::simulation::{expression, noise as draw};
@@ -24,8 +24,7 @@ fn model(states: &[(&str, &str)], inputs: &[&str], functions: &[&str], period: f
             name: latent(name),
             library: 0,
             partition: 0,
-            constants: vec![0.0],
-            coefficients: vec![vec![0.0; functions.len()]],
+            map: AffineMap { constants: vec![0.0], coefficients: vec![vec![0.0; functions.len()]] }.into(),
         })
         .collect();
     model.libraries = vec![functions.iter().map(|text| expression(text)).collect()];

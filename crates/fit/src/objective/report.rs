@@ -198,8 +198,10 @@ impl Serialize for Refinement {
 pub(crate) fn coefficient(model: &Model, latent: &str, region: usize, function: &str) -> Option<f64> {
     let latent = model.latents.iter().find(|own| own.name == latent)?;
     if function == "1" {
-        return latent.constants.get(region).copied();
+        return (region < latent.map.regions()).then(|| latent.map.constant(region));
     }
-    let at = model.libraries.get(latent.library)?.iter().position(|own| own.to_string() == function)?;
-    latent.coefficients.get(region)?.get(at).copied()
+    let library = model.libraries.get(latent.library)?;
+    let is_it = |&j: &usize| latent.map.feature(j, library).is_some_and(|own| own.to_string() == function);
+    let at = (0..latent.map.features()).find(is_it)?;
+    (region < latent.map.regions()).then(|| latent.map.coefficient(region, at))
 }

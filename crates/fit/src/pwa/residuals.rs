@@ -15,10 +15,10 @@ pub(super) fn move_residuals(before: &Model, model: &mut Model, roots: &BTreeMap
     let q = model.latents.len();
     for (&at, root) in roots {
         let products = |model: &Model| {
-            let own = |t: usize| &model.latents[t].coefficients[at as usize];
             // A null model has constants alone.
-            let coefficients = Mat::from_fn(root.regressors(), q, |j, t| own(t).get(j).copied().unwrap_or(0.0));
-            let constants: Vec<f64> = model.latents.iter().map(|latent| latent.constants[at as usize]).collect();
+            let coefficient = |j, t: usize| model.latents[t].map.coefficient(at as usize, j);
+            let coefficients = Mat::from_fn(root.regressors(), q, coefficient);
+            let constants: Vec<f64> = model.latents.iter().map(|latent| latent.map.constant(at as usize)).collect();
             root.error_products(coefficients.as_ref(), &constants)
         };
         let (old, new) = (products(before), products(model));

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use fleetfoot_data::{packed, packed_row};
 use fleetfoot_dataset::{EpisodeRecord, StatisticFile};
 use fleetfoot_library::Expr;
-use fleetfoot_model::{Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Training};
+use fleetfoot_model::{AffineMap, Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Training};
 use fleetfoot_stats::{Gram, Key};
 use fleetfoot_sums::structured::{Spread, Structure};
 use fleetfoot_task::{Moments, StructuredTask};
@@ -57,10 +57,13 @@ pub(super) fn model(
             name: candidates.name.clone(),
             library: index,
             partition: index,
-            constants: vec![
-                range.clone().filter(|&j| is_one(&candidates.functions[j - range.start])).map(|j| theta[j]).sum(),
-            ],
-            coefficients: vec![kept.iter().map(|&j| theta[j]).collect()],
+            map: AffineMap {
+                constants: vec![
+                    range.clone().filter(|&j| is_one(&candidates.functions[j - range.start])).map(|j| theta[j]).sum(),
+                ],
+                coefficients: vec![kept.iter().map(|&j| theta[j]).collect()],
+            }
+            .into(),
         });
     }
     model.equations.clone_from(&task.equations);

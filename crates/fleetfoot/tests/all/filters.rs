@@ -9,8 +9,8 @@ use fleetfoot::{
     export_filter, filter_of,
     library::Expr,
     model::{
-        Column, Equation, Latent, Model, Partition, Prediction, Region, ResidualCorrelation, Role, Rule, Training,
-        Transitions,
+        AffineMap, Column, Equation, Latent, Model, Partition, Prediction, Region, ResidualCorrelation, Role, Rule,
+        Training, Transitions,
     },
 };
 
@@ -180,8 +180,11 @@ fn piecewise(prediction: Prediction) -> Model {
             name: name.clone(),
             library: 0,
             partition: 0,
-            constants: (0..4).map(|region| 0.3 * noise(5000 + region * 10 + i)).collect(),
-            coefficients: (0..4).map(|region| (0..4).map(|j| own(region, j)).collect()).collect(),
+            map: AffineMap {
+                constants: (0..4).map(|region| 0.3 * noise(5000 + region * 10 + i)).collect(),
+                coefficients: (0..4).map(|region| (0..4).map(|j| own(region, j)).collect()).collect(),
+            }
+            .into(),
         });
         let right = Expr::column(name.as_str());
         model.equations.push(Equation {
@@ -243,8 +246,7 @@ fn c_gives_the_estimates_of_the_engine() {
         let regions = vec![whole.partitions[0].regions[0].clone()];
         whole.partitions[0] = Partition { regions, ..Partition::whole() };
         for latent in &mut whole.latents {
-            latent.constants.truncate(1);
-            latent.coefficients.truncate(1);
+            latent.map.keep_region(0);
         }
         let (worst, _) = compared(&whole, &asked("x=0.2,yaw=0.1", FilterSwitching::State));
         assert!(worst < 1e-12, "{prediction:?}, one region: {worst:e}");

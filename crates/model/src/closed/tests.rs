@@ -1,7 +1,8 @@
 use fleetfoot_library::{Expr, Scope};
 
 use crate::{
-    Closed, ClosedError, Column, Equation, Latent, Model, Partition, Prediction, Role, Rule, Training, UnseenLabel,
+    AffineMap, Closed, ClosedError, Column, Equation, Latent, Model, Partition, Prediction, Role, Rule, Training,
+    UnseenLabel,
 };
 
 fn parse(text: &str) -> Expr {
@@ -34,8 +35,7 @@ fn model(texts: &[&str], advanced: &[(&str, &str)], library: &[&str], partition:
         name: "f".into(),
         library: 0,
         partition: 0,
-        constants: vec![0.0],
-        coefficients: vec![vec![1.0; library.len()]],
+        map: AffineMap { constants: vec![0.0], coefficients: vec![vec![1.0; library.len()]] }.into(),
     }];
     for (subject, right) in advanced {
         model.equations.push(Equation {
@@ -129,7 +129,7 @@ fn what_is_needed_before_it_is_known_is_refused() {
     assert!(matches!(driven, Err(ClosedError::Ahead { column, state, .. }) if column == "du" && state == "u"));
     // A function that no latent has, and an equation that is not simulated, need not be known.
     let mut unused = model(&texts, &[("y", "f")], &["dy", "u"], &[]);
-    unused.latents[0].coefficients = vec![vec![0.0, 1.0]];
+    unused.latents[0].map.set(0, Some(0), 0.0);
     assert_eq!(library(&unused.closed(0.1, &[]).unwrap()), ["dy", "u"]);
 }
 

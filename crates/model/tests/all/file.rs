@@ -2,9 +2,9 @@
 
 use fleetfoot_library::Expr;
 use fleetfoot_model::{
-    Column, Equation, Estimated, FileError, Join, Latent, Lattice, Level, Model, Partition, Passage, PhaseBins, Phases,
-    Prediction, Region, RegionPair, ResidualCorrelation, Role, RotationKind, RotationPart, Rule, TrainedEpisode,
-    Training, Transitions, UnseenLabel,
+    AffineMap, Column, Equation, Estimated, FileError, Join, Latent, Lattice, Level, Model, Partition, Passage,
+    PhaseBins, Phases, Prediction, Region, RegionPair, ResidualCorrelation, Role, RotationKind, RotationPart, Rule,
+    TrainedEpisode, Training, Transitions, UnseenLabel,
 };
 use proptest::prelude::*;
 
@@ -88,8 +88,11 @@ fn model(numbers: &[f64; 12]) -> Model {
         name: "f_x".into(),
         library: 0,
         partition: 0,
-        constants: (0..5).map(n).collect(),
-        coefficients: (0..5).map(|i| vec![n(i), n(i + 1)]).collect(),
+        map: AffineMap {
+            constants: (0..5).map(n).collect(),
+            coefficients: (0..5).map(|i| vec![n(i), n(i + 1)]).collect(),
+        }
+        .into(),
     }];
     let x = Expr::column("x");
     model.equations = vec![
@@ -159,7 +162,7 @@ fn every_truncation_and_every_changed_digit_is_refused() {
 #[test]
 fn a_model_that_contradicts_itself_is_refused() {
     let mut broken = model(&[0.5; 12]);
-    broken.latents[0].constants.pop();
+    broken.latents[0].affine_mut().unwrap().constants.pop();
     let error = Model::from_json(&broken.to_json(), "broken.json").expect_err("four constants for five regions");
     assert!(matches!(error, FileError::Invalid { .. }) && error.to_string().contains("broken.json"), "{error}");
     for (text, word) in

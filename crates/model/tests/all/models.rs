@@ -3,7 +3,7 @@
 use fleetfoot_data::mix;
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_model::{
-    Branch, Column, Cut, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training, Tree,
+    AffineMap, Branch, Column, Cut, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training, Tree,
     UnseenLabel,
 };
 
@@ -115,7 +115,12 @@ impl Maker {
             coefficients.push(row.map(|(keep, value)| if keep.abs() < share { value } else { 0.0 }).collect());
         }
         let constants = self.draw.values(regions);
-        self.model.latents.push(Latent { name: name.into(), library, partition, constants, coefficients });
+        self.model.latents.push(Latent {
+            name: name.into(),
+            library,
+            partition,
+            map: AffineMap { constants, coefficients }.into(),
+        });
     }
 
     /// An equation; one with a latent in it is fitted.

@@ -37,7 +37,7 @@ impl Contracting {
         Ok(Self { metric: Metric::new(&own, root, &start).ok_or_else(none)?, own })
     }
 
-    /// The model of the set in which every region's coefficients are nearest to those of a model; `None` where a region has no room, or a decomposition fails. The first partition's regions
+    /// The model of the set in which every region's coefficients are nearest to those of a model; `None` where a region has no room, a decomposition fails, or a latent is not affine. The first partition's regions
     /// have one weight each; what contracts already stays to the bit.
     pub fn nearest(&self, model: &Model, weights: &[RegionWeight]) -> Option<Model> {
         let (own, metric) = (&self.own, &self.metric);
@@ -77,8 +77,9 @@ impl Contracting {
         for (at, found) in found.ok()?.into_iter().enumerate() {
             let Some(found) = found? else { continue };
             for (t, latent) in out.latents.iter_mut().enumerate() {
-                latent.constants[at] += found[(0, t)];
-                latent.coefficients[at].iter_mut().enumerate().for_each(|(j, value)| *value = found[(j + 1, t)]);
+                let map = latent.affine_mut()?;
+                map.constants[at] += found[(0, t)];
+                map.coefficients[at].iter_mut().enumerate().for_each(|(j, value)| *value = found[(j + 1, t)]);
             }
         }
         Some(out)
@@ -100,6 +101,6 @@ impl Contracting {
 
 /// The coefficients of a region (p x q).
 fn coefficients(model: &Model, region: usize) -> Mat<f64> {
-    let p = model.latents.first().map_or(0, |latent| latent.coefficients[region].len());
-    Mat::from_fn(p, model.latents.len(), |j, t| model.latents[t].coefficients[region][j])
+    let p = model.latents.first().map_or(0, |latent| latent.map.features());
+    Mat::from_fn(p, model.latents.len(), |j, t| model.latents[t].map.coefficient(region, j))
 }

@@ -59,8 +59,8 @@ pub(crate) type Numbers = [f64; 4];
 
 fn numbers(model: &Model, region: usize, target: usize) -> Numbers {
     let own = &model.latents[target];
-    let [x, v, input] = [0, 1, 2].map(|j| own.coefficients[region][j]);
-    [own.constants[region], x, v, input]
+    let [x, v, input] = [0, 1, 2].map(|j| own.affine().unwrap().coefficients[region][j]);
+    [own.affine().unwrap().constants[region], x, v, input]
 }
 
 /// Squared errors of a source's rows, each target's over the variance of what the free one-region model leaves of it: what a bound map is to keep least.
@@ -121,7 +121,7 @@ pub(crate) fn goes_to_the_nearest(
     size: f64,
     is_within: impl Fn(&Model, usize, bool) -> bool,
 ) -> Model {
-    let regions = found.latents[0].constants.len();
+    let regions = found.latents[0].affine().unwrap().constants.len();
     let mut random = Pcg64::seed_from_u64(11);
     let mut weight = || {
         let root = Mat::from_fn(9, 4, |_, j| if j == 0 { 1.0 } else { random.random_range(-1.0..2.0) });
@@ -131,8 +131,19 @@ pub(crate) fn goes_to_the_nearest(
     let mut moved = |size: f64| {
         let mut model = found.clone();
         for latent in &mut model.latents {
-            latent.constants.iter_mut().for_each(|value| *value += size * random.random_range(-1.0..1.0));
-            latent.coefficients.iter_mut().flatten().for_each(|value| *value += size * random.random_range(-1.0..1.0));
+            latent
+                .affine_mut()
+                .unwrap()
+                .constants
+                .iter_mut()
+                .for_each(|value| *value += size * random.random_range(-1.0..1.0));
+            latent
+                .affine_mut()
+                .unwrap()
+                .coefficients
+                .iter_mut()
+                .flatten()
+                .for_each(|value| *value += size * random.random_range(-1.0..1.0));
         }
         model
     };

@@ -44,7 +44,10 @@ fn region(model: &Model, x: &[f64]) -> usize {
 
 fn value(model: &Model, region: usize, x: &[f64]) -> f64 {
     let latent = &model.latents[0];
-    latent.coefficients[region].iter().zip(x).fold(latent.constants[region], |sum, (c, x)| sum + c * x)
+    latent.affine().unwrap().coefficients[region]
+        .iter()
+        .zip(x)
+        .fold(latent.affine().unwrap().constants[region], |sum, (c, x)| sum + c * x)
 }
 
 /// The largest difference of two maps where a straight way from one row to another changes its region.
@@ -79,9 +82,9 @@ fn a_line_of_pieces_is_found_exactly_and_costs_nothing() {
     assert!(continuity.jump < 1e-12 && largest_jump(model, &rows) < 1e-12, "{continuity:?}");
     // Cuts stand between two rows, up to 0.002 from the kinks.
     assert!(score.loss < 1e-5, "{}", score.loss);
-    assert!((model.latents[0].coefficients[1][0] - 3.0).abs() < 0.02, "{:?}", model.latents[0]);
+    assert!((model.latents[0].affine().unwrap().coefficients[1][0] - 3.0).abs() < 0.02, "{:?}", model.latents[0]);
     for region in 0..4 {
-        assert!((model.latents[0].coefficients[region][1] + 0.7).abs() < 1e-3);
+        assert!((model.latents[0].affine().unwrap().coefficients[region][1] + 0.7).abs() < 1e-3);
     }
     assert!(model.method.ends_with(", continuous"), "{}", model.method);
 }
@@ -164,7 +167,9 @@ fn it_is_the_least_of_all_maps_that_meet() {
         let expected = constrained(model, &borders.into_iter().collect::<Vec<_>>(), &rows);
         for (region, expected) in expected.iter().enumerate() {
             let latent = &model.latents[0];
-            let own = latent.coefficients[region].iter().chain([&latent.constants[region]]);
+            let own = latent.affine().unwrap().coefficients[region]
+                .iter()
+                .chain([&latent.affine().unwrap().constants[region]]);
             for (own, expected) in own.zip(expected) {
                 // The oracle squares the rows and inverts a saddle: half of the digits are gone.
                 assert!((own - expected).abs() < 1e-6, "{seed}: {own} {expected}");
@@ -227,7 +232,7 @@ fn shrinkage_and_choice_hold_for_maps_that_meet() {
     // Pulled with all might the maps are the one of all.
     wanted.shrinkage = Shrinkage::Rows(1e9);
     let found = run(&on_the_first(2), &wanted, &source(&rows, 1));
-    let [average, pulled] = [0, 3].map(|at| found.models[at].latents[0].coefficients[0].clone());
+    let [average, pulled] = [0, 3].map(|at| found.models[at].latents[0].affine().unwrap().coefficients[0].clone());
     assert!(average.iter().zip(&pulled).all(|(a, b)| (a - b).abs() < 1e-5), "{average:?} {pulled:?}");
 }
 

@@ -66,8 +66,8 @@ fn labels_recover_the_truth_and_the_model_reads_back() {
     let latent = &found.model.latents[0];
     let expected = [(-1.0, [-0.25, 1.0]), (0.5, [-1.5, 2.0])];
     for (region, (constant, coefficients)) in expected.iter().enumerate() {
-        assert!((latent.constants[region] - constant).abs() < 1e-12);
-        for (found, expected) in latent.coefficients[region].iter().zip(coefficients) {
+        assert!((latent.affine().unwrap().constants[region] - constant).abs() < 1e-12);
+        for (found, expected) in latent.affine().unwrap().coefficients[region].iter().zip(coefficients) {
             assert!((found - expected).abs() < 1e-12);
         }
     }
@@ -203,7 +203,10 @@ fn permuting_regressors_permutes_the_coefficients() {
     let a = run(&problem(&["x", "u"]), &options("zscore:1"), &source).model;
     let b = run(&problem(&["u", "x"]), &options("zscore:1"), &source).model;
     for region in 0..2 {
-        let (a, b) = (&a.latents[0].coefficients[region], &b.latents[0].coefficients[region]);
+        let (a, b) = (
+            &a.latents[0].affine().unwrap().coefficients[region],
+            &b.latents[0].affine().unwrap().coefficients[region],
+        );
         assert!((a[0] - b[1]).abs() < 1e-12 && (a[1] - b[0]).abs() < 1e-12);
     }
 }
@@ -214,9 +217,10 @@ fn shrinkage_leads_from_the_regions_to_the_average() {
     let slope = |shrinkage| {
         let mut options = options("labels:mode");
         options.shrinkage = Shrinkage::Rows(shrinkage);
-        run(&problem(&["x", "u"]), &options, &source).model.latents[0].coefficients[0][1]
+        run(&problem(&["x", "u"]), &options, &source).model.latents[0].affine().unwrap().coefficients[0][1]
     };
-    let average = run(&problem(&["x", "u"]), &options("average"), &source).model.latents[0].coefficients[0][1];
+    let average =
+        run(&problem(&["x", "u"]), &options("average"), &source).model.latents[0].affine().unwrap().coefficients[0][1];
     let path = [0.0, 10.0, 1e3, 1e9].map(slope);
     assert!((path[0] - 1.0).abs() < 0.05);
     assert!((path[3] - average).abs() < 1e-4 * average.abs());
@@ -240,7 +244,14 @@ fn tsqr_and_the_gram_agree() {
         run(&problem(&["x", "u"]), &options, &source).model
     };
     let (gram, tsqr) = (fit(false), fit(true));
-    for (a, b) in gram.latents[0].coefficients.iter().flatten().zip(tsqr.latents[0].coefficients.iter().flatten()) {
+    for (a, b) in gram.latents[0]
+        .affine()
+        .unwrap()
+        .coefficients
+        .iter()
+        .flatten()
+        .zip(tsqr.latents[0].affine().unwrap().coefficients.iter().flatten())
+    {
         assert!((a - b).abs() < 1e-12, "{a} {b}");
     }
     for (a, b) in gram.partitions[0].regions.iter().zip(&tsqr.partitions[0].regions) {
@@ -271,7 +282,7 @@ fn a_constant_column_and_a_copy_are_named() {
     let found = run(&problem(&["x", "u", "mode"]), &options("average"), &source);
     assert!(found.notes.iter().any(|note| note.contains("u does not change")), "{:?}", found.notes);
     assert!(found.notes.iter().any(|note| note.contains("x, mode")), "{:?}", found.notes);
-    let coefficients = &found.model.latents[0].coefficients[0];
+    let coefficients = &found.model.latents[0].affine().unwrap().coefficients[0];
     assert!(
         (coefficients[0] - 1.0).abs() < 1e-9 && (coefficients[2] - 1.0).abs() < 1e-9,
         "minimum norm: {coefficients:?}"
@@ -323,9 +334,9 @@ fn polynomial_libraries_and_weights() {
     problem.weight = Some(Expr::parse("(mode - 3)/4", &fleetfoot_library::Scope::new(["mode"])).unwrap());
     let found = run(&problem, &options("average"), &source);
     let latent = &found.model.latents[0];
-    assert!((latent.constants[0] - 0.5).abs() < 1e-10);
-    for (found, expected) in latent.coefficients[0].iter().zip([-1.5, 2.0, 0.0, 0.0, 0.0]) {
-        assert!((found - expected).abs() < 1e-10, "{:?}", latent.coefficients[0]);
+    assert!((latent.affine().unwrap().constants[0] - 0.5).abs() < 1e-10);
+    for (found, expected) in latent.affine().unwrap().coefficients[0].iter().zip([-1.5, 2.0, 0.0, 0.0, 0.0]) {
+        assert!((found - expected).abs() < 1e-10, "{:?}", latent.affine().unwrap().coefficients[0]);
     }
 }
 
@@ -355,8 +366,11 @@ fn errors_of_dependent_targets_are_scored_by_the_one_metric() {
     let found = run(&problem, &options, &source);
     let metric = Mahalanobis::of_covariance(&found.model.training.target_covariance, 2);
     let latents = &found.model.latents;
-    let error =
-        |row: &[f64; 4], t: usize| row[2 + t] - latents[t].constants[0] - latents[t].coefficients[0][0] * row[0];
+    let error = |row: &[f64; 4], t: usize| {
+        row[2 + t]
+            - latents[t].affine().unwrap().constants[0]
+            - latents[t].affine().unwrap().coefficients[0][0] * row[0]
+    };
     let expected = rows.iter().map(|row| metric.score(&[error(row, 0), error(row, 1)])).sum::<f64>() / 2000.0;
     let score = found.candidates[0].mahalanobis;
     // An error across the two is known to rounding, 1e-16 of a deviation over the floor's 3e-5.

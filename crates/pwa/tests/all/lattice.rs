@@ -34,8 +34,12 @@ fn error(model: &Model, rows: &[Row]) -> f64 {
     let mut sums = [0.0; 2];
     for (x, y) in rows {
         let region = region(model, x);
-        let found = latent.constants[region]
-            + latent.coefficients[region].iter().zip(x).map(|(coefficient, x)| coefficient * x).sum::<f64>();
+        let found = latent.affine().unwrap().constants[region]
+            + latent.affine().unwrap().coefficients[region]
+                .iter()
+                .zip(x)
+                .map(|(coefficient, x)| coefficient * x)
+                .sum::<f64>();
         sums[0] += (y - found).powi(2);
         sums[1] += (y - mean).powi(2);
     }

@@ -67,7 +67,9 @@ fn force() -> Vec<Port> {
 
 /// [M N] of a region: of next values the coefficients, of derivatives Euler's step.
 fn map(model: &Model, region: usize) -> Mat<f64> {
-    let row = |name: &str| model.latents.iter().find(|latent| latent.name == name).map(|own| &own.coefficients[region]);
+    let row = |name: &str| {
+        model.latents.iter().find(|latent| latent.name == name).map(|own| &own.affine().unwrap().coefficients[region])
+    };
     match row("f_x") {
         Some(x) => Mat::from_fn(2, 3, |i, j| if i == 0 { x[j] } else { row("f_v").unwrap()[j] }),
         None => Mat::from_fn(2, 3, |i, j| match i {

@@ -153,7 +153,7 @@ fn off(found: &Identification, names: &[usize]) -> Vec<f64> {
         let noise = info.residual_covariance[0] / info.rows as f64;
         let determinant = xx * yy - xy * xy;
         let errors = [(noise * yy / determinant).sqrt(), (noise * xx / determinant).sqrt()];
-        [0, 1].map(|j| (latent.coefficients[region][j] - MODES[mode][j]) / errors[j])
+        [0, 1].map(|j| (latent.affine().unwrap().coefficients[region][j] - MODES[mode][j]) / errors[j])
     });
     slopes.collect()
 }

@@ -45,7 +45,7 @@ fn options(partitions: &str, bound: Option<f64>) -> Options {
 
 /// M of a region of a model of next values whose first functions are its states.
 fn map(model: &Model, region: usize, n: usize) -> Mat<f64> {
-    Mat::from_fn(n, n, |i, j| model.latents[i].coefficients[region][j])
+    Mat::from_fn(n, n, |i, j| model.latents[i].affine().unwrap().coefficients[region][j])
 }
 
 /// The largest singular value of M in the metric: by the Cholesky factor of P, from nothing but what is told.
@@ -76,8 +76,10 @@ fn all_regions_contract_in_the_metric_that_is_told() {
         assert!(found <= 1.0 + 1e-9 && (found - own.norm).abs() < 1e-9, "{found} {own:?}");
         assert!((norm(&map(&free.model, region, 2), &P) - own.free_norm).abs() < 1e-9);
         assert!(own.gap <= 1e-7, "{own:?}");
-        let same =
-            (0..2).all(|t| bound.model.latents[t].coefficients[region] == free.model.latents[t].coefficients[region]);
+        let same = (0..2).all(|t| {
+            bound.model.latents[t].affine().unwrap().coefficients[region]
+                == free.model.latents[t].affine().unwrap().coefficients[region]
+        });
         assert_eq!(same, own.free_norm <= 1.0, "what contracts already stays to the bit");
         stayed += usize::from(same);
     }
@@ -138,7 +140,7 @@ fn earlier_rows_are_part_of_the_map() {
     assert!(told.moved() > 0);
     let P = metric(told);
     for region in 0..20 {
-        let [a, b] = [0, 1].map(|j| found.model.latents[0].coefficients[region][j]);
+        let [a, b] = [0, 1].map(|j| found.model.latents[0].affine().unwrap().coefficients[region][j]);
         let M = Mat::from_fn(2, 2, |i, j| [[a, b], [1.0, 0.0]][i][j]);
         assert!(norm(&M, &P) <= 0.999 + 1e-9);
         assert!(spectral_radius(M.as_ref()) <= 0.999 + 1e-9);
@@ -163,7 +165,7 @@ fn given_equations_are_part_of_the_map_and_derivatives_are_steps() {
     let P = metric(told);
     let maps: Vec<Mat<f64>> = (0..20)
         .map(|region| {
-            let [a, b] = [0, 1].map(|j| found.model.latents[0].coefficients[region][j]);
+            let [a, b] = [0, 1].map(|j| found.model.latents[0].affine().unwrap().coefficients[region][j]);
             Mat::from_fn(2, 2, |i, j| [[1.0, 0.05], [0.05 * a, 1.0 + 0.05 * b]][i][j])
         })
         .collect();

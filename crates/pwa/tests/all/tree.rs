@@ -50,7 +50,7 @@ fn cuts_and_depth_of_the_truth_are_found() {
     assert!(losses[4] < 3.0 * noise && losses[4] < 0.05 * losses[2], "{losses:?} {noise}");
     // Deeper trees have the same cuts: more do not pay.
     assert!(found.candidates[4..].iter().all(|score| score.regions == 3), "{:?}", found.candidates);
-    let [p, q] = [1, 2].map(|region| &found.model.latents[0].coefficients[region]);
+    let [p, q] = [1, 2].map(|region| &found.model.latents[0].affine().unwrap().coefficients[region]);
     assert!((p[0] + 2.0).abs() < 0.05 && (p[1] - 0.5).abs() < 0.05 && (q[2] - 1.0).abs() < 0.05, "{p:?} {q:?}");
     assert!(found.model.partitions[0].transitions.is_some());
 }

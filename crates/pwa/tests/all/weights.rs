@@ -30,7 +30,14 @@ fn weighted(weight: &str) -> Problem {
 /// Constants and coefficients of all regions.
 fn numbers(model: &Model) -> Vec<f64> {
     let latent = &model.latents[0];
-    latent.constants.iter().chain(latent.coefficients.iter().flatten()).copied().collect()
+    latent
+        .affine()
+        .unwrap()
+        .constants
+        .iter()
+        .chain(latent.affine().unwrap().coefficients.iter().flatten())
+        .copied()
+        .collect()
 }
 
 fn ways() -> Vec<Options> {

@@ -271,7 +271,7 @@ fn piecewise_models_are_fitted_and_chosen_without_the_logs() {
             let close = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-7 * b.abs().max(1e-3));
             assert!(close(&one.covariance, &other.covariance) && close(&one.mean, &other.mean));
             assert!(close(&one.residual_covariance, &other.residual_covariance), "{} {region}", a.method);
-            let of = |model: &fleetfoot_model::Model| model.latents[0].coefficients[region].clone();
+            let of = |model: &fleetfoot_model::Model| model.latents[0].affine().unwrap().coefficients[region].clone();
             assert!(close(&of(a), &of(b)), "{} {region}: {:?} {:?}", a.method, of(a), of(b));
         }
         assert_eq!((&a.training.recipe, a.training.rows), (&b.training.recipe, b.training.rows));
@@ -307,7 +307,8 @@ fn a_derivative_that_is_measured_otherwise_has_sums_of_its_own() {
     assert_eq!(file.equations.as_ref().unwrap().groups.len(), 2);
     let fitted = piecewise(&recipe, of(file.clone()));
     let logs = piecewise(&recipe, &files);
-    let coefficients = |fitted: &crate::Fitted| fitted.identification.model.latents[1].coefficients[0].clone();
+    let coefficients =
+        |fitted: &crate::Fitted| fitted.identification.model.latents[1].affine().unwrap().coefficients[0].clone();
     for (a, b) in coefficients(&fitted).iter().zip(coefficients(&logs)) {
         assert!((a - b).abs() < 1e-8 * b.abs().max(1.0), "{a} {b}");
     }

@@ -23,14 +23,15 @@ impl Entry {
         self.hash("recipe", model.training.recipe.as_bytes());
         for latent in &model.latents {
             let regions = &model.partitions[latent.partition].regions;
-            for (region, found) in latent.coefficients.iter().enumerate() {
+            let Some(map) = latent.affine() else { continue };
+            for (region, found) in map.coefficients.iter().enumerate() {
                 let name = match regions.get(region) {
                     Some(own) if regions.len() > 1 => format!("{} in {}", latent.name, own.name),
                     _ => latent.name.clone(),
                 };
                 let functions = model.libraries[latent.library].iter().map(ToString::to_string);
                 let terms = functions.zip(found.iter().copied());
-                let all = [("1".to_owned(), latent.constants[region])].into_iter().chain(terms);
+                let all = [("1".to_owned(), map.constants[region])].into_iter().chain(terms);
                 self.labelled(&name, all.filter(|(_, value)| *value != 0.0));
             }
         }

@@ -1,0 +1,37 @@
+//! The list of the kinds of latent functions.
+
+use std::ops::{Deref, DerefMut};
+
+use crate::{AffineMap, MapKind};
+
+/// How a latent function computes its value: one variant a kind. A [`MapKind`] is what all have in common.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Map {
+    /// Affine in the functions of the library, sparse or not.
+    Affine(AffineMap),
+}
+
+impl Deref for Map {
+    type Target = dyn MapKind;
+
+    fn deref(&self) -> &Self::Target {
+        match self {
+            Map::Affine(map) => map,
+        }
+    }
+}
+
+impl DerefMut for Map {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        match self {
+            Map::Affine(map) => map,
+        }
+    }
+}
+
+impl From<AffineMap> for Map {
+    fn from(map: AffineMap) -> Self {
+        Map::Affine(map)
+    }
+}
