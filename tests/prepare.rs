@@ -96,17 +96,19 @@ fn the_written_recipe_fits_unchanged() {
     let recipe = fs::read_to_string(path.join("clean/robot.toml")).expect("a recipe");
     assert!(recipe.contains("smoothed = ") && recipe.contains("floor = \"wet\""), "{recipe}");
     let fit = ["fit", "sindy", "-c", "clean/robot.toml", "clean", "-o", "model.json", "--json"];
-    let fitted = fleetfoot(path, &fit).ok().json();
+    let said = fleetfoot(path, &fit).ok();
+    let fitted = said.json();
     for (term, truth) in [("x", -4.0), ("x_dot", -0.6), ("u", 2.0)] {
         let found = coefficient(&fitted, term);
         // Smoothing takes a little of the fastest motion away.
         assert!((found - truth).abs() < 0.03 * truth.abs(), "{term}: {found}");
     }
-    // A position's rate is known; the model simulates both.
-    let said = fleetfoot(path, &["rollout", "model.json", "clean", "--horizon", "100", "--starts", "20"]).ok();
     let told = said.err.split("scatter about them by x ").nth(1).and_then(|rest| rest.split(' ').next());
     let scatter: f64 = told.and_then(|text| text.parse().ok()).unwrap_or_else(|| panic!("{}", said.err));
     assert!((scatter / 0.00202 - 1.0).abs() < 0.05, "{scatter}");
+    // A position's rate is known; the model simulates both, and what was measured is compared with its measurements.
+    let said = fleetfoot(path, &["rollout", "model.json", "clean", "--horizon", "100", "--starts", "20"]).ok();
+    assert!(said.out.contains("raw RMSE x") && !said.out.contains("raw RMSE x_dot"), "{}", said.out);
     // Of a raw log the model knows no column: it must be prepared first.
     fleetfoot(path, &["score", "model.json", "run_0.csv"]).fails(&["there is no column", "fleetfoot prepare"]);
 }
@@ -271,7 +273,7 @@ fn swing(t: f64) -> [f64; 2] {
 
 /// An inertial sensor at 500 Hz, which reports the mean rate of the last 20 ms, and a camera at 100 Hz between its stamps, with noise of a millimetre; half of the way both pause for
 /// some seconds.
-fn two_rates(path: &Path, pause: f64) {
+pub(crate) fn two_rates(path: &Path, pause: f64) {
     let mut writer = McapWriter::create(path, &McapOptions::default()).unwrap();
     let imu = writer.channel::<Imu<'_>>("/imu").unwrap();
     let pose = writer.channel::<PoseStamped<'_>>("/camera").unwrap();
@@ -291,7 +293,7 @@ fn two_rates(path: &Path, pause: f64) {
     writer.finish().unwrap();
 }
 
-const TWO_RATES: &str = "[columns]\nx = \"/camera.pose.position.x\"\nw = \"/imu.angular_velocity.x\"\n[states]\nx = { unit = \"m\" }\nw = { unit = \"rad/s\" }\n\
+pub(crate) const TWO_RATES: &str = "[columns]\nx = \"/camera.pose.position.x\"\nw = \"/imu.angular_velocity.x\"\n[states]\nx = { unit = \"m\" }\nw = { unit = \"rad/s\" }\n\
                          [time]\nbase = \"/imu\"\n[prepare]\nclip = 0.2\n";
 
 /// The root of the mean square of a written column beside a function of time.

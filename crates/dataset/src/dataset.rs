@@ -9,7 +9,10 @@ mod smoothed;
 mod topics;
 mod trained;
 
-use std::{path::Path, sync::atomic::AtomicBool};
+use std::{
+    path::{Path, PathBuf},
+    sync::atomic::AtomicBool,
+};
 
 use clock::Clock;
 pub use clock::reads_of_model;
@@ -48,6 +51,8 @@ pub struct Dataset {
     /// Of the first log, where a model or a preparation opened it.
     pub(crate) topics: Vec<TopicInfo>,
     pub(crate) notes: Vec<String>,
+    /// The note on prepared logs, which is one of the notes.
+    pub(crate) smoothed: Option<String>,
     /// Looks for rows that trained the model which the logs were opened for.
     pub(crate) watch: Option<Watch>,
     /// Whether all rows have been looked at.
@@ -175,7 +180,8 @@ impl Dataset {
             notes.push(format!("{}: no pattern of [files] matches it{more}: not read", first.display()));
         }
         notes.extend(clocks.notes);
-        notes.extend(smoothed::truth(logs));
+        let smoothed = smoothed::truth(logs);
+        notes.extend(smoothed.clone());
         let recording = match condition {
             Some(condition) => {
                 let (runs, told) = condition.runs(&Labelled::new(Watched::new(&recording, None), &labels), progress)?;
@@ -200,6 +206,7 @@ impl Dataset {
             topic_clocks,
             topics: Vec::new(),
             notes,
+            smoothed,
             watch: None,
             searched: AtomicBool::new(false),
         })
@@ -230,6 +237,11 @@ impl Dataset {
     /// The path of the file that an episode comes from; of a table its name.
     pub fn origin(&self, episode: usize) -> &Path {
         self.source.inner().origin(episode)
+    }
+
+    /// The files that an episode's log is read from: one, or those of a run or of a recording that was split; none of a table in memory.
+    pub fn files_of(&self, episode: usize) -> &[PathBuf] {
+        self.source.inner().files_of(episode)
     }
 
     /// What had to be assumed or left out while opening.

@@ -5,6 +5,7 @@
 pub mod blocks;
 pub mod clocks;
 pub mod condition;
+pub mod content;
 mod dataset;
 mod error;
 pub mod folder;
@@ -14,6 +15,7 @@ pub mod labels;
 mod logs;
 pub mod open;
 pub mod period;
+pub mod raw;
 mod read_plan;
 mod rotations;
 mod statistic_error;

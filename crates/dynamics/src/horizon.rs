@@ -7,7 +7,7 @@ use fleetfoot_library::UnknownColumn;
 use fleetfoot_model::Model;
 
 use crate::{
-    Baseline, Basis, End, Error, Estimate, Mahalanobis, RolloutOptions, Simulator, Trajectory,
+    Baseline, Basis, End, Error, Estimate, Mahalanobis, RawHorizon, RolloutOptions, Simulator, Trajectory,
     geometry::{Component, Geometry, parts},
     window::Window,
 };
@@ -26,6 +26,8 @@ pub struct Horizon {
     pub baselines: Vec<(Baseline, HorizonScore)>,
     /// Share of the trajectories that had ended early (diverged, or without a region) by each step. They are scored with their last good state.
     pub ended: Vec<f64>,
+    /// The model's errors against raw measurements, where these are at hand.
+    pub raw: Option<RawHorizon>,
     /// How long the model is worth using.
     pub useful: UsefulHorizon,
     /// The steps at which the model's mean Mahalanobis score is below that of each baseline.
@@ -157,6 +159,8 @@ pub(crate) struct HorizonSums {
     time: Vec<f64>,
     ended: Vec<u64>,
     tables: Vec<ErrorTable>,
+    /// The model's errors against raw measurements.
+    raw: ErrorTable,
     /// Per predictor (of the Mahalanobis score, then of the displacement) and step, the summary behind: sum and sum of squares of the scores, and their number.
     scores: Vec<Vec<[f64; 3]>>,
     /// Per episode, predictor and step: sum of the scores and their number.
@@ -213,6 +217,7 @@ impl HorizonScorer {
             starts: 0,
             time: vec![0.0; self.horizon],
             ended: vec![0; self.horizon],
+            raw: table.clone(),
             tables: vec![table; PREDICTORS],
             scores: vec![vec![[0.0; 3]; self.horizon + SUMMARY]; kinds * PREDICTORS],
             episodes: Vec::new(),
@@ -260,12 +265,7 @@ impl HorizonScorer {
                 }
                 self.errors(&measured, k + 1, &value, &mut error, &mut size);
                 let cell = (k - 1) * self.told.len();
-                let table = &mut sums.tables[predictor];
-                for s in (0..size.len()).filter(|&s| size[s].is_finite()) {
-                    table.square[cell + s] += size[s] * size[s];
-                    table.absolute[cell + s] += size[s].abs();
-                    table.rows[cell + s] += 1.0;
-                }
+                sums.tables[predictor].add(cell, &size);
                 vector.clear();
                 self.scored.iter().for_each(|span| vector.extend_from_slice(&error[span.clone()]));
                 if !vector.is_empty() && vector.iter().all(|value| value.is_finite()) {
@@ -284,6 +284,18 @@ impl HorizonScorer {
             for (at, value) in summary(series).into_iter().flatten().enumerate() {
                 sums.push(episode, predictor, self.horizon + at, value);
             }
+        }
+    }
+
+    /// Adds the errors of a trajectory against raw measurements.
+    pub(crate) fn add_raw(&self, raw: &Window<'_>, model: &Trajectory, sums: &mut HorizonSums) {
+        let measured: Vec<&[f64]> =
+            self.columns.iter().map(|&column| raw.values(column, 0, self.horizon as i64 + 1)).collect();
+        let mut error = vec![0.0; parts(&self.told).last().map_or(0, |last| last.end)];
+        let mut size = vec![0.0; self.told.len()];
+        for k in 1..=self.horizon {
+            self.errors(&measured, k, model.state(k), &mut error, &mut size);
+            sums.raw.add((k - 1) * size.len(), &size);
         }
     }
 
@@ -359,6 +371,10 @@ impl HorizonScorer {
             ended: sums.ended.iter().map(|&count| count as f64 / starts).collect(),
             time,
             states: self.names(states),
+            raw: sums.raw.rows.iter().any(|&rows| rows > 0.0).then(|| RawHorizon {
+                rmse: sums.raw.means(|table| &table.square).map(f64::sqrt).collect(),
+                mae: sums.raw.means(|table| &table.absolute).collect(),
+            }),
             model,
             baselines,
             basis,
@@ -423,6 +439,15 @@ fn useful_horizon(time: &[f64], model: &HorizonScore, baselines: &[(Baseline, Ho
 }
 
 impl ErrorTable {
+    /// Adds the errors of a step that are known, from a cell on.
+    fn add(&mut self, cell: usize, size: &[f64]) {
+        for s in (0..size.len()).filter(|&s| size[s].is_finite()) {
+            self.square[cell + s] += size[s] * size[s];
+            self.absolute[cell + s] += size[s].abs();
+            self.rows[cell + s] += 1.0;
+        }
+    }
+
     fn means<'a>(&'a self, sum: impl Fn(&'a Self) -> &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         sum(self).iter().zip(&self.rows).map(|(sum, rows)| sum / rows)
     }
@@ -468,6 +493,7 @@ impl HorizonSums {
         self.time.iter_mut().zip(&other.time).for_each(|(a, b)| *a += b);
         self.ended.iter_mut().zip(&other.ended).for_each(|(a, b)| *a += b);
         self.tables.iter_mut().zip(&other.tables).for_each(|(a, b)| a.merge(b));
+        self.raw.merge(&other.raw);
         for (a, b) in self.scores.iter_mut().flatten().zip(other.scores.iter().flatten()) {
             (0..3).for_each(|i| a[i] += b[i]);
         }

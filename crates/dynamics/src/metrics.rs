@@ -2,7 +2,7 @@
 
 use fleetfoot_data::EpisodeId;
 
-use crate::{Baseline, Basis, Estimate};
+use crate::{Baseline, Basis, Estimate, RawError};
 
 /// The one-step scores of a model on a recording.
 #[derive(Debug, Clone, PartialEq)]
@@ -72,6 +72,8 @@ pub struct TargetScore {
     pub deviation: f64,
     /// The null model, persistence and constant velocity.
     pub baselines: Vec<BaselineScore>,
+    /// The errors against raw measurements, where these are at hand and the left side is measured.
+    pub raw: Option<RawError>,
 }
 
 /// A baseline, on the rows for which it and the target are known.

@@ -97,11 +97,7 @@ pub fn rollout(
     options: &RolloutOptions,
     progress: &dyn Progress,
 ) -> Result<Rollouts, Error> {
-    // The null model of equations that share latents has no meaning; then there is no such baseline.
-    options.validate()?;
-    let compiled = |model: &Model| Simulator::for_source(model, source, options.step);
-    let null = null_model(model).and_then(|model| compiled(&model).ok());
-    roll_out(model, &compiled(model)?, null.as_ref(), source, starts, options, progress)
+    rollout_beside_raw(model, None, Recorded { source, raw: None }, starts, options, progress)
 }
 
 /// [`rollout`] with inputs from a controller that sees the simulated states (II-F of Buchan, Haldane, Fearing); so does the null model's.
@@ -116,19 +112,48 @@ pub fn rollout_closed_loop(
     options: &RolloutOptions,
     progress: &dyn Progress,
 ) -> Result<Rollouts, Error> {
+    rollout_beside_raw(model, Some(controller), Recorded { source, raw: None }, starts, options, progress)
+}
+
+/// Rows that a model is rolled out on, and what was measured there.
+#[derive(Clone, Copy)]
+pub struct Recorded<'a> {
+    /// The rows.
+    pub source: &'a dyn Source,
+    /// The raw measurements, where the rows are smoothed: the same episodes and rows, NaN where nothing was measured.
+    pub raw: Option<&'a dyn Source>,
+}
+
+/// [`rollout`], or with a controller [`rollout_closed_loop`], with errors against raw measurements beside those on the rows, where they are given. Starts are those of the rows.
+///
+/// # Errors
+/// Those of [`rollout`] and [`rollout_closed_loop`].
+pub fn rollout_beside_raw(
+    model: &Model,
+    controller: Option<&Arc<dyn Controller>>,
+    recorded: Recorded<'_>,
+    starts: &Starts,
+    options: &RolloutOptions,
+    progress: &dyn Progress,
+) -> Result<Rollouts, Error> {
     options.validate()?;
-    let compiled = |model: &Model| Simulator::for_source(model, source, options.step);
-    let simulator = compiled(model)?.driven_by(Arc::clone(controller))?;
+    let compiled = |model: &Model| Simulator::for_source(model, recorded.source, options.step);
+    let driven = |simulator: Simulator| match controller {
+        Some(controller) => simulator.driven_by(Arc::clone(controller)),
+        None => Ok(simulator),
+    };
+    let simulator = driven(compiled(model)?)?;
+    // The null model of equations that share latents has no meaning; then there is no such baseline.
     let null = null_model(model).and_then(|model| compiled(&model).ok());
-    let null = null.map(|null| null.driven_by(Arc::clone(controller))).transpose()?;
-    roll_out(model, &simulator, null.as_ref(), source, starts, options, progress)
+    let null = null.map(driven).transpose()?;
+    roll_out(model, &simulator, null.as_ref(), recorded, starts, options, progress)
 }
 
 fn roll_out(
     model: &Model,
     simulator: &Simulator,
     null: Option<&Simulator>,
-    source: &dyn Source,
+    Recorded { source, raw }: Recorded<'_>,
     starts: &Starts,
     options: &RolloutOptions,
     progress: &dyn Progress,
@@ -136,6 +161,7 @@ fn roll_out(
     let needed = simulator.needed_rows(options.horizon);
     let starts = starts.choose(source, options.horizon, needed.before, needed.after)?;
     let map = simulator.column_map(source)?;
+    let raw = raw.map(|raw| Ok::<_, Error>((raw, simulator.column_map(raw)?))).transpose()?;
     let scorer = HorizonScorer::new(model, simulator, options)?;
     let mut sums = scorer.empty();
     let (mut outcomes, mut trajectories, mut missing) = (Vec::with_capacity(starts.len()), Vec::new(), 0);
@@ -146,7 +172,11 @@ fn roll_out(
             let starts = &starts[group * GROUP..((group + 1) * GROUP).min(starts.len())];
             let blocks = read_windows(source, starts, needed)?;
             let windows = blocks.windows(starts, &map);
-            Ok(simulate_and_score(source, simulator, null, &scorer, &windows, options))
+            let raw_blocks = raw.as_ref().map(|(raw, _)| read_windows(*raw, starts, needed)).transpose()?;
+            let raw_windows =
+                raw_blocks.as_ref().zip(raw.as_ref()).map(|(blocks, (_, map))| blocks.windows(starts, map));
+            let windows = (windows.as_slice(), raw_windows.as_deref());
+            Ok(simulate_and_score(source, simulator, null, &scorer, windows, options))
         },
         |(lost, done, part)| -> Result<(), Error> {
             missing += lost;
@@ -179,17 +209,21 @@ fn simulate_and_score(
     simulator: &Simulator,
     null: Option<&Simulator>,
     scorer: &HorizonScorer,
-    windows: &[Window<'_>],
+    (windows, raw): (&[Window<'_>], Option<&[Window<'_>]>),
     options: &RolloutOptions,
 ) -> (usize, Vec<Trajectory>, HorizonSums) {
-    let usable: Vec<&Window<'_>> =
-        windows.iter().filter(|window| simulator.is_complete(window, options.horizon)).collect();
+    let chosen: Vec<usize> =
+        (0..windows.len()).filter(|&at| simulator.is_complete(&windows[at], options.horizon)).collect();
+    let usable: Vec<&Window<'_>> = chosen.iter().map(|&at| &windows[at]).collect();
     let done = simulator.simulate(source, &usable, options);
     let nulls = null.map(|null| null.simulate(source, &usable, options));
     let mut sums = scorer.empty();
     for (i, (window, trajectory)) in usable.iter().zip(&done).enumerate() {
         let time = simulator.times(source, window, options);
         scorer.add(window, &time, trajectory, nulls.as_ref().map(|nulls| &nulls[i]), &mut sums);
+        if let Some(raw) = raw {
+            scorer.add_raw(&raw[chosen[i]], trajectory, &mut sums);
+        }
     }
     (windows.len() - usable.len(), done, sums)
 }

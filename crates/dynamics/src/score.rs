@@ -8,9 +8,10 @@ use fleetfoot_stats::{Chunk, ErrorSum, Gram, Grid, TILE_ROWS, reduce};
 
 use crate::{
     Baseline, BaselineScore, Basis, CalibrationBin, Domain, EpisodeScore, Error, Estimate, Mahalanobis, Predicted,
-    Predictor, PredictorWorkspace, RowStatus, Scores, Skipped, TargetScore,
+    Predictor, PredictorWorkspace, RawError, RowStatus, Scores, Skipped, TargetScore,
     angle::wrap,
     baseline::{BaselineWorkspace, ONE_STEP, OneStepBaselines},
+    raw::{RawTargets, RawWorkspace},
 };
 
 /// Rows whose errors are kept for what needs them twice.
@@ -42,6 +43,20 @@ pub fn score(
     options: &ScoreOptions,
     progress: &dyn Progress,
 ) -> Result<Scores, Error> {
+    score_beside_raw(model, source, None, options, progress)
+}
+
+/// [`score`] with errors against raw measurements beside those on the rows: `raw` has the same episodes and rows, and in its columns what was measured (NaN for nothing).
+///
+/// # Errors
+/// Those of [`score`].
+pub fn score_beside_raw(
+    model: &Model,
+    source: &dyn Source,
+    raw: Option<&dyn Source>,
+    options: &ScoreOptions,
+    progress: &dyn Progress,
+) -> Result<Scores, Error> {
     let columns: Vec<&str> = source.columns().iter().map(|column| column.name.as_str()).collect();
     let scorer = Scorer {
         predictor: Predictor::new(model, &columns)?,
@@ -49,6 +64,7 @@ pub fn score(
         metric: Mahalanobis::of_covariance(&model.training.target_covariance, model.training.target_mean.len()),
         mean: model.training.target_mean.clone(),
         stride: source.rows().div_ceil(SAMPLE_ROWS).max(1),
+        raw: raw.map(|raw| RawTargets::new(model, &columns, raw)).transpose()?,
     };
     let chunks = Grid { chunk_rows: chunk_rows(source) }.chunks(source.episodes());
     let mut parts: Vec<(Chunk, Sums)> = Vec::with_capacity(chunks.len());
@@ -61,8 +77,7 @@ pub fn score(
         |(sums, tile), chunk, block, rows| -> Result<(), Error> {
             let first = block.first + rows.start;
             debug_assert!(chunk.rows.contains(&first) && rows.len() <= TILE_ROWS);
-            scorer.add(block, rows, tile, sums);
-            Ok(())
+            scorer.add(chunk.episode, block, rows, tile, sums)
         },
         |chunk, (sums, _)| {
             parts.push((chunk.clone(), sums));
@@ -78,12 +93,13 @@ fn chunk_rows(source: &dyn Source) -> usize {
     longest.div_ceil(SPANS).clamp(1, 65_536)
 }
 
-struct Scorer {
+struct Scorer<'a> {
     predictor: Predictor,
     baselines: OneStepBaselines,
     metric: Mahalanobis,
     mean: Vec<f64>,
     stride: usize,
+    raw: Option<RawTargets<'a>>,
 }
 
 /// Memory of a tile.
@@ -93,6 +109,9 @@ struct Tile {
     predicted: Predicted,
     baseline_workspace: BaselineWorkspace,
     baselines: Vec<f64>,
+    raw_workspace: RawWorkspace,
+    /// How far raw measurements are above smoothed values, targets x rows.
+    shifts: Vec<f64>,
 }
 
 /// What a chunk adds up to.
@@ -105,6 +124,8 @@ struct Sums {
     targets: Vec<ErrorSum>,
     /// Per target and baseline: the baseline's errors, and the model's on the same rows.
     baselines: Vec<[(ErrorSum, ErrorSum); 2]>,
+    /// Per target the errors against raw measurements.
+    raw: Vec<ErrorSum>,
     mahalanobis: f64,
     /// Sampled rows: input score, output score, errors, measured targets.
     sample: Vec<f64>,
@@ -119,6 +140,7 @@ impl Sums {
             outside_training: 0,
             targets: vec![ErrorSum::default(); targets],
             baselines: vec![Default::default(); targets],
+            raw: vec![ErrorSum::default(); targets],
             mahalanobis: 0.0,
             sample: Vec::new(),
         }
@@ -138,19 +160,32 @@ impl Sums {
             a.0.merge(&b.0);
             a.1.merge(&b.1);
         }
+        self.raw.iter_mut().zip(&other.raw).for_each(|(a, b)| a.merge(b));
         self.mahalanobis += other.mahalanobis;
     }
 }
 
-impl Scorer {
+impl Scorer<'_> {
     fn halo(&self) -> Halo {
-        let (a, b) = (self.predictor.halo(), self.baselines.halo());
-        Halo { before: a.before.max(b.before), after: a.after.max(b.after) }
+        let raw = self.raw.as_ref().map_or_else(Halo::default, RawTargets::halo);
+        let all = [self.predictor.halo(), self.baselines.halo(), raw];
+        all.iter().fold(Halo::default(), |a, b| Halo { before: a.before.max(b.before), after: a.after.max(b.after) })
     }
 
-    fn add(&self, block: &Block, rows: Range<usize>, tile: &mut Tile, sums: &mut Sums) {
+    fn add(
+        &self,
+        episode: usize,
+        block: &Block,
+        rows: Range<usize>,
+        tile: &mut Tile,
+        sums: &mut Sums,
+    ) -> Result<(), Error> {
         let first = block.first + rows.start;
-        let Tile { workspace, predicted, baseline_workspace, baselines } = tile;
+        let Tile { workspace, predicted, baseline_workspace, baselines, raw_workspace, shifts } = tile;
+        shifts.clear();
+        if let Some(raw) = &self.raw {
+            raw.shifts(episode, block, &rows, raw_workspace, shifts)?;
+        }
         self.predictor.predict(block, rows.clone(), workspace, predicted);
         self.baselines.predict(block, rows, baseline_workspace, baselines);
         let mut error = vec![0.0; self.mean.len()];
@@ -162,6 +197,11 @@ impl Scorer {
             }
             for target in 0..error.len() {
                 error[target] = self.add_target(predicted, baselines, target, row, &mut part);
+                if let Some(shift) = shifts.get(target * predicted.rows + row).filter(|shift| shift.is_finite()) {
+                    let angle = self.predictor.wrapped(target);
+                    let error = error[target] + shift;
+                    part.raw[target].push(if angle { wrap(error) } else { error }, 0.0, 0.0, 1.0);
+                }
             }
             let output = self.metric.score_with(&error, &mut scratch);
             part.mahalanobis += output;
@@ -173,6 +213,7 @@ impl Scorer {
         }
         sums.sample = std::mem::take(&mut part.sample);
         sums.merge(&part);
+        Ok(())
     }
 
     /// Adds the errors of one target at one row; gives the model's error.
@@ -216,7 +257,7 @@ fn count(predicted: &Predicted, row: usize, sums: &mut Sums) -> bool {
 fn summarise(
     model: &Model,
     source: &dyn Source,
-    scorer: &Scorer,
+    scorer: &Scorer<'_>,
     parts: &[(Chunk, Sums)],
     options: &ScoreOptions,
 ) -> Scores {
@@ -308,6 +349,11 @@ fn target_scores(model: &Model, total: &Sums, groups: &[Sums]) -> Vec<TargetScor
                 max: if sum.rows > 0 { sum.largest } else { f64::NAN },
                 deviation: sum.deviation_of_target(),
                 baselines,
+                raw: (total.raw[t].rows > 0).then(|| RawError {
+                    rows: total.raw[t].rows,
+                    mae: total.raw[t].mean_absolute(),
+                    rmse: total.raw[t].root_mean_square(),
+                }),
             }
         })
         .collect()

@@ -4,7 +4,6 @@
 //! ([`fleetfoot_sums::structured::Scanned`]) and those of the equations of `fit sindy` and `fit pwa` ([`EquationStatistic`]). Kept as a file, it is shipped instead of
 //! the logs, appended to, merged, parted by episode and solved later. [`scan()`] makes one in memory, [`scan_to`] on disk.
 
-mod content;
 mod equations;
 mod json;
 mod key;

@@ -71,6 +71,8 @@ pub(crate) struct Place {
 struct RecordedFile {
     /// Of a table in memory, its name.
     path: PathBuf,
+    /// What is read of it: the file, those that go on with it, or those of a run; none of a table.
+    parts: Vec<PathBuf>,
     in_memory: bool,
     table: Box<dyn Table>,
     mask: RowMask,
@@ -187,6 +189,11 @@ pub(crate) fn open_agreed(
         let file = recording.files.len();
         spans.extend(own.into_iter().map(|span| (file, span)));
         recording.files.push(RecordedFile {
+            parts: match &logs[file] {
+                Log::File(path) => [path.clone()].into_iter().chain(splits.further(path).iter().cloned()).collect(),
+                Log::Run(run) => run.files.iter().map(|(_, path)| path.clone()).collect(),
+                Log::Table(_) => Vec::new(),
+            },
             path,
             in_memory: logs[file].file().is_none(),
             table: opened.table,
@@ -360,6 +367,11 @@ impl Recording {
     /// The path of the file that an episode comes from; of a table in memory its name.
     pub fn origin(&self, episode: usize) -> &Path {
         &self.files[self.places[episode].file].path
+    }
+
+    /// The files that an episode's log is read from: one, or those of a run or of a recording that was split; none of a table in memory.
+    pub fn files_of(&self, episode: usize) -> &[PathBuf] {
+        &self.files[self.places[episode].file].parts
     }
 
     pub(crate) fn add_episodes(

@@ -13,7 +13,13 @@ use std::ops::Range;
 
 use body::Poses;
 use fleetfoot_data::{ColumnKind, Progress, Source};
-use fleetfoot_dataset::{Dataset, Error, Logs, folder::Folder, found_clocks::Clocks, is_prepared};
+use fleetfoot_dataset::{
+    Dataset, Error, Logs,
+    folder::Folder,
+    found_clocks::Clocks,
+    is_prepared,
+    raw::{RawLog, RawLogs},
+};
 use fleetfoot_log::{ParquetWriter, Values, WriteOptions};
 use fleetfoot_recipe::{AttitudeForm, EpisodeRule, PrepareSection, Recipe};
 use fleetfoot_signal::fuse::{BodyState, Fused, gaps};
@@ -92,7 +98,16 @@ pub(crate) fn prepare(
     let joints: Vec<Joint> = plans.into_iter().map(fuse).collect::<Result<_, _>>()?;
     notes.extend(folder.notes());
     let write = WriteOptions { metadata: metadata(recipe), inputs: logs.files(), ..WriteOptions::default() };
+    let mut raw = RawLogs::new(&request.folder);
+    let of_rows = |own: &LogRows| {
+        let episode = (0..read.episodes().len()).find(|&episode| read.origin(episode) == own.log);
+        let Some(episode) = episode else { return Ok(None) };
+        let raw = raw.of(&read, episode, progress)?;
+        Ok::<_, Error>(raw.map(|raw| RawLog { episode: None, ..raw }))
+    };
+    let raw = rows.iter().map(of_rows).collect::<Result<Vec<_>, _>>()?;
     let mut job = Job {
+        raw,
         rows: &rows,
         body: body.as_ref(),
         joints: &joints,
@@ -211,6 +226,8 @@ impl Body {
 
 /// The writing of stretches.
 struct Job<'a> {
+    /// The raw log of every run.
+    raw: Vec<Option<RawLog>>,
     rows: &'a [LogRows],
     body: Option<&'a Body>,
     joints: &'a [Joint],
@@ -284,7 +301,9 @@ impl Job<'_> {
     fn piece(&mut self, at: usize, track: usize, piece: Range<usize>) -> Result<PieceReport, Error> {
         let rows = &self.rows[at];
         let file = self.names.next(&rows.name);
-        let mut writer = ParquetWriter::create(self.folder.staged(&file), self.columns.write.clone(), &self.write)?;
+        let mut write = self.write.clone();
+        write.metadata.extend(self.raw[at].as_ref().map(RawLog::entry));
+        let mut writer = ParquetWriter::create(self.folder.staged(&file), self.columns.write.clone(), &write)?;
         let wanted: Vec<usize> = piece.step_by(self.options.decimate).collect();
         for chunk in wanted.chunks(CHUNK) {
             let mut columns = match self.body {

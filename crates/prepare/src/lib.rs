@@ -24,6 +24,7 @@ use fleetfoot_dataset::{
     clocks::AlignedClock,
     folder::{Folder, RECIPE},
     is_prepared,
+    raw::{PREPARED_BY, RawLog, RawLogs},
 };
 use fleetfoot_log::{WriteColumn, WriteOptions, write_atomic};
 use fleetfoot_model::RotationKind;
@@ -104,7 +105,11 @@ pub fn prepare(
     let time = TIMES.iter().find(is_free).copied().unwrap_or(TIMES[0]);
     let folder = Folder::create(&request.folder, request.force, &logs.files(), is_prepared)?;
     let topics = Topics::new(&recipe, &dataset, &planned, logs, options.dejitter, progress)?;
+    let mut raw = RawLogs::new(&request.folder);
+    let of_episode = |episode| raw.of(&dataset, episode, progress);
+    let raw = (0..view.episodes().len()).map(of_episode).collect::<Result<Vec<_>, _>>()?;
     let mut job = Job {
+        raw,
         view: &view,
         dataset: &dataset,
         topics: &topics,
@@ -166,7 +171,7 @@ fn committed(folder: Folder, report: PrepareReport, recipe: &Recipe) -> Result<P
 
 /// What a prepared file says of itself.
 fn metadata(recipe: &Recipe) -> BTreeMap<String, String> {
-    let pairs = [("fleetfoot.prepared", recipe.to_toml()), ("fleetfoot.version", env!("CARGO_PKG_VERSION").to_owned())];
+    let pairs = [(PREPARED_BY, recipe.to_toml()), ("fleetfoot.version", env!("CARGO_PKG_VERSION").to_owned())];
     pairs.map(|(key, value)| (key.to_owned(), value)).into()
 }
 
@@ -213,6 +218,8 @@ struct Rows<'a> {
 
 /// A preparation under way.
 struct Job<'a> {
+    /// The raw log of every episode.
+    raw: Vec<Option<RawLog>>,
     view: &'a UnitRotations<'a>,
     dataset: &'a Dataset,
     topics: &'a Topics,
@@ -317,9 +324,30 @@ impl Job<'_> {
             channels.iter().filter_map(|own: &ChannelReport| Some((own.channel.as_str(), own.noise?))).collect();
         let mut options = self.write.clone();
         options.metadata.insert(NOISE.to_owned(), serde_json::json!(noise).to_string());
+        options.metadata.extend(self.raw_log(episode, &channels).map(|raw| raw.entry()));
         write::write(&self.folder.staged(&file), self.columns.clone(), &stamps, &columns, &options)?;
         self.label(&file, &info.labels);
         Ok(Some(PieceReport { file, rows: stamps.len(), channels }))
+    }
+
+    /// The raw log of an episode, and what was made of its channels.
+    fn raw_log(&self, episode: usize, channels: &[ChannelReport]) -> Option<RawLog> {
+        let mut raw = self.raw[episode].clone()?;
+        for own in self.planned {
+            let late = own.options.filter(|options| options.method != Method::None).map_or(0.0, |options| options.late);
+            if late != 0.0 {
+                raw.late.insert(own.name.clone(), late);
+            }
+        }
+        for ChannelReport { channel, topic, saturated, stuck, hampel, rejected, .. } in channels {
+            raw.topics.extend(topic.iter().map(|topic| (channel.clone(), topic.clone())));
+            let spans = [saturated, stuck, hampel, rejected].into_iter().flat_map(|places| places.spans.clone());
+            let spans: Vec<[f64; 2]> = spans.collect();
+            if !spans.is_empty() {
+                raw.left_out.insert(channel.clone(), spans);
+            }
+        }
+        Some(raw)
     }
 
     /// A state or input, prepared.

@@ -1,12 +1,12 @@
 //! A model run on files: scores, predictions row by row, rollouts.
 
-use std::{path::Path, sync::Arc};
+use std::{collections::BTreeSet, path::Path, sync::Arc};
 
 use fleetfoot_data::{Progress, Source, parallel_fold};
-use fleetfoot_dataset::{Dataset, Logs, blocks::blocks};
+use fleetfoot_dataset::{Dataset, Logs, blocks::blocks, raw::Measured};
 use fleetfoot_dynamics::{
-    Domain, Predicted, Predictor, PredictorWorkspace, RolloutOptions, Rollouts, RowStatus, ScoreOptions, Scores,
-    Starts, controller::Controller,
+    Domain, Predicted, Predictor, PredictorWorkspace, Recorded, RolloutOptions, Rollouts, RowStatus, ScoreOptions,
+    Scores, Starts, controller::Controller,
 };
 use fleetfoot_fit::{Error, FileRuns, free_runs_by_file};
 use fleetfoot_library::Expr;
@@ -43,8 +43,11 @@ pub fn score(model: &Model, changes: &Recipe, logs: impl Into<Logs>, progress: &
 /// Scores one-step predictions on rows that are opened.
 pub fn score_rows(model: &Model, dataset: &Dataset, progress: &dyn Progress) -> Result<Scored, Error> {
     let view = dataset.view()?;
+    let measured = dataset.measured(&compared(model), progress)?;
+    let raw = measured.as_ref().map(Measured::view).transpose()?;
+    let raw = raw.as_ref().map(|raw| raw as &dyn Source);
     progress.stage("score");
-    let mut scores = fleetfoot_dynamics::score(model, &view, &ScoreOptions::default(), progress)?;
+    let mut scores = fleetfoot_dynamics::score_beside_raw(model, &view, raw, &ScoreOptions::default(), progress)?;
     dataset.all_were_read();
     let trained = dataset.trained(model);
     scores.episodes.iter_mut().for_each(|score| score.in_training |= trained.contains(&score.episode));
@@ -52,7 +55,7 @@ pub fn score_rows(model: &Model, dataset: &Dataset, progress: &dyn Progress) -> 
     if scores.rows == 0 {
         return Err(nothing_to_score(&scores));
     }
-    let mut notes = dataset.notes().to_vec();
+    let mut notes = notes(dataset, measured.as_ref());
     notes.extend(targets_at_rest(&scores));
     Ok(Scored {
         scores,
@@ -61,6 +64,18 @@ pub fn score_rows(model: &Model, dataset: &Dataset, progress: &dyn Progress) -> 
         in_sample: dataset.in_sample(model),
         notes,
     })
+}
+
+/// The columns that errors of one step are against: those of targets, none of which is a derivative.
+fn compared(model: &Model) -> BTreeSet<String> {
+    let levels = model.fitted().filter(|equation| equation.prediction != Prediction::Derivative);
+    let targets = levels.filter_map(|equation| equation.target.as_ref());
+    targets.flat_map(Expr::columns).map(|name| name.to_string()).collect()
+}
+
+/// The notes of opened rows, with what is measured in the raw logs of prepared ones.
+fn notes(dataset: &Dataset, measured: Option<&Measured>) -> Vec<String> {
+    measured.map_or_else(|| dataset.notes().to_vec(), |measured| measured.notes(dataset.notes()))
 }
 
 /// Targets that did not vary are predicted by any constant: their ratios praise no model.
@@ -304,15 +319,16 @@ pub fn roll_rows(
 ) -> Result<RolledOut, Error> {
     dataset.search(progress)?;
     let view = dataset.view()?;
+    let advanced = model.equations.iter().filter(|equation| equation.prediction != Prediction::Value);
+    let measured = dataset.measured(&advanced.map(|equation| equation.subject.clone()).collect(), progress)?;
+    let raw = measured.as_ref().map(Measured::view).transpose()?;
+    let recorded = Recorded { source: &view, raw: raw.as_ref().map(|raw| raw as &dyn Source) };
     progress.stage("rollout");
-    let rollouts = match closed_by {
-        Some(closed_by) => fleetfoot_dynamics::rollout_closed_loop(model, closed_by, &view, starts, options, progress)?,
-        None => fleetfoot_dynamics::rollout(model, &view, starts, options, progress)?,
-    };
+    let rollouts = fleetfoot_dynamics::rollout_beside_raw(model, closed_by, recorded, starts, options, progress)?;
     Ok(RolledOut {
         rollouts,
         episodes: dataset.episodes().len(),
         in_sample: dataset.in_sample(model),
-        notes: dataset.notes().to_vec(),
+        notes: notes(dataset, measured.as_ref()),
     })
 }

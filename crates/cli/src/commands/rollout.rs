@@ -138,6 +138,12 @@ pub(crate) fn to_text(rolled: &RolledOut, model: &Model, position: &str) -> Stri
     header.extend(horizon.states.iter().map(|name| {
         format!("RMSE {name}{}", model.unit_of(name).map(|unit| format!(" [{unit}]")).unwrap_or_default())
     }));
+    // Beside the errors on smoothed values those against their measurements.
+    let raw = horizon.raw.as_ref().map(|raw| raw.rmse.as_slice());
+    let is_measured =
+        |state: &usize| raw.is_some_and(|raw| raw.iter().skip(*state).step_by(states).any(|value| value.is_finite()));
+    let measured: Vec<usize> = (0..states).filter(is_measured).collect();
+    header.extend(measured.iter().map(|&state| format!("raw RMSE {}", horizon.states[state])));
     let rows = told(horizon.time.len())
         .into_iter()
         .map(|step| {
@@ -146,6 +152,9 @@ pub(crate) fn to_text(rolled: &RolledOut, model: &Model, position: &str) -> Stri
             row.extend(horizon.baselines.iter().map(|(_, score)| ratio(score.mahalanobis[at].value)));
             row.push(format!("{:.1} %", 100.0 * horizon.ended[at]));
             row.extend(horizon.model.rmse[at * states..(at + 1) * states].iter().map(|&value| number(value)));
+            row.extend(
+                raw.into_iter().flat_map(|raw| measured.iter().map(move |state| number(raw[at * states + state]))),
+            );
             row
         })
         .collect();

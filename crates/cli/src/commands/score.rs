@@ -83,12 +83,16 @@ fn to_text(scored: &Scored, episodes: bool) -> String {
         "persistence / model",
         "const. vel. / model",
     ];
+    // Beside the error on smoothed values that against their measurements.
+    let raw = scores.targets.iter().any(|target| target.raw.is_some()).then_some("raw RMSE");
+    let mut header = header.to_vec();
+    raw.iter().for_each(|name| header.insert(6, name));
     let rows = scores
         .targets
         .iter()
         .map(|target| {
             let unit = target.unit.as_ref().map(|unit| format!(" [{unit}]")).unwrap_or_default();
-            vec![
+            let mut cells = vec![
                 format!("{}{unit}", target.name),
                 number(target.deviation),
                 number(target.mae.value),
@@ -99,7 +103,11 @@ fn to_text(scored: &Scored, episodes: bool) -> String {
                 baseline(target, Baseline::Null),
                 baseline(target, Baseline::Persistence),
                 baseline(target, Baseline::ConstantVelocity),
-            ]
+            ];
+            if raw.is_some() {
+                cells.insert(6, target.raw.map_or_else(|| "-".to_owned(), |raw| number(raw.rmse)));
+            }
+            cells
         })
         .collect();
     let skipped = &scores.skipped;

@@ -5,6 +5,7 @@ use std::collections::HashSet;
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_dataset::{
     ContentHash, Dataset, Error as DatasetError, Logs, ReadPlan, StatisticFile,
+    content::hash_logs,
     open::{OpenedStructure, estimate_structure},
 };
 use fleetfoot_recipe::Recipe;
@@ -13,7 +14,6 @@ use serde::Serialize;
 
 use super::{
     ScanOptions,
-    content::hash_logs,
     equations::{self, accepts_equations},
     scan::{chunk_bytes, default_chunk},
 };

@@ -8,7 +8,10 @@ use std::{
 
 use fleetfoot_data::{Column, Episode, Progress, Source, Work, until_stopped};
 use fleetfoot_dataset::{
-    ContentHash, Dataset, EquationStatistic, FileRecord, Logs, StatisticFile, open::OpenedStructure, refuse_unprintable,
+    ContentHash, Dataset, EquationStatistic, FileRecord, Logs, StatisticFile,
+    content::{Hashed, hash_logs},
+    open::OpenedStructure,
+    refuse_unprintable,
 };
 use fleetfoot_library::Expr;
 use fleetfoot_recipe::Recipe;
@@ -18,7 +21,6 @@ use fleetfoot_task::{EquationTask, StructuredTask};
 
 use super::{
     LabelKey,
-    content::{Hashed, hash_logs},
     equations::{self, accepts_equations, unserved},
 };
 use crate::{error::Error, incomplete::incomplete_rows, not_finite::too_few, subset::Subset};

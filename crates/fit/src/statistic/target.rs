@@ -6,15 +6,14 @@ use std::{
 };
 
 use fleetfoot_data::{Progress, unstoppable};
-use fleetfoot_dataset::Logs;
+use fleetfoot_dataset::{
+    Logs,
+    content::{Hashed, hash_logs},
+};
 use fleetfoot_log::{WriteLock, check_outputs, is_stream};
 use fleetfoot_recipe::Recipe;
 
-use super::{
-    ScanOptions, ScanReport, Sizes, StatisticError, StatisticFile,
-    content::{Hashed, hash_logs},
-    scan::Scan,
-};
+use super::{ScanOptions, ScanReport, Sizes, StatisticError, StatisticFile, scan::Scan};
 use crate::error::Error;
 
 /// Where a scan goes, and what may be there.

@@ -162,7 +162,8 @@ class OnRecordings:
         -------
         dict
             ``targets``: for each fitted equation its errors (``mae``, ``rmse``, ``r2``, ``mae_over_null`` with 95 %
-            intervals) and the ``baselines``;
+            intervals), the ``baselines``, and on prepared logs whose raw logs are at hand ``raw`` (``rows``, ``mae``, ``rmse``
+            against the measurements);
             ``by_episode``; ``in_sample_episodes``, names of those that trained the model; ``rows``, ``skipped``,
             ``mahalanobis``, ``calibration``, ``notes``.
 
@@ -241,7 +242,8 @@ class OnRecordings:
             ``time`` (horizon), ``states``, ``replayed`` (columns that came from the recording after a start: inputs
             that nothing drives, and what does not follow from states and inputs), ``model`` and ``baselines`` (``rmse``, ``mae``: horizon x states;
             ``mahalanobis`` and ``displacement`` with intervals; ``summary`` and ``displacement_summary``: ``average``,
-            ``last``, ``drift_per_second`` over whole rollouts),
+            ``last``, ``drift_per_second`` over whole rollouts), ``raw`` on prepared logs whose raw logs are at hand (``rmse``, ``mae`` against
+            the measurements),
             ``useful_horizon`` (``better_than_all`` and, by baseline, ``better_than``: the spans of steps at which the
             model is the better one), ``diverged``, ``left_domain``, ``ended_outside``, ``notes``; and with ``keep`` ``trajectories``: for each
             start a dict of ``episode``, ``row``,

@@ -56,12 +56,14 @@ class Scores(Report):
 
     @property
     def table(self) -> list[dict[str, Any]]:
-        """For each target its errors, beside those of the null model and persistence."""
+        """For each target its errors, beside those against raw measurements (of prepared logs), of the null model and of persistence."""
+        measured = any(one.get("raw") for one in self["targets"])
         return [
             {
                 "target": one["name"],
                 "unit": one["unit"] or "",
                 "rmse": _number(one["rmse"]),
+                **({"raw rmse": _number((one.get("raw") or {}).get("rmse"))} if measured else {}),
                 "mae": _number(one["mae"]),
                 "r2": _number(one["r2"]),
                 **{f"rmse of {other['name']}": _number(other["rmse"]) for other in one["baselines"]},
@@ -80,8 +82,9 @@ class Rollouts(Report):
 
     @property
     def table(self) -> list[dict[str, Any]]:
-        """For each state its error at the last step, beside those of the baselines."""
-        whose = {"rmse": self["model"], **{f"rmse of {name}": one for name, one in self["baselines"].items()}}
+        """For each state its error at the last step, beside those against raw measurements (of prepared logs) and of the baselines."""
+        raw = {"raw rmse": self["raw"]} if self.get("raw") else {}
+        whose = {"rmse": self["model"], **raw, **{f"rmse of {name}": one for name, one in self["baselines"].items()}}
         seconds = self["time"][-1] if self["time"] else None
         return [
             {

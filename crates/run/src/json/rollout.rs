@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use fleetfoot_dataset::json::report;
-use fleetfoot_dynamics::{Estimate, Horizon, HorizonScore, RolloutSummary, StepSpan};
+use fleetfoot_dynamics::{Estimate, Horizon, HorizonScore, RawHorizon, RolloutSummary, StepSpan};
 use fleetfoot_fit::{Interval, interval_in_words};
 use serde::Serialize;
 use serde_json::Value;
@@ -31,6 +31,7 @@ impl RolledOut {
             driven_inputs: &rollouts.driven_inputs,
             time: &horizon.time,
             model: Curves::new(&horizon.model, states),
+            raw: horizon.raw.as_ref().map(|raw| Raw::new(raw, states)),
             baselines: by_baseline(&horizon.baselines, |score| Curves::new(score, states)),
             ended: &horizon.ended,
             intervals: interval_in_words(&horizon.basis),
@@ -55,6 +56,8 @@ struct Told<'a> {
     driven_inputs: &'a [String],
     time: &'a [f64],
     model: Curves,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    raw: Option<Raw>,
     baselines: BTreeMap<&'static str, Curves>,
     ended: &'a [f64],
     intervals: String,
@@ -73,13 +76,30 @@ struct Curves {
     displacement_summary: Option<Summary>,
 }
 
+/// Errors against raw measurements, steps x states.
+#[derive(Serialize)]
+struct Raw {
+    rmse: Vec<Vec<f64>>,
+    mae: Vec<Vec<f64>>,
+}
+
+impl Raw {
+    fn new(raw: &RawHorizon, states: usize) -> Self {
+        Self { rmse: by_step(&raw.rmse, states), mae: by_step(&raw.mae, states) }
+    }
+}
+
+/// Values steps x states, step by step.
+fn by_step(values: &[f64], states: usize) -> Vec<Vec<f64>> {
+    values.chunks(states.max(1)).map(<[f64]>::to_vec).collect()
+}
+
 impl Curves {
     fn new(score: &HorizonScore, states: usize) -> Self {
-        let table = |values: &[f64]| values.chunks(states.max(1)).map(<[f64]>::to_vec).collect();
         let triples = |all: &[Estimate]| all.iter().map(|own| [own.value, own.low, own.high]).collect();
         Self {
-            rmse: table(&score.rmse),
-            mae: table(&score.mae),
+            rmse: by_step(&score.rmse, states),
+            mae: by_step(&score.mae, states),
             mahalanobis: triples(&score.mahalanobis),
             summary: (&score.summary).into(),
             displacement: triples(&score.displacement),

@@ -75,6 +75,16 @@ struct Target<'a> {
     max: f64,
     sigma: f64,
     baselines: Vec<Beside>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    raw: Option<Raw>,
+}
+
+/// Errors against raw measurements.
+#[derive(Serialize)]
+struct Raw {
+    rows: u64,
+    mae: f64,
+    rmse: f64,
 }
 
 impl<'a> From<&'a TargetScore> for Target<'a> {
@@ -91,6 +101,7 @@ impl<'a> From<&'a TargetScore> for Target<'a> {
             max: target.max,
             sigma: target.deviation,
             baselines: target.baselines.iter().map(Beside::from).collect(),
+            raw: target.raw.map(|own| Raw { rows: own.rows, mae: own.mae, rmse: own.rmse }),
         }
     }
 }

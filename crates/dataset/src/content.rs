@@ -7,11 +7,10 @@ use std::{
 };
 
 use fleetfoot_data::{Cancelled, ColumnKind, Progress, parallel_map};
-use fleetfoot_dataset::{ContentHash, Logs, StatisticError};
 use fleetfoot_log::{Log, MemoryTable};
 use fleetfoot_recipe::Recipe;
 
-use crate::error::Error;
+use crate::{error::Error, logs::Logs, statistic_error::StatisticError, stats_file::ContentHash};
 
 /// Bytes read at once.
 const BUFFER: usize = 1 << 20;
@@ -20,28 +19,33 @@ const HASHED_ROWS: usize = 1 << 14;
 
 /// A file or table, its hash and its size.
 #[derive(Debug, Clone)]
-pub(super) struct Hashed {
-    pub(super) log: Log,
-    pub(super) hash: ContentHash,
-    pub(super) bytes: u64,
+pub struct Hashed {
+    /// The file or table.
+    pub log: Log,
+    /// Its hash.
+    pub hash: ContentHash,
+    /// Its size.
+    pub bytes: u64,
 }
 
 impl Hashed {
     /// The file's path; of a table its name.
-    pub(super) fn path(&self) -> &Path {
+    pub fn path(&self) -> &Path {
         self.log.path()
     }
 }
 
 /// Hashes logs, in order, as a recipe reads them: the files of a run as one.
-pub(super) fn hash_logs(logs: &Logs, recipe: &Recipe, progress: &dyn Progress) -> Result<Vec<Hashed>, Error> {
+///
+/// # Errors
+/// Those of grouping files and of reading.
+pub fn hash_logs(logs: &Logs, recipe: &Recipe, progress: &dyn Progress) -> Result<Vec<Hashed>, Error> {
     let (logs, _) = logs.by(recipe)?;
     progress.stage("hashing");
     parallel_map(logs.len(), progress, |i| {
         let log = logs.all()[i].clone();
         let (hash, bytes) = match &log {
-            Log::File(path) if path.is_dir() => hash_folder(path, progress)?,
-            Log::File(path) => hash_file(path, progress)?,
+            Log::File(path) => hash_path(path, progress)?,
             Log::Run(run) => hash_files(run.files.iter().map(|(topic, path)| (topic.as_bytes(), path)), progress)?,
             Log::Table(table) => hash_table(table.as_ref(), progress)?,
         };
@@ -80,6 +84,14 @@ fn hash_table(table: &dyn MemoryTable, progress: &dyn Progress) -> Result<(Conte
         }
     }
     Ok((ContentHash(*hasher.finalize().as_bytes()), 8 * (table.rows() * table.columns().len()) as u64))
+}
+
+/// Hashes a file, or the folder of a recording, and tells its size.
+///
+/// # Errors
+/// Those of reading.
+pub fn hash_path(path: &Path, progress: &dyn Progress) -> Result<(ContentHash, u64), Error> {
+    if path.is_dir() { hash_folder(path, progress) } else { hash_file(path, progress) }
 }
 
 fn hash_file(path: &Path, progress: &dyn Progress) -> Result<(ContentHash, u64), Error> {
