@@ -24,8 +24,9 @@ use std::{
 
 use fleetfoot_benches::{peak_rss_mib, peer, read_f64};
 use fleetfoot_data::{Cancelled, Halo, Silent, Source, parallel_fold, parallel_map, thread_count, with_threads};
-use fleetfoot_log::{McapOptions, McapWriter, Messages, Selection, inspect, open};
+use fleetfoot_log::{Messages, Selection, inspect, open};
 use fleetfoot_message::write::{Header, Imu, Time};
+use fleetfoot_output::{McapOptions, McapWriter};
 use mcap::{
     Summary, parse_record,
     records::{ChunkHeader, Record, op},

@@ -15,7 +15,8 @@ use std::{
 use fleetfoot::{Input, InputTable, PwaRequest, Recipe, State, fit_pwa};
 use fleetfoot_benches::peak_rss_mib;
 use fleetfoot_data::{Cancelled, Halo, Silent, Source, parallel_fold, thread_count};
-use fleetfoot_log::{ParquetWriter, Selection, Values, WriteColumn, WriteKind, WriteOptions, open};
+use fleetfoot_log::{Selection, open};
+use fleetfoot_output::{ParquetWriter, Values, WriteColumn, WriteKind, WriteOptions};
 use parquet::arrow::arrow_reader::{ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;

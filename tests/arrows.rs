@@ -5,7 +5,7 @@ mod circles;
 use std::{collections::BTreeSet, fs, path::Path, process::Command};
 
 /// Crate, and the crates of the workspace that it may use.
-const ARROWS: [(&str, &[&str]); 28] = [
+const ARROWS: [(&str, &[&str]); 29] = [
     // No code: the features of third-party crates.
     ("fleetfoot-features", &[]),
     ("fleetfoot-data", &["features"]),
@@ -18,7 +18,9 @@ const ARROWS: [(&str, &[&str]); 28] = [
     ("fleetfoot-codegen", &["data", "library", "stats", "model", "control"]),
     ("fleetfoot-message", &["data"]),
     ("fleetfoot-signal", &["data"]),
-    ("fleetfoot-log", &["data", "message"]),
+    ("fleetfoot-output", &["message"]),
+    // The metadata that a writer puts into a file.
+    ("fleetfoot-log", &["data", "message", "output"]),
     ("fleetfoot-sums", &["data", "library", "stats", "model"]),
     ("fleetfoot-sparse", &["data", "library", "stats", "sums"]),
     ("fleetfoot-pwa", &["data", "library", "stats", "model"]),
@@ -29,37 +31,46 @@ const ARROWS: [(&str, &[&str]); 28] = [
     ("fleetfoot-report", &["features"]),
     ("fleetfoot-recipe", &["data", "library", "model", "signal", "log"]),
     ("fleetfoot-task", &["data", "library", "stats", "model", "sums", "sparse", "pwa", "estimate", "recipe"]),
-    ("fleetfoot-dataset", &["data", "library", "stats", "model", "signal", "log", "sums", "pwa", "recipe", "task"]),
-    ("fleetfoot-prepare", &["data", "library", "model", "signal", "log", "recipe", "task", "dataset"]),
+    (
+        "fleetfoot-dataset",
+        &["data", "library", "stats", "model", "signal", "log", "output", "sums", "pwa", "recipe", "task"],
+    ),
+    ("fleetfoot-prepare", &["data", "library", "model", "signal", "output", "recipe", "task", "dataset"]),
     (
         "fleetfoot-fit",
         &[
             // Of `codegen` and `control` their errors, of `report` its words for numbers.
-            "data", "library", "stats", "model", "dynamics", "control", "codegen", "log", "sums", "pwa", "sparse",
-            "estimate", "report", "recipe", "task", "dataset",
+            "data", "library", "stats", "model", "dynamics", "control", "codegen", "log", "output", "sums", "pwa",
+            "sparse", "estimate", "report", "recipe", "task", "dataset",
         ],
     ),
     (
         "fleetfoot-run",
-        &["data", "library", "model", "dynamics", "control", "codegen", "log", "estimate", "recipe", "dataset", "fit"],
+        &[
+            "data", "library", "model", "dynamics", "control", "codegen", "log", "output", "estimate", "recipe",
+            "dataset", "fit",
+        ],
     ),
     (
         "fleetfoot-page",
-        &["data", "library", "stats", "model", "dynamics", "log", "report", "recipe", "dataset", "fit", "run"],
+        &[
+            "data", "library", "stats", "model", "dynamics", "log", "output", "report", "recipe", "dataset", "fit",
+            "run",
+        ],
     ),
     (
         "fleetfoot-synth",
         &[
-            "data", "library", "stats", "model", "control", "message", "log", "pwa", "sim", "recipe", "dataset",
-            "prepare", "fit", "run", "page",
+            "data", "library", "stats", "model", "control", "message", "log", "output", "pwa", "sim", "recipe",
+            "dataset", "prepare", "fit", "run", "page",
         ],
     ),
     (
         "fleetfoot",
         &[
-            "data", "library", "stats", "model", "dynamics", "control", "codegen", "message", "signal", "log", "sums",
-            "pwa", "sparse", "estimate", "sim", "report", "recipe", "task", "dataset", "prepare", "fit", "run", "page",
-            "synth",
+            "data", "library", "stats", "model", "dynamics", "control", "codegen", "message", "signal", "output",
+            "log", "sums", "pwa", "sparse", "estimate", "sim", "report", "recipe", "task", "dataset", "prepare", "fit",
+            "run", "page", "synth",
         ],
     ),
     ("fleetfoot-cli", &["fleetfoot"]),

@@ -4,8 +4,8 @@ use std::fs;
 
 use fleetfoot::{
     Recipe, Silent,
-    log::{McapOptions, McapWriter},
     message::write::{Header, Illuminance, Imu, Pose, PoseStamped, Time},
+    output::{McapOptions, McapWriter},
     read_rows,
 };
 

@@ -33,8 +33,8 @@ fn every_package_is_compiled_once() {
         "{all:?}"
     );
     for name in [
-        "data", "library", "stats", "model", "dynamics", "control", "codegen", "message", "signal", "log", "sums",
-        "sparse", "pwa", "estimate", "sim", "report", "cli", "py",
+        "data", "library", "stats", "model", "dynamics", "control", "codegen", "message", "signal", "output", "log",
+        "sums", "sparse", "pwa", "estimate", "sim", "report", "cli", "py",
     ] {
         let own = resolved(&["--package", &format!("fleetfoot-{name}")]);
         let others: Vec<_> = own.difference(&all).collect();

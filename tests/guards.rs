@@ -158,11 +158,11 @@ fn what_killed_commands_left_is_told_and_one_command_writes_a_folder() {
     let left: Vec<_> = fs::read_dir(path.join("runs")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     assert!(left.iter().all(|name| !name.to_string_lossy().starts_with('.')), "{left:?}");
     // Somebody works in the folder, or on the file.
-    let held = fleetfoot::log::WriteLock::take(path.join("runs/.generating.lock"), path).unwrap();
+    let held = fleetfoot::output::WriteLock::take(path.join("runs/.generating.lock"), path).unwrap();
     generate(&["--force"]).fails(&["runs", "another command"]);
     drop(held);
     let output = path.join("run.stats");
-    let held = fleetfoot::log::WriteLock::take(fleetfoot::log::WriteLock::beside(&output), &output).unwrap();
+    let held = fleetfoot::output::WriteLock::take(fleetfoot::output::WriteLock::beside(&output), &output).unwrap();
     let scan = ["scan", "-c", "r.toml", "log.csv", "-o", "run.stats"];
     fleetfoot(path, &scan).fails(&["run.stats", "another command"]);
     drop(held);

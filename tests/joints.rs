@@ -4,8 +4,8 @@ use std::fs;
 
 use fleetfoot::{
     Recipe, Silent,
-    log::{McapOptions, McapWriter},
     message::write::{Header, Illuminance, Time},
+    output::{McapOptions, McapWriter},
     read_rows,
 };
 

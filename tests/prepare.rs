@@ -4,8 +4,8 @@ use std::{collections::BTreeSet, fs};
 
 use fleetfoot::{
     Recipe, Silent,
-    log::{McapOptions, McapWriter},
     message::write::{Header, Imu, Pose, PoseStamped, Time},
+    output::{McapOptions, McapWriter},
     read_rows,
 };
 

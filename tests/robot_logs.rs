@@ -4,8 +4,8 @@
 use std::fs;
 
 use fleetfoot::{
-    log::{McapOptions, McapWriter},
     message::write::{Float64MultiArray, Header, JointState, Odometry, Time, Twist},
+    output::{McapOptions, McapWriter},
 };
 
 use crate::runner::*;

@@ -77,11 +77,11 @@ impl Context {
     /// Looks at what a command will write, before it works: no output is an input, and no two are one file. What killed commands have left beside them is
     /// removed and told.
     pub(crate) fn claim(&self, outputs: &[PathBuf], inputs: &[PathBuf], force: bool) -> Result<(), Error> {
-        fleetfoot::log::check_outputs(outputs, inputs)?;
+        fleetfoot::output::check_outputs(outputs, inputs)?;
         if !force {
             self.replaces(outputs)?;
         }
-        for left in outputs.iter().flat_map(|output| fleetfoot::log::remove_leftovers(output)) {
+        for left in outputs.iter().flat_map(|output| fleetfoot::output::remove_leftovers(output)) {
             self.say(format!("note: removed {}, which a killed command had left", left.display()));
         }
         Ok(())
@@ -127,7 +127,7 @@ pub(crate) fn write_out(text: &str) {
 
 /// Whether something would be lost by writing: a device or a pipe is only written to.
 pub(crate) fn is_replaced(output: &Path) -> bool {
-    output.exists() && !fleetfoot::log::is_stream(output)
+    output.exists() && !fleetfoot::output::is_stream(output)
 }
 
 /// All files that a command reads.

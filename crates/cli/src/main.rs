@@ -77,7 +77,7 @@ fn main() -> ExitCode {
             ExitCode::from(1)
         }
         Err(Cancelled) | Ok(Err(_)) => {
-            report::tell(match fleetfoot::log::written_files() {
+            report::tell(match fleetfoot::output::written_files() {
                 0 => "stopped; nothing was written".to_owned(),
                 1 => "stopped; one file was written whole, and stays".to_owned(),
                 files => format!("stopped; {files} files were written whole, and stay"),

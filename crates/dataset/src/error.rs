@@ -55,9 +55,12 @@ pub enum Error {
         /// How many rows.
         rows: u64,
     },
-    /// Reading or writing files.
+    /// Reading files.
     #[error(transparent)]
     Log(#[from] fleetfoot_log::Error),
+    /// Writing files.
+    #[error(transparent)]
+    Output(#[from] fleetfoot_output::Error),
     /// Reading rows.
     #[error(transparent)]
     Data(#[from] fleetfoot_data::Error),

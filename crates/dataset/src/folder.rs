@@ -5,7 +5,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use fleetfoot_log::{Format as LogFormat, WriteLock, check_outputs};
+use fleetfoot_log::Format as LogFormat;
+use fleetfoot_output::{WriteLock, check_outputs};
 use tempfile::TempDir;
 
 use crate::error::Error;

@@ -154,6 +154,7 @@ of_dataset!(
     fleetfoot_recipe::Error,
     fleetfoot_dataset::StatisticError,
     fleetfoot_log::Error,
+    fleetfoot_output::Error,
     fleetfoot_data::Error,
     fleetfoot_library::UnknownColumn,
     fleetfoot_library::LibraryError,

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use fleetfoot_log::write_atomic;
 use fleetfoot_model::Model;
+use fleetfoot_output::write_atomic;
 
 use crate::error::Error;
 

@@ -60,6 +60,7 @@ pub use fleetfoot_library as library;
 pub use fleetfoot_log as log;
 pub use fleetfoot_message as message;
 pub use fleetfoot_model::{self as model, Model, describe, describe_transitions};
+pub use fleetfoot_output as output;
 pub use fleetfoot_page as page;
 pub use fleetfoot_prepare as prepare;
 pub use fleetfoot_pwa as pwa;

@@ -8,7 +8,7 @@ use fleetfoot_data::Cancelled;
 pub(crate) const KNOWN: &str =
     ".mcap, .ulg, .parquet, .csv, .tsv, .txt, all but .parquet also with .gz or .zst; and rosbag2 folders";
 
-/// Why a file could not be read or written.
+/// Why a file could not be read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -22,6 +22,9 @@ pub enum Error {
         /// The system's reason.
         source: std::io::Error,
     },
+    /// Decoded columns cannot be kept.
+    #[error(transparent)]
+    Output(#[from] fleetfoot_output::Error),
     /// No argument named a file.
     #[error("no input files: name files, folders or patterns such as runs/*.parquet")]
     NoFiles,
@@ -252,34 +255,6 @@ pub enum Error {
         first: String,
         /// Its copy.
         second: String,
-    },
-    /// An output that is also an input.
-    #[error("{} is one of the inputs of this command: choose another output file", path.display())]
-    OverwritesInput {
-        /// The file.
-        path: PathBuf,
-    },
-    /// Two outputs that are one file.
-    #[error("{} and {} are one file: two outputs cannot both be written to it; name another for one of them", first.display(), second.display())]
-    SameOutput {
-        /// An output.
-        first: PathBuf,
-        /// The other one.
-        second: PathBuf,
-    },
-    /// Another process writes the same.
-    #[error("{}: another command is writing it at this moment: wait for its end, or name another output", path.display())]
-    Busy {
-        /// The file or folder.
-        path: PathBuf,
-    },
-    /// Columns handed to a writer that do not fit what it was made for.
-    #[error("{}: {problem}", path.display())]
-    BadBatch {
-        /// The file being written.
-        path: PathBuf,
-        /// What does not fit.
-        problem: String,
     },
     /// A column of a topic that the log does not have.
     #[error(

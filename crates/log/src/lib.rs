@@ -1,8 +1,8 @@
-//! Recordings in and out of files: MCAP, ULog, Parquet, CSV.
+//! Recordings out of files: MCAP, ULog, Parquet, CSV.
 //!
 //! [`paths`] turns arguments (files, globs, folders) into files; [`inspect`] tells what one file holds; [`open`] makes a
 //! [`Recording`], a [`fleetfoot_data::Source`] whose episodes are found from the time stamps and whose rows are read when
-//! they are asked for. [`ParquetWriter`], [`CsvWriter`], [`McapWriter`] and [`write_atomic`] put results on disk, whole or not at all.
+//! they are asked for. What writes files is in [`fleetfoot_output`].
 //!
 //! Parquet is read in place. Text is decoded once into columns, in memory up to a budget and in an unnamed temporary file
 //! beyond it, so that memory stays flat however long the files are. A format is a `Table`: rows, stamps and values by
@@ -25,7 +25,6 @@
 //! ```
 
 mod agreement;
-mod atomic;
 mod breaks;
 mod by_name;
 mod channels;
@@ -36,9 +35,7 @@ mod container;
 mod containers;
 mod cost;
 mod csv;
-mod csv_writer;
 mod dates;
-mod destination;
 mod error;
 mod estimate;
 mod file_io;
@@ -48,18 +45,14 @@ mod index;
 mod inspect;
 mod join;
 mod join_spec;
-mod leftovers;
-mod lock;
 mod max_gap;
 mod mcap;
-mod mcap_writer;
 mod memory;
 mod metadata;
 mod midnights;
 mod naming;
 mod notes;
 mod opened;
-mod overlay;
 mod parquet;
 mod parts;
 mod paths;
@@ -74,20 +67,14 @@ mod stamp;
 mod steps;
 mod store;
 mod table;
-mod table_writer;
 mod time_column;
 mod topic_info;
 mod ulog;
-mod write_column;
-mod writer;
 
-pub use atomic::{AtomicFile, together, write_atomic, written_files};
 pub use channels::{MessageColumns, MessageField, MessageRow, Messages};
 pub use clock_info::ClockInfo;
 pub use column_info::{ArrayInfo, ColumnInfo, ColumnStatistics};
 pub use cost::Estimate;
-pub use csv_writer::CsvWriter;
-pub use destination::{check_outputs, is_stream};
 pub use error::{Error, shell_word};
 pub use estimate::estimate;
 pub use format::{Compression, Format};
@@ -96,19 +83,12 @@ pub use index::ClockSummary;
 pub use inspect::{FileInfo, inspect, inspect_run, inspect_together, inspect_values, path_in_words};
 pub use join::JoinKind;
 pub use join_spec::{Base, Cache, ColumnJoin, JoinSpec, Stamp, TopicClock};
-pub use leftovers::remove_leftovers;
-pub use lock::WriteLock;
 pub use max_gap::MaxGap;
-pub use mcap_writer::{ChannelId, McapOptions, McapWriter};
 pub use memory::{Log, MemoryTable};
 pub use metadata::metadata;
-pub use overlay::{Overlay, SeriesId};
 pub use paths::paths;
 pub use recording::{Recording, open, open_logs, open_with_progress};
 pub use run::RunFiles;
 pub use selection::{LabelRule, Selection, TimeSpec, TimeUnit};
-pub use table_writer::TableWriter;
 pub use time_column::Reading;
 pub use topic_info::{HeaderOffset, TopicInfo};
-pub use write_column::{WriteColumn, WriteKind};
-pub use writer::{ParquetWriter, Values, WriteOptions};

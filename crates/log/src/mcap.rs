@@ -23,8 +23,5 @@ pub(crate) use container::McapContainer;
 
 use crate::container::Kind;
 
-/// The metadata record of an MCAP file that is ours.
-pub(crate) const RECORD: &str = "fleetfoot";
-
 /// What MCAP files begin with.
 const KIND: Kind = Kind { name: "MCAP", magic: mcap::MAGIC };

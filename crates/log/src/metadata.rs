@@ -25,8 +25,9 @@ pub fn metadata(path: impl AsRef<Path>) -> Result<BTreeMap<String, String>, Erro
 
 #[cfg(test)]
 mod tests {
+    use fleetfoot_output::{McapOptions, McapWriter, ParquetWriter, WriteColumn, WriteKind, WriteOptions};
+
     use super::*;
-    use crate::{McapOptions, McapWriter, ParquetWriter, WriteColumn, WriteKind, WriteOptions};
 
     #[test]
     fn what_was_written_is_found() {

@@ -1,6 +1,5 @@
 //! Parquet files, read in place.
 
-pub(crate) mod arrow_schema;
 mod buffers;
 mod chunk;
 mod clock;

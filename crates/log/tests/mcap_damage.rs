@@ -18,8 +18,9 @@ use std::{
 mod ulog_writer;
 
 use fleetfoot_data::Silent;
-use fleetfoot_log::{Error, McapOptions, McapWriter, Messages, Selection, Stamp, inspect_values, open};
+use fleetfoot_log::{Error, Messages, Selection, Stamp, inspect_values, open};
 use fleetfoot_message::write::{Float64, Header, Imu, JointState, Odometry, Pose, Time, Twist};
+use fleetfoot_output::{McapOptions, McapWriter};
 
 /// Bytes that the process holds, and the most since it was last asked.
 struct Counting;

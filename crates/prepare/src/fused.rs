@@ -20,7 +20,7 @@ use fleetfoot_dataset::{
     is_prepared,
     raw::{RawLog, RawLogs},
 };
-use fleetfoot_log::{ParquetWriter, Values, WriteOptions};
+use fleetfoot_output::{ParquetWriter, Values, WriteOptions};
 use fleetfoot_recipe::{AttitudeForm, EpisodeRule, PrepareSection, Recipe};
 use fleetfoot_signal::fuse::{BodyState, Fused, gaps};
 use joints::{Joint, JointPlan, Opening};

@@ -26,8 +26,8 @@ use fleetfoot_dataset::{
     is_prepared,
     raw::{PREPARED_BY, RawLog, RawLogs},
 };
-use fleetfoot_log::{WriteColumn, WriteOptions, write_atomic};
 use fleetfoot_model::RotationKind;
+use fleetfoot_output::{WriteColumn, WriteOptions, write_atomic};
 use fleetfoot_recipe::{EpisodeRule, Recipe};
 use fleetfoot_signal::{SignalError, dejitter};
 pub use fused_report::{BodyReport, CorrelationReport, JointReport, JointSensorReport, RejectedPoses};

@@ -4,7 +4,7 @@ use std::{collections::BTreeSet, path::Path};
 
 use fleetfoot_data::ColumnKind;
 use fleetfoot_dataset::{Error, PREPARED};
-use fleetfoot_log::{ParquetWriter, Values, WriteColumn, WriteKind, WriteOptions};
+use fleetfoot_output::{ParquetWriter, Values, WriteColumn, WriteKind, WriteOptions};
 
 use crate::{channel::Curve, columns::Planned};
 

@@ -3,7 +3,8 @@
 use std::fmt::Display;
 
 use fleetfoot::{
-    Cause, Error, RequestError, dataset::Error as DatasetError, recipe::Error as RecipeError, statistic::StatisticError,
+    Cause, Error, RequestError, dataset::Error as DatasetError, output::Error as OutputError,
+    recipe::Error as RecipeError, statistic::StatisticError,
 };
 use pyo3::{
     exceptions::{PyBaseException, PyImportError, PyKeyboardInterrupt, PyRuntimeError},
@@ -105,11 +106,12 @@ fn of_dataset(error: &DatasetError) -> Kind {
         DatasetError::Recipe(RecipeError::Columns(_)) => Kind::UnknownName,
         DatasetError::Recipe(RecipeError::TargetInPartition { .. }) => Kind::Fit,
         DatasetError::Recipe(_) => Kind::Request,
-        DatasetError::Log(fleetfoot::log::Error::Io { action: "write", .. }) | DatasetError::Write { .. } => {
-            Kind::Write
-        }
+        DatasetError::Output(OutputError::Io { .. })
+        | DatasetError::Log(fleetfoot::log::Error::Output(OutputError::Io { .. }))
+        | DatasetError::Write { .. } => Kind::Write,
         DatasetError::Statistic(StatisticError::Key { .. }) => Kind::Request,
         DatasetError::Log(_)
+        | DatasetError::Output(_)
         | DatasetError::Data(_)
         | DatasetError::Signal { .. }
         | DatasetError::UnseenLabel { .. }

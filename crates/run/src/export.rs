@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use fleetfoot_codegen::{Cost, ExportOptions, ExportedFile, Target, TestVector, test_vectors};
 use fleetfoot_fit::Error;
-use fleetfoot_log::{check_outputs, together, write_atomic};
 use fleetfoot_model::Model;
+use fleetfoot_output::{check_outputs, together, write_atomic};
 use fleetfoot_recipe::FilterSection;
 
 /// Test vectors of exported C.

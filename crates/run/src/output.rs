@@ -9,8 +9,9 @@ use std::{collections::BTreeMap, path::Path};
 
 use fleetfoot_dataset::Logs;
 use fleetfoot_fit::Error;
-use fleetfoot_log::{Compression, Format, McapOptions, WriteOptions, is_stream};
+use fleetfoot_log::{Compression, Format};
 use fleetfoot_model::Model;
+use fleetfoot_output::{McapOptions, WriteOptions, is_stream};
 pub use layout::layout_files;
 pub(crate) use layout::{Line, Plot, finish_with_layouts};
 pub(crate) use plane::write_plane;

@@ -308,8 +308,8 @@ fn generate_run(
 fn record(scenario: &dyn Scenario, run: Run, recorder: &mut Recorder<'_>) -> Result<End, Error> {
     scenario.run(run, recorder).map_err(|error| match error.downcast::<Error>() {
         Ok(error) => *error,
-        Err(error) => match error.downcast::<fleetfoot_log::Error>() {
-            Ok(error) => fleetfoot_dataset::Error::Log(*error).into(),
+        Err(error) => match error.downcast::<fleetfoot_output::Error>() {
+            Ok(error) => fleetfoot_dataset::Error::Output(*error).into(),
             Err(error) => Error::output(format!("the simulated log cannot be written: {error}")),
         },
     })
@@ -322,5 +322,5 @@ fn write_recipe(job: &Job, truth: &[Column], first: &Path, path: &Path) -> Resul
     } else {
         starter_recipe(&fleetfoot_log::inspect(first)?)
     };
-    Ok(fleetfoot_log::write_atomic(path, text.as_bytes())?)
+    Ok(fleetfoot_output::write_atomic(path, text.as_bytes())?)
 }

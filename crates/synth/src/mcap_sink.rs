@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use fleetfoot_fit::Error;
-use fleetfoot_log::{ChannelId, McapOptions, McapWriter};
 use fleetfoot_message::write::{
     Bool, Float64, Float64MultiArray, Header, Illuminance, Imu, JointState, Message, MultiArrayDimension, Odometry,
     Pose, PoseStamped, Time, Twist, TwistStamped, Vector3Stamped,
 };
+use fleetfoot_output::{ChannelId, McapOptions, McapWriter};
 use fleetfoot_sim::{Kind, Reading, SinkError, Stamps, Topic};
 
 /// What the orientation's covariance begins with in an [`Imu`] that measures none.

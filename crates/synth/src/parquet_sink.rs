@@ -4,7 +4,7 @@ use std::path::Path;
 
 use fleetfoot_data::{Column, ColumnKind};
 use fleetfoot_fit::Error;
-use fleetfoot_log::{ParquetWriter, Values, WriteColumn, WriteKind, WriteOptions};
+use fleetfoot_output::{ParquetWriter, Values, WriteColumn, WriteKind, WriteOptions};
 
 /// The column of the stamps.
 pub(super) const TIME: &str = "t";

@@ -4,7 +4,7 @@ use std::{collections::BTreeMap, path::Path};
 
 use fleetfoot_data::{Cancelled, Progress};
 use fleetfoot_fit::Error;
-use fleetfoot_log::{McapOptions, WriteOptions};
+use fleetfoot_output::{McapOptions, WriteOptions};
 use fleetfoot_sim::{Reading, Scenario, Sink, SinkError, Stamps, Topic};
 
 use super::{

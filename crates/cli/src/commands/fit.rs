@@ -3,7 +3,8 @@
 use fleetfoot::{
     BoundedCandidate, Derivative, Error, Fitted, Gap, Input, InputTable, Kind, Objective, PwaOptions, PwaRequest,
     Recipe, Refinement, RolloutCandidate, RolloutChoice, fit_pwa, is_known, is_statistic,
-    log::{Cache, Stamp, together},
+    log::{Cache, Stamp},
+    output::together,
     pwa::Score,
     rival, write_model,
 };

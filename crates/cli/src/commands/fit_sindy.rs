@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use fleetfoot::{
     EquationReport, Error, FrontPoint, LimitReport, ParameterReport, ParameterSection, Recipe, RegionReport, SindyPlan,
-    SindyReport, SindyRequest, estimate::Uncertain, fit_sindy, is_known, is_statistic, log::together, plan_sindy,
+    SindyReport, SindyRequest, estimate::Uncertain, fit_sindy, is_known, is_statistic, output::together, plan_sindy,
     write_model,
 };
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use fleetfoot::{
     CandidateReport, Error, LatentReport, LeaveOneOutReport, LimitReport, ReadPlan, Recipe, SparseFitted,
     SparseOptions, SparseReport, SparseRequest, file_by_value, fit_sparse, is_statistic,
-    log::together,
+    output::together,
     statistic::{LabelKey, PlannedLatent, ScanOptions, ScanPlan, StatisticFile, plan_scan},
     write_frequencies, write_model,
 };
@@ -46,7 +46,7 @@ pub(crate) fn sparse(arguments: &FitSparse, context: &Context) -> Result<(), Err
         let problem = format!("two values of the label would both be written to {}; rename one", twice.display());
         return Err(Error::output(problem));
     }
-    fleetfoot::log::check_outputs(&written.iter().cloned().chain(beside()).collect::<Vec<_>>(), &read)?;
+    fleetfoot::output::check_outputs(&written.iter().cloned().chain(beside()).collect::<Vec<_>>(), &read)?;
     together(|| {
         fitted.iter().zip(&written).try_for_each(|(found, path)| write_model(&found.model, path))?;
         match &arguments.frequencies {

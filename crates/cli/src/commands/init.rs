@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use fleetfoot::{
     Error,
-    log::{FoundRuns, inspect, inspect_together, write_atomic},
+    log::{FoundRuns, inspect, inspect_together},
+    output::write_atomic,
     starter_recipe, starter_recipe_of_runs,
 };
 use serde::Serialize;

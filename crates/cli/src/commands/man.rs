@@ -3,7 +3,7 @@
 use clap::CommandFactory;
 use fleetfoot::{
     Error,
-    log::{together, write_atomic},
+    output::{together, write_atomic},
 };
 
 use super::{Context, Files};

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use fleetfoot::{Error, FigureFormat, Model, ReportOptions, log::together};
+use fleetfoot::{Error, FigureFormat, Model, ReportOptions, output::together};
 use serde::Serialize;
 use serde_json::Value;
 

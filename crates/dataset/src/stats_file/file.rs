@@ -7,8 +7,8 @@ use std::{
 };
 
 use fleetfoot_data::{Column, Episode, EpisodeId};
-use fleetfoot_log::AtomicFile;
 use fleetfoot_model::TrainedEpisode;
+use fleetfoot_output::AtomicFile;
 use fleetfoot_recipe::Recipe;
 use fleetfoot_stats::{Stats, scan::RowCounts};
 use fleetfoot_sums::structured::{Plan, Scanned, TaskStats};

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use fleetfoot_log::together;
+use fleetfoot_output::together;
 use fleetfoot_pwa::{Identification, Specification};
 
 use crate::{error::Error, model_file::write_model, objective::Refinement, rollout_choice::RolloutChoice};

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use fleetfoot_log::{ParquetWriter, Values, WriteColumn, WriteKind, WriteOptions};
+use fleetfoot_output::{ParquetWriter, Values, WriteColumn, WriteKind, WriteOptions};
 
 use super::{CandidateReport, SparseFitted};
 use crate::error::Error;

@@ -10,7 +10,7 @@ use fleetfoot_dataset::{
     Logs,
     content::{Hashed, hash_logs},
 };
-use fleetfoot_log::{WriteLock, check_outputs, is_stream};
+use fleetfoot_output::{WriteLock, check_outputs, is_stream};
 use fleetfoot_recipe::Recipe;
 
 use super::{ScanOptions, ScanReport, Sizes, StatisticError, StatisticFile, scan::Scan};

@@ -5,7 +5,7 @@ use std::path::Path;
 use fleetfoot::{
     Halo, Source,
     data::MemorySource,
-    log::{ParquetWriter, Values, WriteColumn, WriteKind, WriteOptions},
+    output::{ParquetWriter, Values, WriteColumn, WriteKind, WriteOptions},
     sim::plant::aircraft::Latent,
 };
 

@@ -8,10 +8,11 @@ use std::{
 };
 
 use fleetfoot_data::{Column, ColumnKind, ScalarBuffer};
+use fleetfoot_output::{ParquetWriter, Values, WriteColumn, WriteKind, WriteOptions};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Cache, Error, ParquetWriter, Selection, Stamp, TimeSpec, TimeUnit, Values, WriteColumn, WriteKind, WriteOptions,
+    Cache, Error, Selection, Stamp, TimeSpec, TimeUnit,
     breaks::Breaks,
     parquet,
     table::{Table, TableColumn, TableRows},
@@ -127,11 +128,11 @@ impl SlotWriter {
     pub(super) fn push(&mut self, stamps: &[i64], columns: &[Vec<f64>]) -> Result<(), Error> {
         let mut values = vec![Values::Integer(stamps)];
         values.extend(columns.iter().map(|column| Values::Float(column)));
-        self.writer.write(&values)
+        Ok(self.writer.write(&values)?)
     }
 
     pub(super) fn finish(self) -> Result<(), Error> {
-        self.writer.finish()
+        Ok(self.writer.finish()?)
     }
 }
 

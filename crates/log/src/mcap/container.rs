@@ -7,6 +7,7 @@ use std::{
 };
 
 use fleetfoot_data::Progress;
+use fleetfoot_output::METADATA_RECORD;
 
 use super::{
     chunk,
@@ -18,7 +19,6 @@ use super::{
 use crate::{
     Compression, Error,
     container::{Container, Damage, Each, Lost, SchemaRecord, Span, Topic},
-    mcap::RECORD,
 };
 
 /// A recording: one file, or the files of a rosbag2 folder in their order.
@@ -156,7 +156,7 @@ impl Container for McapContainer {
     fn metadata(&self) -> BTreeMap<String, String> {
         let bodies =
             self.files.iter().flat_map(|file| file.metadata.iter().filter_map(|body| file.map.get(body.clone())));
-        bodies.filter_map(|body| pairs(body, RECORD)).flatten().collect()
+        bodies.filter_map(|body| pairs(body, METADATA_RECORD)).flatten().collect()
     }
 
     fn damage(&self) -> Damage {

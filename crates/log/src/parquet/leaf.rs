@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 
 use fleetfoot_data::ColumnKind;
+use fleetfoot_output::arrow_schema::ArrowField;
 use parquet::{
     basic::{ConvertedType, LogicalType, TimeUnit as ParquetTimeUnit, Type as Physical},
     data_type::Int96,
     schema::types::{ColumnDescriptor, SchemaDescriptor},
 };
 
-use super::arrow_schema::ArrowField;
 use crate::{TimeUnit, dates, stamp, table::MISSING};
 
 /// What a leaf holds.

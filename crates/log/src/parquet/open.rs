@@ -9,13 +9,13 @@ use std::{
 };
 
 use fleetfoot_data::{Column, ColumnKind, Silent, parallel_map};
+use fleetfoot_output::arrow_schema;
 use parquet::{
     errors::ParquetError,
     file::metadata::{PageIndexPolicy, ParquetMetaData, ParquetMetaDataReader},
 };
 
 use super::{
-    arrow_schema,
     buffers::Buffers,
     chunk::FileBytes,
     clock::find_clock,

@@ -7,6 +7,7 @@ use std::{
 
 use fleetfoot_data::{ColumnKind, Halo, Source};
 use fleetfoot_log::{Base, Error, Recording, Selection, TimeSpec, TimeUnit, inspect, inspect_values, open};
+use fleetfoot_output::{CsvWriter, Values, WriteColumn, WriteKind};
 
 struct Folder(tempfile::TempDir);
 
@@ -549,4 +550,40 @@ fn dates_of_spreadsheets_and_times_of_the_day_are_clocks() {
     assert!(start == april && notes.contains("month first"), "{start} {notes}");
     let (start, episodes, notes) = many("13/05/2021 20:00:00");
     assert_eq!((start, episodes[0], notes.contains("order of day")), (may, (1_200, 1_199.0 * 60.0), false));
+}
+
+#[test]
+fn what_is_written_reads_back() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["out.csv", "out.tsv"] {
+        let path = folder.path().join(name);
+        let columns = vec![
+            WriteColumn::new("episode, name", WriteKind::Text),
+            WriteColumn::new("time", WriteKind::Stamp),
+            WriteColumn::new("x", WriteKind::Float).with_unit("m"),
+            WriteColumn::new("inside", WriteKind::Boolean),
+        ];
+        let mut writer = CsvWriter::create(&path, columns, &[]).unwrap();
+        let x = [0.1 + 0.2, f64::NAN, -1e-300];
+        let stamps = [1_700_000_000_000_000_000, 1_700_000_000_010_000_001, 1_700_000_000_020_000_000];
+        writer
+            .write(&[
+                Values::Text(&["a \"b\", c"; 3]),
+                Values::Integer(&stamps),
+                Values::Float(&x),
+                Values::Boolean(&[true, false, true]),
+            ])
+            .unwrap();
+        let short = writer.write(&[Values::Float(&x)]).unwrap_err().to_string();
+        assert!(short.contains("1 columns of values for 4"), "{short}");
+        assert!(!path.exists());
+        writer.finish().unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert!(text.lines().nth(2).unwrap().contains("1700000000010000001"), "{text}");
+        let read = open(&[&path], &Selection::new(["x"])).unwrap();
+        let block = read.read(0, 0..3, Halo::default()).unwrap();
+        assert_eq!(block.stamps(), stamps);
+        let found = block.column(0);
+        assert!(found[0] == x[0] && found[1].is_nan() && found[2] == x[2]);
+    }
 }

@@ -3,9 +3,8 @@
 use std::{io::Write, path::Path};
 
 use fleetfoot_data::{Halo, Source};
-use fleetfoot_log::{
-    Error, MaxGap, ParquetWriter, Selection, TimeSpec, Values, WriteColumn, WriteKind, WriteOptions, inspect, open,
-};
+use fleetfoot_log::{Error, MaxGap, Selection, TimeSpec, inspect, open};
+use fleetfoot_output::{ParquetWriter, Values, WriteColumn, WriteKind, WriteOptions};
 
 const ROWS: usize = 400;
 

@@ -4,11 +4,11 @@
 
 use std::{ffi::OsString, path::Path, process::Command};
 
-use fleetfoot_log::{McapOptions, McapWriter, Overlay};
 use fleetfoot_message::write::{
     Bool, Float64, Float64MultiArray, Header, Imu, JointState, Message, MultiArrayDimension, Odometry, Pose,
     PoseStamped, TFMessage, Time, TransformStamped, Twist, TwistStamped, Vector3Stamped, WrenchStamped,
 };
+use fleetfoot_output::{McapOptions, McapWriter, Overlay};
 
 /// The interpreter, when there is one with the package.
 fn peer() -> Option<OsString> {

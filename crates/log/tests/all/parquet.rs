@@ -3,10 +3,8 @@
 use std::{collections::BTreeMap, path::Path};
 
 use fleetfoot_data::{ColumnKind, Halo, Source, parallel_map, with_threads};
-use fleetfoot_log::{
-    Error, MaxGap, ParquetWriter, Recording, Selection, TimeSpec, TimeUnit, Values, WriteColumn, WriteKind,
-    WriteOptions, inspect, inspect_values, open,
-};
+use fleetfoot_log::{Error, MaxGap, Recording, Selection, TimeSpec, TimeUnit, inspect, inspect_values, open};
+use fleetfoot_output::{ParquetWriter, Values, WriteColumn, WriteKind, WriteOptions};
 
 /// Columns t (stamp), x, y and a label, in row groups of `group` rows.
 fn write(path: &Path, stamps: &[i64], group: usize) {
@@ -278,11 +276,14 @@ fn writing_is_atomic_and_spares_the_inputs() {
     let columns = || vec![WriteColumn::new("x", WriteKind::Float)];
     let options = WriteOptions { inputs: vec![path.clone()], ..WriteOptions::default() };
     let alias = folder.path().join("../").join(folder.path().file_name().unwrap()).join("a.parquet");
-    assert!(matches!(ParquetWriter::create(&alias, columns(), &options), Err(Error::OverwritesInput { .. })));
+    assert!(matches!(
+        ParquetWriter::create(&alias, columns(), &options),
+        Err(fleetfoot_output::Error::OverwritesInput { .. })
+    ));
     let mut writer = ParquetWriter::create(&path, columns(), &WriteOptions::default()).unwrap();
     writer.write(&[Values::Float(&[1.0])]).unwrap();
-    assert!(matches!(writer.write(&[Values::Integer(&[1])]), Err(Error::BadBatch { .. })));
-    assert!(matches!(writer.write(&[]), Err(Error::BadBatch { .. })));
+    assert!(matches!(writer.write(&[Values::Integer(&[1])]), Err(fleetfoot_output::Error::BadBatch { .. })));
+    assert!(matches!(writer.write(&[]), Err(fleetfoot_output::Error::BadBatch { .. })));
     drop(writer);
     assert_eq!(std::fs::read(&path).unwrap(), before);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);

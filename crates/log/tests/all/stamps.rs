@@ -3,10 +3,8 @@
 use std::{collections::BTreeSet, sync::Arc};
 
 use fleetfoot_data::{Column, ColumnKind, ScalarBuffer, Silent, Source};
-use fleetfoot_log::{
-    Error, Log, MemoryTable, ParquetWriter, Recording, Selection, TimeUnit, Values, WriteColumn, WriteKind,
-    WriteOptions, inspect_together, open, open_logs,
-};
+use fleetfoot_log::{Error, Log, MemoryTable, Recording, Selection, TimeUnit, inspect_together, open, open_logs};
+use fleetfoot_output::{ParquetWriter, Values, WriteColumn, WriteKind, WriteOptions};
 
 const UNITS: [TimeUnit; 4] = [TimeUnit::Seconds, TimeUnit::Milliseconds, TimeUnit::Microseconds, TimeUnit::Nanoseconds];
 const RATES: [f64; 16] =

@@ -6,7 +6,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use fleetfoot_log::write_atomic;
+use fleetfoot_output::write_atomic;
 use fleetfoot_signal::fuse::Checkpoint;
 
 /// The name of the file.

@@ -2,7 +2,7 @@
 
 use fleetfoot_data::Column;
 use fleetfoot_dataset::Error;
-use fleetfoot_log::{WriteColumn, WriteKind};
+use fleetfoot_output::{WriteColumn, WriteKind};
 use fleetfoot_recipe::{AttitudeForm, Derivative, Frame, Kind, Recipe, State};
 use fleetfoot_signal::fuse::BodyState;
 use fleetfoot_task::rate_unit;

@@ -7,8 +7,8 @@ use fleetfoot_control::{
     design::{LqrRegion, SetPoint},
 };
 use fleetfoot_fit::Error;
-use fleetfoot_log::write_atomic;
 use fleetfoot_model::Model;
+use fleetfoot_output::write_atomic;
 use fleetfoot_recipe::ControlSection;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};

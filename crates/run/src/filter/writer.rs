@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use fleetfoot_control::filter::SwitchedFilter;
 use fleetfoot_dataset::Logs;
 use fleetfoot_fit::Error;
-use fleetfoot_log::{Overlay, SeriesId, TableWriter, Values, WriteColumn, WriteKind};
 use fleetfoot_model::Model;
+use fleetfoot_output::{Overlay, SeriesId, TableWriter, Values, WriteColumn, WriteKind};
 
 use super::FilteredRows;
 use crate::output::{Kind, Line, Plot, finish_with_layouts, mcap_options, table_options};

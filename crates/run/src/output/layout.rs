@@ -6,7 +6,7 @@
 use std::path::{Path, PathBuf};
 
 use fleetfoot_fit::Error;
-use fleetfoot_log::{Overlay, together, write_atomic};
+use fleetfoot_output::{Overlay, together, write_atomic};
 use serde_json::{Value, json};
 
 use super::{Kind, kind};

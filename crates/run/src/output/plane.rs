@@ -5,8 +5,8 @@ use std::path::Path;
 use fleetfoot_dataset::Logs;
 use fleetfoot_dynamics::Plane;
 use fleetfoot_fit::Error;
-use fleetfoot_log::{TableWriter, Values, WriteColumn, WriteKind};
 use fleetfoot_model::Model;
+use fleetfoot_output::{TableWriter, Values, WriteColumn, WriteKind};
 
 use super::table_options;
 

@@ -6,8 +6,8 @@ use fleetfoot_data::{Halo, Source};
 use fleetfoot_dataset::Logs;
 use fleetfoot_dynamics::{Rollouts, Trajectory};
 use fleetfoot_fit::Error;
-use fleetfoot_log::{Overlay, SeriesId, TableWriter, Values, WriteColumn, WriteKind};
 use fleetfoot_model::{Model, RotationKind};
+use fleetfoot_output::{Overlay, SeriesId, TableWriter, Values, WriteColumn, WriteKind};
 
 use super::{
     Kind,

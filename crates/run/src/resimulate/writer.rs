@@ -5,8 +5,8 @@ use std::path::Path;
 use fleetfoot_dataset::Logs;
 use fleetfoot_estimate::Resimulated;
 use fleetfoot_fit::Error;
-use fleetfoot_log::{Overlay, TableWriter, Values, WriteColumn, WriteKind};
 use fleetfoot_model::Model;
+use fleetfoot_output::{Overlay, TableWriter, Values, WriteColumn, WriteKind};
 
 use super::Followed;
 use crate::output::{Kind, Line, Plot, finish_with_layouts, mcap_options, table_options};

@@ -8,7 +8,7 @@ use std::{
     sync::OnceLock,
 };
 
-use fleetfoot::{data::mix, log::write_atomic};
+use fleetfoot::{data::mix, output::write_atomic};
 
 /// Seconds from row to row.
 const DT: f64 = 0.01;

@@ -3,8 +3,9 @@
 use std::fs;
 
 use fleetfoot_data::{Halo, Source};
-use fleetfoot_log::{Cache, Error, McapOptions, McapWriter, Selection, Stamp, TimeSpec, TopicClock, open};
+use fleetfoot_log::{Cache, Error, Selection, Stamp, TimeSpec, TopicClock, open};
 use fleetfoot_message::write::Vector3Stamped;
+use fleetfoot_output::{McapOptions, McapWriter};
 
 use super::logs::{Log, MILLISECOND, SECOND, START, episodes, near, seconds, stamped, usual, whole};
 

@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use fleetfoot_data::{EpisodeId, Halo, Source};
-use fleetfoot_log::{McapOptions, McapWriter, Recording, Selection, open};
+use fleetfoot_log::{Recording, Selection, open};
 use fleetfoot_message::write::{Header, Message, Odometry, Pose, Time, Twist, Vector3Stamped};
+use fleetfoot_output::{McapOptions, McapWriter};
 
 pub(crate) const SECOND: i64 = 1_000_000_000;
 pub(crate) const MILLISECOND: i64 = 1_000_000;

@@ -48,7 +48,7 @@ fn what_the_log_does_not_have_is_named_with_the_nearest() {
 fn a_log_of_which_nothing_is_asked_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.mcap");
-    let mut writer = fleetfoot_log::McapWriter::create(&path, &fleetfoot_log::McapOptions::default()).unwrap();
+    let mut writer = fleetfoot_output::McapWriter::create(&path, &fleetfoot_output::McapOptions::default()).unwrap();
     let channel = writer.channel::<Float64>("/x").unwrap();
     writer.write(channel, 1, 1, &Float64 { data: 1.0 }).unwrap();
     writer.finish().unwrap();

@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use fleetfoot_data::{Halo, Silent, Source};
-use fleetfoot_log::{McapOptions, McapWriter, Selection, estimate, open};
+use fleetfoot_log::{Selection, estimate, open};
 use fleetfoot_message::write::Float64;
+use fleetfoot_output::{McapOptions, McapWriter};
 
 /// Messages of `/x` at 100 Hz, by their numbers, and of another topic.
 fn write(path: &Path, rows: std::ops::Range<i64>, other: &str) -> PathBuf {

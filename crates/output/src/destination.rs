@@ -7,7 +7,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::Error;
+use crate::error::Error;
 
 /// Links that lead from one to the next; more are a loop.
 const MAX_LINKS: usize = 40;

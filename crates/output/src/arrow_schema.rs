@@ -10,10 +10,10 @@ use std::collections::BTreeMap;
 use base64::{Engine, prelude::BASE64_STANDARD};
 use flatbuffers::{FlatBufferBuilder, TableFinishedWIPOffset, VOffsetT, WIPOffset};
 
-use crate::{WriteColumn, WriteKind};
+use crate::write_column::{WriteColumn, WriteKind};
 
 /// The key of the file's metadata under which it stands.
-pub(crate) const KEY: &str = "ARROW:schema";
+pub const KEY: &str = "ARROW:schema";
 
 /// What comes before a message that has a length: a continuation marker.
 const CONTINUES: [u8; 4] = [255; 4];
@@ -44,7 +44,7 @@ const fn slot(place: VOffsetT) -> VOffsetT {
 }
 
 /// The schema of columns that are to be written.
-pub(crate) fn encode(columns: &[WriteColumn]) -> String {
+pub fn encode(columns: &[WriteColumn]) -> String {
     let mut builder = FlatBufferBuilder::new();
     let fields: Vec<_> = columns.iter().map(|column| field(&mut builder, column)).collect();
     let fields = builder.create_vector(&fields);
@@ -107,7 +107,7 @@ fn field(builder: &mut FlatBufferBuilder<'_>, column: &WriteColumn) -> Finished 
 
 /// A field of a schema, as far as Parquet's own schema does not tell it.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(crate) struct ArrowField {
+pub struct ArrowField {
     /// Its `unit` (or `units`).
     pub unit: Option<String>,
     /// Of durations: nanoseconds in a count.
@@ -115,7 +115,7 @@ pub(crate) struct ArrowField {
 }
 
 /// The fields of a schema that have a unit or are durations, by their paths. What is damaged or of another kind has none.
-pub(crate) fn fields(text: &str) -> BTreeMap<Vec<String>, ArrowField> {
+pub fn fields(text: &str) -> BTreeMap<Vec<String>, ArrowField> {
     let mut found = BTreeMap::new();
     if let Ok(bytes) = BASE64_STANDARD.decode(text) {
         let message = bytes.strip_prefix(&CONTINUES).map_or(&*bytes, |rest| rest.get(4..).unwrap_or_default());

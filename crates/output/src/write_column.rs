@@ -5,7 +5,7 @@
 pub struct WriteColumn {
     /// Its name.
     pub name: String,
-    /// Its unit; stored in the field's metadata, where [`crate::open`] finds it again.
+    /// Its unit; stored in the field's metadata, where `open` of `log` finds it again.
     pub unit: Option<String>,
     /// What it holds.
     pub kind: WriteKind,

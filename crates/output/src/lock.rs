@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::{Error, destination::is_at};
+use crate::{destination::is_at, error::Error};
 
 /// The sole right to write something, until it is dropped. The system takes it back from a process that is killed.
 #[derive(Debug)]

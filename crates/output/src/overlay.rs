@@ -4,7 +4,10 @@ use std::path::PathBuf;
 
 use fleetfoot_message::write::{Header, JointState, Time};
 
-use crate::{ChannelId, Error, McapOptions, McapWriter};
+use crate::{
+    error::Error,
+    mcap_writer::{ChannelId, McapOptions, McapWriter},
+};
 
 /// Writes named numbers with stamps into an MCAP file.
 ///

@@ -19,7 +19,13 @@ use parquet::{
     schema::types::{ColumnPath, Type},
 };
 
-use crate::{AtomicFile, Error, WriteColumn, WriteKind, check_outputs, parquet::arrow_schema};
+use crate::{
+    arrow_schema,
+    atomic::AtomicFile,
+    destination::check_outputs,
+    error::Error,
+    write_column::{WriteColumn, WriteKind},
+};
 
 /// Values for one column; as many as the other columns of the same call have.
 #[derive(Debug, Clone, Copy)]

@@ -1,8 +1,14 @@
 //! Columns into a table file, Parquet or text as its name says.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use crate::{CsvWriter, Error, Format, ParquetWriter, Values, WriteColumn, WriteOptions, destination::is_stream};
+use crate::{
+    csv_writer::CsvWriter,
+    destination::is_stream,
+    error::Error,
+    write_column::WriteColumn,
+    writer::{ParquetWriter, Values, WriteOptions},
+};
 
 /// Writes rows of columns into a file. Dropping it before [`TableWriter::finish`] leaves nothing behind.
 #[derive(Debug)]
@@ -21,11 +27,7 @@ impl TableWriter {
     /// As [`ParquetWriter::create`].
     pub fn create(path: impl Into<PathBuf>, columns: Vec<WriteColumn>, options: &WriteOptions) -> Result<Self, Error> {
         let path = path.into();
-        let text = match Format::of(&path) {
-            Some(format) => matches!(format, Format::Csv(_)),
-            None => is_stream(&path),
-        };
-        Ok(if text {
+        Ok(if is_text(&path) {
             Self::Csv(Box::new(CsvWriter::create(path, columns, &options.inputs)?))
         } else {
             Self::Parquet(Box::new(ParquetWriter::create(path, columns, options)?))
@@ -52,5 +54,14 @@ impl TableWriter {
             Self::Parquet(writer) => writer.finish(),
             Self::Csv(writer) => writer.finish(),
         }
+    }
+}
+
+/// Whether text is written: the name says so, or a device or a pipe has a name that says nothing.
+fn is_text(path: &Path) -> bool {
+    match path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase).as_deref() {
+        Some("csv" | "tsv" | "txt") => true,
+        Some("parquet" | "pq") => false,
+        _ => is_stream(path),
     }
 }

@@ -13,7 +13,10 @@ use mcap::{
     records::{MessageHeader, Metadata},
 };
 
-use crate::{AtomicFile, Error, check_outputs};
+use crate::{atomic::AtomicFile, destination::check_outputs, error::Error};
+
+/// The metadata record of an MCAP file that is ours.
+pub const METADATA_RECORD: &str = "fleetfoot";
 
 /// Channels of one file. MCAP numbers them by 16 bits.
 const MAX_CHANNELS: usize = 65_000;
@@ -95,7 +98,7 @@ impl McapWriter {
             .map_err(|problem| write_error(&path, problem))?;
         if !options.metadata.is_empty() {
             // Before any channel, which would open a chunk that this record then closes without a message.
-            let record = Metadata { name: crate::mcap::RECORD.to_owned(), metadata: options.metadata.clone() };
+            let record = Metadata { name: METADATA_RECORD.to_owned(), metadata: options.metadata.clone() };
             writer.write_metadata(&record).map_err(|problem| write_error(&path, problem))?;
         }
         Ok(Self { path, writer, channels: Vec::new(), by_topic: HashMap::new(), message: Vec::new(), failed: false })

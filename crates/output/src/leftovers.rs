@@ -111,7 +111,7 @@ mod tests {
     fn unfinished_files_are_removed_only_when_nobody_writes_them() {
         let folder = tempfile::tempdir().unwrap();
         let (target, at) = (folder.path().join("model.json"), |name: &str| folder.path().join(name));
-        let busy = crate::AtomicFile::create(&target).unwrap();
+        let busy = crate::atomic::AtomicFile::create(&target).unwrap();
         let others = [
             ".other.json.a1B2c3.partial",
             ".model.json.a1B2c3d.partial",

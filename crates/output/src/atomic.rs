@@ -11,8 +11,8 @@ use std::{
 use tempfile::NamedTempFile;
 
 use crate::{
-    Error,
     destination::{Destination, folder, is_at},
+    error::Error,
     leftovers::{self, RANDOM, SUFFIX},
 };
 

@@ -6,10 +6,16 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::{AtomicFile, Error, Values, WriteColumn, WriteKind, destination::check_outputs, writer::check_names};
+use crate::{
+    atomic::AtomicFile,
+    destination::check_outputs,
+    error::Error,
+    write_column::{WriteColumn, WriteKind},
+    writer::{Values, check_names},
+};
 
 /// Writes delimited text: commas, or tabs where the file is called `*.tsv`. Numbers have as many digits as give the same number again, what is missing is an
-/// empty cell, stamps are nanoseconds (their column is called `time_ns`, as other readers and [`crate::open`] understand it). An apostrophe stands before names and words that a
+/// empty cell, stamps are nanoseconds (their column is called `time_ns`, as `open` of `log` and other readers understand it). An apostrophe stands before names and words that a
 /// spreadsheet would take for a formula. Dropping it before
 /// [`CsvWriter::finish`] leaves nothing behind.
 #[derive(Debug)]
@@ -136,46 +142,7 @@ fn write_error(path: &Path, problem: csv::Error) -> Error {
 
 #[cfg(test)]
 mod tests {
-    use fleetfoot_data::{Halo, Source};
-
     use super::*;
-    use crate::{Selection, open};
-
-    #[test]
-    fn what_is_written_reads_back() {
-        let folder = tempfile::tempdir().unwrap();
-        for name in ["out.csv", "out.tsv"] {
-            let path = folder.path().join(name);
-            let columns = vec![
-                WriteColumn::new("episode, name", WriteKind::Text),
-                WriteColumn::new("time", WriteKind::Stamp),
-                WriteColumn::new("x", WriteKind::Float).with_unit("m"),
-                WriteColumn::new("inside", WriteKind::Boolean),
-            ];
-            let mut writer = CsvWriter::create(&path, columns, &[]).unwrap();
-            let x = [0.1 + 0.2, f64::NAN, -1e-300];
-            let stamps = [1_700_000_000_000_000_000, 1_700_000_000_010_000_001, 1_700_000_000_020_000_000];
-            writer
-                .write(&[
-                    Values::Text(&["a \"b\", c"; 3]),
-                    Values::Integer(&stamps),
-                    Values::Float(&x),
-                    Values::Boolean(&[true, false, true]),
-                ])
-                .unwrap();
-            let short = writer.write(&[Values::Float(&x)]).unwrap_err().to_string();
-            assert!(short.contains("1 columns of values for 4"), "{short}");
-            assert!(!path.exists());
-            writer.finish().unwrap();
-            let text = std::fs::read_to_string(&path).unwrap();
-            assert!(text.lines().nth(2).unwrap().contains("1700000000010000001"), "{text}");
-            let read = open(&[&path], &Selection::new(["x"])).unwrap();
-            let block = read.read(0, 0..3, Halo::default()).unwrap();
-            assert_eq!(block.stamps(), stamps);
-            let found = block.column(0);
-            assert!(found[0] == x[0] && found[1].is_nan() && found[2] == x[2]);
-        }
-    }
 
     #[test]
     fn no_spreadsheet_takes_words_for_a_formula() {
