@@ -22,6 +22,7 @@ mod objective;
 mod outside;
 mod parameters;
 mod prepare;
+mod radial;
 mod raw_logs;
 mod real_data;
 mod regulators;

@@ -70,7 +70,7 @@ pub(crate) enum Command {
     #[command(after_help = examples::PREPARE)]
     Prepare(Box<Prepare>),
     /// Sum logs into a statistic that is fitted later, without the logs.
-    #[command(after_help = examples::SCAN)]
+    #[command(after_help = examples::SCAN, mut_arg("radial", |arg| arg.hide(true)))]
     Scan(Box<Scan>),
     /// Look at statistics, join them, take episodes out.
     #[command(subcommand)]
@@ -122,18 +122,18 @@ pub(crate) enum Fit {
     #[command(after_help = examples::FIT_PWA)]
     Pwa(Box<FitPwa>),
     /// Sparse equations over latent functions, shared between equations where the recipe says so.
-    #[command(after_help = examples::FIT_SPARSE)]
+    #[command(after_help = examples::FIT_SPARSE, mut_arg("radial", |arg| arg.hide(true)))]
     Sparse(Box<FitSparse>),
     /// Equations: sparse sums of candidate functions (SINDy), beside what is known of the dynamics.
     #[command(after_help = examples::FIT_SINDY)]
     Sindy(Box<FitSindy>),
     /// Outputs from their own past and that of the inputs, polynomial and piecewise where asked for (NARX).
-    // What these three say is settled by the method: they are refused, with the options that say it.
-    #[command(after_help = examples::FIT_NARX, mut_arg("derivative", |arg| arg.hide(true)), mut_arg("predict", |arg| arg.hide(true)), mut_arg("lags", |arg| arg.conflicts_with_all(["lags_out", "lags_in"])))]
+    // What these say is settled by the method: they are refused, with the options that say it.
+    #[command(after_help = examples::FIT_NARX, mut_arg("radial", |arg| arg.hide(true)), mut_arg("derivative", |arg| arg.hide(true)), mut_arg("predict", |arg| arg.hide(true)), mut_arg("lags", |arg| arg.conflicts_with_all(["lags_out", "lags_in"])))]
     Narx(Box<FitNarx>),
     /// Parameters of given equations, by output error, filter error or equation error, with intervals.
     // The equations say what is predicted from what: these are refused.
-    #[command(after_help = examples::FIT_PARAMETERS, mut_arg("predict", |arg| arg.hide(true)), mut_arg("degree", |arg| arg.hide(true)), mut_arg("lags", |arg| arg.hide(true)), mut_arg("weight", |arg| arg.hide(true)))]
+    #[command(after_help = examples::FIT_PARAMETERS, mut_arg("radial", |arg| arg.hide(true)), mut_arg("predict", |arg| arg.hide(true)), mut_arg("degree", |arg| arg.hide(true)), mut_arg("lags", |arg| arg.hide(true)), mut_arg("weight", |arg| arg.hide(true)))]
     Parameters(Box<FitParameters>),
 }
 
@@ -221,6 +221,10 @@ pub(crate) struct RecipeArgs {
     /// Total degree of the polynomial library, 1 is affine (default: 1 of pwa and sparse, 2 of sindy; narx looks for it).
     #[arg(long, value_name = "N")]
     pub(crate) degree: Option<u32>,
+    /// So many radial functions of states and inputs (Gaussians around the centroids of k-means) beside the polynomials, whose degree is 1 then where it is not given; of fit pwa and
+    /// fit sindy (default: none).
+    #[arg(long, value_name = "N")]
+    pub(crate) radial: Option<usize>,
     /// Past rows of every state and input beside the present one: the last N, or every K-th of the last L, as L:K (default: 0; narx looks for them).
     #[arg(long, value_name = "ROWS")]
     pub(crate) lags: Option<Lags>,

@@ -1,13 +1,14 @@
 //! Some equations of a model taken apart: functions, regions, latents, right sides, and their derivatives.
 
 use fleetfoot_library::{Expr, Leaf, Program, StraightLine, UnknownColumn};
-use fleetfoot_model::{Equation, LatentGroup, Model, Region, Rule, partitions_in_use};
+use fleetfoot_model::{Basis, Equation, LatentGroup, Model, Region, Rule, partitions_in_use};
 
 use crate::ExportError;
 
 /// What equations need, stage by stage, in the order in which it is computed.
 pub(crate) struct Evaluation {
-    /// The functions in use, group by group, then the columns of the partitions.
+    /// The functions in use, group by group, then the columns of the partitions. Behind the functions of a group stand zeros in the place of its basis functions
+    /// ([`Evaluation::is_basis`]).
     pub(crate) features: StraightLine,
     /// The same as expressions.
     pub(crate) expressions: Vec<Expr>,
@@ -33,7 +34,7 @@ pub(crate) struct Cells {
     pub(crate) rule: Rule,
 }
 
-/// Latents that share a library and a partition.
+/// Latents that share a library, a partition and a basis.
 pub(crate) struct Group {
     /// Index into [`Evaluation::partitions`]; `None` for one region.
     pub(crate) cells: Option<usize>,
@@ -47,8 +48,10 @@ pub(crate) struct Group {
     pub(crate) names: Vec<String>,
     /// Regions x latents.
     pub(crate) constants: Vec<f64>,
-    /// Regions x latents x functions.
+    /// Regions x latents x features: functions in use, then basis functions.
     pub(crate) coefficients: Vec<f64>,
+    /// The basis, and the places of its inputs among the functions in use.
+    pub(crate) basis: Option<(Basis, Vec<usize>)>,
     /// Regions x functions: smallest and largest value in training.
     pub(crate) ranges: Option<Vec<[f64; 2]>>,
 }
@@ -56,14 +59,17 @@ pub(crate) struct Group {
 impl Group {
     /// The latents of a group, the first at `slot` among those in use; its functions begin at `first` among the features.
     fn new(model: &Model, group: &LatentGroup, slot: usize, first: usize) -> Self {
-        let LatentGroup { library, partition, latents, functions } = group;
+        let LatentGroup { library, partition, latents, functions, basis } = group;
+        let all = model.libraries[*library].len();
+        let own = all..all + basis.as_ref().map_or(0, Basis::count);
+        let features: Vec<usize> = functions.iter().copied().chain(own).collect();
         let regions = model.partitions[*partition].rule.count();
         let (mut constants, mut coefficients) = (Vec::new(), Vec::new());
         for region in 0..regions {
             for &latent in latents {
                 let map = &model.latents[latent].map;
                 constants.push(map.constant(region));
-                coefficients.extend(functions.iter().map(|&j| map.coefficient(region, j)));
+                coefficients.extend(features.iter().map(|&j| map.coefficient(region, j)));
             }
         }
         Self {
@@ -73,6 +79,7 @@ impl Group {
             functions: functions.len(),
             slot,
             names: latents.iter().map(|&latent| model.latents[latent].name.clone()).collect(),
+            basis: basis.clone().map(|basis| (basis, group.inputs())),
             ranges: ranges(model, *library, *partition, functions),
             constants,
             coefficients,
@@ -83,10 +90,15 @@ impl Group {
         self.names.len()
     }
 
-    /// Non-zero coefficients of a latent in a region: function, value.
+    /// Number of features: functions in use, then basis functions.
+    pub(crate) fn width(&self) -> usize {
+        self.functions + self.basis.as_ref().map_or(0, |(basis, _)| basis.count())
+    }
+
+    /// Non-zero coefficients of a latent in a region: feature, value.
     pub(crate) fn terms(&self, region: usize, latent: usize) -> impl Iterator<Item = (usize, f64)> {
-        let from = (region * self.latents() + latent) * self.functions;
-        self.coefficients[from..from + self.functions]
+        let from = (region * self.latents() + latent) * self.width();
+        self.coefficients[from..from + self.width()]
             .iter()
             .copied()
             .enumerate()
@@ -95,7 +107,8 @@ impl Group {
 
     /// Whether so many coefficients are zero that storing the others with their places is shorter.
     pub(crate) fn is_sparse(&self) -> bool {
-        2 * self.coefficients.iter().filter(|&&coefficient| coefficient != 0.0).count() < self.coefficients.len()
+        self.basis.is_none()
+            && 2 * self.coefficients.iter().filter(|&&coefficient| coefficient != 0.0).count() < self.coefficients.len()
     }
 }
 
@@ -113,6 +126,8 @@ impl Evaluation {
             groups.push(Group::new(model, group, slot, expressions.len()));
             slot += group.latents.len();
             expressions.extend(group.functions.iter().map(|&j| model.libraries[group.library][j].clone()));
+            let own = group.basis.as_ref().map_or(0, Basis::count);
+            expressions.extend(std::iter::repeat_n(Expr::number(0.0), own));
         }
         let first_used = used.first().copied();
         let mut partitions = Vec::new();
@@ -157,6 +172,11 @@ impl Evaluation {
     pub(crate) fn column_leaves(&self, columns: usize) -> impl Iterator<Item = Leaf> {
         let is_column = move |leaf: &Leaf| !matches!(leaf, Leaf::Column { column, .. } if *column >= columns);
         self.features.leaves.iter().chain(&self.rights.leaves).copied().filter(is_column)
+    }
+
+    /// Whether a feature is a basis function, which a loop computes.
+    pub(crate) fn is_basis(&self, feature: usize) -> bool {
+        self.groups.iter().any(|group| (group.first + group.functions..group.first + group.width()).contains(&feature))
     }
 
     /// Number of latents in use.

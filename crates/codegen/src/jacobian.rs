@@ -64,7 +64,7 @@ impl Lowering<'_> {
         let code = program(&slopes, &columns)?;
         let (mut body, values) = straight(&code, "d", &|leaf| self.plan.leaf(leaf));
         body.push(Statement::Array("g".into(), latents * variables));
-        let tables = self.evaluation.groups.iter().any(|group| group.regions > 1);
+        let tables = self.evaluation.groups.iter().any(|group| group.regions > 1 || group.basis.is_some());
         if tables && !entries.is_empty() {
             body.push(Statement::Array("d".into(), entries.len()));
             body.extend(values.iter().cloned().enumerate().map(|(at, value)| Statement::set("d", at, value)));
@@ -75,10 +75,13 @@ impl Lowering<'_> {
             let count = entries.iter().filter(|entry| own(entry)).count();
             let entries = &entries[first..first + count];
             if count == 0 {
-            } else if group.regions == 1 {
+            } else if group.regions == 1 && group.basis.is_none() {
                 body.extend(straight_group(group, entries, &values[first..], variables));
             } else {
                 body.extend(self.table_group(index, group, entries, first, variables));
+                let own: Vec<(usize, usize)> =
+                    entries.iter().map(|entry| (entry.function - group.first, entry.variable)).collect();
+                body.extend(self.slopes_of_basis(index, group, (&own, first), variables));
             }
         }
         Ok(body)
@@ -87,7 +90,7 @@ impl Lowering<'_> {
     /// Derivatives of the functions that are not zero, function by function.
     fn entries(&self) -> Vec<Entry> {
         let names = self.variables();
-        let functions: usize = self.evaluation.groups.iter().map(|group| group.functions).sum();
+        let functions: usize = self.evaluation.groups.iter().map(Group::width).sum();
         let mut entries = Vec::new();
         for (function, expression) in self.evaluation.expressions[..functions].iter().enumerate() {
             let mut own: Vec<usize> = expression
@@ -147,7 +150,7 @@ impl Lowering<'_> {
             let function = entries.iter().map(|entry| entry.function - group.first).collect();
             let function = self.table("slope_function", index, "Function of each slope.", 12, table_of(function));
             let entry = || Index::local("e");
-            let at = row.times(group.functions).plus(Index::table(&function, entry()));
+            let at = row.times(group.width()).plus(Index::table(&function, entry()));
             let value = Real::at(&format!("{TABLE}{}coefficients{index}", self.tag), at).times(slope(entry()));
             Statement::each("e", entries.len(), vec![Statement::Add(target(entry()), value)])
         };

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use fleetfoot_library::Expr;
-use fleetfoot_model::{Latent, Model, Prediction, Rule, Tree, summands};
+use fleetfoot_model::{Definition, Latent, Model, Prediction, Rule, Tree, summands};
 
 use crate::{ExportOptions, ExportedFile};
 
@@ -29,12 +29,38 @@ pub(crate) fn file(model: &Model, options: &ExportOptions) -> ExportedFile {
     align(&mut out, &lines);
     let latents: Vec<String> = model.latents.iter().map(|latent| latent_lines(model, latent)).collect();
     align(&mut out, &latents);
+    for definition in model.definitions() {
+        basis_lines(&mut out, &definition);
+    }
     for (index, partition) in model.partitions.iter().enumerate() {
         if partition.rule != Rule::Whole {
             partition_lines(&mut out, index, partition);
         }
     }
     ExportedFile::text(format!("{}.tex", options.prefix), out)
+}
+
+/// Basis functions: what they are, and the numbers of each.
+fn basis_lines(out: &mut String, definition: &Definition) {
+    let head: Vec<String> = definition.head.iter().map(|name| escaped(name)).collect();
+    let rows = definition.rows.iter().map(|(name, values)| {
+        let values: Vec<String> = values.iter().map(|&value| Expr::number(rounded(value)).to_latex()).collect();
+        format!("{} & {}", Expr::column(name.as_str()).to_latex(), values.join(" & "))
+    });
+    let rows: Vec<String> = rows.collect();
+    let _ = writeln!(
+        out,
+        "% {}\n\\begin{{align*}}\n\\begin{{array}}{{l{}}}\n & \\text{{{}}} \\\\\n{}\n\\end{{array}}\n\\end{{align*}}",
+        crate::names::comment(&definition.text),
+        "r".repeat(head.len()),
+        head.join("} & \\text{"),
+        rows.join(" \\\\\n")
+    );
+}
+
+/// Six significant digits.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.5e}").parse().unwrap_or(value)
 }
 
 fn align(out: &mut String, lines: &[String]) {

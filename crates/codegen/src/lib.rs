@@ -27,6 +27,7 @@
 
 mod advance;
 mod assemble;
+mod basis;
 mod c;
 mod c_syntax;
 mod c_test;

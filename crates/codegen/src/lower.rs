@@ -49,7 +49,8 @@ impl Lowering<'_> {
             body.push(Statement::Array("q".into(), features));
             let (lines, outputs) = straight(&evaluation.features, "s", &|leaf| self.plan.leaf(leaf));
             body.extend(lines);
-            body.extend(outputs.into_iter().enumerate().map(|(at, value)| Statement::set("q", at, value)));
+            let outputs = outputs.into_iter().enumerate().filter(|(at, _)| !evaluation.is_basis(*at));
+            body.extend(outputs.map(|(at, value)| Statement::set("q", at, value)));
         }
         if self.bounded() {
             body.push(Statement::Counter("outside".into(), 0.into()));
@@ -62,6 +63,7 @@ impl Lowering<'_> {
         }
         for (index, group) in evaluation.groups.iter().enumerate() {
             body.extend(self.check(index, group));
+            body.extend(self.basis(index, group));
             body.extend(self.latents(index, group));
         }
         body
@@ -108,7 +110,7 @@ impl Lowering<'_> {
         name
     }
 
-    fn reals(&mut self, what: &str, index: usize, comment: &str, row: usize, values: Vec<f64>) -> String {
+    pub(crate) fn reals(&mut self, what: &str, index: usize, comment: &str, row: usize, values: Vec<f64>) -> String {
         self.table(what, index, comment, row, Values::Reals(values))
     }
 
@@ -274,7 +276,7 @@ impl Lowering<'_> {
 
     /// The latents of a group.
     fn latents(&mut self, index: usize, group: &Group) -> Vec<Statement> {
-        if group.regions == 1 {
+        if group.regions == 1 && group.basis.is_none() {
             return (0..group.latents())
                 .map(|latent| {
                     let term = |(j, value): (usize, f64)| Real::Number(value).times(Real::at("q", group.first + j));
@@ -286,7 +288,7 @@ impl Lowering<'_> {
                 })
                 .collect();
         }
-        let (latents, functions) = (group.latents(), group.functions);
+        let (latents, functions) = (group.latents(), group.width());
         let names = group.names.join(", ");
         let comment = format!("Constants of {names}, one row a region.");
         let constants = self.reals("constants", index, &comment, latents, group.constants.clone());

@@ -1,7 +1,7 @@
 //! A model compiled for rows of columns: functions, regions, latents, right sides.
 
 use fleetfoot_library::{Expr, Leaf, Program, Scratch};
-use fleetfoot_model::{Equation, LatentGroup, Model, Rule, partitions_in_use};
+use fleetfoot_model::{Basis, Equation, LatentGroup, Model, Rule, partitions_in_use};
 
 use crate::{
     Error,
@@ -18,6 +18,8 @@ pub(crate) struct Compiled {
     pub(crate) rights: Program,
     pub(crate) partitions: Vec<Regions>,
     pub(crate) groups: Vec<Latents>,
+    /// Columns of a workspace's values: outputs of `functions`, and basis functions.
+    values: usize,
     columns: usize,
     latents: usize,
 }
@@ -31,7 +33,7 @@ pub(crate) struct Regions {
     pub(crate) rule: Rule,
 }
 
-/// Latents that share a library and a partition: one affine map per region.
+/// Latents that share a library, a partition and a basis: one affine map of their features per region.
 pub(crate) struct Latents {
     /// Index into [`Compiled::partitions`].
     pub(crate) regions: usize,
@@ -41,10 +43,16 @@ pub(crate) struct Latents {
     pub(crate) first: usize,
     /// Which functions of the library are in use, ascending.
     pub(crate) kept: Vec<usize>,
+    /// The features of the latents: the functions in use, then those of the basis.
+    pub(crate) features: Vec<usize>,
+    /// The basis, and the places of its inputs among the functions in use.
+    basis: Option<(Basis, Vec<usize>)>,
+    /// Index of the first basis function among the values of a workspace.
+    basis_first: usize,
     /// Slots of the latents, in the order of the matrix columns.
     pub(crate) slots: Vec<usize>,
     pub(crate) width: usize,
-    /// Per region: kept functions x width.
+    /// Per region: features x width.
     pub(crate) matrices: Vec<f64>,
     /// Per region: width.
     pub(crate) constants: Vec<f64>,
@@ -54,7 +62,7 @@ pub(crate) struct Latents {
 #[derive(Default)]
 pub(crate) struct Workspace {
     pub(crate) stride: usize,
-    /// Outputs of `functions`; the partitions' columns are standardised in place.
+    /// Outputs of `functions`, then the values of the groups' bases; the partitions' columns are standardised in place.
     pub(crate) values: Vec<f64>,
     /// One list a partition in use.
     pub(crate) regions: Vec<Vec<u32>>,
@@ -62,6 +70,7 @@ pub(crate) struct Workspace {
     /// Values of the right sides.
     pub(crate) outputs: Vec<f64>,
     features: Vec<f64>,
+    inputs: Vec<f64>,
     row: Vec<f64>,
     scratch: Scratch,
 }
@@ -105,8 +114,15 @@ impl Compiled {
                 }
             })
             .collect();
+        let mut groups: Vec<Latents> = groups;
+        let mut values = expressions.len();
+        for group in &mut groups {
+            group.basis_first = values;
+            values += group.features.len() - group.kept.len();
+        }
         Ok(Self {
             functions: Program::compile(&expressions, columns)?,
+            values,
             rights: Program::compile(&right_sides, &names)?,
             partitions,
             groups,
@@ -134,7 +150,7 @@ impl Compiled {
         // Columns that are a power of two apart would fall on the same cache lines.
         let stride = padded(rows) + LANES;
         workspace.stride = stride;
-        workspace.values.resize(self.functions.outputs() * stride, 0.0);
+        workspace.values.resize(self.values * stride, 0.0);
         workspace.outputs.resize(self.rights.outputs() * stride, 0.0);
         workspace.latents.resize(self.latents * stride, 0.0);
         let leaves: Vec<&[f64]> = self.functions.leaves().iter().map(|&l| leaf(l)).collect();
@@ -162,7 +178,7 @@ impl Compiled {
     pub(crate) fn constants(&self) -> Option<Vec<f64>> {
         let mut numbers = vec![f64::NAN; self.latents];
         for group in &self.groups {
-            if !group.kept.is_empty() || group.constants.len() != group.width {
+            if !group.features.is_empty() || group.constants.len() != group.width {
                 return None;
             }
             group.slots.iter().zip(&group.constants).for_each(|(&slot, &value)| numbers[slot] = value);
@@ -213,11 +229,53 @@ impl pulp::WithSimd for EvaluateLatents<'_> {
 }
 
 impl Latents {
+    /// Whether its latents are affine in the functions of the library alone.
+    pub(crate) fn is_affine(&self) -> bool {
+        self.basis.is_none()
+    }
+
+    /// Places of the inputs of the basis among the functions in use.
+    fn inputs(&self) -> &[usize] {
+        self.basis.as_ref().map_or(&[], |(_, places)| places)
+    }
+
+    /// Where the values of a feature stand among those of a workspace.
+    pub(crate) fn column(&self, feature: usize) -> usize {
+        match feature.checked_sub(self.kept.len()) {
+            None => self.first + feature,
+            Some(own) => self.basis_first + own,
+        }
+    }
+
+    /// The derivatives of the latents by the functions in use at a row, in a region: functions x width. NaN in a region that there is not.
+    pub(crate) fn slopes(&self, region: usize, row: usize, workspace: &Workspace, out: &mut [f64]) {
+        let (width, functions) = (self.width, self.kept.len());
+        let Some(matrix) = self.matrices.get(region * self.features.len() * width..).filter(|own| !own.is_empty())
+        else {
+            out.fill(f64::NAN);
+            return;
+        };
+        out.copy_from_slice(&matrix[..functions * width]);
+        let Some((basis, places)) = &self.basis else { return };
+        let value = |column: usize| workspace.values[column * workspace.stride + row];
+        let inputs: Vec<f64> = places.iter().map(|&place| value(self.first + place)).collect();
+        let values: Vec<f64> = (0..basis.count()).map(|own| value(self.basis_first + own)).collect();
+        let mut slopes = vec![0.0; inputs.len()];
+        for latent in 0..self.slots.len() {
+            let weights: Vec<f64> =
+                (functions..self.features.len()).map(|feature| matrix[feature * width + latent]).collect();
+            slopes.fill(0.0);
+            basis.gradient(&inputs, &values, &weights, &mut slopes);
+            places.iter().zip(&slopes).for_each(|(&place, slope)| out[place * width + latent] += slope);
+        }
+    }
+
     #[inline(always)]
     fn evaluate(&self, rows: usize, held: Option<&Ranges>, workspace: &mut Workspace) {
-        let Workspace { stride, values, regions, latents, features, row: out, .. } = workspace;
-        let (stride, count) = (*stride, self.kept.len());
+        let Workspace { stride, values, regions, latents, features, inputs, row: out, .. } = workspace;
+        let (stride, count) = (*stride, self.features.len());
         features.resize(count, 0.0);
+        inputs.resize(self.inputs().len(), 0.0);
         out.resize(self.width, 0.0);
         for row in 0..rows {
             let region = regions[self.regions][row] as usize;
@@ -227,11 +285,19 @@ impl Latents {
                 }
                 continue;
             }
-            for (j, feature) in features.iter_mut().enumerate() {
+            let (functions, own) = features.split_at_mut(self.kept.len());
+            for (j, feature) in functions.iter_mut().enumerate() {
                 *feature = values[(self.first + j) * stride + row];
             }
             if let Some(ranges) = held {
-                ranges.hold(region, features);
+                ranges.hold(region, functions);
+            }
+            if let Some((basis, places)) = &self.basis {
+                inputs.iter_mut().zip(places).for_each(|(input, &place)| *input = functions[place]);
+                basis.evaluate(inputs, own);
+                for (k, &value) in own.iter().enumerate() {
+                    values[(self.basis_first + k) * stride + row] = value;
+                }
             }
             let matrix = &self.matrices[region * count * self.width..][..count * self.width];
             affine(matrix, &self.constants[region * self.width..][..self.width], features, out);
@@ -245,20 +311,25 @@ impl Latents {
 impl Latents {
     /// The affine maps of a group, whose functions begin at `first` among the outputs; `regions` is the place of its partition among those in use.
     fn new(model: &Model, group: LatentGroup, regions: usize, first: usize) -> Self {
-        let LatentGroup { library, partition, latents: slots, functions: kept } = group;
+        let inputs = group.inputs();
+        let LatentGroup { library, partition, latents: slots, functions: kept, basis } = group;
+        let functions = model.libraries[library].len();
+        let own = functions..functions + basis.as_ref().map_or(0, Basis::count);
+        let features: Vec<usize> = kept.iter().copied().chain(own).collect();
         let count = model.partitions[partition].rule.count();
         let width = padded(slots.len());
-        let mut matrices = vec![0.0; count * kept.len() * width];
+        let mut matrices = vec![0.0; count * features.len() * width];
         let mut constants = vec![0.0; count * width];
         for (o, &slot) in slots.iter().enumerate() {
             let latent = &model.latents[slot];
             for region in 0..count {
                 constants[region * width + o] = latent.map.constant(region);
-                for (j, &function) in kept.iter().enumerate() {
-                    matrices[(region * kept.len() + j) * width + o] = latent.map.coefficient(region, function);
+                for (j, &feature) in features.iter().enumerate() {
+                    matrices[(region * features.len() + j) * width + o] = latent.map.coefficient(region, feature);
                 }
             }
         }
-        Self { regions, library, first, kept, slots, width, matrices, constants }
+        let basis = basis.map(|basis| (basis, inputs));
+        Self { regions, library, first, kept, features, basis, basis_first: 0, slots, width, matrices, constants }
     }
 }

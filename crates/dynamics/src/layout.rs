@@ -8,6 +8,7 @@ use crate::{
     affine_kernel::AffineKernel,
     aligned::Aligned,
     cell::Cells,
+    compiled::Latents,
     kernel::{LANES, padded},
 };
 
@@ -61,6 +62,7 @@ impl AffineKernel {
     pub(crate) fn new(model: &Model, simulator: &Simulator, equations: &[&Equation]) -> Option<Self> {
         let compiled = &simulator.compiled;
         if compiled.partitions.len() > 1
+            || !compiled.groups.iter().all(Latents::is_affine)
             || simulator.states.iter().any(|state| state.advance.lag.is_some())
             || !simulator.geometry.groups.is_empty()
         {

@@ -227,7 +227,8 @@ impl Predictor {
     fn finite_rows(&self, rows: usize, workspace: &mut PredictorWorkspace) {
         workspace.complete.clear();
         workspace.complete.resize(rows, true);
-        for column in workspace.model.values.chunks_exact(workspace.model.stride) {
+        let outputs = self.compiled.functions.outputs();
+        for column in workspace.model.values.chunks_exact(workspace.model.stride).take(outputs) {
             for (complete, value) in workspace.complete.iter_mut().zip(column) {
                 *complete &= value.is_finite();
             }

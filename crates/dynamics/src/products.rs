@@ -308,13 +308,14 @@ impl Along<'_> {
         let workspace = &stage.workspace;
         for (group, places) in compiled.groups.iter().zip(&self.places.coefficients) {
             let region = workspace.regions.get(group.regions).map_or(0, |regions| regions[k] as usize);
-            let length = (group.kept.len() + 1) * group.width;
+            let length = (group.features.len() + 1) * group.width;
             let Some(numbers) = places.get(region.saturating_mul(length)..).and_then(|own| own.get(..length)) else {
                 continue;
             };
             features.clear();
             features.push(1.0);
-            features.extend((0..group.kept.len()).map(|j| workspace.values[(group.first + j) * workspace.stride + k]));
+            features
+                .extend((0..group.features.len()).map(|j| workspace.values[group.column(j) * workspace.stride + k]));
             let met = Met { numbers, width: group.width, features };
             for &(row, slot) in &self.places.readers {
                 let Some(latent) = group.slots.iter().position(|&own| own == slot) else { continue };

@@ -100,13 +100,13 @@ impl<'a> Recursion<'a> {
             if !matches!(self.columns[number].get(region), Some(None)) {
                 continue;
             }
-            let length = (group.kept.len() + 1) * group.width;
+            let length = (group.features.len() + 1) * group.width;
             let places = &self.places.coefficients[number][region * length..][..length];
             let column = |latent: usize, function: usize| {
                 self.local.get(places[function * group.width + latent] as usize).copied().unwrap_or(NONE)
             };
             let own: Box<[u32]> = (0..group.slots.len())
-                .flat_map(|latent| (0..=group.kept.len()).map(move |function| (latent, function)))
+                .flat_map(|latent| (0..=group.features.len()).map(move |function| (latent, function)))
                 .map(|(latent, function)| column(latent, function))
                 .collect();
             own.iter().filter(|&&column| column != NONE).for_each(|&column| self.revive(column as usize / LANES));
@@ -184,7 +184,7 @@ impl<'a> Recursion<'a> {
             let Some(Some(columns)) = columns.get(region) else { continue };
             self.features.clear();
             self.features.push(1.0);
-            self.features.extend((0..group.kept.len()).map(|j| values[(group.first + j) * stride + k]));
+            self.features.extend((0..group.features.len()).map(|j| values[group.column(j) * stride + k]));
             let count = self.features.len();
             for &(row, slot) in &self.places.readers {
                 let Some(latent) = group.slots.iter().position(|&own| own == slot) else { continue };

@@ -35,7 +35,7 @@ pub struct Coefficient {
     pub region: usize,
     /// Index of the latent.
     pub latent: usize,
-    /// Index of the function in the latent's library; `None` for the constant.
+    /// Index of the feature of the latent: a function of its library, or behind those one of its basis; `None` for the constant.
     pub function: Option<usize>,
 }
 
@@ -204,7 +204,7 @@ impl Sensitivity {
     fn active(&self, simulator: &Simulator, stages: &[Stage]) -> Vec<usize> {
         let mut active = Vec::new();
         for (group, places) in simulator.compiled.groups.iter().zip(&self.places.coefficients) {
-            let length = (group.kept.len() + 1) * group.width;
+            let length = (group.features.len() + 1) * group.width;
             let mut met: Vec<u32> = stages
                 .iter()
                 .filter_map(|stage| stage.workspace.regions.get(group.regions))
@@ -288,8 +288,8 @@ fn readings(simulator: &Simulator) -> Vec<Reading> {
 
 fn places(group: &Latents, number: &HashMap<Coefficient, u32>) -> Vec<u32> {
     let regions = group.constants.len() / group.width;
-    let functions = || std::iter::once(None).chain(group.kept.iter().copied().map(Some));
-    let mut places = Vec::with_capacity(regions * (group.kept.len() + 1) * group.width);
+    let functions = || std::iter::once(None).chain(group.features.iter().copied().map(Some));
+    let mut places = Vec::with_capacity(regions * (group.features.len() + 1) * group.width);
     for region in 0..regions {
         for function in functions() {
             let of = |&latent: &usize| number.get(&Coefficient { region, latent, function }).copied().unwrap_or(NONE);

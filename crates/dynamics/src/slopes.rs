@@ -5,7 +5,7 @@ use fleetfoot_model::{Equation, Model};
 
 use crate::{
     Error,
-    compiled::{Compiled, Workspace},
+    compiled::{Compiled, Latents, Workspace},
     kernel::{LANES, padded},
 };
 
@@ -122,15 +122,26 @@ impl Slopes {
         let mut out =
             SlopeRows { total: vec![0.0; rows * sides * width], by_latents: vec![0.0; rows * sides * latents] };
         let mut of_latents = vec![0.0; latents * width];
+        // Of a group with a basis, which change from row to row; the others are those of the matrix. A row without a region has no derivatives.
+        let functions = |group: &Latents| (!group.is_affine()).then(|| vec![0.0; group.kept.len() * group.width]);
+        let mut by_functions: Vec<Option<Vec<f64>>> = compiled.groups.iter().map(functions).collect();
+        let region =
+            |group: &Latents, b: usize| workspace.regions.get(group.regions).map_or(0, |regions| regions[b] as usize);
         for b in 0..rows {
             of_latents.fill(0.0);
+            for (group, slopes) in compiled.groups.iter().zip(&mut by_functions) {
+                if let Some(slopes) = slopes {
+                    group.slopes(region(group, b), b, workspace, slopes);
+                }
+            }
             for (entry, &(at, j, variable)) in self.feature_entries.iter().enumerate() {
                 let group = &compiled.groups[at];
-                let region = workspace.regions.get(group.regions).map_or(0, |regions| regions[b] as usize);
-                let first = (region * group.kept.len() + j) * group.width;
+                let first = (region(group, b) * group.features.len() + j) * group.width;
                 for (o, &slot) in group.slots.iter().enumerate() {
-                    // A row without a region has no derivatives.
-                    let coefficient = group.matrices.get(first + o).copied().unwrap_or(f64::NAN);
+                    let coefficient = match &by_functions[at] {
+                        Some(slopes) => slopes[j * group.width + o],
+                        None => group.matrices.get(first + o).copied().unwrap_or(f64::NAN),
+                    };
                     of_latents[slot * width + variable] += coefficient * features[entry * stride + b];
                 }
             }

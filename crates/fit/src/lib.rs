@@ -22,6 +22,7 @@ mod not_finite;
 mod objective;
 mod parameters;
 mod pwa;
+mod radial;
 mod regions;
 mod rollout_choice;
 mod serialize;

@@ -16,7 +16,7 @@ use fleetfoot_task::ParametersTask;
 pub use report::{ConfoundedPair, GainInterval, ParameterInterval, ParametersHeldOut, ParametersReport};
 use report::{Found, report};
 
-use crate::{error::Error, folds::smoothed_rows, known::given};
+use crate::{error::Error, folds::smoothed_rows, known::given, radial};
 
 /// A model whose equations were given and whose parameters were estimated.
 #[derive(Debug, Clone)]
@@ -86,6 +86,7 @@ pub fn fit_parameters(
             "fit parameters goes over the rows of logs, and a statistic has none: give the logs".into(),
         ));
     }
+    radial::refuse(recipe, "fit parameters")?;
     let mut options = EstimateOptions::new(recipe)?;
     let (dataset, mut task) = Dataset::for_parameters(recipe, logs, progress)?;
     options.compare = written_out(&options.compare, &task.known.columns);

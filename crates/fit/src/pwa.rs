@@ -10,7 +10,7 @@ use fleetfoot_data::{Progress, Source, Work};
 use fleetfoot_dataset::{Dataset, Logs, ReadPlan, open};
 use fleetfoot_estimate::Hold;
 use fleetfoot_library::Expr;
-use fleetfoot_model::{Model, Prediction};
+use fleetfoot_model::{Model, Prediction, RadialFunctions};
 use fleetfoot_pwa::{Identification, Options, Problem, Selection, Shrinkage, Stability};
 use fleetfoot_recipe::{Derivative, Objective, Recipe};
 use fleetfoot_task::Task;
@@ -26,6 +26,7 @@ use crate::{
     model_file::refuse_not_finite,
     not_finite, objective,
     objective::{Beginning, Refinement},
+    radial,
     rollout_choice::{HeldOut, RolloutCandidate, RolloutChoice, RolloutRule, candidates, open_spans, settled, terms},
     serialize,
 };
@@ -89,6 +90,7 @@ pub fn plan_pwa(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress)
         ));
     }
     let options = PwaOptions::new(recipe)?;
+    let centres = radial::count(recipe)?.unwrap_or(0);
     let (rollouts, spans) = (options.rollouts, candidates(recipe).len());
     // The training rows of a fold are fewer, so that its passes are less than the fit's own.
     let choice_passes = rollouts.map_or(0, |rule| PWA_PASSES * rule.folds * spans);
@@ -103,12 +105,12 @@ pub fn plan_pwa(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress)
     let cost = fleetfoot_pwa::cost(&task.problem, &options.identification, reading.rows);
     Ok(FitPlan {
         reading,
-        regressors: task.problem.library.len(),
+        regressors: task.problem.library.len() + centres,
         targets: task.problem.equations.iter().filter(|equation| equation.target.is_some()).count(),
         partitions: options.identification.partitions.len(),
         rollouts,
         spans,
-        passes: cost.passes + choice_passes,
+        passes: cost.passes + choice_passes + usize::from(centres > 0),
         choice_passes,
         fit_passes: cost.passes,
         objective: options.objective,
@@ -165,6 +167,10 @@ pub fn fit_pwa(
     options.keep_all = request.keep_all;
     let view = dataset.view()?;
     options.phase = task.phase_in(view.columns());
+    let mut radial_notes = Vec::new();
+    let clustering = (options.seed, &view as &dyn Source);
+    let radial = radial::found(recipe, &task.variables, &task.problem, clustering, &mut radial_notes, progress)?;
+    task.problem.library.extend(radial.iter().flat_map(RadialFunctions::expressions));
     let mut rollouts = None;
     if let Some(rule) = said.rollouts {
         let choice = by_rollouts(recipe, &task.problem, &options, &view, rule, progress)?;
@@ -181,8 +187,12 @@ pub fn fit_pwa(
     let text = recipe.to_toml();
     for model in std::iter::once(&mut identification.model).chain(&mut identification.models) {
         model.training.recipe.clone_from(&text);
+        if let Some(radial) = &radial {
+            radial.gather(model);
+        }
     }
     let mut notes = dataset.notes().to_vec();
+    notes.append(&mut radial_notes);
     notes.extend(options::unused(recipe));
     notes.extend(objective::note(said.objective, refinement.as_ref()));
     notes.extend(incomplete_rows(identification.incomplete, &dataset, functions(&task, &said.labels()))?);

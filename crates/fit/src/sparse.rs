@@ -45,7 +45,7 @@ use crate::{
     error::Error,
     folds::smoothed_rows,
     model_file::refuse_not_finite,
-    not_finite,
+    not_finite, radial,
     statistic::{LabelKey, ScanOptions, scan, scan_tasks},
     subset::Subset,
 };
@@ -101,6 +101,7 @@ pub fn fit_sparse(
     let logs = &logs.into();
     // What is wrong with the options is said before the pass.
     SparseOptions::new(&recipe.sparse)?;
+    radial::refuse(recipe, "fit sparse")?;
     let evidence = if logs.is_statistic() {
         if request.keep.is_some() {
             return Err(Error::needs_rows(

@@ -20,7 +20,7 @@ impl MapKind for AffineMap {
         self.constants.len()
     }
 
-    fn features(&self) -> usize {
+    fn functions(&self) -> usize {
         self.coefficients.first().map_or(0, Vec::len)
     }
 
@@ -59,7 +59,7 @@ impl MapKind for AffineMap {
 
     fn arrays(&self) -> Vec<MapArray> {
         let values = self.coefficients.iter().flatten().copied().collect();
-        let shape = vec![self.coefficients.len(), self.features()];
+        let shape = vec![self.coefficients.len(), self.functions()];
         vec![
             MapArray { name: "constants", values: self.constants.clone(), shape: vec![self.constants.len()] },
             MapArray { name: "coefficients", values, shape },

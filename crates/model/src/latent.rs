@@ -22,6 +22,7 @@ impl Latent {
     pub fn affine(&self) -> Option<&AffineMap> {
         match &self.map {
             Map::Affine(map) => Some(map),
+            Map::Radial(_) => None,
         }
     }
 
@@ -29,6 +30,7 @@ impl Latent {
     pub fn affine_mut(&mut self) -> Option<&mut AffineMap> {
         match &mut self.map {
             Map::Affine(map) => Some(map),
+            Map::Radial(_) => None,
         }
     }
 }

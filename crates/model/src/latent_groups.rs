@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use fleetfoot_library::{Leaf, Program, UnknownColumn};
 
-use crate::{Equation, Model};
+use crate::{Basis, Equation, Model};
 
-/// Latents that share a library and a partition.
-#[derive(Debug, Clone, PartialEq, Eq)]
+/// Latents that share a library, a partition and a basis.
+#[derive(Debug, Clone, PartialEq)]
 pub struct LatentGroup {
     /// Index of the library.
     pub library: usize,
@@ -17,6 +17,16 @@ pub struct LatentGroup {
     pub latents: Vec<usize>,
     /// Functions of the library that are in use, ascending.
     pub functions: Vec<usize>,
+    /// The functions that they have beside those of the library.
+    pub basis: Option<Basis>,
+}
+
+impl LatentGroup {
+    /// Places of the basis' inputs among the functions in use; none where the latents do not depend on the basis.
+    pub fn inputs(&self) -> Vec<usize> {
+        let place = |input: &usize| self.functions.iter().position(|function| function == input);
+        self.basis.iter().flat_map(|basis| basis.inputs()).filter_map(place).collect()
+    }
 }
 
 /// A right side speaks of a latent at another row.
@@ -32,7 +42,7 @@ pub struct LaggedLatent {
 }
 
 impl Model {
-    /// The latents that the right sides of some equations speak of, by library and partition. `names` are those of the columns and, behind
+    /// The latents that the right sides of some equations speak of, by library, partition and basis. `names` are those of the columns and, behind
     /// them, of the model's latents.
     ///
     /// Functions that no latent depends on are not in use, except of the library `whole`, if any.
@@ -46,14 +56,23 @@ impl Model {
         whole: Option<usize>,
     ) -> Result<Vec<LatentGroup>, E> {
         let needed = self.needed_latents::<E>(names, equations)?;
-        let mut members: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
+        let mut bases: Vec<Option<Basis>> = Vec::new();
+        let mut members: BTreeMap<(usize, usize, usize), Vec<usize>> = BTreeMap::new();
         for (at, latent) in self.latents.iter().enumerate().filter(|&(at, _)| needed[at]) {
-            members.entry((latent.library, latent.partition)).or_default().push(at);
+            let own = latent.map.basis();
+            let basis = bases.iter().position(|known| *known == own).unwrap_or_else(|| {
+                bases.push(own);
+                bases.len() - 1
+            });
+            members.entry((latent.library, latent.partition, basis)).or_default().push(at);
         }
-        let group = |((library, partition), latents): (_, Vec<usize>)| {
+        let group = |((library, partition, basis), latents): ((_, _, usize), Vec<usize>)| {
             let in_use = |&j: &usize| whole == Some(library) || latents.iter().any(|&at| self.latents[at].map.reads(j));
-            let functions = (0..self.libraries[library].len()).filter(in_use).collect();
-            LatentGroup { library, partition, latents, functions }
+            let functions: Vec<usize> = (0..self.libraries[library].len()).filter(in_use).collect();
+            // A basis without weights is not computed.
+            let is_read = |basis: &Basis| basis.inputs().iter().all(|input| functions.contains(input));
+            let basis = bases[basis].clone().filter(is_read);
+            LatentGroup { library, partition, latents, functions, basis }
         };
         Ok(members.into_iter().map(group).collect())
     }

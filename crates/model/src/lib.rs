@@ -28,10 +28,12 @@
 //! ```
 
 mod affine_map;
+mod basis;
 mod closed;
 mod column;
 mod equation;
 mod file;
+mod gaussian;
 mod latent;
 mod latent_groups;
 mod lattice;
@@ -40,6 +42,8 @@ mod map_kind;
 mod partition;
 mod phases;
 mod print;
+mod radial_functions;
+mod radial_map;
 mod region;
 mod region_pair;
 mod residual_correlation;
@@ -52,10 +56,12 @@ mod typeset;
 mod validate;
 
 pub use affine_map::AffineMap;
+pub use basis::{Basis, Definition};
 pub use closed::{Closed, ClosedError, FirstOrderLag, auxiliary_columns, check_simulated};
 pub use column::{Column, Role};
 pub use equation::{Equation, Prediction};
 pub use file::{FORMAT_VERSION, FileError};
+pub use gaussian::Gaussian;
 pub use latent::Latent;
 pub use latent_groups::{LaggedLatent, LatentGroup, partitions_in_use};
 pub use lattice::{Join, Lattice, Level};
@@ -64,6 +70,8 @@ pub use map_kind::{MapArray, MapKind};
 pub use partition::{Partition, Rule, UnseenLabel, join};
 pub use phases::{Passage, PhaseBins, Phases};
 pub use print::{describe, describe_transitions, factor};
+pub use radial_functions::RadialFunctions;
+pub use radial_map::RadialMap;
 pub use region::{Estimated, Region, Training};
 pub use region_pair::{RegionPair, holm};
 pub use residual_correlation::ResidualCorrelation;

@@ -2,7 +2,7 @@
 
 use std::ops::{Deref, DerefMut};
 
-use crate::{AffineMap, MapKind};
+use crate::{AffineMap, MapKind, RadialMap};
 
 /// How a latent function computes its value: one variant a kind. A [`MapKind`] is what all have in common.
 #[derive(Debug, Clone, PartialEq)]
@@ -10,6 +10,8 @@ use crate::{AffineMap, MapKind};
 pub enum Map {
     /// Affine in the functions of the library, sparse or not.
     Affine(AffineMap),
+    /// Radial functions around given centres beside them.
+    Radial(RadialMap),
 }
 
 impl Deref for Map {
@@ -18,6 +20,7 @@ impl Deref for Map {
     fn deref(&self) -> &Self::Target {
         match self {
             Map::Affine(map) => map,
+            Map::Radial(map) => map,
         }
     }
 }
@@ -26,6 +29,7 @@ impl DerefMut for Map {
     fn deref_mut(&mut self) -> &mut Self::Target {
         match self {
             Map::Affine(map) => map,
+            Map::Radial(map) => map,
         }
     }
 }
@@ -33,5 +37,11 @@ impl DerefMut for Map {
 impl From<AffineMap> for Map {
     fn from(map: AffineMap) -> Self {
         Map::Affine(map)
+    }
+}
+
+impl From<RadialMap> for Map {
+    fn from(map: RadialMap) -> Self {
+        Map::Radial(map)
     }
 }

@@ -4,6 +4,8 @@ use std::fmt::Debug;
 
 use fleetfoot_library::Expr;
 
+use crate::basis::Basis;
+
 /// Numbers of a map, by name, with their shape: what a file of arrays holds of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MapArray {
@@ -17,8 +19,8 @@ pub struct MapArray {
 
 /// A kind of latent function: how a value follows from the functions f of a library, in a region r.
 ///
-/// Every kind ends in an affine function of features: `constant(r) + sum_j coefficient(r, j) * feature_j`. The features are the functions of the library.
-/// Simulation, exported code and text for people read a latent through this trait alone.
+/// Every kind ends in an affine function of features: `constant(r) + sum_j coefficient(r, j) * feature_j`. The features are the functions of the library, and behind
+/// them the functions of the kind's basis, where it has one. Simulation, exported code and text for people read a latent through this trait alone.
 pub trait MapKind: Debug {
     /// The kind, for people: `affine`.
     fn name(&self) -> &'static str;
@@ -26,8 +28,8 @@ pub trait MapKind: Debug {
     /// Regions that it has a function for.
     fn regions(&self) -> usize;
 
-    /// Number of features.
-    fn features(&self) -> usize;
+    /// Number of functions of the library.
+    fn functions(&self) -> usize;
 
     /// The constant term in a region.
     fn constant(&self, region: usize) -> f64;
@@ -50,6 +52,16 @@ pub trait MapKind: Debug {
     /// All its numbers.
     fn arrays(&self) -> Vec<MapArray>;
 
+    /// The functions that stand beside those of the library.
+    fn basis(&self) -> Option<Basis> {
+        None
+    }
+
+    /// Number of features.
+    fn features(&self) -> usize {
+        self.functions() + self.basis().map_or(0, |basis| basis.count())
+    }
+
     /// Whether a feature has a coefficient in any region.
     fn has(&self, feature: usize) -> bool {
         (0..self.regions()).any(|region| self.coefficient(region, feature) != 0.0)
@@ -57,10 +69,14 @@ pub trait MapKind: Debug {
 
     /// Whether its value depends on a function of the library.
     fn reads(&self, function: usize) -> bool {
-        self.has(function)
+        let through = |basis: Basis| {
+            let mut own = self.functions()..self.features();
+            basis.inputs().contains(&function) && own.any(|feature| self.has(feature))
+        };
+        self.has(function) || self.basis().is_some_and(through)
     }
 
-    /// Fitted numbers that are not zero; constants are not counted.
+    /// Coefficients that are not zero; constants, and the numbers inside a basis, are not counted.
     fn parameters(&self) -> usize {
         let of = |region| (0..self.features()).filter(move |&j| self.coefficient(region, j) != 0.0).count();
         (0..self.regions()).map(of).sum()
@@ -68,19 +84,37 @@ pub trait MapKind: Debug {
 
     /// A feature by the name that text for people has for it; `library` are the functions of the latent's library.
     fn feature(&self, feature: usize, library: &[Expr]) -> Option<Expr> {
-        library.get(feature).cloned()
+        match feature.checked_sub(self.functions()) {
+            None => library.get(feature).cloned(),
+            Some(own) => self.basis().map(|basis| Expr::column(basis.name(own))),
+        }
+    }
+
+    /// A feature written out over the columns.
+    fn expression(&self, feature: usize, library: &[Expr]) -> Option<Expr> {
+        match feature.checked_sub(self.functions()) {
+            None => library.get(feature).cloned(),
+            Some(own) => self.basis()?.expression(own, library),
+        }
     }
 
     /// The value in a region, from the values of the library's functions.
     fn value(&self, region: usize, functions: &[f64]) -> f64 {
-        functions.iter().enumerate().fold(self.constant(region), |sum, (j, f)| sum + self.coefficient(region, j) * f)
+        let own = self.basis().map_or_else(Vec::new, |basis| at(&basis, functions).1);
+        let features = functions.iter().chain(&own).enumerate();
+        features.fold(self.constant(region), |sum, (j, feature)| sum + self.coefficient(region, j) * feature)
     }
 
     /// Forward product: how the value changes where the functions change by `change`.
     fn tangent(&self, region: usize, functions: &[f64], change: &[f64]) -> f64 {
-        let mut slopes = vec![0.0; functions.len()];
-        self.gradient(region, functions, 1.0, &mut slopes);
-        slopes.iter().zip(change).map(|(slope, change)| slope * change).sum()
+        let own = self.basis().map_or_else(Vec::new, |basis| {
+            let (inputs, values) = at(&basis, functions);
+            let change: Vec<f64> = basis.inputs().iter().map(|&input| change[input]).collect();
+            let mut along = vec![0.0; values.len()];
+            basis.tangent(&inputs, &values, &change, &mut along);
+            along
+        });
+        change.iter().chain(&own).enumerate().map(|(j, along)| self.coefficient(region, j) * along).sum()
     }
 
     /// Reverse product: adds `weight` times the derivative of the value by every function.
@@ -88,5 +122,20 @@ pub trait MapKind: Debug {
         for (j, slope) in slopes.iter_mut().enumerate().take(functions.len()) {
             *slope += weight * self.coefficient(region, j);
         }
+        let Some(basis) = self.basis() else { return };
+        let (inputs, values) = at(&basis, functions);
+        let weights: Vec<f64> =
+            (self.functions()..self.features()).map(|j| weight * self.coefficient(region, j)).collect();
+        let mut own = vec![0.0; inputs.len()];
+        basis.gradient(&inputs, &values, &weights, &mut own);
+        basis.inputs().iter().zip(own).for_each(|(&input, slope)| slopes[input] += slope);
     }
+}
+
+/// The inputs of a basis among the values of a library's functions, and its own values.
+fn at(basis: &Basis, functions: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let inputs: Vec<f64> = basis.inputs().iter().map(|&input| functions[input]).collect();
+    let mut values = vec![0.0; basis.count()];
+    basis.evaluate(&inputs, &mut values);
+    (inputs, values)
 }

@@ -7,7 +7,7 @@ use std::fmt::Write;
 
 use fleetfoot_library::Expr;
 
-use crate::{Branch, Latent, Lattice, Level, Model, Partition, Prediction, Region, Rule, Tree};
+use crate::{Branch, Definition, Latent, Lattice, Level, Model, Partition, Prediction, Region, Rule, Tree};
 pub use transitions::describe_transitions;
 
 /// The model as text: columns, equations, and per region its size, rank, place and coefficients. Places have the units of their columns.
@@ -58,7 +58,20 @@ pub fn describe(model: &Model, regions: usize) -> String {
     for (index, partition) in model.partitions.iter().enumerate().filter(|(index, _)| !whole(*index)) {
         describe_partition(&mut out, model, index, regions, &partition.specification);
     }
+    for definition in model.definitions() {
+        describe_basis(&mut out, &definition);
+    }
     out
+}
+
+/// Basis functions, one a line.
+fn describe_basis(out: &mut String, definition: &Definition) {
+    let _ = writeln!(out, "\n{}", definition.text);
+    let _ = writeln!(out, "  {}", definition.head.join(", "));
+    for (name, values) in &definition.rows {
+        let values: Vec<String> = values.iter().map(|&value| short(value)).collect();
+        let _ = writeln!(out, "  {name}  {}", values.join(", "));
+    }
 }
 
 /// A latent that is one function everywhere.

@@ -2,7 +2,7 @@
 
 use fleetfoot_library::{Binary, Expr, Node, Unary};
 
-use crate::{Equation, Latent, Model, Prediction};
+use crate::{Basis, Definition, Equation, Latent, Model, Prediction};
 
 /// Digits of a fitted coefficient in an equation for people; the model's file has all of them.
 const DIGITS: usize = 4;
@@ -62,6 +62,16 @@ impl Model {
         let (map, library) = (&latent.map, self.libraries.get(latent.library).map_or(&[][..], Vec::as_slice));
         let features = (0..map.features()).map(|j| (map.feature(j, library), map.coefficient(region, j)));
         std::iter::once((None, map.constant(region))).chain(features).collect()
+    }
+
+    /// The bases of the latents, with what each is; of those that several latents have, once.
+    pub fn definitions(&self) -> Vec<Definition> {
+        let mut known: Vec<(usize, Basis)> = Vec::new();
+        for latent in &self.latents {
+            let own = latent.map.basis().map(|basis| (latent.library, basis));
+            known.extend(own.filter(|own| !known.contains(own)));
+        }
+        known.iter().map(|(library, basis)| basis.definition(&self.libraries[*library])).collect()
     }
 
     /// The fitted function that is all of an equation's right side.

@@ -1,6 +1,6 @@
 //! The models: what they speak of, their equations, their regions.
 
-use fleetfoot_model::{Column, Equation as ModelEquation, Latent, Model, Prediction, Role, SetEquation};
+use fleetfoot_model::{Column, Definition, Equation as ModelEquation, Latent, Model, Prediction, Role, SetEquation};
 use fleetfoot_report::{Cell, Equation, Math, Part, Section, Table};
 
 use crate::{Judged, excitation, fitting, fitting::Fit, intervals, limits, regions, transitions, verdict};
@@ -67,6 +67,7 @@ fn parts(model: &Model, number: usize, shown: usize, fit: Option<&Fit>) -> Vec<P
         .map(|latent| set(model.set_latent(latent, 0), String::new()))
         .collect();
     parts.extend(capped(shared));
+    parts.extend(model.definitions().iter().map(basis));
     parts.extend(intervals::parameters(model));
     let mut said = None;
     for partition in 0..model.partitions.len() {
@@ -81,6 +82,17 @@ fn parts(model: &Model, number: usize, shown: usize, fit: Option<&Fit>) -> Vec<P
         parts.extend(along.map(Part::Figure));
     }
     parts
+}
+
+/// Functions that latents have beside those of their library, with the numbers of each.
+fn basis(definition: &Definition) -> Part {
+    let head = std::iter::once("function".to_owned()).chain(definition.head.iter().cloned());
+    let mut table = Table::new(format!("{}.", definition.text), head);
+    for (name, values) in &definition.rows {
+        let numbers = values.iter().map(|&value| Cell::of(value));
+        table = table.row(std::iter::once(Cell::Text(name.clone())).chain(numbers));
+    }
+    Part::Fold(format!("{} basis functions", definition.rows.len()), vec![Part::Table(table)])
 }
 
 fn about(model: &Model) -> String {

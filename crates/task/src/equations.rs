@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use fleetfoot_data::Column as DataColumn;
 use fleetfoot_library::{Expr, Library, TermsError, Vocabulary};
-use fleetfoot_model::{Column, Equation, Prediction, Role};
+use fleetfoot_model::{Column, Equation, Gaussian, Prediction, RadialFunctions, Role};
 use fleetfoot_recipe::{Aliases, Derivative, Error, Kind, Recipe};
 
 use crate::{
@@ -47,6 +47,10 @@ pub struct EquationTask {
     pub windows: Option<Windows>,
     /// Bounds of coefficients; the owners are the fitted equations.
     pub limits: Vec<CoefficientLimit>,
+    /// What libraries are made of: states and inputs, angles as cosine and sine, and their past.
+    pub variables: Vec<Expr>,
+    /// The radial functions among the candidates, the last of them, once their centres are known.
+    pub radial: Option<RadialFunctions>,
 }
 
 /// A fitted equation.
@@ -175,6 +179,8 @@ impl EquationTask {
             own.mark(equation, constant, &functions);
         }
         let limits = limits(recipe, (&equations, &fitted), (constant, &functions), &names, &mut aliases)?;
+        let variables =
+            if recipe.library.radial.is_some() { variables(recipe, &aliases, &equations)? } else { Vec::new() };
         let columns = aliases.columns;
         let task = Self {
             columns,
@@ -189,6 +195,8 @@ impl EquationTask {
             narrowed,
             windows: None,
             limits,
+            variables,
+            radial: None,
         };
         task.refuse_unused_parameters()?;
         // Filters of numbers alone are known from the beginning.
@@ -225,8 +233,33 @@ impl EquationTask {
     pub fn candidate(&self, index: usize) -> String {
         match index.checked_sub(usize::from(self.constant)) {
             None => "1".to_owned(),
-            Some(function) => self.functions[function].to_string(),
+            Some(function) => {
+                let radial = self.radial.as_ref().map_or(0, |radial| radial.centres.len());
+                match (function + radial).checked_sub(self.functions.len()) {
+                    Some(own) if radial > 0 => Gaussian::name(own),
+                    _ => self.functions[function].to_string(),
+                }
+            }
         }
+    }
+
+    /// The task with radial functions behind its candidates, and with the variables that these are functions of: for all equations that have no library in the recipe.
+    #[must_use]
+    pub fn with_radial(mut self, radial: RadialFunctions, recipe: &Recipe) -> Self {
+        let more = radial.inputs.iter().filter(|input| !self.functions.contains(input));
+        let more: Vec<Expr> = more.cloned().chain(radial.expressions()).collect();
+        self.functions.extend(more);
+        let count = self.candidates();
+        let subjects: Vec<String> = (self.equations.iter())
+            .filter(|equation| equation.target.is_some())
+            .map(|equation| equation.subject.clone())
+            .collect();
+        for (equation, subject) in self.fitted.iter_mut().zip(subjects) {
+            let own = recipe.states.get(&subject).is_some_and(|state| state.library.is_some());
+            equation.allowed.resize(count, !own);
+        }
+        self.radial = Some(radial);
+        self
     }
 
     /// Columns whose moments the model needs: what the fitted equations measure, then the states.
@@ -265,6 +298,10 @@ impl EquationTask {
         }
         task.weight = task.weight.as_ref().map(&change);
         task.partition_columns.iter_mut().for_each(|column| *column = change(column));
+        task.variables.iter_mut().for_each(|variable| *variable = change(variable));
+        if let Some(radial) = &mut task.radial {
+            radial.inputs.iter_mut().for_each(|input| *input = change(input));
+        }
         task
     }
 
@@ -322,6 +359,9 @@ impl Reader<'_> {
     fn degree(&mut self, equations: &[Equation], aliases: &Aliases<'_>) -> u32 {
         if let Some(degree) = self.recipe.model.degree {
             return degree.max(1);
+        }
+        if self.recipe.library.radial.is_some() {
+            return 1;
         }
         let variables = variables(self.recipe, aliases, equations).map_or(0, |found| found.len());
         self.narrowed = (variables + 1) * (variables + 2) / 2 > MOST_UNASKED;

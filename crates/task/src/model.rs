@@ -123,6 +123,7 @@ impl EquationTask {
         let used: Vec<usize> = (0..self.functions.len())
             .filter(|j| coefficients.iter().any(|b| (0..fitted).any(|t| b[(first + j, t)] != 0.0)))
             .collect();
+        let used = self.with_inputs(used);
         let partition = partition.cloned().unwrap_or_else(Partition::whole);
         let regions = coefficients
             .iter()
@@ -147,7 +148,24 @@ impl EquationTask {
         model.libraries = vec![used.iter().map(|&j| self.functions[j].clone()).collect()];
         model.partitions = vec![Partition { regions, ..partition }];
         model.equations.clone_from(&self.equations);
+        if let Some(radial) = &self.radial {
+            radial.gather(&mut model);
+        }
         model
+    }
+
+    /// Functions in use, ascending, and those that radial functions among them are functions of.
+    fn with_inputs(&self, mut used: Vec<usize>) -> Vec<usize> {
+        let Some(radial) = &self.radial else { return used };
+        let first = self.functions.len() - radial.centres.len();
+        if used.iter().any(|&j| j >= first) {
+            used.extend(
+                self.functions.iter().enumerate().filter(|(_, own)| radial.inputs.contains(own)).map(|(j, _)| j),
+            );
+            used.sort_unstable();
+            used.dedup();
+        }
+        used
     }
 
     /// States, and the columns that the model speaks of.

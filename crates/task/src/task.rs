@@ -16,6 +16,8 @@ use crate::{
 pub struct Task {
     /// The problem to identify, over the aliases.
     pub problem: Problem,
+    /// What the library is made of: states and inputs, angles as cosine and sine, and their past.
+    pub variables: Vec<Expr>,
     /// The phase along which regions are counted, where the recipe names one.
     pub phase: Option<Phase>,
     /// The columns of the view, and the expressions over the recording's fields that give them.
@@ -41,7 +43,8 @@ impl Task {
     pub fn resolve(recipe: &Recipe, fields: &[DataColumn], labels: &[String], step: f64) -> Result<Self, Error> {
         let mut aliases = Aliases::of_recipe(recipe, fields)?;
         let equations = equations(recipe, &mut aliases)?;
-        let library = library(recipe, &aliases, &equations)?;
+        let variables = variables(recipe, &aliases, &equations)?;
+        let library = polynomials(recipe, &variables)?;
         let partition_columns = partition_columns(recipe, &equations, &mut aliases)?;
         for label in labels {
             aliases.add(label, None, None, Role::Auxiliary, false, "--partition labels")?;
@@ -51,7 +54,7 @@ impl Task {
         let weight = recipe.model.weight.as_deref().map(|text| aliases.over_aliases(text, "weight")).transpose()?;
         let phase = recipe.pwa.phase.as_ref().map(|phase| resolved(phase, &mut aliases)).transpose()?;
         let problem = Problem { columns: aliases.columns, library, equations, partition_columns, weight, step };
-        Ok(Self { problem, phase, aliases: aliases.expressions })
+        Ok(Self { problem, variables, phase, aliases: aliases.expressions })
     }
 }
 
@@ -216,8 +219,11 @@ pub fn seen(column: &Column, all: &[Column]) -> Vec<Expr> {
 }
 
 pub(crate) fn library(recipe: &Recipe, aliases: &Aliases<'_>, equations: &[Equation]) -> Result<Vec<Expr>, Error> {
-    let variables = variables(recipe, aliases, equations)?;
-    Ok(Library::polynomial(&variables, recipe.model.degree.unwrap_or(1).max(1))?.functions().to_vec())
+    polynomials(recipe, &variables(recipe, aliases, equations)?)
+}
+
+fn polynomials(recipe: &Recipe, variables: &[Expr]) -> Result<Vec<Expr>, Error> {
+    Ok(Library::polynomial(variables, recipe.model.degree.unwrap_or(1).max(1))?.functions().to_vec())
 }
 
 /// What libraries range over: states and inputs (angles as cosine and sine), and their past where the recipe asks for it.

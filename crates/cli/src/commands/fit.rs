@@ -283,6 +283,8 @@ pub(crate) fn recipe(arguments: &RecipeArgs) -> Result<Recipe, Error> {
     let model = &mut recipe.model;
     model.predict = arguments.predict.clone().or(model.predict.take());
     model.degree = arguments.degree.or(model.degree);
+    recipe.library.radial = arguments.radial.or(recipe.library.radial);
+    let model = &mut recipe.model;
     model.weight = arguments.weight.clone().or(model.weight.take());
     if let Some(lags) = arguments.lags {
         model.lags = Some(lags);

@@ -2,10 +2,13 @@
 
 #![allow(dead_code)] // Every test file uses its own part.
 
+use std::sync::Arc;
+
 use fleetfoot_data::{Column as DataColumn, MemorySource, packed};
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_model::{
-    AffineMap, Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training,
+    AffineMap, Column, Equation, Gaussian, Latent, Model, Partition, Prediction, RadialMap, Region, Role, Rule,
+    Training,
 };
 
 /// A column of a model.
@@ -103,6 +106,25 @@ pub(crate) fn model(
             target: None,
             unit: None,
         });
+    }
+    model.validate().unwrap();
+    model
+}
+
+/// A model with radial functions of some functions of its one library beside them; weights and centres from the seed.
+pub(crate) fn with_radial(mut model: Model, inputs: &[usize], seed: u64) -> Model {
+    let number = |at: usize| noise(seed + 5000 + at as u64);
+    let radial = Arc::new(Gaussian {
+        inputs: inputs.to_vec(),
+        centres: (0..4).map(|k| (0..inputs.len()).map(|i| number(10 * k + i)).collect()).collect(),
+        scale: (0..inputs.len()).map(|i| 0.8 + 0.3 * i as f64).collect(),
+        width: 0.7,
+    });
+    for (at, latent) in model.latents.iter_mut().enumerate() {
+        let affine = latent.affine().unwrap().clone();
+        let row = |region: usize| (0..4).map(|k| 0.3 * number(100 + 40 * at + 4 * region + k)).collect();
+        let weights = (0..latent.map.regions()).map(row).collect();
+        latent.map = RadialMap { affine, radial: radial.clone(), weights }.into();
     }
     model.validate().unwrap();
     model

@@ -5,6 +5,7 @@ mod controllers;
 mod horizons;
 mod latents;
 mod plane;
+mod radial;
 mod replayed;
 mod rollouts;
 mod rotations;

@@ -68,6 +68,10 @@ fn tangled(seed: u64, prediction: Prediction, regions: usize) -> (Model, MemoryS
     let mut model = model(columns, &library, partition, fitted, &[]);
     // A right side in which a latent stands within a product.
     model.equations[1].right = parse("latent_v*(1 + 0.2*u) - 0.1*q");
+    // Every other model has radial functions too, of a function of earlier rows among others.
+    if seed.is_multiple_of(2) {
+        model = with_radial(model, &[5, 1, 3], seed);
+    }
     let values = |shift: f64| (0..60).map(|k| (0.13 * k as f64 + shift).sin()).collect::<Vec<f64>>();
     let source = source(
         &["q", "v", "u"],

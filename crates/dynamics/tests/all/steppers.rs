@@ -1,6 +1,6 @@
 //! Models on values at hand: the bits of rollouts on a recording, and derivatives by finite differences.
 
-use crate::common::{column, identity, parse, region, source};
+use crate::common::{column, identity, parse, region, source, with_radial};
 use fleetfoot_data::Silent;
 use fleetfoot_dynamics::{
     Course, Error, InputSequence, Integration, Method, Points, RolloutOptions, Simulator, Start, Step, Stepper,
@@ -99,13 +99,17 @@ fn what_is_given_and_what_is_advanced() {
     assert!(matches!(Stepper::looking_ahead(&ahead), Err(Error::FutureState { state, ahead: 1 }) if state == "v"));
 }
 
+/// The model, and the same with radial functions of three of its four functions.
+fn both(kind: [Prediction; 3]) -> [Model; 2] {
+    [model(kind), with_radial(model(kind), &[3, 0, 1], 8)]
+}
+
 #[test]
 fn simulations_are_the_rollouts_on_a_recording() {
     let dt = 0.05;
     let columns: Vec<Vec<f64>> = (0..6).map(|column| (0..60).map(|row| value(column, row)).collect()).collect();
     let source = source(&NAMES, dt, vec![columns]);
-    for kind in KINDS {
-        let model = model(kind);
+    for (kind, model) in KINDS.into_iter().flat_map(|kind| both(kind).map(|model| (kind, model))) {
         let stepper = Stepper::new(&model).unwrap();
         for method in [Method::Euler, Method::Rk4] {
             let mut options = RolloutOptions::new(20);
@@ -178,8 +182,7 @@ fn substeps_are_steps_and_the_past_is_that_of_rows() {
 
 #[test]
 fn tangents_are_finite_differences() {
-    for kind in KINDS {
-        let model = model(kind);
+    for (kind, model) in KINDS.into_iter().flat_map(|kind| both(kind).map(|model| (kind, model))) {
         let stepper = Stepper::new(&model).unwrap();
         let tangent = Tangent::new(&stepper).unwrap();
         let (variables, mut workspace) = ([0, 2, 4, 1, 3], StepperWorkspace::default());

@@ -47,7 +47,10 @@ impl Candidates {
             let latent = &model.latents[coefficient.latent];
             let function = match coefficient.function {
                 None => Expr::number(1.0),
-                Some(j) => model.libraries[latent.library][j].clone(),
+                Some(j) => {
+                    let library = &model.libraries[latent.library];
+                    latent.map.expression(j, library).unwrap_or_else(|| Expr::number(0.0))
+                }
             };
             let output = functions.iter().position(|own| *own == function).unwrap_or_else(|| {
                 functions.push(function);

@@ -6,7 +6,7 @@ use fleetfoot_recipe::{
 };
 use fleetfoot_sparse::narx::NarxOrder;
 
-use crate::error::Error;
+use crate::{error::Error, radial};
 
 /// How many terms an equation has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -108,6 +108,7 @@ impl NarxOptions {
     /// # Errors
     /// A word or number that is not allowed, with those that are.
     pub fn new(recipe: &Recipe) -> Result<Self, Error> {
+        radial::refuse(recipe, "fit narx")?;
         let section = &recipe.narx;
         let selection = section.select.unwrap_or_default();
         let terms = terms(section)?;

@@ -20,7 +20,7 @@ use crate::{
     folds::reached,
     incomplete::in_no_region,
     model_file::refuse_not_finite,
-    objective,
+    objective, radial,
     sindy::{beneath, keys},
 };
 
@@ -33,6 +33,7 @@ pub(crate) fn fit(recipe: &Recipe, request: PwaRequest, logs: &Logs) -> Result<F
     let recipe = beneath(recipe, &Recipe::parse(&file.recipe, "the recipe of the statistic")?)?;
     let said = PwaOptions::new(&recipe)?;
     objective::refuse_statistic(said.objective)?;
+    radial::refuse_statistic(&recipe)?;
     refuse_rows(&said)?;
     let mut options = said.of_step(file.step());
     options.keep_all = request.keep_all;

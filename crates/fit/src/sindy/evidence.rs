@@ -96,6 +96,7 @@ impl Evidence {
         let frozen = Frozen::differentiated(task.clone(), &dataset.view()?, &mut notes)?;
         let mut frozen = frozen.windowed(form, &dataset.view()?, &mut notes)?;
         frozen.estimate(&mut dataset, &mut notes, progress)?;
+        frozen.add_radial(recipe, (seed, dataset.step(), &dataset.view()?), &mut notes, progress)?;
         let mut found = Self::of_rows(recipe, seed, frozen, dataset.step(), &dataset.view()?, progress)?;
         notes.append(&mut found.notes);
         if form == WeakForm::ByNoise

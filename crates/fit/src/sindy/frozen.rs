@@ -11,6 +11,7 @@ use fleetfoot_task::{EquationTask, WeakForm, specification};
 use super::estimation;
 use crate::{
     error::Error,
+    radial,
     regions::{clustering, regions},
     sindy::ParameterReport,
 };
@@ -70,6 +71,25 @@ impl Frozen {
             self.parameters.iter().map(|parameter| (parameter.name.clone(), parameter.value)).collect();
         self.task = self.task.settled(&values);
         dataset.see(&self.task.aliases);
+        Ok(())
+    }
+
+    /// Adds the radial functions that the recipe asks for to the candidates: one pass for their centres.
+    ///
+    /// # Errors
+    /// Those of reading; more centres than rows.
+    pub(crate) fn add_radial(
+        &mut self,
+        recipe: &Recipe,
+        (seed, step, source): (u64, f64, &dyn Source),
+        notes: &mut Vec<String>,
+        progress: &dyn Progress,
+    ) -> Result<(), Error> {
+        let problem = self.task.problem(step);
+        let found = radial::found(recipe, &self.task.variables, &problem, (seed, source), notes, progress)?;
+        if let Some(found) = found {
+            self.task = self.task.clone().with_radial(found, recipe);
+        }
         Ok(())
     }
 

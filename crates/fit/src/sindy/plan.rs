@@ -3,12 +3,13 @@
 use fleetfoot_data::{Progress, Work};
 use fleetfoot_dataset::{Dataset, Logs, ReadPlan, open::estimate_equations};
 use fleetfoot_estimate::SmoothingOptions;
+use fleetfoot_model::Gaussian;
 use fleetfoot_recipe::{Objective, Recipe};
 use fleetfoot_task::{EquationTask, specification};
 use serde::Serialize;
 
 use super::{SindyOptions, smoothed::may_apply, work::work};
-use crate::{error::Error, serialize};
+use crate::{error::Error, radial, serialize};
 
 /// What a fit of equations would read and keep.
 #[derive(Debug, Clone, Serialize)]
@@ -49,7 +50,7 @@ pub struct SindyPlan {
 pub fn plan_sindy(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) -> Result<SindyPlan, Error> {
     let logs = &logs.into();
     let options = SindyOptions::new(&recipe.sindy)?.within(recipe)?;
-    let objective = options.objective;
+    let (objective, centres) = (options.objective, radial::count(recipe)?.unwrap_or(0));
     if logs.is_statistic() {
         return Err(Error::needs_rows(
             "--dry-run tells what a pass over logs would cost, and a statistic needs none; leave it away".into(),
@@ -58,14 +59,20 @@ pub fn plan_sindy(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progres
     let regions = specification(recipe)?.and_then(|partition| partition.clusters()).unwrap_or(1);
     let plan = |task: &EquationTask, reading: ReadPlan, notes| SindyPlan {
         equations: task.fitted.iter().map(|equation| equation.label.clone()).collect(),
-        candidates: (0..task.candidates()).map(|j| task.candidate(j)).collect(),
+        candidates: (0..task.candidates()).map(|j| task.candidate(j)).chain((0..centres).map(Gaussian::name)).collect(),
         parameters: task.parameters.iter().map(|parameter| parameter.name.clone()).collect(),
         regions,
         objective,
         smoothing: (may_apply(options.smooth_states, task, recipe, regions > 1, reading.rows))
             .then(|| SmoothingOptions::default().memory as usize),
         memory: fleetfoot_sums::system::SystemPlan::memory(&task.system(), regions, reading.rows),
-        work: work(&options, task.candidates(), task.fitted.len(), regions, options.folds.expected(reading.episodes)),
+        work: work(
+            &options,
+            task.candidates() + centres,
+            task.fitted.len(),
+            regions,
+            options.folds.expected(reading.episodes),
+        ),
         reading,
         notes,
     };

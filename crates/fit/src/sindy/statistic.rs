@@ -9,7 +9,7 @@ use fleetfoot_sums::system::{System, SystemScan};
 use fleetfoot_task::{EquationTask, WeakForm};
 
 use super::frozen::Frozen;
-use crate::{error::Error, sindy::Evidence};
+use crate::{error::Error, radial, sindy::Evidence};
 
 impl Evidence {
     /// Reads the statistic of logs, and tells the recipe with that of the scan beneath. A recipe that names no states and nothing to predict is that of the scan.
@@ -80,6 +80,7 @@ fn unserved(file: &StatisticFile, recipe: &Recipe) -> Error {
 
 /// What a statistic cannot answer.
 fn refuse_rows(recipe: &Recipe) -> Result<(), Error> {
+    radial::refuse_statistic(recipe)?;
     match recipe.parameters.keys().next() {
         None => Ok(()),
         Some(name) => Err(Error::needs_rows(format!(

@@ -17,7 +17,7 @@ use super::{
     equations::{self, accepts_equations},
     scan::{chunk_bytes, default_chunk},
 };
-use crate::error::Error;
+use crate::{error::Error, radial};
 
 /// What a scan would read and keep.
 #[derive(Debug, Clone)]
@@ -120,6 +120,7 @@ fn plan_new(
     logs: &Logs,
     progress: &dyn Progress,
 ) -> Result<ScanPlan, Error> {
+    radial::refuse(recipe, "scan")?;
     let chunk = |task: &StructuredTask, rows| chunk_rows.unwrap_or_else(|| default_chunk(task, rows));
     if let Some((task, columns, cost)) = estimate_structure(recipe, logs, progress)? {
         let reading = ReadPlan::of_messages(logs, columns, &cost);

@@ -23,7 +23,7 @@ use super::{
     LabelKey,
     equations::{self, accepts_equations, unserved},
 };
-use crate::{error::Error, incomplete::incomplete_rows, not_finite::too_few, subset::Subset};
+use crate::{error::Error, incomplete::incomplete_rows, not_finite::too_few, radial, subset::Subset};
 
 /// Rows that are scanned between two moments at which the work can be kept.
 const GROUP_ROWS: usize = 1 << 18;
@@ -158,6 +158,7 @@ impl<'a> Scan<'a> {
         progress: &dyn Progress,
         keep: &mut dyn FnMut(&mut StatisticFile) -> Result<(), Error>,
     ) -> Result<(), Error> {
+        radial::refuse(self.recipe, "scan")?;
         if let (Some(file), Some(first)) = (&self.file, files.first()) {
             // Told before the files are opened, which may take long, and also when all of them are there already.
             let (recipe, fields, task) = Dataset::structure(self.recipe, &vec![first.log.clone()].into())?;

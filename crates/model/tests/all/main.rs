@@ -3,4 +3,5 @@
 mod counted;
 mod file;
 mod models;
+mod radial;
 mod transitions;

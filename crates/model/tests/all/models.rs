@@ -1,10 +1,12 @@
 //! Models of all kinds for the tests of export, made from seeds.
 
+use std::sync::Arc;
+
 use fleetfoot_data::mix;
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_model::{
-    AffineMap, Branch, Column, Cut, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training, Tree,
-    UnseenLabel,
+    AffineMap, Branch, Column, Cut, Equation, Gaussian, Latent, Model, Partition, Prediction, RadialMap, Region, Role,
+    Rule, Training, Tree, UnseenLabel,
 };
 
 /// Numbers by counting.
@@ -123,6 +125,21 @@ impl Maker {
         });
     }
 
+    /// Gives all latents so far the same radial functions of some functions of their library, with random weights.
+    pub(crate) fn radial(&mut self, inputs: &[usize], count: usize) {
+        let radial = Arc::new(Gaussian {
+            inputs: inputs.to_vec(),
+            centres: (0..count).map(|_| self.draw.values(inputs.len())).collect(),
+            scale: (0..inputs.len()).map(|i| 0.6 + 0.2 * i as f64).collect(),
+            width: 0.9,
+        });
+        for latent in &mut self.model.latents {
+            let affine = latent.affine().expect("an affine latent").clone();
+            let weights = (0..latent.map.regions()).map(|_| self.draw.values(count)).collect();
+            latent.map = RadialMap { affine, radial: radial.clone(), weights }.into();
+        }
+    }
+
     /// An equation; one with a latent in it is fitted.
     pub(crate) fn equation(&mut self, subject: &str, prediction: Prediction, right: &str) {
         let right = self.parse(right);
@@ -196,8 +213,8 @@ impl Maker {
     }
 }
 
-const STATE: Role = Role::State;
-const INPUT: Role = Role::Input;
+pub(crate) const STATE: Role = Role::State;
+pub(crate) const INPUT: Role = Role::Input;
 
 /// All kinds, each with a name that is a prefix.
 pub(crate) fn all() -> Vec<(&'static str, Model)> {
@@ -222,7 +239,36 @@ pub(crate) fn all() -> Vec<(&'static str, Model)> {
         ("hostile", hostile()),
         ("constant", constant()),
         ("lagged_regression", lagged_regression()),
+        ("radial", radial()),
+        ("radial_regions", radial_regions()),
     ]
+}
+
+/// Radial functions of two of three functions, the sine of an angle among them, beside affine terms.
+pub(crate) fn radial() -> Model {
+    let mut maker = Maker::new(31, "pwa", &[("x", STATE), ("~a", STATE), ("u", INPUT)]);
+    let library = maker.library(&["x", "sin(a)", "u"]);
+    let partition = maker.partition("average", &[], Rule::Whole);
+    maker.latent("f_x", library, partition, 2.0);
+    maker.latent("f_a", library, partition, 2.0);
+    maker.radial(&[1, 0], 7);
+    maker.equation("x", Prediction::Derivative, "f_x - 0.1*x");
+    maker.equation("a", Prediction::Derivative, "f_a");
+    maker.finish()
+}
+
+/// The same radial functions with weights of three regions, in next values, and one of the functions has no other term.
+pub(crate) fn radial_regions() -> Model {
+    let mut maker = Maker::new(32, "pwa", &[("x", STATE), ("y", STATE), ("u", INPUT)]);
+    let library = maker.library(&["x", "y", "u", "lag(x, 1)*u"]);
+    let rule = maker.voronoi(3, 2);
+    let partition = maker.partition("kmeans:3", &["x", "y"], rule);
+    maker.latent("f_x", library, partition, 2.0);
+    maker.latent("f_y", library, partition, 0.5);
+    maker.radial(&[0, 1, 3], 5);
+    maker.equation("x", Prediction::Next, "f_x");
+    maker.equation("y", Prediction::Difference, "0.1*f_y");
+    maker.finish()
 }
 
 /// Polynomials and trigonometric terms, mostly zero.

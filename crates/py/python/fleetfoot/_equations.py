@@ -52,25 +52,36 @@ class Content:
     def feature_names(self, latent: str | None) -> list[str]:
         """Functions of a library, the constant first."""
         found = self.of_one_library()[0] if latent is None else self.latent(latent)
-        return ["1", *self.libraries[found["library"]]]
+        return ["1", *self.features(found)]
+
+    def features(self, latent: dict[str, Any]) -> list[str]:
+        """The features of a latent: the functions of its library, then its radial functions."""
+        radial = latent.get("radial", {"centres": []})["centres"]
+        return [*self.libraries[latent["library"]], *(f"radial{at + 1}" for at in range(len(radial)))]
+
+    def weights(self, latent: dict[str, Any], region: int) -> list[float]:
+        """The coefficients of the features of a latent in a region."""
+        own = latent["radial"]["weights"][region] if "radial" in latent else []
+        return [*map(float, latent["coefficients"][region]), *map(float, own)]
 
     def coefficients(self, latent: str | None) -> np.ndarray[Any, Any]:
         """Regions x latents x functions."""
         latents = self.of_one_library() if latent is None else [self.latent(latent)]
         regions = len(latents[0]["constants"])
         rows = [
-            [[float(found["constants"][region]), *map(float, found["coefficients"][region])] for found in latents]
+            [[float(found["constants"][region]), *self.weights(found, region)] for found in latents]
             for region in range(regions)
         ]
         return np.array(rows, dtype=float)
 
     def complexity(self) -> int:
         """Coefficients that are not zero, of all functions and regions."""
-        return sum(
-            int(np.count_nonzero(np.array(latent[part], dtype=float)))
+        rows = [
+            [float(constant), *self.weights(latent, region)]
             for latent in self.latents
-            for part in ("constants", "coefficients")
-        )
+            for region, constant in enumerate(latent["constants"])
+        ]
+        return sum(int(np.count_nonzero(np.array(row, dtype=float))) for row in rows)
 
     def regions(self) -> list[str]:
         """Names of the regions in the first latent's partition."""
@@ -103,7 +114,7 @@ class Content:
 
     def _sum(self, latent: dict[str, Any], region: int, precision: int) -> str:
         terms = [("1", float(latent["constants"][region]))]
-        terms += zip(self.libraries[latent["library"]], map(float, latent["coefficients"][region]))
+        terms += zip(self.features(latent), self.weights(latent, region))
         text = ""
         for function, coefficient in terms:
             if coefficient == 0.0:

@@ -33,6 +33,9 @@ class PWA(Identifier):
         else ``"derivative"``.
     degree : int, optional
         Total degree of the polynomials. When not given what the recipe says, else 1, affine.
+    radial : int, optional
+        So many radial functions of states and inputs beside the polynomials: Gaussians around the centroids of k-means,
+        as wide as centres are apart. When not given what the recipe says, else none.
     lags : int, str or mapping, optional
         Past rows of every state and input that stand beside the present one: the last 3, ``3``, or every 5th of the
         last 50, ``"50:5"`` or ``{"last": 50, "every": 5}``. When not given what the recipe says, else 0.
@@ -108,6 +111,7 @@ class PWA(Identifier):
         *,
         target: str | None = None,
         degree: int | None = None,
+        radial: int | None = None,
         lags: int | str | Mapping[str, int] | None = None,
         partition_on: Sequence[str] | None = None,
         select: Literal["cv", "bic", "rollout"] = "cv",
@@ -141,6 +145,7 @@ class PWA(Identifier):
         self.partition = partition
         self.target = target
         self.degree = degree
+        self.radial = radial
         self.lags = lags
         self.partition_on = partition_on
         self.select = select
@@ -191,7 +196,9 @@ class PWA(Identifier):
             memory=None if memory is None else memory / 2**20,
             tsqr=self._said("tsqr"),
         )
-        return {name: section for name, section in (("model", model), ("pwa", pwa)) if section}
+        library = _recipe.said(radial=self._whole("radial", 1))
+        sections = (("model", model), ("library", library), ("pwa", pwa))
+        return {name: section for name, section in sections if section}
 
     def _fit(self, data: _core.Data, recipe: str, progress: Any) -> tuple[Model, dict[str, Any]]:
         chosen, report, models = _core.fit_pwa(data, recipe, bool(self.keep_all), self.cache, progress)

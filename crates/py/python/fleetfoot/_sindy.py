@@ -52,6 +52,10 @@ class SINDy(Identifier):
         ``["poly(1)", lambda x, y: x * abs(y)]``, of every choice of so many variables: they are read as expressions; or
         a polynomial, Fourier, identity, custom, concatenated or tensored library of pysindy. When not given what
         the recipe says, else ``"poly(2)"``, or ``"poly(1)"`` where that would be more than 500 functions.
+    radial : int, optional
+        So many radial functions of states and inputs beside the candidates, which are ``"poly(1)"`` then where no library
+        is given: Gaussians around the centroids of k-means, as wide as centres are apart. When not given what the recipe
+        says, else none.
     feature_library : object, optional
         Another name for ``library``, as pysindy has it.
     differentiation_method : callable, optional
@@ -147,6 +151,7 @@ class SINDy(Identifier):
         differentiation_method: Any = None,
         *,
         feature_library: Any = None,
+        radial: int | None = None,
         threshold: float | Literal["auto"] = "auto",
         terms: int | None = None,
         ridge: float | None = None,
@@ -187,6 +192,7 @@ class SINDy(Identifier):
         self.library = library
         self.differentiation_method = differentiation_method
         self.feature_library = feature_library
+        self.radial = radial
         self.threshold = threshold
         self.terms = terms
         self.ridge = ridge
@@ -229,8 +235,7 @@ class SINDy(Identifier):
         )
         items = _peers.library(_one("library", self._said("library"), "feature_library", self.feature_library))
         recipe: dict[str, Any] = {"model": model, "sindy": self._section()}
-        if items is not None:
-            recipe["library"] = {"functions": items}
+        recipe["library"] = _recipe.said(functions=items, radial=self._whole("radial", 1))
         if self.constraints:
             recipe["constraints"] = {name: dict(section) for name, section in self.constraints.items()}
         if self.parameters:

@@ -139,7 +139,7 @@ def coefficients(
         raise ValueError(f"region={region}: the model has the regions 0 to {len(latent['constants']) - 1}")
     errors = _standard_errors(getattr(model, "report_", None), names[place], latent["name"], region)
     values = [("1", float(latent["constants"][region]))]
-    values += zip(content.libraries[latent["library"]], map(float, latent["coefficients"][region]))
+    values += zip(content.features(latent), content.weights(latent, region))
     shown = [(name, value) for name, value in values if value != 0.0]
     least = sorted((abs(value) for _, value in shown), reverse=True)[: max(1, most)]
     shown = [(name, value) for name, value in shown if abs(value) >= least[-1]]

@@ -18,6 +18,9 @@ pub struct LibrarySection {
     /// `["poly(3)", "sin", "V^2*alpha"]`; the monomials up to the degree of `[model]`, else `poly(2)`, when empty.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub functions: Vec<String>,
+    /// So many radial functions beside the others, around the centroids of k-means on the states and inputs; of `fit pwa` and `fit sindy`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub radial: Option<usize>,
 }
 
 /// A number that is not known: it stands in library items, nominal dynamics and targets, wherever a column may, and is estimated.

@@ -1,0 +1,86 @@
+//! Radial functions among the candidates of a fit: their centres are found on its rows.
+
+use fleetfoot_data::{Progress, Source};
+use fleetfoot_library::Expr;
+use fleetfoot_model::RadialFunctions;
+use fleetfoot_pwa::{Options, Problem, Specification};
+use fleetfoot_recipe::Recipe;
+
+use crate::error::Error;
+
+/// Most radial functions.
+const MOST: usize = 2_000;
+
+/// How many radial functions `[library]` asks for.
+///
+/// # Errors
+/// None, or too many.
+pub(crate) fn count(recipe: &Recipe) -> Result<Option<usize>, Error> {
+    match recipe.library.radial {
+        Some(count) if !(1..=MOST).contains(&count) => Err(Error::value(format!(
+            "[library] radial = {count} (--radial {count}): give a number of centres from 1 to {MOST}, or leave it away"
+        ))),
+        count => Ok(count),
+    }
+}
+
+/// The radial functions that a recipe asks for, around the centroids of k-means on all rows that `problem` counts; targets are not looked at.
+///
+/// # Errors
+/// Those of reading; fewer rows than centres.
+pub(crate) fn found(
+    recipe: &Recipe,
+    variables: &[Expr],
+    problem: &Problem,
+    (seed, source): (u64, &dyn Source),
+    notes: &mut Vec<String>,
+    progress: &dyn Progress,
+) -> Result<Option<RadialFunctions>, Error> {
+    let Some(count) = count(recipe)? else { return Ok(None) };
+    let problem = Problem { partition_columns: variables.to_vec(), ..problem.clone() };
+    let mut options = Options::default();
+    (options.folds, options.seed) = (0, seed);
+    options.partitions = vec![Specification::KMeans(count)];
+    let found = fleetfoot_pwa::partition(&problem, &options, source, progress)?;
+    let few = |rows: u64| {
+        Error::too_few_rows(
+            rows,
+            count as u64,
+            format!(
+                "[library] radial = {count} (--radial {count}): {rows} complete rows are too few for so many centres; give a smaller number"
+            ),
+        )
+    };
+    if found.rows <= count as u64 {
+        return Err(few(found.rows));
+    }
+    let partition = found.partitions.first().map(|(_, partition)| partition);
+    let radial = partition.and_then(RadialFunctions::around).ok_or_else(|| few(found.rows))?;
+    if radial.centres.len() < count {
+        notes.push(format!(
+            "--radial {count}: the rows have {} distinct places, so there are so many radial functions",
+            radial.centres.len()
+        ));
+    }
+    Ok(Some(radial))
+}
+
+/// Refuses radial functions of another method.
+pub(crate) fn refuse(recipe: &Recipe, command: &str) -> Result<(), Error> {
+    match recipe.library.radial {
+        None => Ok(()),
+        Some(count) => Err(Error::conflict(format!(
+            "[library] radial = {count} (--radial {count}): `{command}` has no radial functions; leave it away, or use `fit pwa` or `fit sindy`"
+        ))),
+    }
+}
+
+/// Refuses radial functions of a statistic.
+pub(crate) fn refuse_statistic(recipe: &Recipe) -> Result<(), Error> {
+    match recipe.library.radial {
+        None => Ok(()),
+        Some(count) => Err(Error::needs_rows(format!(
+            "[library] radial = {count} (--radial {count}): the centres of radial functions are found on rows, which a statistic has not; give the logs instead"
+        ))),
+    }
+}

@@ -1,0 +1,104 @@
+//! Functions that a latent has beside those of its library.
+
+use std::sync::Arc;
+
+use fleetfoot_library::Expr;
+
+use crate::gaussian::Gaussian;
+
+/// What basis functions are, for people: a sentence, and a table of the numbers of each.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Definition {
+    /// Their names, and the formula that all have.
+    pub text: String,
+    /// Heads of the columns of the table, without that of the names.
+    pub head: Vec<String>,
+    /// Name and numbers of every basis function.
+    pub rows: Vec<(String, Vec<f64>)>,
+}
+
+/// Basis functions over the functions of a library: features that a kind of latent has beside them, linear in its coefficients too.
+///
+/// Latents whose basis is the same share its values. Simulation and code compute it once a row; a match on it has no default arm.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Basis {
+    /// Radial functions.
+    Gaussian(Arc<Gaussian>),
+}
+
+impl Basis {
+    /// Number of basis functions.
+    pub fn count(&self) -> usize {
+        match self {
+            Basis::Gaussian(own) => own.count(),
+        }
+    }
+
+    /// Indices of the functions of the library that it reads.
+    pub fn inputs(&self) -> &[usize] {
+        match self {
+            Basis::Gaussian(own) => &own.inputs,
+        }
+    }
+
+    /// The name of a basis function in text for people: `radial1`.
+    pub fn name(&self, index: usize) -> String {
+        match self {
+            Basis::Gaussian(_) => Gaussian::name(index),
+        }
+    }
+
+    /// The values of the basis functions, from those of its inputs.
+    #[inline(always)]
+    pub fn evaluate(&self, inputs: &[f64], values: &mut [f64]) {
+        match self {
+            Basis::Gaussian(own) => own.evaluate(inputs, values),
+        }
+    }
+
+    /// Reverse product: adds `sum_k weights_k d basis_k / d input_i` to every slope; `values` are those at `inputs`.
+    pub fn gradient(&self, inputs: &[f64], values: &[f64], weights: &[f64], slopes: &mut [f64]) {
+        match self {
+            Basis::Gaussian(own) => own.gradient(inputs, values, weights, slopes),
+        }
+    }
+
+    /// Forward product: how the values change where the inputs change by `change`.
+    pub fn tangent(&self, inputs: &[f64], values: &[f64], change: &[f64], out: &mut [f64]) {
+        match self {
+            Basis::Gaussian(own) => own.tangent(inputs, values, change, out),
+        }
+    }
+
+    /// A basis function written out over the columns; `library` are the functions of the latent's library.
+    pub fn expression(&self, index: usize, library: &[Expr]) -> Option<Expr> {
+        let inputs: Option<Vec<Expr>> = self.inputs().iter().map(|&input| library.get(input).cloned()).collect();
+        match self {
+            Basis::Gaussian(own) => Some(own.expression(index, &inputs?)),
+        }
+    }
+
+    /// What they are, for people; `library` are the functions of the latent's library.
+    pub fn definition(&self, library: &[Expr]) -> Definition {
+        let name = |&input: &usize| library.get(input).map_or_else(String::new, Expr::to_string);
+        let head: Vec<String> = self.inputs().iter().map(name).collect();
+        let names = || (0..self.count()).map(|index| self.name(index));
+        match self {
+            Basis::Gaussian(own) => {
+                let scale: Vec<String> = head.iter().zip(&own.scale).map(|(x, s)| format!("{s:.6} of {x}")).collect();
+                Definition {
+                    text: format!(
+                        "{} to {}: exp(-|(u - c)/s|^2/(2*w^2)) of u = ({}), width w = {:.6}, scales s = {}; centres c",
+                        self.name(0),
+                        self.name(self.count().saturating_sub(1)),
+                        head.join(", "),
+                        own.width,
+                        scale.join(", ")
+                    ),
+                    rows: names().zip(own.centres.iter().cloned()).collect(),
+                    head,
+                }
+            }
+        }
+    }
+}
