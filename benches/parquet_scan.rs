@@ -12,7 +12,7 @@ use std::{
     time::Instant,
 };
 
-use fleetfoot::{Input, InputTable, PwaRequest, Recipe, State, fit_pwa};
+use fleetfoot::{FitRequest, Input, InputTable, Pwa, Recipe, State, fit};
 use fleetfoot_benches::peak_rss_mib;
 use fleetfoot_data::{Cancelled, Halo, Silent, Source, parallel_fold, thread_count};
 use fleetfoot_log::{Selection, open};
@@ -97,8 +97,8 @@ fn full_fit(path: &Path) -> Result<()> {
     recipe.model.partition = Some("kmeans:10".into());
     recipe.pwa.folds = Some(0);
     recipe.pwa.iterations = Some(25);
-    let fitted = fit_pwa(&recipe, PwaRequest::default(), &[path.to_path_buf()], &Silent)?;
-    let found = &fitted.identification;
+    let fitted = fit::<Pwa>(&recipe, &FitRequest::default(), &[path.to_path_buf()], &Silent)?;
+    let found = &fitted.report.identification;
     // The oscillations are smooth: their rates follow from the states but for the noise on both.
     let regions: u64 = found.model.partitions[0].regions.iter().map(|region| region.rows).sum();
     if regions != found.rows || !found.candidates[0].r2.iter().all(|r2| *r2 > 0.0 && *r2 <= 1.0) {

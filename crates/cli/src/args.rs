@@ -122,7 +122,7 @@ pub(crate) enum Fit {
     #[command(after_help = examples::FIT_PWA)]
     Pwa(Box<FitPwa>),
     /// Sparse equations over latent functions, shared between equations where the recipe says so.
-    #[command(after_help = examples::FIT_SPARSE, mut_arg("radial", |arg| arg.hide(true)))]
+    #[command(after_help = examples::FIT_SPARSE, mut_arg("radial", |arg| arg.hide(true)), mut_arg("keep_all", |arg| arg.hide(true)))]
     Sparse(Box<FitSparse>),
     /// Equations: sparse sums of candidate functions (SINDy), beside what is known of the dynamics.
     #[command(after_help = examples::FIT_SINDY)]
@@ -133,7 +133,7 @@ pub(crate) enum Fit {
     Narx(Box<FitNarx>),
     /// Parameters of given equations, by output error, filter error or equation error, with intervals.
     // The equations say what is predicted from what: these are refused.
-    #[command(after_help = examples::FIT_PARAMETERS, mut_arg("radial", |arg| arg.hide(true)), mut_arg("predict", |arg| arg.hide(true)), mut_arg("degree", |arg| arg.hide(true)), mut_arg("lags", |arg| arg.hide(true)), mut_arg("weight", |arg| arg.hide(true)))]
+    #[command(after_help = examples::FIT_PARAMETERS, mut_arg("radial", |arg| arg.hide(true)), mut_arg("predict", |arg| arg.hide(true)), mut_arg("degree", |arg| arg.hide(true)), mut_arg("lags", |arg| arg.hide(true)), mut_arg("weight", |arg| arg.hide(true)), mut_arg("keep_all", |arg| arg.hide(true)), mut_arg("data", |arg| arg.value_name("DATA").help("Files, globs or folders")))]
     Parameters(Box<FitParameters>),
 }
 
@@ -295,13 +295,35 @@ pub(crate) enum StampArg {
     Publish,
 }
 
+/// What is fitted to what.
 #[derive(Debug, Args)]
-pub(crate) struct FitPwa {
+pub(crate) struct FitData {
     /// Files, globs or folders; or one `.stats` file, which needs no pass.
     #[arg(required = true, value_name = "DATA|STATS")]
     pub(crate) data: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) recipe: RecipeArgs,
+}
+
+/// What is written.
+#[derive(Debug, Args)]
+pub(crate) struct FitOutput {
+    /// Write the models of the other candidates too, beside the chosen one: those of all partitions (model_kmeans10.json), or of other numbers of terms
+    /// (model_terms3.json).
+    #[arg(long, alias = "keep-front")]
+    pub(crate) keep_all: bool,
+    /// Tell what the job would read, keep and compute, and stop.
+    #[arg(long)]
+    pub(crate) dry_run: bool,
+    /// The model to write.
+    #[arg(short, long, value_name = "MODEL", default_value = "model.json")]
+    pub(crate) output: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct FitPwa {
+    #[command(flatten)]
+    pub(crate) data: FitData,
     /// Partitions: null, average, zscore:1.5, kmeans:10, refined:5, lattice:5, tree:3, labels:COLUMN, labels:COLUMN+kmeans:5 (refined:5, tree:3). Of several
     /// (`average,kmeans:2,5,10`, `refined:2..20`, `lattice:2..50`, `tree:1..6`)
     /// one is chosen (default: those of the recipe, else `average,kmeans:2,5,10`; of a statistic those that were summed).
@@ -312,15 +334,8 @@ pub(crate) struct FitPwa {
     pub(crate) partition_on: Option<List>,
     #[command(flatten)]
     pub(crate) pwa: PwaSection,
-    /// Write the models of all partitions, not only the chosen one, beside it: model_average.json, model_kmeans10.json, ...
-    #[arg(long)]
-    pub(crate) keep_all: bool,
-    /// Tell what the job would read and keep, and stop.
-    #[arg(long)]
-    pub(crate) dry_run: bool,
-    /// The model to write.
-    #[arg(short, long, value_name = "MODEL", default_value = "model.json")]
-    pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) output: FitOutput,
 }
 
 /// A model and the logs it is run on.

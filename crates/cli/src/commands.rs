@@ -9,8 +9,10 @@ pub(crate) mod fit;
 pub(crate) mod fit_known;
 pub(crate) mod fit_narx;
 pub(crate) mod fit_parameters;
+pub(crate) mod fit_pwa;
 pub(crate) mod fit_sindy;
 pub(crate) mod fit_sparse;
+pub(crate) mod flags;
 pub(crate) mod generate;
 pub(crate) mod info;
 pub(crate) mod init;
@@ -157,8 +159,8 @@ pub(crate) fn time_changes(data: &crate::args::ModelData) -> Result<Recipe, Erro
 /// The same; what is kept of decoded logs stands beside `model`.
 pub(crate) fn changes(time: &crate::args::TimeArgs, model: &Path) -> Result<Recipe, Error> {
     let mut recipe = Recipe::default();
-    fit::apply_time(&mut recipe, time)?;
-    recipe.cache = fit::cache(&time.channels, model);
+    flags::apply_time(&mut recipe, time)?;
+    recipe.cache = flags::cache(&time.channels, model);
     Ok(recipe)
 }
 
@@ -179,21 +181,6 @@ pub(crate) fn in_sample(context: &Context, names: &[String], episodes: usize) {
 #[derive(Serialize)]
 pub(crate) struct Files<'a> {
     pub(crate) files: &'a [String],
-}
-
-/// What a fit told, and the model that was written.
-#[derive(Serialize)]
-pub(crate) struct WithModel {
-    #[serde(flatten)]
-    report: Value,
-    model: String,
-    hash: String,
-}
-
-impl WithModel {
-    pub(crate) fn new(report: Value, model: &Model, path: &Path) -> Self {
-        Self { report, model: path.display().to_string(), hash: model.hash() }
-    }
 }
 
 /// What is told to programs as a tree of values, in which a number that is none is `null`.

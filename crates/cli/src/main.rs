@@ -45,7 +45,7 @@ fn main() -> ExitCode {
         Command::Demo(arguments) => commands::demo::demo(arguments, &context),
         Command::Info(arguments) => commands::info::info(arguments, &context),
         Command::Init(arguments) => commands::init::init(arguments, &context),
-        Command::Fit(Fit::Pwa(arguments)) => commands::fit::pwa(arguments, &context),
+        Command::Fit(Fit::Pwa(arguments)) => commands::fit_pwa::pwa(arguments, &context),
         Command::Fit(Fit::Sparse(arguments)) => commands::fit_sparse::sparse(arguments, &context),
         Command::Fit(Fit::Parameters(arguments)) => commands::fit_parameters::parameters(arguments, &context),
         Command::Fit(Fit::Narx(arguments)) => commands::fit_narx::narx(arguments, &context),

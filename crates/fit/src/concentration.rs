@@ -4,12 +4,12 @@ use fleetfoot_data::EpisodeId;
 use fleetfoot_stats::Concentration;
 
 /// What to say of targets whose variance few rows hold, by their labels and the names of episodes.
-pub(crate) fn notes<'a>(
-    targets: impl IntoIterator<Item = (String, Option<&'a Concentration>)>,
+pub(crate) fn notes(
+    targets: &[(String, Option<Concentration>)],
     name: impl Fn(EpisodeId) -> Option<String>,
 ) -> Vec<String> {
-    let told = |(target, found): (String, Option<&Concentration>)| {
-        let Concentration { rows, squares, place: (episode, stretch) } = found?;
+    let note = |(target, found): &(String, Option<Concentration>)| {
+        let Concentration { rows, squares, place: (episode, stretch) } = found.as_ref()?;
         Some(format!(
             "{target}: {:.2} % of the rows hold {:.0} % of its variance (the heaviest: from row {} of {} on); least squares fit these. If it was a fall, a collision or a gross error, leave \
              them out (--where, fleetfoot prepare)",
@@ -19,5 +19,5 @@ pub(crate) fn notes<'a>(
             name(*episode)?
         ))
     };
-    targets.into_iter().filter_map(told).collect()
+    targets.iter().filter_map(note).collect()
 }

@@ -3,7 +3,6 @@
 
 mod narx;
 mod parameters;
-mod pwa;
 mod sindy;
 mod sparse;
 

@@ -43,7 +43,7 @@ pub fn is_known(recipe: &Recipe) -> bool {
 pub fn known_model(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) -> Result<KnownModel, Error> {
     let logs = &logs.into();
     let (dataset, task) = Dataset::for_known(recipe, logs, progress)?;
-    let model = given("known", recipe, task, &dataset, progress)?;
+    let model = given("known", recipe, task, (&dataset.view()?, dataset.step()), progress)?;
     Ok(KnownModel {
         rows: model.training.rows,
         episodes: dataset.episodes().len(),
@@ -58,13 +58,12 @@ pub(crate) fn given(
     method: &str,
     recipe: &Recipe,
     task: KnownTask,
-    dataset: &Dataset,
+    (view, step): (&dyn Source, f64),
     progress: &dyn Progress,
 ) -> Result<Model, Error> {
-    let view = dataset.view()?;
     let states = task.columns.iter().filter(|column| column.role == Role::State);
     let states: Vec<Expr> = states.map(|column| Expr::column(column.name.as_str())).collect();
-    let spread = moments(&view, &states, progress)?;
+    let spread = moments(view, &states, progress)?;
     if spread.rows == 0 {
         return Err(Error::too_few_rows(
             0,
@@ -81,7 +80,7 @@ pub(crate) fn given(
         }
     }
     let targets: Vec<Expr> = task.equations.iter().filter_map(|equation| equation.target.clone()).collect();
-    let measured = moments(&view, &targets, progress)?;
+    let measured = moments(view, &targets, progress)?;
     let training = Training {
         version: env!("CARGO_PKG_VERSION").into(),
         recipe: recipe.to_toml(),
@@ -94,7 +93,7 @@ pub(crate) fn given(
         state_mean: spread.mean.clone(),
         ..Training::default()
     };
-    let mut model = Model::new(method, task.columns, dataset.step(), training);
+    let mut model = Model::new(method, task.columns, step, training);
     model.equations = task.equations;
     Ok(model)
 }

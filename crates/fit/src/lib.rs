@@ -1,12 +1,13 @@
 //! One fit of every method: from a recipe and its logs, or their statistic, to a model and a report of what it is worth.
 //!
-//! Every method has a request (what is asked), a plan (what it would cost), a fit and a report: [`fit_pwa`], [`fit_sparse`], [`fit_sindy`], [`fit_narx`],
-//! [`fit_parameters`]. [`statistic`] scans logs to the file from which fits need no logs.
+//! [`fit`] is the one pipeline, [`plan`] tells what it would cost. What differs between methods is a [`Method`]: [`Pwa`], [`Sindy`], [`Sparse`], [`Narx`],
+//! [`Parameters`]. [`statistic`] scans logs to the file from which fits need no logs.
 
 // The fuzz targets' bodies, which the tests share, call the Rust API by its name.
 #[cfg(test)]
 extern crate self as fleetfoot;
 
+mod beneath;
 mod bounded_maps;
 mod concentration;
 mod constant;
@@ -16,11 +17,14 @@ mod incomplete;
 mod json;
 mod known;
 mod limit_report;
+mod method;
 mod model_file;
 mod narx;
 mod not_finite;
 mod objective;
 mod parameters;
+mod pipeline;
+mod plan;
 mod pwa;
 mod radial;
 mod regions;
@@ -31,6 +35,7 @@ mod spans;
 mod sparse;
 pub mod statistic;
 mod subset;
+mod summary;
 mod text_table;
 mod words;
 
@@ -40,27 +45,29 @@ pub use folds::FoldRule;
 pub use json::Interval;
 pub use known::{KnownModel, is_known, known_model};
 pub use limit_report::{FreeErrors, LimitReport, LimitSide};
+pub use method::{FitReport, FitRequest, Fitted, Method, Rival, rival_file};
 pub use model_file::write_model;
 pub use narx::{
-    FileRun, FileRuns, GivenOrder, MeanRun, NarxCandidate, NarxEquation, NarxFitted, NarxOptions, NarxRegion,
-    NarxReport, NarxRequest, NarxScores, NarxSearch, NarxStage, NarxTerm, OrderRule, TermRule, fit_narx,
-    free_runs_by_file,
+    FileRun, FileRuns, GivenOrder, MeanRun, Narx, NarxCandidate, NarxEquation, NarxOptions, NarxRegion, NarxReport,
+    NarxScores, NarxSearch, NarxStage, NarxTerm, OrderRule, TermRule, free_runs_by_file,
 };
 pub use objective::{Bounded, HeldOutErrors, RefinedFold, Refinement, WeightErrors, simulation_cost};
 pub use parameters::{
-    ConfoundedPair, GainInterval, ParameterInterval, ParametersFitted, ParametersHeldOut, ParametersReport,
-    fit_parameters,
+    ConfoundedPair, GainInterval, ParameterInterval, Parameters, ParametersHeldOut, ParametersReport,
 };
-pub use pwa::{FitPlan, Fitted, PWA_PASSES, PwaOptions, PwaRequest, fit_pwa, plan_pwa, rival};
+pub use pipeline::{fit, fit_all, plan};
+pub use plan::FitPlan;
+pub use pwa::{Pwa, PwaOptions, PwaReport};
 pub use rollout_choice::{HORIZON, RolloutCandidate, RolloutChoice, RolloutRule};
 pub use sindy::{
-    Ensemble, EquationReport, Evidence, FrontPoint, ParameterReport, RegionReport, SindyFitted, SindyOptions,
-    SindyPlan, SindyReport, SindyRequest, StateNoise, StateSmoothing, TermReport, fit_sindy, plan_sindy,
+    Ensemble, EquationReport, Evidence, FrontPoint, ParameterReport, RegionReport, Sindy, SindyOptions, SindyReport,
+    StateNoise, StateSmoothing, TermReport,
 };
 pub use sparse::{
     CandidateReport, EpisodeInfluence, LambdaChoice, LambdaRule, LatentReport, LeaveOneOutReport, PathReport,
-    Resampled, SolveMethod, Solved, SparseFitted, SparseOptions, SparseReport, SparseRequest, TaskReport,
-    file_by_value, fit_sparse, solve_statistic, write_frequencies,
+    Resampled, SolveMethod, Solved, Sparse, SparseOptions, SparseReport, TaskReport, solve_statistic,
+    write_frequencies,
 };
+pub use summary::FitSummary;
 pub use text_table::TextTable;
 pub use words::{interval_in_words, replayed_in_words, spans_in_words, useful_in_words};

@@ -18,7 +18,7 @@ mod terms;
 mod training;
 
 pub use candidate::NarxCandidate;
-pub use fit::{NarxFitted, NarxRequest, fit_narx};
+pub use fit::Narx;
 pub use look::{NarxSearch, NarxStage};
 pub use options::{GivenOrder, NarxOptions, OrderRule, TermRule};
 pub use report::{NarxEquation, NarxRegion, NarxReport, NarxTerm};

@@ -3,35 +3,39 @@
 mod held_out;
 mod report;
 
+use std::sync::Arc;
+
 use faer::Mat;
-use fleetfoot_data::{Progress, Source};
-use fleetfoot_dataset::{Dataset, Logs};
+use fleetfoot_data::{Progress, Source, Work};
+use fleetfoot_dataset::{Dataset, Logs, ReadPlan, StatisticFile};
 use fleetfoot_estimate::{
     Bounded, EquationError, EstimateError, FilterError, FilterErrorOptions, Gains, MatrixLimit, Options, OutputError,
     OutputErrorOptions, equation_error, filter_error, output_error,
 };
-use fleetfoot_model::{Column, Estimated, Model};
+use fleetfoot_library::Expr;
+use fleetfoot_model::{Column, Equation, Estimated as EstimatedNumber, Model, Role};
 use fleetfoot_recipe::{EstimateMethod, Recipe};
 use fleetfoot_task::ParametersTask;
 pub use report::{ConfoundedPair, GainInterval, ParameterInterval, ParametersHeldOut, ParametersReport};
 use report::{Found, report};
 
-use crate::{error::Error, folds::smoothed_rows, known::given, radial};
-
-/// A model whose equations were given and whose parameters were estimated.
-#[derive(Debug, Clone)]
-#[non_exhaustive]
-pub struct ParametersFitted {
-    /// The model: the parameters' values stand in its equations.
-    pub model: Model,
-    /// What is known of the parameters.
-    pub report: ParametersReport,
-}
+use crate::{
+    error::Error,
+    folds::smoothed_rows,
+    known::given,
+    method::{Data, FitRequest, Fitted, Method, RowFacts},
+    objective::Refinement,
+    plan::FitPlan,
+    radial,
+    rollout_choice::HORIZON,
+    summary::FitSummary,
+};
 
 /// Chunks of rows that the standard errors of equation error take for independent, about.
 const CHUNKS: usize = 64;
 
 /// What `[estimate]` says, checked.
+#[derive(Debug, Clone)]
 pub(crate) struct EstimateOptions {
     pub(crate) method: EstimateMethod,
     pub(crate) segment: Option<usize>,
@@ -71,42 +75,157 @@ impl EstimateOptions {
     }
 }
 
-/// Estimates the parameters of a recipe whose states are all given by equations.
-///
-/// # Errors
-/// Those of the recipe, of reading and of the estimate; a state without an equation; a parameter that no equation uses.
-pub fn fit_parameters(
-    recipe: &Recipe,
-    logs: impl Into<Logs>,
-    progress: &dyn Progress,
-) -> Result<ParametersFitted, Error> {
-    let logs = &logs.into();
-    if logs.is_statistic() {
-        return Err(Error::needs_rows(
-            "fit parameters goes over the rows of logs, and a statistic has none: give the logs".into(),
-        ));
+/// `fit parameters`: given equations, with the numbers inside of them estimated.
+pub struct Parameters {
+    options: EstimateOptions,
+}
+
+/// The estimate.
+pub struct Estimated {
+    /// The model with the names of parameters in its equations.
+    open: Model,
+    found: Found,
+    /// Without `[constraints]`, where there are any.
+    free: Option<Found>,
+    held_out: Option<ParametersHeldOut>,
+    model: Model,
+}
+
+impl Method for Parameters {
+    const NAME: &'static str = "parameters";
+    type Report = ParametersReport;
+    type Task = ParametersTask;
+    type Sums = ();
+    type Found = Estimated;
+
+    fn new(recipe: &Recipe, _: &FitRequest) -> Result<Self, Error> {
+        radial::refuse(recipe, "fit parameters")?;
+        Ok(Self { options: EstimateOptions::new(recipe)? })
     }
-    radial::refuse(recipe, "fit parameters")?;
-    let mut options = EstimateOptions::new(recipe)?;
-    let (dataset, mut task) = Dataset::for_parameters(recipe, logs, progress)?;
-    options.compare = written_out(&options.compare, &task.known.columns);
-    let method = format!("parameters {}", report::word(options.method));
-    let known = std::mem::take(&mut task.known);
-    // With the names of parameters in its equations.
-    let open = given(&method, recipe, known, &dataset, progress)?;
-    let view = dataset.view()?;
-    let found = estimate(&task, &task.limits, &open, &view, &options, progress)?;
-    let model = closed(&open, &task, &found);
-    let mut notes = dataset.notes().to_vec();
-    let free = match task.limits.is_empty() {
-        true => None,
-        false => free(estimate(&task, &[], &open, &view, &options, progress), &mut notes)?,
-    };
-    let rows = (&view as &dyn Source, smoothed_rows(options.smoothed, dataset.step()));
-    let held_out = held_out::held_out(&task, &open, &found, rows, &options, &mut notes, progress)?;
-    let provenance = (dataset.episodes().len(), logs.len());
-    let report = report(&task, &open, (&found, free.as_ref()), held_out, provenance, notes);
-    Ok(ParametersFitted { model, report })
+
+    fn plan(&self, recipe: &Recipe, logs: &Logs, progress: &dyn Progress) -> Result<FitPlan, Error> {
+        refuse_a_statistic(logs)?;
+        let (dataset, task) = Dataset::for_parameters(recipe, logs, progress)?;
+        let (rows, parameters) = (dataset.rows(), task.parameters.len());
+        let states = task.known.columns.iter().filter(|column| column.role == Role::State).count();
+        let names: Vec<&str> = task.parameters.iter().map(|parameter| parameter.name.as_str()).collect();
+        let mut details = vec![format!("estimated by {}: {}", report::word(self.options.method), names.join(", "))];
+        details.push(match self.options.folds {
+            0 => "no rows are held out".to_owned(),
+            folds => format!("held out: {folds} spans in turn, for rollouts of {HORIZON} steps"),
+        });
+        Ok(FitPlan {
+            equations: task.known.equations.iter().map(Equation::label).collect(),
+            candidates: parameters,
+            regions: 1,
+            passes: PASSES * (1 + self.options.folds),
+            simulations: self.simulations(),
+            memory: 8 * rows * (states + 1) * (1 + parameters),
+            work: Work {
+                operations: (PASSES * (1 + self.options.folds)) as f64
+                    * (rows * states) as f64
+                    * (1 + parameters).pow(2) as f64,
+                parts: parameters.max(1),
+                mend: "fewer folds (--folds 2) or a condition for rows (--where) make it shorter",
+            },
+            details,
+            notes: dataset.notes().to_vec(),
+            reading: ReadPlan::of_tables(logs, &dataset),
+        })
+    }
+
+    fn open(
+        &mut self,
+        recipe: &Recipe,
+        logs: &Logs,
+        progress: &dyn Progress,
+    ) -> Result<(Dataset, ParametersTask), Error> {
+        Ok(Dataset::for_parameters(recipe, logs, progress)?)
+    }
+
+    fn above(_: &Recipe, _: &Recipe, _: &StatisticFile, _: &mut Vec<String>) -> Result<Recipe, Error> {
+        Err(no_rows())
+    }
+
+    fn of_statistic(
+        &self,
+        _: &Recipe,
+        _: &Recipe,
+        _: &Arc<StatisticFile>,
+        _: &mut Vec<String>,
+        _: &dyn Progress,
+    ) -> Result<(ParametersTask, ()), Error> {
+        Err(no_rows())
+    }
+
+    fn sum(&self, _: Data<'_, ParametersTask>, _: &mut Vec<String>, _: &dyn Progress) -> Result<(), Error> {
+        Ok(())
+    }
+
+    fn find(
+        &self,
+        data: Data<'_, ParametersTask>,
+        (): &(),
+        notes: &mut Vec<String>,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Estimated>, Error> {
+        let (task, rows) = (data.task, data.rows()?);
+        let mut options = self.options.clone();
+        options.compare = written_out(&options.compare, &task.known.columns);
+        let method = format!("parameters {}", report::word(options.method));
+        // With the names of parameters in its equations.
+        let open = given(&method, data.recipe, task.known.clone(), (rows, data.step), progress)?;
+        let found = estimate(task, &task.limits, &open, rows, &options, progress)?;
+        let free = match task.limits.is_empty() {
+            true => None,
+            false => free(estimate(task, &[], &open, rows, &options, progress), notes)?,
+        };
+        let smoothed = smoothed_rows(options.smoothed, data.step);
+        let held_out = held_out::held_out(task, &open, &found, (rows, smoothed), &options, notes, progress)?;
+        let model = closed(&open, task, &found);
+        Ok(vec![Estimated { open, found, free, held_out, model }])
+    }
+
+    fn model(found: &Estimated) -> &Model {
+        &found.model
+    }
+
+    /// Simulations are what the estimate itself is of.
+    fn refine(&self, _: Data<'_, ParametersTask>, (): &(), _: &mut Estimated, _: &mut Refinement) -> Result<(), Error> {
+        Ok(())
+    }
+
+    fn expressions(&self, task: &ParametersTask) -> Vec<Expr> {
+        task.known.equations.iter().filter_map(|equation| equation.target.clone()).collect()
+    }
+
+    fn facts(&self, data: Data<'_, ParametersTask>, (): &(), _: &Estimated) -> RowFacts {
+        RowFacts { episodes: data.rows.map_or(0, |rows| rows.episodes().len()), ..RowFacts::default() }
+    }
+
+    fn report(
+        &self,
+        data: Data<'_, ParametersTask>,
+        (): &(),
+        found: Estimated,
+        summary: FitSummary,
+        _: &dyn Progress,
+    ) -> Result<Fitted<ParametersReport>, Error> {
+        let Estimated { open, found, free, held_out, model } = found;
+        let report = report(data.task, &open, (&found, free.as_ref()), held_out, summary);
+        Ok(Fitted { value: None, model, rivals: Vec::new(), report })
+    }
+}
+
+/// Passes that an estimate takes, about.
+const PASSES: usize = 20;
+
+fn no_rows() -> Error {
+    Error::needs_rows("fit parameters goes over the rows of logs, and a statistic has none: give the logs".into())
+}
+
+fn refuse_a_statistic(logs: &Logs) -> Result<(), Error> {
+    if logs.is_statistic() { Err(no_rows()) } else { Ok(()) }
 }
 
 /// What is found without limits, as far as anything is.
@@ -235,7 +354,7 @@ fn closed(open: &Model, task: &ParametersTask, found: &Found) -> Model {
     let names = task.parameters.iter().map(|parameter| parameter.name.clone());
     let described = names.zip(values).zip(found.half_widths());
     model.training.parameters =
-        described.map(|((name, &value), half_width)| Estimated { name, value, half_width }).collect();
+        described.map(|((name, &value), half_width)| EstimatedNumber { name, value, half_width }).collect();
     model.training.parameter_covariance = packed(&found.covariance());
     model
 }

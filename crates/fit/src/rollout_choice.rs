@@ -7,7 +7,7 @@ use fleetfoot_data::{Progress, Silent, Source};
 use fleetfoot_dynamics::{Baseline, Error as DynamicsError, Horizon, RolloutOptions, Starts, rollout};
 use fleetfoot_model::Model;
 use fleetfoot_recipe::{Derivative, Recipe};
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use crate::{error::Error, spans::Spans};
 
@@ -100,6 +100,35 @@ impl RolloutChoice {
             "least error of rollouts of {horizon} steps on spans that did not train ({folds} folds, up to {starts} rollouts each), as a share of persistence's; \
              of errors within 0.1 % the smallest model"
         )
+    }
+}
+
+impl Serialize for RolloutChoice {
+    /// What was compared, and what was taken.
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Choice<'a> {
+            horizon: usize,
+            folds: usize,
+            starts: usize,
+            chosen: usize,
+            candidates: Vec<Compared<'a>>,
+        }
+        #[derive(Serialize)]
+        struct Compared<'a> {
+            #[serde(flatten)]
+            candidate: &'a RolloutCandidate,
+            error_over_persistence: f64,
+        }
+        let compared = |candidate| Compared { candidate, error_over_persistence: RolloutCandidate::error(candidate) };
+        Choice {
+            horizon: self.rule.horizon,
+            folds: self.rule.folds,
+            starts: self.rule.starts,
+            chosen: self.chosen,
+            candidates: self.candidates.iter().map(compared).collect(),
+        }
+        .serialize(serializer)
     }
 }
 

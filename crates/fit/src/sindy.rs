@@ -1,14 +1,13 @@
 //! From logs, or from their statistic, to equations: sparse sums of candidate functions, beside what is known of the dynamics.
 //!
 //! A recipe becomes an [`EquationTask`](fleetfoot_task::EquationTask); one pass over the rows makes its [`Evidence`]; everything else (models of every size, held-out errors, ensembles,
-//! standard errors) follows from the statistic ([`fit_sindy`]).
+//! standard errors) follows from the statistic.
 
 mod estimation;
 mod evidence;
 mod frozen;
 mod limits;
 mod options;
-mod plan;
 mod refined;
 mod report;
 mod smoothed;
@@ -19,164 +18,305 @@ mod statistic;
 mod words;
 mod work;
 
-use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 pub use estimation::ParameterReport;
 pub use evidence::Evidence;
 use faer::Mat;
 use fleetfoot_data::Progress;
-use fleetfoot_dataset::{Dataset, Logs};
-use fleetfoot_model::Model;
-use fleetfoot_output::together;
-use fleetfoot_recipe::Recipe;
+use fleetfoot_dataset::{Dataset, Logs, ReadPlan, StatisticFile, open};
+use fleetfoot_estimate::SmoothingOptions;
+use fleetfoot_library::Expr;
+use fleetfoot_model::{Gaussian, Model};
+use fleetfoot_recipe::{Objective, Recipe};
 use fleetfoot_sparse::inference::{Clusters, system_errors};
-use fleetfoot_task::Provenance;
+use fleetfoot_sums::system::SystemPlan;
+use fleetfoot_task::{EquationTask, Provenance, specification};
 pub(crate) use frozen::Frozen;
 pub use options::{Ensemble, SindyOptions};
-pub use plan::{SindyPlan, plan_sindy};
 pub(crate) use refined::coefficients_of;
 pub use report::{EquationReport, FrontPoint, RegionReport, SindyReport, TermReport};
 pub(crate) use solve::keys;
 use solve::{Solved, Solver};
 pub use state_smoothing::{StateNoise, StateSmoothing};
-pub(crate) use statistic::beneath;
 
 use crate::{
     error::Error,
-    model_file::{refuse_not_finite, write_model},
-    objective,
-    rollout_choice::{HORIZON, RolloutRule, open_spans, settled},
+    method::{Data, FitRequest, Fitted, Method, Opened, Rival, RowFacts},
+    objective::Refinement,
+    plan::FitPlan,
+    radial,
+    rollout_choice::{HORIZON, RolloutRule, open_spans},
+    summary::FitSummary,
 };
 
 /// Episodes from which on they are the clusters of the standard errors; with fewer, chunks are.
 const ENOUGH_EPISODES: usize = 10;
+/// Candidates that a plan names.
+const SHOWN: usize = 12;
 
-/// What is wanted beside the model.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct SindyRequest {
-    /// The models of other numbers of terms.
-    pub front: bool,
-    /// Steps of the rollouts that choose open spans of derivatives (`over = "auto"`); [`HORIZON`] when not given.
-    pub horizon: Option<usize>,
-}
-
-/// Equations, and how they came about.
+/// `fit sindy`.
 #[derive(Debug, Clone)]
-#[non_exhaustive]
-pub struct SindyFitted {
-    /// The model.
-    pub model: Model,
-    /// Scores, terms, the front.
-    pub report: SindyReport,
-    /// Models of the front by their number of terms an equation, at most; of one region, where they were asked for.
-    pub front: Vec<(usize, Model)>,
+pub struct Sindy {
+    options: SindyOptions,
+    /// Whether the models of other numbers of terms are wanted.
+    front: bool,
+    /// How open spans of derivatives are chosen, where there are any.
+    rollouts: Option<RolloutRule>,
+    /// The column of labels that regions come from.
+    label: Option<String>,
 }
 
-impl SindyFitted {
-    /// Writes the models of the front beside the chosen one's file: `model.json` and 3 terms make `model_terms3.json`; tells the files.
-    ///
-    /// # Errors
-    /// Those of writing.
-    pub fn write_front(&self, chosen: &Path) -> Result<Vec<PathBuf>, Error> {
-        let files = self.front_files(chosen);
-        together(|| files.iter().zip(&self.front).try_for_each(|(path, (_, model))| write_model(model, path)))?;
-        Ok(files)
-    }
-
-    /// The files that [`SindyFitted::write_front`] writes.
-    pub fn front_files(&self, chosen: &Path) -> Vec<PathBuf> {
-        let stem = chosen.file_stem().map_or_else(|| "model".into(), |stem| stem.to_string_lossy());
-        let extension = chosen.extension().map_or_else(|| "json".into(), |extension| extension.to_string_lossy());
-        let name = |terms: &usize| chosen.with_file_name(format!("{stem}_terms{terms}.{extension}"));
-        self.front.iter().map(|(terms, _)| name(terms)).collect()
-    }
+/// The equations of every region.
+pub struct Found {
+    regions: Vec<Vec<Solved>>,
+    /// The same without bounds of coefficients, where there are any.
+    free: Option<Vec<Vec<Solved>>>,
+    /// Number of folds, and their rule.
+    folds: (usize, Option<String>),
+    /// Found in turn with smoothed states.
+    smoothed: Option<smoothed::Smoothed>,
+    provenance: Provenance,
+    model: Model,
 }
 
-/// Finds equations in logs, or in one `.stats` file without a pass.
-///
-/// # Errors
-/// Those of the recipe, of reading, of estimating parameters, and of the solvers.
-pub fn fit_sindy(
-    recipe: &Recipe,
-    request: SindyRequest,
-    logs: impl Into<Logs>,
-    progress: &dyn Progress,
-) -> Result<SindyFitted, Error> {
-    let logs = &logs.into();
-    // What is wrong with the options is said before the pass.
-    let options = SindyOptions::new(&recipe.sindy)?.within(recipe)?;
-    if logs.is_statistic() {
-        objective::refuse_statistic(options.objective)?;
+impl Method for Sindy {
+    const NAME: &'static str = "sindy";
+    type Report = SindyReport;
+    type Task = EquationTask;
+    type Sums = Evidence;
+    type Found = Found;
+
+    fn new(recipe: &Recipe, request: &FitRequest) -> Result<Self, Error> {
+        let options = SindyOptions::new(&recipe.sindy)?.within(recipe)?;
+        let open = !open_spans(recipe).is_empty();
+        if let Some(name) = recipe.parameters.keys().next() {
+            if open {
+                return Err(Error::conflict(format!(
+                    "over = \"auto\" and [parameters] {name}: a span is chosen where all expressions are known; write a number of rows, or a number for {name}"
+                )));
+            }
+            if options.objective != Objective::OneStep {
+                return Err(Error::conflict(format!(
+                    "objective = \"{}\" and [parameters] {name}: simulations fit the coefficients of known expressions; write a number for {name}",
+                    options.objective
+                )));
+            }
+        }
+        let rollouts = open.then(|| RolloutRule::new(request.horizon.unwrap_or(HORIZON)));
+        let label = specification(recipe)?.and_then(|partition| partition.label().map(str::to_owned));
+        Ok(Self { options, front: request.rivals, rollouts, label })
     }
-    // Logs are opened once: what else is asked of their rows is asked of the same ones.
-    let (mut evidence, recipe, rollouts, dataset) = if logs.is_statistic() {
-        let (evidence, recipe) = Evidence::of_statistic(recipe, logs)?;
-        (evidence, recipe, None, None)
-    } else {
-        let opened = Dataset::for_equations(&settled(recipe, None), logs, progress)?;
-        let (recipe, rollouts, opened) = match open_spans(recipe).is_empty() {
-            true => (recipe.clone(), None, opened),
-            false => {
-                let rule = RolloutRule::new(request.horizon.unwrap_or(HORIZON));
-                let choice = spans::by_rollouts(recipe, &options, rule, (&opened.0, &opened.1), progress)?;
-                let recipe = settled(recipe, choice.candidates[choice.chosen].over);
-                let task = Dataset::equations(&recipe, logs)?.1;
-                (recipe, Some(choice), (opened.0, task))
+
+    fn plan(&self, recipe: &Recipe, logs: &Logs, progress: &dyn Progress) -> Result<FitPlan, Error> {
+        let (task, reading, notes) = match open::estimate_equations(recipe, logs, progress)? {
+            Some((task, columns, cost)) => (task, ReadPlan::of_messages(logs, columns, &cost), Vec::new()),
+            None => {
+                let (dataset, task) = Dataset::for_equations(recipe, logs, progress)?;
+                (task, ReadPlan::of_tables(logs, &dataset), dataset.notes().to_vec())
             }
         };
-        let (evidence, dataset) = Evidence::of_logs(&recipe, options.seed, opened, logs, progress)?;
-        (evidence, recipe, rollouts, Some(dataset))
-    };
-    // Those of a statistic stand above the recipe of its scan.
-    let options = SindyOptions::new(&recipe.sindy)?.within(&recipe)?;
-    let mut notes = std::mem::take(&mut evidence.notes);
-    let solver = Solver::new(&evidence, &options, request.front, &mut notes)?;
-    let (targets, count) = (evidence.task.fitted.len(), evidence.scan.regions());
-    progress.expect(work::work(&options, evidence.task.candidates(), targets, count, solver.folds()));
-    let regions: Vec<Vec<Solved>> =
-        (0..count).map(|region| solver.solve(region, &mut notes, progress)).collect::<Result<_, _>>()?;
-    let method = match &evidence.partition {
-        None => format!("sindy {}", options.optimizer.name()),
-        Some(partition) => format!("sindy {}, {}", options.optimizer.name(), partition.specification),
-    };
-    let mut provenance = evidence.provenance(&method, &recipe, options.seed);
-    let mut chosen: Vec<Mat<f64>> = regions.iter().map(|region| coefficients(region, |found| &found.step)).collect();
-    let smoothed =
-        smoothed::smoothed(&recipe, &options, &evidence, &chosen[0], dataset.as_ref(), (&mut notes, progress))?;
-    let plain = chosen.clone();
-    if let Some(found) = smoothed.as_ref().filter(|found| found.told.written) {
-        provenance.method.push_str(", smoothed states");
-        chosen = vec![found.coefficients.clone()];
-    }
-    let model_of = |chosen: &[Mat<f64>]| {
-        evidence.task.model(&evidence.scan, evidence.partition.as_ref(), chosen, provenance.clone())
-    };
-    let mut model = model_of(&chosen);
-    refuse_not_finite(&model)?;
-    let front = if request.front && regions.len() == 1 {
-        front_models(&evidence, &regions[0], &provenance)
-    } else {
-        Vec::new()
-    };
-    let folds = (solver.folds(), solver.fold_rule());
-    let mut report = report(&evidence, &options, folds, &regions, &plain, notes);
-    if let Some(free) = limits::free(&evidence, solver, progress)? {
-        limits::tell(&evidence, &regions, &free, &mut report);
-    }
-    if let Some(found) = &smoothed {
-        if found.told.written {
-            found.tell(&evidence, &mut report);
+        let options = &self.options;
+        let regions = specification(recipe)?.and_then(|partition| partition.clusters()).unwrap_or(1);
+        let centres = radial::count(recipe)?.unwrap_or(0);
+        let (candidates, equations) = (task.candidates() + centres, task.fitted.len());
+        let names = (0..task.candidates()).map(|j| task.candidate(j)).chain((0..centres).map(Gaussian::name));
+        let named: Vec<String> = names.take(SHOWN).collect();
+        let more = if candidates > SHOWN { ", ..." } else { "" };
+        let mut details = vec![format!("candidates: {}{more}", named.join(", "))];
+        if !task.parameters.is_empty() {
+            let names: Vec<&str> = task.parameters.iter().map(|parameter| parameter.name.as_str()).collect();
+            details.push(format!("estimated first, a pass a step: {}", names.join(", ")));
         }
-        report.smoothing = Some(found.told.clone());
+        if smoothed::may_apply(options.smooth_states, &task, recipe, regions > 1, reading.rows) {
+            let mebibytes = SmoothingOptions::default().memory / f64::from(1 << 20);
+            details.push(format!(
+                "states are smoothed where --smooth-states asks for it, or noise is more than a fifth of what differences vary by: some hundred passes over rows in \
+                 memory, {mebibytes:.0} MiB of it at most"
+            ));
+        }
+        Ok(FitPlan {
+            equations: task.fitted.iter().map(|equation| equation.label.clone()).collect(),
+            candidates,
+            regions,
+            passes: 1 + usize::from(centres > 0),
+            simulations: self.simulations(),
+            memory: SystemPlan::memory(&task.system(), regions, reading.rows),
+            work: work::work(options, candidates, equations, regions, options.folds.expected(reading.episodes)),
+            details,
+            reading,
+            notes,
+        })
     }
-    report.rollouts = rollouts;
-    report.refinement = refined::refined(&recipe, &options, &evidence, &model, dataset.as_ref(), progress)?;
-    report.notes.extend(objective::note(options.objective, report.refinement.as_ref()));
-    if let Some(found) = report.refinement.clone().filter(|found| found.written) {
-        model = model_of(&coefficients_of(&found.fitted.model, &evidence.task, regions.len()));
-        report.refine(&evidence.task, &model, &found);
+
+    fn objective(&self) -> Objective {
+        self.options.objective
     }
-    Ok(SindyFitted { model, report, front })
+
+    fn open(
+        &mut self,
+        recipe: &Recipe,
+        logs: &Logs,
+        progress: &dyn Progress,
+    ) -> Result<(Dataset, EquationTask), Error> {
+        Ok(Dataset::for_equations(recipe, logs, progress)?)
+    }
+
+    fn of_statistic(
+        &self,
+        recipe: &Recipe,
+        scanned: &Recipe,
+        file: &Arc<StatisticFile>,
+        notes: &mut Vec<String>,
+        _: &dyn Progress,
+    ) -> Result<(EquationTask, Evidence), Error> {
+        let evidence = Evidence::of_statistic(recipe, scanned, file, notes)?;
+        Ok((evidence.task.clone(), evidence))
+    }
+
+    fn rollouts(&self) -> Option<RolloutRule> {
+        self.rollouts
+    }
+
+    fn with_span(&self, recipe: &Recipe, task: &EquationTask, over: Option<u32>) -> EquationTask {
+        spans::spanned(task, recipe, over)
+    }
+
+    fn trials(&self, data: Data<'_, EquationTask>, progress: &dyn Progress) -> Result<Vec<(String, Model)>, Error> {
+        let partition = data.recipe.model.partition.clone().unwrap_or_else(|| "average".into());
+        Ok(vec![(partition, equations(data, &self.options, progress)?)])
+    }
+
+    fn sum(
+        &self,
+        data: Data<'_, EquationTask>,
+        notes: &mut Vec<String>,
+        progress: &dyn Progress,
+    ) -> Result<Evidence, Error> {
+        let frozen = Frozen { task: data.task.clone(), parameters: Vec::new() };
+        Evidence::of_rows(data.recipe, self.options.seed, frozen, data.step, data.rows()?, notes, progress)
+    }
+
+    fn sum_logs(
+        &self,
+        opened: &mut Opened<EquationTask>,
+        logs: &Logs,
+        notes: &mut Vec<String>,
+        progress: &dyn Progress,
+    ) -> Result<Evidence, Error> {
+        Evidence::of_logs(opened, self.options.seed, logs, notes, progress)
+    }
+
+    fn find(
+        &self,
+        data: Data<'_, EquationTask>,
+        evidence: &Evidence,
+        notes: &mut Vec<String>,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Found>, Error> {
+        let (recipe, options) = (data.recipe, &self.options);
+        let solver = Solver::new(evidence, options, self.front, notes)?;
+        let (targets, count) = (evidence.task.fitted.len(), evidence.scan.regions());
+        progress.expect(work::work(options, evidence.task.candidates(), targets, count, solver.folds()));
+        let regions: Vec<Vec<Solved>> =
+            (0..count).map(|region| solver.solve(region, notes, progress)).collect::<Result<_, _>>()?;
+        let method = match &evidence.partition {
+            None => format!("sindy {}", options.optimizer.name()),
+            Some(partition) => format!("sindy {}, {}", options.optimizer.name(), partition.specification),
+        };
+        let mut provenance = evidence.provenance(&method, recipe, options.seed);
+        let mut chosen = chosen(&regions);
+        let smoothed = smoothed::smoothed(recipe, options, evidence, &chosen[0], data.rows, (notes, progress))?;
+        if let Some(found) = smoothed.as_ref().filter(|found| found.told.written) {
+            provenance.method.push_str(", smoothed states");
+            chosen = vec![found.coefficients.clone()];
+        }
+        let model = evidence.task.model(&evidence.scan, evidence.partition.as_ref(), &chosen, provenance.clone());
+        let folds = (solver.folds(), solver.fold_rule().map(str::to_owned));
+        let free = limits::free(evidence, solver, progress)?;
+        Ok(vec![Found { regions, free, folds, smoothed, provenance, model }])
+    }
+
+    fn model(found: &Found) -> &Model {
+        &found.model
+    }
+
+    fn refine(
+        &self,
+        _: Data<'_, EquationTask>,
+        evidence: &Evidence,
+        found: &mut Found,
+        refinement: &mut Refinement,
+    ) -> Result<(), Error> {
+        if refinement.written {
+            let chosen = coefficients_of(&refinement.fitted.model, &evidence.task, found.regions.len());
+            let provenance = found.provenance.clone();
+            found.model = evidence.task.model(&evidence.scan, evidence.partition.as_ref(), &chosen, provenance);
+        }
+        Ok(())
+    }
+
+    fn expressions(&self, task: &EquationTask) -> Vec<Expr> {
+        task.row_functions().into_iter().chain(self.label.as_deref().map(Expr::column)).collect()
+    }
+
+    fn facts(&self, _: Data<'_, EquationTask>, evidence: &Evidence, _: &Found) -> RowFacts {
+        let counts = evidence.scan.counts();
+        let labels = evidence.task.fitted.iter().map(|equation| equation.label.clone());
+        RowFacts {
+            episodes: evidence.episodes.len(),
+            left_out: vec![counts.at_border, counts.incomplete, evidence.scan.unassigned()],
+            concentrated: labels.zip(evidence.scan.concentrated().iter().cloned()).collect(),
+        }
+    }
+
+    fn report(
+        &self,
+        _: Data<'_, EquationTask>,
+        evidence: &Evidence,
+        found: Found,
+        summary: FitSummary,
+        _: &dyn Progress,
+    ) -> Result<Fitted<SindyReport>, Error> {
+        let mut report = report(evidence, &self.options, &found, summary);
+        if let Some(free) = &found.free {
+            limits::tell(evidence, &found.regions, free, &mut report);
+        }
+        if let Some(smoothed) = &found.smoothed {
+            if smoothed.told.written {
+                smoothed.tell(evidence, &mut report);
+            }
+            report.smoothing = Some(smoothed.told.clone());
+        }
+        report.refine(&evidence.task, &found.model);
+        let rivals = match (self.front, found.regions.as_slice()) {
+            (true, [region]) => front_models(evidence, region, &found.provenance),
+            _ => Vec::new(),
+        };
+        Ok(Fitted { value: None, model: found.model, rivals, report })
+    }
+}
+
+/// The equations that some rows give.
+pub(super) fn equations(
+    data: Data<'_, EquationTask>,
+    options: &SindyOptions,
+    progress: &dyn Progress,
+) -> Result<Model, Error> {
+    let method = Sindy { options: options.clone(), front: false, rollouts: None, label: None };
+    let mut notes = Vec::new();
+    let evidence = method.sum(data, &mut notes, progress)?;
+    let solver = Solver::new(&evidence, options, false, &mut notes)?;
+    let regions: Vec<_> = (0..evidence.scan.regions())
+        .map(|region| solver.solve(region, &mut notes, progress))
+        .collect::<Result<_, _>>()?;
+    let provenance = evidence.provenance("sindy", data.recipe, options.seed);
+    Ok(evidence.task.model(&evidence.scan, evidence.partition.as_ref(), &chosen(&regions), provenance))
+}
+
+/// The coefficients (candidates x equations) of every region.
+fn chosen(regions: &[Vec<Solved>]) -> Vec<Mat<f64>> {
+    regions.iter().map(|region| coefficients(region, |found| &found.step)).collect()
 }
 
 /// Coefficients (candidates x equations) of a model of every equation.
@@ -189,7 +329,7 @@ fn coefficients<'a>(
 }
 
 /// For every number of terms on any equation's front the model in which each equation has its best with at most so many.
-fn front_models(evidence: &Evidence, region: &[Solved], provenance: &Provenance) -> Vec<(usize, Model)> {
+fn front_models(evidence: &Evidence, region: &[Solved], provenance: &Provenance) -> Vec<Rival> {
     let terms = |found: &Solved, k: usize| found.sweep.trail.steps[k].terms();
     let sizes: std::collections::BTreeSet<usize> =
         region.iter().flat_map(|found| found.sweep.front.iter().map(|&k| terms(found, k))).collect();
@@ -199,20 +339,16 @@ fn front_models(evidence: &Evidence, region: &[Solved], provenance: &Provenance)
             let best = front.iter().rev().find(|&&k| terms(found, k) <= size).or(front.first());
             best.map_or(&found.step, |&k| &found.sweep.trail.steps[k])
         });
-        (size, evidence.task.model(&evidence.scan, None, &[b], provenance.clone()))
+        let model = evidence.task.model(&evidence.scan, None, &[b], provenance.clone());
+        Rival { name: format!("terms{size}"), model }
     };
     sizes.into_iter().map(model).collect()
 }
 
-fn report(
-    evidence: &Evidence,
-    options: &SindyOptions,
-    (folds, fold_rule): (usize, Option<&str>),
-    regions: &[Vec<Solved>],
-    chosen: &[Mat<f64>],
-    mut notes: Vec<String>,
-) -> SindyReport {
-    let (task, scan, counts) = (&evidence.task, &evidence.scan, evidence.scan.counts());
+fn report(evidence: &Evidence, options: &SindyOptions, found: &Found, mut summary: FitSummary) -> SindyReport {
+    let (task, scan, regions) = (&evidence.task, &evidence.scan, &found.regions);
+    let chosen = chosen(regions);
+    let (folds, fold_rule) = (found.folds.0, found.folds.1.as_deref());
     let clusters = if evidence.episodes.len() >= ENOUGH_EPISODES { Clusters::Episodes } else { Clusters::Chunks };
     let found = regions.iter().enumerate().map(|(region, solved)| {
         // What a bound holds is no estimate.
@@ -221,7 +357,7 @@ fn report(
         let b = chosen[region].as_ref();
         let errors = system_errors(scan, region, task.constant, b, &supports, clusters);
         if let Err(error) = &errors {
-            notes.push(format!("no standard errors: {error}"));
+            summary.notes.push(format!("no standard errors: {error}"));
         }
         let problem = scan.root(region).compressed(task.constant);
         let equations = solved.iter().enumerate().map(|(target, found)| {
@@ -233,8 +369,6 @@ fn report(
     let regions = found.collect();
     SindyReport {
         rows: (0..scan.regions()).map(|region| scan.rows(region)).sum(),
-        episodes: evidence.episodes.len(),
-        left_out: [counts.at_border, counts.incomplete, scan.unassigned()],
         method: options.method_in_words(),
         choice: options.choice_in_words(fold_rule),
         folds,
@@ -244,11 +378,9 @@ fn report(
         parameters: evidence.parameters.clone(),
         candidates: (0..task.candidates()).map(|j| task.candidate(j)).collect(),
         regions,
-        rollouts: None,
-        refinement: None,
         smoothing: None,
         limits: Vec::new(),
-        notes,
+        summary,
     }
 }
 

@@ -9,7 +9,7 @@ use fleetfoot_stats::{FoldLayout, FoldRule, Purge};
 /// A source whose episodes are spans of another source's, every n-th row of them.
 ///
 /// No row beyond a span is seen, so that lags do not reach from what is tested into what trained.
-pub(crate) struct Spans<'a> {
+pub struct Spans<'a> {
     inner: &'a dyn Source,
     /// Episode and rows of the other source behind every episode of this one.
     spans: Vec<(usize, Range<usize>)>,

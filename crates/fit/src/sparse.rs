@@ -1,4 +1,4 @@
-//! From logs, or from their statistic, to a sparse model of shared latents.
+//! Sparse models of latent functions, shared between equations where the recipe says so.
 
 mod frequencies;
 mod influence;
@@ -13,13 +13,13 @@ mod shown_path;
 mod solve;
 mod support;
 
-use std::{
-    collections::BTreeSet,
-    path::{Path, PathBuf},
-};
+use std::{collections::BTreeSet, sync::Arc};
 
 use fleetfoot_data::{EpisodeId, Progress, Source};
-use fleetfoot_dataset::{Dataset, Logs, StatisticFile, condition::refuse_other_rows, open::OpenedStructure};
+use fleetfoot_dataset::{
+    ContentHash, Dataset, Logs, StatisticFile, condition::refuse_other_rows, open::OpenedStructure,
+};
+use fleetfoot_library::Expr;
 use fleetfoot_model::{Equation, Model};
 use fleetfoot_recipe::{Recipe, RequestError};
 use fleetfoot_sparse::{
@@ -28,6 +28,7 @@ use fleetfoot_sparse::{
     select::{Folds, held_out_refit},
 };
 use fleetfoot_stats::{Concentration, Key, SquareRoot};
+use fleetfoot_sums::structured::Plan;
 use fleetfoot_task::StructuredTask;
 pub use frequencies::write_frequencies;
 pub use influence::{EpisodeInfluence, LeaveOneOutReport};
@@ -41,121 +42,324 @@ pub use shown_path::PathReport;
 pub use solve::{SolveMethod, Solved, solve_statistic};
 
 use crate::{
-    concentration,
     error::Error,
     folds::smoothed_rows,
-    model_file::refuse_not_finite,
-    not_finite, radial,
-    statistic::{LabelKey, ScanOptions, scan, scan_tasks},
+    method::{Data, FitRequest, Fitted, Method, RowFacts},
+    not_finite,
+    objective::Refinement,
+    plan::FitPlan,
+    radial,
+    statistic::{PlannedLatent, ScanOptions, default_chunk, plan_scan, row_expressions, scan, scan_tasks},
     subset::Subset,
+    summary::FitSummary,
 };
 
 /// Episodes from which on they are the clusters of the standard errors, and the units of stability selection; with fewer, chunks are.
 const ENOUGH_EPISODES: usize = 10;
 
-/// What is fitted on what, beside what the recipe says.
-#[derive(Debug, Clone, Default)]
-pub struct SparseRequest {
-    /// Labels of episodes from the files' paths.
-    pub keys: Vec<LabelKey>,
-    /// A model for every value of this label.
-    pub by: Option<String>,
-    /// Where the statistic of the pass is written, to be fitted again without a pass.
-    pub keep: Option<PathBuf>,
-    /// Whether every episode is left out once, to tell what it does to the fit.
-    pub influence: bool,
-}
-
-/// A sparse model, and how it came about.
+/// `fit sparse`: one model, or one for every value of a label.
 #[derive(Debug, Clone)]
-#[non_exhaustive]
-pub struct SparseFitted {
-    /// The value of the label that the rows have, where models are fitted by label.
-    pub value: Option<String>,
-    /// The model.
-    pub model: Model,
-    /// Scores, coefficients, certificates.
-    pub report: SparseReport,
+pub struct Sparse {
+    options: SparseOptions,
+    request: FitRequest,
+    /// The logs that were scanned; a statistic has none.
+    logs: Option<Logs>,
 }
 
-/// What is fitted: a statistic, what the recipe means for it, and the rows where they are needed and at hand.
-struct Evidence {
-    file: StatisticFile,
-    task: StructuredTask,
-    /// The recipe with all flags, as the model will carry it.
-    recipe: Recipe,
-    rows: Option<Dataset>,
+/// The statistic, and the rows where they are needed and at hand.
+pub struct Sums {
+    file: Arc<StatisticFile>,
+    dataset: Option<Dataset>,
+}
+
+/// A model, and what is said of it.
+pub struct Found {
+    value: Option<String>,
+    model: Model,
+    report: SparseReport,
+    facts: RowFacts,
     notes: Vec<String>,
 }
 
-/// Fits sparse models to logs, or to one `.stats` file without a pass: one, or one for every value of a label.
-///
-/// # Errors
-/// Those of the recipe, of reading, and of the solvers; a question that needs rows asked of a statistic.
-pub fn fit_sparse(
-    recipe: &Recipe,
-    request: &SparseRequest,
-    logs: impl Into<Logs>,
-    progress: &dyn Progress,
-) -> Result<Vec<SparseFitted>, Error> {
-    let logs = &logs.into();
-    // What is wrong with the options is said before the pass.
-    SparseOptions::new(&recipe.sparse)?;
-    radial::refuse(recipe, "fit sparse")?;
-    let evidence = if logs.is_statistic() {
-        if request.keep.is_some() {
+impl Method for Sparse {
+    const NAME: &'static str = "sparse";
+    type Report = SparseReport;
+    type Task = StructuredTask;
+    type Sums = Sums;
+    type Found = Found;
+
+    fn new(recipe: &Recipe, request: &FitRequest) -> Result<Self, Error> {
+        radial::refuse(recipe, "fit sparse")?;
+        Ok(Self { options: SparseOptions::new(&recipe.sparse)?, request: request.clone(), logs: None })
+    }
+
+    fn plan(&self, recipe: &Recipe, logs: &Logs, progress: &dyn Progress) -> Result<FitPlan, Error> {
+        let plan = plan_scan(recipe, &self.scanned(), logs.clone(), progress)?;
+        let coefficients = plan.latents.iter().map(|own| own.functions).sum();
+        let latents = plan.latents.iter().map(|PlannedLatent { name, functions }| format!("{name} ({functions})"));
+        let latents = latents.collect::<Vec<_>>().join(", ");
+        let chunks = format!("{} chunks of at most {} rows", plan.chunks, plan.chunk_rows);
+        Ok(FitPlan {
+            equations: plan.tasks,
+            candidates: coefficients,
+            regions: 1,
+            passes: 1,
+            simulations: self.simulations(),
+            memory: plan.bytes,
+            work: self.options.planned_work(coefficients, plan.reading.episodes),
+            details: vec![format!("latents and their functions: {latents}"), chunks],
+            reading: plan.reading,
+            notes: plan.notes,
+        })
+    }
+
+    fn open(
+        &mut self,
+        recipe: &Recipe,
+        logs: &Logs,
+        progress: &dyn Progress,
+    ) -> Result<(Dataset, StructuredTask), Error> {
+        let OpenedStructure { dataset, task, .. } = Dataset::for_structure(recipe, logs, progress)?;
+        Ok((dataset, task))
+    }
+
+    fn scan(
+        &mut self,
+        recipe: &Recipe,
+        logs: &Logs,
+        notes: &mut Vec<String>,
+        progress: &dyn Progress,
+    ) -> Result<Option<StatisticFile>, Error> {
+        // A statistic that is kept serves `fit sindy` and `fit pwa` too.
+        let (file, report) = match &self.request.keep {
+            Some(_) => scan(recipe, &self.scanned(), None, logs.clone(), progress)?,
+            None => scan_tasks(recipe, &self.scanned(), logs, progress)?,
+        };
+        notes.extend(report.notes);
+        notes.extend(report.skipped.into_iter().map(|skipped| format!("left out: {skipped}")));
+        self.logs = Some(logs.clone());
+        Ok(Some(file))
+    }
+
+    /// Without a recipe that of the scan holds, with the flags above it.
+    fn above(recipe: &Recipe, scanned: &Recipe, file: &StatisticFile, _: &mut Vec<String>) -> Result<Recipe, Error> {
+        let says_nothing = recipe.states.is_empty() && recipe.latents.is_empty() && recipe.model.predict.is_none();
+        refuse_other_rows(recipe, scanned)?;
+        if says_nothing {
+            let (mut own, _) = file.task()?;
+            own.say(recipe.sparse.clone());
+            return Ok(own);
+        }
+        let mut recipe = recipe.clone();
+        recipe.time.only.clone_from(&scanned.time.only);
+        Ok(recipe)
+    }
+
+    fn of_statistic(
+        &self,
+        recipe: &Recipe,
+        _: &Recipe,
+        file: &Arc<StatisticFile>,
+        _: &mut Vec<String>,
+        progress: &dyn Progress,
+    ) -> Result<(StructuredTask, Sums), Error> {
+        if self.logs.is_none() && self.request.keep.is_some() {
             return Err(Error::needs_rows(
                 "--keep writes the statistic of logs, and this is one already; leave it away".into(),
             ));
         }
-        Evidence::of_statistic(recipe, logs)?
-    } else {
-        Evidence::of_logs(recipe, request, logs, progress)?
-    };
-    refuse_bounds_without_latents(&evidence.recipe)?;
-    let options = SparseOptions::new(&evidence.recipe.sparse)?;
-    let all: BTreeSet<EpisodeId> = evidence.file.episodes.iter().map(|episode| episode.id).collect();
-    let reasons = |error| if logs.is_statistic() { error } else { evidence.with_reasons(error, logs, progress) };
-    let Some(label) = &request.by else {
-        let found = evidence.fit(&options, None, &all, request.influence, progress);
-        return evidence.kept(request, vec![found.map_err(reasons)?]);
-    };
-    let mut fitted = Vec::new();
-    for (value, episodes) in by_label(&evidence.file, label)? {
-        let found = evidence.fit(&options, Some(value.clone()), &episodes, request.influence, progress);
-        fitted.push(found.map_err(|error| match error {
-            Error::Request(RequestError { cause, message }) => {
-                reasons(Error::Request(RequestError { cause, message: format!("{label} = {value}: {message}") }))
-            }
-            other => other,
-        })?);
+        refuse_bounds_without_latents(recipe)?;
+        let task = file.resolve(recipe)?;
+        let bounded = task.limits.iter().any(|limit| !limit.is_constant(&task.regression));
+        let needs_rows = bounded || matches!(self.options.bolasso, Some((Resampled::Rows, _)));
+        let dataset = match self.logs.as_ref().filter(|_| needs_rows) {
+            Some(logs) => Some(Dataset::for_structure(recipe, logs, progress)?.dataset),
+            None => None,
+        };
+        Ok((task, Sums { file: file.clone(), dataset }))
     }
-    evidence.kept(request, fitted)
-}
 
-impl Evidence {
-    /// Writes the statistic, where it is to be kept: after the fits, so that those that fail or are stopped write nothing.
-    fn kept(&self, request: &SparseRequest, fitted: Vec<SparseFitted>) -> Result<Vec<SparseFitted>, Error> {
-        if let Some(path) = &request.keep {
-            self.file.write(path)?;
+    fn sum(&self, data: Data<'_, StructuredTask>, _: &mut Vec<String>, progress: &dyn Progress) -> Result<Sums, Error> {
+        let (task, rows) = (data.task, data.rows()?);
+        let plan = Plan::new(task.regression.clone(), task.also.clone(), default_chunk(task, rows.rows()), rows)?;
+        let mut file = StatisticFile::empty(plan, data.recipe, task, rows.columns());
+        file.scanned = file.plan.scan(rows, progress)?;
+        for (number, episode) in rows.episodes().iter().enumerate() {
+            file.add_episode(episode, ContentHash([0; 32]), number as u32, episode.labels.clone());
+        }
+        file.arrange();
+        Ok(Sums { file: Arc::new(file), dataset: None })
+    }
+
+    fn find(
+        &self,
+        data: Data<'_, StructuredTask>,
+        sums: &Sums,
+        _: &mut Vec<String>,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Found>, Error> {
+        let evidence = Evidence { method: self, data, sums };
+        let all: BTreeSet<EpisodeId> = sums.file.episodes.iter().map(|episode| episode.id).collect();
+        let mut fitted = Vec::new();
+        match &self.request.by {
+            None => {
+                fitted.push(evidence.fit(None, &all, progress).map_err(|error| evidence.with_reasons(error, progress))?)
+            }
+            Some(label) => {
+                for (value, episodes) in by_label(&sums.file, label)? {
+                    let found = evidence.fit(Some(value.clone()), &episodes, progress);
+                    fitted.push(found.map_err(|error| match error {
+                        Error::Request(RequestError { cause, message }) => {
+                            let message = format!("{label} = {value}: {message}");
+                            evidence.with_reasons(Error::Request(RequestError { cause, message }), progress)
+                        }
+                        other => other,
+                    })?);
+                }
+            }
+        }
+        // After the fits, so that those that fail or are stopped write nothing.
+        if let Some(path) = &self.request.keep {
+            sums.file.write(path)?;
         }
         Ok(fitted)
     }
 
+    fn model(found: &Found) -> &Model {
+        &found.model
+    }
+
+    /// One step alone is fitted, whose coefficients stay.
+    fn refine(&self, _: Data<'_, StructuredTask>, _: &Sums, _: &mut Found, _: &mut Refinement) -> Result<(), Error> {
+        Ok(())
+    }
+
+    fn expressions(&self, task: &StructuredTask) -> Vec<Expr> {
+        row_expressions(task).cloned().collect()
+    }
+
+    fn facts(&self, _: Data<'_, StructuredTask>, _: &Sums, found: &Found) -> RowFacts {
+        found.facts.clone()
+    }
+
+    fn report(
+        &self,
+        _: Data<'_, StructuredTask>,
+        _: &Sums,
+        found: Found,
+        mut summary: FitSummary,
+        _: &dyn Progress,
+    ) -> Result<Fitted<SparseReport>, Error> {
+        summary.notes.extend(found.notes);
+        let report = SparseReport { summary, ..found.report };
+        Ok(Fitted { value: found.value, model: found.model, rivals: Vec::new(), report })
+    }
+}
+
+impl Sparse {
+    fn scanned(&self) -> ScanOptions {
+        ScanOptions { keys: self.request.keys.clone(), ..ScanOptions::default() }
+    }
+}
+
+/// What is fitted: a statistic, and what the recipe means for it.
+struct Evidence<'a> {
+    method: &'a Sparse,
+    data: Data<'a, StructuredTask>,
+    sums: &'a Sums,
+}
+
+impl Evidence<'_> {
     /// An error of too few rows with the columns that lack values in the logs.
-    fn with_reasons(&self, error: Error, logs: &Logs, progress: &dyn Progress) -> Error {
-        if !not_finite::is_too_few(&error) {
-            return error;
-        }
+    fn with_reasons(&self, error: Error, progress: &dyn Progress) -> Error {
+        let Some(logs) = self.method.logs.as_ref().filter(|_| not_finite::is_too_few(&error)) else { return error };
         let explained =
-            |error, dataset: &Dataset| not_finite::with_reasons(error, dataset, self.task.expressions().cloned());
-        match &self.rows {
+            |error, dataset: &Dataset| not_finite::with_reasons(error, dataset, self.data.task.expressions().cloned());
+        match &self.sums.dataset {
             Some(dataset) => explained(error, dataset),
-            None => match Dataset::for_structure(&self.recipe, logs, progress) {
+            None => match Dataset::for_structure(self.data.recipe, logs, progress) {
                 Ok(opened) => explained(error, &opened.dataset),
                 Err(_) => error,
             },
         }
+    }
+
+    /// Fits the rows of some episodes.
+    fn fit(
+        &self,
+        value: Option<String>,
+        episodes: &BTreeSet<EpisodeId>,
+        progress: &dyn Progress,
+    ) -> Result<Found, Error> {
+        let (options, file, recipe) = (&self.method.options, &*self.sums.file, self.data.recipe);
+        let left_out = self.method.request.influence;
+        let wanted = |key: &Key| episodes.contains(&key.episode);
+        let problem = Problem::new(self.data.task, file, options, wanted)?;
+        let mut notes: Vec<String> = options::unused(&recipe.sparse, options).into_iter().collect();
+        let view = self.sums.dataset.as_ref().map(Dataset::view).transpose()?;
+        // A log that was given twice is in the statistic once.
+        let subset = view.as_ref().map(|view| {
+            let mut seen = BTreeSet::new();
+            let of = |at: &usize| {
+                let id = view.episodes()[*at].id;
+                episodes.contains(&id) && seen.insert(id)
+            };
+            Subset::new(view, (0..view.episodes().len()).filter(of).collect())
+        });
+        let source = subset.as_ref().map(|subset| subset as &dyn Source);
+        progress.stage("lambda");
+        let smoothed = smoothed_rows(recipe.time.smoothed, file.step());
+        let folds = lambda::folds(&problem, options, smoothed, &mut notes)?;
+        progress.expect(options.work(problem.structure.coefficients(), folds.as_ref().map_or(0, Folds::len)));
+        let lambda = lambda::choose(&problem, options, folds.as_ref(), &mut notes, progress)?;
+        let mut support = support::select(&problem, file, options, lambda.value, source, progress)?;
+        notes.append(&mut support.notes);
+        let Problem { structure, banks, assembly, roots, .. } = &problem;
+        let free = |roots: &[SquareRoot]| Ok::<_, Error>(refit(structure, roots, assembly, &support.columns)?);
+        let limited = limits::within_limits(&problem, &support.columns, source, &mut notes, progress)?;
+        if limited.is_some() && left_out {
+            notes.push("influence of episodes: the fits with and without them are those without the bounds".into());
+        }
+        let fit = |roots: &[SquareRoot]| limited.as_ref().map_or_else(|| free(roots), |limited| limited.refit(roots));
+        let held_out =
+            folds.as_ref().map(|folds| held_out_refit(structure, banks, folds, fit, progress)).transpose()?;
+        let price = match &limited {
+            None => None,
+            Some(_) => {
+                let held_out = folds.as_ref().map(|folds| held_out_refit(structure, banks, folds, free, progress));
+                Some(Price { free: free(roots)?, held_out: held_out.transpose()? })
+            }
+        };
+        let theta = limited.as_ref().map_or_else(|| free(roots), |limited| Ok(limited.coefficients()))?;
+        let errors = standard_errors(&problem, &theta, &mut notes);
+        let influence = if left_out {
+            influence::leave_one_out(&problem, file, &theta, errors.as_deref(), &mut notes, progress)?
+        } else {
+            None
+        };
+        let method = format!("sparse {}", support.method);
+        let model = model::model(&problem, file, &theta, &method, &recipe.to_toml(), options.seed, wanted);
+        let counts = episodes.iter().filter_map(|id| file.scanned.rows.get(id));
+        let (at_border, incomplete) =
+            counts.fold((0, 0), |sum, rows| (sum.0 + rows.at_border, sum.1 + rows.incomplete));
+        let tasks = report::tasks(&problem, &theta, held_out.as_deref(), price.as_ref());
+        let limits = limited.as_ref().map_or_else(Vec::new, Limited::report);
+        let facts = RowFacts {
+            episodes: problem.episodes(),
+            left_out: vec![at_border, incomplete],
+            concentrated: self.concentrated(),
+        };
+        let report = SparseReport::new(&problem, lambda, &support, (&theta, errors.as_deref()))?;
+        Ok(Found { value, model, report: SparseReport { influence, tasks, limits, ..report }, facts, notes })
+    }
+
+    /// Of every fitted equation, the few rows that hold most of its target's variance, where they do.
+    fn concentrated(&self) -> Vec<(String, Option<Concentration>)> {
+        // The first moments are those of the fitted equations' targets.
+        let fitted = self.data.task.equations.iter().filter(|equation| equation.target.is_some());
+        let file = &self.sums.file;
+        let of = |target| Concentration::of(&file.scanned.also, target, file.plan.chunk_rows);
+        fitted.map(Equation::label).enumerate().map(|(target, label)| (label, of(target))).collect()
     }
 }
 
@@ -202,128 +406,6 @@ impl Natural {
     }
 }
 
-impl Evidence {
-    fn of_statistic(recipe: &Recipe, logs: &Logs) -> Result<Self, Error> {
-        let file = logs.statistic()?;
-        // Without a recipe that of the scan holds, with the flags above it.
-        let says_nothing = recipe.states.is_empty() && recipe.latents.is_empty() && recipe.model.predict.is_none();
-        let scanned = Recipe::parse(&file.recipe, "the recipe of the statistic")?;
-        refuse_other_rows(recipe, &scanned)?;
-        let mut recipe = recipe.clone();
-        recipe.time.only = scanned.time.only;
-        if says_nothing {
-            let (mut own, _) = file.task()?;
-            own.say(recipe.sparse);
-            recipe = own;
-        }
-        let task = file.resolve(&recipe)?;
-        Ok(Self { file, task, recipe, rows: None, notes: Vec::new() })
-    }
-
-    fn of_logs(recipe: &Recipe, request: &SparseRequest, logs: &Logs, progress: &dyn Progress) -> Result<Self, Error> {
-        let scan_options = ScanOptions { keys: request.keys.clone(), ..ScanOptions::default() };
-        // A statistic that is kept serves `fit sindy` and `fit pwa` too.
-        let (file, report) = match &request.keep {
-            Some(_) => scan(recipe, &scan_options, None, logs, progress)?,
-            None => scan_tasks(recipe, &scan_options, logs, progress)?,
-        };
-        let task = file.resolve(recipe)?;
-        let options = SparseOptions::new(&recipe.sparse)?;
-        let bounded = task.limits.iter().any(|limit| !limit.is_constant(&task.regression));
-        let rows = if bounded || matches!(options.bolasso, Some((Resampled::Rows, _))) {
-            let OpenedStructure { dataset, .. } = Dataset::for_structure(recipe, logs, progress)?;
-            Some(dataset)
-        } else {
-            None
-        };
-        let mut notes = report.notes;
-        notes.extend(report.skipped.into_iter().map(|skipped| format!("left out: {skipped}")));
-        Ok(Self { file, task, recipe: recipe.clone(), rows, notes })
-    }
-
-    /// Fits the rows of some episodes; `left_out`: and without each of them.
-    fn fit(
-        &self,
-        options: &SparseOptions,
-        value: Option<String>,
-        episodes: &BTreeSet<EpisodeId>,
-        left_out: bool,
-        progress: &dyn Progress,
-    ) -> Result<SparseFitted, Error> {
-        let wanted = |key: &Key| episodes.contains(&key.episode);
-        let problem = Problem::new(&self.task, &self.file, options, wanted)?;
-        let mut notes = self.notes.clone();
-        notes.extend(options::unused(&self.recipe.sparse, options));
-        notes.extend(self.concentrated());
-        let view = self.rows.as_ref().map(Dataset::view).transpose()?;
-        // A log that was given twice is in the statistic once.
-        let subset = view.as_ref().map(|view| {
-            let mut seen = BTreeSet::new();
-            let of = |at: &usize| {
-                let id = view.episodes()[*at].id;
-                episodes.contains(&id) && seen.insert(id)
-            };
-            Subset::new(view, (0..view.episodes().len()).filter(of).collect())
-        });
-        let source = subset.as_ref().map(|subset| subset as &dyn Source);
-        progress.stage("lambda");
-        let smoothed = smoothed_rows(self.recipe.time.smoothed, self.file.step());
-        let folds = lambda::folds(&problem, options, smoothed, &mut notes)?;
-        progress.expect(options.work(problem.structure.coefficients(), folds.as_ref().map_or(0, Folds::len)));
-        let lambda = lambda::choose(&problem, options, folds.as_ref(), &mut notes, progress)?;
-        let mut support = support::select(&problem, &self.file, options, lambda.value, source, progress)?;
-        notes.append(&mut support.notes);
-        let Problem { structure, banks, assembly, roots, .. } = &problem;
-        let free = |roots: &[SquareRoot]| Ok::<_, Error>(refit(structure, roots, assembly, &support.columns)?);
-        let limited = limits::within_limits(&problem, &support.columns, source, &mut notes, progress)?;
-        if limited.is_some() && left_out {
-            notes.push("influence of episodes: the fits with and without them are those without the bounds".into());
-        }
-        let fit = |roots: &[SquareRoot]| limited.as_ref().map_or_else(|| free(roots), |limited| limited.refit(roots));
-        let held_out =
-            folds.as_ref().map(|folds| held_out_refit(structure, banks, folds, fit, progress)).transpose()?;
-        let price = match &limited {
-            None => None,
-            Some(_) => {
-                let held_out = folds.as_ref().map(|folds| held_out_refit(structure, banks, folds, free, progress));
-                Some(Price { free: free(roots)?, held_out: held_out.transpose()? })
-            }
-        };
-        let theta = limited.as_ref().map_or_else(|| free(roots), |limited| Ok(limited.coefficients()))?;
-        let errors = standard_errors(&problem, &theta, &mut notes);
-        let influence = if left_out {
-            influence::leave_one_out(&problem, &self.file, &theta, errors.as_deref(), &mut notes, progress)?
-        } else {
-            None
-        };
-        let method = format!("sparse {}", support.method);
-        let recipe = self.recipe.to_toml();
-        let model = model::model(&problem, &self.file, &theta, &method, &recipe, options.seed, wanted);
-        refuse_not_finite(&model)?;
-        let counts = episodes.iter().filter_map(|id| self.file.scanned.rows.get(id));
-        let (at_border, incomplete) =
-            counts.fold((0, 0), |sum, rows| (sum.0 + rows.at_border, sum.1 + rows.incomplete));
-        let tasks = report::tasks(&problem, &theta, held_out.as_deref(), price.as_ref());
-        let limits = limited.as_ref().map_or_else(Vec::new, Limited::report);
-        let left_out = [at_border, incomplete];
-        let report = SparseReport::new(&problem, lambda, &support, (&theta, errors.as_deref()), left_out, notes)?;
-        Ok(SparseFitted { value, model, report: SparseReport { influence, tasks, limits, ..report } })
-    }
-}
-
-impl Evidence {
-    /// What to say of equations whose targets' variance few rows hold.
-    fn concentrated(&self) -> Vec<String> {
-        // The first moments are those of the fitted equations' targets.
-        let fitted = self.task.equations.iter().filter(|equation| equation.target.is_some());
-        let labels: Vec<String> = fitted.map(Equation::label).collect();
-        let of = |target| Concentration::of(&self.file.scanned.also, target, self.file.plan.chunk_rows);
-        let found: Vec<Option<Concentration>> = (0..labels.len()).map(of).collect();
-        let name = |id| self.file.episode(id).map(|episode| episode.name.clone());
-        concentration::notes(labels.into_iter().zip(found.iter().map(Option::as_ref)), name)
-    }
-}
-
 /// Standard error of every coefficient (p; NaN outside the support), clustered by episode where there are enough, else by chunk.
 fn standard_errors(problem: &Problem<'_>, theta: &[f64], notes: &mut Vec<String>) -> Option<Vec<f64>> {
     let clusters = if problem.episodes() >= ENOUGH_EPISODES { Clusters::Episodes } else { Clusters::Chunks };
@@ -338,12 +420,4 @@ fn standard_errors(problem: &Problem<'_>, theta: &[f64], notes: &mut Vec<String>
             None
         }
     }
-}
-
-/// The file of a model that was fitted for one value of a label: `model.json` and `3` make `model_3.json`.
-pub fn file_by_value(model: &Path, value: &str) -> PathBuf {
-    let stem = model.file_stem().map_or_else(|| "model".into(), |stem| stem.to_string_lossy());
-    let name: String = value.chars().map(|c| if c.is_alphanumeric() || "._-".contains(c) { c } else { '-' }).collect();
-    let extension = model.extension().map_or_else(|| "json".into(), |extension| extension.to_string_lossy());
-    model.with_file_name(format!("{stem}_{name}.{extension}"))
 }

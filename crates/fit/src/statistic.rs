@@ -21,7 +21,7 @@ pub use fleetfoot_dataset::{
 pub use json::description;
 pub use key::LabelKey;
 pub use plan::{PlannedLatent, ScanPlan, plan_append, plan_scan};
-pub(crate) use scan::scan_tasks;
 pub use scan::{ScanOptions, ScanReport, freeze, scan, scan_part};
+pub(crate) use scan::{default_chunk, row_expressions, scan_tasks};
 pub use serves::serves;
 pub use target::{ScanOutcome, ScanTarget, scan_to};

@@ -1,10 +1,10 @@
 //! The Rust API: one name for what the crates of the house are. It re-exports, and has no code of its own.
 //!
-//! A [`Recipe`] says which fields of a log are what; a [`Dataset`] is a set of files seen through it. [`fit_pwa`] and [`fit_sparse`] make a [`Model`];
+//! A [`Recipe`] says which fields of a log are what; a [`Dataset`] is a set of files seen through it. [`fit()`] makes a [`Model`] by a [`Method`];
 //! [`score`], [`predict`] and [`rollout`] run one on files.
 //!
 //! ```
-//! use fleetfoot::{Recipe, Silent, SindyRequest, fit_sindy};
+//! use fleetfoot::{FitRequest, Recipe, Silent, Sindy, fit};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let folder = tempfile::tempdir()?;
@@ -13,7 +13,7 @@
 //! let row = |k: i32| format!("{},{}\n", 0.1 * f64::from(k), 20.0 + 60.0 * (-0.05 * f64::from(k)).exp());
 //! std::fs::write(&log, format!("t,T\n{}", (0..200).map(row).collect::<String>()))?;
 //! let recipe = Recipe::parse("[states]\nT = {}\n[library]\nfunctions = [\"poly(2)\"]\n", "example")?;
-//! let fitted = fit_sindy(&recipe, SindyRequest::default(), &[log][..], &Silent)?;
+//! let fitted = fit::<Sindy>(&recipe, &FitRequest::default(), &[log][..], &Silent)?;
 //! let equations = fleetfoot::describe(&fitted.model, 1);
 //! assert!(equations.contains("f_T = 10 - 0.5*T"), "{equations}");
 //! # Ok(())

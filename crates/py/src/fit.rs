@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use fleetfoot::{
-    ControlSection, EstimateSection, FilterSection, NarxRequest, NarxSection, PrepareSection, PwaRequest, PwaSection,
-    Recipe, ResimulateSection, Settings, SindyRequest, SindySection, SparseRequest, SparseSection, log::Cache,
+    ControlSection, EstimateSection, FilterSection, FitReport, FitRequest, Fitted, Method, Narx, NarxSection,
+    Parameters, PrepareSection, Pwa, PwaSection, Recipe, ResimulateSection, Settings, Sindy, SindySection, Sparse,
+    SparseSection, log::Cache,
 };
 use pyo3::prelude::*;
 
@@ -61,99 +62,54 @@ pub(crate) fn settings() -> Vec<(&'static str, Vec<&'static str>)> {
     ]
 }
 
-/// A piecewise-affine model: the chosen one, its report, and with `keep_all` the models of all candidates.
-#[pyfunction]
-#[pyo3(signature = (data, recipe_text, keep_all=false, cache=None, progress=None))]
-pub(crate) fn fit_pwa<'py>(
-    py: Python<'py>,
-    data: &Data,
-    recipe_text: &str,
-    keep_all: bool,
-    cache: Option<PathBuf>,
-    progress: Option<Py<PyAny>>,
-) -> PyResult<(Model, Report<'py>, Vec<Model>)> {
-    let recipe = with_cache(of_json(recipe_text)?, cache);
-    let request = PwaRequest { keep_all };
-    let fitted = run(py, progress, |progress| fleetfoot::fit_pwa(&recipe, request, &data.logs, progress))?;
-    let report = object(py, &fitted.to_json())?;
-    let found = fitted.identification;
-    Ok((Model::new(found.model)?, report, found.models.into_iter().map(Model::new).collect::<PyResult<_>>()?))
-}
-
 /// What a fit says of itself, as a dict.
 type Report<'py> = Bound<'py, PyAny>;
 
-/// The models of other numbers of terms.
-type Front = Vec<(usize, Model)>;
+/// The value of a label, the model, its report, and the models of other candidates by name.
+type Fits<'py> = Vec<(Option<String>, Model, Report<'py>, Vec<(String, Model)>)>;
 
-/// Equations: the model, its report, and with `front` the models of other numbers of terms.
+/// Fits by the method of this name: one model, or one for every value of the label `by`. `rivals`: the models of other candidates too; `other`: recordings to run an
+/// autoregression on that do not train.
 #[pyfunction]
-#[pyo3(signature = (data, recipe_text, front=false, cache=None, progress=None))]
-pub(crate) fn fit_sindy<'py>(
+#[pyo3(signature = (method, data, recipe_text, rivals=false, other=None, by=None, influence=false, cache=None, progress=None))]
+#[expect(clippy::too_many_arguments, reason = "the arguments of Python's function")]
+pub(crate) fn fit<'py>(
     py: Python<'py>,
+    method: &str,
     data: &Data,
     recipe_text: &str,
-    front: bool,
-    cache: Option<PathBuf>,
-    progress: Option<Py<PyAny>>,
-) -> PyResult<(Model, Report<'py>, Front)> {
-    let recipe = with_cache(of_json(recipe_text)?, cache);
-    let request = SindyRequest { front, horizon: None };
-    let fitted = run(py, progress, |progress| fleetfoot::fit_sindy(&recipe, request, &data.logs, progress))?;
-    let front = fitted.front.into_iter().map(|(terms, model)| Ok((terms, Model::new(model)?)));
-    Ok((Model::new(fitted.model)?, object(py, &fitted.report.to_json())?, front.collect::<PyResult<_>>()?))
-}
-
-/// An autoregression; `other`: recordings to run it on that do not train.
-#[pyfunction]
-#[pyo3(signature = (data, recipe_text, other=None, cache=None, progress=None))]
-pub(crate) fn fit_narx<'py>(
-    py: Python<'py>,
-    data: &Data,
-    recipe_text: &str,
+    rivals: bool,
     other: Option<&Data>,
-    cache: Option<PathBuf>,
-    progress: Option<Py<PyAny>>,
-) -> PyResult<(Model, Report<'py>)> {
-    let recipe = with_cache(of_json(recipe_text)?, cache);
-    let request = NarxRequest { free_run: other.map(|other| other.logs.clone()).unwrap_or_default() };
-    let fitted = run(py, progress, |progress| fleetfoot::fit_narx(&recipe, &request, &data.logs, progress))?;
-    Ok((Model::new(fitted.model)?, object(py, &fitted.report.to_json())?))
-}
-
-/// Given equations with estimated parameters.
-#[pyfunction]
-#[pyo3(signature = (data, recipe_text, cache=None, progress=None))]
-pub(crate) fn fit_parameters<'py>(
-    py: Python<'py>,
-    data: &Data,
-    recipe_text: &str,
-    cache: Option<PathBuf>,
-    progress: Option<Py<PyAny>>,
-) -> PyResult<(Model, Report<'py>)> {
-    let recipe = with_cache(of_json(recipe_text)?, cache);
-    let fitted = run(py, progress, |progress| fleetfoot::fit_parameters(&recipe, &data.logs, progress))?;
-    Ok((Model::new(fitted.model)?, object(py, &fitted.report.to_json())?))
-}
-
-/// Sparse models of shared latents: one, or one for every value of the label `by`.
-#[pyfunction]
-#[pyo3(signature = (data, recipe_text, by=None, influence=false, cache=None, progress=None))]
-pub(crate) fn fit_sparse<'py>(
-    py: Python<'py>,
-    data: &Data,
-    recipe_text: &str,
     by: Option<String>,
     influence: bool,
     cache: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<Vec<(Option<String>, Model, Report<'py>)>> {
+) -> PyResult<Fits<'py>> {
     let recipe = with_cache(of_json(recipe_text)?, cache);
-    let request = SparseRequest { by, influence, ..SparseRequest::default() };
-    let fitted = run(py, progress, |progress| fleetfoot::fit_sparse(&recipe, &request, &data.logs, progress))?;
-    let found = fitted.into_iter().map(|found| {
+    let free_run = other.map(|other| other.logs.clone()).unwrap_or_default();
+    let request = FitRequest { rivals, free_run, by, influence, ..FitRequest::default() };
+    match method {
+        Pwa::NAME => of::<Pwa>(py, data, &recipe, &request, progress),
+        Sindy::NAME => of::<Sindy>(py, data, &recipe, &request, progress),
+        Sparse::NAME => of::<Sparse>(py, data, &recipe, &request, progress),
+        Narx::NAME => of::<Narx>(py, data, &recipe, &request, progress),
+        Parameters::NAME => of::<Parameters>(py, data, &recipe, &request, progress),
+        _ => Err(Kind::Internal.error(format!("no method `{method}`"))),
+    }
+}
+
+fn of<'py, M: Method>(
+    py: Python<'py>,
+    data: &Data,
+    recipe: &Recipe,
+    request: &FitRequest,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Fits<'py>> {
+    let fitted = run(py, progress, |progress| fleetfoot::fit_all::<M>(recipe, request, &data.logs, progress))?;
+    let of = |found: Fitted<M::Report>| {
         let report = object(py, &found.report.to_json())?;
-        Ok((found.value, Model::new(found.model)?, report))
-    });
-    found.collect()
+        let rivals = found.rivals.into_iter().map(|rival| Ok((rival.name, Model::new(rival.model)?)));
+        Ok((found.value, Model::new(found.model)?, report, rivals.collect::<PyResult<_>>()?))
+    };
+    fitted.into_iter().map(of).collect()
 }

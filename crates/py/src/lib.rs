@@ -81,7 +81,7 @@ mod _core {
 
     // -- identification
     #[pymodule_export]
-    use crate::fit::{fit_narx, fit_parameters, fit_pwa, fit_sindy, fit_sparse, recipe_json, say, settings};
+    use crate::fit::{fit, recipe_json, say, settings};
     #[pymodule_export]
     use crate::model::{Model, check_controller, export_controller, export_filter, write_controller};
     #[pymodule_export]

@@ -281,9 +281,11 @@ fn the_recipe_fits_what_it_lies_beside() {
         let recipe = Recipe::read(&made.recipe).unwrap();
         let paths = fleetfoot_log::paths([folder.path()]).unwrap();
         assert_eq!(paths.len(), 3);
-        let fitted = fleetfoot_fit::fit_pwa(&recipe, fleetfoot_fit::PwaRequest::default(), &paths, &Silent).unwrap();
-        assert_eq!(fitted.identification.targets, ["d(rate)/dt"]);
-        assert!(fitted.identification.candidates[1].over_null[0] < 0.5);
+        let fitted =
+            fleetfoot_fit::fit::<fleetfoot_fit::Pwa>(&recipe, &fleetfoot_fit::FitRequest::default(), &paths, &Silent)
+                .unwrap();
+        assert_eq!(fitted.report.identification.targets, ["d(rate)/dt"]);
+        assert!(fitted.report.identification.candidates[1].over_null[0] < 0.5);
     }
 }
 

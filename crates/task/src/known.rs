@@ -8,7 +8,7 @@ use fleetfoot_recipe::{Aliases, Error, Recipe};
 use crate::task::state_equation;
 
 /// Given equations alone, and the columns that they speak of.
-#[derive(Default)]
+#[derive(Debug, Clone, Default)]
 pub struct KnownTask {
     /// The model's columns.
     pub columns: Vec<Column>,

@@ -9,6 +9,7 @@ use fleetfoot_sparse::constrained::{Form, Limit, RowLimit};
 use crate::{derivative, known::KnownTask, parameter::Parameter, structured::together};
 
 /// Equations, parameters, and what the equations say of every row.
+#[derive(Debug, Clone)]
 pub struct ParametersTask {
     /// The equations, over columns and parameters.
     pub known: KnownTask,

@@ -5,15 +5,12 @@ use std::path::PathBuf;
 use clap::Args;
 use fleetfoot::NarxSection;
 
-use super::{List, RecipeArgs};
+use super::{FitData, FitOutput, List};
 
 #[derive(Debug, Args)]
 pub(crate) struct FitNarx {
-    /// Files, globs or folders; or one `.stats` file, which needs no pass.
-    #[arg(required = true, value_name = "DATA|STATS")]
-    pub(crate) data: Vec<PathBuf>,
     #[command(flatten)]
-    pub(crate) recipe: RecipeArgs,
+    pub(crate) data: FitData,
     #[command(flatten)]
     pub(crate) narx: NarxSection,
     /// Outputs, separated by commas (default: the recipe's states).
@@ -36,7 +33,6 @@ pub(crate) struct FitNarx {
     /// Show all models that were tried, not only the best.
     #[arg(long)]
     pub(crate) tried: bool,
-    /// The model to write.
-    #[arg(short, long, value_name = "MODEL", default_value = "model.json")]
-    pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) output: FitOutput,
 }

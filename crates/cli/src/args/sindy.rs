@@ -1,19 +1,14 @@
 //! Arguments of `fit sindy`.
 
-use std::path::PathBuf;
-
 use clap::Args;
 use fleetfoot::SindySection;
 
-use super::{List, RecipeArgs};
+use super::{FitData, FitOutput, List};
 
 #[derive(Debug, Args)]
 pub(crate) struct FitSindy {
-    /// Files, globs or folders; or one `.stats` file, which needs no pass.
-    #[arg(required = true, value_name = "DATA|STATS")]
-    pub(crate) data: Vec<PathBuf>,
     #[command(flatten)]
-    pub(crate) recipe: RecipeArgs,
+    pub(crate) data: FitData,
     #[command(flatten)]
     pub(crate) equations: EquationArgs,
     #[command(flatten)]
@@ -27,18 +22,11 @@ pub(crate) struct FitSindy {
     /// Show the Pareto front: the error of the best model of every number of terms.
     #[arg(long)]
     pub(crate) front: bool,
-    /// Write the models of the Pareto front beside the chosen one: model_terms3.json, model_terms4.json, ...
-    #[arg(long)]
-    pub(crate) keep_front: bool,
     /// Steps of the rollouts that choose the span of `--derivative STATE=over:auto` (default: 50).
     #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     pub(crate) horizon: Option<u32>,
-    /// Tell what the job would read and keep, and stop.
-    #[arg(long)]
-    pub(crate) dry_run: bool,
-    /// The model to write.
-    #[arg(short, long, value_name = "MODEL", default_value = "model.json")]
-    pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) output: FitOutput,
 }
 
 /// What `[library]`, `[states]` and `[parameters]` of the recipe say; a flag overrides it.

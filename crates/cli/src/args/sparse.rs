@@ -5,15 +5,12 @@ use std::path::PathBuf;
 use clap::Args;
 use fleetfoot::SparseSection;
 
-use super::RecipeArgs;
+use super::{FitData, FitOutput};
 
 #[derive(Debug, Args)]
 pub(crate) struct FitSparse {
-    /// Files, globs or folders; or one `.stats` file, which needs no pass.
-    #[arg(required = true, value_name = "DATA|STATS")]
-    pub(crate) data: Vec<PathBuf>,
     #[command(flatten)]
-    pub(crate) recipe: RecipeArgs,
+    pub(crate) data: FitData,
     #[command(flatten)]
     pub(crate) sparse: SparseSection,
     /// A label of the episodes from the path of their file: `aircraft={dir1}` is the name of its folder; also {dir2}, {name}, {stem}; may be repeated.
@@ -32,10 +29,6 @@ pub(crate) struct FitSparse {
     /// Leave every episode out once, without another pass: which ones carry the fit (Cook's distance), and what it errs on episodes that it has not seen.
     #[arg(long)]
     pub(crate) influence: bool,
-    /// Tell what the job would read and keep, and stop.
-    #[arg(long)]
-    pub(crate) dry_run: bool,
-    /// The model to write.
-    #[arg(short, long, value_name = "MODEL", default_value = "model.json")]
-    pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) output: FitOutput,
 }

@@ -8,14 +8,14 @@ mod table_one;
 use std::path::{Path, PathBuf};
 
 use fleetfoot::{
-    Error, Model, Projected, PwaRequest, Recipe, ReportOptions,
+    Error, FitReport, FitRequest, Model, Projected, Pwa, Recipe, ReportOptions,
     demo::{DemoLogs, differential_drive, gaits, generate_logs},
     dynamics::{PlaneCell, RolloutOptions, Starts},
-    fit_pwa,
+    fit,
     generate::RunReport,
     log::{Cache, shell_word},
     pwa::Specification,
-    rival, write_model,
+    rival_file, write_model,
 };
 use serde::Serialize;
 use serde_json::{Map, Value};
@@ -188,14 +188,16 @@ impl Demo<'_> {
         let flags = ["--partition", PARTITIONS, "--purge", &purge, "--keep-all", "-o", &output];
         self.command(&words(&[&["fit", "pwa", "-c", &recipe_file, &data], &flags[..]].concat()));
         let bar = self.context.bar();
-        let fitted = fit_pwa(&recipe, PwaRequest { keep_all: true }, &logs.training_files(), &bar);
+        let mut request = FitRequest::default();
+        request.rivals = true;
+        let fitted = fit::<Pwa>(&recipe, &request, &logs.training_files(), &bar);
         bar.finish();
         let fitted = fitted?;
-        write_model(&fitted.identification.model, &path)?;
-        fitted.write_rivals(&path)?;
-        self.context.notes(&fitted.notes);
-        self.tell("table_1", table_one::Told::from(&fitted), || {
-            format!("{}\n\n{}", table_one::to_text(&fitted), table_one::paper())
+        fitted.write(&path)?;
+        let report = &fitted.report;
+        self.context.notes(&report.summary().notes);
+        self.tell("table_1", table_one::Told::from(report), || {
+            format!("{}\n\n{}", table_one::to_text(report), table_one::paper())
         });
         Ok(())
     }
@@ -242,7 +244,10 @@ impl Demo<'_> {
     fn models(&self) -> Result<Vec<(String, PathBuf)>, Error> {
         let path = self.model();
         let list = Specification::parse_list(PARTITIONS)?;
-        Ok(list.iter().map(|specification| (specification.to_string(), rival(&path, specification))).collect())
+        Ok(list
+            .iter()
+            .map(|specification| (specification.to_string(), rival_file(&path, &specification.to_string())))
+            .collect())
     }
 
     /// Fig. 9: the plane of the cranks.

@@ -1,220 +1,183 @@
-//! `fleetfoot fit pwa`.
+//! What the commands of all methods of fitting share: from arguments to files and words.
+
+use std::path::PathBuf;
 
 use fleetfoot::{
-    BoundedCandidate, Derivative, Error, Fitted, Gap, Input, InputTable, Kind, Objective, PwaOptions, PwaRequest,
-    Recipe, Refinement, RolloutCandidate, RolloutChoice, fit_pwa, is_known, is_statistic,
-    log::{Cache, Stamp},
-    output::together,
-    pwa::Score,
-    rival, write_model,
+    Error, FitPlan, FitReport, FitRequest, Fitted, Method, Recipe, Refinement, RolloutCandidate, RolloutChoice,
+    fit_all, is_known, is_statistic, output::together, plan,
 };
 use serde::Serialize;
 use serde_json::Value;
 
-use super::{Context, fit_known, is_replaced, logs_or_statistic, read_by, reading::reading};
+use super::{Context, fit_known, flags, logs_or_statistic, read_by, reading::reading};
 use crate::{
-    args::{ChannelArgs, FitPwa, RecipeArgs, StampArg, TimeArgs},
-    table::{bytes, count, number, ratio, table, text_table},
+    args::{FitData, FitOutput},
+    table::{bytes, count, ratio, table},
 };
 
-pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
-    let mut recipe = recipe(&arguments.recipe)?;
-    if let Some(partition) = &arguments.partition {
-        recipe.model.partition = Some(partition.clone());
-    }
-    if let Some(on) = &arguments.partition_on {
-        recipe.model.partition_on = Some(on.0.clone());
-    }
-    recipe.say(arguments.pwa.clone());
-    recipe.cache = cache(&arguments.recipe.time.channels, &arguments.output);
-    let files = logs_or_statistic(&arguments.data)?;
-    context.claim(&outputs(arguments, &recipe)?, &read_by(&files, &arguments.recipe.recipe), false)?;
-    if is_known(&recipe) && !arguments.dry_run && !is_statistic(&files) {
-        return fit_known::known(&recipe, &files, &arguments.output, context);
-    }
-    if arguments.dry_run {
-        return dry_run(&recipe, &files, context);
-    }
-    say_passes(
-        recipe.pwa.objective,
-        (fleetfoot::PWA_PASSES, recipe.pwa.stable.is_some() || recipe.pwa.passive.is_some()),
-        context,
-    );
-    let bar = context.bar();
-    let fitted = fit_pwa(&recipe, PwaRequest { keep_all: arguments.keep_all }, &files, &bar);
-    bar.finish();
-    let fitted = fitted?;
-    let rivals = together(|| {
-        write_model(&fitted.identification.model, &arguments.output)?;
-        fitted.write_rivals(&arguments.output)
-    })?;
-    context.notes(&fitted.notes);
-    let told = Told { fitted: fitted.to_json(), model: arguments.output.display().to_string() };
-    context.print(told, || to_text(&fitted));
-    if recipe.model.partition.is_none() && fitted.identification.candidates.len() > 1 {
-        context.say(
-            "regions of k-means were tried; --partition refined:2,5,10 looks for regions that fit the dynamics, which takes several times as long",
-        );
-    }
-    for path in std::iter::once(&arguments.output).chain(&rivals) {
-        context.say(format!("wrote {}", path.display()));
-    }
-    Ok(())
+/// Left sides that a plan names.
+const SHOWN: usize = 12;
+
+/// A fit that is asked for.
+pub(crate) struct Job<'a> {
+    recipe: Recipe,
+    files: Vec<PathBuf>,
+    /// All files that are read.
+    read: Vec<PathBuf>,
+    output: &'a FitOutput,
+    /// Whether a recipe whose states are all given is written as it is.
+    pub(crate) known: bool,
+    /// Files that are written beside the models.
+    pub(crate) beside: Vec<PathBuf>,
 }
 
-/// The model's file, and those of its rivals.
-fn outputs(arguments: &FitPwa, recipe: &Recipe) -> Result<Vec<std::path::PathBuf>, Error> {
-    let mut outputs = vec![arguments.output.clone()];
-    if arguments.keep_all {
-        let tried = PwaOptions::new(recipe)?.identification.partitions;
-        outputs.extend(tried.iter().map(|own| rival(&arguments.output, own)));
+impl<'a> Job<'a> {
+    /// Of a recipe with all flags.
+    pub(crate) fn new(mut recipe: Recipe, data: &FitData, output: &'a FitOutput) -> Result<Self, Error> {
+        recipe.cache = flags::cache(&data.recipe.time.channels, &output.output);
+        let files = logs_or_statistic(&data.data)?;
+        let read = read_by(&files, &data.recipe.recipe);
+        Ok(Self { recipe, files, read, output, known: false, beside: Vec::new() })
     }
-    Ok(outputs)
-}
 
-/// Steps of the rollouts that choose open spans; refused where none is open.
-pub(crate) fn horizon(recipe: &Recipe, steps: Option<u32>) -> Result<Option<usize>, Error> {
-    let open = recipe.states.values().any(|state| state.derivative.as_ref().is_some_and(Derivative::is_open));
-    match steps {
-        Some(steps) if !open => Err(Error::conflict(format!(
-            "--horizon {steps}: nothing is chosen by rollouts; add --derivative STATE=over:auto, or leave it away"
-        ))),
-        _ => Ok(steps.map(|steps| steps as usize)),
+    /// The logs.
+    pub(crate) fn files(&self) -> &[PathBuf] {
+        &self.files
+    }
+
+    /// Files that are read beside the logs.
+    pub(crate) fn reads(&mut self, files: &[PathBuf]) {
+        self.read.extend_from_slice(files);
+    }
+
+    /// Plans or fits, writes the models, and prints what came of it: `text` of the fits, and `last` as the last note.
+    pub(crate) fn run<M: Method>(
+        self,
+        request: FitRequest,
+        context: &Context,
+        text: impl FnOnce(&[Fitted<M::Report>]) -> String,
+        last: impl FnOnce(&[Fitted<M::Report>]) -> Option<String>,
+    ) -> Result<(), Error> {
+        self.run_beside::<M>(request, context, |_| Ok(()), text, last)
+    }
+
+    /// The same, with more files that `write` writes together with the models.
+    pub(crate) fn run_beside<M: Method>(
+        self,
+        mut request: FitRequest,
+        context: &Context,
+        write: impl FnOnce(&[Fitted<M::Report>]) -> Result<(), Error>,
+        text: impl FnOnce(&[Fitted<M::Report>]) -> String,
+        last: impl FnOnce(&[Fitted<M::Report>]) -> Option<String>,
+    ) -> Result<(), Error> {
+        let Self { recipe, files, read, output: FitOutput { keep_all, dry_run, output }, known, beside } = self;
+        let first: Vec<PathBuf> = std::iter::once(output.clone()).chain(beside.iter().cloned()).collect();
+        context.claim(&first, &read, false)?;
+        if known && is_known(&recipe) && !dry_run && !is_statistic(&files) {
+            return fit_known::known(&recipe, &files, output, context);
+        }
+        request.rivals |= keep_all;
+        if *dry_run {
+            let bar = context.bar();
+            let planned = plan::<M>(&recipe, &request, &files, &bar);
+            bar.finish();
+            let planned = planned?;
+            context.notes(&planned.notes);
+            context.expect(planned.work);
+            context.print(&planned, || plan_text(&planned));
+            return Ok(());
+        }
+        if let Some(words) = M::new(&recipe, &request)?.simulations() {
+            context.say(format!("note: {words}"));
+        }
+        let bar = context.bar();
+        let fitted = fit_all::<M>(&recipe, &request, &files, &bar);
+        bar.finish();
+        let mut fitted = fitted?;
+        if !keep_all {
+            fitted.iter_mut().for_each(|found| found.rivals.clear());
+        }
+        let mut written: Vec<PathBuf> = fitted.iter().flat_map(|found| found.files(output)).collect();
+        if let Some(twice) =
+            written.iter().enumerate().find_map(|(at, path)| written[..at].contains(path).then_some(path))
+        {
+            let problem = format!(
+                "two models would both be written to {}; rename the label or candidate of one",
+                twice.display()
+            );
+            return Err(Error::output(problem));
+        }
+        written.extend(beside);
+        let new: Vec<PathBuf> = written.iter().filter(|path| !first.contains(path)).cloned().collect();
+        context.claim(&new, &read, false)?;
+        together(|| {
+            fitted.iter().try_for_each(|found| found.write(output).map(|_| ()))?;
+            write(&fitted)
+        })?;
+        for found in &fitted {
+            let value = found.value.as_ref().map_or_else(String::new, |value| format!("{value}: "));
+            let notes = found.report.summary().notes.iter().map(|note| format!("{value}{note}"));
+            context.notes(&notes.collect::<Vec<_>>());
+        }
+        let of = |found: &Fitted<M::Report>| Told {
+            value: found.value.clone(),
+            report: found.report.to_json(),
+            model: found.file(output).display().to_string(),
+            hash: found.model.hash(),
+            seed: found.model.training.seed,
+        };
+        let told: Vec<Told> = fitted.iter().map(of).collect();
+        let text = || text(&fitted);
+        match (told.as_slice(), &request.by) {
+            ([one], None) => context.print(one, text),
+            (models, by) => context.print(ByValue { by: by.as_deref(), models }, text),
+        }
+        if let Some(last) = last(&fitted) {
+            context.say(last);
+        }
+        for path in &written {
+            context.say(format!("wrote {}", path.display()));
+        }
+        Ok(())
     }
 }
 
-fn dry_run(recipe: &Recipe, files: &[std::path::PathBuf], context: &Context) -> Result<(), Error> {
-    let bar = context.bar();
-    let plan = fleetfoot::plan_pwa(recipe, files, &bar);
-    bar.finish();
-    let plan = plan?;
-    context.notes(&plan.notes);
-    context.expect(plan.work);
-    let clustered = if plan.clustered_rows == 0 {
-        "none".to_owned()
-    } else if plan.clustered_rows < plan.reading.rows {
-        format!("a sample of {} rows", plan.clustered_rows)
-    } else {
-        "all rows".to_owned()
-    };
-    let passes = plan.passes;
-    let rollouts = plan.rollouts.map_or_else(String::new, |rule| {
-        let candidates = plan.spans * plan.partitions;
-        let (folds, starts, horizon) = (rule.folds, rule.starts, rule.horizon);
-        let of_choice = plan.choice_passes;
-        format!("; of them {of_choice} for the choice, with {candidates} x {folds} x {starts} rollouts of {horizon} steps at most")
-    });
-    let simulations = fleetfoot::simulation_cost(plan.objective, plan.fit_passes, plan.bounded)
-        .map_or_else(String::new, |words| format!("\n{words}"));
-    context.print(
-        &plan,
-        || {
-            format!(
-                "{}\n{} regressors and the constant, {} targets\n{passes} passes over the rows{rollouts}; clustered: {clustered}{simulations}\nabout {} of memory",
-                reading(&plan.reading, 0),
-                plan.regressors,
-                plan.targets,
-                bytes(plan.memory as u64)
-            )
-        },
-    );
-    Ok(())
+/// What a fit says, and the model that was written.
+#[derive(Serialize)]
+struct Told {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    value: Option<String>,
+    #[serde(flatten)]
+    report: Value,
+    model: String,
+    hash: String,
+    seed: u64,
 }
 
-pub(crate) fn to_text(fitted: &Fitted) -> String {
-    let found = &fitted.identification;
-    let mut header = vec!["partition", "regions", "coefficients"];
-    header.extend(found.targets.iter().map(String::as_str));
-    header.extend(["Mahalanobis", "loss"]);
-    let continuous = found.candidates.iter().any(|score| score.continuity.is_some());
-    header.extend(continuous.then_some("loss apart"));
-    header.push("");
-    // What sums do not know.
-    let quadratic = found.candidates.iter().all(|score| score.over_null.iter().all(|value| value.is_nan()));
-    let mut rows: Vec<Vec<String>> = found
-        .candidates
-        .iter()
-        .enumerate()
-        .map(|(index, score)| {
-            let mut row =
-                vec![score.specification.to_string(), score.regions.to_string(), score.coefficients.to_string()];
-            row.extend(if quadratic { &score.r2 } else { &score.over_null }.iter().map(|&value| ratio(value)));
-            row.push(if quadratic { "-".into() } else { ratio(score.mahalanobis) });
-            row.push(if score.loss.is_nan() {
-                "-".into()
-            } else {
-                format!("{} +- {}", ratio(score.loss), ratio(score.standard_error))
-            });
-            if continuous {
-                row.push(score.continuity.map_or_else(|| "-".into(), |own| ratio(own.apart)));
-            }
-            let marks = [(index == found.chosen, "<- chosen"), (score.front && found.candidates.len() > 1, "front")];
-            row.push(marks.iter().filter(|(is, _)| *is).map(|(_, mark)| *mark).collect::<Vec<&str>>().join(", "));
-            row
-        })
-        .collect();
-    let mut sigma = vec!["sigma".to_owned(), String::new(), String::new()];
-    sigma.extend(found.sigma.iter().map(|&value| number(value)));
-    sigma.resize(header.len(), String::new());
-    rows.push(sigma);
-    let rollouts = fitted.rollouts.as_ref().map_or_else(String::new, |choice| format!("{}\n\n", by_rollouts(choice)));
-    let rollouts = rollouts + &fitted.refinement.as_ref().map_or_else(String::new, refined_over_candidates);
-    let which = if found.held_out { "cross-validated" } else { "in-sample" };
-    let what = if quadratic { "R2" } else { "mean absolute error over the null model's" };
-    format!(
-        "{rollouts}{} rows of {} ({} independent), {} left out at borders, {} incomplete; condition {} (preconditioned {})\n\
-         {what}, {which}{}; loss: squared error over variance\n{}",
-        found.rows,
-        count(fitted.episodes, "episode"),
-        number(found.effective_rows),
-        found.at_border,
-        found.incomplete,
-        number(found.condition),
-        number(found.preconditioned),
-        found.fold_rule.as_ref().map_or_else(String::new, |rule| format!(" ({rule})")),
-        table(&header, rows)
-    ) + &found.rule.map_or_else(String::new, |rule| format!("\nchosen: {rule}"))
-        + &refinement(&found.candidates[found.chosen])
-        + &continuity(&found.candidates[found.chosen])
-        + &bounded(&found.candidates, found.held_out)
+/// What was found by the value of a label.
+#[derive(Serialize)]
+struct ByValue<'a> {
+    by: Option<&'a str>,
+    models: &'a [Told],
 }
 
-/// What it costs that maps meet at their borders.
-fn continuity(score: &Score) -> String {
-    score.continuity.map_or_else(String::new, |own| {
+/// What a fit would read, keep and compute.
+fn plan_text(plan: &FitPlan) -> String {
+    let some: Vec<&str> = plan.equations.iter().take(SHOWN).map(String::as_str).collect();
+    let more = if plan.equations.len() > some.len() { ", ..." } else { "" };
+    let mut lines = vec![
+        reading(&plan.reading, 0),
+        format!("fitted: {}{more}", some.join(", ")),
         format!(
-            "\n{}: the maps meet at {} to {} of a standard deviation, with {} free numbers a target",
-            score.specification,
-            count(own.borders, "border"),
-            number(own.jump),
-            own.numbers
-        )
-    })
-}
-
-/// How the regions of a refined partition were found.
-fn refinement(score: &Score) -> String {
-    match score.objective.as_slice() {
-        [first, .., last] => format!(
-            "\n{}: the objective fell from {first:.4} to {last:.4} in {} passes",
-            score.specification,
-            score.objective.len()
+            "{}, {}, {} over the rows",
+            count(plan.candidates, "candidate function"),
+            count(plan.regions, "region"),
+            count(plan.passes, "pass")
         ),
-        _ => String::new(),
-    }
-}
-
-/// How the regions' maps are bounded, and what that costs one step ahead.
-fn bounded(candidates: &[Score], held_out: bool) -> String {
-    let tables = BoundedCandidate::tables(&BoundedCandidate::of(candidates, held_out));
-    tables.iter().map(|own| format!("\n\n{}", text_table(own))).collect()
-}
-
-/// Tells what a fit to simulations will cost, before it begins: of so many passes a fit of one step, and whether maps are bounded.
-pub(crate) fn say_passes(objective: Option<Objective>, (fit, bounded): (usize, bool), context: &Context) {
-    if let Some(words) = fleetfoot::simulation_cost(objective.unwrap_or_default(), fit, bounded) {
-        context.say(format!("note: {words}"));
-    }
+    ];
+    lines.extend(plan.details.iter().chain(&plan.simulations).cloned());
+    lines.push(format!("about {} of memory", bytes(plan.memory as u64)));
+    lines.join("\n")
 }
 
 /// What a fit to simulations brought, above a table of candidates.
@@ -241,112 +204,4 @@ pub(crate) fn by_rollouts(choice: &RolloutChoice) -> String {
     };
     let rows = choice.candidates.iter().enumerate().map(row).collect();
     format!("chosen: {}\n{}", choice.in_words(), table(&header, rows))
-}
-
-/// What the fit told, the hash of its model included, and the file of the model.
-#[derive(Serialize)]
-struct Told {
-    #[serde(flatten)]
-    fitted: Value,
-    model: String,
-}
-
-/// The recipe with all flags applied.
-pub(crate) fn recipe(arguments: &RecipeArgs) -> Result<Recipe, Error> {
-    let mut recipe = arguments.recipe.as_deref().map_or_else(|| Ok(Recipe::default()), Recipe::read)?;
-    for text in &arguments.alias {
-        let (name, expression) = pair("--alias", text)?;
-        recipe.columns.insert(name, expression);
-    }
-    for state in arguments.states.iter().flat_map(|list| &list.0) {
-        recipe.states.entry(state.clone()).or_default();
-    }
-    for input in arguments.inputs.iter().flat_map(|list| &list.0) {
-        recipe.inputs.entry(input.clone()).or_insert_with(|| Input::Table(InputTable::default()));
-    }
-    for angle in arguments.angles.iter().flat_map(|list| &list.0) {
-        if let Some(state) = recipe.states.get_mut(angle) {
-            state.kind = Some(Kind::Angle);
-        } else if let Some(input) = recipe.inputs.get_mut(angle) {
-            *input = Input::Table(InputTable { kind: Some(Kind::Angle), ..input.table() });
-        } else {
-            return Err(Error::unknown(angle, format!("--angles {angle}: it is neither a state nor an input")));
-        }
-    }
-    for text in &arguments.derivative {
-        let (name, how) = pair("--derivative", text)?;
-        let Some(state) = recipe.states.get_mut(&name) else {
-            return Err(Error::unknown(&name, format!("--derivative {text}: `{name}` is not a state")));
-        };
-        state.derivative = Some(Derivative::parse(&how));
-    }
-    let model = &mut recipe.model;
-    model.predict = arguments.predict.clone().or(model.predict.take());
-    model.degree = arguments.degree.or(model.degree);
-    recipe.library.radial = arguments.radial.or(recipe.library.radial);
-    let model = &mut recipe.model;
-    model.weight = arguments.weight.clone().or(model.weight.take());
-    if let Some(lags) = arguments.lags {
-        model.lags = Some(lags);
-        (recipe.narx.lags_out, recipe.narx.lags_in) = (None, None);
-    }
-    apply_time(&mut recipe, &arguments.time)?;
-    Ok(recipe)
-}
-
-pub(crate) fn apply_time(recipe: &mut Recipe, time: &TimeArgs) -> Result<(), Error> {
-    if let Some(column) = &time.time {
-        recipe.time.column = Some(column.clone());
-        recipe.time.unit = time.time_unit.clone();
-        recipe.time.dt = None;
-    }
-    if let Some(dt) = time.dt {
-        recipe.time.dt = Some(dt);
-        recipe.time.column = None;
-    }
-    if let Some(gap) = &time.max_gap {
-        recipe.time.max_gap = Some(gap.parse().map_or_else(|_| Gap::Word(gap.clone()), Gap::Seconds));
-    }
-    recipe.time.only = time.only.clone().or(recipe.time.only.take());
-    apply_channels(recipe, &time.channels)
-}
-
-fn apply_channels(recipe: &mut Recipe, channels: &ChannelArgs) -> Result<(), Error> {
-    if let Some(stamp) = channels.stamp {
-        let stamp = match stamp {
-            StampArg::Header => Stamp::Header,
-            StampArg::Log => Stamp::Log,
-            StampArg::Publish => Stamp::Publish,
-        };
-        recipe.time.stamp = Some(stamp.name().to_owned());
-    }
-    if channels.base.is_some() || channels.rate.is_some() {
-        recipe.time.base = channels.base.clone();
-        recipe.time.rate = channels.rate;
-    }
-    for text in &channels.rename {
-        let (ours, file) = pair("--rename", text)?;
-        recipe.rename.insert(ours, file);
-    }
-    Ok(())
-}
-
-/// Where decoded columns of robot logs are kept: where the user says, else beside the model when there is much to decode.
-pub(crate) fn cache(channels: &ChannelArgs, model: &std::path::Path) -> Option<Cache> {
-    match &channels.cache {
-        _ if channels.no_cache => None,
-        // Beside a device or a pipe is no place for files.
-        None if model.exists() && !is_replaced(model) => None,
-        Some(folder) => Some(Cache { folder: folder.clone(), least_bytes: 0 }),
-        None => Some(Cache { folder: model.with_file_name(".fleetfoot-cache"), least_bytes: 64 << 20 }),
-    }
-}
-
-pub(crate) fn pair(flag: &str, text: &str) -> Result<(String, String), Error> {
-    match text.split_once('=') {
-        Some((name, value)) if !name.trim().is_empty() && !value.trim().is_empty() => {
-            Ok((name.trim().to_owned(), value.trim().to_owned()))
-        }
-        _ => Err(Error::value(format!("{flag} {text}: write NAME=VALUE"))),
-    }
 }

@@ -1,14 +1,11 @@
 //! `fleetfoot fit narx`.
 
-use std::path::Path;
-
 use fleetfoot::{
-    Error, FileRuns, NarxCandidate, NarxFitted, NarxReport, NarxRequest, NarxScores, NarxSearch, Recipe,
-    dynamics::Baseline, fit_narx, replayed_in_words, write_model,
+    Error, FileRuns, FitRequest, Narx, NarxCandidate, NarxReport, NarxScores, NarxSearch, Recipe, dynamics::Baseline,
+    replayed_in_words,
 };
-use serde::Serialize;
 
-use super::{Context, WithModel, files, fit, logs_or_statistic, read_by};
+use super::{Context, files, fit, fit::Job, flags};
 use crate::{
     args::FitNarx,
     table::{count, number, ratio, table},
@@ -18,7 +15,7 @@ use crate::{
 const BEST: usize = 10;
 
 pub(crate) fn narx(arguments: &FitNarx, context: &Context) -> Result<(), Error> {
-    let mut recipe = fit::recipe(&arguments.recipe)?;
+    let mut recipe = flags::recipe(&arguments.data.recipe)?;
     apply(&mut recipe, arguments);
     if let Some(partition) = &arguments.partition {
         recipe.model.partition = Some(partition.clone());
@@ -26,21 +23,12 @@ pub(crate) fn narx(arguments: &FitNarx, context: &Context) -> Result<(), Error> 
     if let Some(on) = &arguments.partition_on {
         recipe.model.partition_on = Some(on.0.clone());
     }
-    recipe.cache = fit::cache(&arguments.recipe.time.channels, &arguments.output);
-    let data = logs_or_statistic(&arguments.data)?;
     let free_run = if arguments.free_run.is_empty() { Vec::new() } else { files(&arguments.free_run)? };
-    let read = read_by(&data, free_run.iter().chain(&arguments.recipe.recipe));
-    context.claim(std::slice::from_ref(&arguments.output), &read, false)?;
-    fit::say_passes(recipe.narx.objective, (1, false), context);
-    let bar = context.bar();
-    let fitted = fit_narx(&recipe, &NarxRequest { free_run: (&free_run).into() }, &data, &bar);
-    bar.finish();
-    let fitted = fitted?;
-    write_model(&fitted.model, &arguments.output)?;
-    context.notes(&fitted.report.notes);
-    context.print(Told::new(&fitted, &arguments.output), || to_text(&fitted.report, arguments.tried));
-    context.say(format!("wrote {}", arguments.output.display()));
-    Ok(())
+    let mut job = Job::new(recipe, &arguments.data, &arguments.output)?;
+    job.reads(&free_run);
+    let mut request = FitRequest::default();
+    request.free_run = (&free_run).into();
+    job.run::<Narx>(request, context, |fitted| to_text(&fitted[0].report, arguments.tried), |_| None)
 }
 
 /// Flags stand above the recipe.
@@ -58,9 +46,9 @@ fn to_text(report: &NarxReport, tried: bool) -> String {
     let mut text = format!(
         "{} rows of {}; {} at the border of an episode and {} with a missing value left out\nNARX, {}: {}; {}\n",
         report.rows,
-        count(report.episodes, "episode"),
-        report.left_out[0],
-        report.left_out[1],
+        count(report.summary.episodes, "episode"),
+        report.summary.left_out[0],
+        report.summary.left_out[1],
         report.order,
         count(report.candidates, "candidate"),
         if report.regions.len() > 1 {
@@ -72,7 +60,7 @@ fn to_text(report: &NarxReport, tried: bool) -> String {
     if let Some(choice) = &report.choice {
         text.push_str(&format!("chosen by {choice}\n"));
     }
-    if let Some(refinement) = &report.refinement {
+    if let Some(refinement) = &report.summary.refinement {
         text.push_str(&format!("\n{}", fit::refined_over_candidates(refinement)));
     }
     if let Some(search) = &report.search {
@@ -313,19 +301,4 @@ fn scores_table(name: &str, scores: &NarxScores) -> String {
         ));
     }
     text
-}
-
-/// What the fit told, the model, and the seed of its clustering.
-#[derive(Serialize)]
-struct Told {
-    #[serde(flatten)]
-    fitted: WithModel,
-    seed: u64,
-}
-
-impl Told {
-    fn new(fitted: &NarxFitted, output: &Path) -> Self {
-        let seed = fitted.model.training.seed;
-        Self { fitted: WithModel::new(fitted.report.to_json(), &fitted.model, output), seed }
-    }
 }

@@ -1,40 +1,29 @@
 //! `fleetfoot fit parameters`.
 
 use fleetfoot::{
-    Error, EstimateMethod, GainInterval, LimitReport, ParameterInterval, ParametersReport, estimate::Uncertain,
-    fit_parameters, write_model,
+    Error, EstimateMethod, FitRequest, GainInterval, LimitReport, ParameterInterval, Parameters, ParametersReport,
+    estimate::Uncertain,
 };
 
-use super::{Context, WithModel, fit, fit_sindy, logs_or_statistic, read_by};
+use super::{Context, fit::Job, fit_sindy, flags};
 use crate::{
     args::FitParameters,
     table::{count, number, table, text_table},
 };
 
 pub(crate) fn parameters(arguments: &FitParameters, context: &Context) -> Result<(), Error> {
-    let mut recipe = fit::recipe(&arguments.recipe)?;
+    let mut recipe = flags::recipe(&arguments.data.recipe)?;
     for text in &arguments.parameter {
         let (name, section) = fit_sindy::parameter(text)?;
         recipe.parameters.insert(name, section);
     }
     recipe.say(arguments.estimate.clone());
-    recipe.cache = fit::cache(&arguments.recipe.time.channels, &arguments.output);
-    let data = logs_or_statistic(&arguments.data)?;
-    context.claim(std::slice::from_ref(&arguments.output), &read_by(&data, &arguments.recipe.recipe), false)?;
-    let bar = context.bar();
-    let fitted = fit_parameters(&recipe, &data, &bar);
-    bar.finish();
-    let fitted = fitted?;
-    write_model(&fitted.model, &arguments.output)?;
-    context.notes(&fitted.report.notes);
-    let told = WithModel::new(fitted.report.to_json(), &fitted.model, &arguments.output);
-    context.print(told, || to_text(&fitted.report));
-    context.say(format!("wrote {}", arguments.output.display()));
-    Ok(())
+    let job = Job::new(recipe, &arguments.data, &arguments.output)?;
+    job.run::<Parameters>(FitRequest::default(), context, |fitted| to_text(&fitted[0].report), |_| None)
 }
 
 fn to_text(report: &ParametersReport) -> String {
-    let mut text = format!("{} rows of {}; {}\n", report.rows, count(report.episodes, "episode"), how(report));
+    let mut text = format!("{} rows of {}; {}\n", report.rows, count(report.summary.episodes, "episode"), how(report));
     let rows = report.parameters.iter().map(row).collect();
     let header = ["parameter", "estimate", "95 % interval", "unit", ""];
     text.push_str(&format!("\n{}\n", table(&header, rows)));

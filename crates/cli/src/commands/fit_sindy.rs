@@ -1,62 +1,29 @@
 //! `fleetfoot fit sindy`.
 
-use std::path::PathBuf;
-
 use fleetfoot::{
-    EquationReport, Error, FrontPoint, LimitReport, ParameterReport, ParameterSection, Recipe, RegionReport, SindyPlan,
-    SindyReport, SindyRequest, estimate::Uncertain, fit_sindy, is_known, is_statistic, output::together, plan_sindy,
-    write_model,
+    EquationReport, Error, FitRequest, FrontPoint, LimitReport, ParameterReport, ParameterSection, Recipe,
+    RegionReport, Sindy, SindyReport, estimate::Uncertain,
 };
 
-use super::{Context, WithModel, fit, fit_known, logs_or_statistic, read_by, reading::reading};
+use super::{Context, fit, fit::Job, flags};
 use crate::{
     args::{EquationArgs, FitSindy},
-    table::{bytes, count, number, ratio, table, text_table},
+    table::{count, number, ratio, table, text_table},
 };
 
 pub(crate) fn sindy(arguments: &FitSindy, context: &Context) -> Result<(), Error> {
-    let mut recipe = fit::recipe(&arguments.recipe)?;
+    let mut recipe = flags::recipe(&arguments.data.recipe)?;
     apply(&mut recipe, &arguments.equations)?;
     recipe.say(arguments.sindy.clone());
     recipe.model.partition = arguments.partition.clone().or(recipe.model.partition.take());
     if let Some(on) = &arguments.partition_on {
         recipe.model.partition_on = Some(on.0.clone());
     }
-    recipe.cache = fit::cache(&arguments.recipe.time.channels, &arguments.output);
-    let files = logs_or_statistic(&arguments.data)?;
-    let read = read_by(&files, &arguments.recipe.recipe);
-    context.claim(std::slice::from_ref(&arguments.output), &read, false)?;
-    if is_known(&recipe) && !arguments.dry_run && !is_statistic(&files) {
-        return fit_known::known(&recipe, &files, &arguments.output, context);
-    }
-    if arguments.dry_run {
-        return dry_run(&recipe, &files, context);
-    }
-    fit::say_passes(recipe.sindy.objective, (1, false), context);
-    let bar = context.bar();
-    let horizon = fit::horizon(&recipe, arguments.horizon)?;
-    let request = SindyRequest { front: arguments.front || arguments.keep_front, horizon };
-    let fitted = fit_sindy(&recipe, request, &files, &bar);
-    bar.finish();
-    let fitted = fitted?;
-    let mut written = vec![arguments.output.clone()];
-    if arguments.keep_front {
-        context.claim(&fitted.front_files(&arguments.output), &read, false)?;
-    }
-    together(|| {
-        write_model(&fitted.model, &arguments.output)?;
-        if arguments.keep_front {
-            written.extend(fitted.write_front(&arguments.output)?);
-        }
-        Ok::<_, Error>(())
-    })?;
-    context.notes(&fitted.report.notes);
-    let told = WithModel::new(fitted.report.to_json(), &fitted.model, &arguments.output);
-    context.print(told, || to_text(&fitted.report, arguments.front));
-    for path in &written {
-        context.say(format!("wrote {}", path.display()));
-    }
-    Ok(())
+    let mut request = FitRequest::default();
+    (request.horizon, request.rivals) = (flags::horizon(&recipe, arguments.horizon)?, arguments.front);
+    let mut job = Job::new(recipe, &arguments.data, &arguments.output)?;
+    job.known = true;
+    job.run::<Sindy>(request, context, |fitted| to_text(&fitted[0].report, arguments.front), |_| None)
 }
 
 /// Flags stand above the recipe.
@@ -65,11 +32,11 @@ fn apply(recipe: &mut Recipe, arguments: &EquationArgs) -> Result<(), Error> {
         recipe.library.functions.clone_from(&items.0);
     }
     for text in &arguments.nominal {
-        let (name, expression) = fit::pair("--nominal", text)?;
+        let (name, expression) = flags::pair("--nominal", text)?;
         state(recipe, "--nominal", &name)?.nominal = Some(expression);
     }
     for text in &arguments.fixed {
-        let (name, items) = fit::pair("--fixed", text)?;
+        let (name, items) = flags::pair("--fixed", text)?;
         let items: crate::args::List =
             items.parse().map_err(|problem| Error::value(format!("--fixed {text}: {problem}")))?;
         state(recipe, "--fixed", &name)?.fixed = items.0;
@@ -97,7 +64,7 @@ pub(super) fn parameter(text: &str) -> Result<(String, ParameterSection), Error>
             "--parameter {text}: write NAME=VALUE, or NAME=VALUE in LEAST..GREATEST: `tau=0.05 in 0.01..0.3`"
         ))
     };
-    let (name, value) = fit::pair("--parameter", text)?;
+    let (name, value) = flags::pair("--parameter", text)?;
     let (initial, bounds) = match value.split_once(" in ") {
         None => (value.as_str(), None),
         Some((initial, range)) => (initial, Some(range.split_once("..").ok_or_else(refused)?)),
@@ -107,52 +74,15 @@ pub(super) fn parameter(text: &str) -> Result<(String, ParameterSection), Error>
     Ok((name, ParameterSection { initial: number(initial)?, bounds, ..ParameterSection::default() }))
 }
 
-fn dry_run(recipe: &Recipe, files: &[PathBuf], context: &Context) -> Result<(), Error> {
-    let bar = context.bar();
-    let plan = plan_sindy(recipe, files, &bar);
-    bar.finish();
-    let plan = plan?;
-    context.notes(&plan.notes);
-    context.expect(plan.work);
-    context.print(&plan, || plan_text(&plan));
-    Ok(())
-}
-
-fn plan_text(plan: &SindyPlan) -> String {
-    let parameters = match plan.parameters.as_slice() {
-        [] => String::new(),
-        names => format!("\nestimated first, a pass a step: {}", names.join(", ")),
-    };
-    let simulations =
-        fleetfoot::simulation_cost(plan.objective, 1, false).map_or_else(String::new, |words| format!("\n{words}"));
-    let smoothing = plan.smoothing.map_or_else(String::new, |most| {
-        format!(
-            "\nstates are smoothed where --smooth-states asks for it, or noise is more than a fifth of what differences vary by: some hundred passes over rows in memory, {} of it at most",
-            bytes(most as u64)
-        )
-    });
-    let some: Vec<&str> = plan.candidates.iter().take(12).map(String::as_str).collect();
-    let more = if plan.candidates.len() > some.len() { ", ..." } else { "" };
-    format!(
-        "{}\n{}: {}\n{}: {}{more}{parameters}{simulations}{smoothing}\n{}, about {} of memory",
-        reading(&plan.reading, 0),
-        count(plan.equations.len(), "equation"),
-        plan.equations.join(", "),
-        count(plan.candidates.len(), "candidate"),
-        some.join(", "),
-        count(plan.regions, "region"),
-        bytes(plan.memory as u64),
-    )
-}
-
 fn to_text(report: &SindyReport, front: bool) -> String {
-    let [border, incomplete, unassigned] = report.left_out;
+    let summary = &report.summary;
+    let [border, incomplete, unassigned] = [0, 1, 2].map(|at| summary.left_out.get(at).copied().unwrap_or(0));
     let none = if unassigned > 0 { format!(", {unassigned} in no region") } else { String::new() };
     let unit = if report.windows.is_some() { "windows" } else { "rows" };
     let mut text = format!(
         "{} {unit} of {}, {border} left out at borders, {incomplete} incomplete{none}; {}\n{}; {}\n",
         report.rows,
-        count(report.episodes, "episode"),
+        count(summary.episodes, "episode"),
         count(report.candidates.len(), "candidate"),
         report.method,
         report.choice,
@@ -166,10 +96,10 @@ fn to_text(report: &SindyReport, front: bool) -> String {
     if let Some(smoothing) = &report.smoothing {
         text.push_str(&format!("{}\n", smoothing.in_words()));
     }
-    if let Some(choice) = &report.rollouts {
+    if let Some(choice) = &summary.rollouts {
         text.push_str(&format!("{}\n", fit::by_rollouts(choice)));
     }
-    if let Some(refinement) = &report.refinement {
+    if let Some(refinement) = &summary.refinement {
         text.push_str(&format!("{}\n", refinement.in_words()));
     }
     for parameter in &report.parameters {

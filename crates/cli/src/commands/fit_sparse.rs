@@ -1,20 +1,14 @@
 //! `fleetfoot fit sparse`.
 
-use std::path::PathBuf;
-
 use fleetfoot::{
-    CandidateReport, Error, LatentReport, LeaveOneOutReport, LimitReport, ReadPlan, Recipe, SparseFitted,
-    SparseOptions, SparseReport, SparseRequest, file_by_value, fit_sparse, is_statistic,
-    output::together,
-    statistic::{LabelKey, PlannedLatent, ScanOptions, ScanPlan, StatisticFile, plan_scan},
-    write_frequencies, write_model,
+    CandidateReport, Error, FitRequest, Fitted, LatentReport, LeaveOneOutReport, LimitReport, Sparse, SparseReport,
+    statistic::LabelKey, write_frequencies,
 };
-use serde::Serialize;
 
-use super::{Context, WithModel, fit, logs_or_statistic, read_by, reading::reading};
+use super::{Context, fit::Job, flags};
 use crate::{
     args::FitSparse,
-    table::{bytes, count, number, ratio, table, text_table},
+    table::{count, number, ratio, table, text_table},
 };
 
 /// Tables of functions have their intervals while they are not wider.
@@ -23,131 +17,22 @@ const WIDTH: usize = 100;
 const MOST_EPISODES: usize = 10;
 
 pub(crate) fn sparse(arguments: &FitSparse, context: &Context) -> Result<(), Error> {
-    let mut recipe = fit::recipe(&arguments.recipe)?;
+    let mut recipe = flags::recipe(&arguments.data.recipe)?;
     recipe.say(arguments.sparse.clone());
-    recipe.cache = fit::cache(&arguments.recipe.time.channels, &arguments.output);
-    let files = logs_or_statistic(&arguments.data)?;
-    let read = read_by(&files, &arguments.recipe.recipe);
-    let beside = || arguments.keep.iter().chain(&arguments.frequencies).cloned();
-    context.claim(&std::iter::once(arguments.output.clone()).chain(beside()).collect::<Vec<_>>(), &read, false)?;
-    let keys = arguments.key.iter().map(|text| text.parse::<LabelKey>()).collect::<Result<Vec<_>, _>>()?;
-    if arguments.dry_run {
-        return dry_run(&recipe, &ScanOptions { keys, chunk_rows: None }, &files, context);
-    }
-    let request =
-        SparseRequest { keys, by: arguments.by.clone(), keep: arguments.keep.clone(), influence: arguments.influence };
-    let bar = context.bar();
-    let fitted = fit_sparse(&recipe, &request, &files, &bar);
-    bar.finish();
-    let fitted = fitted?;
-    let mut written: Vec<PathBuf> = fitted.iter().map(|found| path_of(found, arguments)).collect();
-    if let Some(twice) = written.iter().enumerate().find_map(|(at, path)| written[..at].contains(path).then_some(path))
-    {
-        let problem = format!("two values of the label would both be written to {}; rename one", twice.display());
-        return Err(Error::output(problem));
-    }
-    fleetfoot::output::check_outputs(&written.iter().cloned().chain(beside()).collect::<Vec<_>>(), &read)?;
-    together(|| {
-        fitted.iter().zip(&written).try_for_each(|(found, path)| write_model(&found.model, path))?;
-        match &arguments.frequencies {
-            Some(path) => write_frequencies(path, arguments.by.as_deref(), &fitted, &files),
-            None => Ok(()),
-        }
-    })?;
-    written.extend(arguments.frequencies.clone());
-    written.extend(arguments.keep.clone());
-    for found in &fitted {
-        let value = found.value.as_ref().map_or_else(String::new, |value| format!("{value}: "));
-        context.notes(&found.report.notes.iter().map(|note| format!("{value}{note}")).collect::<Vec<_>>());
-    }
-    tell(&fitted, arguments, context);
-    for path in &written {
-        context.say(format!("wrote {}", path.display()));
-    }
-    Ok(())
+    let mut request = FitRequest::default();
+    request.keys = arguments.key.iter().map(|text| text.parse::<LabelKey>()).collect::<Result<_, _>>()?;
+    (request.by, request.keep, request.influence) = (arguments.by.clone(), arguments.keep.clone(), arguments.influence);
+    let mut job = Job::new(recipe, &arguments.data, &arguments.output)?;
+    job.beside = arguments.frequencies.iter().chain(&arguments.keep).cloned().collect();
+    let files = job.files().to_vec();
+    let write = |fitted: &[SparseFitted]| match &arguments.frequencies {
+        Some(path) => write_frequencies(path, arguments.by.as_deref(), fitted, &files),
+        None => Ok(()),
+    };
+    job.run_beside::<Sparse>(request, context, write, |fitted| to_text(fitted, arguments), |_| None)
 }
 
-fn path_of(found: &SparseFitted, arguments: &FitSparse) -> PathBuf {
-    found.value.as_ref().map_or_else(|| arguments.output.clone(), |value| file_by_value(&arguments.output, value))
-}
-
-/// What a fit on a statistic would take: no pass over rows.
-#[derive(Serialize)]
-struct PlannedOnStatistic {
-    files: usize,
-    episodes: usize,
-    rows: u64,
-    passes: usize,
-    chunks: usize,
-}
-
-/// What a fit on logs would take: one pass, of which only the sums of the structured regression are kept.
-#[derive(Serialize)]
-struct Planned<'a> {
-    #[serde(flatten)]
-    reading: &'a ReadPlan,
-    passes: usize,
-    tasks: &'a [String],
-    latents: &'a [PlannedLatent],
-    chunks: usize,
-    chunk_rows: usize,
-    bytes: usize,
-    operations: f64,
-}
-
-impl<'a> From<&'a ScanPlan> for Planned<'a> {
-    fn from(plan: &'a ScanPlan) -> Self {
-        Self {
-            reading: &plan.reading,
-            passes: 1,
-            tasks: &plan.tasks,
-            latents: &plan.latents,
-            chunks: plan.chunks,
-            chunk_rows: plan.chunk_rows,
-            bytes: plan.bytes,
-            operations: 0.0,
-        }
-    }
-}
-
-fn dry_run(recipe: &Recipe, options: &ScanOptions, files: &[PathBuf], context: &Context) -> Result<(), Error> {
-    if let (true, [path]) = (is_statistic(files), files) {
-        let file = StatisticFile::read(path)?;
-        let rows = file.scanned.counts().complete;
-        context.print(
-            PlannedOnStatistic { files: 1, episodes: file.episodes.len(), rows, passes: 0, chunks: file.chunks() },
-            || {
-                format!(
-                    "{}, {rows} rows, {}; no pass",
-                    count(file.episodes.len(), "episode"),
-                    count(file.chunks(), "chunk")
-                )
-            },
-        );
-        return Ok(());
-    }
-    let bar = context.bar();
-    let plan = plan_scan(recipe, options, files, &bar);
-    bar.finish();
-    let plan = plan?;
-    context.notes(&plan.notes);
-    let coefficients = plan.latents.iter().map(|own| own.functions).sum();
-    let work = SparseOptions::new(&recipe.sparse)?.planned_work(coefficients, plan.reading.episodes);
-    context.expect(work);
-    let latents: Vec<String> = plan.latents.iter().map(|own| format!("{} ({})", own.name, own.functions)).collect();
-    context.print(Planned { operations: work.operations, ..Planned::from(&plan) }, || {
-        format!(
-            "{}\ntasks: {}\nlatents and their functions: {}\none pass over the rows; {} of at most {} rows, about {}",
-            reading(&plan.reading, 0),
-            plan.tasks.join(", "),
-            latents.join(", "),
-            count(plan.chunks, "chunk"),
-            plan.chunk_rows,
-            bytes(plan.bytes as u64)
-        )
-    });
-    Ok(())
-}
+type SparseFitted = Fitted<SparseReport>;
 
 fn to_text(fitted: &[SparseFitted], arguments: &FitSparse) -> String {
     let mut text = String::new();
@@ -176,7 +61,7 @@ fn summary(report: &SparseReport) -> String {
     format!(
         "{} rows of {}, lambda {} ({}), {} of {} columns by {}",
         report.rows,
-        count(report.episodes, "episode"),
+        count(report.summary.episodes, "episode"),
         number(report.lambda.value),
         report.lambda.how,
         candidates().filter(|candidate| candidate.selected).count(),
@@ -186,7 +71,7 @@ fn summary(report: &SparseReport) -> String {
 }
 
 fn one_text(report: &SparseReport) -> String {
-    let [border, incomplete] = report.left_out;
+    let [border, incomplete] = [0, 1].map(|at| report.summary.left_out.get(at).copied().unwrap_or(0));
     let mut text = format!(
         "{}\n{border} rows left out at borders, {incomplete} incomplete; the {} at lambda: optimality conditions to {:.1e}, duality gap {:.1e}\n",
         summary(report),
@@ -324,37 +209,5 @@ fn tenths(frequency: f64) -> char {
         f if f <= 0.0 => '.',
         f if f >= 1.0 => '#',
         f => char::from_digit((f * 10.0) as u32, 10).unwrap_or('9'),
-    }
-}
-
-/// What was found by the value of a label.
-#[derive(Serialize)]
-struct ByValue<'a> {
-    by: Option<&'a str>,
-    models: Vec<Found<'a>>,
-}
-
-#[derive(Serialize)]
-struct Found<'a> {
-    value: Option<&'a str>,
-    #[serde(flatten)]
-    fitted: WithModel,
-}
-
-impl<'a> Found<'a> {
-    fn new(found: &'a SparseFitted, arguments: &FitSparse) -> Self {
-        let fitted = WithModel::new(found.report.to_json(), &found.model, &path_of(found, arguments));
-        Self { value: found.value.as_deref(), fitted }
-    }
-}
-
-fn tell(fitted: &[SparseFitted], arguments: &FitSparse, context: &Context) {
-    let text = || to_text(fitted, arguments);
-    match (fitted, arguments.by.as_deref()) {
-        ([one], None) => context.print(Found::new(one, arguments), text),
-        (_, by) => {
-            let models = fitted.iter().map(|found| Found::new(found, arguments)).collect();
-            context.print(ByValue { by, models }, text);
-        }
     }
 }

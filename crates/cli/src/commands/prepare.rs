@@ -10,7 +10,7 @@ use fleetfoot::{
     },
 };
 
-use super::{Context, files, fit};
+use super::{Context, files, flags};
 use crate::{
     args::Prepare,
     table::{count, number, seconds, table},
@@ -18,9 +18,9 @@ use crate::{
 
 pub(crate) fn prepare(arguments: &Prepare, context: &Context) -> Result<(), Error> {
     let mut recipe = Recipe::read(&arguments.recipe)?;
-    fit::apply_time(&mut recipe, &arguments.time)?;
+    flags::apply_time(&mut recipe, &arguments.time)?;
     recipe.say(arguments.prepare.clone());
-    recipe.cache = fit::cache(&arguments.time.channels, &arguments.output);
+    recipe.cache = flags::cache(&arguments.time.channels, &arguments.output);
     let files = files(&arguments.data)?;
     let request = PrepareRequest { folder: arguments.output.clone(), force: arguments.force };
     let bar = context.bar();

@@ -7,7 +7,7 @@ use fleetfoot::{
 use serde::Serialize;
 use serde_json::Value;
 
-use super::{Context, files, fit, read_by, reading::reading};
+use super::{Context, files, flags, read_by, reading::reading};
 use crate::{
     args::Scan,
     table::{bytes, count},
@@ -22,7 +22,7 @@ struct Told {
 }
 
 pub(crate) fn scan(arguments: &Scan, context: &Context) -> Result<(), Error> {
-    let mut recipe = fit::recipe(&arguments.recipe)?;
+    let mut recipe = flags::recipe(&arguments.recipe)?;
     if let Some(items) = &arguments.library {
         recipe.library.functions.clone_from(&items.0);
     }
@@ -30,7 +30,7 @@ pub(crate) fn scan(arguments: &Scan, context: &Context) -> Result<(), Error> {
     if let Some(on) = &arguments.partition_on {
         recipe.model.partition_on = Some(on.0.clone());
     }
-    recipe.cache = fit::cache(&arguments.recipe.time.channels, &arguments.output);
+    recipe.cache = flags::cache(&arguments.recipe.time.channels, &arguments.output);
     let keys = arguments.key.iter().map(|text| text.parse::<LabelKey>()).collect::<Result<_, _>>()?;
     let options = ScanOptions { keys, chunk_rows: arguments.chunk_rows };
     let files = files(&arguments.data)?;

@@ -10,18 +10,20 @@ use serde_json::Value;
 
 use super::report;
 use crate::{
+    method::FitReport,
     narx::{FileRuns, MeanRun, NarxCandidate, NarxRegion, NarxReport, NarxScores, NarxSearch, NarxStage},
-    objective::Refinement,
-    serialize::{Order, left_out},
+    serialize::Order,
+    summary::FitSummary,
 };
 
-impl NarxReport {
-    /// Orders, equations and scores for programs.
-    pub fn to_json(&self) -> Value {
+impl FitReport for NarxReport {
+    fn summary(&self) -> &FitSummary {
+        &self.summary
+    }
+
+    fn to_json(&self) -> Value {
         report(Told {
             rows: self.rows,
-            episodes: self.episodes,
-            left_out: self.left_out,
             order: self.order.into(),
             direct: self.direct,
             candidates: self.candidates,
@@ -36,8 +38,7 @@ impl NarxReport {
             train: self.train.as_ref(),
             test: self.test.as_ref(),
             files: self.files.as_ref(),
-            objective: self.refinement.as_ref(),
-            notes: &self.notes,
+            summary: &self.summary,
         })
     }
 }
@@ -45,9 +46,6 @@ impl NarxReport {
 #[derive(Serialize)]
 struct Told<'a> {
     rows: u64,
-    episodes: usize,
-    #[serde(flatten, serialize_with = "left_out")]
-    left_out: [u64; 2],
     order: Order,
     direct: bool,
     candidates: usize,
@@ -62,9 +60,8 @@ struct Told<'a> {
     train: Option<&'a NarxScores>,
     test: Option<&'a NarxScores>,
     files: Option<&'a FileRuns>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    objective: Option<&'a Refinement>,
-    notes: &'a [String],
+    #[serde(flatten)]
+    summary: &'a FitSummary,
 }
 
 /// An order that was compared by one-step errors.

@@ -7,17 +7,21 @@ use serde_json::Value;
 use super::report;
 use crate::{
     limit_report::LimitReport,
+    method::FitReport,
     parameters::{ConfoundedPair, GainInterval, ParameterInterval, ParametersReport},
+    summary::FitSummary,
 };
 
-impl ParametersReport {
-    /// Parameters, intervals, noise and held-out rollouts for programs.
-    pub fn to_json(&self) -> Value {
+impl FitReport for ParametersReport {
+    fn summary(&self) -> &FitSummary {
+        &self.summary
+    }
+
+    fn to_json(&self) -> Value {
         report(Told {
             method: self.method,
             rows: self.rows,
-            episodes: self.episodes,
-            files: self.files,
+            files: self.summary.files,
             parameters: &self.parameters,
             confounded: &self.confounded,
             noise: self
@@ -48,7 +52,7 @@ impl ParametersReport {
             }),
             equations: &self.equations,
             warnings: self.warnings(),
-            notes: &self.notes,
+            summary: &self.summary,
         })
     }
 }
@@ -57,7 +61,6 @@ impl ParametersReport {
 struct Told<'a> {
     method: EstimateMethod,
     rows: u64,
-    episodes: usize,
     files: usize,
     parameters: &'a [ParameterInterval],
     confounded: &'a [ConfoundedPair],
@@ -77,7 +80,8 @@ struct Told<'a> {
     held_out: Option<HeldOut<'a>>,
     equations: &'a [String],
     warnings: Vec<String>,
-    notes: &'a [String],
+    #[serde(flatten)]
+    summary: &'a FitSummary,
 }
 
 #[derive(Serialize)]

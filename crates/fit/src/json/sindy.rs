@@ -5,13 +5,18 @@ use serde_json::Value;
 
 use super::report;
 use crate::{
+    method::FitReport,
     serialize::{Along, functions},
     sindy::{EquationReport, SindyReport},
+    summary::FitSummary,
 };
 
-impl SindyReport {
-    /// Equations, scores and terms for programs.
-    pub fn to_json(&self) -> Value {
+impl FitReport for SindyReport {
+    fn summary(&self) -> &FitSummary {
+        &self.summary
+    }
+
+    fn to_json(&self) -> Value {
         let paths = self
             .regions
             .iter()

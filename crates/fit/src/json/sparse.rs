@@ -4,11 +4,18 @@ use serde::{Serialize, Serializer};
 use serde_json::Value;
 
 use super::report;
-use crate::sparse::{LambdaChoice, SparseReport};
+use crate::{
+    method::FitReport,
+    sparse::{LambdaChoice, SparseReport},
+    summary::FitSummary,
+};
 
-impl SparseReport {
-    /// Tasks, latents, lambda and certificates for programs.
-    pub fn to_json(&self) -> Value {
+impl FitReport for SparseReport {
+    fn summary(&self) -> &FitSummary {
+        &self.summary
+    }
+
+    fn to_json(&self) -> Value {
         report(self)
     }
 }

@@ -1,17 +1,21 @@
-//! The pipeline: rows, partitions, choice, terms, model, scores.
+//! `fit narx`: rows, partitions, choice, terms, model, scores.
+
+use std::sync::Arc;
 
 use faer::Mat;
-use fleetfoot_data::{EpisodeId, Progress, Source};
-use fleetfoot_dataset::{Dataset, Logs};
+use fleetfoot_data::{Progress, Source, Work};
+use fleetfoot_dataset::{Dataset, Logs, ReadPlan, StatisticFile, open};
+use fleetfoot_library::Expr;
 use fleetfoot_model::{Model, Partition};
 use fleetfoot_recipe::{Objective, Recipe};
-use fleetfoot_sums::system::SystemScan;
-use fleetfoot_task::EquationTask;
+use fleetfoot_sums::system::{SystemPlan, SystemScan};
+use fleetfoot_task::{EquationTask, Provenance};
 
 use super::{
-    FileRuns, NarxEquation, NarxOptions, NarxRegion, NarxReport, NarxTerm, OrderRule,
+    NarxEquation, NarxOptions, NarxRegion, NarxReport, NarxTerm, OrderRule,
     choice::Choice,
     choose::Chosen,
+    options::USUAL,
     partitions::start_note,
     runs::free_runs_by_file,
     scores::scores,
@@ -21,125 +25,264 @@ use super::{
     training::Fit,
 };
 use crate::{
-    concentration,
+    beneath::beneath,
     error::Error,
     folds::smoothed_rows,
-    incomplete::{in_no_region, incomplete_rows},
-    model_file::refuse_not_finite,
-    not_finite, objective,
-    objective::{Refinement, coefficient, refine},
-    sindy::{beneath, coefficients_of},
+    incomplete::in_no_region,
+    method::{Data, FitRequest, Fitted, Method, RowFacts},
+    objective::{Beginning, Refinement, coefficient},
+    plan::FitPlan,
+    sindy::coefficients_of,
     spans::Spans,
+    summary::FitSummary,
 };
 
-/// What is asked of a fit beside the recipe.
-#[derive(Debug, Clone, Default)]
-pub struct NarxRequest {
-    /// Files to run the model on that did not train it.
-    pub free_run: Logs,
-}
-
-/// An autoregression and what it is worth.
+/// `fit narx`: one scan for all orders, one more a partition, and simulations. To a statistic: no pass, and no simulation of what trained.
 #[derive(Debug, Clone)]
-#[non_exhaustive]
-pub struct NarxFitted {
-    /// The model.
-    pub model: Model,
-    /// What was found.
-    pub report: NarxReport,
+pub struct Narx {
+    options: NarxOptions,
+    /// Files to run the model on that did not train it.
+    free_run: Logs,
 }
 
-/// Fits an autoregression to files: one scan for all orders, one more a partition, and simulations. To their statistic: no pass, and no simulation of what
-/// trained.
-///
-/// # Errors
-/// Those of the recipe, of reading and of partitions; too few rows, and no row to start a simulation from; of a statistic a question that needs rows, and
-/// candidates or regions that were not summed.
-pub fn fit_narx(
-    recipe: &Recipe,
-    request: &NarxRequest,
-    logs: impl Into<Logs>,
-    progress: &dyn Progress,
-) -> Result<NarxFitted, Error> {
-    let logs = &logs.into();
-    let options = NarxOptions::new(recipe)?;
-    let (model, mut report) = match logs.is_statistic() {
-        true => of_sums(recipe, logs, progress)?,
-        false => of_rows(recipe, options.clone(), logs, progress)?,
-    };
-    // That of a statistic stands beneath what was said.
-    let scanned = logs.is_statistic().then(|| Recipe::parse(&model.training.recipe, "the recipe of the model"));
-    let whole = scanned.transpose()?.map(|whole| Recipe { cache: recipe.cache.clone(), ..whole });
-    let recipe = whole.as_ref().unwrap_or(recipe);
-    if !request.free_run.is_empty() {
-        let dataset = Dataset::for_every_row(&model, recipe, &request.free_run, options.decimate, progress)?;
-        report.files = Some(files(&model, &dataset, options.decimate, progress)?);
-        let known = dataset.in_sample(&model);
-        if !known.is_empty() {
-            report.notes.push(format!("{} of the files to run on trained the model", known.join(", ")));
+/// The statistic that an autoregression is fitted to.
+pub struct Scanned {
+    file: Arc<StatisticFile>,
+    recipe: Recipe,
+}
+
+/// Partition, order and terms that were chosen.
+pub struct Found {
+    chosen: Chosen,
+    partition: Choice,
+    model: Model,
+    provenance: Provenance,
+}
+
+impl Method for Narx {
+    const NAME: &'static str = "narx";
+    type Report = NarxReport;
+    type Task = NarxBase;
+    type Sums = Option<Scanned>;
+    type Found = Found;
+
+    fn new(recipe: &Recipe, request: &FitRequest) -> Result<Self, Error> {
+        Ok(Self { options: NarxOptions::new(recipe)?, free_run: request.free_run.clone() })
+    }
+
+    fn plan(&self, recipe: &Recipe, logs: &Logs, progress: &dyn Progress) -> Result<FitPlan, Error> {
+        let options = &self.options;
+        let prepared = one_row_ahead(recipe, options)?;
+        let (task, reading, notes) = match open::estimate_equations(&prepared, logs, progress)? {
+            Some((task, columns, cost)) => (task, ReadPlan::of_messages(logs, columns, &cost), Vec::new()),
+            None => {
+                let (dataset, task) = Dataset::for_equations(&prepared, logs, progress)?;
+                (task, ReadPlan::of_tables(logs, &dataset), dataset.notes().to_vec())
+            }
+        };
+        let base = NarxBase::new(task, recipe)?;
+        let (order, looked) = match options.order {
+            OrderRule::Fixed(order) | OrderRule::UpTo(order) => (order, None),
+            OrderRule::Look(given) => (given.or(USUAL), Some(options.effort.limit() as f64)),
+        };
+        let (candidates, outputs) = (base.candidates(order), base.outputs());
+        let regions = options.partitions.iter().map(|own| own.clusters().unwrap_or(1)).max().unwrap_or(1);
+        let most = if looked.is_some() { options.effort.most_candidates() } else { candidates };
+        let rows = reading.rows / options.decimate;
+        let own = rows as f64 * (candidates as f64).powi(2) + (options.folds as f64) * (candidates as f64).powi(3);
+        let mut details = vec![match options.order {
+            OrderRule::Fixed(order) => format!("order: {order}"),
+            OrderRule::UpTo(order) => format!("orders up to {order}"),
+            OrderRule::Look(_) => format!(
+                "orders are looked for within effort {}: up to {most} candidates an order, {:.1e} terms evaluated",
+                options.effort.word(),
+                options.effort.limit() as f64
+            ),
+        }];
+        details.push(format!("{} held-out spans in turn", options.folds));
+        Ok(FitPlan {
+            equations: base.task.fitted.iter().map(|equation| equation.label.clone()).collect(),
+            candidates: most,
+            regions,
+            passes: 1 + options.partitions.len(),
+            simulations: self.simulations(),
+            memory: SystemPlan::memory(&base.with(&[order])?.task.system(), regions, rows),
+            work: Work {
+                operations: looked.unwrap_or(own * outputs as f64),
+                parts: outputs.max(1),
+                mend: "fewer lags, a lower degree or --effort low make it shorter",
+            },
+            details,
+            reading,
+            notes,
+        })
+    }
+
+    fn objective(&self) -> Objective {
+        self.options.objective
+    }
+
+    fn open(&mut self, recipe: &Recipe, logs: &Logs, progress: &dyn Progress) -> Result<(Dataset, NarxBase), Error> {
+        let (dataset, task) = Dataset::for_equations(&one_row_ahead(recipe, &self.options)?, logs, progress)?;
+        Ok((dataset, NarxBase::new(task, recipe)?))
+    }
+
+    fn above(recipe: &Recipe, scanned: &Recipe, _: &StatisticFile, notes: &mut Vec<String>) -> Result<Recipe, Error> {
+        Ok(by_single_steps(&beneath(recipe, scanned)?, notes)?.into_owned())
+    }
+
+    fn of_statistic(
+        &self,
+        recipe: &Recipe,
+        scanned: &Recipe,
+        file: &Arc<StatisticFile>,
+        notes: &mut Vec<String>,
+        _: &dyn Progress,
+    ) -> Result<(NarxBase, Self::Sums), Error> {
+        let expanded = recipe.expand(&file.fields)?;
+        let task = EquationTask::resolve(&one_row_ahead(&expanded, &self.options)?, &file.fields)?;
+        notes.push(
+            "errors of free runs need rows, which a statistic has not: `fleetfoot rollout` and --free-run FILE tell them on logs".into(),
+        );
+        Ok((NarxBase::new(task, &expanded)?, Some(Scanned { file: file.clone(), recipe: scanned.clone() })))
+    }
+
+    fn split<'a>(&self, rows: &'a dyn Source, step: f64) -> Result<Option<[Spans<'a>; 2]>, Error> {
+        let tested = |rows: usize| (rows as f64 * self.options.test_share).round() as usize;
+        let apart = smoothed_rows(self.options.smoothed, step);
+        let (train, test) = Spans::split(rows, tested, self.options.decimate, apart)?;
+        Ok(Some([train, test]))
+    }
+
+    fn every(&self) -> usize {
+        self.options.decimate
+    }
+
+    fn sum(&self, _: Data<'_, NarxBase>, _: &mut Vec<String>, _: &dyn Progress) -> Result<Self::Sums, Error> {
+        Ok(None)
+    }
+
+    fn find(
+        &self,
+        data: Data<'_, NarxBase>,
+        sums: &Self::Sums,
+        notes: &mut Vec<String>,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Found>, Error> {
+        let mut options = self.options.clone();
+        options.order = data.task.simulated(options.order, data.step)?;
+        let summed = sums.as_ref().map(|own| Sums::new(&own.file, &own.recipe, &options)).transpose()?;
+        let evidence = match &summed {
+            Some(sums) => Evidence::Sums(sums),
+            None => Evidence::Rows(data.rows()?),
+        };
+        let fit = Fit { recipe: data.recipe, options: &options, base: data.task, evidence, step: data.step };
+        Ok(vec![fit.find(notes, progress)?])
+    }
+
+    fn model(found: &Found) -> &Model {
+        &found.model
+    }
+
+    /// Terms are chosen anew, in the order that was found.
+    fn again(&self, data: Data<'_, NarxBase>, found: &Found, progress: &dyn Progress) -> Result<Beginning, Error> {
+        let order = OrderRule::Fixed(found.chosen.order);
+        let options = NarxOptions { order, objective: Objective::OneStep, ..self.options.clone() };
+        let again = Self { options, free_run: Logs::default() };
+        let mut models = again.trials(data, progress)?;
+        Ok((models.swap_remove(0).1, None))
+    }
+
+    fn refine(
+        &self,
+        _: Data<'_, NarxBase>,
+        _: &Self::Sums,
+        found: &mut Found,
+        refinement: &mut Refinement,
+    ) -> Result<(), Error> {
+        if refinement.written {
+            let chosen = &found.chosen;
+            let coefficients = coefficients_of(&refinement.fitted.model, &chosen.task, chosen.terms.len());
+            found.model = chosen.model(&found.partition, &coefficients, found.provenance.clone());
+        }
+        Ok(())
+    }
+
+    fn expressions(&self, task: &NarxBase) -> Vec<Expr> {
+        task.row_functions()
+    }
+
+    fn facts(&self, _: Data<'_, NarxBase>, _: &Self::Sums, found: &Found) -> RowFacts {
+        let (labels, whole) = (found.chosen.labels(), &found.chosen.whole);
+        let counts = whole.counts();
+        RowFacts {
+            episodes: found.provenance.episodes.len(),
+            left_out: vec![counts.at_border, counts.incomplete],
+            concentrated: labels.zip(whole.concentrated().iter().cloned()).collect(),
         }
     }
-    if options.decimate > 1 {
-        report.notes.push(format!(
-            "the model knows every {}th row: its step is {} s; run it on logs of that rate only",
-            options.decimate, model.step
-        ));
-    }
-    Ok(NarxFitted { model, report })
-}
 
-fn of_rows(
-    recipe: &Recipe,
-    mut options: NarxOptions,
-    logs: &Logs,
-    progress: &dyn Progress,
-) -> Result<(Model, NarxReport), Error> {
-    let prepared = one_row_ahead(recipe, &options)?;
-    let (dataset, task) = Dataset::for_equations(&prepared, logs, progress)?;
-    let base = NarxBase::new(task, recipe)?;
-    let view = dataset.view()?;
-    let tested = |rows: usize| (rows as f64 * options.test_share).round() as usize;
-    let apart = smoothed_rows(options.smoothed, dataset.step());
-    let (train, test) = Spans::split(&view, tested, options.decimate, apart)?;
-    let step = dataset.step() * options.decimate as f64;
-    options.order = base.simulated(options.order, step)?;
-    let fit = Fit { recipe, options: &options, base: &base, evidence: Evidence::Rows(&train), step };
-    let found = fit.run(progress);
-    let functions = || base.row_functions();
-    let (model, mut report) = found.map_err(|error| not_finite::with_reasons(error, &dataset, functions()))?;
-    refuse_not_finite(&model)?;
-    report.notes.splice(0..0, dataset.notes().iter().cloned());
-    report.notes.extend(incomplete_rows(report.left_out[1], &dataset, functions())?);
-    progress.stage("scores");
-    if options.test_share > 0.0 {
-        report.test = scores(&model, &test, progress)?;
+    fn report(
+        &self,
+        data: Data<'_, NarxBase>,
+        _: &Self::Sums,
+        found: Found,
+        mut summary: FitSummary,
+        progress: &dyn Progress,
+    ) -> Result<Fitted<NarxReport>, Error> {
+        progress.stage("scores");
+        let Found { chosen, partition, model, .. } = found;
+        let train = match data.rows {
+            Some(rows) => Some(scores(&model, rows, progress)?.ok_or_else(|| too_short(rows))?),
+            None => None,
+        };
+        let test = match data.kept.filter(|_| self.options.test_share > 0.0) {
+            Some(kept) => scores(&model, kept, progress)?,
+            None => None,
+        };
+        let scan = chosen.regions.as_ref().unwrap_or(&chosen.whole);
+        let partition = partition.partition.as_ref();
+        let regions = regions(&chosen, &model, scan, partition, &mut summary.notes);
+        let decimate = self.options.decimate;
+        let mut files = None;
+        if !self.free_run.is_empty() {
+            let dataset = Dataset::for_every_row(&model, data.recipe, &self.free_run, decimate, progress)?;
+            let runs = free_runs_by_file(&model, &dataset, decimate, progress)?;
+            if runs.files.is_empty() {
+                return Err(too_short(&dataset.view()?));
+            }
+            files = Some(runs);
+            let known = dataset.in_sample(&model);
+            if !known.is_empty() {
+                summary.notes.push(format!("{} of the files to run on trained the model", known.join(", ")));
+            }
+        }
+        if decimate > 1 {
+            summary.notes.push(format!(
+                "the model knows every {decimate}th row: its step is {} s; run it on logs of that rate only",
+                model.step
+            ));
+        }
+        let how = chosen.how;
+        let report = NarxReport {
+            rows: chosen.whole.counts().complete,
+            order: chosen.order,
+            direct: chosen.order.direct,
+            candidates: chosen.candidates,
+            partition: partition.map_or_else(|| "average".into(), |partition| partition.specification.clone()),
+            choice: how.text,
+            held_out: how.held_out,
+            search: how.search,
+            tried: how.tried,
+            orders: how.orders,
+            regions,
+            train,
+            test,
+            files,
+            summary,
+        };
+        Ok(Fitted { value: None, model, rivals: Vec::new(), report })
     }
-    Ok((model, report))
-}
-
-/// The same from the sums of a statistic, whose recipe stands beneath.
-fn of_sums(recipe: &Recipe, logs: &Logs, progress: &dyn Progress) -> Result<(Model, NarxReport), Error> {
-    let file = logs.statistic()?;
-    let mut notes = Vec::new();
-    let scanned = Recipe::parse(&file.recipe, "the recipe of the statistic")?;
-    let recipe = beneath(recipe, &scanned)?;
-    let recipe = by_single_steps(&recipe, &mut notes)?.into_owned();
-    let mut options = NarxOptions::new(&recipe)?;
-    objective::refuse_statistic(options.objective)?;
-    let expanded = recipe.expand(&file.fields)?;
-    let task = EquationTask::resolve(&one_row_ahead(&expanded, &options)?, &file.fields)?;
-    let base = NarxBase::new(task, &expanded)?;
-    options.order = base.simulated(options.order, file.step())?;
-    let sums = Sums::new(&file, &scanned, &options)?;
-    let fit =
-        Fit { recipe: &recipe, options: &options, base: &base, evidence: Evidence::Sums(&sums), step: file.step() };
-    let (model, mut report) = fit.run(progress)?;
-    refuse_not_finite(&model)?;
-    notes.push(
-        "errors of free runs need rows, which a statistic has not: `fleetfoot rollout` and --free-run FILE tell them on logs".into(),
-    );
-    report.notes.splice(0..0, notes);
-    Ok((model, report))
 }
 
 fn too_short(source: &dyn Source) -> Error {
@@ -153,86 +296,32 @@ fn too_short(source: &dyn Source) -> Error {
     )
 }
 
-/// Free runs of other files, one by one.
-fn files(model: &Model, dataset: &Dataset, every: usize, progress: &dyn Progress) -> Result<FileRuns, Error> {
-    let runs = free_runs_by_file(model, dataset, every, progress)?;
-    if runs.files.is_empty() {
-        return Err(too_short(&dataset.view()?));
-    }
-    Ok(runs)
-}
-
 impl Fit<'_> {
-    fn run(&self, progress: &dyn Progress) -> Result<(Model, NarxReport), Error> {
-        let mut notes = Vec::new();
-        let partitions = self.partitions(&mut notes, progress)?;
+    fn find(&self, notes: &mut Vec<String>, progress: &dyn Progress) -> Result<Found, Error> {
+        let mut partitions = self.partitions(notes, progress)?;
         let chosen = self.choose(&partitions, progress)?;
         notes.extend(start_note(&self.options.partitions, &partitions[chosen.partition]));
-        let Choice { partition, seed, .. } = &partitions[chosen.partition];
-        let partition = partition.as_ref();
-        let scan = chosen.regions.as_ref().unwrap_or(&chosen.whole);
+        let partition = partitions.swap_remove(chosen.partition);
+        if let Some(own) = &partition.partition {
+            let scan = chosen.regions.as_ref().unwrap_or(&chosen.whole);
+            notes.extend(in_no_region(&own.specification, scan, chosen.whole.counts().complete));
+        }
         let coefficients = coefficients(&chosen.terms, chosen.task.candidates());
-        let model_of = |coefficients: &[Mat<f64>]| {
-            chosen.task.model(scan, partition, coefficients, self.provenance(partition, *seed))
-        };
-        let mut model = model_of(&coefficients);
-        let refinement = self.refined(&model, &chosen, progress)?;
-        notes.extend(objective::note(self.options.objective, refinement.as_ref()));
-        if let Some(found) = refinement.as_ref().filter(|found| found.written) {
-            model = model_of(&coefficients_of(&found.fitted.model, &chosen.task, coefficients.len()));
-        }
-        progress.stage("scores");
-        let train = match self.evidence {
-            Evidence::Rows(source) => Some(scores(&model, source, progress)?.ok_or_else(|| too_short(source))?),
-            Evidence::Sums(_) => None,
-        };
-        let labels = chosen.task.fitted.iter().map(|equation| equation.label.clone());
-        let known = self.evidence.episodes();
-        let name = |id: EpisodeId| {
-            let name = known.iter().find(|own| own.id == id.to_string())?.name.clone();
-            Some(match self.options.decimate {
-                0 | 1 => name,
-                every => format!("every {every}th row of {name}"),
-            })
-        };
-        notes.extend(concentration::notes(labels.zip(chosen.whole.concentrated().iter().map(Option::as_ref)), name));
-        let counts = chosen.whole.counts();
-        if let Some(partition) = partition {
-            notes.extend(in_no_region(&partition.specification, scan, counts.complete));
-        }
-        let regions = regions(&chosen, &model, scan, partition, &mut notes);
-        let how = chosen.how;
-        let report = NarxReport {
-            rows: counts.complete,
-            episodes: self.evidence.episodes().len(),
-            left_out: [counts.at_border, counts.incomplete],
-            order: chosen.order,
-            direct: chosen.order.direct,
-            candidates: chosen.candidates,
-            partition: partition.map_or_else(|| "average".into(), |partition| partition.specification.clone()),
-            choice: how.text,
-            held_out: how.held_out,
-            search: how.search,
-            tried: how.tried,
-            orders: how.orders,
-            regions,
-            refinement,
-            train,
-            test: None,
-            files: None,
-            notes,
-        };
-        Ok((model, report))
+        let provenance = self.provenance(partition.partition.as_ref(), partition.seed);
+        let model = chosen.model(&partition, &coefficients, provenance.clone());
+        Ok(Found { chosen, partition, model, provenance })
+    }
+}
+
+impl Chosen {
+    /// The model with these coefficients, region by region (candidates x equations).
+    fn model(&self, partition: &Choice, coefficients: &[Mat<f64>], provenance: Provenance) -> Model {
+        let scan = self.regions.as_ref().unwrap_or(&self.whole);
+        self.task.model(scan, partition.partition.as_ref(), coefficients, provenance)
     }
 
-    /// Fits the model to simulations where that is the objective; on the training rows of a fold terms are chosen anew, in the order that was found.
-    fn refined(&self, model: &Model, chosen: &Chosen, progress: &dyn Progress) -> Result<Option<Refinement>, Error> {
-        let order = OrderRule::Fixed(chosen.order);
-        let options = NarxOptions { order, objective: Objective::OneStep, ..self.options.clone() };
-        let Evidence::Rows(source) = self.evidence else { return Ok(None) };
-        refine(self.options.objective, &(model.clone(), None), (source, self.smoothed()), progress, |source| {
-            Ok((Fit { evidence: Evidence::Rows(source), options: &options, ..*self }.run(progress)?.0, None))
-        })
+    fn labels(&self) -> impl Iterator<Item = String> {
+        self.task.fitted.iter().map(|equation| equation.label.clone())
     }
 }
 

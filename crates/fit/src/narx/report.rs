@@ -4,7 +4,7 @@ use fleetfoot_sparse::narx::{NarxOrder, OrderSearch};
 use serde::Serialize;
 
 use super::{FileRuns, NarxCandidate, NarxScores, NarxSearch};
-use crate::objective::Refinement;
+use crate::summary::FitSummary;
 
 /// What a fit of an autoregression found.
 #[derive(Debug, Clone)]
@@ -12,10 +12,6 @@ use crate::objective::Refinement;
 pub struct NarxReport {
     /// Rows that trained.
     pub rows: u64,
-    /// Episodes, or parts of them, that trained.
-    pub episodes: usize,
-    /// Rows without all lags, and rows with a missing value.
-    pub left_out: [u64; 2],
     /// Lags and degree of the model.
     pub order: NarxOrder,
     /// Whether inputs act at once.
@@ -36,16 +32,14 @@ pub struct NarxReport {
     pub orders: Option<OrderSearch>,
     /// The regions.
     pub regions: Vec<NarxRegion>,
-    /// The fit to simulations, where it was asked for.
-    pub refinement: Option<Refinement>,
     /// On the rows that trained; `None` where a statistic stood for them.
     pub train: Option<NarxScores>,
     /// On the rows kept back.
     pub test: Option<NarxScores>,
     /// On other files, one by one.
     pub files: Option<FileRuns>,
-    /// What the user should know.
-    pub notes: Vec<String>,
+    /// What the reports of all methods say.
+    pub summary: FitSummary,
 }
 
 impl NarxReport {

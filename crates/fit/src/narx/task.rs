@@ -11,7 +11,7 @@ use crate::error::Error;
 
 /// The equations `next(y) = f(lags)` of a recipe's states, while the order is not known.
 #[derive(Debug, Clone)]
-pub(crate) struct NarxBase {
+pub struct NarxBase {
     pub(crate) task: EquationTask,
     candidates: Candidates,
 }

@@ -8,7 +8,7 @@ use fleetfoot_stats::student_t_95;
 use fleetfoot_task::ParametersTask;
 use serde::Serialize;
 
-use crate::limit_report::LimitReport;
+use crate::{limit_report::LimitReport, summary::FitSummary};
 
 /// Correlation beyond which two parameters can hardly be told apart (Klein and Morelli 2006, section 5.4).
 const CONFOUNDED: f64 = 0.9;
@@ -24,10 +24,6 @@ pub struct ParametersReport {
     pub method: EstimateMethod,
     /// Rows of the logs.
     pub rows: u64,
-    /// Episodes.
-    pub episodes: usize,
-    /// Files.
-    pub files: usize,
     /// The parameters.
     pub parameters: Vec<ParameterInterval>,
     /// Pairs whose correlation exceeds 0.9.
@@ -58,8 +54,8 @@ pub struct ParametersReport {
     pub held_out: Option<ParametersHeldOut>,
     /// The equations with their values.
     pub equations: Vec<String>,
-    /// What the user should know.
-    pub notes: Vec<String>,
+    /// What the reports of all methods say.
+    pub summary: FitSummary,
 }
 
 /// A parameter and its interval.
@@ -251,8 +247,7 @@ pub(super) fn report(
     open: &Model,
     (found, free): (&Found, Option<&Found>),
     held_out: Option<ParametersHeldOut>,
-    (episodes, files): (usize, usize),
-    mut notes: Vec<String>,
+    mut summary: FitSummary,
 ) -> ParametersReport {
     let (errors, white, half_widths) = (found.standard_errors(), found.white_errors(), found.half_widths());
     let interval = |j: usize| {
@@ -304,15 +299,13 @@ pub(super) fn report(
         _ => (Vec::new(), Vec::new()),
     };
     if !converged {
-        notes.push(
+        summary.notes.push(
             "the minimum was not reached: intervals say nothing; begin nearer to it, or with shorter segments".into(),
         );
     }
     ParametersReport {
         method: found.method(),
         rows: open.training.rows,
-        episodes,
-        files,
         parameters,
         confounded,
         noise,
@@ -328,7 +321,7 @@ pub(super) fn report(
         converged,
         held_out,
         equations: equations.collect(),
-        notes,
+        summary,
     }
 }
 

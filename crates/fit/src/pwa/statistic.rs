@@ -1,102 +1,99 @@
 //! A piecewise-affine model from a `.stats` file: no pass.
 
 use faer::{Mat, MatRef};
-use fleetfoot_dataset::{EpisodeRecord, Logs, StatisticFile};
+use fleetfoot_dataset::{EpisodeRecord, StatisticFile};
 use fleetfoot_model::{Partition, UnseenLabel};
-use fleetfoot_pwa::{Options, Specification, Summed, SummedPartition, SummedRows, identify_summed};
+use fleetfoot_pwa::{
+    Identification, Options, Problem, Specification, Summed as Sums, SummedPartition, SummedRows, identify_summed,
+};
 use fleetfoot_recipe::Recipe;
 use fleetfoot_sparse::{inference::system_effective_rows, select::Folds};
 use fleetfoot_stats::{FoldRule, Purge, SquareRoot};
 use fleetfoot_sums::system::SystemScan;
 use fleetfoot_task::{Task, piecewise};
 
-use super::{
-    Fitted, PwaOptions, PwaRequest,
-    options::{TRIED, unused},
-};
-use crate::{
-    concentration,
-    error::Error,
-    folds::reached,
-    incomplete::in_no_region,
-    model_file::refuse_not_finite,
-    objective, radial,
-    sindy::{beneath, keys},
-};
+use super::{PwaOptions, options::TRIED};
+use crate::{error::Error, folds::reached, incomplete::in_no_region, radial, sindy::keys};
 
-/// Fits the sums of a statistic, in the regions that were frozen with its plan.
-///
-/// # Errors
-/// Those of the recipe and of reading; a question that needs rows; targets, functions or regions that were not summed; folds that the chunks are too long for.
-pub(crate) fn fit(recipe: &Recipe, request: PwaRequest, logs: &Logs) -> Result<Fitted, Error> {
-    let file = logs.statistic()?;
-    let recipe = beneath(recipe, &Recipe::parse(&file.recipe, "the recipe of the statistic")?)?;
-    let said = PwaOptions::new(&recipe)?;
-    objective::refuse_statistic(said.objective)?;
-    radial::refuse_statistic(&recipe)?;
-    refuse_rows(&said)?;
-    let mut options = said.of_step(file.step());
-    options.keep_all = request.keep_all;
-    let unsaid = recipe.model.partition.is_none();
-    if unsaid {
-        options.partitions = vec![Specification::Average];
+/// The sums of a statistic, in the regions that were frozen with its plan.
+pub struct Summed {
+    /// Of one region.
+    whole: Part,
+    /// Of every partition.
+    parts: Vec<(Specification, Part)>,
+    rows: SummedRows,
+}
+
+impl Summed {
+    /// The sums that answer for a fit, and its task.
+    ///
+    /// # Errors
+    /// Those of the recipe; a question that needs rows; targets, functions or regions that were not summed; folds that the chunks are too long for.
+    pub(super) fn new(
+        recipe: &Recipe,
+        said: &PwaOptions,
+        file: &StatisticFile,
+        notes: &mut Vec<String>,
+    ) -> Result<(Task, Self), Error> {
+        radial::refuse_statistic(recipe)?;
+        refuse_rows(said)?;
+        let options = said.of_step(file.step());
+        let unsaid = recipe.model.partition.is_none();
+        let partitions = if unsaid { vec![Specification::Average] } else { options.partitions.clone() };
+        let expanded = recipe.expand(&file.fields)?;
+        let part = |one: &Specification| Part::new(file, &expanded, one, &options);
+        let parts =
+            partitions.into_iter().map(|one| Ok((one.clone(), part(&one)?))).collect::<Result<Vec<_>, Error>>()?;
+        let whole = part(&Specification::Average)?;
+        notes.push(
+            "absolute errors and Mahalanobis scores need rows, which a statistic has not: R2 and the loss are told; `fleetfoot score` tells the others on logs".into(),
+        );
+        for (one, part) in &parts {
+            notes.extend(in_no_region(&one.to_string(), &part.scan, whole.scan.counts().complete));
+        }
+        if unsaid {
+            notes.push(format!(
+                "the statistic has one region: `fleetfoot scan --partition {TRIED}` sums those that are tried on logs"
+            ));
+        }
+        let clustered = parts.iter().any(|(one, _)| one.clusters().is_some());
+        let section = &recipe.pwa;
+        if clustered && (section.seed.is_some() || section.restarts.is_some() || section.iterations.is_some()) {
+            notes.push("[pwa] seed, restarts and iterations say how logs are clustered; the regions here are those of the scan, with the seed of [sindy]".into());
+        }
+        if clustered && whole.folds.is_some() {
+            notes.push(
+                "the regions of every fold are those of the scan, clustered on all rows; logs are clustered anew on the training rows of every fold, so that held-out losses differ"
+                    .into(),
+            );
+        }
+        let task = Task::resolve(&expanded, &file.fields, &said.labels(), file.step())?;
+        let rows = whole.rows(file);
+        Ok((task, Self { whole, parts, rows }))
     }
-    let options = &options;
-    let expanded = recipe.expand(&file.fields)?;
-    let parts = options.partitions.iter().map(|one| Part::new(&file, &expanded, one, options));
-    let parts: Vec<Part> = parts.collect::<Result<_, _>>()?;
-    let whole = Part::new(&file, &expanded, &Specification::Average, options)?;
-    let partitions: Vec<SummedPartition<'_>> = options
-        .partitions
-        .iter()
-        .zip(&parts)
-        .map(|(one, part)| SummedPartition {
+
+    /// Episodes that were summed.
+    pub(super) fn episodes(&self) -> usize {
+        self.rows.episodes.len()
+    }
+
+    /// Fits them.
+    ///
+    /// # Errors
+    /// Those of solving; too few rows.
+    pub(super) fn identify(&self, problem: &Problem, options: &Options) -> Result<Identification, Error> {
+        let partitions = self.parts.iter().map(|(one, part)| SummedPartition {
             specification: one.clone(),
             partition: part.partition.clone(),
             sums: part,
-        })
-        .collect();
-    let problem = Task::resolve(&expanded, &file.fields, &said.labels(), file.step())?.problem;
-    let mut identification = identify_summed(&problem, options, &whole, &partitions, &whole.rows(&file))?;
-    refuse_not_finite(&identification.model)?;
-    let text = recipe.to_toml();
-    for model in std::iter::once(&mut identification.model).chain(&mut identification.models) {
-        model.training.recipe.clone_from(&text);
+        });
+        let partitions: Vec<SummedPartition<'_>> = partitions.collect();
+        let mut options = options.clone();
+        options.partitions = self.parts.iter().map(|(one, _)| one.clone()).collect();
+        let mut found = identify_summed(problem, &options, &self.whole, &partitions, &self.rows)?;
+        found.concentrated = self.whole.scan.concentrated().to_vec();
+        Ok(found)
     }
-    let mut notes = std::mem::take(&mut identification.notes);
-    notes.extend(unused(&recipe));
-    notes.push(
-        "absolute errors and Mahalanobis scores need rows, which a statistic has not: R2 and the loss are told; `fleetfoot score` tells the others on logs".into(),
-    );
-    for (one, part) in options.partitions.iter().zip(&parts) {
-        notes.extend(in_no_region(&one.to_string(), &part.scan, whole.scan.counts().complete));
-    }
-    let told = identification.targets.iter().cloned().zip(whole.scan.concentrated().iter().map(Option::as_ref));
-    notes.extend(concentration::notes(told, |id| file.episode(id).map(|episode| episode.name.clone())));
-    if unsaid {
-        notes.push(format!(
-            "the statistic has one region: `fleetfoot scan --partition {TRIED}` sums those that are tried on logs"
-        ));
-    }
-    let clustered = options.partitions.iter().any(|one| one.clusters().is_some());
-    let section = &recipe.pwa;
-    if clustered && (section.seed.is_some() || section.restarts.is_some() || section.iterations.is_some()) {
-        notes.push("[pwa] seed, restarts and iterations say how logs are clustered; the regions here are those of the scan, with the seed of [sindy]".into());
-    }
-    if clustered && whole.folds.is_some() {
-        notes.push(
-            "the regions of every fold are those of the scan, clustered on all rows; logs are clustered anew on the training rows of every fold, so that held-out losses differ"
-                .into(),
-        );
-    }
-    Ok(Fitted {
-        identification,
-        episodes: file.episodes.len(),
-        files: file.files.len(),
-        rollouts: None,
-        refinement: None,
-        notes,
-    })
 }
 
 /// What a statistic cannot answer.
@@ -205,7 +202,7 @@ fn unserved(file: &StatisticFile, partition: Option<&str>) -> Error {
     ))
 }
 
-impl Summed for Part {
+impl Sums for Part {
     fn training(&self, region: usize, held: Option<u16>) -> SquareRoot {
         self.training[region][held.map_or(0, |fold| 1 + usize::from(fold))].clone()
     }

@@ -7,21 +7,18 @@ use std::{
 
 use fleetfoot_data::{EpisodeId, Progress, Source};
 use fleetfoot_dataset::{Dataset, Logs};
-use fleetfoot_library::Expr;
 use fleetfoot_model::{Partition, TrainedEpisode};
 use fleetfoot_recipe::{Recipe, Tunable};
 use fleetfoot_report::words::count;
 use fleetfoot_sums::system::{System, SystemPlan, SystemScan, Weak};
-use fleetfoot_task::{EquationTask, FittedEquation, Provenance, WeakForm, specification};
+use fleetfoot_task::{EquationTask, FittedEquation, Provenance, WeakForm};
 
 use super::frozen::Frozen;
 use crate::{
-    concentration,
     constant::refuse_constant_targets,
     error::Error,
     folds::{reached, smoothed_rows},
-    incomplete::incomplete_rows,
-    not_finite,
+    method::Opened,
     sindy::ParameterReport,
 };
 
@@ -51,8 +48,6 @@ pub struct Evidence {
     pub rows_read: Option<usize>,
     /// The episodes that have rows, in the order of the identities.
     pub episodes: Vec<TrainedEpisode>,
-    /// What the user should know.
-    pub notes: Vec<String>,
 }
 
 /// Too few rows, or windows of them, for the candidates of an equation.
@@ -76,29 +71,28 @@ impl fmt::Display for Few {
 }
 
 impl Evidence {
-    /// Reads logs, which are opened for the task of a recipe: one pass for the statistic, one before it for a partition, and one a step for parameters. The rows come
-    /// back, for what else is asked of them.
+    /// Reads opened logs: one pass for the statistic, one before it for a partition, and one a step for parameters. The task comes back settled.
     ///
     /// # Errors
     /// Those of the recipe, of reading, of estimating parameters and of partitions; no rows, or fewer than candidates.
-    pub fn of_logs(
-        recipe: &Recipe,
+    pub(super) fn of_logs(
+        opened: &mut Opened<EquationTask>,
         seed: u64,
-        (mut dataset, task): (Dataset, EquationTask),
         logs: &Logs,
+        notes: &mut Vec<String>,
         progress: &dyn Progress,
-    ) -> Result<(Self, Dataset), Error> {
-        refuse_large(&task, dataset.rows())?;
-        let mut notes = dataset.notes().to_vec();
+    ) -> Result<Self, Error> {
+        let Opened { recipe, task, dataset } = opened;
+        refuse_large(task, dataset.rows())?;
+        let before = notes.len();
         notes.extend(task.unit_notes());
         notes.extend(task.narrowed_note());
         let form = WeakForm::new(&recipe.sindy)?;
-        let frozen = Frozen::differentiated(task.clone(), &dataset.view()?, &mut notes)?;
-        let mut frozen = frozen.windowed(form, &dataset.view()?, &mut notes)?;
-        frozen.estimate(&mut dataset, &mut notes, progress)?;
-        frozen.add_radial(recipe, (seed, dataset.step(), &dataset.view()?), &mut notes, progress)?;
-        let mut found = Self::of_rows(recipe, seed, frozen, dataset.step(), &dataset.view()?, progress)?;
-        notes.append(&mut found.notes);
+        let frozen = Frozen::differentiated(task.clone(), &dataset.view()?, notes)?;
+        let mut frozen = frozen.windowed(form, &dataset.view()?, notes)?;
+        frozen.estimate(dataset, notes, progress)?;
+        frozen.add_radial(recipe, (seed, dataset.step(), &dataset.view()?), notes, progress)?;
+        let mut found = Self::of_rows(recipe, seed, frozen, dataset.step(), &dataset.view()?, notes, progress)?;
         if form == WeakForm::ByNoise
             && let (Some(weak), Some(few)) = (&found.weak, found.few())
         {
@@ -108,23 +102,23 @@ impl Evidence {
                 weak.rows()
             );
             drop(found);
+            notes.truncate(before);
             let mut plain = recipe.clone();
             plain.sindy.weak = Some(Tunable::Word("off".into()));
             // Where numbers inside expressions were estimated, the columns are those with these numbers.
-            let opened = match task.parameters.is_empty() {
-                true => (dataset, task),
-                false => Dataset::for_equations(&plain, logs, progress)?,
-            };
-            let (mut found, dataset) = Self::of_logs(&plain, seed, opened, logs, progress)?;
-            found.notes.push(note);
-            return Ok((found, dataset));
+            if !task.parameters.is_empty() {
+                (*dataset, *task) = Dataset::for_equations(&plain, logs, progress)?;
+            }
+            let carried = std::mem::replace(recipe, plain);
+            let found = Self::of_logs(opened, seed, logs, notes, progress);
+            opened.recipe = carried;
+            notes.push(note);
+            return found;
         }
-        (found.notes, found.rows_read) = (notes, Some(dataset.rows()));
-        found.check().map_err(|error| not_finite::with_reasons(error, &dataset, found.task.row_functions()))?;
-        let label = specification(recipe)?.and_then(|partition| partition.label().map(Expr::column));
-        let read = found.task.row_functions().into_iter().chain(label).collect();
-        found.notes.extend(incomplete_rows(found.scan.counts().incomplete, &dataset, read)?);
-        Ok((found, dataset))
+        found.rows_read = Some(dataset.rows());
+        found.check()?;
+        task.clone_from(&found.task);
+        Ok(found)
     }
 
     /// The evidence of rows, for what was settled before their pass; whether they are enough is for the caller to look at ([`Evidence::check`]).
@@ -134,16 +128,15 @@ impl Evidence {
         frozen: Frozen,
         step: f64,
         view: &dyn Source,
+        notes: &mut Vec<String>,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
-        let mut notes = Vec::new();
-        let partition = frozen.partition(recipe, seed, step, view, &mut notes, progress)?;
+        let partition = frozen.partition(recipe, seed, step, view, notes, progress)?;
         progress.stage(&format!("scan of {} candidates", frozen.task.functions.len()));
         let plan = SystemPlan::new(frozen.task.summed(partition), None, view)?;
         let scan = plan.scan(view, progress)?;
         let known = view.episodes().iter().map(|episode| (episode.id, TrainedEpisode::from(episode))).collect();
-        let found = Self::new(frozen, plan.system, scan, step, (&known, notes));
-        Ok(found.smoothed_over(recipe.time.smoothed))
+        Ok(Self::new(frozen, plan.system, scan, step, &known).smoothed_over(recipe.time.smoothed))
     }
 
     /// The same evidence of logs that were smoothed over so many seconds before.
@@ -158,7 +151,7 @@ impl Evidence {
         system: System,
         scan: SystemScan,
         step: f64,
-        (known, notes): (&BTreeMap<EpisodeId, TrainedEpisode>, Vec<String>),
+        known: &BTreeMap<EpisodeId, TrainedEpisode>,
     ) -> Self {
         let shared_rows = reached(system.expressions());
         let System { partition, weak, .. } = system;
@@ -176,14 +169,9 @@ impl Evidence {
             step,
             shared_rows,
             rows_read: None,
-            notes,
         };
         found.rounding = found.rounding_of();
         found.resolution = found.resolution_of(|_| 1.0);
-        let labels = found.task.fitted.iter().map(|equation| equation.label.clone());
-        let told = labels.zip(found.scan.concentrated().iter().map(Option::as_ref));
-        let told = concentration::notes(told, |id| known.get(&id).map(|episode| episode.name.clone()));
-        found.notes.extend(told);
         found
     }
 

@@ -49,7 +49,10 @@ pub(super) fn tell(evidence: &Evidence, regions: &[Vec<Solved>], free: &[Vec<Sol
         report.limits.push(LimitReport::of_coefficient(limit, &own, Some(&free), held));
     }
     if !evidence.parameters.is_empty() {
-        report.notes.push("numbers inside expressions ([parameters]) were estimated without [constraints]".into());
+        report
+            .summary
+            .notes
+            .push("numbers inside expressions ([parameters]) were estimated without [constraints]".into());
     }
 }
 

@@ -1,46 +1,11 @@
 //! Equations fitted to simulations: the terms stay, the coefficients are those of the objective.
 
 use faer::Mat;
-use fleetfoot_data::Progress;
-use fleetfoot_dataset::Dataset;
 use fleetfoot_model::Model;
-use fleetfoot_recipe::{Objective, Recipe};
 use fleetfoot_task::EquationTask;
 
-use super::{SindyOptions, SindyReport, report, spans};
-use crate::{
-    error::Error,
-    folds::smoothed_rows,
-    objective::{Refinement, coefficient, refine},
-    sindy::Evidence,
-};
-
-/// Fits equations to simulations where that is the objective; equations of the training rows of a fold are found anew, their terms too.
-pub(super) fn refined(
-    recipe: &Recipe,
-    options: &SindyOptions,
-    evidence: &Evidence,
-    model: &Model,
-    dataset: Option<&Dataset>,
-    progress: &dyn Progress,
-) -> Result<Option<Refinement>, Error> {
-    let objective = options.objective;
-    if objective == Objective::OneStep {
-        return Ok(None);
-    }
-    if let Some(name) = recipe.parameters.keys().next() {
-        return Err(Error::conflict(format!(
-            "objective = \"{objective}\" and [parameters] {name}: simulations fit the coefficients of known expressions; write a number for {name}"
-        )));
-    }
-    // A statistic is refused before its sums are looked at.
-    let Some(dataset) = dataset else { return Ok(None) };
-    let view = dataset.view()?;
-    let smoothed = smoothed_rows(recipe.time.smoothed, evidence.step);
-    refine(objective, &(model.clone(), None), (&view, smoothed), progress, |train| {
-        Ok((spans::equations(recipe, &evidence.task, options, evidence.step, train, progress)?, None))
-    })
-}
+use super::{SindyReport, report};
+use crate::objective::coefficient;
 
 /// The coefficients of a model of a task, region by region (candidates x equations).
 pub(crate) fn coefficients_of(model: &Model, task: &EquationTask, regions: usize) -> Vec<Mat<f64>> {
@@ -51,8 +16,9 @@ pub(crate) fn coefficients_of(model: &Model, task: &EquationTask, regions: usize
 }
 
 impl SindyReport {
-    /// Tells the equations of a model fitted to simulations: its coefficients, whose standard errors are not known, and its errors.
-    pub(super) fn refine(&mut self, task: &EquationTask, model: &Model, refinement: &Refinement) {
+    /// Tells the equations of the model, where it was fitted to simulations: its coefficients, whose standard errors are not known, and its errors.
+    pub(super) fn refine(&mut self, task: &EquationTask, model: &Model) {
+        let Some(refinement) = self.summary.refinement.as_ref().filter(|found| found.written) else { return };
         // What a region errs by is not told apart.
         let whole = self.regions.len() == 1;
         for (at, region) in self.regions.iter_mut().enumerate() {

@@ -8,10 +8,8 @@ use serde::Serialize;
 use super::{solve::Solved, words::short};
 use crate::{
     limit_report::{FreeErrors, LimitReport},
-    objective::Refinement,
-    rollout_choice::RolloutChoice,
-    serialize,
     sindy::{ParameterReport, StateSmoothing},
+    summary::FitSummary,
 };
 
 /// What a fit of equations found.
@@ -20,11 +18,6 @@ use crate::{
 pub struct SindyReport {
     /// Rows of positive weight.
     pub rows: u64,
-    /// Episodes.
-    pub episodes: usize,
-    /// Rows that lack neighbours at the border of their episode, rows with a missing value, complete rows that no region took.
-    #[serde(flatten, serialize_with = "serialize::left_out")]
-    pub left_out: [u64; 3],
     /// How terms were found, for people.
     pub method: String,
     /// How many terms there are was chosen so, for people.
@@ -44,19 +37,15 @@ pub struct SindyReport {
     pub candidates: Vec<String>,
     /// The regions; one where there is no partition.
     pub regions: Vec<RegionReport>,
-    /// How open spans of derivatives were chosen by rollouts, where there were any.
-    pub rollouts: Option<RolloutChoice>,
-    /// The fit to simulations, where it was asked for.
-    #[serde(rename = "objective", skip_serializing_if = "Option::is_none")]
-    pub refinement: Option<Refinement>,
     /// The equations that were found in turn with smoothed states, where that was done.
     #[serde(rename = "smooth_states", skip_serializing_if = "Option::is_none")]
     pub smoothing: Option<StateSmoothing>,
     /// What coefficients keep, where the recipe has `[constraints]`.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub limits: Vec<LimitReport>,
-    /// What the user should know.
-    pub notes: Vec<String>,
+    /// What the reports of all methods say.
+    #[serde(flatten)]
+    pub summary: FitSummary,
 }
 
 /// A region and its equations.

@@ -4,7 +4,6 @@ mod search;
 
 use faer::Mat;
 use fleetfoot_data::{Progress, Source};
-use fleetfoot_dataset::Dataset;
 use fleetfoot_dynamics::Coefficient;
 use fleetfoot_estimate::{SmoothingOptions, StateSmoother};
 use fleetfoot_model::Model;
@@ -12,10 +11,11 @@ use fleetfoot_recipe::{Recipe, SmoothStates};
 use fleetfoot_task::{EquationTask, Provenance, WeakForm, Windows};
 use search::{Found, Search};
 
-use super::{Frozen, SindyOptions, SindyReport, StateNoise, coefficients_of, report, spans};
+use super::{Frozen, SindyOptions, SindyReport, StateNoise, coefficients_of, equations, report};
 use crate::{
     error::Error,
     folds::smoothed_rows,
+    method::Data,
     rollout_choice::{HeldOut, RolloutRule},
     sindy::{Evidence, StateSmoothing},
 };
@@ -84,10 +84,10 @@ pub(super) fn smoothed(
     options: &SindyOptions,
     evidence: &Evidence,
     chosen: &Mat<f64>,
-    dataset: Option<&Dataset>,
+    rows: Option<&dyn Source>,
     (notes, progress): (&mut Vec<String>, &dyn Progress),
 ) -> Result<Option<Smoothed>, Error> {
-    let Some(dataset) = dataset else {
+    let Some(source) = rows else {
         return match options.smooth_states {
             SmoothStates::On => Err(Error::needs_rows(
                 "smooth_states = on smooths the rows of logs, and a statistic has none: fit on the logs, or leave it away".into(),
@@ -114,7 +114,7 @@ pub(super) fn smoothed(
         return Ok(None);
     }
     progress.stage("smooth states");
-    match Alternation::new(recipe, options, evidence).run(chosen, &dataset.view()?, progress) {
+    match Alternation::new(recipe, options, evidence).run(chosen, source, progress) {
         Ok(found) => Ok(Some(found)),
         Err(error @ Error::Cancelled(_)) => Err(error),
         Err(error) if options.smooth_states == SmoothStates::On => Err(error),
@@ -228,7 +228,8 @@ impl<'a> Alternation<'a> {
         held.each(|train, rows| {
             progress.stage("smooth states, without a fold");
             let (recipe, options, step) = (self.recipe, self.options, self.evidence.step);
-            let plain = spans::equations(recipe, self.task(), options, step, train, progress)?;
+            let data = |rows| Data { recipe, task: self.task(), rows: Some(rows), kept: None, step };
+            let plain = equations(data(train), options, progress)?;
             let plain = coefficients_of(&plain, self.task(), 1).remove(0);
             // The variances of all rows serve, as a fold's would hardly differ; terms and coefficients are those of the training rows.
             let (deviations, share) = (&found.variances.measurement[..], found.share);
@@ -244,7 +245,7 @@ impl<'a> Alternation<'a> {
             }
             measured += smoother.measured().iter().sum::<usize>() as f64;
             let frozen = Frozen { task: self.task().clone(), parameters: Vec::new() };
-            let evidence = Evidence::of_rows(recipe, options.seed, frozen, step, rows, progress)?;
+            let evidence = Evidence::of_rows(recipe, options.seed, frozen, step, rows, &mut Vec::new(), progress)?;
             let problem = evidence.scan.root(0).compressed(self.task().constant);
             weight += problem.weight;
             let left = problem.error(self.matrix(&own).as_ref());

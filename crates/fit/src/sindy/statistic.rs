@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use fleetfoot_dataset::{EquationGroup, EquationStatistic, Logs, StatisticFile, condition::refuse_other_rows};
+use fleetfoot_dataset::{EquationGroup, EquationStatistic, StatisticFile};
 use fleetfoot_library::Expr;
-use fleetfoot_recipe::{ModelSection, Recipe};
+use fleetfoot_recipe::Recipe;
 use fleetfoot_sums::system::{System, SystemScan};
 use fleetfoot_task::{EquationTask, WeakForm};
 
@@ -12,59 +12,33 @@ use super::frozen::Frozen;
 use crate::{error::Error, radial, sindy::Evidence};
 
 impl Evidence {
-    /// Reads the statistic of logs, and tells the recipe with that of the scan beneath. A recipe that names no states and nothing to predict is that of the scan.
+    /// The sums of a statistic for a recipe that stands above that of the scan.
     ///
     /// # Errors
     /// Those of reading; a question that needs rows; candidates, targets or regions that were not summed.
-    pub(super) fn of_statistic(recipe: &Recipe, logs: &Logs) -> Result<(Self, Recipe), Error> {
+    pub(super) fn of_statistic(
+        recipe: &Recipe,
+        scanned: &Recipe,
+        file: &StatisticFile,
+        notes: &mut Vec<String>,
+    ) -> Result<Self, Error> {
         refuse_rows(recipe)?;
-        let file = logs.statistic()?;
-        let own = Recipe::parse(&file.recipe, "the recipe of the statistic")?;
-        let Some(equations) = &file.equations else { return Err(unserved(&file, &own)) };
-        let recipe = beneath(recipe, &own)?;
+        let Some(equations) = &file.equations else { return Err(unserved(file, scanned)) };
         let task = EquationTask::resolve(&recipe.expand(&file.fields)?, &file.fields)?;
-        let scanned = EquationTask::resolve(&EquationStatistic::whole(&own), &file.fields)?;
-        let task = task.differentiated_like(&scanned, &equations.differences);
-        let group = equations.of(&recipe, &task.partition_columns)?;
+        let summed = EquationTask::resolve(&EquationStatistic::whole(scanned), &file.fields)?;
+        let task = task.differentiated_like(&summed, &equations.differences);
+        let group = equations.of(recipe, &task.partition_columns)?;
         let task = over(task, &group.plan.system)?;
         let scan = SystemScan::new(&group.plan, &group.sums)?;
         let known: BTreeMap<_, _> = file.episodes.iter().map(|episode| (episode.id, episode.trained())).collect();
         WeakForm::new(&recipe.sindy)?.check_statistic(group.plan.system.weak.as_ref())?;
         let system = group.plan.system.clone();
-        let notes = notes(&task, group);
+        notes.extend(said(&task, group));
         let frozen = Frozen { task, parameters: Vec::new() };
-        let found = Self::new(frozen, system, scan, file.step(), (&known, notes)).smoothed_over(own.time.smoothed);
+        let found = Self::new(frozen, system, scan, file.step(), &known).smoothed_over(scanned.time.smoothed);
         found.check()?;
-        Ok((found, recipe))
+        Ok(found)
     }
-}
-
-/// The recipe with that of the scan beneath, where it names nothing to predict: what it says of the fit stands above. The rows are those of the scan.
-///
-/// # Errors
-/// Another condition for rows.
-pub(crate) fn beneath(recipe: &Recipe, scanned: &Recipe) -> Result<Recipe, Error> {
-    refuse_other_rows(recipe, scanned)?;
-    if !recipe.states.is_empty() || recipe.model.predict.is_some() {
-        let mut whole = recipe.clone();
-        whole.time.only.clone_from(&scanned.time.only);
-        return Ok(whole);
-    }
-    let mut whole = scanned.clone();
-    whole.say_all(recipe);
-    if recipe.library != Default::default() {
-        whole.library = recipe.library.clone();
-    }
-    if !recipe.constraints.is_empty() {
-        whole.constraints.clone_from(&recipe.constraints);
-    }
-    let ModelSection { predict: _, degree, lags, weight, partition, partition_on } = recipe.model.clone();
-    let below = &mut whole.model;
-    (below.degree, below.lags) = (degree.or(below.degree), lags.or(below.lags));
-    below.weight = weight.or(below.weight.take());
-    below.partition = partition.or(below.partition.take());
-    below.partition_on = partition_on.or(below.partition_on.take());
-    Ok(whole)
 }
 
 /// Why a statistic has no equations.
@@ -90,7 +64,7 @@ fn refuse_rows(recipe: &Recipe) -> Result<(), Error> {
 }
 
 /// What is told beside the fit.
-fn notes(task: &EquationTask, group: &EquationGroup) -> Vec<String> {
+fn said(task: &EquationTask, group: &EquationGroup) -> Vec<String> {
     let mut notes = task.unit_notes();
     notes.extend(task.narrowed_note());
     if let Some(partition) = &group.plan.system.partition {

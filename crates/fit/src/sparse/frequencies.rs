@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use fleetfoot_output::{ParquetWriter, Values, WriteColumn, WriteKind, WriteOptions};
 
-use super::{CandidateReport, SparseFitted};
+use super::{CandidateReport, SparseReport};
 use crate::error::Error;
+use crate::method::Fitted;
 
 /// Writes a row a candidate of every model: the value of the label (in a column of the label's name), latent, function, selection frequency, whether it
 /// was selected, coefficient, its standard error, and the coefficient of the lasso. What is not known is NaN.
@@ -15,7 +16,7 @@ use crate::error::Error;
 pub fn write_frequencies(
     path: &Path,
     label: Option<&str>,
-    fitted: &[SparseFitted],
+    fitted: &[Fitted<SparseReport>],
     inputs: &[PathBuf],
 ) -> Result<(), Error> {
     let mut columns: Vec<WriteColumn> = label.iter().map(|label| WriteColumn::new(*label, WriteKind::Text)).collect();

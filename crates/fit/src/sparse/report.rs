@@ -10,6 +10,7 @@ use crate::{
     error::Error,
     limit_report::{FreeErrors, LimitReport},
     serialize,
+    summary::FitSummary,
 };
 
 /// What a column may have beyond others, relative to its length, and still be called one with them.
@@ -21,11 +22,6 @@ const CONFOUNDED: f64 = 1e-6;
 pub struct SparseReport {
     /// Rows, weights included.
     pub rows: f64,
-    /// Episodes.
-    pub episodes: usize,
-    /// Rows that lack neighbours at the border of their episode, and rows with a missing value.
-    #[serde(flatten, serialize_with = "serialize::left_out")]
-    pub left_out: [u64; 2],
     /// Lambda, and how it was chosen.
     pub lambda: LambdaChoice,
     /// The path of the penalised fit, from the largest lambda to beyond the chosen one; where there is a penalty.
@@ -54,8 +50,9 @@ pub struct SparseReport {
     pub condition: f64,
     /// The fits without each episode, where they were asked for and there are any.
     pub influence: Option<LeaveOneOutReport>,
-    /// What the user should know.
-    pub notes: Vec<String>,
+    /// What the reports of all methods say.
+    #[serde(flatten)]
+    pub summary: FitSummary,
 }
 
 /// A task and its errors.
@@ -126,14 +123,10 @@ impl SparseReport {
         lambda: LambdaChoice,
         support: &Support,
         (theta, errors): (&[f64], Option<&[f64]>),
-        left_out: [u64; 2],
-        notes: Vec<String>,
     ) -> Result<Self, Error> {
         let (confounded, condition) = named(problem, &support.columns)?;
         Ok(Self {
             rows: problem.rows(),
-            episodes: problem.episodes(),
-            left_out,
             path: PathReport::of(problem, lambda.value, support.columns.len())?,
             selection: support.how.clone(),
             tasks: Vec::new(),
@@ -146,7 +139,7 @@ impl SparseReport {
             confounded,
             condition,
             influence: None,
-            notes,
+            summary: FitSummary::default(),
         })
     }
 }

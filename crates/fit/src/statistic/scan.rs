@@ -369,7 +369,7 @@ fn groups<'l>(logs: &'l [Pending], episodes: &[Episode], rows: usize) -> Vec<&'l
 }
 
 /// Rows of a chunk, by the bytes that the statistics of one chunk take.
-pub(super) fn default_chunk(task: &StructuredTask, rows: usize) -> usize {
+pub(crate) fn default_chunk(task: &StructuredTask, rows: usize) -> usize {
     Grid::for_budget(rows, 1, chunk_bytes(task), BUDGET, FINE)
 }
 
@@ -383,7 +383,7 @@ pub(super) fn chunk_bytes(task: &StructuredTask) -> usize {
 }
 
 /// All expressions over the columns that a row needs.
-fn row_expressions(task: &StructuredTask) -> impl Iterator<Item = &Expr> {
+pub(crate) fn row_expressions(task: &StructuredTask) -> impl Iterator<Item = &Expr> {
     let regression = &task.regression;
     let functions = regression.latents.iter().flat_map(|latent| &latent.functions);
     let tasks =

@@ -196,8 +196,10 @@ class BlockSparse(Identifier):
         return recipe
 
     def _fit(self, data: _core.Data, recipe: str, progress: Any) -> tuple[Model, dict[str, Any]]:
-        found = _core.fit_sparse(data, recipe, self.by, bool(self.influence), self.cache, progress)
-        models = [(value, Model(model), report) for value, model, report in found]
+        found = _core.fit(
+            "sparse", data, recipe, by=self.by, influence=bool(self.influence), cache=self.cache, progress=progress
+        )
+        models = [(value, Model(model), report) for value, model, report, _ in found]
         self.models_ = {value: model for value, model, _ in models if value is not None}
         self.reports_ = {value: report for value, _, report in models if value is not None}
         _, model, report = models[0]

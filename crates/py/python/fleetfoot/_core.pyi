@@ -313,41 +313,17 @@ def simulate(
 def recipe_json(text: str, name: str) -> str: ...
 def say(said: str, recipe_text: str) -> str: ...
 def settings() -> list[tuple[str, list[str]]]: ...
-def fit_pwa(
+def fit(
+    method: str,
     data: Data,
     recipe_text: str,
-    keep_all: bool = False,
-    cache: str | PathLike[str] | None = None,
-    progress: _Progress = None,
-) -> tuple[Model, dict[str, Any], list[Model]]: ...
-def fit_sindy(
-    data: Data,
-    recipe_text: str,
-    front: bool = False,
-    cache: str | PathLike[str] | None = None,
-    progress: _Progress = None,
-) -> tuple[Model, dict[str, Any], list[tuple[int, Model]]]: ...
-def fit_narx(
-    data: Data,
-    recipe_text: str,
+    rivals: bool = False,
     other: Data | None = None,
-    cache: str | PathLike[str] | None = None,
-    progress: _Progress = None,
-) -> tuple[Model, dict[str, Any]]: ...
-def fit_parameters(
-    data: Data,
-    recipe_text: str,
-    cache: str | PathLike[str] | None = None,
-    progress: _Progress = None,
-) -> tuple[Model, dict[str, Any]]: ...
-def fit_sparse(
-    data: Data,
-    recipe_text: str,
     by: str | None = None,
     influence: bool = False,
     cache: str | PathLike[str] | None = None,
     progress: _Progress = None,
-) -> list[tuple[str | None, Model, dict[str, Any]]]: ...
+) -> list[tuple[str | None, Model, dict[str, Any], list[tuple[str, Model]]]]: ...
 def score(
     model: Model,
     data: Data,

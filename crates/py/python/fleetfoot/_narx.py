@@ -174,5 +174,5 @@ class NARX(Identifier):
         other = None
         if self.free_run is not None:
             other = open_data(self.free_run)._core
-        model, report = _core.fit_narx(data, recipe, other, self.cache, progress)
+        [(_, model, report, _)] = _core.fit("narx", data, recipe, other=other, cache=self.cache, progress=progress)
         return Model(model), report

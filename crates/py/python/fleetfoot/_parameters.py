@@ -105,5 +105,5 @@ class Parameters(Identifier):
         return {name: section for name, section in sections if section}
 
     def _fit(self, data: _core.Data, recipe: str, progress: Any) -> tuple[Model, dict[str, Any]]:
-        model, report = _core.fit_parameters(data, recipe, self.cache, progress)
+        [(_, model, report, _)] = _core.fit("parameters", data, recipe, cache=self.cache, progress=progress)
         return Model(model), report

@@ -201,6 +201,9 @@ class PWA(Identifier):
         return {name: section for name, section in sections if section}
 
     def _fit(self, data: _core.Data, recipe: str, progress: Any) -> tuple[Model, dict[str, Any]]:
-        chosen, report, models = _core.fit_pwa(data, recipe, bool(self.keep_all), self.cache, progress)
-        self.models_ = [Model(one) for one in models]
+        rivals = bool(self.keep_all)
+        [(_, chosen, report, models)] = _core.fit(
+            "pwa", data, recipe, rivals=rivals, cache=self.cache, progress=progress
+        )
+        self.models_ = [Model(one) for _, one in models]
         return Model(chosen), report

@@ -305,8 +305,11 @@ class SINDy(Identifier):
         return recipe
 
     def _fit(self, data: _core.Data, recipe: str, progress: Any) -> tuple[Model, dict[str, Any]]:
-        chosen, report, front = _core.fit_sindy(data, recipe, bool(self.front), self.cache, progress)
-        self.front_ = {terms: Model(one) for terms, one in front}
+        rivals = bool(self.front)
+        [(_, chosen, report, front)] = _core.fit(
+            "sindy", data, recipe, rivals=rivals, cache=self.cache, progress=progress
+        )
+        self.front_ = {int(name.removeprefix("terms")): Model(one) for name, one in front}
         return Model(chosen), report
 
     def differentiate(self, x: Any, t: Any = None, *, dt: float | None = None) -> Any:

@@ -45,8 +45,13 @@ const RECIPE: &str = "[states]\nx = {}\nv = {}\n[inputs]\nu = \"u\"\n[time]\ncol
 
 fn fitted(logs: &[PathBuf]) -> Model {
     let recipe = Recipe::parse(RECIPE, "test").expect("a recipe");
-    let fitted = fleetfoot_fit::fit_pwa(&recipe, fleetfoot_fit::PwaRequest::default(), &logs.to_vec(), &Silent);
-    fitted.expect("a model").identification.model
+    let fitted = fleetfoot_fit::fit::<fleetfoot_fit::Pwa>(
+        &recipe,
+        &fleetfoot_fit::FitRequest::default(),
+        &logs.to_vec(),
+        &Silent,
+    );
+    fitted.expect("a model").model
 }
 
 /// Every number that is told, as bits.

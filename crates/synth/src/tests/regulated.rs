@@ -1,7 +1,7 @@
 //! Robots with regulators that were made from logs of them, beside their own controllers.
 
 use fleetfoot_data::Silent;
-use fleetfoot_fit::{PwaRequest, fit_pwa};
+use fleetfoot_fit::{FitRequest, Pwa, fit};
 use fleetfoot_recipe::ControlSection;
 use fleetfoot_run::{ControllerFile, control_lqr};
 
@@ -37,8 +37,8 @@ fn rms(values: &[f64]) -> f64 {
 /// A regulator of the model that a recipe finds in logs.
 fn regulator(recipe: &str, logs: &[std::path::PathBuf], said: &ControlSection) -> ControllerFile {
     let recipe = Recipe::parse(recipe, "robot.toml").unwrap();
-    let fitted = fit_pwa(&recipe, PwaRequest::default(), logs, &Silent).unwrap();
-    control_lqr(&fitted.identification.model, said).unwrap()
+    let fitted = fit::<Pwa>(&recipe, &FitRequest::default(), logs, &Silent).unwrap();
+    control_lqr(&fitted.model, said).unwrap()
 }
 
 fn said(text: &str) -> Option<String> {

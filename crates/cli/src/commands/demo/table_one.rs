@@ -1,7 +1,7 @@
 //! Table I: absolute errors of the accelerations over those of the null model.
 
 use fleetfoot::{
-    Fitted, Interval,
+    Interval, PwaReport,
     dynamics::Estimate,
     interval_in_words,
     pwa::{Identification, Score},
@@ -23,7 +23,7 @@ const PAPER: [(&str, [f64; 8]); 6] = [
 /// Its columns.
 const PAPER_COLUMNS: [&str; 8] = ["x''", "y''", "z''", "yaw''", "pitch''", "roll''", "alpha_l''", "alpha_r''"];
 
-pub(super) fn to_text(fitted: &Fitted) -> String {
+pub(super) fn to_text(fitted: &PwaReport) -> String {
     let found = &fitted.identification;
     // Accelerations, without the room that "d()/dt" takes.
     let names: Vec<String> = found.model.fitted().map(|equation| format!("{}'", equation.subject)).collect();
@@ -47,7 +47,7 @@ pub(super) fn to_text(fitted: &Fitted) -> String {
         "Table I. Mean absolute error of the accelerations over the null model's, 10-fold cross-validated:\n\
          {} rows of {}; half-widths of {}\n{}\n{}",
         found.rows,
-        count(fitted.episodes, "run"),
+        count(fitted.summary.episodes, "run"),
         interval_in_words(&found.basis),
         table(&header, rows),
         ordering(found)
@@ -158,8 +158,8 @@ struct Printed {
     values: [f64; 8],
 }
 
-impl<'a> From<&'a Fitted> for Told<'a> {
-    fn from(fitted: &'a Fitted) -> Self {
+impl<'a> From<&'a PwaReport> for Told<'a> {
+    fn from(fitted: &'a PwaReport) -> Self {
         let found = &fitted.identification;
         let name = |candidate: usize| found.candidates[candidate].specification.to_string();
         let pair = |(fine, coarse)| Pair {
@@ -172,7 +172,7 @@ impl<'a> From<&'a Fitted> for Told<'a> {
             units: units(found),
             sigma: &found.sigma,
             rows: found.rows,
-            runs: fitted.episodes,
+            runs: fitted.summary.episodes,
             intervals: interval_in_words(&found.basis),
             models: found.candidates.iter().map(Row::from).collect(),
             ordering: pairs(found).into_iter().map(pair).collect(),

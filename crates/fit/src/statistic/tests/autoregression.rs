@@ -3,7 +3,10 @@
 use std::fmt::Write as _;
 
 use super::*;
-use crate::narx::{GivenOrder, NarxReport, NarxRequest, OrderRule, fit_narx};
+use crate::{
+    FitRequest,
+    narx::{GivenOrder, Narx, NarxReport, OrderRule},
+};
 
 /// Logs of `y(k) = 0.6 y(k-1) - 0.2 y(k-2) + 0.5 u(k-1) + 0.1 y(k-1) u(k-2) + noise`, with a hard stop where `stop`.
 fn logs(folder: &Path, count: usize, rows: usize, stop: bool) -> Vec<PathBuf> {
@@ -32,7 +35,7 @@ fn recipe(more: &str) -> Recipe {
 }
 
 fn fit(recipe: &Recipe, logs: impl Into<fleetfoot_dataset::Logs>) -> Result<(String, NarxReport), crate::Error> {
-    let fitted = fit_narx(recipe, &NarxRequest::default(), logs, &Silent)?;
+    let fitted = crate::fit::<Narx>(recipe, &FitRequest::default(), logs, &Silent)?;
     Ok((fitted.model.to_json(), fitted.report))
 }
 
@@ -77,7 +80,11 @@ fn logs_and_their_statistics_give_the_same_autoregression() {
         for statistic in [read, merged, apart] {
             let (found, own) = fit(&recipe, of(statistic)).unwrap();
             assert!(found == wanted, "{what}:\n{found}\n{wanted}");
-            assert_eq!((own.rows, own.left_out, own.order), (report.rows, report.left_out, report.order), "{what}");
+            assert_eq!(
+                (own.rows, own.summary.left_out.clone(), own.order),
+                (report.rows, report.summary.left_out.clone(), report.order),
+                "{what}"
+            );
             assert!(report.train.is_some() && own.train.is_none(), "{what}");
         }
         // Without a recipe it is that of the scan.
@@ -104,12 +111,12 @@ fn what_nobody_says_is_chosen_by_single_steps_of_what_was_held_out() {
     assert_eq!(terms.len(), 4, "{terms:?}");
     let search = report.orders.as_ref().unwrap();
     assert!(search.scores.iter().all(|score| score.standard_error.is_some()), "orders are compared by folds");
-    assert!(report.notes.iter().any(|note| note.contains("single steps")), "{:?}", report.notes);
+    assert!(report.summary.notes.iter().any(|note| note.contains("single steps")), "{:?}", report.summary.notes);
     // Runs of logs are told: they are rows.
-    let request = NarxRequest { free_run: (&files[..1]).into() };
-    let fitted = fit_narx(&Recipe::default(), &request, of(file), &Silent).unwrap();
+    let request = FitRequest { free_run: (&files[..1]).into(), ..FitRequest::default() };
+    let fitted = crate::fit::<Narx>(&Recipe::default(), &request, of(file), &Silent).unwrap();
     assert!(fitted.report.files.unwrap().mean[0].fit > 0.98);
-    assert!(fitted.report.notes.iter().any(|note| note.contains("trained the model")));
+    assert!(fitted.report.summary.notes.iter().any(|note| note.contains("trained the model")));
 }
 
 #[test]

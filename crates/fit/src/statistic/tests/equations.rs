@@ -1,7 +1,7 @@
 //! Equations from logs, from their statistic, from that of two halves, and from parts that were scanned apart: the same bytes.
 
 use super::*;
-use crate::sindy::{SindyRequest, fit_sindy};
+use crate::{FitRequest, Pwa, PwaReport, sindy::Sindy};
 
 /// Logs of a driven pendulum with a delayed input and an unevenly or evenly stamped clock: `x' = v`, `v' = -9 sin x - 0.3 v + 2 u(t - 0.05)`.
 fn pendulum(folder: &Path, logs: usize, rows: usize, jitter: f64) -> Vec<PathBuf> {
@@ -42,7 +42,7 @@ fn recipes() -> Vec<(&'static str, String)> {
 }
 
 fn model(recipe: &Recipe, logs: impl Into<fleetfoot_dataset::Logs>) -> (String, crate::SindyReport) {
-    let fitted = fit_sindy(recipe, SindyRequest::default(), logs, &Silent).unwrap();
+    let fitted = crate::fit::<Sindy>(recipe, &FitRequest::default(), logs, &Silent).unwrap();
     (fitted.model.to_json(), fitted.report)
 }
 
@@ -105,7 +105,7 @@ fn residuals_of_two_equations_covary() {
     let files = pendulum(folder.path(), 2, 300, 0.0);
     let recipe = Recipe::parse(&recipes()[0].1, "test").unwrap();
     let file = scan(&recipe, &ScanOptions::default(), None, &files, &Silent).unwrap().0;
-    let fitted = fit_sindy(&recipe, SindyRequest::default(), of(file), &Silent).unwrap();
+    let fitted = crate::fit::<Sindy>(&recipe, &FitRequest::default(), of(file), &Silent).unwrap();
     let covariance = &fitted.model.partitions[0].regions[0].residual_covariance;
     assert!(covariance.len() == 3 && covariance.iter().all(|entry| entry.is_finite()), "{covariance:?}");
 }
@@ -128,7 +128,7 @@ fn partitions_are_frozen_side_by_side() {
         assert_eq!(model(&recipe, of(all.clone())).0, model(&recipe, &files).0, "{partition}");
     }
     let message = |partition: &str| {
-        let fitted = fit_sindy(&recipe(partition), SindyRequest::default(), of(all.clone()), &Silent);
+        let fitted = crate::fit::<Sindy>(&recipe(partition), &FitRequest::default(), of(all.clone()), &Silent);
         fitted.unwrap_err().to_string()
     };
     let other = message("kmeans:4");
@@ -139,7 +139,8 @@ fn partitions_are_frozen_side_by_side() {
     );
     let mut elsewhere = recipe("kmeans:2");
     elsewhere.model.partition_on = Some(vec!["x".into()]);
-    let other = fit_sindy(&elsewhere, SindyRequest::default(), of(all.clone()), &Silent).unwrap_err().to_string();
+    let other =
+        crate::fit::<Sindy>(&elsewhere, &FitRequest::default(), of(all.clone()), &Silent).unwrap_err().to_string();
     assert!(other.contains("kmeans:2 over x: ") && other.contains("kmeans:2 over x, v"), "{other}");
     assert!(message("kmeans:2,3").contains("name one"));
 }
@@ -153,13 +154,13 @@ fn what_was_not_summed_is_refused_with_a_mend() {
     let options = ScanOptions::default();
     let file = scan(&parse(&degree(2)), &options, None, &files[..1], &Silent).unwrap().0;
     let message = |text: &str| {
-        fit_sindy(&parse(text), SindyRequest::default(), of(file.clone()), &Silent).unwrap_err().to_string()
+        crate::fit::<Sindy>(&parse(text), &FitRequest::default(), of(file.clone()), &Silent).unwrap_err().to_string()
     };
     assert!(message(&degree(3)).contains("the statistic has no candidate `x^3`"), "{}", message(&degree(3)));
     let other = message(&STATES.replace("v = {}", "v = { derivative = \"dv\" }"));
     assert!(other.contains("other equations") && other.contains("give the logs"), "{other}");
     // A smaller library is a choice among the candidates.
-    assert!(fit_sindy(&parse(&degree(1)), SindyRequest::default(), of(file.clone()), &Silent).is_ok());
+    assert!(crate::fit::<Sindy>(&parse(&degree(1)), &FitRequest::default(), of(file.clone()), &Silent).is_ok());
     // Other logs go on with the same equations only.
     let more = |text: &str| scan(&parse(text), &options, Some(file.clone()), &files[1..], &Silent);
     assert!(more(&degree(2)).is_ok());
@@ -173,7 +174,9 @@ fn what_was_not_summed_is_refused_with_a_mend() {
         scan(&parse(&RECIPE.replace("\"a\"", "\"dv\"").replace("\"b\"", "\"m\"")), &options, None, &files, &Silent);
     let latents = latents.unwrap();
     assert!(latents.0.equations.is_none() && latents.1.notes.iter().any(|note| note.contains("`fit sindy` will need")));
-    let error = fit_sindy(&parse(&degree(2)), SindyRequest::default(), of(latents.0), &Silent).unwrap_err().to_string();
+    let error = crate::fit::<Sindy>(&parse(&degree(2)), &FitRequest::default(), of(latents.0), &Silent)
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("no sums of equations") && error.contains("[latents]"), "{error}");
 }
 
@@ -205,10 +208,10 @@ fn other_formats_are_refused_with_the_reason() {
 }
 
 /// A piecewise-affine fit with folds, of partitions to choose from.
-fn piecewise(recipe: &Recipe, logs: impl Into<fleetfoot_dataset::Logs>) -> crate::Fitted {
+fn piecewise(recipe: &Recipe, logs: impl Into<fleetfoot_dataset::Logs>) -> crate::Fitted<PwaReport> {
     let mut recipe = recipe.clone();
     recipe.pwa.folds = Some(5);
-    crate::fit_pwa(&recipe, crate::PwaRequest { keep_all: true }, logs, &Silent).unwrap()
+    crate::fit::<Pwa>(&recipe, &FitRequest { rivals: true, ..FitRequest::default() }, logs, &Silent).unwrap()
 }
 
 /// Recipe of a plant with a kink: `v' = -4 x - 0.3 v + 2 u` for x > 0, ten times as stiff below; in partitions to choose from.
@@ -247,7 +250,7 @@ fn piecewise_models_are_fitted_and_chosen_without_the_logs() {
         serves(&all)
     );
     let (found, wanted) = (piecewise(&recipe, of(all.clone())), piecewise(&recipe, &files));
-    let (own, logs) = (&found.identification, &wanted.identification);
+    let (own, logs) = (&found.report.identification, &wanted.report.identification);
     assert_eq!((own.rows, own.candidates.len(), own.chosen), (logs.rows, 5, logs.chosen));
     assert!((own.effective_rows / logs.effective_rows - 1.0).abs() < 0.2, "chunks differ a little");
     for (a, b) in own.candidates.iter().zip(&logs.candidates) {
@@ -277,7 +280,11 @@ fn piecewise_models_are_fitted_and_chosen_without_the_logs() {
         assert_eq!((&a.training.recipe, a.training.rows), (&b.training.recipe, b.training.rows));
     }
     for word in ["absolute errors", "clustered on all rows"] {
-        assert!(found.notes.iter().any(|note| note.contains(word)), "{word}: {:?}", found.notes);
+        assert!(
+            found.report.summary.notes.iter().any(|note| note.contains(word)),
+            "{word}: {:?}",
+            found.report.summary.notes
+        );
     }
     // Halves that are merged, and parts that were scanned apart, file by file.
     let plan = all.without_rows();
@@ -291,9 +298,9 @@ fn piecewise_models_are_fitted_and_chosen_without_the_logs() {
     }
     let read = StatisticFile::from_bytes(&bytes(&all), Path::new("run.stats")).unwrap().0;
     for statistic in [merged, apart, read] {
-        assert_eq!(piecewise(&recipe, of(statistic)).identification.model.to_json(), own.model.to_json());
+        assert_eq!(piecewise(&recipe, of(statistic)).model.to_json(), own.model.to_json());
     }
-    assert_eq!(piecewise(&Recipe::default(), of(all)).identification.model.to_json(), own.model.to_json());
+    assert_eq!(piecewise(&Recipe::default(), of(all)).model.to_json(), own.model.to_json());
 }
 
 #[test]
@@ -308,14 +315,14 @@ fn a_derivative_that_is_measured_otherwise_has_sums_of_its_own() {
     let fitted = piecewise(&recipe, of(file.clone()));
     let logs = piecewise(&recipe, &files);
     let coefficients =
-        |fitted: &crate::Fitted| fitted.identification.model.latents[1].affine().unwrap().coefficients[0].clone();
+        |fitted: &crate::Fitted<PwaReport>| fitted.model.latents[1].affine().unwrap().coefficients[0].clone();
     for (a, b) in coefficients(&fitted).iter().zip(coefficients(&logs)) {
         assert!((a - b).abs() < 1e-8 * b.abs().max(1.0), "{a} {b}");
     }
     let refused = |change: &dyn Fn(&mut Recipe)| {
         let mut recipe = recipe.clone();
         change(&mut recipe);
-        crate::fit_pwa(&recipe, crate::PwaRequest::default(), of(file.clone()), &Silent).unwrap_err().to_string()
+        crate::fit::<Pwa>(&recipe, &FitRequest::default(), of(file.clone()), &Silent).unwrap_err().to_string()
     };
     type Change = fn(&mut Recipe);
     let changes: [(Change, &str); 5] = [

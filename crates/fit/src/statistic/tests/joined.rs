@@ -191,7 +191,7 @@ fn sparse_models_of_logs_and_of_their_statistics_are_the_same_bytes() {
     let files = fleet(folder.path(), &[1, 2, 3], 2);
     let recipe = recipe();
     let model = |logs: fleetfoot_dataset::Logs| {
-        let fitted = crate::fit_sparse(&recipe, &crate::SparseRequest::default(), logs, &Silent).unwrap();
+        let fitted = crate::fit_all::<crate::Sparse>(&recipe, &crate::FitRequest::default(), logs, &Silent).unwrap();
         fitted[0].model.to_json()
     };
     let options = ScanOptions::default();

@@ -1,6 +1,6 @@
 //! `fit narx`.
 
-use fleetfoot::{NarxFitted, NarxRequest, Recipe, Silent, fit_narx};
+use fleetfoot::{FitReport, FitRequest, Fitted, Narx, NarxReport, Recipe, Silent};
 
 use super::{
     book::{Entry, check},
@@ -39,9 +39,10 @@ const CASES: [Case; 7] = [
     ),
 ];
 
-fn fit(name: &str, recipe: &Recipe) -> NarxFitted {
-    let request = NarxRequest { free_run: (&logs("machine", 2..3)).into() };
-    fit_narx(recipe, &request, &logs("machine", 0..2), &Silent).unwrap_or_else(|error| panic!("{name}: {error}"))
+fn fit(name: &str, recipe: &Recipe) -> Fitted<NarxReport> {
+    let request = FitRequest { free_run: (&logs("machine", 2..3)).into(), ..FitRequest::default() };
+    fleetfoot::fit::<Narx>(recipe, &request, &logs("machine", 0..2), &Silent)
+        .unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
 fn entry(case: &Case) -> Entry {

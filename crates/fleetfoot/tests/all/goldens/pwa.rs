@@ -1,6 +1,6 @@
 //! `fit pwa`.
 
-use fleetfoot::{Fitted, PwaRequest, Recipe, Silent, fit_pwa};
+use fleetfoot::{FitReport, FitRequest, Fitted, Pwa, PwaReport, Recipe, Silent};
 
 use super::{
     book::{Entry, check},
@@ -111,15 +111,15 @@ const CASES: [Case; 8] = [
     },
 ];
 
-fn fit(name: &str, recipe: &Recipe) -> Fitted {
-    let fitted = fit_pwa(recipe, PwaRequest::default(), &logs("robot", 0..5), &Silent);
+fn fit(name: &str, recipe: &Recipe) -> Fitted<PwaReport> {
+    let fitted = fleetfoot::fit::<Pwa>(recipe, &FitRequest::default(), &logs("robot", 0..5), &Silent);
     fitted.unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
 fn entry(case: &Case) -> Entry {
     let fitted = fit(case.name, &recipe(case.recipe));
-    refits(case.name, &fitted.identification.model, |recipe| fit(case.name, recipe).identification.model);
-    let (model, report) = (&fitted.identification.model, fitted.to_json());
+    refits(case.name, &fitted.model, |recipe| fit(case.name, recipe).model);
+    let (model, report) = (&fitted.model, fitted.report.to_json());
     let mut entry = Entry::new(case.name);
     entry.model(model);
     entry.report("report", &report);

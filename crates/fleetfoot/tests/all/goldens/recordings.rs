@@ -2,9 +2,7 @@
 
 use std::path::PathBuf;
 
-use fleetfoot::{
-    NarxRequest, PwaRequest, Recipe, Silent, SindyRequest, SparseRequest, fit_narx, fit_pwa, fit_sindy, fit_sparse,
-};
+use fleetfoot::{FitReport, FitRequest, Narx, Pwa, Recipe, Silent, Sindy, Sparse, fit, fit_all};
 
 use super::{
     book::{Entry, check},
@@ -71,17 +69,17 @@ const CASES: [Case; 5] = [
 ];
 
 fn pwa(entry: &mut Entry, recipe: &Recipe, logs: &[PathBuf]) {
-    let fitted = fit_pwa(recipe, PwaRequest::default(), logs, &Silent).unwrap();
-    let report = fitted.to_json();
-    entry.model(&fitted.identification.model);
+    let fitted = fit::<Pwa>(recipe, &FitRequest::default(), logs, &Silent).unwrap();
+    let report = fitted.report.to_json();
+    entry.model(&fitted.model);
     entry.report("report", &report);
     entry.told("loss", &report, "candidates/*/loss");
     entry.told("mae over null", &report, "candidates/*/mae_over_null/*");
-    entry.score(&fitted.identification.model, logs);
+    entry.score(&fitted.model, logs);
 }
 
 fn sindy(entry: &mut Entry, recipe: &Recipe, logs: &[PathBuf]) {
-    let fitted = fit_sindy(recipe, SindyRequest::default(), logs, &Silent).unwrap();
+    let fitted = fit::<Sindy>(recipe, &FitRequest::default(), logs, &Silent).unwrap();
     let report = fitted.report.to_json();
     entry.model(&fitted.model);
     entry.report("report", &report);
@@ -91,7 +89,7 @@ fn sindy(entry: &mut Entry, recipe: &Recipe, logs: &[PathBuf]) {
 }
 
 fn sparse(entry: &mut Entry, recipe: &Recipe, logs: &[PathBuf]) {
-    let fitted = fit_sparse(recipe, &SparseRequest::default(), logs, &Silent).unwrap();
+    let fitted = fit_all::<Sparse>(recipe, &FitRequest::default(), logs, &Silent).unwrap();
     let report = fitted[0].report.to_json();
     entry.model(&fitted[0].model);
     entry.report("report", &report);
@@ -100,7 +98,7 @@ fn sparse(entry: &mut Entry, recipe: &Recipe, logs: &[PathBuf]) {
 }
 
 fn narx(entry: &mut Entry, recipe: &Recipe, logs: &[PathBuf]) {
-    let fitted = fit_narx(recipe, &NarxRequest::default(), logs, &Silent).unwrap();
+    let fitted = fit::<Narx>(recipe, &FitRequest::default(), logs, &Silent).unwrap();
     let report = fitted.report.to_json();
     entry.model(&fitted.model);
     entry.report("report", &report);

@@ -1,7 +1,7 @@
 //! `fit sindy`.
 
 use fleetfoot::{
-    Logs, Recipe, Silent, SindyFitted, SindyRequest, fit_sindy,
+    FitReport, FitRequest, Fitted, Logs, Recipe, Rival, Silent, Sindy, SindyReport,
     statistic::{ScanOptions, StatisticFile, scan, scan_part},
 };
 
@@ -84,13 +84,18 @@ fn trained(plant: &str) -> u64 {
     if plant == "lorenz" { 3 } else { 2 }
 }
 
-fn fit(name: &str, recipe: &Recipe, logs: impl Into<Logs>) -> SindyFitted {
-    let fitted = fit_sindy(recipe, SindyRequest { front: true, ..SindyRequest::default() }, logs, &Silent);
+fn fit(name: &str, recipe: &Recipe, logs: impl Into<Logs>) -> Fitted<SindyReport> {
+    let fitted = fleetfoot::fit::<Sindy>(recipe, &FitRequest { rivals: true, ..FitRequest::default() }, logs, &Silent);
     fitted.unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
 /// The model and what is told of it.
-fn entry(name: &str, fitted: &SindyFitted) -> Entry {
+/// Terms of an equation at most, of a model of the front.
+fn terms(rival: &Rival) -> f64 {
+    rival.name.trim_start_matches("terms").parse().expect("a number of terms")
+}
+
+fn entry(name: &str, fitted: &Fitted<SindyReport>) -> Entry {
     let report = fitted.report.to_json();
     let mut entry = Entry::new(name);
     entry.model(&fitted.model);
@@ -102,9 +107,9 @@ fn entry(name: &str, fitted: &SindyFitted) -> Entry {
     if !report["parameters"].as_array().is_none_or(Vec::is_empty) {
         entry.told("parameters", &report, "parameters/*/value");
     }
-    if !fitted.front.is_empty() {
-        let front: String = fitted.front.iter().map(|(_, model)| bare(model)).collect();
-        entry.numbers("front", fitted.front.iter().map(|(terms, _)| *terms as f64));
+    if !fitted.rivals.is_empty() {
+        let front: String = fitted.rivals.iter().map(|rival| bare(&rival.model)).collect();
+        entry.numbers("front", fitted.rivals.iter().map(terms));
         entry.hash("models of the front", front.as_bytes());
     }
     entry

@@ -1,6 +1,6 @@
 //! `fit sparse`.
 
-use fleetfoot::{Logs, Recipe, Silent, SparseFitted, SparseRequest, fit_sparse};
+use fleetfoot::{FitReport, FitRequest, Fitted, Logs, Recipe, Silent, Sparse, SparseReport};
 
 use super::{
     book::{Entry, check},
@@ -58,10 +58,10 @@ const CASES: [Case; 12] = [
     ("plain equations by the extended criterion", PLAIN, "[sparse]\nselect = \"ebic\"\n"),
 ];
 
-fn fit(name: &str, text: &str, request: &SparseRequest, logs: impl Into<Logs>) -> Vec<SparseFitted> {
+fn fit(name: &str, text: &str, request: &FitRequest, logs: impl Into<Logs>) -> Vec<Fitted<SparseReport>> {
     let logs = logs.into();
     let of = |recipe: &Recipe| {
-        let fitted = fit_sparse(recipe, request, &logs, &Silent);
+        let fitted = fleetfoot::fit_all::<Sparse>(recipe, request, &logs, &Silent);
         fitted.unwrap_or_else(|error| panic!("{name}: {error}"))
     };
     let fitted = of(&recipe(text));
@@ -69,7 +69,7 @@ fn fit(name: &str, text: &str, request: &SparseRequest, logs: impl Into<Logs>) -
     fitted
 }
 
-fn entry(name: &str, fitted: &SparseFitted) -> Entry {
+fn entry(name: &str, fitted: &Fitted<SparseReport>) -> Entry {
     let report = fitted.report.to_json();
     let mut entry = Entry::new(name);
     entry.model(&fitted.model);
@@ -85,7 +85,7 @@ fn entry(name: &str, fitted: &SparseFitted) -> Entry {
 
 fn from_logs((name, structure, text): &Case) -> Entry {
     let all = format!("{structure}\n{text}");
-    let fitted = fit(name, &all, &SparseRequest::default(), &logs("flight", 0..6));
+    let fitted = fit(name, &all, &FitRequest::default(), &logs("flight", 0..6));
     let mut entry = entry(name, &fitted[0]);
     if *structure == PLAIN {
         entry.score(&fitted[0].model, &logs("flight", 6..7));
@@ -101,15 +101,15 @@ fn within_limits() -> Entry {
         .replace("\"v^3\"],", "\"v^3\"], signs = \"+\",");
     assert!(text.contains("at_most") && text.contains("signs"));
     let text = format!("{text}\n[sparse]\nlambda = \"1e-3\"\n");
-    let fitted = fit("limits", &text, &SparseRequest::default(), &logs("flight", 0..6));
+    let fitted = fit("limits", &text, &FitRequest::default(), &logs("flight", 0..6));
     entry("limits at every row", &fitted[0])
 }
 
 /// A model a label, and what each episode does to it.
 fn by_label() -> Vec<Entry> {
-    let request = SparseRequest { by: Some("weather".to_owned()), influence: true, ..SparseRequest::default() };
+    let request = FitRequest { by: Some("weather".to_owned()), influence: true, ..FitRequest::default() };
     let fitted = fit("labels", &format!("{STRUCTURE}\n[sparse]\nlambda = \"1e-3\"\n"), &request, &logs("flight", 0..6));
-    let of = |found: &SparseFitted| {
+    let of = |found: &Fitted<SparseReport>| {
         let report = found.report.to_json();
         let mut entry = entry(&format!("weather {}", found.value.as_deref().unwrap_or_default()), found);
         entry.told("Cook's distances", &report, "influence/episodes/*/cooks_distance");
@@ -123,8 +123,8 @@ fn from_statistic() -> Vec<Entry> {
     let file = scanned(STRUCTURE, &logs("flight", 0..6));
     let mut statistic = Entry::new("the statistic");
     statistic.statistic(&file);
-    let fitted = fit("statistic", STRUCTURE, &SparseRequest::default(), Logs::of_statistic(file.into()));
-    let rows = fit("logs", STRUCTURE, &SparseRequest::default(), &logs("flight", 0..6));
+    let fitted = fit("statistic", STRUCTURE, &FitRequest::default(), Logs::of_statistic(file.into()));
+    let rows = fit("logs", STRUCTURE, &FitRequest::default(), &logs("flight", 0..6));
     assert!(fitted[0].model.to_json() == rows[0].model.to_json(), "the statistic gives another model than the logs");
     vec![statistic, entry("from a statistic", &fitted[0])]
 }

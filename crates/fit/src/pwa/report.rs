@@ -1,59 +1,36 @@
-//! The report of a piecewise-affine fit.
+//! What a piecewise-affine fit found, for people and for programs.
 
-use fleetfoot_pwa::{Continuity, Score};
-use serde::{Serialize, Serializer};
+use fleetfoot_dataset::json::report;
+use fleetfoot_pwa::{Continuity, Identification, Score};
+use serde::Serialize;
 use serde_json::Value;
 
-use super::{Interval, report};
 use crate::{
-    bounded_maps::BoundedMaps,
-    objective::Refinement,
-    pwa::Fitted,
-    rollout_choice::{RolloutCandidate, RolloutChoice},
-    words::interval_in_words,
+    bounded_maps::BoundedMaps, json::Interval, method::FitReport, summary::FitSummary, words::interval_in_words,
 };
 
-impl Serialize for RolloutChoice {
-    /// What was compared, and what was taken.
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        #[derive(Serialize)]
-        struct Choice<'a> {
-            horizon: usize,
-            folds: usize,
-            starts: usize,
-            chosen: usize,
-            candidates: Vec<Compared<'a>>,
-        }
-        #[derive(Serialize)]
-        struct Compared<'a> {
-            #[serde(flatten)]
-            candidate: &'a RolloutCandidate,
-            error_over_persistence: f64,
-        }
-        let compared = |candidate| Compared { candidate, error_over_persistence: RolloutCandidate::error(candidate) };
-        Choice {
-            horizon: self.rule.horizon,
-            folds: self.rule.folds,
-            starts: self.rule.starts,
-            chosen: self.chosen,
-            candidates: self.candidates.iter().map(compared).collect(),
-        }
-        .serialize(serializer)
-    }
+/// What a piecewise-affine fit found.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct PwaReport {
+    /// The model, its rivals, and their scores.
+    pub identification: Identification,
+    /// What the reports of all methods say.
+    pub summary: FitSummary,
 }
 
-impl Fitted {
-    /// Scores and candidates for programs.
-    pub fn to_json(&self) -> Value {
+impl FitReport for PwaReport {
+    fn summary(&self) -> &FitSummary {
+        &self.summary
+    }
+
+    fn to_json(&self) -> Value {
         let found = &self.identification;
-        report(Told {
+        report(PwaFields {
             hash: found.model.hash(),
             rows: found.rows,
-            episodes: self.episodes,
-            files: self.files,
+            files: self.summary.files,
             effective_rows: found.effective_rows,
-            rows_at_border: found.at_border,
-            rows_incomplete: found.incomplete,
             targets: &found.targets,
             sigma: &found.sigma,
             held_out: found.held_out,
@@ -66,22 +43,17 @@ impl Fitted {
             candidates: (found.candidates.iter().enumerate())
                 .map(|(at, own)| Candidate { chosen: at == found.chosen, ..Candidate::from(own) })
                 .collect(),
-            rollouts: self.rollouts.as_ref(),
-            objective: self.refinement.as_ref(),
-            notes: &self.notes,
+            summary: &self.summary,
         })
     }
 }
 
 #[derive(Serialize)]
-struct Told<'a> {
+struct PwaFields<'a> {
     hash: String,
     rows: u64,
-    episodes: usize,
     files: usize,
     effective_rows: f64,
-    rows_at_border: u64,
-    rows_incomplete: u64,
     targets: &'a [String],
     sigma: &'a [f64],
     held_out: bool,
@@ -92,10 +64,8 @@ struct Told<'a> {
     chosen_by: Option<&'static str>,
     intervals: String,
     candidates: Vec<Candidate<'a>>,
-    rollouts: Option<&'a RolloutChoice>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    objective: Option<&'a Refinement>,
-    notes: &'a [String],
+    #[serde(flatten)]
+    summary: &'a FitSummary,
 }
 
 /// A partition that was compared.

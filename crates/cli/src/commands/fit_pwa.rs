@@ -1,0 +1,119 @@
+//! `fleetfoot fit pwa`.
+
+use fleetfoot::{BoundedCandidate, Error, FitRequest, Pwa, PwaReport, pwa::Score};
+
+use super::{Context, fit, fit::Job, flags};
+use crate::{
+    args::FitPwa,
+    table::{count, number, ratio, table, text_table},
+};
+
+pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
+    let mut recipe = flags::recipe(&arguments.data.recipe)?;
+    if let Some(partition) = &arguments.partition {
+        recipe.model.partition = Some(partition.clone());
+    }
+    if let Some(on) = &arguments.partition_on {
+        recipe.model.partition_on = Some(on.0.clone());
+    }
+    recipe.say(arguments.pwa.clone());
+    let unsaid = recipe.model.partition.is_none();
+    let mut job = Job::new(recipe, &arguments.data, &arguments.output)?;
+    job.known = true;
+    job.run::<Pwa>(FitRequest::default(), context, |fitted| to_text(&fitted[0].report), |fitted| {
+        let several = fitted[0].report.identification.candidates.len() > 1;
+        (unsaid && several).then(|| {
+            "regions of k-means were tried; --partition refined:2,5,10 looks for regions that fit the dynamics, which takes several times as long".to_owned()
+        })
+    })
+}
+
+fn to_text(report: &PwaReport) -> String {
+    let (found, summary) = (&report.identification, &report.summary);
+    let mut header = vec!["partition", "regions", "coefficients"];
+    header.extend(found.targets.iter().map(String::as_str));
+    header.extend(["Mahalanobis", "loss"]);
+    let continuous = found.candidates.iter().any(|score| score.continuity.is_some());
+    header.extend(continuous.then_some("loss apart"));
+    header.push("");
+    // What sums do not know.
+    let quadratic = found.candidates.iter().all(|score| score.over_null.iter().all(|value| value.is_nan()));
+    let mut rows: Vec<Vec<String>> = found
+        .candidates
+        .iter()
+        .enumerate()
+        .map(|(index, score)| {
+            let mut row =
+                vec![score.specification.to_string(), score.regions.to_string(), score.coefficients.to_string()];
+            row.extend(if quadratic { &score.r2 } else { &score.over_null }.iter().map(|&value| ratio(value)));
+            row.push(if quadratic { "-".into() } else { ratio(score.mahalanobis) });
+            row.push(if score.loss.is_nan() {
+                "-".into()
+            } else {
+                format!("{} +- {}", ratio(score.loss), ratio(score.standard_error))
+            });
+            if continuous {
+                row.push(score.continuity.map_or_else(|| "-".into(), |own| ratio(own.apart)));
+            }
+            let marks = [(index == found.chosen, "<- chosen"), (score.front && found.candidates.len() > 1, "front")];
+            row.push(marks.iter().filter(|(is, _)| *is).map(|(_, mark)| *mark).collect::<Vec<&str>>().join(", "));
+            row
+        })
+        .collect();
+    let mut sigma = vec!["sigma".to_owned(), String::new(), String::new()];
+    sigma.extend(found.sigma.iter().map(|&value| number(value)));
+    sigma.resize(header.len(), String::new());
+    rows.push(sigma);
+    let rollouts =
+        summary.rollouts.as_ref().map_or_else(String::new, |choice| format!("{}\n\n", fit::by_rollouts(choice)));
+    let rollouts = rollouts + &summary.refinement.as_ref().map_or_else(String::new, fit::refined_over_candidates);
+    let which = if found.held_out { "cross-validated" } else { "in-sample" };
+    let what = if quadratic { "R2" } else { "mean absolute error over the null model's" };
+    format!(
+        "{rollouts}{} rows of {} ({} independent), {} left out at borders, {} incomplete; condition {} (preconditioned {})\n\
+         {what}, {which}{}; loss: squared error over variance\n{}",
+        found.rows,
+        count(summary.episodes, "episode"),
+        number(found.effective_rows),
+        found.at_border,
+        found.incomplete,
+        number(found.condition),
+        number(found.preconditioned),
+        found.fold_rule.as_ref().map_or_else(String::new, |rule| format!(" ({rule})")),
+        table(&header, rows)
+    ) + &found.rule.map_or_else(String::new, |rule| format!("\nchosen: {rule}"))
+        + &refinement(&found.candidates[found.chosen])
+        + &continuity(&found.candidates[found.chosen])
+        + &bounded(&found.candidates, found.held_out)
+}
+
+/// What it costs that maps meet at their borders.
+fn continuity(score: &Score) -> String {
+    score.continuity.map_or_else(String::new, |own| {
+        format!(
+            "\n{}: the maps meet at {} to {} of a standard deviation, with {} free numbers a target",
+            score.specification,
+            count(own.borders, "border"),
+            number(own.jump),
+            own.numbers
+        )
+    })
+}
+
+/// How the regions of a refined partition were found.
+fn refinement(score: &Score) -> String {
+    match score.objective.as_slice() {
+        [first, .., last] => format!(
+            "\n{}: the objective fell from {first:.4} to {last:.4} in {} passes",
+            score.specification,
+            score.objective.len()
+        ),
+        _ => String::new(),
+    }
+}
+
+/// How the regions' maps are bounded, and what that costs one step ahead.
+fn bounded(candidates: &[Score], held_out: bool) -> String {
+    let tables = BoundedCandidate::tables(&BoundedCandidate::of(candidates, held_out));
+    tables.iter().map(|own| format!("\n\n{}", text_table(own))).collect()
+}

@@ -1,0 +1,222 @@
+//! The one way from logs, or from their statistic, to a model and a report of what it is worth: open, resolve, choose spans by rollouts, sum, fit the candidates,
+//! choose, refit to simulations where that is the objective, report. What differs between methods is a [`Method`].
+
+use std::sync::Arc;
+
+use fleetfoot_data::{EpisodeId, Progress, Source};
+use fleetfoot_dataset::{Logs, StatisticFile};
+use fleetfoot_model::Model;
+use fleetfoot_recipe::{Objective, Recipe};
+
+use crate::{
+    concentration,
+    error::Error,
+    folds::smoothed_rows,
+    incomplete::incomplete_rows,
+    method::{Data, FitRequest, Fitted, Method, Opened},
+    model_file::refuse_not_finite,
+    not_finite, objective,
+    objective::Refinement,
+    plan::FitPlan,
+    rollout_choice::{HeldOut, RolloutCandidate, RolloutChoice, RolloutRule, candidates, open_spans, settled, terms},
+    summary::FitSummary,
+};
+
+/// Fits a model to logs, or to one `.stats` file without a pass.
+///
+/// # Errors
+/// Those of the recipe, of reading and of solving; a question that needs rows, asked of a statistic; models by label ([`fit_all`]).
+pub fn fit<M: Method>(
+    recipe: &Recipe,
+    request: &FitRequest,
+    logs: impl Into<Logs>,
+    progress: &dyn Progress,
+) -> Result<Fitted<M::Report>, Error> {
+    if let Some(label) = &request.by {
+        return Err(Error::conflict(format!("by = {label}: a model for every value of a label is several models")));
+    }
+    let mut fitted = fit_all::<M>(recipe, request, logs, progress)?;
+    Ok(fitted.swap_remove(0))
+}
+
+/// Fits a model to logs, or to one `.stats` file without a pass; or one for every value of a label ([`FitRequest::by`]). There is one at least.
+///
+/// # Errors
+/// As [`fit`].
+pub fn fit_all<M: Method>(
+    recipe: &Recipe,
+    request: &FitRequest,
+    logs: impl Into<Logs>,
+    progress: &dyn Progress,
+) -> Result<Vec<Fitted<M::Report>>, Error> {
+    let logs = &logs.into();
+    // What is wrong with the words of the recipe is said before the pass.
+    let mut method = M::new(recipe, request)?;
+    let mut notes = Vec::new();
+    if logs.is_statistic() {
+        let file = Arc::new(logs.statistic()?);
+        let scanned = Recipe::parse(&file.recipe, "the recipe of the statistic")?;
+        let recipe = M::above(recipe, &scanned, &file, &mut notes)?;
+        method = M::new(&recipe, request)?;
+        objective::refuse_statistic(method.objective())?;
+        return of_statistic(&method, (&recipe, &scanned), &file, notes, progress);
+    }
+    match method.scan(recipe, logs, &mut notes, progress)? {
+        Some(file) => of_statistic(&method, (recipe, recipe), &Arc::new(file), notes, progress),
+        None => of_logs(method, recipe, logs, progress),
+    }
+}
+
+/// Tells what a fit would read, keep and compute. Robots' logs are not decoded for it.
+///
+/// # Errors
+/// Those of the recipe and of opening; a statistic, whose fit needs no pass.
+pub fn plan<M: Method>(
+    recipe: &Recipe,
+    request: &FitRequest,
+    logs: impl Into<Logs>,
+    progress: &dyn Progress,
+) -> Result<FitPlan, Error> {
+    M::new(recipe, request)?.plan(recipe, &logs.into(), progress)
+}
+
+fn of_logs<M: Method>(
+    mut method: M,
+    recipe: &Recipe,
+    logs: &Logs,
+    progress: &dyn Progress,
+) -> Result<Vec<Fitted<M::Report>>, Error> {
+    let (dataset, task) = method.open(&settled(recipe, None), logs, progress)?;
+    let mut opened = Opened { recipe: method.carried(recipe, None), task, dataset };
+    let mut rollouts = None;
+    if let Some(rule) = method.rollouts() {
+        let choice = by_rollouts(&method, recipe, &opened, rule, progress)?;
+        let chosen = &choice.candidates[choice.chosen];
+        opened.task = method.with_span(recipe, &opened.task, chosen.over);
+        opened.recipe = method.carried(recipe, chosen.over);
+        method.take(choice.chosen);
+        rollouts = Some(choice);
+    }
+    let mut notes = Vec::new();
+    let sums = method.sum_logs(&mut opened, logs, &mut notes, progress)?;
+    let Opened { recipe, task, dataset } = &opened;
+    let view = dataset.view()?;
+    let split = method.split(&view, dataset.step())?;
+    let (rows, kept): (&dyn Source, Option<&dyn Source>) = match &split {
+        Some([train, test]) => (train, Some(test)),
+        None => (&view, None),
+    };
+    let step = dataset.step() * method.every() as f64;
+    let data = Data { recipe, task, rows: Some(rows), kept, step };
+    let found = method
+        .find(data, &sums, &mut notes, progress)
+        .map_err(|error| not_finite::with_reasons(error, dataset, method.expressions(task)))?;
+    let named = |id: EpisodeId| dataset.episodes().iter().find(|own| own.id == id).map(|own| own.name.clone());
+    let mut fitted = Vec::with_capacity(found.len());
+    for mut found in found {
+        refuse_not_finite(M::model(&found))?;
+        let refinement = refined(&method, data, &sums, &mut found, progress)?;
+        let facts = method.facts(data, &sums, &found);
+        let mut said = dataset.notes().to_vec();
+        said.extend(notes.iter().cloned());
+        let incomplete = facts.left_out.get(1).copied().unwrap_or(0);
+        said.extend(incomplete_rows(incomplete, dataset, method.expressions(task))?);
+        said.extend(concentration::notes(&facts.concentrated, named));
+        said.extend(objective::note(method.objective(), refinement.as_ref()));
+        let summary = FitSummary {
+            episodes: facts.episodes,
+            files: logs.len(),
+            left_out: facts.left_out,
+            rollouts: rollouts.clone(),
+            refinement,
+            notes: said,
+        };
+        fitted.push(method.report(data, &sums, found, summary, progress)?);
+    }
+    Ok(fitted)
+}
+
+/// The same from the sums of a statistic, whose scan had a recipe of its own.
+fn of_statistic<M: Method>(
+    method: &M,
+    (recipe, scanned): (&Recipe, &Recipe),
+    file: &Arc<StatisticFile>,
+    mut notes: Vec<String>,
+    progress: &dyn Progress,
+) -> Result<Vec<Fitted<M::Report>>, Error> {
+    let (task, sums) = method.of_statistic(recipe, scanned, file, &mut notes, progress)?;
+    let data = Data { recipe, task: &task, rows: None, kept: None, step: file.step() };
+    let named = |id: EpisodeId| file.episode(id).map(|episode| episode.name.clone());
+    let mut fitted = Vec::new();
+    for found in method.find(data, &sums, &mut notes, progress)? {
+        refuse_not_finite(M::model(&found))?;
+        let facts = method.facts(data, &sums, &found);
+        let mut said = notes.clone();
+        said.extend(concentration::notes(&facts.concentrated, named));
+        let summary = FitSummary {
+            episodes: facts.episodes,
+            files: file.files.len(),
+            left_out: facts.left_out,
+            notes: said,
+            ..FitSummary::default()
+        };
+        fitted.push(method.report(data, &sums, found, summary, progress)?);
+    }
+    Ok(fitted)
+}
+
+/// Compares candidates and open spans by rollouts: for every span all trials are fitted to the training rows of every fold.
+fn by_rollouts<M: Method>(
+    method: &M,
+    recipe: &Recipe,
+    opened: &Opened<M::Task>,
+    rule: RolloutRule,
+    progress: &dyn Progress,
+) -> Result<RolloutChoice, Error> {
+    let view = opened.dataset.view()?;
+    let step = opened.dataset.step();
+    let option = if open_spans(recipe).is_empty() { "--select rollout" } else { "over = \"auto\"" };
+    let held = HeldOut::new((&view, smoothed_rows(recipe.time.smoothed, step)), rule, option)?;
+    let mut compared = Vec::new();
+    for over in candidates(recipe) {
+        let task = method.with_span(recipe, &opened.task, over);
+        let (mut names, mut sizes) = (Vec::new(), Vec::new());
+        let errors = held.errors(progress, |train| {
+            let data = Data { recipe, task: &task, rows: Some(train), kept: None, step };
+            let (own, models): (Vec<String>, Vec<Model>) = method.trials(data, progress)?.into_iter().unzip();
+            sizes.resize(models.len(), 0);
+            sizes.iter_mut().zip(&models).for_each(|(size, model)| *size = terms(model).max(*size));
+            names = own;
+            Ok(models)
+        })?;
+        compared.extend(names.into_iter().zip(sizes).zip(errors).map(|((partition, size), folds)| RolloutCandidate {
+            partition,
+            over,
+            size,
+            folds,
+        }));
+    }
+    RolloutChoice::new(rule, compared)
+}
+
+/// Fits the chosen model to simulations where that is the objective, and takes what comes of it where it is the better one.
+fn refined<M: Method>(
+    method: &M,
+    data: Data<'_, M::Task>,
+    sums: &M::Sums,
+    found: &mut M::Found,
+    progress: &dyn Progress,
+) -> Result<Option<Refinement>, Error> {
+    let (objective, Some(rows)) = (method.objective(), data.rows) else { return Ok(None) };
+    if objective == Objective::OneStep {
+        return Ok(None);
+    }
+    let smoothed = smoothed_rows(data.recipe.time.smoothed, data.step);
+    let beginning = method.beginning(data, found)?;
+    let again = |train: &dyn Source| method.again(Data { rows: Some(train), kept: None, ..data }, found, progress);
+    let mut refinement = objective::refine(objective, &beginning, (rows, smoothed), progress, again)?;
+    if let Some(refinement) = &mut refinement {
+        method.refine(data, sums, found, refinement)?;
+    }
+    Ok(refinement)
+}

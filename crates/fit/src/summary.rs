@@ -1,0 +1,26 @@
+//! What the reports of all methods say.
+
+use serde::Serialize;
+
+use crate::{objective::Refinement, rollout_choice::RolloutChoice, serialize};
+
+/// What the reports of all methods say.
+#[derive(Debug, Clone, Default, Serialize)]
+#[non_exhaustive]
+pub struct FitSummary {
+    /// Episodes, or parts of them, that trained.
+    pub episodes: usize,
+    /// Files.
+    #[serde(skip)]
+    pub files: usize,
+    /// Rows left out: at the border of an episode, with a missing value and, where there are regions, in none of them.
+    #[serde(flatten, serialize_with = "serialize::left_out")]
+    pub left_out: Vec<u64>,
+    /// How open spans and candidates were chosen by rollouts, where they were.
+    pub rollouts: Option<RolloutChoice>,
+    /// The fit to simulations, where it was asked for.
+    #[serde(rename = "objective", skip_serializing_if = "Option::is_none")]
+    pub refinement: Option<Refinement>,
+    /// What the user should know.
+    pub notes: Vec<String>,
+}
