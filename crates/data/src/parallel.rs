@@ -30,7 +30,7 @@ pub trait Progress: Sync {
 }
 
 /// Work that lies ahead, by a rough count: the same input has the same count on every machine.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Work {
     /// Multiplications, about.
     pub operations: f64,

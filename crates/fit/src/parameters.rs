@@ -104,7 +104,6 @@ impl Method for Parameters {
     }
 
     fn plan(&self, recipe: &Recipe, logs: &Logs, progress: &dyn Progress) -> Result<FitPlan, Error> {
-        refuse_a_statistic(logs)?;
         let (dataset, task) = Dataset::for_parameters(recipe, logs, progress)?;
         let (rows, parameters) = (dataset.rows(), task.parameters.len());
         let states = task.known.columns.iter().filter(|column| column.role == Role::State).count();
@@ -120,6 +119,7 @@ impl Method for Parameters {
             regions: 1,
             passes: PASSES * (1 + self.options.folds),
             simulations: self.simulations(),
+            smoothing: None,
             memory: 8 * rows * (states + 1) * (1 + parameters),
             work: Work {
                 operations: (PASSES * (1 + self.options.folds)) as f64
@@ -222,10 +222,6 @@ const PASSES: usize = 20;
 
 fn no_rows() -> Error {
     Error::needs_rows("fit parameters goes over the rows of logs, and a statistic has none: give the logs".into())
-}
-
-fn refuse_a_statistic(logs: &Logs) -> Result<(), Error> {
-    if logs.is_statistic() { Err(no_rows()) } else { Ok(()) }
 }
 
 /// What is found without limits, as far as anything is.

@@ -70,14 +70,19 @@ pub fn fit_all<M: Method>(
 /// Tells what a fit would read, keep and compute. Robots' logs are not decoded for it.
 ///
 /// # Errors
-/// Those of the recipe and of opening; a statistic, whose fit needs no pass.
+/// Those of the recipe and of opening.
 pub fn plan<M: Method>(
     recipe: &Recipe,
     request: &FitRequest,
     logs: impl Into<Logs>,
     progress: &dyn Progress,
 ) -> Result<FitPlan, Error> {
-    M::new(recipe, request)?.plan(recipe, &logs.into(), progress)
+    let logs = &logs.into();
+    let method = M::new(recipe, request)?;
+    match logs.is_statistic() {
+        true => Ok(FitPlan::of_statistic(&logs.statistic()?)),
+        false => method.plan(recipe, logs, progress),
+    }
 }
 
 fn of_logs<M: Method>(

@@ -1,13 +1,13 @@
 //! What a fit would read, keep and compute: told before it begins.
 
 use fleetfoot_data::Work;
-use fleetfoot_dataset::ReadPlan;
+use fleetfoot_dataset::{ReadPlan, StatisticFile};
 use serde::Serialize;
 
 use crate::serialize;
 
 /// What a fit would read, keep and compute.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Default, Serialize)]
 #[non_exhaustive]
 pub struct FitPlan {
     /// What its passes would read.
@@ -24,6 +24,9 @@ pub struct FitPlan {
     /// What a fit to simulations takes beside them, where that is the objective; in words.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub simulations: Option<String>,
+    /// Bytes that rows in memory may take beside, where states may be smoothed, at most.
+    #[serde(rename = "smoothing_bytes", skip_serializing_if = "Option::is_none")]
+    pub smoothing: Option<usize>,
     /// Bytes that statistics and rows in memory take, about.
     #[serde(rename = "memory_bytes")]
     pub memory: usize,
@@ -33,5 +36,16 @@ pub struct FitPlan {
     /// What the method has to say beside, in sentences.
     pub details: Vec<String>,
     /// What was assumed or left out.
+    #[serde(skip)]
     pub notes: Vec<String>,
+}
+
+impl FitPlan {
+    /// Of a statistic, which no pass over rows is needed for.
+    pub(crate) fn of_statistic(file: &StatisticFile) -> Self {
+        let mut reading = ReadPlan::default();
+        (reading.files, reading.episodes) = (1, Some(file.episodes.len()));
+        reading.rows = file.scanned.counts().complete as usize;
+        Self { reading, details: vec![format!("{} chunks of rows were summed", file.chunks())], ..Self::default() }
+    }
 }

@@ -101,6 +101,7 @@ impl Method for Pwa {
             regions: partitions.iter().map(|own| own.clusters().unwrap_or(1)).max().unwrap_or(1),
             passes: cost.passes + choice_passes + usize::from(centres > 0),
             simulations: self.simulations(),
+            smoothing: None,
             memory: cost.bytes,
             work: work(&task.problem, &cost),
             details,

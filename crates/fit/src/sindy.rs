@@ -128,13 +128,15 @@ impl Method for Sindy {
             let names: Vec<&str> = task.parameters.iter().map(|parameter| parameter.name.as_str()).collect();
             details.push(format!("estimated first, a pass a step: {}", names.join(", ")));
         }
-        if smoothed::may_apply(options.smooth_states, &task, recipe, regions > 1, reading.rows) {
-            let mebibytes = SmoothingOptions::default().memory / f64::from(1 << 20);
-            details.push(format!(
+        let smoothing = smoothed::may_apply(options.smooth_states, &task, recipe, regions > 1, reading.rows)
+            .then(|| SmoothingOptions::default().memory as usize);
+        details.extend(smoothing.map(|bytes| {
+            format!(
                 "states are smoothed where --smooth-states asks for it, or noise is more than a fifth of what differences vary by: some hundred passes over rows in \
-                 memory, {mebibytes:.0} MiB of it at most"
-            ));
-        }
+                 memory, {} MiB of it at most",
+                bytes >> 20
+            )
+        }));
         Ok(FitPlan {
             equations: task.fitted.iter().map(|equation| equation.label.clone()).collect(),
             candidates,
@@ -143,6 +145,7 @@ impl Method for Sindy {
             simulations: self.simulations(),
             memory: SystemPlan::memory(&task.system(), regions, reading.rows),
             work: work::work(options, candidates, equations, regions, options.folds.expected(reading.episodes)),
+            smoothing,
             details,
             reading,
             notes,

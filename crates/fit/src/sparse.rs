@@ -105,6 +105,7 @@ impl Method for Sparse {
             regions: 1,
             passes: 1,
             simulations: self.simulations(),
+            smoothing: None,
             memory: plan.bytes,
             work: self.options.planned_work(coefficients, plan.reading.episodes),
             details: vec![format!("latents and their functions: {latents}"), chunks],

@@ -75,7 +75,7 @@ Examples:
   fleetfoot fit sindy log.csv --states x,y,z --degree 3
   fleetfoot fit sindy log.csv --states x,y,z --library 'poly(3),sin' --threshold 0.5
   fleetfoot fit sindy run.stats --partition kmeans:5
-  fleetfoot fit sindy -c motor.toml runs/ --front --keep-front";
+  fleetfoot fit sindy -c motor.toml runs/ --front --keep-all";
 
 pub(crate) const FIT_NARX: &str = "\
 Examples:

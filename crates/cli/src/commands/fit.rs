@@ -165,16 +165,19 @@ struct ByValue<'a> {
 fn plan_text(plan: &FitPlan) -> String {
     let some: Vec<&str> = plan.equations.iter().take(SHOWN).map(String::as_str).collect();
     let more = if plan.equations.len() > some.len() { ", ..." } else { "" };
-    let mut lines = vec![
-        reading(&plan.reading, 0),
-        format!("fitted: {}{more}", some.join(", ")),
-        format!(
-            "{}, {}, {} over the rows",
-            count(plan.candidates, "candidate function"),
-            count(plan.regions, "region"),
-            count(plan.passes, "pass")
-        ),
-    ];
+    let mut lines = vec![reading(&plan.reading, 0)];
+    if plan.passes == 0 {
+        lines.push("no pass over rows".to_owned());
+        lines.extend_from_slice(&plan.details);
+        return lines.join("\n");
+    }
+    lines.push(format!("fitted: {}{more}", some.join(", ")));
+    let passes = if plan.passes == 1 { "one pass".to_owned() } else { format!("{} passes", plan.passes) };
+    lines.push(format!(
+        "{}, {}, {passes} over the rows",
+        count(plan.candidates, "candidate function"),
+        count(plan.regions, "region")
+    ));
     lines.extend(plan.details.iter().chain(&plan.simulations).cloned());
     lines.push(format!("about {} of memory", bytes(plan.memory as u64)));
     lines.join("\n")

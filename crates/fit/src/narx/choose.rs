@@ -43,6 +43,8 @@ pub(crate) struct Chosen {
     /// Candidates of the order.
     pub(crate) candidates: usize,
     pub(crate) how: How,
+    /// The other models of the front, where they are wanted.
+    pub(crate) rivals: Vec<Chosen>,
 }
 
 /// How it was chosen.
@@ -135,7 +137,7 @@ impl Fit<'_> {
         };
         let trails = Trails::new(&Problems::all(&whole, regions.as_ref()), columns, rule, by)?;
         let terms = trails.terms(terms.filter(|_| rule != TermRule::All));
-        Ok(Chosen { partition: 0, order, task: task.task, whole, regions, terms, candidates, how })
+        Ok(Chosen { partition: 0, order, task: task.task, whole, regions, terms, candidates, how, rivals: Vec::new() })
     }
 
     /// Simulations of spans that did not train decide.
@@ -212,7 +214,7 @@ impl Fit<'_> {
             tried: all,
             orders: None,
         };
-        self.written(&tried[at], &partitions[tried[at].candidate.partition], how, progress)
+        self.with_rivals(&tried, at, partitions, how, progress)
     }
 
     /// One-step errors of several partitions and orders decide, of one scan a partition.
@@ -275,7 +277,7 @@ impl Fit<'_> {
             tried: all,
             ..How::default()
         };
-        self.written(&tried[at], &partitions[tried[at].candidate.partition], how, progress)
+        self.with_rivals(&tried, at, partitions, how, progress)
     }
 
     /// Refuses orders that the rows cannot carry before anything is simulated: the lags alone say which rows there are.
@@ -287,6 +289,30 @@ impl Fit<'_> {
         let lags = self.base.with(&[NarxOrder { degree: 1, ..order }])?;
         let whole = self.scan(&lags.task, None, progress)?;
         self.check(&whole, self.base.candidates(order))
+    }
+
+    /// The chosen model, and the others of the front where they are wanted.
+    fn with_rivals(
+        &self,
+        tried: &[Tried],
+        at: usize,
+        partitions: &[Choice],
+        how: How,
+        progress: &dyn Progress,
+    ) -> Result<Chosen, Error> {
+        let written = |at: usize, how| {
+            let own: &Tried = &tried[at];
+            self.written(own, &partitions[own.candidate.partition], how, progress)
+        };
+        let front: Vec<usize> = match self.rivals {
+            true => (0..tried.len()).filter(|&other| other != at && how.tried[other].front).collect(),
+            false => Vec::new(),
+        };
+        let mut chosen = written(at, how)?;
+        for other in front {
+            chosen.rivals.push(written(other, How::default())?);
+        }
+        Ok(chosen)
     }
 
     /// A model that was tried, on all rows that train: those that lack none of its own lags.
@@ -315,7 +341,8 @@ impl Fit<'_> {
         };
         let order = tried.candidate.order;
         let candidates = tried.task.library.columns(order).len();
-        Ok(Chosen { partition: tried.candidate.partition, order, task, whole, regions, terms, candidates, how })
+        let partition = tried.candidate.partition;
+        Ok(Chosen { partition, order, task, whole, regions, terms, candidates, how, rivals: Vec::new() })
     }
 
     /// One-step errors decide, from one statistic.

@@ -29,7 +29,7 @@ use crate::{
     error::Error,
     folds::smoothed_rows,
     incomplete::in_no_region,
-    method::{Data, FitRequest, Fitted, Method, RowFacts},
+    method::{Data, FitRequest, Fitted, Method, Rival, RowFacts},
     objective::{Beginning, Refinement, coefficient},
     plan::FitPlan,
     sindy::coefficients_of,
@@ -43,6 +43,8 @@ pub struct Narx {
     options: NarxOptions,
     /// Files to run the model on that did not train it.
     free_run: Logs,
+    /// Whether the models of the front are wanted.
+    rivals: bool,
 }
 
 /// The statistic that an autoregression is fitted to.
@@ -56,6 +58,7 @@ pub struct Found {
     chosen: Chosen,
     partition: Choice,
     model: Model,
+    rivals: Vec<Rival>,
     provenance: Provenance,
 }
 
@@ -67,7 +70,7 @@ impl Method for Narx {
     type Found = Found;
 
     fn new(recipe: &Recipe, request: &FitRequest) -> Result<Self, Error> {
-        Ok(Self { options: NarxOptions::new(recipe)?, free_run: request.free_run.clone() })
+        Ok(Self { options: NarxOptions::new(recipe)?, free_run: request.free_run.clone(), rivals: request.rivals })
     }
 
     fn plan(&self, recipe: &Recipe, logs: &Logs, progress: &dyn Progress) -> Result<FitPlan, Error> {
@@ -106,6 +109,7 @@ impl Method for Narx {
             regions,
             passes: 1 + options.partitions.len(),
             simulations: self.simulations(),
+            smoothing: None,
             memory: SystemPlan::memory(&base.with(&[order])?.task.system(), regions, rows),
             work: Work {
                 operations: looked.unwrap_or(own * outputs as f64),
@@ -176,7 +180,14 @@ impl Method for Narx {
             Some(sums) => Evidence::Sums(sums),
             None => Evidence::Rows(data.rows()?),
         };
-        let fit = Fit { recipe: data.recipe, options: &options, base: data.task, evidence, step: data.step };
+        let fit = Fit {
+            recipe: data.recipe,
+            options: &options,
+            base: data.task,
+            evidence,
+            step: data.step,
+            rivals: self.rivals,
+        };
         Ok(vec![fit.find(notes, progress)?])
     }
 
@@ -188,7 +199,7 @@ impl Method for Narx {
     fn again(&self, data: Data<'_, NarxBase>, found: &Found, progress: &dyn Progress) -> Result<Beginning, Error> {
         let order = OrderRule::Fixed(found.chosen.order);
         let options = NarxOptions { order, objective: Objective::OneStep, ..self.options.clone() };
-        let again = Self { options, free_run: Logs::default() };
+        let again = Self { options, free_run: Logs::default(), rivals: false };
         let mut models = again.trials(data, progress)?;
         Ok((models.swap_remove(0).1, None))
     }
@@ -231,7 +242,7 @@ impl Method for Narx {
         progress: &dyn Progress,
     ) -> Result<Fitted<NarxReport>, Error> {
         progress.stage("scores");
-        let Found { chosen, partition, model, .. } = found;
+        let Found { chosen, partition, model, rivals, .. } = found;
         let train = match data.rows {
             Some(rows) => Some(scores(&model, rows, progress)?.ok_or_else(|| too_short(rows))?),
             None => None,
@@ -281,7 +292,7 @@ impl Method for Narx {
             files,
             summary,
         };
-        Ok(Fitted { value: None, model, rivals: Vec::new(), report })
+        Ok(Fitted { value: None, model, rivals, report })
     }
 }
 
@@ -301,15 +312,26 @@ impl Fit<'_> {
         let mut partitions = self.partitions(notes, progress)?;
         let chosen = self.choose(&partitions, progress)?;
         notes.extend(start_note(&self.options.partitions, &partitions[chosen.partition]));
+        let rivals = chosen.rivals.iter().map(|own| {
+            let model = self.model_of(own, &partitions[own.partition]);
+            let coefficients = model.latents.iter().map(|latent| latent.map.parameters()).sum::<usize>();
+            Rival { name: format!("coefficients{coefficients}"), model }
+        });
+        let rivals = rivals.collect();
         let partition = partitions.swap_remove(chosen.partition);
         if let Some(own) = &partition.partition {
             let scan = chosen.regions.as_ref().unwrap_or(&chosen.whole);
             notes.extend(in_no_region(&own.specification, scan, chosen.whole.counts().complete));
         }
+        let provenance = self.provenance(partition.partition.as_ref(), partition.seed);
+        let model = self.model_of(&chosen, &partition);
+        Ok(Found { chosen, partition, model, rivals, provenance })
+    }
+
+    fn model_of(&self, chosen: &Chosen, partition: &Choice) -> Model {
         let coefficients = coefficients(&chosen.terms, chosen.task.candidates());
         let provenance = self.provenance(partition.partition.as_ref(), partition.seed);
-        let model = chosen.model(&partition, &coefficients, provenance.clone());
-        Ok(Found { chosen, partition, model, provenance })
+        chosen.model(partition, &coefficients, provenance)
     }
 }
 

@@ -174,7 +174,14 @@ mod tests {
         let options = NarxOptions::new(&recipe).unwrap();
         let task = EquationTask::resolve(&one_row_ahead(&recipe, &options).unwrap(), source.columns()).unwrap();
         let base = NarxBase::new(task, &recipe).unwrap();
-        let fit = Fit { recipe: &recipe, options: &options, base: &base, evidence: Evidence::Rows(&source), step: 1.0 };
+        let fit = Fit {
+            recipe: &recipe,
+            options: &options,
+            base: &base,
+            evidence: Evidence::Rows(&source),
+            step: 1.0,
+            rivals: false,
+        };
         let mut notes = Vec::new();
         let partitions = fit.partitions(&mut notes, &Silent).unwrap();
         assert!(notes.is_empty(), "{notes:?}");

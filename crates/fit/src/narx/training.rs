@@ -17,6 +17,8 @@ pub(crate) struct Fit<'a> {
     /// The rows that train, or their sums.
     pub(crate) evidence: Evidence<'a>,
     pub(crate) step: f64,
+    /// Whether the other models of the front are wanted.
+    pub(crate) rivals: bool,
 }
 
 impl Fit<'_> {
