@@ -35,6 +35,7 @@ const ARROWS: [(&str, &[&str]); 29] = [
         "fleetfoot-dataset",
         &["data", "library", "stats", "model", "signal", "log", "output", "sums", "pwa", "recipe", "task"],
     ),
+    ("fleetfoot-check", &["data", "stats", "log", "recipe", "dataset"]),
     ("fleetfoot-prepare", &["data", "library", "model", "signal", "output", "recipe", "task", "dataset"]),
     (
         "fleetfoot-fit",
@@ -69,8 +70,8 @@ const ARROWS: [(&str, &[&str]); 29] = [
         "fleetfoot",
         &[
             "data", "library", "stats", "model", "dynamics", "control", "codegen", "message", "signal", "output",
-            "log", "sums", "pwa", "sparse", "estimate", "sim", "report", "recipe", "task", "dataset", "prepare", "fit",
-            "run", "page", "synth",
+            "log", "sums", "pwa", "sparse", "estimate", "sim", "report", "recipe", "task", "dataset", "check",
+            "prepare", "fit", "run", "page", "synth",
         ],
     ),
     ("fleetfoot-cli", &["fleetfoot"]),

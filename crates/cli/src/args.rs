@@ -1,5 +1,6 @@
 //! Arguments.
 
+mod check;
 mod control;
 mod examples;
 mod export;
@@ -16,6 +17,7 @@ mod tools;
 
 use std::{path::PathBuf, sync::Arc};
 
+pub(crate) use check::Check;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 pub(crate) use control::{Control, ControlLqr};
 pub(crate) use export::{Export, ExportMethod, ExportPrecision, ExportTo};
@@ -63,6 +65,9 @@ pub(crate) enum Command {
     /// Tell what files hold: columns, rows, rates, gaps.
     #[command(after_help = examples::INFO)]
     Info(Info),
+    /// Tell what is wrong with logs before anything is fitted: stamps, dead and stuck channels, units, delays; each with what mends it.
+    #[command(after_help = examples::CHECK)]
+    Check(Check),
     /// Write a commented recipe for a file, to be edited.
     #[command(after_help = examples::INIT)]
     Init(Init),

@@ -85,7 +85,7 @@ impl Method for Pwa {
         let choice_passes = options.rollouts.map_or(0, |rule| PASSES * rule.folds * spans);
         details.extend(options.rollouts.map(|RolloutRule { horizon, folds, starts }| {
             format!(
-                "{choice_passes} of the passes choose by rollouts: {} x {folds} x {starts} of {horizon} steps at most",
+                "{choice_passes} of the passes are for the choice: {} x {folds} x {starts} rollouts of {horizon} steps at most",
                 spans * partitions.len()
             )
         }));

@@ -26,6 +26,8 @@
 pub struct RustPage;
 
 #[doc(inline)]
+pub use fleetfoot_check::{ChannelSummary, Checked, Fault, Finding, check};
+#[doc(inline)]
 pub use fleetfoot_dataset::{
     ColumnRecord, ContentHash, Dataset, EpisodeRecord, EquationGroup, EquationStatistic, FileRecord, Logs, NoRotation,
     ReadPlan, Sizes, StatisticError, StatisticFile, UnitRotations, clocks, folder, is_statistic,

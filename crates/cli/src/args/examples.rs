@@ -20,6 +20,11 @@ Examples:
   fleetfoot info run.mcap
   fleetfoot info runs/ --values";
 
+pub(crate) const CHECK: &str = "\
+Examples:
+  fleetfoot check run.mcap
+  fleetfoot check runs/ -c robot.toml --strict";
+
 pub(crate) const INIT: &str = "\
 Examples:
   fleetfoot init run.mcap

@@ -1,0 +1,135 @@
+//! What is wrong with logs before anything is fitted: stamps that jitter, channels that are dead, stuck or saturated, units that cannot be, delays between channels.
+//!
+//! [`check`] reads the rows once and a bounded sample of them for what needs pairs of channels. Each [`Finding`] has the fault, its place, the number that shows it,
+//! and the command that mends it.
+
+mod channel;
+mod finding;
+mod names;
+mod related;
+mod sample;
+mod stamps;
+
+use fleetfoot_data::{Column, ColumnKind, Progress, Source};
+use fleetfoot_dataset::{Dataset, Error, Logs};
+use fleetfoot_log::{FileInfo, inspect_together};
+use fleetfoot_recipe::{Kind, Recipe, starter_recipe};
+use serde::Serialize;
+
+pub use crate::{
+    channel::ChannelSummary,
+    finding::{Fault, Finding},
+};
+use crate::{channel::Channels, sample::Sample};
+
+/// What was found in logs.
+#[derive(Debug, Clone, Serialize)]
+#[non_exhaustive]
+pub struct Checked {
+    /// Files.
+    pub files: usize,
+    /// Episodes.
+    pub episodes: usize,
+    /// Rows.
+    pub rows: usize,
+    /// Sampling period, seconds; 0 without a clock.
+    pub period: f64,
+    /// The channels that were looked at: states and inputs of the recipe, else all columns.
+    pub channels: Vec<ChannelSummary>,
+    /// What is wrong, the most serious first.
+    pub findings: Vec<Finding>,
+    /// What was assumed or left out.
+    pub notes: Vec<String>,
+}
+
+/// What a recipe says of a channel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Part {
+    /// A state.
+    State,
+    /// An input.
+    Input,
+    /// Neither, or not known.
+    Open,
+}
+
+/// A channel that is looked at.
+#[derive(Debug, Clone)]
+pub(crate) struct Channel {
+    pub(crate) column: Column,
+    pub(crate) part: Part,
+    /// Whether the recipe says that it is an angle.
+    pub(crate) angle: bool,
+}
+
+/// Channels that are looked at, at most: what relates them grows with the square.
+const MOST: usize = 512;
+
+/// Looks at logs through a recipe; without states in it, at all columns of tables, and at what a draft proposes of robots' logs.
+///
+/// # Errors
+/// Those of the recipe and of reading.
+pub fn check(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) -> Result<Checked, Error> {
+    let logs = &logs.into();
+    let infos = inspect_together(&logs.files(), false, progress)?;
+    let mut notes = Vec::new();
+    let drafted = drafted(recipe, &infos, &mut notes);
+    let recipe = drafted.as_ref().unwrap_or(recipe);
+    let dataset = Dataset::for_columns(recipe, None, logs.clone(), progress)?;
+    notes.extend_from_slice(dataset.notes());
+    let view = dataset.view()?;
+    let mut channels: Vec<Channel> = view.columns().iter().map(|column| channel(recipe, column)).collect();
+    if channels.len() > MOST {
+        notes.push(format!(
+            "{MOST} of {} columns are looked at; name states and inputs in a recipe (-c) to choose them",
+            channels.len()
+        ));
+        channels.truncate(MOST);
+    }
+    let mut findings = stamps::of_files(&infos);
+    findings.extend(stamps::of_rows(&view, progress)?);
+    let sample = Sample::read(&view, channels.len(), progress)?;
+    let found = Channels::read(&view, &channels, &sample, progress)?;
+    findings.extend(found.findings(&channels, dataset.step()));
+    findings.extend(related::findings(&channels, &found, &sample));
+    findings.sort_by_key(|finding| finding.fault.rank());
+    Ok(Checked {
+        files: logs.len(),
+        episodes: dataset.episodes().len(),
+        rows: dataset.rows(),
+        period: dataset.step(),
+        channels: found.summaries(&channels),
+        findings,
+        notes,
+    })
+}
+
+/// A draft of the recipe for robots' logs, where none is given; tables have all their columns.
+fn drafted(recipe: &Recipe, infos: &[FileInfo], notes: &mut Vec<String>) -> Option<Recipe> {
+    let said = !recipe.states.is_empty() || !recipe.inputs.is_empty() || !recipe.columns.is_empty();
+    let first = infos.first().filter(|info| !said && !info.topics.is_empty())?;
+    let mut draft = Recipe::parse(&starter_recipe(first), "the draft").ok()?;
+    if draft.states.is_empty() && draft.inputs.is_empty() {
+        return None;
+    }
+    (draft.time, draft.rename) = (recipe.time.clone(), recipe.rename.clone());
+    notes.push("states and inputs are those that `fleetfoot init` proposes; a recipe (-c) chooses others".into());
+    Some(draft)
+}
+
+fn channel(recipe: &Recipe, column: &Column) -> Channel {
+    let name = column.name.as_str();
+    let (part, angle) = match (recipe.states.get(name), recipe.inputs.get(name)) {
+        (Some(state), _) => (Part::State, state.kind == Some(Kind::Angle)),
+        (None, Some(input)) => (Part::Input, input.table().kind == Some(Kind::Angle)),
+        (None, None) => (Part::Open, false),
+    };
+    Channel { column: column.clone(), part, angle }
+}
+
+impl Channel {
+    /// Whether it is a measured real number, and no label or switch.
+    pub(crate) fn is_measured(&self) -> bool {
+        self.column.kind == ColumnKind::Float
+    }
+}

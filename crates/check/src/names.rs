@@ -1,0 +1,142 @@
+//! What names of channels say: which is the rate of which, and along which axis.
+
+/// Words of rates, and of what they are rates of; neither tells one channel from another.
+const RATES: [&str; 18] = [
+    "v",
+    "vel",
+    "velocity",
+    "velocities",
+    "rate",
+    "rates",
+    "speed",
+    "twist",
+    "linear",
+    "angular",
+    "dot",
+    "d",
+    "omega",
+    "gyro",
+    "gyroscope",
+    "w",
+    "dt",
+    "derivative",
+];
+const PLACES: [&str; 12] = [
+    "pos",
+    "position",
+    "positions",
+    "pose",
+    "point",
+    "p",
+    "angle",
+    "angles",
+    "orientation",
+    "rotation",
+    "attitude",
+    "joint",
+];
+/// Words of accelerations.
+const ACCELERATIONS: [&str; 5] = ["acc", "accel", "acceleration", "accelerometer", "imu"];
+/// Words that a letter before makes rates: `vx`, `dyaw`.
+const AXES: [&str; 16] = [
+    "x", "y", "z", "q", "yaw", "pitch", "roll", "theta", "phi", "psi", "heading", "alpha", "beta", "left", "right", "s",
+];
+/// Words of angles.
+const ANGLES: [&str; 9] = ["yaw", "pitch", "roll", "heading", "theta", "phi", "psi", "angle", "bearing"];
+
+/// A name in words.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Words {
+    /// What is left when words of rates and places are taken away, in order.
+    pub(crate) rest: Vec<String>,
+    /// Whether it is called a rate.
+    pub(crate) rate: bool,
+    /// Whether it is called an acceleration.
+    pub(crate) acceleration: bool,
+    /// Whether it is called an angle.
+    pub(crate) angle: bool,
+}
+
+impl Words {
+    pub(crate) fn of(name: &str) -> Self {
+        let mut found = Self { rest: Vec::new(), rate: false, acceleration: false, angle: false };
+        for word in split(name) {
+            found.acceleration |= ACCELERATIONS.contains(&word.as_str());
+            found.angle |= ANGLES.contains(&word.as_str());
+            if RATES.contains(&word.as_str()) {
+                found.rate = true;
+            } else if PLACES.contains(&word.as_str()) {
+            } else if let Some(axis) = word.strip_suffix("dot").filter(|axis| AXES.contains(axis)) {
+                found.rate = true;
+                found.rest.push(axis.to_owned());
+            } else if let Some(axis) = word.strip_prefix(['v', 'd']).filter(|axis| AXES.contains(axis)) {
+                found.rate = true;
+                found.rest.push(axis.to_owned());
+            } else if let Some(axis) = word.strip_suffix('d').filter(|axis| AXES.contains(axis)) {
+                found.rate = true;
+                found.rest.push(axis.to_owned());
+            } else {
+                found.rest.push(word);
+            }
+        }
+        found
+    }
+
+    /// Whether this is called the rate of another.
+    pub(crate) fn is_rate_of(&self, other: &Self) -> bool {
+        self.rate && !other.rate && !self.rest.is_empty() && self.rest == other.rest
+    }
+
+    /// The last of x, y and z, and the words without it.
+    pub(crate) fn axis(&self) -> Option<(usize, Vec<&str>)> {
+        let is_axis = |word: &str| ["x", "y", "z"].iter().position(|axis| *axis == word);
+        let (place, axis) = self.rest.iter().enumerate().rev().find_map(|(at, word)| Some((at, is_axis(word)?)))?;
+        let others = self.rest.iter().enumerate().filter(|(at, _)| *at != place).map(|(_, word)| word.as_str());
+        Some((axis, others.collect()))
+    }
+}
+
+/// Lower-case words of a name: letters and digits apart, and parts of camel case.
+fn split(name: &str) -> Vec<String> {
+    let mut words: Vec<String> = Vec::new();
+    let mut before = ' ';
+    for letter in name.chars() {
+        let begins = !before.is_alphanumeric()
+            || before.is_numeric() != letter.is_numeric()
+            || before.is_lowercase() && letter.is_uppercase();
+        if letter.is_alphanumeric() {
+            if begins {
+                words.push(String::new());
+            }
+            if let Some(word) = words.last_mut() {
+                word.extend(letter.to_lowercase());
+            }
+        }
+        before = letter;
+    }
+    words
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rates_are_known_by_their_names() {
+        for (place, rate) in [
+            ("x", "vx"),
+            ("yaw", "yaw_rate"),
+            ("q1", "qd1"),
+            ("/odom.pose.pose.position.x", "/odom.twist.twist.linear.x"),
+            ("jointPosition[2]", "jointVelocity[2]"),
+            ("theta", "thetadot"),
+        ] {
+            assert!(Words::of(rate).is_rate_of(&Words::of(place)), "{place} {rate}");
+            assert!(!Words::of(place).is_rate_of(&Words::of(rate)), "{place} {rate}");
+        }
+        for (one, other) in [("x", "vy"), ("left_speed", "right"), ("u", "v"), ("q1", "qd2")] {
+            assert!(!Words::of(other).is_rate_of(&Words::of(one)), "{one} {other}");
+        }
+        assert_eq!(Words::of("imu.accel.y").axis(), Some((1, vec!["imu", "accel"])));
+    }
+}

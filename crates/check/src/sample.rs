@@ -1,0 +1,71 @@
+//! A bounded sample of the rows: the beginnings of episodes, in memory.
+
+use fleetfoot_data::{Halo, Progress, Source};
+use fleetfoot_dataset::Error;
+
+/// Rows of a stretch, and numbers of all stretches, at most.
+const STRETCH: usize = 20_000;
+const NUMBERS: usize = 1 << 23;
+
+/// Stretches of consecutive rows.
+pub(crate) struct Sample {
+    pub(crate) stretches: Vec<Stretch>,
+}
+
+/// Consecutive rows of an episode.
+pub(crate) struct Stretch {
+    /// Seconds since the first row.
+    pub(crate) time: Vec<f64>,
+    /// Values by channel.
+    pub(crate) columns: Vec<Vec<f64>>,
+}
+
+impl Sample {
+    /// Reads the beginnings of episodes, the longest first.
+    pub(crate) fn read(view: &dyn Source, channels: usize, progress: &dyn Progress) -> Result<Self, Error> {
+        progress.stage("sample");
+        let mut order: Vec<usize> = (0..view.episodes().len()).collect();
+        order.sort_by_key(|&at| std::cmp::Reverse(view.episodes()[at].rows));
+        let mut left = (NUMBERS / channels.max(1)).max(1);
+        let mut stretches = Vec::new();
+        for at in order {
+            let rows = view.episodes()[at].rows.min(STRETCH).min(left);
+            if rows < 2 || progress.cancelled() {
+                break;
+            }
+            let block = view.read(at, 0..rows, Halo::default())?;
+            let start = block.stamps()[0];
+            stretches.push(Stretch {
+                time: block.stamps().iter().map(|stamp| (stamp - start) as f64 * 1e-9).collect(),
+                columns: (0..channels).map(|column| block.core(column).to_vec()).collect(),
+            });
+            left -= rows;
+        }
+        Ok(Self { stretches })
+    }
+
+    /// Seconds between rows, in the median.
+    pub(crate) fn period(&self) -> f64 {
+        let steps = self.stretches.iter().flat_map(|own| own.time.windows(2).map(|pair| pair[1] - pair[0]));
+        let mut steps: Vec<f64> = steps.collect();
+        if steps.is_empty() {
+            return 0.0;
+        }
+        let middle = steps.len() / 2;
+        *steps.select_nth_unstable_by(middle, f64::total_cmp).1
+    }
+
+    /// The median step of a channel from row to row; NaN where no two rows have values.
+    pub(crate) fn median_step(&self, channel: usize) -> f64 {
+        let stretches = self.stretches.iter();
+        let mut steps: Vec<f64> = stretches
+            .flat_map(|own| own.columns[channel].windows(2).map(|pair| (pair[1] - pair[0]).abs()))
+            .filter(|step| step.is_finite())
+            .collect();
+        if steps.is_empty() {
+            return f64::NAN;
+        }
+        let middle = steps.len() / 2;
+        *steps.select_nth_unstable_by(middle, f64::total_cmp).1
+    }
+}

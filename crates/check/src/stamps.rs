@@ -1,0 +1,198 @@
+//! Stamps: backward, repeated, dropped, jittering, in bursts, of two clocks.
+
+use fleetfoot_data::{Halo, Progress, Source, parallel_map};
+use fleetfoot_dataset::Error;
+use fleetfoot_log::{FileInfo, HeaderOffset};
+
+use crate::finding::{Fault, Finding};
+
+/// Stamps that are read at once, and at most an episode: what they scatter by is the same further on.
+const ROWS: usize = 65_536;
+const MOST: usize = 1 << 20;
+/// Share of the rows that are more than a fifth of a period off, from which on stamps jitter.
+const OFF: f64 = 0.02;
+const FIFTH: f64 = 0.2;
+/// Share of rows that may be dropped.
+const DROPPED: f64 = 0.001;
+/// Share of rows in bursts, and what of a period is one.
+const IN_BURSTS: f64 = 0.01;
+const BURST: f64 = 0.1;
+/// Periods that tell nothing.
+const FEW: usize = 8;
+/// Seconds that two clocks may run apart.
+const APART: f64 = 0.005;
+
+/// What the files themselves say of their clocks.
+pub(crate) fn of_files(infos: &[FileInfo]) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    for info in infos {
+        let name = info.path.display().to_string();
+        if let Some(clock) = info.clock.as_ref().and_then(|clock| clock.summary) {
+            let rows = clock.rows.max(1) as f64;
+            if clock.backward > 0 {
+                findings.push(Finding::new(
+                    Fault::Backward,
+                    &name,
+                    (clock.backward as f64, format!("{} stamps are before the one of the row above", clock.backward)),
+                    "each begins an episode; sort the rows, or name another clock (--time COLUMN)",
+                ));
+            }
+            if clock.repeated > 0 {
+                findings.push(Finding::new(
+                    Fault::Repeated,
+                    &name,
+                    (
+                        clock.repeated as f64 / rows,
+                        format!("{} rows have the stamp of the row above, and are left out", clock.repeated),
+                    ),
+                    "--dt SECONDS counts rows in the place of stamps",
+                ));
+            }
+        }
+        for topic in &info.topics {
+            let Some(HeaderOffset { first, last, zero, .. }) = topic.header_offset else { continue };
+            if zero {
+                findings.push(Finding::new(
+                    Fault::TwoClocks,
+                    &topic.name,
+                    (1.0, "its headers have no stamps".into()),
+                    "--stamp log takes the clock of the log",
+                ));
+            } else if (first - last).abs() > APART {
+                findings.push(Finding::new(
+                    Fault::TwoClocks,
+                    &topic.name,
+                    (
+                        first - last,
+                        format!("the clock of its headers runs {:.4} s away from the log's", (first - last).abs()),
+                    ),
+                    "[clocks] in the recipe aligns them; --stamp log takes the clock of the log",
+                ));
+            }
+        }
+    }
+    findings
+}
+
+/// Counts of periods of all episodes, in shares of the median of their episode.
+#[derive(Default)]
+struct Periods {
+    rows: u64,
+    off: u64,
+    dropped: u64,
+    bursts: u64,
+}
+
+/// What the stamps of the rows say.
+pub(crate) fn of_rows(view: &dyn Source, progress: &dyn Progress) -> Result<Vec<Finding>, Error> {
+    progress.stage("stamps");
+    let episodes = parallel_map(view.episodes().len(), progress, |at| {
+        let rows = view.episodes()[at].rows.min(MOST);
+        let mut stamps: Vec<i64> = Vec::with_capacity(rows);
+        for from in (0..rows).step_by(ROWS) {
+            let block = view.read(at, from..(from + ROWS).min(rows), Halo::default())?;
+            stamps.extend_from_slice(block.stamps());
+        }
+        Ok::<Periods, Error>(Periods::of(&stamps))
+    })?;
+    let mut sum = Periods::default();
+    for own in episodes {
+        sum.rows += own.rows;
+        sum.off += own.off;
+        sum.dropped += own.dropped;
+        sum.bursts += own.bursts;
+    }
+    Ok(sum.findings())
+}
+
+impl Periods {
+    fn of(stamps: &[i64]) -> Self {
+        let mut found = Self::default();
+        let mut periods: Vec<i64> = stamps.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        if periods.len() < FEW {
+            return found;
+        }
+        let mean = (stamps[stamps.len() - 1] - stamps[0]) as f64 / periods.len() as f64;
+        found.rows = periods.len() as u64;
+        found.bursts = periods.iter().filter(|&&period| (period as f64) < BURST * mean).count() as u64;
+        // Of rows in groups the median is that within a group, and tells nothing of what is missing.
+        if found.bursts * 10 > found.rows {
+            return found;
+        }
+        let middle = periods.len() / 2;
+        let median = (*periods.select_nth_unstable(middle).1 as f64).max(1.0);
+        for period in &periods {
+            let share = *period as f64 / median;
+            // A whole number of periods: rows between are missing.
+            let whole = share.round();
+            if whole >= 2.0 && (share - whole).abs() < FIFTH {
+                found.dropped += whole as u64 - 1;
+            } else if (share - 1.0).abs() > FIFTH {
+                found.off += 1;
+            }
+        }
+        found
+    }
+
+    fn findings(&self) -> Vec<Finding> {
+        let rows = self.rows.max(1) as f64;
+        let [off, dropped, bursts] = [self.off, self.dropped, self.bursts].map(|count| count as f64 / rows);
+        let mut findings = Vec::new();
+        let place = "stamps of the rows";
+        if bursts > IN_BURSTS {
+            findings.push(Finding::new(
+                Fault::Bursts,
+                place,
+                (
+                    bursts,
+                    format!(
+                        "{:.1} % of the rows come within a tenth of the median period after another",
+                        100.0 * bursts
+                    ),
+                ),
+                "`fleetfoot prepare` resamples; --rate HZ makes even rows",
+            ));
+        }
+        if dropped > DROPPED {
+            findings.push(Finding::new(
+                Fault::Dropped,
+                place,
+                (dropped, format!("{:.2} % of the rows are missing between others", 100.0 * dropped)),
+                "`fleetfoot prepare` resamples; --max-gap SECONDS ends an episode there",
+            ));
+        }
+        if off > OFF {
+            findings.push(Finding::new(
+                Fault::Jitter,
+                place,
+                (off, format!("{:.1} % of the periods are more than a fifth of the median off", 100.0 * off)),
+                "`fleetfoot prepare` resamples at even stamps; --dt SECONDS counts rows where stamps are those of arrival",
+            ));
+        }
+        findings
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn faults(stamps: &[i64]) -> Vec<Fault> {
+        Periods::of(stamps).findings().iter().map(|finding| finding.fault).collect()
+    }
+
+    #[test]
+    fn each_kind_of_bad_stamps_has_its_name() {
+        let even: Vec<i64> = (0..1000).map(|row| row * 10_000_000).collect();
+        assert_eq!(faults(&even), []);
+        let dropped: Vec<i64> =
+            even.iter().copied().enumerate().filter(|(row, _)| row % 50 != 7).map(|(_, s)| s).collect();
+        assert_eq!(faults(&dropped), [Fault::Dropped]);
+        let jitter: Vec<i64> =
+            even.iter().enumerate().map(|(row, s)| s + [0, 3_000_000, -2_000_000][row % 3]).collect();
+        assert_eq!(faults(&jitter), [Fault::Jitter]);
+        // Four rows of 40 ms arrive together.
+        let bursts: Vec<i64> = (0..1000).map(|row| row / 4 * 40_000_000 + row % 4 * 100_000).collect();
+        assert_eq!(faults(&bursts), [Fault::Bursts]);
+    }
+}

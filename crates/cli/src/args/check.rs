@@ -1,0 +1,22 @@
+//! Arguments of `check`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::TimeArgs;
+
+#[derive(Debug, Args)]
+pub(crate) struct Check {
+    /// Files, globs or folders.
+    #[arg(required = true, value_name = "DATA")]
+    pub(crate) data: Vec<PathBuf>,
+    /// The recipe whose states and inputs are looked at (default: all columns of tables; of robots' logs those that `init` proposes).
+    #[arg(short = 'c', long = "recipe", value_name = "RECIPE")]
+    pub(crate) recipe: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) time: TimeArgs,
+    /// End with exit code 1 where anything is wrong.
+    #[arg(long)]
+    pub(crate) strict: bool,
+}

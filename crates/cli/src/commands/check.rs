@@ -1,0 +1,61 @@
+//! `fleetfoot check`.
+
+use fleetfoot::{Checked, Error, Finding, Recipe, check};
+
+use super::{Context, files, flags};
+use crate::{
+    args::Check,
+    table::{count, number, table},
+};
+
+pub(crate) fn run(arguments: &Check, context: &Context) -> Result<(), Error> {
+    let files = files(&arguments.data)?;
+    let mut recipe = arguments.recipe.as_deref().map_or_else(|| Ok(Recipe::default()), Recipe::read)?;
+    flags::apply_time(&mut recipe, &arguments.time)?;
+    if let Some(first) = files.first() {
+        recipe.cache = flags::cache(&arguments.time.channels, first);
+    }
+    let bar = context.bar();
+    let found = check(&recipe, &files, &bar);
+    bar.finish();
+    let found = found?;
+    context.notes(&found.notes);
+    context.print(&found, || to_text(&found));
+    match (arguments.strict, found.findings.len()) {
+        (true, wrong) if wrong > 0 => Err(Error::value(format!("--strict: {} in these logs", count(wrong, "finding")))),
+        _ => Ok(()),
+    }
+}
+
+fn to_text(found: &Checked) -> String {
+    let rate = if found.period > 0.0 { format!(", {} Hz", number(1.0 / found.period)) } else { String::new() };
+    let mut text = format!(
+        "{}, {}, {} rows{rate}; {} looked at\n",
+        count(found.files, "file"),
+        count(found.episodes, "episode"),
+        found.rows,
+        count(found.channels.len(), "channel"),
+    );
+    let rows = found.channels.iter().map(|channel| {
+        let [least, most] = channel.range.map(number);
+        vec![
+            channel.name.clone(),
+            channel.unit.clone().unwrap_or_default(),
+            least,
+            most,
+            number(channel.deviation),
+            format!("{:.1} %", 100.0 * channel.moves),
+            format!("{:.1} %", 100.0 * channel.missing),
+        ]
+    });
+    text.push_str(&table(&["channel", "unit", "least", "most", "deviation", "moves", "missing"], rows.collect()));
+    text.push('\n');
+    for Finding { place, what, mend, .. } in &found.findings {
+        text.push_str(&format!("\n{place}: {what}\n  -> {mend}"));
+    }
+    text.push_str(&match found.findings.len() {
+        0 => "\nNothing wrong was found.".to_owned(),
+        wrong => format!("\n\n{}.", count(wrong, "finding")),
+    });
+    text
+}
