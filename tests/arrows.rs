@@ -5,7 +5,7 @@ mod circles;
 use std::{collections::BTreeSet, fs, path::Path, process::Command};
 
 /// Crate, and the crates of the workspace that it may use.
-const ARROWS: [(&str, &[&str]); 29] = [
+const ARROWS: [(&str, &[&str]); 30] = [
     // No code: the features of third-party crates.
     ("fleetfoot-features", &[]),
     ("fleetfoot-data", &["features"]),
