@@ -19,6 +19,12 @@ const OFFSET: f64 = 1e-6;
 /// A pair of regions in a row below this has no part in the Hessian.
 const NEGLIGIBLE: f64 = 1e-9;
 
+/// A logarithm whose exponential is below [`NEGLIGIBLE`]: most regions are that far from a row, and need no exponential.
+const FAR: f64 = -20.8;
+
+/// Numbers of all rows' scores up to which the probabilities at a point serve both its value and its curvature.
+const KEPT: usize = 1 << 18;
+
 /// Shortest step of the backtracking.
 const SHORTEST: f64 = 1e-6;
 
@@ -132,12 +138,13 @@ impl Separators {
 
     /// At most `steps` steps of Newton's method towards the minimum for these regions of the rows; the objective.
     pub(super) fn improve(&mut self, examples: &Examples, labels: &[Vec<u32>], penalty: f64, steps: usize) -> f64 {
-        let mut value = self.value(examples, labels, penalty);
+        let mut at = self.point(examples, labels, penalty);
+        let mut value = at.value;
         for _ in 0..steps {
-            let (step, slope) = self.newton(examples, labels, penalty);
+            let (step, slope) = self.newton(examples, labels, penalty, &at.probabilities);
             let Some((next, found)) = self.backtrack(examples, labels, penalty, &step, (value, slope)) else { break };
-            let fall = value - found;
-            (*self, value) = (next, found);
+            let fall = value - found.value;
+            (*self, value, at) = (next, found.value, found);
             if fall <= 1e-7 * value.abs() {
                 break;
             }
@@ -152,14 +159,14 @@ impl Separators {
         penalty: f64,
         step: &[f64],
         (value, slope): (f64, f64),
-    ) -> Option<(Self, f64)> {
+    ) -> Option<(Self, Point)> {
         let mut length = 1.0;
         while length >= SHORTEST {
             let table = self.table.iter().zip(step).map(|(w, step)| w + length * step).collect();
             let next = Self { table, ..*self };
-            let found = next.value(examples, labels, penalty);
+            let found = next.point(examples, labels, penalty);
             // Armijo.
-            if found <= value + 1e-4 * length * slope && found < value {
+            if found.value <= value + 1e-4 * length * slope && found.value < value {
                 return Some((next, found));
             }
             length *= 0.5;
@@ -167,14 +174,23 @@ impl Separators {
         None
     }
 
-    /// The objective.
-    pub(super) fn value(&self, examples: &Examples, labels: &[Vec<u32>], penalty: f64) -> f64 {
+    /// The objective, and the probabilities of every chunk where these are not too many to be kept.
+    fn point(&self, examples: &Examples, labels: &[Vec<u32>], penalty: f64) -> Point {
+        let few = self.regions * examples.rows <= KEPT;
         let parts = examples.map(|at, chunk| {
             let probabilities = Probabilities::new(self.scores(chunk), chunk.rows);
             let of = |(row, &label): (usize, &u32)| -chunk.weight(row) * probabilities.logarithm(label as usize, row);
-            labels[at].iter().enumerate().map(of).sum::<f64>()
+            let sum = labels[at].iter().enumerate().map(of).sum::<f64>();
+            (sum, few.then_some(probabilities))
         });
-        parts.iter().sum::<f64>() / examples.weight + self.penalty(examples, penalty)
+        let value = parts.iter().map(|(sum, _)| sum).sum::<f64>() / examples.weight + self.penalty(examples, penalty);
+        Point { value, probabilities: parts.into_iter().map(|(_, own)| own).collect() }
+    }
+
+    /// The objective.
+    #[cfg(test)]
+    fn value(&self, examples: &Examples, labels: &[Vec<u32>], penalty: f64) -> f64 {
+        self.point(examples, labels, penalty).value
     }
 
     /// The penalty's part in the objective.
@@ -188,9 +204,18 @@ impl Separators {
         if at % (self.dimensions + 1) == self.dimensions { OFFSET } else { 1.0 }
     }
 
-    /// Newton's step, and the slope of the objective along it.
-    fn newton(&self, examples: &Examples, labels: &[Vec<u32>], penalty: f64) -> (Vec<f64>, f64) {
-        let parts = examples.map(|at, chunk| Curvature::of(self, chunk, &labels[at]));
+    /// Newton's step, and the slope of the objective along it; `known` are the probabilities of every chunk.
+    fn newton(
+        &self,
+        examples: &Examples,
+        labels: &[Vec<u32>],
+        penalty: f64,
+        known: &[Option<Probabilities>],
+    ) -> (Vec<f64>, f64) {
+        let parts = examples.map(|at, chunk| match &known[at] {
+            Some(known) => Curvature::of(self, chunk, &labels[at], known),
+            None => Curvature::of(self, chunk, &labels[at], &Probabilities::new(self.scores(chunk), chunk.rows)),
+        });
         let mut total = Curvature::zero(self);
         parts.iter().for_each(|part| total.add(part));
         let n = self.table.len();
@@ -213,6 +238,12 @@ impl Separators {
         let slope = step.iter().zip(gradient).map(|(step, g)| step * g).sum::<f64>() / examples.weight;
         (step, slope)
     }
+}
+
+/// The objective at some separators, and the probabilities of every chunk where they are kept.
+struct Point {
+    value: f64,
+    probabilities: Vec<Option<Probabilities>>,
 }
 
 /// Probabilities of the regions, from scores (region after region).
@@ -249,41 +280,50 @@ impl Probabilities {
 /// Gradient and the blocks of the Hessian, not yet divided by the weight.
 struct Curvature {
     gradient: Vec<f64>,
-    /// For each pair of regions k > l at `k (k - 1) / 2 + l`: the packed lower triangle of `sum v p_k p_l u u'`.
-    blocks: Vec<Vec<f64>>,
+    /// For each pair of regions k > l, one behind the other, at place `k (k - 1) / 2 + l`: the packed lower triangle of `sum v p_k p_l u u'`.
+    blocks: Vec<f64>,
 }
 
 impl Curvature {
     fn zero(separators: &Separators) -> Self {
         let pairs = packed_row(separators.regions.saturating_sub(1));
-        let block = vec![0.0; packed_row(separators.dimensions + 1)];
-        Self { gradient: vec![0.0; separators.table.len()], blocks: vec![block; pairs] }
+        let block = packed_row(separators.dimensions + 1);
+        Self { gradient: vec![0.0; separators.table.len()], blocks: vec![0.0; pairs * block] }
     }
 
-    fn of(separators: &Separators, chunk: &Chunk, labels: &[u32]) -> Self {
+    fn of(separators: &Separators, chunk: &Chunk, labels: &[u32], probabilities: &Probabilities) -> Self {
         let mut found = Self::zero(separators);
         let (k, d) = (separators.regions, separators.dimensions);
-        let probabilities = Probabilities::new(separators.scores(chunk), chunk.rows);
-        let (mut u, mut outer) = (vec![1.0; d + 1], vec![0.0; packed_row(d + 1)]);
+        let size = packed_row(d + 1);
+        let (mut u, mut outer) = (vec![1.0; d + 1], vec![0.0; size]);
         let mut near: Vec<(usize, f64)> = Vec::with_capacity(k);
         for (row, &label) in labels.iter().enumerate() {
             let weight = chunk.weight(row);
             (0..d).for_each(|column| u[column] = chunk.z[column * chunk.rows + row]);
             near.clear();
-            near.extend((0..k).map(|region| (region, probabilities.logarithm(region, row).exp())));
-            near.retain(|&(region, p)| p > NEGLIGIBLE || region == label as usize);
+            for region in 0..k {
+                let (logarithm, own) = (probabilities.logarithm(region, row), region == label as usize);
+                if logarithm < FAR && !own {
+                    continue;
+                }
+                let p = logarithm.exp();
+                if p > NEGLIGIBLE || own {
+                    near.push((region, p));
+                }
+            }
             for &(region, p) in &near {
                 let slope = weight * (p - f64::from(u8::from(region == label as usize)));
-                let gradient = &mut found.gradient[region * (d + 1)..(region + 1) * (d + 1)];
-                gradient.iter_mut().zip(&u).for_each(|(gradient, u)| *gradient += slope * u);
+                add_scaled(&mut found.gradient[region * (d + 1)..(region + 1) * (d + 1)], slope, &u);
             }
             if near.len() > 1 {
                 products(&u, &mut outer);
                 for (at, &(upper, p)) in near.iter().enumerate() {
-                    for &(lower, other) in near[..at].iter().filter(|(_, other)| p * other > NEGLIGIBLE) {
-                        let block = &mut found.blocks[packed_row(upper - 1) + lower];
-                        let share = weight * p * other;
-                        block.iter_mut().zip(&outer).for_each(|(sum, product)| *sum += share * product);
+                    let of_upper = if upper > 0 { packed_row(upper - 1) } else { 0 };
+                    for &(lower, other) in &near[..at] {
+                        if p * other > NEGLIGIBLE {
+                            let block = &mut found.blocks[(of_upper + lower) * size..(of_upper + lower + 1) * size];
+                            add_scaled(block, weight * p * other, &outer);
+                        }
                     }
                 }
             }
@@ -293,7 +333,7 @@ impl Curvature {
 
     fn add(&mut self, other: &Self) {
         self.gradient.iter_mut().zip(&other.gradient).for_each(|(a, b)| *a += b);
-        self.blocks.iter_mut().flatten().zip(other.blocks.iter().flatten()).for_each(|(a, b)| *a += b);
+        self.blocks.iter_mut().zip(&other.blocks).for_each(|(a, b)| *a += b);
     }
 
     /// The Hessian, lower triangle.
@@ -301,7 +341,8 @@ impl Curvature {
         let mut hessian = Mat::zeros(regions * width, regions * width);
         for upper in 1..regions {
             for lower in 0..upper {
-                let block = &self.blocks[packed_row(upper - 1) + lower];
+                let at = packed_row(upper - 1) + lower;
+                let block = &self.blocks[at * packed_row(width)..(at + 1) * packed_row(width)];
                 for i in 0..width {
                     for j in 0..=i {
                         let value = block[packed_row(i) + j];
@@ -317,6 +358,15 @@ impl Curvature {
             }
         }
         hessian
+    }
+}
+
+/// `sum += factor * values`; a loop that the compiler keeps in one piece at every level of optimisation.
+#[inline(always)]
+fn add_scaled(sum: &mut [f64], factor: f64, values: &[f64]) {
+    let sum = &mut sum[..values.len()];
+    for at in 0..values.len() {
+        sum[at] += factor * values[at];
     }
 }
 
@@ -378,7 +428,8 @@ mod tests {
             examples.map(|_, chunk| (0..chunk.rows).map(|row| u32::from(chunk.column(0)[row] > 0.1)).collect());
         let mut near = Separators::zero(2, 2);
         near.improve(&examples, &labels, 5.0, 2);
-        let (step, slope) = near.newton(&examples, &labels, 5.0);
+        let known = near.point(&examples, &labels, 5.0).probabilities;
+        let (step, slope) = near.newton(&examples, &labels, 5.0, &known);
         let along = |length: f64| {
             let table = near.table.iter().zip(&step).map(|(w, step)| w + length * step).collect();
             Separators { table, ..near }.value(&examples, &labels, 5.0)
