@@ -167,6 +167,7 @@ fn a_recipe_for_the_files_of_runs_is_drafted() {
     let draft = fs::read_to_string(folder.join("draft.toml")).unwrap();
     let section = "[files]\ncmd = \"cmd.csv\"\nimu = \"imu*.csv\"\nodom = \"odom.csv\"\n";
     assert!(draft.contains(section) && !said.err.contains("note:"), "{draft}{}", said.err);
+    assert!(said.err.contains("read the draft of states and inputs, then run fleetfoot fit"), "{}", said.err);
     // States are where the robot is, inputs what it was told; the rows are those of the states.
     for line in
         ["odom_v = \"odom.v\"", "odom_v = {}", "odom_x = {}", "cmd_u = {}", "base = \"odom\"", "# ax = \"imu.ax\""]
@@ -179,6 +180,33 @@ fn a_recipe_for_the_files_of_runs_is_drafted() {
     assert!(fitted.err.contains("wrote model.json"), "{}", fitted.err);
     let score = fleetfoot(folder, &["score", "model.json", "runs", "--json"]).ok().json();
     assert!(score["rows"].as_u64().unwrap() > 700, "{score}");
+    // Files in subfolders of a run, and a file whose columns another one has too, are topics as any others.
+    for run in ["run_0", "run_1"] {
+        let at = |name: &str| folder.join("nested").join(run).join(name);
+        ["imu", "drive"].iter().for_each(|name| fs::create_dir_all(at(name)).unwrap());
+        let copy = |from: &str, to: &str| _ = fs::copy(folder.join("runs").join(run).join(from), at(to)).unwrap();
+        copy(if run == "run_0" { "imu_0.csv" } else { "imu_1.csv" }, "imu/data.csv");
+        copy("odom.csv", "odom.csv");
+        copy("cmd.csv", "drive/data.csv");
+        let echo = fs::read_to_string(at("odom.csv")).unwrap();
+        let echo: String =
+            echo.lines().map(|line| line.split(',').take(2).collect::<Vec<_>>().join(",") + "\n").collect();
+        fs::write(at("echo.csv"), echo).unwrap();
+    }
+    let said = fleetfoot(folder, &["init", "nested", "-o", "nested.toml"]).ok();
+    let draft = fs::read_to_string(folder.join("nested.toml")).unwrap();
+    let lines = ["drive = \"drive/data.csv\"", "imu = \"imu/data.csv\"", "odom = \"odom.csv\"", "echo = \"echo.csv\""];
+    assert!(lines.iter().all(|line| draft.lines().any(|own| own == *line)), "{draft}{}", said.err);
+    fleetfoot(folder, &["fit", "pwa", "-c", "nested.toml", "-p", "average", "-o", "nested.json", "nested"]).ok();
+    // Recordings of one kind in folders of their own, one of which has a column more, are no run.
+    for (name, columns) in [("a", "t,x"), ("b", "t,x,y")] {
+        fs::create_dir_all(folder.join("days").join(name)).unwrap();
+        let row =
+            |k: u32| (0..=columns.matches(',').count()).map(move |c| format!("{}", f64::from(k) * 0.1 + c as f64));
+        let rows: String = (0..50).map(|k| row(k).collect::<Vec<_>>().join(",") + "\n").collect();
+        fs::write(folder.join("days").join(name).join("log.csv"), format!("{columns}\n{rows}")).unwrap();
+    }
+    assert!(!fleetfoot(folder, &["init", "days"]).ok().out.contains("[files]"));
     // Files of the same columns are runs of one file; those whose clocks do not meet are no run.
     let said = fleetfoot(folder, &["init", "joined_0.csv", "joined_1.csv"]).ok();
     assert!(!said.out.contains("[files]") && said.err.contains("joined_0.csv and files like it"), "{}", said.err);

@@ -59,7 +59,7 @@ impl Context {
     /// Tells how long work takes, where it is long.
     pub(crate) fn expect(&self, work: fleetfoot::Work) {
         if !self.quiet {
-            self.notes(crate::progress::long(work).as_slice());
+            self.notes(fleetfoot::stats::long_work(work).as_slice());
         }
     }
 

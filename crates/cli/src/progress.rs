@@ -11,7 +11,7 @@ use std::{
     time::Duration,
 };
 
-use fleetfoot::stats::expected_seconds;
+use fleetfoot::stats::long_work;
 use fleetfoot::{Progress, Work};
 use heartbeat::Heartbeat;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -20,9 +20,6 @@ use crate::report::tell;
 
 /// How long a job may take in a pipe before it tells what it is at.
 const PATIENCE: Duration = Duration::from_secs(10);
-
-/// Less than this takes no such time on any machine, and none is measured.
-const LEAST_OPERATIONS: f64 = 1e8;
 
 /// A bar on standard error when that is a terminal; in a pipe, of long jobs alone, a line once in a while.
 pub(crate) struct Bar {
@@ -88,51 +85,11 @@ impl Progress for Bar {
     }
 
     fn expect(&self, work: Work) {
-        let note = if self.quiet { None } else { long(work) };
+        let note = if self.quiet { None } else { long_work(work) };
         match (note, &self.bar) {
             (Some(note), Some(bar)) => bar.suspend(|| tell(format!("note: {note}"))),
             (Some(note), None) => tell(format!("note: {note}")),
             (None, _) => {}
         }
-    }
-}
-
-/// About how long work takes on this machine, and what makes it shorter, where a person would wonder.
-pub(crate) fn long(work: Work) -> Option<String> {
-    if work.operations < LEAST_OPERATIONS {
-        return None;
-    }
-    let threads = fleetfoot::thread_count().clamp(1, work.parts.max(1));
-    let seconds = expected_seconds(work.operations) / threads as f64;
-    (seconds > PATIENCE.as_secs_f64()).then(|| format!("this takes about {}; {}", in_words(seconds), work.mend))
-}
-
-/// A duration to about one digit.
-fn in_words(seconds: f64) -> String {
-    let rounded = |value: f64, word: &str| {
-        let unit = 10_f64.powf(value.log10().floor());
-        let value = if value < 10.0 { value.round() } else { (value / unit).round() * unit };
-        format!("{value:.0} {word}{}", if value == 1.0 { "" } else { "s" })
-    };
-    match seconds {
-        _ if seconds < 60.0 => rounded(seconds, "second"),
-        _ if seconds < 3600.0 => rounded(seconds / 60.0, "minute"),
-        _ if seconds < 48.0 * 3600.0 => rounded(seconds / 3600.0, "hour"),
-        _ => rounded(seconds / 86_400.0, "day"),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn long_work_is_told_and_short_work_is_not() {
-        let work = |operations| Work { operations, parts: 3, mend: "fewer folds make it shorter" };
-        assert_eq!(long(work(1e6)), None);
-        let note = long(work(1e14)).unwrap();
-        assert!(note.starts_with("this takes about ") && note.ends_with("; fewer folds make it shorter"), "{note}");
-        let words = [12.0, 58.0, 70.0, 640.0, 5000.0, 1e5, 1e6].map(in_words);
-        assert_eq!(words, ["10 seconds", "60 seconds", "1 minute", "10 minutes", "1 hour", "30 hours", "10 days"]);
     }
 }

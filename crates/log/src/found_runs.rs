@@ -19,28 +19,39 @@ pub struct FoundRuns {
 }
 
 impl FoundRuns {
-    /// Looks at files of one call: in every folder there are as many tables, of which none has the columns of another, beside its clock. `None` where that is not
-    /// so, or where ranges of clocks that are known do not overlap.
+    /// Looks at files of one call: every folder, its subfolders included, has as many tables of different columns. `None` where that is not so, or where ranges of clocks
+    /// that are known do not overlap.
     pub fn among(infos: &[FileInfo]) -> Option<Self> {
-        let mut folders: BTreeMap<&Path, Vec<&FileInfo>> = BTreeMap::new();
-        for info in infos {
-            if info.format.is_log() || info.clock.is_none() {
-                return None;
-            }
-            folders.entry(info.path.parent()?).or_default().push(info);
+        if infos.iter().any(|info| info.format.is_log() || info.clock.is_none()) {
+            return None;
         }
-        let is_run = |files: &Vec<&FileInfo>| files.len() > 1 && are_apart(files) && overlap(files);
-        let first = folders.values().next().filter(|_| folders.values().all(is_run))?;
+        groupings(infos)?.iter().find_map(|folders| Self::of(infos, folders))
+    }
+
+    /// The same, where it is known which folders are those of runs.
+    fn of(infos: &[FileInfo], folders: &Folders<'_>) -> Option<Self> {
+        let is_run = |files: &Vec<&FileInfo>| files.len() > 1 && differ(files) && overlap(files);
+        let (folder, first) = folders.iter().next().filter(|_| folders.values().all(is_run))?;
+        // Subfolders of one folder may be recordings of their own, some of which have a column more.
+        if folders.len() == 1 && first.iter().any(|info| info.path.parent() != Some(folder)) && !are_apart(first) {
+            return None;
+        }
+        let named: Vec<Named<'_>> = first.iter().map(|info| Named::of(&info.path, folder)).collect::<Option<_>>()?;
+        let words: BTreeSet<&str> = named.iter().map(|own| own.word).collect();
         let mut patterns: Vec<(String, String)> = Vec::new();
-        for info in first {
-            let name = info.path.file_name()?.to_str()?;
-            let (stem, ending) = name.split_once('.')?;
-            let word = stem.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end_matches(['_', '-']);
-            let word = if word.is_empty() { stem } else { word };
-            let everywhere = folders.keys().all(|folder| infos.iter().any(|own| own.path == folder.join(name)));
-            let exact = glob::Pattern::escape(name);
-            let pattern = if everywhere { exact } else { format!("{}*.{ending}", glob::Pattern::escape(word)) };
-            let topic: String = word.chars().map(|c| if c.is_alphanumeric() || c == '_' { c } else { '_' }).collect();
+        for Named { folders: below, name, word, ending } in &named {
+            let place = below.iter().map(|part| format!("{part}/")).collect::<String>();
+            let within = Path::new(&place).join(name);
+            let everywhere = folders.keys().all(|folder| infos.iter().any(|own| own.path == folder.join(&within)));
+            let place = glob::Pattern::escape(&place);
+            let pattern = match everywhere {
+                true => format!("{place}{}", glob::Pattern::escape(name)),
+                false => format!("{place}{}*.{ending}", glob::Pattern::escape(word)),
+            };
+            // Where files of several folders are called alike, the folders tell them apart.
+            let told =
+                if words.len() < named.len() && !below.is_empty() { below.join("_") } else { (*word).to_owned() };
+            let topic: String = told.chars().map(|c| if c.is_alphanumeric() || c == '_' { c } else { '_' }).collect();
             patterns.push((topic, pattern));
         }
         let topics: BTreeSet<&str> = patterns.iter().map(|(topic, _)| topic.as_str()).collect();
@@ -65,16 +76,67 @@ impl FoundRuns {
     }
 }
 
-/// No file has all columns of another, clocks left out.
-fn are_apart(files: &[&FileInfo]) -> bool {
-    let columns = |info: &FileInfo| {
+/// The files of every folder that may be that of a run.
+type Folders<'a> = BTreeMap<PathBuf, Vec<&'a FileInfo>>;
+
+/// Which folders may be those of runs: those that files lie in, else folders above them, the lowest first.
+fn groupings(infos: &[FileInfo]) -> Option<Vec<Folders<'_>>> {
+    let parents: Vec<&Path> = infos.iter().map(|info| info.path.parent()).collect::<Option<_>>()?;
+    let all = |folder: &dyn Fn(&Path) -> PathBuf| {
+        let mut folders = Folders::new();
+        infos.iter().zip(&parents).for_each(|(info, parent)| folders.entry(folder(parent)).or_default().push(info));
+        folders
+    };
+    let first = parents.first()?;
+    let shared = first.ancestors().find(|folder| parents.iter().all(|parent| parent.starts_with(folder)))?;
+    let depth = |folder: &Path| folder.components().count();
+    let deepest = parents.iter().map(|parent| depth(parent)).min()?;
+    let above = (depth(shared)..=deepest).rev();
+    let above = above.map(|levels| all(&|parent| parent.components().take(levels).collect()));
+    Some(std::iter::once(all(&|parent| parent.to_path_buf())).chain(above).collect())
+}
+
+/// What a file of a run is called.
+struct Named<'a> {
+    /// Folders below that of the run.
+    folders: Vec<&'a str>,
+    name: &'a str,
+    /// The name without its ending and the number before that.
+    word: &'a str,
+    ending: &'a str,
+}
+
+impl<'a> Named<'a> {
+    fn of(path: &'a Path, folder: &Path) -> Option<Self> {
+        let mut folders: Vec<&str> =
+            path.strip_prefix(folder).ok()?.iter().map(|part| part.to_str()).collect::<Option<_>>()?;
+        let name = folders.pop()?;
+        let (stem, ending) = name.split_once('.')?;
+        let word = stem.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end_matches(['_', '-']);
+        Some(Self { folders, name, word: if word.is_empty() { stem } else { word }, ending })
+    }
+}
+
+/// The columns of every file, clocks left out.
+fn columns(files: &[&FileInfo]) -> Vec<BTreeSet<String>> {
+    let of = |info: &FileInfo| {
         let clock = info.clock.as_ref();
         let is_clock =
             |name: &str| clock.is_some_and(|clock| clock.column == name || clock.beside.as_deref() == Some(name));
         let names = info.columns.iter().map(|column| column.name.clone());
         names.filter(|name| !is_clock(name)).collect::<BTreeSet<String>>()
     };
-    let columns: Vec<BTreeSet<String>> = files.iter().map(|info| columns(info)).collect();
+    files.iter().map(|info| of(info)).collect()
+}
+
+/// Not all files have the same columns: files that have are recordings of one kind, and no topics.
+fn differ(files: &[&FileInfo]) -> bool {
+    columns(files).into_iter().collect::<BTreeSet<_>>().len() > 1
+}
+
+/// No file has all columns of another.
+fn are_apart(files: &[&FileInfo]) -> bool {
+    let columns = columns(files);
     let mut pairs = columns.iter().enumerate().flat_map(|(at, a)| columns[at + 1..].iter().map(move |b| (a, b)));
     pairs.all(|(a, b)| !a.is_subset(b) && !b.is_subset(a))
 }

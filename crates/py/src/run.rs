@@ -11,8 +11,9 @@ use std::{
 };
 
 use fleetfoot::{
-    Progress, Threads,
+    Progress, Threads, Work,
     data::{Stop, stoppable},
+    stats::long_work,
 };
 use pyo3::prelude::*;
 
@@ -83,6 +84,8 @@ struct Watcher {
     done: AtomicUsize,
     total: AtomicUsize,
     stage: Mutex<String>,
+    /// Durations that are still to be told.
+    durations: Mutex<Vec<String>>,
 }
 
 impl Progress for Watcher {
@@ -100,6 +103,10 @@ impl Progress for Watcher {
         self.done.store(0, Ordering::Relaxed);
         self.total.store(0, Ordering::Relaxed);
     }
+
+    fn expect(&self, work: Work) {
+        self.durations.lock().unwrap_or_else(PoisonError::into_inner).extend(long_work(work));
+    }
 }
 
 impl Watcher {
@@ -107,6 +114,10 @@ impl Watcher {
     fn look(&self, callback: Option<&Py<PyAny>>) -> PyResult<()> {
         Python::attach(|py| {
             py.check_signals()?;
+            for duration in std::mem::take(&mut *self.durations.lock().unwrap_or_else(PoisonError::into_inner)) {
+                let tell = PyModule::import(py, "fleetfoot._warnings")?.getattr("tell_all")?;
+                tell.call1(([duration],))?;
+            }
             let Some(callback) = callback else { return Ok(()) };
             let stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner).clone();
             let (done, total) = (self.done.load(Ordering::Relaxed), self.total.load(Ordering::Relaxed));

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use fleetfoot::{
-    Error,
+    Error, Recipe,
     log::{FoundRuns, inspect, inspect_together},
     output::write_atomic,
     starter_recipe, starter_recipe_of_runs,
@@ -34,7 +34,9 @@ pub(crate) fn init(arguments: &Init, context: &Context) -> Result<(), Error> {
             if context.json {
                 context.print(Files { files: &[path.display().to_string()] }, String::new);
             }
-            context.say(format!("wrote {}: uncomment states and inputs, then run fleetfoot fit", path.display()));
+            let drafted = Recipe::parse(&text, "the draft").is_ok_and(|recipe| !recipe.states.is_empty());
+            let first = if drafted { "read the draft of states and inputs" } else { "uncomment states and inputs" };
+            context.say(format!("wrote {}: {first}, then run fleetfoot fit", path.display()));
         }
     }
     Ok(())

@@ -32,10 +32,11 @@ pub enum SelectError {
     },
     /// A fold that has no rows on one side.
     #[error(
-        "fold {fold} has no rows to {side}: ask for fewer folds (`--folds`), give more data, or, of a statistic, scan with shorter chunks (`--chunk-rows`)"
+        "fold {} has no rows to {side}: ask for fewer folds (`--folds`), give more data, or, of a statistic, scan with shorter chunks (`--chunk-rows`)",
+        fold + 1
     )]
     EmptyFold {
-        /// The fold, from 0.
+        /// The fold, from 0; messages count from 1.
         fold: usize,
         /// "train" or "test".
         side: &'static str,

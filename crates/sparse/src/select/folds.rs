@@ -322,6 +322,7 @@ mod tests {
         let of = |count| Folds::of(&keys, &rows, FoldRule::Count(count), Purge::TENTH);
         // Ten spans of three rows, but chunks of ten.
         assert_eq!(of(10), Err(SelectError::EmptyFold { fold: 0, side: "test" }));
+        assert!(of(10).unwrap_err().to_string().starts_with("fold 1 has no rows to test: "));
         assert_eq!(
             Folds::of(&keys, &rows, FoldRule::Auto, Purge::TENTH),
             Err(SelectError::EmptyFold { fold: 1, side: "test" })
