@@ -22,6 +22,7 @@
 
 mod available;
 mod block;
+mod canonical;
 mod column;
 mod episode;
 mod error;
@@ -39,6 +40,7 @@ mod watch;
 pub use arrow_buffer::ScalarBuffer;
 pub use available::{OutOfMemory, ensure_memory, reserve};
 pub use block::{Block, Halo};
+pub use canonical::Canonical;
 pub use column::{Column, ColumnKind};
 pub use episode::{Episode, EpisodeId, Fingerprint};
 pub use error::Error;

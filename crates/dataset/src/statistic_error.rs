@@ -3,7 +3,10 @@
 use std::path::PathBuf;
 
 /// 2: the sums of equations. 3: the marks of episodes.
-pub(crate) const VERSION: u32 = 3;
+pub(crate) const VERSION: u32 = 4;
+
+/// The oldest format that is read. Files of format 3 say the hash of their plan by another rule, and nothing else differently.
+pub(crate) const OLDEST: u32 = 3;
 
 /// Why a `.stats` file, or what was asked of it, was refused.
 #[derive(Debug, thiserror::Error)]

@@ -29,6 +29,7 @@
 
 mod affine_map;
 mod basis;
+mod canonical;
 mod closed;
 mod column;
 mod equation;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use fleetfoot_data::{Progress, Source};
+use fleetfoot_data::{Canonical, Progress, Source};
 use fleetfoot_model::{Lattice, Model, Rule};
 use fleetfoot_stats::{Chunk, Estimate, FoldLayout, Grid, Mahalanobis, Preconditioner, SquareRoot};
 
@@ -64,23 +64,24 @@ pub fn identify(
 
 fn plan_hash(
     problem: &Problem,
-    cut: (&Grid, Option<&FoldLayout>),
+    (grid, folds): (&Grid, Option<&FoldLayout>),
     segmentation: &Segmentation,
     preconditioner: &Preconditioner,
 ) -> String {
-    let mut text = format!("{cut:?}\n{:?}\n", problem.weight.as_ref().map(ToString::to_string));
-    for function in &problem.library {
-        text.push_str(&format!("{function}\n"));
-    }
-    for target in problem.equations.iter().filter_map(|equation| equation.target.as_ref()) {
-        text.push_str(&format!("= {target}\n"));
+    let mut told = Canonical::default();
+    told.count(grid.chunk_rows as u64);
+    told.tag(folds.is_some().into());
+    folds.iter().for_each(|folds| folds.encode(&mut told));
+    let targets = problem.equations.iter().filter_map(|equation| equation.target.as_ref());
+    for expressions in [problem.weight.iter().collect::<Vec<_>>(), problem.library.iter().collect(), targets.collect()]
+    {
+        told.count(expressions.len() as u64);
+        expressions.iter().for_each(|expression| told.text(&expression.to_string()));
     }
     let cells = segmentation.lattices.iter().map(|lattice| &lattice.partition);
     let own = segmentation.partitions.iter().filter(|partition| !matches!(partition.rule, Rule::Joined { .. }));
-    for partition in own.chain(cells) {
-        text.push_str(&format!("{:?} {:?} {:?}\n", partition.rule, partition.centre, partition.scale));
-    }
-    fleetfoot_stats::plan_hash(&text, preconditioner)
+    own.chain(cells).for_each(|partition| partition.encode_rule(&mut told));
+    fleetfoot_stats::plan_hash(told.as_bytes(), preconditioner)
 }
 
 impl Fit<'_> {

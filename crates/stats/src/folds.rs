@@ -7,7 +7,7 @@
 
 use std::{collections::BTreeMap, ops::Range};
 
-use fleetfoot_data::EpisodeId;
+use fleetfoot_data::{Canonical, EpisodeId};
 
 use crate::Fold;
 
@@ -123,6 +123,36 @@ enum Cut {
 }
 
 impl FoldLayout {
+    /// Adds all that says which rows are in which fold.
+    pub fn encode(&self, out: &mut Canonical) {
+        out.count(self.folds.into());
+        match &self.cut {
+            Cut::Episodes(folds) => {
+                out.tag(0);
+                out.count(folds.len() as u64);
+                for (episode, &fold) in folds {
+                    out.bytes(&episode.0.to_le_bytes());
+                    out.count(fold.into());
+                }
+            }
+            Cut::Spans(spans) => {
+                out.tag(1);
+                out.count(*spans as u64);
+            }
+        }
+        match self.purge {
+            Purge::Exactly(rows) => {
+                out.tag(0);
+                out.count(rows as u64);
+            }
+            Purge::Alike { correlated, shared } => {
+                out.tag(1);
+                [correlated, shared].into_iter().for_each(|rows| out.count(rows as u64));
+            }
+        }
+        out.count(self.longest as u64);
+    }
+
     /// Folds of episodes by their rows; episodes without rows are in no fold.
     ///
     /// Whole episodes are folds where there are as many as folds, and at least [`SPANS`]: the longest first, each to the fold with the fewest rows.

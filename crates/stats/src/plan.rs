@@ -146,10 +146,10 @@ impl Grid {
     }
 }
 
-/// The hash of a plan: `text` says columns, library, targets, partitions and grid; the preconditioner is part of it.
-pub fn plan_hash(text: &str, preconditioner: &Preconditioner) -> String {
+/// The hash of a plan: `told` says columns, library, targets, partitions and grid; the preconditioner is part of it.
+pub fn plan_hash(told: &[u8], preconditioner: &Preconditioner) -> String {
     let mut hasher = blake3::Hasher::new();
-    hasher.update(text.as_bytes());
+    hasher.update(told);
     hasher.update(&preconditioner.to_bytes());
     hasher.finalize().to_hex()[..32].to_owned()
 }

@@ -1,5 +1,6 @@
 //! Derivatives by central differences: how large their errors are, and the order that the data ask for.
 
+use fleetfoot_data::Canonical;
 use fleetfoot_library::{CentralDifference, Expr, REACHES, Spacing};
 use serde::Serialize;
 
@@ -50,6 +51,22 @@ pub struct SettledDifference {
     pub spacing: Spacing,
     /// What the data say of its error.
     pub errors: Option<DifferenceErrors>,
+}
+
+impl SettledDifference {
+    /// Adds all that was settled.
+    pub fn encode(&self, out: &mut Canonical) {
+        out.count(self.reach as u64);
+        out.tag(match self.spacing {
+            Spacing::Even => 0,
+            Spacing::Stamps => 1,
+        });
+        out.tag(self.errors.is_some().into());
+        if let Some(DifferenceErrors { order, by_order, truncation, noise }) = &self.errors {
+            out.count(*order as u64);
+            out.numbers(&[&by_order[..], &[*truncation, *noise]].concat());
+        }
+    }
 }
 
 impl Difference {

@@ -13,7 +13,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::statistic_error::{StatisticError, VERSION};
+use crate::statistic_error::{OLDEST, StatisticError, VERSION};
 
 /// The first bytes. The first is no text, the last is changed by transfers that think it is.
 const MAGIC: [u8; 8] = *b"\x8fFFSTAT\n";
@@ -97,6 +97,8 @@ type Section<'a> = (String, &'a [u8]);
 /// The sections of a file that was checked as a whole.
 pub(super) struct Sections<'a> {
     path: PathBuf,
+    /// The format.
+    pub(super) version: u32,
     sections: std::vec::IntoIter<Section<'a>>,
     pub(super) sizes: Sizes,
 }
@@ -124,7 +126,7 @@ impl<'a> Sections<'a> {
         if whole && version > VERSION {
             return Err(StatisticError::Newer { path: path.to_owned(), version });
         }
-        if whole && version < VERSION {
+        if whole && version < OLDEST {
             return Err(StatisticError::Older { path: path.to_owned(), version });
         }
         let found = walk(body).map_err(|(place, problem)| damaged(place, problem))?;
@@ -138,7 +140,7 @@ impl<'a> Sections<'a> {
                 .map(|(name, payload)| (name.clone(), (SECTION_HEAD + payload.len()) as u64))
                 .collect(),
         };
-        Ok(Self { path: path.to_owned(), sections: found.into_iter(), sizes })
+        Ok(Self { path: path.to_owned(), version, sections: found.into_iter(), sizes })
     }
 
     /// The next section, which must have this name.

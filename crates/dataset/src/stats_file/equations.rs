@@ -6,7 +6,7 @@
 
 use std::collections::BTreeSet;
 
-use fleetfoot_data::{Column, EpisodeId, Progress, Source};
+use fleetfoot_data::{Canonical, Column, EpisodeId, Progress, Source};
 use fleetfoot_library::{Binary, Expr, Node};
 use fleetfoot_model::Partition;
 use fleetfoot_pwa::Specification;
@@ -127,9 +127,15 @@ impl EquationStatistic {
 
     /// Hash of the plans.
     pub(crate) fn hash(&self) -> String {
-        let mut text = format!("{:?}\n", self.differences);
-        self.groups.iter().for_each(|group| text.push_str(&format!("{}\n", group.plan.hash())));
-        blake3::hash(text.as_bytes()).to_hex()[..32].to_owned()
+        let mut told = Canonical::default();
+        told.count(self.differences.len() as u64);
+        for difference in &self.differences {
+            told.tag(difference.is_some().into());
+            difference.iter().for_each(|settled| settled.encode(&mut told));
+        }
+        told.count(self.groups.len() as u64);
+        self.groups.iter().for_each(|group| told.text(&group.plan.hash()));
+        blake3::hash(told.as_bytes()).to_hex()[..32].to_owned()
     }
 
     /// The plans for people: one line a fact, those that groups share once.

@@ -137,7 +137,7 @@ impl Plan {
     pub fn hash(&self) -> String {
         let mut text = self.text();
         for preconditioner in &self.preconditioners {
-            text = plan_hash(&text, preconditioner);
+            text = plan_hash(text.as_bytes(), preconditioner);
         }
         text
     }

@@ -1,6 +1,6 @@
 //! What is fixed before the pass: coordinates from a pilot sample, and the chunks.
 
-use fleetfoot_data::Source;
+use fleetfoot_data::{Canonical, Source};
 use fleetfoot_library::Expr;
 use fleetfoot_stats::{FINE, Grid, Preconditioner, plan_hash, scan::pilot_tiles};
 
@@ -115,14 +115,18 @@ impl SystemPlan {
 
     /// Hash of the plan, the numbers of coordinates and partition included.
     pub fn hash(&self) -> String {
-        let mut text = self.text();
-        if let Some(partition) = &self.system.partition {
-            text.push_str(&format!("{:?} {:?} {:?}\n", partition.rule, partition.centre, partition.scale));
+        let mut told = Canonical::default();
+        told.text(&self.text());
+        told.tag(self.system.partition.is_some().into());
+        self.system.partition.iter().for_each(|partition| partition.encode_rule(&mut told));
+        match &self.coordinates {
+            Coordinates::General(_) => told.tag(PRODUCTS),
+            Coordinates::Polynomial(polynomial) => {
+                told.tag(MOMENTS);
+                told.bytes(&polynomial.plan.to_bytes());
+            }
         }
-        if let Coordinates::Polynomial(polynomial) = &self.coordinates {
-            text.push_str(&format!("moments in the basis {:?}\n", polynomial.plan.to_bytes()));
-        }
-        plan_hash(&text, self.coordinates.preconditioner())
+        plan_hash(told.as_bytes(), self.coordinates.preconditioner())
     }
 
     /// The coordinates as bytes: with system and chunk length they are the plan.

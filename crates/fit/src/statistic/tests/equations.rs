@@ -196,7 +196,7 @@ fn other_formats_are_refused_with_the_reason() {
     let files = pendulum(folder.path(), 1, 60, 0.0);
     let recipe = Recipe::parse(&recipes()[0].1, "test").unwrap();
     let whole = bytes(&scan(&recipe, &ScanOptions::default(), None, &files, &Silent).unwrap().0);
-    for (version, word) in [(1_u32, "lacks sums"), (2, "lacks sums"), (4, "newer fleetfoot")] {
+    for (version, word) in [(1_u32, "lacks sums"), (2, "lacks sums"), (5, "newer fleetfoot")] {
         let mut other = whole.clone();
         other[8..12].copy_from_slice(&version.to_le_bytes());
         let body = other.len() - 32;
