@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use fleetfoot_model::Model;
 use fleetfoot_stats::{Basis, Concentration, Estimate, SquareRoot, front};
 
-use crate::{Specification, Stability, continuous::Continuity};
+use crate::{PartitionNote, Specification, Stability, continuous::Continuity};
 
 /// A model and how it was found.
 #[derive(Debug, Clone)]
@@ -49,6 +49,8 @@ pub struct Identification {
     pub concentrated: Vec<Option<Concentration>>,
     /// What the user should know.
     pub notes: Vec<String>,
+    /// What of it is of how partitions were found.
+    pub partition_notes: Vec<PartitionNote>,
 }
 
 /// Scores of one partition.

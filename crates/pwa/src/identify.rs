@@ -159,7 +159,8 @@ impl Fit<'_> {
         } else {
             (models.remove(0), roots.remove(0))
         };
-        let mut notes = self.segmentation.notes.clone();
+        let partition_notes = self.segmentation.notes.clone();
+        let mut notes: Vec<String> = partition_notes.iter().map(ToString::to_string).collect();
         confounded(self.problem, &base, &mut notes);
         self.empty_balls(&solver, &mut notes);
         notes.extend(self.uncounted(&kept));
@@ -185,6 +186,7 @@ impl Fit<'_> {
             preconditioned: base.root.condition,
             concentrated: self.survey.concentrated(source.episodes(), chunks),
             notes,
+            partition_notes,
         })
     }
 

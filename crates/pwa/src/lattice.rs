@@ -16,7 +16,7 @@ use fleetfoot_model::{Partition, Rule};
 use fleetfoot_stats::{Gram, Preconditioner};
 
 use crate::{
-    Error,
+    Error, Finding, PartitionNote,
     budget::{STATS_BUDGET, gram_bytes},
 };
 
@@ -105,14 +105,9 @@ impl Lattice {
     }
 
     /// What the user should know.
-    pub(crate) fn note(&self) -> Option<String> {
+    pub(crate) fn note(&self) -> Option<PartitionNote> {
         let (cells, memory) = (self.count(), STATS_BUDGET >> 20);
-        let told = || {
-            format!(
-                "lattice: regions are joined of {cells} cells; the sums of more would take over {memory} MiB, with fewer folds or columns there are more"
-            )
-        };
-        self.cut.then(told)
+        self.cut.then(|| PartitionNote::new("lattice", Finding::CellsLackMemory { cells, memory }))
     }
 
     /// The tree of the joins of cells; `variance` is that of every target.

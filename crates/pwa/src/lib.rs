@@ -43,6 +43,7 @@ mod memory;
 mod notes;
 mod pairs;
 mod partition;
+mod partition_note;
 mod phase;
 mod port;
 mod problem;
@@ -73,6 +74,7 @@ pub use kmeans::{
 };
 pub use memory::{Cost, cost};
 pub use partition::{Partitioned, partition};
+pub use partition_note::{Finding, PartitionNote, SampleMethod};
 pub use phase::{Phase, PhaseKind};
 pub use port::Port;
 pub use problem::{Options, Problem, Selection, Shrinkage};

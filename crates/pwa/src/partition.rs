@@ -62,7 +62,7 @@ pub fn partition(
     Ok(Partitioned {
         partitions: segmentation.candidates.iter().map(|c| (c.specification.clone(), of(c.full))).collect(),
         rows: survey.counts.complete,
-        notes: segmentation.notes,
+        notes: segmentation.notes.iter().map(ToString::to_string).collect(),
     })
 }
 

@@ -10,7 +10,7 @@ use fleetfoot_model::{Partition, Rule};
 use fleetfoot_stats::Moments;
 
 use crate::{
-    Error, KMeansOptions, Options, Points, Problem, Specification, Start, Within,
+    Error, Finding, KMeansOptions, Options, PartitionNote, Points, Problem, SampleMethod, Specification, Start, Within,
     continuous::{Ties, borders},
     kmeans,
     lattice::Lattice,
@@ -73,7 +73,7 @@ fn not_joined_yet(k: usize, specification: &Specification, lattice: &Lattice) ->
     let rule = Rule::Joined { cells: lattice.rule.clone(), regions: Vec::new() };
     let count = lattice.count();
     let partition = Partition { specification: specification.to_string(), rule, ..lattice.partition.clone() };
-    let few = || format!("{specification}: there are rows enough for {count} cells, and no more regions than that");
+    let few = || PartitionNote::new(specification, Finding::FewCells { cells: count });
     Made { partition, label: None, note: (count < k).then(few), objective: Vec::new(), ties: None, open: None }
 }
 
@@ -103,7 +103,7 @@ impl Segmentation {
 struct Made {
     partition: Partition,
     label: Option<usize>,
-    note: Option<String>,
+    note: Option<PartitionNote>,
     objective: Vec<f64>,
     ties: Option<Ties>,
     open: Option<Open>,
@@ -194,13 +194,13 @@ impl Maker<'_> {
                             let of_label = |row: usize| labels[row] == value;
                             let (rule, note) = self.cluster(*k, &runs, of_label, &centre, &scale, progress)?;
                             let name = self.rows.label_columns[index].label(value);
-                            (rule, note.map(|note| format!("{column} {name}: {note}")))
+                            (rule, note.map(|note| note.within(&format!("{column} {name}"))))
                         }
                         Within::Refined(k) => {
                             let of = Some((index, number));
                             let (found, note) = self.refine(*k, of, (&centre, &scale), progress)?;
                             let name = self.rows.label_columns[index].label(value);
-                            (found.rule, note.map(|note| format!("{column} {name}: {note}")))
+                            (found.rule, note.map(|note| note.within(&format!("{column} {name}"))))
                         }
                         Within::Tree(depth) => self.cut(*depth, Some((index, number)), progress)?,
                     };
@@ -256,7 +256,7 @@ impl Maker<'_> {
         label: Option<(usize, usize)>,
         units: (&[f64], &[f64]),
         progress: &dyn Progress,
-    ) -> Result<(Refined, Option<String>), Error> {
+    ) -> Result<(Refined, Option<PartitionNote>), Error> {
         let sample = if label.is_none() { self.sample() } else { None };
         let Some(ground) = self.ground(label, units) else {
             return Ok((Refined { rule: Rule::Whole, objective: Vec::new(), open: None }, None));
@@ -265,13 +265,13 @@ impl Maker<'_> {
         let (count, name) = (found.rule.count(), Specification::Refined(k));
         let (kept, all) = (self.survey.examples.rows(), self.survey.counts.complete);
         let note = if count < k {
-            let regions = if count == 1 { "1 region has".to_owned() } else { format!("{count} regions have") };
-            Some(format!("{name}: only {regions} rows enough for a map of their own"))
+            Some(Finding::FewRegions { regions: count })
         } else if self.survey.examples_lack_memory {
-            Some(format!("{name}: refined on a sample of {kept} of {all} rows; raise --memory for more"))
+            Some(Finding::Sampled { method: SampleMethod::Refined, kept, all })
         } else {
             None
         };
+        let note = note.map(|finding| PartitionNote::new(name, finding));
         Ok((found, note))
     }
 
@@ -294,7 +294,7 @@ impl Maker<'_> {
         depth: usize,
         label: Option<(usize, usize)>,
         progress: &dyn Progress,
-    ) -> Result<(Rule, Option<String>), Error> {
+    ) -> Result<(Rule, Option<PartitionNote>), Error> {
         let rows = if self.grown.contains_key(&label) { Vec::new() } else { self.example_rows(label) };
         let grown = match self.grown.entry(label) {
             Entry::Occupied(known) => known.into_mut(),
@@ -307,7 +307,8 @@ impl Maker<'_> {
         };
         let rule = grown.rule(depth, progress)?;
         let (kept, all) = (self.survey.examples.rows(), self.survey.counts.complete);
-        let told = || format!("tree:{depth}: grown on a sample of {kept} of {all} rows; raise --memory for more");
+        let sampled = Finding::Sampled { method: SampleMethod::Grown, kept, all };
+        let told = || PartitionNote::new(Specification::Tree(depth), sampled);
         Ok((rule, self.survey.examples_lack_memory.then(told)))
     }
 
@@ -320,7 +321,7 @@ impl Maker<'_> {
         centre: &[f64],
         scale: &[f64],
         progress: &dyn Progress,
-    ) -> Result<(Rule, Option<String>), Error> {
+    ) -> Result<(Rule, Option<PartitionNote>), Error> {
         let mut points = Points::new(self.rows.partition);
         for run in runs {
             let mut from = run.start;
@@ -345,17 +346,17 @@ impl Maker<'_> {
         let found = kmeans(&points, start, &options, progress)?;
         let clusters = found.centroids.len() / self.rows.partition.max(1);
         let kept = self.survey.kept.rows();
-        let note = if clusters < k {
-            let positions = if clusters == 1 { "position" } else { "positions" };
-            Some(format!("kmeans:{k}: only {clusters} different {positions} to cluster"))
+        let all = self.survey.counts.complete;
+        let finding = if clusters < k {
+            Some(Finding::FewPositions { positions: clusters })
         } else if !found.converged {
-            Some(format!("kmeans:{k}: not converged after {} iterations; raise --iterations", found.iterations))
-        } else if kept < self.survey.counts.complete {
-            let all = self.survey.counts.complete;
-            Some(format!("kmeans:{k}: clustered a sample of {kept} of {all} rows; raise --memory for more"))
+            Some(Finding::NotConverged { iterations: found.iterations })
+        } else if kept < all {
+            Some(Finding::Sampled { method: SampleMethod::Clustered, kept, all })
         } else {
             None
         };
+        let note = finding.map(|finding| PartitionNote::new(Specification::KMeans(k), finding));
         Ok((
             Rule::voronoi(found.centroids.chunks_exact(self.rows.partition.max(1)).map(<[f64]>::to_vec).collect()),
             note,

@@ -3,7 +3,7 @@
 use fleetfoot_model::{Partition, Rule};
 
 use crate::{
-    Specification,
+    PartitionNote, Specification,
     continuous::Ties,
     lattice::{Lattice, Tree},
     refined::Open,
@@ -43,7 +43,7 @@ pub(crate) struct Segmentation {
     /// Borders that a pass over all rows draws, and the partitions that have them.
     pub(crate) open: Vec<(usize, Open)>,
     /// What the user should know.
-    pub(crate) notes: Vec<String>,
+    pub(crate) notes: Vec<PartitionNote>,
 }
 
 impl Segmentation {

@@ -120,6 +120,7 @@ pub fn identify_summed(
         preconditioned: base.root.condition,
         concentrated: Vec::new(),
         notes,
+        partition_notes: Vec::new(),
     })
 }
 

@@ -316,10 +316,12 @@ impl PwaFit {
         self.found.chosen
     }
 
-    /// What the user should know.
+    /// What the user should know, and whether it is of an iteration that has not converged.
     #[getter]
-    fn notes(&self) -> Vec<String> {
-        self.found.notes.clone()
+    fn notes(&self) -> Vec<(String, bool)> {
+        let unconverged = self.found.partition_notes.iter().filter(|note| note.is_unconverged());
+        let unconverged: Vec<String> = unconverged.map(ToString::to_string).collect();
+        self.found.notes.iter().map(|note| (note.clone(), unconverged.contains(note))).collect()
     }
 }
 

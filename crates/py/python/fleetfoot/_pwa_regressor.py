@@ -213,8 +213,8 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self._take(fit)
         self.labels_ = self._regions(X)
         self.counts_ = np.bincount(self.labels_, minlength=self.n_regions_)
-        for note in fit.notes:
-            warnings.warn(note, ConvergenceWarning if "converged" in note else UserWarning, stacklevel=2)
+        for note, unconverged in fit.notes:
+            warnings.warn(note, ConvergenceWarning if unconverged else UserWarning, stacklevel=2)
         return self
 
     def apply(self, X: Any) -> NDArray[np.int32]:

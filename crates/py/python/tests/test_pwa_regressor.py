@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import pickle
+import warnings
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 import fleetfoot as ff
+from fleetfoot._base import ConvergenceWarning
 
 CENTERS = np.array([[-4.0, 0.0], [4.0, 0.0], [0.0, 7.0]])
 COEF = np.array([[[1.0, -2.0], [0.5, 0.0]], [[-3.0, 0.25], [2.0, 1.0]], [[0.0, 4.0], [-1.0, -1.0]]])
@@ -189,3 +191,16 @@ def test_bad_input_is_told() -> None:
         ff.PWARegressor(2).fit(X, y, groups=np.ones(3))
     with pytest.raises(ValueError, match="too few"):
         ff.PWARegressor(2).fit(X[:3], y[:3])
+
+
+def test_a_clustering_that_did_not_converge_is_warned_of() -> None:
+    rng = np.random.default_rng(5)
+    X = rng.normal(size=(400, 2))
+    y = np.abs(X[:, 0]) + 0.1 * X[:, 1]
+    short = ff.PWARegressor(6, max_kmeans_iter=1)
+    with pytest.warns(ConvergenceWarning, match="not converged after 1 iterations"):
+        short.fit(X, y)
+    # What has that word in another sentence is no such warning.
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", ConvergenceWarning)
+        ff.PWARegressor(2).fit(X, y)
