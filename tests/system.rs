@@ -1,6 +1,7 @@
 //! The command, as its users run it.
 
 mod bad_input;
+mod check;
 mod clocks;
 mod closed_loop;
 mod commands;

@@ -15,9 +15,10 @@ use crate::{
 
 /// Rows of a chunk.
 const CHUNK_ROWS: usize = 65_536;
-/// A value that far from both neighbours, in medians of the steps, is a gross error; so many of a million rows are a fault.
-const FAR: f64 = 30.0;
-const GROSS: f64 = 500e-6;
+/// A value that far from both neighbours, in usual steps, while these are near to each other, is a gross error; a smaller share of them is none of note.
+const FAR: f64 = 20.0;
+const NEIGHBOURS: f64 = 0.3;
+const GROSS: f64 = 2e-3;
 /// A standstill of so many rows and so many seconds, of a channel that changes in this share of its rows, is one.
 const STILL_ROWS: u64 = 50;
 const STILL_SECONDS: f64 = 0.5;
@@ -94,7 +95,7 @@ impl Default for Sums {
 
 impl Sums {
     /// Adds the rows of a tile; `all` has the neighbours, `core` says where the rows are.
-    fn add(&mut self, all: &[f64], core: Range<usize>, median_step: f64) {
+    fn add(&mut self, all: &[f64], core: Range<usize>, usual_step: f64) {
         for at in core {
             let value = all[at];
             if !value.is_finite() {
@@ -119,8 +120,9 @@ impl Sums {
                 self.changes += 1;
                 self.step = self.step.min(back.abs());
             }
-            let limit = FAR * median_step;
-            if limit > 0.0 && back * ahead > 0.0 && back.abs().min(ahead.abs()) > limit {
+            let limit = FAR * usual_step;
+            let least = back.abs().min(ahead.abs());
+            if limit > 0.0 && back * ahead > 0.0 && least > limit && (before - after).abs() < NEIGHBOURS * least {
                 self.gross += 1;
             }
             if value == self.run.0 {
@@ -198,7 +200,7 @@ impl Channels {
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
         progress.stage("channels");
-        let steps: Vec<f64> = (0..channels.len()).map(|at| sample.median_step(at)).collect();
+        let steps: Vec<f64> = (0..channels.len()).map(|at| sample.usual_step(at)).collect();
         let chunks = Grid { chunk_rows: CHUNK_ROWS }.chunks(view.episodes());
         let mut sums = vec![Sums::default(); channels.len()];
         let halo = Halo { before: 1, after: 1 };
@@ -210,8 +212,8 @@ impl Channels {
             || vec![Sums::default(); channels.len()],
             |found: &mut Vec<Sums>, _, block: &Block, rows| -> Result<(), Error> {
                 let core = block.before + rows.start..block.before + rows.end;
-                for (at, own) in found.iter_mut().enumerate() {
-                    own.add(block.column(at), core.clone(), steps[at]);
+                for ((own, channel), step) in found.iter_mut().zip(channels).zip(&steps) {
+                    own.add(block.column(channel.place), core.clone(), *step);
                 }
                 Ok(())
             },
@@ -306,7 +308,7 @@ impl Channels {
                 Fault::GrossErrors,
                 (
                     gross,
-                    format!("{:.2} % of its values lie {FAR} median steps and more off both neighbours", 100.0 * gross),
+                    format!("{:.2} % of its values lie {FAR} usual steps and more off both neighbours", 100.0 * gross),
                 ),
                 "`fleetfoot prepare --hampel 5` takes them out",
             );
@@ -386,14 +388,14 @@ mod tests {
 
     #[test]
     fn each_fault_of_a_channel_has_its_name() {
-        let channel = |name: &str| Channel { column: Column::float(name), part: Part::State, angle: false };
+        let channel = |name: &str| Channel { column: Column::float(name), place: 0, part: Part::State, angle: false };
         let wave = |row: usize| (0.013 * row as f64).sin() + 0.3 * (0.171 * row as f64).sin();
         let faults = |of: &dyn Fn(usize) -> f64| -> Vec<Fault> {
             let values: Vec<f64> = (0..5000).map(of).collect();
             let mut sums = Sums::default();
             let mut step: Vec<f64> = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
             step.sort_by(f64::total_cmp);
-            sums.add(&values, 0..values.len(), step[step.len() / 2]);
+            sums.add(&values, 0..values.len(), step[step.len() * 4 / 5]);
             let mut whole = Sums::default();
             whole.merge(sums);
             let channels = Channels { sums: vec![whole], rows: 5000 };

@@ -57,6 +57,8 @@ pub(crate) enum Part {
 #[derive(Debug, Clone)]
 pub(crate) struct Channel {
     pub(crate) column: Column,
+    /// Its place among the columns of the rows.
+    pub(crate) place: usize,
     pub(crate) part: Part,
     /// Whether the recipe says that it is an angle.
     pub(crate) angle: bool,
@@ -78,7 +80,10 @@ pub fn check(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) ->
     let dataset = Dataset::for_columns(recipe, None, logs.clone(), progress)?;
     notes.extend_from_slice(dataset.notes());
     let view = dataset.view()?;
-    let mut channels: Vec<Channel> = view.columns().iter().map(|column| channel(recipe, column)).collect();
+    let clocks: Vec<&str> =
+        infos.iter().filter_map(|info| info.clock.as_ref()).map(|own| own.column.as_str()).collect();
+    let columns = view.columns().iter().enumerate().filter(|(_, column)| !clocks.contains(&column.name.as_str()));
+    let mut channels: Vec<Channel> = columns.map(|(at, column)| channel(recipe, column, at)).collect();
     if channels.len() > MOST {
         notes.push(format!(
             "{MOST} of {} columns are looked at; name states and inputs in a recipe (-c) to choose them",
@@ -88,7 +93,7 @@ pub fn check(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) ->
     }
     let mut findings = stamps::of_files(&infos);
     findings.extend(stamps::of_rows(&view, progress)?);
-    let sample = Sample::read(&view, channels.len(), progress)?;
+    let sample = Sample::read(&view, &channels, progress)?;
     let found = Channels::read(&view, &channels, &sample, progress)?;
     findings.extend(found.findings(&channels, dataset.step()));
     findings.extend(related::findings(&channels, &found, &sample));
@@ -117,14 +122,14 @@ fn drafted(recipe: &Recipe, infos: &[FileInfo], notes: &mut Vec<String>) -> Opti
     Some(draft)
 }
 
-fn channel(recipe: &Recipe, column: &Column) -> Channel {
+fn channel(recipe: &Recipe, column: &Column, place: usize) -> Channel {
     let name = column.name.as_str();
     let (part, angle) = match (recipe.states.get(name), recipe.inputs.get(name)) {
         (Some(state), _) => (Part::State, state.kind == Some(Kind::Angle)),
         (None, Some(input)) => (Part::Input, input.table().kind == Some(Kind::Angle)),
         (None, None) => (Part::Open, false),
     };
-    Channel { column: column.clone(), part, angle }
+    Channel { column: column.clone(), place, part, angle }
 }
 
 impl Channel {

@@ -328,7 +328,8 @@ mod tests {
         let columns = (0..2).map(|at| rows.iter().map(|row| row[at]).collect()).collect();
         let time = (0..rows.len()).map(|row| STEP * row as f64).collect();
         let sample = Sample { stretches: vec![Stretch { time, columns }] };
-        let channels = names.map(|name| Channel { column: Column::float(name), part: Part::State, angle: false });
+        let channels =
+            names.map(|name| Channel { column: Column::float(name), place: 0, part: Part::State, angle: false });
         let found = compare(&channels, &sample, 0, 1).and_then(|found| of_rate(&channels, &sample, (0, 1), found));
         found.iter().map(|own| (own.fault, own.value)).collect()
     }

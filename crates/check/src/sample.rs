@@ -3,6 +3,8 @@
 use fleetfoot_data::{Halo, Progress, Source};
 use fleetfoot_dataset::Error;
 
+use crate::Channel;
+
 /// Rows of a stretch, and numbers of all stretches, at most.
 const STRETCH: usize = 20_000;
 const NUMBERS: usize = 1 << 23;
@@ -22,11 +24,11 @@ pub(crate) struct Stretch {
 
 impl Sample {
     /// Reads the beginnings of episodes, the longest first.
-    pub(crate) fn read(view: &dyn Source, channels: usize, progress: &dyn Progress) -> Result<Self, Error> {
+    pub(crate) fn read(view: &dyn Source, channels: &[Channel], progress: &dyn Progress) -> Result<Self, Error> {
         progress.stage("sample");
         let mut order: Vec<usize> = (0..view.episodes().len()).collect();
         order.sort_by_key(|&at| std::cmp::Reverse(view.episodes()[at].rows));
-        let mut left = (NUMBERS / channels.max(1)).max(1);
+        let mut left = (NUMBERS / channels.len().max(1)).max(1);
         let mut stretches = Vec::new();
         for at in order {
             let rows = view.episodes()[at].rows.min(STRETCH).min(left);
@@ -37,7 +39,7 @@ impl Sample {
             let start = block.stamps()[0];
             stretches.push(Stretch {
                 time: block.stamps().iter().map(|stamp| (stamp - start) as f64 * 1e-9).collect(),
-                columns: (0..channels).map(|column| block.core(column).to_vec()).collect(),
+                columns: channels.iter().map(|channel| block.core(channel.place).to_vec()).collect(),
             });
             left -= rows;
         }
@@ -55,8 +57,8 @@ impl Sample {
         *steps.select_nth_unstable_by(middle, f64::total_cmp).1
     }
 
-    /// The median step of a channel from row to row; NaN where no two rows have values.
-    pub(crate) fn median_step(&self, channel: usize) -> f64 {
+    /// The step of a channel from row to row that four of five steps do not exceed: rests and gross errors leave it; NaN where no two rows have values.
+    pub(crate) fn usual_step(&self, channel: usize) -> f64 {
         let stretches = self.stretches.iter();
         let mut steps: Vec<f64> = stretches
             .flat_map(|own| own.columns[channel].windows(2).map(|pair| (pair[1] - pair[0]).abs()))
@@ -65,7 +67,7 @@ impl Sample {
         if steps.is_empty() {
             return f64::NAN;
         }
-        let middle = steps.len() / 2;
-        *steps.select_nth_unstable_by(middle, f64::total_cmp).1
+        let place = steps.len() * 4 / 5;
+        *steps.select_nth_unstable_by(place, f64::total_cmp).1
     }
 }

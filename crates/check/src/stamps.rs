@@ -19,8 +19,8 @@ const IN_BURSTS: f64 = 0.01;
 const BURST: f64 = 0.1;
 /// Periods that tell nothing.
 const FEW: usize = 8;
-/// Seconds that two clocks may run apart.
-const APART: f64 = 0.005;
+/// Seconds that two clocks may run apart: messages come later or sooner by less.
+const APART: f64 = 0.05;
 
 /// What the files themselves say of their clocks.
 pub(crate) fn of_files(infos: &[FileInfo]) -> Vec<Finding> {

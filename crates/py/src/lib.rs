@@ -40,6 +40,7 @@ mod statistic;
 mod arrow;
 mod arrow_column;
 mod capsule;
+mod check;
 mod generate;
 mod prepare;
 mod read;
@@ -94,6 +95,8 @@ mod _core {
     use crate::statistic::Statistic;
 
     // -- tables
+    #[pymodule_export]
+    use crate::check::check;
     #[pymodule_export]
     use crate::generate::{generate, project, robots, world};
     #[pymodule_export]

@@ -45,6 +45,7 @@ from . import plot
 from ._compare import Comparison, compare
 from ._data import Dataset
 from ._data import open as open  # noqa: A004
+from ._check import Checked, Finding, check
 from ._prepare import Prepared, prepare
 from ._read import Generated, Table, generate, info, read, read_mcap, robots, world
 from ._report import report
@@ -99,11 +100,14 @@ __all__ = [
     "merge",
     "scan",
     # -- tables
+    "Checked",
     "Comparison",
     "Dataset",
+    "Finding",
     "Generated",
     "Prepared",
     "Table",
+    "check",
     "compare",
     "generate",
     "info",

@@ -1,0 +1,19 @@
+//! What is wrong with logs, as a dict.
+
+use pyo3::prelude::*;
+
+use crate::{data::Data, object::object, recipe::of_json, run::run};
+
+/// What is wrong with logs before anything is fitted.
+#[pyfunction]
+#[pyo3(signature = (data, recipe_text, progress=None))]
+pub(crate) fn check<'py>(
+    py: Python<'py>,
+    data: &Data,
+    recipe_text: &str,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let recipe = of_json(recipe_text)?;
+    let found = run(py, progress, |progress| fleetfoot::check(&recipe, &data.logs, progress))?;
+    object(py, &found)
+}
