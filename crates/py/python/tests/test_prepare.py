@@ -48,6 +48,28 @@ def test_a_clean_episode_has_the_derivative_and_fits_unchanged(swing, tmp_path):
     assert "q_dot" in str(model)
 
 
+def test_scores_and_rollouts_have_the_errors_against_the_raw_log(swing, tmp_path):
+    t, measured, _ = swing
+    file = tmp_path / "swing.csv"
+    file.write_text("t,q\n" + "".join(f"{a!r},{b!r}\n" for a, b in zip(t.tolist(), measured.tolist())))
+    recipe = {"states": {"q": {}}, "model": {"predict": "next"}}
+    clean = ff.prepare(file, tmp_path / "clean", recipe=recipe)
+    model = ff.PWA(partition="average").fit(clean.open()).model_
+    score, rolled = model.score(clean.files), model.rollout(clean.files, horizon=5, starts=200)
+    # The noise is of 2e-3; gross errors were rejected and are no measurements.
+    for smooth, raw in [
+        (score["targets"][0]["rmse"], score["targets"][0]["raw"]["rmse"]),
+        (rolled["model"]["rmse"][0][0], rolled["raw"]["rmse"][0][0]),
+    ]:
+        assert 0.9 < raw / np.hypot(smooth, 2e-3) < 1.1, (smooth, raw)
+    assert score.table[0]["raw rmse"] == score["targets"][0]["raw"]["rmse"]
+    assert rolled.table[0]["raw rmse"] == rolled["raw"]["rmse"][-1][0]
+    file.unlink()
+    with pytest.warns(ff.FleetfootWarning, match="swing.csv and is not there"):
+        score = model.score(clean.files)
+    assert "raw" not in score["targets"][0] and "raw rmse" not in score.table[0]
+
+
 def test_files_and_memory_give_the_same_rows(swing, tmp_path):
     t, measured, _ = swing
     file = tmp_path / "swing.csv"

@@ -11,6 +11,7 @@ import sys
 import textwrap
 import threading
 import time
+import warnings
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -175,6 +176,17 @@ def test_what_a_progress_callback_raises_stops_the_call() -> None:
 
 
 # -- Progress
+
+
+def test_a_call_that_takes_minutes_says_so_when_it_begins() -> None:
+    random = np.random.default_rng(3)
+    x = random.normal(size=(2000, 6))
+    # 462 candidates of each of six equations in ten folds: minutes. The warning is an error here, which stops the call.
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        warnings.filterwarnings("error", message="this takes about", category=ff.FleetfootWarning)
+        with pytest.raises(ff.FleetfootWarning, match="this takes about .* make it shorter"):
+            ff.SINDy(library="poly(5)", smooth_states="off", weak="off").fit(x, 0.01 * np.arange(2000.0))
 
 
 def test_progress_is_told_by_stage() -> None:
