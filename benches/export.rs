@@ -13,7 +13,7 @@ use fleetfoot::{
     data::{Column as Field, MemorySource, mix},
     dynamics::{RolloutOptions, Simulator, Start, Step},
     library::{Expr, Library},
-    model::{AffineMap, Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training},
+    model::{AffineMap, Column, Equation, Latent, Model, Partition, Prediction, RegionSummary, Role, Rule, Training},
     with_threads,
 };
 
@@ -63,27 +63,28 @@ fn model(states: usize, inputs: usize, functions: Vec<Expr>, rule: Rule, share: 
     let mut model = Model::new("bench", columns, DT, training);
     let (regions, count) = (rule.count(), functions.len());
     let names: Vec<Expr> = (0..states).map(|i| Expr::column(format!("x{i}"))).collect();
-    model.partitions.push(Partition {
+    let partition = Partition {
         specification: "bench".into(),
         centre: vec![0.0; if regions > 1 { states } else { 0 }],
         scale: vec![1.0; if regions > 1 { states } else { 0 }],
         columns: if regions > 1 { names } else { Vec::new() },
         rule,
-        regions: (0..regions)
-            .map(|region| Region {
-                name: region.to_string(),
-                rows: 100,
-                mean: vec![0.0; count],
-                covariance: vec![0.0; triangle(count)],
-                range: vec![[-100.0, 100.0]; count],
-                residual_covariance: vec![0.0; triangle(states)],
-                rank: count,
-                condition: 1.0,
-                confounded: Vec::new(),
-            })
-            .collect(),
         ..Partition::whole()
-    });
+    };
+    let seen = (0..regions)
+        .map(|region| RegionSummary {
+            name: region.to_string(),
+            rows: 100,
+            mean: vec![0.0; count],
+            covariance: vec![0.0; triangle(count)],
+            range: vec![[-100.0, 100.0]; count],
+            residual_covariance: vec![0.0; triangle(states)],
+            rank: count,
+            condition: 1.0,
+            confounded: Vec::new(),
+        })
+        .collect();
+    model.add_partition(partition, seen);
     model.libraries.push(functions);
     for state in 0..states {
         let key = |region: usize, j: usize| ((state * regions + region) * (count + 1) + j) as u64;

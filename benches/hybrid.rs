@@ -3,7 +3,8 @@
 use fleetfoot_data::{Column, MemorySource};
 use fleetfoot_library::Expr;
 use fleetfoot_model::{
-    AffineMap, Column as ModelColumn, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training,
+    AffineMap, Column as ModelColumn, Equation, Latent, Model, Partition, Prediction, RegionSummary, Role, Rule,
+    Training,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -74,8 +75,8 @@ pub fn model(hertz: f64) -> Model {
     partition.centre = (0..STATES).map(|_| random.random_range(-0.1..0.1)).collect();
     partition.scale = (0..STATES).map(|_| random.random_range(0.8..1.2)).collect();
     partition.rule = Rule::voronoi(centroids);
-    partition.regions = (0..REGIONS)
-        .map(|region| Region {
+    let seen = (0..REGIONS)
+        .map(|region| RegionSummary {
             name: region.to_string(),
             rows: 100,
             mean: vec![0.0; COLUMNS],
@@ -108,7 +109,7 @@ pub fn model(hertz: f64) -> Model {
     };
     let mut model = Model::new("bench", columns, DT, training);
     model.libraries = vec![functions];
-    model.partitions = vec![partition];
+    model.add_partition(partition, seen);
     for (i, (coefficients, constants)) in coefficients.into_iter().zip(constants).enumerate() {
         let name = format!("f{i}");
         model.equations.push(Equation {

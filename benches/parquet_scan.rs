@@ -100,7 +100,7 @@ fn full_fit(path: &Path) -> Result<()> {
     let fitted = fit::<Pwa>(&recipe, &FitRequest::default(), &[path.to_path_buf()], &Silent)?;
     let found = &fitted.report.identification;
     // The oscillations are smooth: their rates follow from the states but for the noise on both.
-    let regions: u64 = found.model.partitions[0].regions.iter().map(|region| region.rows).sum();
+    let regions: u64 = found.model.summaries[0].regions.iter().map(|region| region.rows).sum();
     if regions != found.rows || !found.candidates[0].r2.iter().all(|r2| *r2 > 0.0 && *r2 <= 1.0) {
         return Err(format!("{regions} of {} rows in regions, R2 {:?}", found.rows, found.candidates[0].r2).into());
     }

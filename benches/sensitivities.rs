@@ -211,7 +211,7 @@ fn sparse(hertz: f64) -> Model {
     training.target_mean.truncate(targets);
     training.target_deviation.truncate(targets);
     training.target_covariance.truncate(targets * (targets + 1) / 2);
-    for region in &mut model.partitions[0].regions {
+    for region in &mut model.summaries[0].regions {
         region.residual_covariance.truncate(targets * (targets + 1) / 2);
     }
     model

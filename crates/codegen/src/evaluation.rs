@@ -1,7 +1,7 @@
 //! Some equations of a model taken apart: functions, regions, latents, right sides, and their derivatives.
 
 use fleetfoot_library::{Expr, Leaf, Program, StraightLine, UnknownColumn};
-use fleetfoot_model::{Basis, Equation, LatentGroup, Model, Region, Rule, partitions_in_use};
+use fleetfoot_model::{Basis, Equation, LatentGroup, Model, RegionSummary, Rule, partitions_in_use};
 
 use crate::ExportError;
 
@@ -192,7 +192,7 @@ pub(crate) fn program(expressions: &[Expr], names: &[&str]) -> Result<StraightLi
 /// The training ranges of some functions; `None` where the partition does not describe this library.
 fn ranges(model: &Model, library: usize, partition: usize, kept: &[usize]) -> Option<Vec<[f64; 2]>> {
     let owner = model.latents.iter().find(|latent| latent.partition == partition)?;
-    let regions: &[Region] = &model.partitions[partition].regions;
+    let regions: &[RegionSummary] = &model.summaries[partition].regions;
     (owner.library == library && !regions.is_empty() && !kept.is_empty())
         .then(|| regions.iter().flat_map(|region| kept.iter().map(|&j| region.range[j])).collect())
 }

@@ -76,7 +76,7 @@ fn latent_lines(model: &Model, latent: &Latent) -> String {
     if regions == 1 {
         return format!("{left} &= {}", sum(model, latent, 0));
     }
-    let names = &model.partitions[latent.partition].regions;
+    let names = &model.summaries[latent.partition].regions;
     let case = |region: usize| {
         let label = names.get(region).map_or_else(|| region.to_string(), |region| region.name.clone());
         format!("  {} & \\text{{region {}}}", sum(model, latent, region), escaped(&label))

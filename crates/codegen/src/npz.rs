@@ -2,7 +2,7 @@
 //!
 //! The format of `.npy` is that of NumPy's `numpy.lib.format`, version 1.0: a magic, a header that is a Python literal, the values.
 
-use fleetfoot_model::{Cut, Model, Partition, Rule, UnseenLabel};
+use fleetfoot_model::{Cut, Model, Partition, Rule, Summary, UnseenLabel};
 
 use crate::{
     ExportOptions, ExportedFile,
@@ -49,20 +49,20 @@ pub(crate) fn file(model: &Model, options: &ExportOptions) -> ExportedFile {
         arrays.strings(&name("functions"), &texts(functions.iter().map(ToString::to_string).collect()));
         arrays.integers(&name("partition"), &[latent.partition as i64], &[]);
     }
-    for (index, partition) in model.partitions.iter().enumerate() {
+    for (index, partition) in model.partitions.iter().zip(&model.summaries).enumerate() {
         partition_arrays(&mut arrays, index, partition);
     }
     ExportedFile { name: format!("{}.npz", options.prefix), bytes: archive(&arrays.files) }
 }
 
-fn partition_arrays(arrays: &mut Arrays, index: usize, partition: &Partition) {
+fn partition_arrays(arrays: &mut Arrays, index: usize, (partition, summary): (&Partition, &Summary)) {
     let name = |what: &str| format!("partition/{index}/{what}");
     let columns = partition.columns.len();
     arrays.strings(&name("specification"), std::slice::from_ref(&partition.specification));
     arrays.strings(&name("columns"), &partition.columns.iter().map(ToString::to_string).collect::<Vec<_>>());
     arrays.reals(&name("centre"), &partition.centre, &[columns]);
     arrays.reals(&name("scale"), &partition.scale, &[columns]);
-    let regions = &partition.regions;
+    let regions = &summary.regions;
     arrays.strings(&name("regions"), &regions.iter().map(|region| region.name.clone()).collect::<Vec<_>>());
     let rows: Vec<i64> = regions.iter().map(|region| i64::try_from(region.rows).unwrap_or(i64::MAX)).collect();
     arrays.integers(&name("rows"), &rows, &[rows.len()]);

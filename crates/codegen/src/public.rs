@@ -1,6 +1,6 @@
 //! The functions that users of the code call, in every language: what each does, in words.
 
-use fleetfoot_model::{Partition, Prediction};
+use fleetfoot_model::Prediction;
 
 use crate::{
     assemble::Assembled,
@@ -81,16 +81,18 @@ impl Assembled<'_> {
     }
 
     /// The partition whose regions are given; `None` where there is but one region.
-    pub(crate) fn reported(&self) -> Option<&Partition> {
+    pub(crate) fn reported(&self) -> Option<usize> {
         let evaluation = self.plan.advance.as_ref().or(self.plan.predict.as_ref())?;
         let cells = &evaluation.partitions[evaluation.reported?];
-        Some(&self.plan.model.partitions[cells.partition])
+        Some(cells.partition)
     }
 
     /// Names of the regions that are given.
     pub(crate) fn regions(&self) -> Vec<&str> {
         match self.reported() {
-            Some(partition) => partition.regions.iter().map(|region| region.name.as_str()).collect(),
+            Some(partition) => {
+                self.plan.model.summaries[partition].regions.iter().map(|region| region.name.as_str()).collect()
+            }
             None => vec!["all"],
         }
     }

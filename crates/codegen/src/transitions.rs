@@ -178,7 +178,7 @@ fn differences(pairs: &[RegionPair], count: usize) -> Option<Table> {
 impl TransitionTables {
     /// Those of the partition whose regions the code gives; `None` where none were counted.
     pub(crate) fn of(assembled: &Assembled<'_>) -> Option<Self> {
-        let partition = assembled.reported()?;
+        let partition = &assembled.plan.model.partitions[assembled.reported()?];
         let tables = tables(partition, assembled.own.step);
         let bins = partition.phases.as_ref().map(|phases| phases.bins.count());
         (!tables.is_empty()).then_some(Self { tables, bins })

@@ -232,13 +232,13 @@ fn label<'a>(model: &'a Model, name: &str) -> Option<&'a [f64]> {
 fn range(model: &Model, name: &str, region: usize) -> [f64; 2] {
     let mut found: Option<[f64; 2]> = None;
     for latent in &model.latents {
-        let partition = &model.partitions[latent.partition];
+        let seen = &model.summaries[latent.partition].regions;
         let owner = model.latents.iter().find(|other| other.partition == latent.partition);
         let described = owner.is_some_and(|owner| owner.library == latent.library);
         let library = &model.libraries[latent.library];
         let function = library.iter().enumerate().find_map(|(at, function)| Some((at, origin(function, name)?)));
-        if let (Some((function, origin)), true, false) = (function, described, partition.regions.is_empty()) {
-            let [low, high] = partition.regions[region % partition.regions.len()].range[function].map(|v| v + origin);
+        if let (Some((function, origin)), true, false) = (function, described, seen.is_empty()) {
+            let [low, high] = seen[region % seen.len()].range[function].map(|v| v + origin);
             if low.is_finite() && high.is_finite() && low <= high {
                 let [l, h] = found.unwrap_or([low, high]);
                 found = Some([l.max(low), h.min(high)]);

@@ -3,7 +3,7 @@
 use faer::Mat;
 use fleetfoot_data::packed;
 use fleetfoot_dynamics::{Linearized, Points, Stepper, StepperWorkspace, Tangent, nothing_to_advance};
-use fleetfoot_model::{Model, Partition, Prediction, Region};
+use fleetfoot_model::{Model, Partition, Prediction, RegionSummary};
 
 use crate::{
     Error,
@@ -70,7 +70,7 @@ impl Pieces {
             let place = |name: &str| inputs.iter().position(|own| own == name);
             let places = stepper.inputs().map(|name| place(name).unwrap_or(usize::MAX)).collect();
             let described = partition.or((model.partitions.len() == 1).then_some(0));
-            let about = described.and_then(|index| model.partitions[index].regions.get(region));
+            let about = described.and_then(|index| model.summaries[index].regions.get(region));
             let name = about.map_or_else(|| "all".to_owned(), |about| about.name.clone());
             let doubt = about.map_or_else(|| vec![0.0; states.len()], |about| doubt(model, &states, about));
             Ok(Piece { name, rows: about.map_or(1, |about| about.rows), doubt, stepper, tangent, places })
@@ -178,13 +178,14 @@ fn submodel(model: &Model, partition: usize, region: usize) -> Model {
     for latent in own.latents.iter_mut().filter(|latent| latent.partition == partition) {
         latent.map.keep_region(region);
     }
-    let regions = model.partitions[partition].regions[region].clone();
-    own.partitions[partition] = Partition { regions: vec![regions], ..Partition::whole() };
+    let regions = model.summaries[partition].regions[region].clone();
+    own.partitions[partition] = Partition::whole();
+    own.summaries[partition] = vec![regions].into();
     own
 }
 
 /// Standard errors of a region's least squares, by state: the leverages of n rows in a regression of p numbers add up to p, so that the variance of a prediction is `s^2 p / n` in their mean.
-fn doubt(model: &Model, states: &[String], about: &Region) -> Vec<f64> {
+fn doubt(model: &Model, states: &[String], about: &RegionSummary) -> Vec<f64> {
     let (rows, spent) = (about.rows as f64, about.rank as f64 + 1.0);
     let mut doubt = vec![0.0; states.len()];
     for (target, equation) in model.fitted().enumerate() {
@@ -203,9 +204,9 @@ fn seen(model: &Model, name: &str) -> Option<[f64; 2]> {
     let latent = model.latents.first()?;
     let functions = model.libraries.get(latent.library)?;
     let j = functions.iter().position(|function| function.as_column() == Some(name))?;
-    let regions = &model.partitions.get(latent.partition)?.regions;
+    let regions = &model.summaries.get(latent.partition)?.regions;
     let rows: f64 = regions.iter().map(|region| region.rows as f64).sum();
-    let over = |value: &dyn Fn(&fleetfoot_model::Region) -> f64| {
+    let over = |value: &dyn Fn(&RegionSummary) -> f64| {
         regions.iter().map(|region| region.rows as f64 * value(region)).sum::<f64>() / rows
     };
     let mean = over(&|region| region.mean[j]);

@@ -132,13 +132,13 @@ impl Simulator {
 fn ranges(model: &Model, compiled: &Compiled, group: usize) -> Option<Ranges> {
     let partition = compiled.partitions[compiled.groups[group].regions].partition;
     let functions = model.libraries[compiled.groups[group].library].len();
-    if model.partitions[partition].regions.iter().any(|region| region.range.len() != functions) {
+    if model.summaries[partition].regions.iter().any(|region| region.range.len() != functions) {
         return None;
     }
     let kept = &compiled.groups[group].kept;
     let width = padded(kept.len());
     let bounds = |end: usize, pad: f64| -> Vec<f64> {
-        let regions = &model.partitions[partition].regions;
+        let regions = &model.summaries[partition].regions;
         regions
             .iter()
             .flat_map(|region| {

@@ -1,7 +1,7 @@
 //! The training domain: how far a row is from what its region saw.
 
 use fleetfoot_data::{packed, packed_row};
-use fleetfoot_model::{Model, Region};
+use fleetfoot_model::{Model, RegionSummary};
 
 use crate::{
     Mahalanobis,
@@ -50,12 +50,12 @@ pub(crate) struct Place {
 impl TrainingDomain {
     /// The domain of the functions `kept` of a library over a partition; `None` where the partition has no statistics of them.
     pub(crate) fn new(model: &Model, library: usize, partition: usize, kept: &[usize]) -> Option<Self> {
-        let regions = &model.partitions[partition].regions;
+        let regions = &model.summaries[partition].regions;
         let all = model.libraries[library].len();
         if regions.is_empty() || regions.iter().any(|region| region.mean.len() != all) {
             return None;
         }
-        let regions: Vec<Region> = regions.iter().map(|region| restricted(region, kept)).collect();
+        let regions: Vec<RegionSummary> = regions.iter().map(|region| restricted(region, kept)).collect();
         let functions = kept.len();
         let covariance = overall_covariance(&regions, functions);
         let scale: Vec<f64> = (0..functions)
@@ -67,7 +67,7 @@ impl TrainingDomain {
             })
             .collect();
         let width = padded(functions);
-        let bounds = |region: &Region, end: usize| -> Vec<f64> {
+        let bounds = |region: &RegionSummary, end: usize| -> Vec<f64> {
             let pad = if end == 0 { f64::NEG_INFINITY } else { f64::INFINITY };
             region.range.iter().map(|range| range[end]).chain(std::iter::repeat(pad)).take(width).collect()
         };
@@ -129,9 +129,9 @@ impl TrainingDomain {
 }
 
 /// What a region says of some of its functions.
-fn restricted(region: &Region, kept: &[usize]) -> Region {
+fn restricted(region: &RegionSummary, kept: &[usize]) -> RegionSummary {
     let pairs = kept.iter().enumerate().flat_map(|(a, &i)| kept[..=a].iter().map(move |&j| packed(i, j)));
-    Region {
+    RegionSummary {
         mean: kept.iter().map(|&j| region.mean[j]).collect(),
         range: kept.iter().map(|&j| region.range[j]).collect(),
         covariance: pairs.map(|at| region.covariance[at]).collect(),
@@ -140,7 +140,7 @@ fn restricted(region: &Region, kept: &[usize]) -> Region {
 }
 
 /// Covariance of the regressors over all training rows: within the regions and between their means.
-fn overall_covariance(regions: &[Region], functions: usize) -> Vec<f64> {
+fn overall_covariance(regions: &[RegionSummary], functions: usize) -> Vec<f64> {
     let total: f64 = regions.iter().map(|region| region.rows as f64).sum();
     let mut mean = vec![0.0; functions];
     let mut covariance = vec![0.0; packed_row(functions)];

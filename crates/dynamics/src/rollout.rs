@@ -243,6 +243,7 @@ fn null_model(model: &Model) -> Option<Model> {
     }
     null.latents.clear();
     null.partitions.clear();
+    null.summaries.clear();
     null.libraries.clear();
     Some(null)
 }

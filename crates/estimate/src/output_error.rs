@@ -24,7 +24,7 @@ mod segments;
 use faer::Mat;
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_dynamics::{Coefficient, ShootingOptions, Stretch, Stretches};
-use fleetfoot_model::{AffineMap, Latent, Model, Partition, Region};
+use fleetfoot_model::{AffineMap, Latent, Model, Partition, RegionSummary};
 use fleetfoot_stats::{kernel::norm, student_t_95};
 
 use crate::{
@@ -394,7 +394,7 @@ fn with_parameters(model: &Model, parameters: &[Parameter]) -> Model {
     let mut model = model.clone();
     let fitted = model.fitted().count();
     model.libraries.push(Vec::new());
-    let region = Region {
+    let region = RegionSummary {
         name: "all".into(),
         rows: 0,
         mean: Vec::new(),
@@ -405,8 +405,8 @@ fn with_parameters(model: &Model, parameters: &[Parameter]) -> Model {
         condition: 1.0,
         confounded: Vec::new(),
     };
-    model.partitions.push(Partition { regions: vec![region], ..Partition::whole() });
-    let (library, partition) = (model.libraries.len() - 1, model.partitions.len() - 1);
+    let partition = model.add_partition(Partition::whole(), vec![region]);
+    let library = model.libraries.len() - 1;
     model.latents.extend(parameters.iter().map(|parameter| Latent {
         name: parameter.name.clone(),
         library,

@@ -16,8 +16,8 @@ use fleetfoot_library::{Expr, Scope};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Column, Equation, Join, Lattice, Level, Model, Partition, Prediction, Region, ResidualCorrelation, Role,
-    RotationKind, RotationPart, Transitions,
+    Column, Equation, Join, Lattice, Level, Model, Partition, Prediction, RegionSummary, ResidualCorrelation, Role,
+    RotationKind, RotationPart, Summary, Transitions,
 };
 use latent::LatentText;
 use phases::{PairText, PhasesText};
@@ -299,7 +299,7 @@ impl From<&Model> for ModelText {
             step: Real(model.step),
             columns: model.columns.iter().map(ColumnText::from).collect(),
             libraries: model.libraries.iter().map(|library| library.iter().map(Expr::to_string).collect()).collect(),
-            partitions: model.partitions.iter().map(PartitionText::from).collect(),
+            partitions: model.partitions.iter().zip(&model.summaries).map(PartitionText::from).collect(),
             latents: model.latents.iter().map(LatentText::from).collect(),
             equations: model.equations.iter().map(EquationText::from).collect(),
             training: TrainingText::from(&model.training),
@@ -334,17 +334,18 @@ impl ModelText {
             .iter()
             .map(|library| library.iter().map(parse).collect::<Result<Vec<_>, _>>())
             .collect::<Result<Vec<_>, _>>()?;
+        let mut summaries = Vec::new();
         let partitions = self
             .partitions
             .into_iter()
             .map(|p| {
+                summaries.push(p.regions.into_iter().map(RegionText::into_region).collect::<Vec<_>>().into());
                 Ok(Partition {
                     columns: p.columns.iter().map(parse).collect::<Result<Vec<_>, _>>()?,
                     specification: p.specification,
                     centre: floats(p.centre),
                     scale: floats(p.scale),
                     rule: p.rule.into_rule(),
-                    regions: p.regions.into_iter().map(RegionText::into_region).collect(),
                     transitions: (!p.transitions.is_empty()).then_some(Transitions { counts: p.transitions }),
                     phases: p.phases.map(PhasesText::into_phases),
                     pairs: p.pairs.into_iter().map(PairText::into_pair).collect(),
@@ -374,6 +375,7 @@ impl ModelText {
             columns,
             libraries,
             partitions,
+            summaries,
             latents,
             equations,
             step: self.step.0,
@@ -400,15 +402,15 @@ fn rotation_part((group, word, part): (String, String, usize)) -> Result<Rotatio
     Ok(RotationPart { group, kind, part })
 }
 
-impl From<&Partition> for PartitionText {
-    fn from(p: &Partition) -> Self {
+impl From<(&Partition, &Summary)> for PartitionText {
+    fn from((p, summary): (&Partition, &Summary)) -> Self {
         Self {
             specification: p.specification.clone(),
             columns: p.columns.iter().map(Expr::to_string).collect(),
             centre: reals(&p.centre),
             scale: reals(&p.scale),
             rule: RuleText::from(&p.rule),
-            regions: p.regions.iter().map(RegionText::from).collect(),
+            regions: summary.regions.iter().map(RegionText::from).collect(),
             transitions: p.transitions.as_ref().map_or_else(Vec::new, |transitions| transitions.counts.clone()),
             phases: p.phases.as_ref().map(PhasesText::from),
             pairs: p.pairs.iter().map(PairText::from).collect(),
@@ -451,8 +453,8 @@ impl LatticeText {
     }
 }
 
-impl From<&Region> for RegionText {
-    fn from(r: &Region) -> Self {
+impl From<&RegionSummary> for RegionText {
+    fn from(r: &RegionSummary) -> Self {
         Self {
             name: r.name.clone(),
             rows: r.rows,
@@ -468,8 +470,8 @@ impl From<&Region> for RegionText {
 }
 
 impl RegionText {
-    fn into_region(self) -> Region {
-        Region {
+    fn into_region(self) -> RegionSummary {
+        RegionSummary {
             name: self.name,
             rows: self.rows,
             mean: floats(self.mean),

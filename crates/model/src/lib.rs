@@ -45,11 +45,11 @@ mod phases;
 mod print;
 mod radial_functions;
 mod radial_map;
-mod region;
 mod region_pair;
 mod residual_correlation;
 mod rotation;
 mod rotations;
+mod summary;
 mod trained;
 mod transitions;
 mod tree;
@@ -73,11 +73,11 @@ pub use phases::{Passage, PhaseBins, Phases};
 pub use print::{describe, describe_transitions, factor};
 pub use radial_functions::RadialFunctions;
 pub use radial_map::RadialMap;
-pub use region::{Estimated, Region, Training};
 pub use region_pair::{RegionPair, holm};
 pub use residual_correlation::ResidualCorrelation;
 pub use rotation::{RotationKind, RotationPart};
 pub use rotations::{Rotation, rotations};
+pub use summary::{Estimated, RegionSummary, Summary, Training};
 pub use trained::{TrainedEpisode, known};
 pub use transitions::Transitions;
 pub use tree::{Branch, Cut, Side, Tree};
@@ -97,6 +97,8 @@ pub struct Model {
     pub libraries: Vec<Vec<Expr>>,
     /// Partitions of the state space.
     pub partitions: Vec<Partition>,
+    /// What the training rows in the regions of every partition were like.
+    pub summaries: Vec<Summary>,
     /// Fitted functions.
     pub latents: Vec<Latent>,
     /// What is predicted.
@@ -121,11 +123,19 @@ impl Model {
             columns,
             libraries: Vec::new(),
             partitions: Vec::new(),
+            summaries: Vec::new(),
             latents: Vec::new(),
             equations: Vec::new(),
             step,
             training,
         }
+    }
+
+    /// Adds a partition with what its regions saw; its index.
+    pub fn add_partition(&mut self, partition: Partition, regions: Vec<RegionSummary>) -> usize {
+        self.partitions.push(partition);
+        self.summaries.push(regions.into());
+        self.partitions.len() - 1
     }
 
     /// The index of a column by name.

@@ -24,8 +24,6 @@ pub struct Partition {
     pub scale: Vec<f64>,
     /// How the region follows.
     pub rule: Rule,
-    /// One entry per region.
-    pub regions: Vec<crate::Region>,
     /// Which region follows which, where it was counted.
     pub transitions: Option<crate::Transitions>,
     /// How they lie along a phase, where one was named.
@@ -156,7 +154,6 @@ impl Partition {
             centre: Vec::new(),
             scale: Vec::new(),
             rule: Rule::Whole,
-            regions: Vec::new(),
             transitions: None,
             phases: None,
             pairs: Vec::new(),

@@ -7,7 +7,7 @@ use std::fmt::Write;
 
 use fleetfoot_library::Expr;
 
-use crate::{Branch, Definition, Latent, Lattice, Level, Model, Partition, Prediction, Region, Rule, Tree};
+use crate::{Branch, Definition, Latent, Lattice, Level, Model, Partition, Prediction, RegionSummary, Rule, Tree};
 pub use transitions::describe_transitions;
 
 /// The model as text: columns, equations, and per region its size, rank, place and coefficients. Places have the units of their columns.
@@ -81,14 +81,14 @@ fn describe_latent(out: &mut String, model: &Model, latent: &Latent) {
     let _ = writeln!(out, "\nlatent {}: {count} of {} functions", latent.name, latent.map.features());
     let _ = writeln!(out, "  {} = {}", latent.name, terms(model, latent, 0));
     let first = model.latents.iter().find(|other| other.partition == latent.partition);
-    let regions = &model.partitions[latent.partition].regions;
+    let regions = &model.summaries[latent.partition].regions;
     if let (Some(info), true) = (regions.first(), first.is_some_and(|first| first.library == latent.library)) {
         describe_confounded(out, info, library, "  ");
     }
 }
 
 /// What the rows cannot tell apart.
-fn describe_confounded(out: &mut String, info: &Region, library: &[Expr], indent: &str) {
+fn describe_confounded(out: &mut String, info: &RegionSummary, library: &[Expr], indent: &str) {
     if info.confounded.is_empty() {
         return;
     }
@@ -109,12 +109,11 @@ fn describe_partition(out: &mut String, model: &Model, index: usize, limit: usiz
         describe_joins(out, partition, lattice);
     }
     describe_trees(out, partition);
-    let mut order: Vec<usize> = (0..partition.regions.len()).collect();
-    order.sort_by_key(|&region| (std::cmp::Reverse(partition.regions[region].rows), region));
-    let total: u64 = partition.regions.iter().map(|region| region.rows).sum();
+    let summary = &model.summaries[index];
+    let (order, total) = (summary.by_size(), summary.rows());
     let places = places::places(partition, &model.columns);
     for &region in order.iter().take(limit) {
-        let info = &partition.regions[region];
+        let info = &summary.regions[region];
         let share = if total > 0 { 100.0 * info.rows as f64 / total as f64 } else { 0.0 };
         let _ = writeln!(
             out,

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use fleetfoot_data::packed;
 use fleetfoot_library::Expr;
 
-use crate::{Gaussian, Map, Model, Partition, RadialMap, Region, Rule};
+use crate::{Gaussian, Map, Model, Partition, RadialMap, RegionSummary, Rule};
 
 /// Radial functions of some columns, around given centres: candidates of a regression, which is linear in their weights.
 ///
@@ -98,10 +98,10 @@ impl RadialFunctions {
                 }
                 latent.map = RadialMap { affine, radial: gaussian.clone(), weights }.into();
             }
-            for (at, partition) in model.partitions.iter_mut().enumerate() {
+            for (at, summary) in model.summaries.iter_mut().enumerate() {
                 let first = model.latents.iter().find(|latent| latent.partition == at);
                 if first.is_some_and(|first| first.library == index) {
-                    partition.regions.iter_mut().for_each(|region| restrict(region, &kept, functions.len()));
+                    summary.regions.iter_mut().for_each(|region| restrict(region, &kept, functions.len()));
                 }
             }
             model.libraries[index] = functions;
@@ -110,7 +110,7 @@ impl RadialFunctions {
 }
 
 /// Leaves what a region tells of some functions; behind them are functions of which it tells nothing, `count` in all.
-fn restrict(region: &mut Region, kept: &[usize], count: usize) {
+fn restrict(region: &mut RegionSummary, kept: &[usize], count: usize) {
     let known = |values: &[f64], at: usize| values.get(at).copied().unwrap_or(f64::NAN);
     let mut covariance = vec![f64::NAN; count * (count + 1) / 2];
     for (i, &a) in kept.iter().enumerate() {

@@ -53,7 +53,7 @@ impl Model {
 
     /// Name of a region of a function that has several.
     fn region_of_several(&self, latent: &Latent, region: usize) -> Option<&str> {
-        let several = (latent.map.regions() > 1).then(|| self.partitions.get(latent.partition))??;
+        let several = (latent.map.regions() > 1).then(|| self.summaries.get(latent.partition))??;
         several.regions.get(region).map(|region| region.name.as_str())
     }
 

@@ -1,6 +1,6 @@
 //! A model's parts must fit together before anybody computes with it.
 
-use crate::{Join, Model, Partition, Prediction, Region, Role, Rule};
+use crate::{Join, Model, Partition, Prediction, RegionSummary, Role, Rule, Summary};
 
 impl Model {
     /// Checks that indices, lengths and names agree; the message says what does not.
@@ -9,11 +9,14 @@ impl Model {
             return Err(format!("step {} is not a positive number of seconds", self.step));
         }
         let fitted = self.fitted().count();
-        for (index, partition) in self.partitions.iter().enumerate() {
+        if self.summaries.len() != self.partitions.len() {
+            return Err(format!("{} of {} partitions described", self.summaries.len(), self.partitions.len()));
+        }
+        for (index, (partition, summary)) in self.partitions.iter().zip(&self.summaries).enumerate() {
             // A partition describes its regions over the library of its first latent.
             let owner = self.latents.iter().find(|latent| latent.partition == index);
             let functions = owner.map_or(0, |latent| self.libraries.get(latent.library).map_or(0, Vec::len));
-            check_partition(partition, functions, fitted)?;
+            check_partition((partition, summary), functions, fitted)?;
         }
         let mut names = std::collections::HashSet::new();
         for latent in &self.latents {
@@ -78,7 +81,7 @@ impl Model {
     /// The first coefficient or constant that is NaN or infinite, in words; `None` for a model that can be used.
     pub fn not_finite(&self) -> Option<String> {
         for latent in &self.latents {
-            let regions = self.partitions.get(latent.partition).map_or(&[][..], |partition| &partition.regions);
+            let regions = self.summaries.get(latent.partition).map_or(&[][..], |summary| &summary.regions);
             for region in 0..latent.map.regions() {
                 let terms = self.terms(latent, region);
                 // The coefficients before the constant.
@@ -106,7 +109,11 @@ impl Rule {
     }
 }
 
-fn check_partition(partition: &Partition, functions: usize, fitted: usize) -> Result<(), String> {
+fn check_partition(
+    (partition, summary): (&Partition, &Summary),
+    functions: usize,
+    fitted: usize,
+) -> Result<(), String> {
     let name = &partition.specification;
     let columns = partition.columns.len();
     if partition.centre.len() != columns || partition.scale.len() != columns {
@@ -120,10 +127,10 @@ fn check_partition(partition: &Partition, functions: usize, fitted: usize) -> Re
         return Err(format!("partition {name}: a scale is not positive"));
     }
     check_rule(&partition.rule, columns).map_err(|problem| format!("partition {name}: {problem}"))?;
-    if partition.regions.len() != partition.rule.count() {
+    if summary.regions.len() != partition.rule.count() {
         return Err(format!(
             "partition {name}: {} of {} regions described",
-            partition.regions.len(),
+            summary.regions.len(),
             partition.rule.count()
         ));
     }
@@ -150,14 +157,14 @@ fn check_partition(partition: &Partition, functions: usize, fitted: usize) -> Re
     if let Some(correlation) = &partition.correlation {
         correlation.check(fitted).map_err(|problem| format!("partition {name}: {problem}"))?;
     }
-    for region in &partition.regions {
+    for region in &summary.regions {
         check_region(region, functions, fitted)
             .map_err(|problem| format!("partition {name}, region {}: {problem}", region.name))?;
     }
     Ok(())
 }
 
-fn check_region(region: &Region, functions: usize, fitted: usize) -> Result<(), String> {
+fn check_region(region: &RegionSummary, functions: usize, fitted: usize) -> Result<(), String> {
     let lengths = [region.mean.len(), region.range.len(), region.covariance.len(), region.residual_covariance.len()];
     let expected = [functions, functions, functions * (functions + 1) / 2, fitted * (fitted + 1) / 2];
     if lengths != expected {

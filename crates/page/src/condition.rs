@@ -1,6 +1,6 @@
 //! How closely the functions that a region's coefficients use move together.
 
-use fleetfoot_model::{Model, Region};
+use fleetfoot_model::{Model, RegionSummary};
 use fleetfoot_stats::Gram;
 
 /// From this condition number of the standardised regressors on, coefficients are seriously affected by how the columns move together (Belsley, Kuh,
@@ -19,7 +19,7 @@ pub(crate) fn used(model: &Model, partition: usize, region: usize) -> Vec<usize>
 pub(crate) fn condition(model: &Model, partition: usize, region: usize) -> f64 {
     let used = used(model, partition, region);
     let latent = model.latents.iter().find(|latent| latent.partition == partition);
-    let info = &model.partitions[partition].regions[region];
+    let info = &model.summaries[partition].regions[region];
     // Of all functions the fit knows it to more digits than their covariance does.
     if latent.is_some_and(|latent| used.len() == model.libraries[latent.library].len()) {
         return info.condition;
@@ -29,7 +29,7 @@ pub(crate) fn condition(model: &Model, partition: usize, region: usize) -> f64 {
 }
 
 /// The moments of some functions over a region's rows.
-pub(crate) fn gram(region: &Region, used: &[usize]) -> Option<Gram> {
+pub(crate) fn gram(region: &RegionSummary, used: &[usize]) -> Option<Gram> {
     let mut gram = Gram::new(used.len());
     (gram.rows, gram.weight) = (region.rows, region.rows as f64);
     gram.mean = used.iter().map(|&function| region.mean.get(function).copied()).collect::<Option<_>>()?;

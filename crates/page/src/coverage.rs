@@ -62,7 +62,7 @@ fn trained(model: &Model, name: &str) -> Option<[f64; 2]> {
     let of = |latent: &fleetfoot_model::Latent| {
         let function =
             model.libraries[latent.library].iter().position(|function| function.as_column() == Some(name))?;
-        let regions = model.partitions[latent.partition].regions.iter();
+        let regions = model.summaries[latent.partition].regions.iter();
         let ranges = regions.filter(|region| region.rows > 0).filter_map(|region| region.range.get(function));
         ranges.copied().reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
     };

@@ -44,7 +44,7 @@ pub(crate) fn parts(model: &Model, place: usize) -> Vec<Part> {
 
 impl Excitation {
     fn of(model: &Model, partition: usize) -> Option<Self> {
-        let own = &model.partitions[partition];
+        let own = &model.summaries[partition];
         let latents: Vec<_> = model.latents.iter().filter(|latent| latent.partition == partition).collect();
         let functions = &model.libraries[latents.first()?.library];
         let used = (0..own.regions.len()).flat_map(|region| used(model, partition, region));

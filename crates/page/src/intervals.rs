@@ -1,7 +1,7 @@
 //! How well each coefficient is known: tables beside the equations.
 
 use fleetfoot_data::packed;
-use fleetfoot_model::{Latent, Model, Region};
+use fleetfoot_model::{Latent, Model, RegionSummary};
 use fleetfoot_report::{
     Cell, Light, Part, Table,
     words::{thousands, within},
@@ -56,7 +56,7 @@ pub(crate) fn parts(
     let own = model.latents.iter().filter(|latent| latent.partition == partition).filter(has_terms);
     let mut known: Vec<Known> = Vec::new();
     let mut bases: Vec<String> = Vec::new();
-    let mut inverses = Inverses::new(&model.partitions[partition].regions[region]);
+    let mut inverses = Inverses::new(&model.summaries[partition].regions[region]);
     for latent in own {
         let equation = model.fitted().enumerate().find(|(_, one)| one.right.as_column() == Some(latent.name.as_str()));
         let label = equation.as_ref().map_or_else(|| latent.name.clone(), |(_, equation)| equation.label());
@@ -134,7 +134,7 @@ fn is_described(model: &Model, latent: &Latent) -> bool {
 
 /// Terms that a region's rows cannot tell apart.
 fn confounded(model: &Model, latent: &Latent, region: usize) -> Vec<String> {
-    let groups = &model.partitions[latent.partition].regions[region].confounded;
+    let groups = &model.summaries[latent.partition].regions[region].confounded;
     let functions = &model.libraries[latent.library];
     let name = |&function: &usize| functions.get(function).map(ToString::to_string);
     if is_described(model, latent) { groups.iter().flatten().filter_map(name).collect() } else { Vec::new() }
@@ -234,12 +234,12 @@ fn told(value: f64, half: f64) -> (Light, &'static str) {
 
 /// Inverses of the moments of a region's rows, for the functions that equations use: those of a partition often share them.
 struct Inverses<'a> {
-    region: &'a Region,
+    region: &'a RegionSummary,
     known: Vec<(Vec<usize>, bool, Vec<f64>)>,
 }
 
 impl<'a> Inverses<'a> {
-    fn new(region: &'a Region) -> Self {
+    fn new(region: &'a RegionSummary) -> Self {
         Self { region, known: Vec::new() }
     }
 
@@ -276,7 +276,7 @@ impl<'a> Inverses<'a> {
 
 /// The diagonal of `(X'X)^-1` for some functions over a region's rows, that of the constant first; infinite where a function does not vary or depends on others, NaN where the
 /// moments are not known.
-fn inverse_diagonal(region: &Region, support: &[usize], constant: bool) -> Vec<f64> {
+fn inverse_diagonal(region: &RegionSummary, support: &[usize], constant: bool) -> Vec<f64> {
     let first = usize::from(constant);
     let mean = |j: usize| region.mean.get(support[j]).copied().unwrap_or(f64::NAN);
     let centred = |i: usize, j: usize| {
@@ -328,14 +328,14 @@ mod tests {
     use super::*;
 
     /// Moments of rows as a region has them.
-    fn region(columns: &[Vec<f64>]) -> Region {
+    fn region(columns: &[Vec<f64>]) -> RegionSummary {
         let n = columns[0].len() as f64;
         let mean: Vec<f64> = columns.iter().map(|column| column.iter().sum::<f64>() / n).collect();
         let product = |i: usize, j: usize| {
             columns[i].iter().zip(&columns[j]).map(|(a, b)| (a - mean[i]) * (b - mean[j])).sum::<f64>() / n
         };
         let covariance = (0..columns.len()).flat_map(|i| (0..=i).map(move |j| (i, j))).map(|(i, j)| product(i, j));
-        Region {
+        RegionSummary {
             name: "all".into(),
             rows: columns[0].len() as u64,
             covariance: covariance.collect(),

@@ -73,12 +73,12 @@ fn parts(model: &Model, number: usize, shown: usize, fit: Option<&Fit>) -> Vec<P
     for partition in 0..model.partitions.len() {
         parts.extend(by_region(model, partition, shown, fit, &mut said));
         let name = format!("{number}-{}", partition + 1);
-        let own = &model.partitions[partition];
+        let (own, seen) = (&model.partitions[partition], &model.summaries[partition]);
         let walked = own.transitions.as_ref();
-        let walked =
-            walked.and_then(|counted| transitions::figure(own, counted, model.step, &name, "the training rows"));
+        let walked = walked
+            .and_then(|counted| transitions::figure((own, seen), counted, model.step, &name, "the training rows"));
         parts.extend(walked.map(Part::Figure));
-        let along = own.phases.as_ref().and_then(|phases| transitions::along(own, phases, model.step, &name));
+        let along = own.phases.as_ref().and_then(|phases| transitions::along((own, seen), phases, model.step, &name));
         parts.extend(along.map(Part::Figure));
     }
     parts
@@ -151,7 +151,7 @@ fn how(equation: &ModelEquation) -> String {
 
 /// The equations of the regions of a partition, and the table of regions.
 fn by_region(model: &Model, partition: usize, shown: usize, fit: Option<&Fit>, said: &mut Option<String>) -> Vec<Part> {
-    let own = &model.partitions[partition];
+    let own = &model.summaries[partition];
     if !model.latents.iter().any(|latent| latent.partition == partition) || own.regions.is_empty() {
         return Vec::new();
     }
@@ -160,7 +160,7 @@ fn by_region(model: &Model, partition: usize, shown: usize, fit: Option<&Fit>, s
         return std::iter::once(Part::Paragraph(regions::alone(model, partition))).chain(known).collect();
     }
     let mut parts = regions::tables(model, partition);
-    let order = regions::by_size(own);
+    let order = own.by_size();
     for (rank, &region) in order.iter().take(shown).enumerate() {
         let mut equations = capped(in_region(model, partition, region));
         equations.extend(intervals::parts(model, partition, region, fit, said));

@@ -25,8 +25,8 @@ pub(crate) struct Determined {
 }
 
 pub(crate) fn determined(model: &Model, partition: usize, region: usize) -> Determined {
-    let info = &model.partitions[partition].regions[region];
-    let alone = model.partitions[partition].regions.len() == 1;
+    let info = &model.summaries[partition].regions[region];
+    let alone = model.summaries[partition].regions.len() == 1;
     let of = match (alone, named(model, partition)) {
         (true, names) if names.is_empty() => String::new(),
         (true, names) => format!("{names}: "),
@@ -79,7 +79,7 @@ fn all(model: &Model) -> impl Iterator<Item = (usize, usize)> {
     let fitted = |partition: &usize| model.latents.iter().any(|latent| latent.partition == *partition);
     let partitions = (0..model.partitions.len()).filter(fitted);
     partitions
-        .flat_map(|partition| (0..model.partitions[partition].regions.len()).map(move |region| (partition, region)))
+        .flat_map(|partition| (0..model.summaries[partition].regions.len()).map(move |region| (partition, region)))
 }
 
 /// Whether the rows determine the coefficients, and what to drive next.
@@ -113,7 +113,7 @@ pub(crate) fn finding(model: &Model) -> Option<Sentence> {
 
 /// The only region of a partition.
 pub(crate) fn alone(model: &Model, partition: usize) -> String {
-    let info = &model.partitions[partition].regions[0];
+    let info = &model.summaries[partition].regions[0];
     let found = determined(model, partition, 0);
     let condition = condition(model, partition, 0);
     let condition = if condition.is_nan() { String::new() } else { format!(", condition {}", number(condition)) };
@@ -130,7 +130,7 @@ pub(crate) fn alone(model: &Model, partition: usize) -> String {
 /// The regions of a partition, the largest first: a table, the rest of it folded away.
 pub(crate) fn tables(model: &Model, partition: usize) -> Vec<Part> {
     let own = &model.partitions[partition];
-    let order = by_size(own);
+    let order = model.summaries[partition].by_size();
     let place_of = if matches!(own.rule, Rule::Tree(_)) { "where" } else { "where (sd from the middle)" };
     let table = |regions: &[usize]| {
         let mut table = Table::new(
@@ -150,17 +150,10 @@ pub(crate) fn tables(model: &Model, partition: usize) -> Vec<Part> {
     parts
 }
 
-/// Regions of a partition, the largest first.
-pub(crate) fn by_size(partition: &Partition) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..partition.regions.len()).collect();
-    order.sort_by_key(|&region| (std::cmp::Reverse(partition.regions[region].rows), region));
-    order
-}
-
 fn row(model: &Model, partition: usize, region: usize) -> Vec<Cell> {
-    let own = &model.partitions[partition];
+    let own = &model.summaries[partition];
     let info = &own.regions[region];
-    let total: u64 = own.regions.iter().map(|region| region.rows).sum();
+    let total = own.rows();
     let found = determined(model, partition, region);
     vec![
         Cell::Text(info.name.clone()),
@@ -169,7 +162,7 @@ fn row(model: &Model, partition: usize, region: usize) -> Vec<Cell> {
         Cell::Number(format!("{:.1} %", 100.0 * info.rows as f64 / total.max(1) as f64)),
         Cell::Number(info.rank.to_string()),
         Cell::of(condition(model, partition, region)),
-        Cell::Text(place(own, region)),
+        Cell::Text(place(&model.partitions[partition], region)),
     ]
 }
 

@@ -38,7 +38,8 @@ pub(crate) fn section(model: &Model, passed: &Passed, seen: &Seen) -> Section {
     ));
     let walked = passed.transitions.as_ref().zip(model.latents.first());
     let walked = walked.and_then(|(counted, latent)| {
-        transitions::figure(&model.partitions[latent.partition], counted, passed.episode.period, "logs", "these logs")
+        let own = (&model.partitions[latent.partition], &model.summaries[latent.partition]);
+        transitions::figure(own, counted, passed.episode.period, "logs", "these logs")
     });
     parts.extend(walked.map(Part::Figure));
     Section::new(ID, "Measured and predicted", parts)

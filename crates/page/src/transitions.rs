@@ -1,16 +1,19 @@
 //! Which region follows which (Fig. 9 of Buchan, Haldane, Fearing shows where they lie; this shows how they are walked).
 
-use fleetfoot_model::{Partition, Phases, Transitions};
+use fleetfoot_model::{Partition, Phases, Summary, Transitions};
 use fleetfoot_report::{
     Chart, Figure, Matrix,
     words::{number, seconds},
 };
 
-use crate::regions::by_size;
-
 /// Regions against a phase: of the rows in a part of it, the share that is in each region.
-pub(crate) fn along(partition: &Partition, phases: &Phases, step: f64, place: &str) -> Option<Figure> {
-    let all = by_size(partition);
+pub(crate) fn along(
+    (partition, summary): (&Partition, &Summary),
+    phases: &Phases,
+    step: f64,
+    place: &str,
+) -> Option<Figure> {
+    let all = summary.by_size();
     let drawn = &all[..all.len().min(DRAWN)];
     let bins: Vec<usize> =
         (0..phases.bins.count()).filter(|&bin| phases.rows[bin].iter().any(|&rows| rows > 0)).collect();
@@ -52,14 +55,14 @@ const DRAWN: usize = 12;
 
 /// A map of transitions; `rows` says whose they are, `place` tells the figure from others. `None` where no row was followed.
 pub(crate) fn figure(
-    partition: &Partition,
+    (partition, summary): (&Partition, &Summary),
     counted: &Transitions,
     step: f64,
     place: &str,
     rows: &str,
 ) -> Option<Figure> {
     let followed = |region: &usize| counted.counts.get(*region).is_some_and(|row| row.iter().any(|&count| count > 0));
-    let all: Vec<usize> = by_size(partition).into_iter().filter(followed).collect();
+    let all: Vec<usize> = summary.by_size().into_iter().filter(followed).collect();
     let drawn = &all[..all.len().min(DRAWN)];
     if drawn.len() < 2 {
         return None;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use fleetfoot_data::{Source, packed_row};
 use fleetfoot_library::Expr;
-use fleetfoot_model::{AffineMap, Latent, Model, Partition, Region, TrainedEpisode, Training};
+use fleetfoot_model::{AffineMap, Latent, Model, Partition, RegionSummary, TrainedEpisode, Training};
 use fleetfoot_stats::SquareRoot;
 
 use crate::{
@@ -29,7 +29,7 @@ impl Fit<'_> {
         let library = if null { Vec::new() } else { self.problem.library.clone() };
         let mut partition = self.segmentation.partitions[candidate.full].clone();
         partition.specification = candidate.specification.to_string();
-        partition.regions = order
+        let regions = order
             .full
             .iter()
             .enumerate()
@@ -59,7 +59,7 @@ impl Fit<'_> {
             state_mean: self.survey.scales.mean[q..q + s].to_vec(),
             ..Training::default()
         };
-        let mut model = assembled(self.problem, partition, library, &order.full, training);
+        let mut model = assembled(self.problem, (partition, regions), library, &order.full, training);
         if order.continuity.is_some() {
             model.method.push_str(", continuous");
         }
@@ -70,7 +70,7 @@ impl Fit<'_> {
 /// The model of a partition whose regions are described: one affine map a region and target.
 pub(crate) fn assembled(
     problem: &Problem,
-    partition: Partition,
+    (partition, regions): (Partition, Vec<RegionSummary>),
     library: Vec<Expr>,
     full: &[RegionModel],
     training: Training,
@@ -98,7 +98,7 @@ pub(crate) fn assembled(
         })
         .collect();
     model.libraries = vec![library];
-    model.partitions = vec![partition];
+    model.add_partition(partition, regions);
     model.equations = problem.equations.clone();
     model
 }
@@ -111,13 +111,13 @@ pub(crate) fn described(
     ranges: &[[f64; 2]],
     residual_covariance: Vec<f64>,
     regressors: usize,
-) -> Region {
+) -> RegionSummary {
     let p = regressors;
     let mut covariance = vec![f64::NAN; packed_row(p)];
     if let Some(root) = root {
         covariance.iter_mut().zip(root.scatter(0..p)).for_each(|(entry, product)| *entry = product / root.weight);
     }
-    Region {
+    RegionSummary {
         name,
         rows: root.map_or(0, |root| root.rows),
         mean: root.map_or_else(|| vec![f64::NAN; p], |root| root.mean_x[..p].to_vec()),

@@ -23,8 +23,8 @@ use crate::{
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Partitioned {
-    /// What was asked for and what it gave, in the order of [`Options::partitions`]. The regions carry no statistics yet
-    /// ([`Partition::regions`] is empty); [`fleetfoot_model::Rule::count`] tells how many there are.
+    /// What was asked for and what it gave, in the order of [`Options::partitions`]. What their regions saw is not known
+    /// yet; [`fleetfoot_model::Rule::count`] tells how many there are.
     pub partitions: Vec<(Specification, Partition)>,
     /// Rows with all values: of library, targets, partition columns, labels and weight.
     pub rows: u64,

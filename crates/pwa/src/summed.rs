@@ -217,7 +217,7 @@ impl<'a> Sums<'a> {
         let roots = order.training.as_ref().map_or_else(again, Cow::Borrowed);
         let mut partition = if candidate.full == 0 { Partition::whole() } else { own.partition.clone() };
         partition.specification = own.specification.to_string();
-        partition.regions = order
+        let regions = order
             .full
             .iter()
             .enumerate()
@@ -242,7 +242,7 @@ impl<'a> Sums<'a> {
             state_mean: rows.scales.mean[q..d].to_vec(),
             ..Training::default()
         };
-        assembled(problem, partition, library, &order.full, training)
+        assembled(problem, (partition, regions), library, &order.full, training)
     }
 }
 

@@ -289,7 +289,7 @@ impl PwaFit {
     /// Rows that each region was fitted on.
     #[getter]
     fn rows(&self) -> Vec<u64> {
-        let regions = self.found.model.partitions.iter().take(1).flat_map(|partition| &partition.regions);
+        let regions = self.found.model.summaries.iter().take(1).flat_map(|summary| &summary.regions);
         regions.map(|region| region.rows).collect()
     }
 

@@ -233,14 +233,17 @@ impl EquationTask {
     pub fn candidate(&self, index: usize) -> String {
         match index.checked_sub(usize::from(self.constant)) {
             None => "1".to_owned(),
-            Some(function) => {
-                let radial = self.radial.as_ref().map_or(0, |radial| radial.centres.len());
-                match (function + radial).checked_sub(self.functions.len()) {
-                    Some(own) if radial > 0 => Gaussian::name(own),
-                    _ => self.functions[function].to_string(),
-                }
-            }
+            Some(function) => match self.radial_function(function) {
+                Some(own) => Gaussian::name(own),
+                None => self.functions[function].to_string(),
+            },
         }
+    }
+
+    /// Which radial function a candidate function is, if it is one.
+    pub(crate) fn radial_function(&self, function: usize) -> Option<usize> {
+        let first = self.functions.len() - self.radial.as_ref()?.centres.len();
+        function.checked_sub(first)
     }
 
     /// The task with radial functions behind its candidates, and with the variables that these are functions of: for all equations that have no library in the recipe.

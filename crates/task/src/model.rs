@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use faer::Mat;
 use fleetfoot_model::{
-    AffineMap, Column, Latent, Model, Partition, Region, Role, TrainedEpisode, Training, auxiliary_columns,
+    AffineMap, Column, Latent, Model, Partition, RegionSummary, Role, TrainedEpisode, Training, auxiliary_columns,
 };
 use fleetfoot_sums::{structured::Spread, system::SystemScan};
 
@@ -46,7 +46,7 @@ impl EquationTask {
             let constants: Vec<f64> = (0..fitted).map(|t| self.constant_of(b, t)).collect();
             let spread = Spread::of(&scan.root(region).select(used), 0..used.len(), 1.0);
             let ranges = scan.ranges(region);
-            Region {
+            RegionSummary {
                 name,
                 rows: scan.rows(region),
                 mean: spread.mean,
@@ -72,7 +72,7 @@ impl EquationTask {
         provenance: Provenance,
     ) -> Model {
         let targets = self.fitted.len();
-        self.assembled(scan, partition, coefficients, provenance, |_, name, used, _| Region {
+        self.assembled(scan, partition, coefficients, provenance, |_, name, used, _| RegionSummary {
             name,
             rows: 0,
             mean: vec![f64::NAN; used.len()],
@@ -95,7 +95,7 @@ impl EquationTask {
             let constants = vec![latent.map.constant(0)];
             latent.map = AffineMap { constants, coefficients: vec![vec![0.0; all.len()]] }.into();
         }
-        for region in model.partitions.iter_mut().flat_map(|partition| &mut partition.regions) {
+        for region in model.summaries.iter_mut().flat_map(|summary| &mut summary.regions) {
             region.mean = vec![f64::NAN; all.len()];
             region.covariance = vec![f64::NAN; all.len() * (all.len() + 1) / 2];
             region.range = vec![[f64::NEG_INFINITY, f64::INFINITY]; all.len()];
@@ -115,7 +115,7 @@ impl EquationTask {
         partition: Option<&Partition>,
         coefficients: &[Mat<f64>],
         provenance: Provenance,
-        describe: impl Fn(usize, String, &[usize], &Mat<f64>) -> Region,
+        describe: impl Fn(usize, String, &[usize], &Mat<f64>) -> RegionSummary,
     ) -> Model {
         assert_eq!(coefficients.len(), scan.regions(), "one matrix a region");
         let first = usize::from(self.constant);
@@ -146,7 +146,7 @@ impl EquationTask {
         let mut model = Model::new(provenance.method, columns, provenance.step, training);
         model.latents = latents.collect();
         model.libraries = vec![used.iter().map(|&j| self.functions[j].clone()).collect()];
-        model.partitions = vec![Partition { regions, ..partition }];
+        model.add_partition(partition, regions);
         model.equations.clone_from(&self.equations);
         if let Some(radial) = &self.radial {
             radial.gather(&mut model);

@@ -42,6 +42,8 @@ impl EquationTask {
         let left = self.target_unit(target)?;
         let unit = match candidate.checked_sub(usize::from(self.constant)) {
             None => left,
+            // A radial function has no unit.
+            Some(function) if self.radial_function(function).is_some() => left,
             Some(function) => {
                 coefficient_unit(Some(&left), &self.functions[function], |name| self.unit_of(name)).ok()??
             }

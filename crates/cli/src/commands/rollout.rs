@@ -74,7 +74,7 @@ pub(crate) fn rollout(arguments: &Rollout, context: &Context) -> Result<(), Erro
 fn against_divergence(rolled: &RolledOut, model: &Model) -> Option<String> {
     let (diverged, all) = (rolled.rollouts.diverged(), rolled.rollouts.outcomes.len());
     let several =
-        model.method.starts_with("pwa ") && model.partitions.iter().any(|partition| partition.regions.len() > 1);
+        model.method.starts_with("pwa ") && model.partitions.iter().any(|partition| partition.rule.count() > 1);
     let bounded = Recipe::parse(&model.training.recipe, "the model's recipe")
         .is_ok_and(|own| own.pwa.stable.is_some() || own.pwa.passive.is_some());
     (several && !bounded && diverged > 0 && 100 * diverged >= all).then(|| {

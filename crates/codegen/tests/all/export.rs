@@ -332,7 +332,7 @@ fn what_cannot_be_code_says_why() {
         m.training.target_mean.clear();
         m.training.target_covariance.clear();
         m.training.target_deviation.clear();
-        m.partitions[0].regions[0].residual_covariance.clear();
+        m.summaries[0].regions[0].residual_covariance.clear();
     });
     assert!(refused(&empty, &options).contains("no equation"));
     assert!(refused(&models::sindy(), &with(&|o| o.prefix = "while".into())).contains("reserved"));

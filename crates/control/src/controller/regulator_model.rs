@@ -3,7 +3,8 @@
 use fleetfoot_data::packed;
 use fleetfoot_library::{Expr, Quaternion, Scope};
 use fleetfoot_model::{
-    AffineMap, Column, Equation, Latent, Model, Partition, Prediction, Region, Role, RotationKind, Rule, Training,
+    AffineMap, Column, Equation, Latent, Model, Partition, Prediction, RegionSummary, Role, RotationKind, Rule,
+    Training,
 };
 
 use super::{Controller, ParameterError, RegulatedRotation, Regulator};
@@ -38,7 +39,8 @@ impl Regulator {
             Training { version, state_covariance, ..Training::default() },
         );
         model.libraries = vec![self.functions(&names)];
-        model.partitions = vec![self.regions()];
+        let (partition, regions) = self.regions();
+        model.add_partition(partition, regions);
         model.equations = self.equations(&names);
         let read = |latent: &Latent| {
             model.equations.iter().any(|equation| equation.right.columns().iter().any(|name| **name == *latent.name))
@@ -65,7 +67,7 @@ impl Regulator {
     }
 
     /// The partition, with the sizes of states as what its regions saw.
-    fn regions(&self) -> Partition {
+    fn regions(&self) -> (Partition, Vec<RegionSummary>) {
         let own = self.sizes();
         let (n, q) = (own.len(), self.integrated.len());
         let sizes: Vec<f64> = (own.iter().copied())
@@ -73,7 +75,7 @@ impl Regulator {
             .chain(self.measured.iter().map(|column| column.size))
             .collect();
         let functions = n + q + self.measured.len();
-        let region = |name: String| Region {
+        let region = |name: String| RegionSummary {
             name,
             rows: 0,
             mean: vec![0.0; functions],
@@ -84,7 +86,7 @@ impl Regulator {
             condition: 1.0,
             confounded: Vec::new(),
         };
-        let mut partition = match &self.partition {
+        let partition = match &self.partition {
             None => Partition::whole(),
             Some(choice) => Partition {
                 specification: "regulator".into(),
@@ -95,11 +97,9 @@ impl Regulator {
                 ..Partition::whole()
             },
         };
-        partition.regions = (0..self.laws.len()).map(|region| region.to_string()).map(region).collect();
-        if matches!(partition.rule, Rule::Whole) {
-            partition.regions.iter_mut().for_each(|region| region.name = "all".into());
-        }
-        partition
+        let name = |at: usize| if partition.rule == Rule::Whole { "all".to_owned() } else { at.to_string() };
+        let regions = (0..self.laws.len()).map(|at| region(name(at))).collect();
+        (partition, regions)
     }
 
     /// What every input would be with the integrals as they are, and with them grown by a sample.

@@ -2,7 +2,7 @@
 
 use faer::Mat;
 use fleetfoot_data::packed;
-use fleetfoot_model::{Equation, Model, Partition, Prediction, Region};
+use fleetfoot_model::{Equation, Model, Partition, Prediction, RegionSummary, Summary};
 
 use super::{FilterError, Gaussian, step_noise::StepNoise};
 use crate::pieces::Pieces;
@@ -16,7 +16,7 @@ const GIVEN: f64 = 1e-6;
 /// noise divided by h is the density. Few rows fit their own noise: a covariance over all rows is made one over the degrees of freedom.
 pub(super) fn white_noise(model: &Model, pieces: &Pieces, region: usize) -> Result<StepNoise, FilterError> {
     let n = pieces.states.len();
-    let own = described(model, pieces).and_then(|partition| partition.regions.get(region));
+    let own = described(model, pieces).and_then(|(_, summary)| summary.regions.get(region));
     let scale = own.map_or(1.0, over_freedom);
     let mut place = vec![None; n];
     for (target, equation) in model.fitted().enumerate() {
@@ -58,7 +58,7 @@ pub(super) fn coloured_noise(
     let mut noise = white_noise(model, pieces, region)?.white;
     let (n, q) = (pieces.states.len(), model.fitted().count());
     let mut shape = Mat::zeros(n, q);
-    let Some(own) = described(model, pieces).and_then(|partition| partition.regions.get(region)) else {
+    let Some(own) = described(model, pieces).and_then(|(_, summary)| summary.regions.get(region)) else {
         return Ok(StepNoise { white: noise, shape });
     };
     let (rows, spent) = (own.rows as f64 / time, own.rank as f64 + 1.0);
@@ -78,13 +78,13 @@ pub(super) fn coloured_noise(
 }
 
 /// The partition whose regions the pieces are.
-pub(super) fn described<'m>(model: &'m Model, pieces: &Pieces) -> Option<&'m Partition> {
+pub(super) fn described<'m>(model: &'m Model, pieces: &Pieces) -> Option<(&'m Partition, &'m Summary)> {
     let index = pieces.partition.or((model.partitions.len() == 1).then_some(0))?;
-    model.partitions.get(index)
+    model.partitions.get(index).zip(model.summaries.get(index))
 }
 
 /// What makes a covariance over all rows one over the degrees of freedom.
-fn over_freedom(own: &Region) -> f64 {
+fn over_freedom(own: &RegionSummary) -> f64 {
     let (rows, spent) = (own.rows as f64, own.rank as f64 + 1.0);
     if rows > spent { rows / (rows - spent) } else { 1.0 }
 }

@@ -479,7 +479,7 @@ impl SwitchedFilter {
 
 /// The autoregression of the residuals, where it is asked and there is one.
 fn colour(model: &Model, pieces: &Pieces, asked: NoiseColour) -> Result<Option<Autoregression>, FilterError> {
-    let known = described(model, pieces).and_then(|partition| partition.correlation.as_ref());
+    let known = described(model, pieces).and_then(|(partition, _)| partition.correlation.as_ref());
     let found = || {
         let known = known.filter(|own| own.targets() == model.fitted().count())?;
         Autoregression::yule_walker(&known.autocovariances(), known.targets())

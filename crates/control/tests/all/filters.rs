@@ -29,7 +29,7 @@ fn measured(states: &[(&str, f64)]) -> FilterOptions {
 
 /// Sets the residual covariance of every region, of very many rows.
 fn with_noise(mut model: Model, covariance: &[f64]) -> Model {
-    for region in model.partitions.iter_mut().flat_map(|partition| &mut partition.regions) {
+    for region in model.summaries.iter_mut().flat_map(|summary| &mut summary.regions) {
         region.residual_covariance = covariance.to_vec();
         (region.rows, region.rank) = (1 << 60, 1);
     }
@@ -60,7 +60,7 @@ fn batch(
 ) -> (Vec<f64>, Mat<f64>) {
     let (n, rows) = (filter.states().len(), readings.len());
     let coefficient = |i: usize, j: usize| model.latents[i].map.coefficient(0, j);
-    let q = Mat::from_fn(n, n, |i, j| model.partitions[0].regions[0].residual_covariance[packed(i, j)]);
+    let q = Mat::from_fn(n, n, |i, j| model.summaries[0].regions[0].residual_covariance[packed(i, j)]);
     let weight = q.partial_piv_lu().solve(Mat::<f64>::identity(n, n));
     let all = n * rows;
     let (mut information, mut right) = (Mat::<f64>::zeros(all, all), Mat::<f64>::zeros(all, 1));
@@ -154,7 +154,7 @@ fn conditioned(
     let (n, rows) = (filter.states().len(), readings.len());
     let coefficient = |i: usize, j: usize| model.latents[i].map.coefficient(0, j);
     let a = Mat::from_fn(n, n, coefficient);
-    let q = Mat::from_fn(n, n, |i, j| model.partitions[0].regions[0].residual_covariance[packed(i.max(j), i.min(j))]);
+    let q = Mat::from_fn(n, n, |i, j| model.summaries[0].regions[0].residual_covariance[packed(i.max(j), i.min(j))]);
     let lower = q.llt(faer::Side::Lower).unwrap().L().to_owned();
     // What is drawn: the first state, then the residuals of every step.
     let all = n * rows;
@@ -276,8 +276,8 @@ fn jumping(border: f64, q: f64) -> Model {
 fn a_region_without_mass_changes_no_bit() {
     let far = jumping(-1e6, 0.05);
     let mut one = far.clone();
-    let regions = vec![one.partitions[0].regions[1].clone()];
-    one.partitions[0] = Partition { regions, ..Partition::whole() };
+    let regions = vec![one.summaries[0].regions[1].clone()];
+    (one.partitions[0], one.summaries[0]) = (Partition::whole(), regions.into());
     for latent in &mut one.latents {
         let map = latent.affine_mut().unwrap();
         map.constants.remove(0);
@@ -465,7 +465,7 @@ fn noise_of_a_quiet_sensor_is_found_though_states_begin_unknown() {
     ];
     let mut model = model(columns.to_vec(), &["x", "v"], Partition::whole(), fitted, &[]);
     let process = [1e-4, 1e-3];
-    model.partitions[0].regions[0].residual_covariance = vec![1e-8, 0.0, 1e-6];
+    model.summaries[0].regions[0].residual_covariance = vec![1e-8, 0.0, 1e-6];
     for (deviation, seed) in [(5e-4, 1), (5e-3, 2), (5e-2, 3)] {
         let options = FilterOptions {
             measured: vec![Measured { state: "x".into(), deviation: None }],
@@ -604,8 +604,9 @@ proptest! {
         let model = with_noise(model, &identity(3, 0.01));
         let mut turned = model.clone();
         let at = |region: usize| (region + turn) % regions;
+        let seen = (0..regions).map(|region| model.summaries[0].regions[at(region)].clone());
+        turned.summaries[0].regions = seen.collect();
         let own = &mut turned.partitions[0];
-        own.regions = (0..regions).map(|region| model.partitions[0].regions[at(region)].clone()).collect();
         if let Rule::Linear { weights, offsets } = &model.partitions[0].rule {
             own.rule = Rule::Linear {
                 weights: (0..regions).map(|region| weights[at(region)].clone()).collect(),

@@ -126,7 +126,7 @@ fn spring(off: f64) -> Model {
     let next_v = vec![(0.0, vec![-0.2, 0.98, 0.02]), (0.2, vec![-1.2, 0.9, 0.02])];
     let fitted = vec![("x", Prediction::Next, "lead(x, 1)", next_x), ("v", Prediction::Next, "lead(v, 1)", next_v)];
     let mut made = model(columns, &["x", "v", "u"], partition(&["x"], &[0.2], &[1.0], rule), fitted, &[]);
-    for region in &mut made.partitions[0].regions {
+    for region in &mut made.summaries[0].regions {
         // 100 rows of 4 numbers, residuals of 1e-4 and 1e-3.
         region.residual_covariance = vec![1e-8, 0.0, 1e-6];
     }

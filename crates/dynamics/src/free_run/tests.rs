@@ -13,7 +13,7 @@ fn model(b: [f64; 4]) -> Model {
     let mut model = Model::new("narx", columns, 0.01, Training::default());
     let (y, u) = (Expr::column("y"), Expr::column("u"));
     model.libraries = vec![vec![y.clone(), y.shifted(1), u]];
-    model.partitions = vec![Partition::whole()];
+    model.add_partition(Partition::whole(), Vec::new());
     model.latents = vec![Latent {
         name: "f_y".into(),
         library: 0,
@@ -27,7 +27,7 @@ fn model(b: [f64; 4]) -> Model {
         target: Some(y.shifted(-1)),
         unit: None,
     }];
-    model.partitions[0].regions = vec![fleetfoot_model::Region {
+    model.summaries[0].regions = vec![fleetfoot_model::RegionSummary {
         name: "all".into(),
         rows: 100,
         mean: vec![0.0; 3],

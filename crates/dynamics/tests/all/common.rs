@@ -7,7 +7,7 @@ use std::sync::Arc;
 use fleetfoot_data::{Column as DataColumn, MemorySource, packed};
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_model::{
-    AffineMap, Column, Equation, Gaussian, Latent, Model, Partition, Prediction, RadialMap, Region, Role, Rule,
+    AffineMap, Column, Equation, Gaussian, Latent, Model, Partition, Prediction, RadialMap, RegionSummary, Role, Rule,
     Training,
 };
 
@@ -31,8 +31,8 @@ pub(crate) fn source(names: &[&str], dt: f64, episodes: Vec<Vec<Vec<f64>>>) -> M
 }
 
 /// What the regions of a model of `functions` functions and `targets` targets might have seen: unit covariances, wide ranges.
-pub(crate) fn region(name: &str, functions: usize, targets: usize) -> Region {
-    Region {
+pub(crate) fn region(name: &str, functions: usize, targets: usize) -> RegionSummary {
+    RegionSummary {
         name: name.into(),
         rows: 100,
         mean: vec![0.0; functions],
@@ -61,7 +61,7 @@ pub(crate) type Fitted<'a> = (&'a str, Prediction, &'a str, Vec<(f64, Vec<f64>)>
 pub(crate) fn model(
     columns: Vec<Column>,
     library: &[&str],
-    mut partition: Partition,
+    partition: Partition,
     fitted: Vec<Fitted<'_>>,
     given: &[(&str, Prediction, &str)],
 ) -> Model {
@@ -75,10 +75,10 @@ pub(crate) fn model(
         ..Training::default()
     };
     let regions = partition.rule.count();
-    partition.regions = (0..regions).map(|i| region(&i.to_string(), library.len(), targets)).collect();
+    let seen = (0..regions).map(|i| region(&i.to_string(), library.len(), targets)).collect();
     let mut model = Model::new("test", columns, 0.01, training);
     model.libraries = vec![library.iter().map(|text| parse(text)).collect()];
-    model.partitions = vec![partition];
+    model.add_partition(partition, seen);
     for (subject, prediction, target, maps) in fitted {
         assert_eq!(maps.len(), regions);
         let name = format!("latent_{subject}");

@@ -74,7 +74,7 @@ fn horizon_scores_equal_a_naive_computation() {
     model.training.target_covariance = identity(2, 1.0);
     model.training.target_deviation = vec![1.0; 2];
     model.training.state_covariance = vec![2.0, 0.5, 1.0, -0.2, 0.1, 0.7];
-    for region in &mut model.partitions[0].regions {
+    for region in &mut model.summaries[0].regions {
         region.residual_covariance = identity(2, 1.0);
     }
     let episode = |e: usize, rows: usize| -> Vec<Vec<f64>> {

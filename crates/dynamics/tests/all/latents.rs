@@ -26,10 +26,7 @@ fn shared() -> Model {
     let mut model = Model::new("by hand", columns, 0.01, training);
     model.libraries = vec![vec![parse("a"), parse("a^2")], vec![parse("v"), parse("v^2"), parse("sin(v)")]];
     for (name, constant, coefficients) in [("T", 2.0, vec![3.0, -1.0]), ("D", 0.0, vec![0.0, 0.5, 0.0])] {
-        let index = model.partitions.len();
-        let mut partition = Partition::whole();
-        partition.regions = vec![region("all", coefficients.len(), 3)];
-        model.partitions.push(partition);
+        let index = model.add_partition(Partition::whole(), vec![region("all", coefficients.len(), 3)]);
         model.latents.push(Latent {
             name: name.into(),
             library: index,
@@ -109,8 +106,8 @@ fn rollouts_are_those_by_hand() {
     model.training.target_mean.pop();
     model.training.target_covariance = identity(2, 1.0);
     model.training.target_deviation.pop();
-    for partition in &mut model.partitions {
-        partition.regions[0].residual_covariance = identity(2, 1.0);
+    for summary in &mut model.summaries {
+        summary.regions[0].residual_covariance = identity(2, 1.0);
     }
     let source = source(&NAMES, 0.01, vec![columns.clone()]);
     let simulator = Simulator::new(&model).unwrap();
@@ -145,7 +142,7 @@ fn shared_models_are_saved_printed_and_checked() {
     assert!(text.contains("latent D: 1 of 3 functions\n  D = 0.5*v^2\n"), "zeros are left out: {text}");
     assert!(text.contains("d(v)/dt = (T*cos(a) - D)/m"), "{text}");
     let mut broken = model.clone();
-    broken.partitions[1].regions[0].mean.pop();
+    broken.summaries[1].regions[0].mean.pop();
     let problem = broken.validate().unwrap_err();
     assert!(problem.contains("average") && problem.contains("[2, 3, 6, 6]"), "{problem}");
     let mut named = model;

@@ -25,7 +25,7 @@ fn models(prediction: Prediction) -> [Model; 2] {
     let map = |seed: u64| (size * noise(seed), (0..6).map(|j| size * noise(seed + 1 + j)).collect::<Vec<f64>>());
     let fitted = vec![("q", prediction, "1", vec![map(10), map(20)]), ("v", prediction, "1", vec![map(30), map(40)])];
     let mut written = model(columns, &library, partition(&["v"], &[0.0], &[1.0], rule), fitted, &[]);
-    for region in &mut written.partitions[0].regions {
+    for region in &mut written.summaries[0].regions {
         // Narrow ranges, so that rollouts leave them.
         region.range = vec![[-0.8, 0.8]; 6];
     }
@@ -33,7 +33,7 @@ fn models(prediction: Prediction) -> [Model; 2] {
     functions.gather(&mut gathered);
     gathered.validate().unwrap();
     // Values of radial functions are always between 0 and 1: what leaves the ranges are the others.
-    for region in &mut written.partitions[0].regions {
+    for region in &mut written.summaries[0].regions {
         region.range[3..].fill([0.0, 1.0]);
     }
     [written, gathered]

@@ -280,7 +280,7 @@ fn overflow_and_leaving_the_domain_are_noticed() {
     let mut growing = model(columns, &["x"], Partition::whole(), fitted, &[]);
     // Nothing known about the state's scale: only overflow ends it.
     growing.training.state_covariance = vec![0.0];
-    growing.partitions[0].regions[0].range = vec![[-1.0, 4.5]];
+    growing.summaries[0].regions[0].range = vec![[-1.0, 4.5]];
     growing.latents[0].map.set(0, Some(0), 0.0);
     let source = source(&["x"], 0.1, vec![vec![vec![0.0; 20]]]);
     for general in [false, true] {
@@ -308,7 +308,7 @@ fn the_fast_path_has_the_bits_of_the_general_path() {
         model.training.target_mean.pop();
         model.training.target_covariance = identity(states - 1, 1.0);
         model.training.target_deviation.pop();
-        for region in &mut model.partitions[0].regions {
+        for region in &mut model.summaries[0].regions {
             region.residual_covariance = identity(states - 1, 1.0);
             region.range = vec![[-1.5, 1.4]; states + inputs];
         }
@@ -437,7 +437,7 @@ proptest! {
     ) {
         let rows = 100;
         let (mut model, source) = random_hybrid(states, inputs, regions, rows);
-        for (number, region) in model.partitions[0].regions.iter_mut().enumerate() {
+        for (number, region) in model.summaries[0].regions.iter_mut().enumerate() {
             region.range = vec![[-range, range + 0.1 * number as f64]; states + inputs];
         }
         let mut options = options(horizon, method);
@@ -532,7 +532,7 @@ fn what_leaves_the_training_domain_is_told_ended_or_held() {
     let columns = vec![column("x", Role::State, false)];
     let fitted = vec![("x", Prediction::Derivative, "1", vec![(0.0, vec![1.0])])];
     let mut model = model(columns, &["x"], Partition::whole(), fitted, &[]);
-    model.partitions[0].regions[0].range = vec![[-1.0, 2.0]];
+    model.summaries[0].regions[0].range = vec![[-1.0, 2.0]];
     let source = source(&["x"], 0.5, vec![vec![vec![1.0; 9]]]);
     for method in [Method::Euler, Method::Rk4] {
         for general in [false, true] {
@@ -568,7 +568,7 @@ fn a_held_map_is_that_of_the_border() {
     let fitted = vec![("v", Prediction::Derivative, "1", vec![(0.5, vec![-2.0, 0.3])])];
     let given = [("x", Prediction::Derivative, "v")];
     let mut model = model(columns, &["x", "v"], Partition::whole(), fitted, &given);
-    model.partitions[0].regions[0].range = vec![[-0.5, 0.5], [-1.0, 1.0]];
+    model.summaries[0].regions[0].range = vec![[-0.5, 0.5], [-1.0, 1.0]];
     let source = source(&["x", "v"], 0.1, vec![vec![vec![3.0; 4], vec![-4.0; 4]]]);
     let mut options = options(1, Method::Euler);
     options.outside = Outside::Hold;

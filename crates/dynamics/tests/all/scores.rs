@@ -140,7 +140,7 @@ fn a_single_episode_has_intervals_over_spans() {
 #[test]
 fn the_same_scores_on_any_number_of_threads() {
     let (mut model, source) = random_hybrid(4, 1, 6, 5000);
-    model.partitions[0].regions[2].range = vec![[-0.2, 0.2]; 5];
+    model.summaries[0].regions[2].range = vec![[-0.2, 0.2]; 5];
     let run = |threads| with_threads(threads, || score(&model, &source, &ScoreOptions::default(), &Silent)).unwrap();
     let once = run(1);
     assert_eq!(once, run(2));
@@ -203,7 +203,7 @@ fn predictions_follow_the_regions_in_any_tile() {
 fn the_place_in_the_training_domain() {
     let (mut model, _, _) = next_value();
     {
-        let region = &mut model.partitions[0].regions[0];
+        let region = &mut model.summaries[0].regions[0];
         region.mean = vec![1.0, -1.0];
         region.covariance = vec![4.0, 1.0, 1.0];
         region.range = vec![[-2.0, 3.0], [-2.0, 2.0]];
@@ -329,6 +329,6 @@ fn nothing_to_score() {
     given.training.target_mean.clear();
     given.training.target_covariance.clear();
     given.training.target_deviation.clear();
-    given.partitions[0].regions[0].residual_covariance.clear();
+    given.summaries[0].regions[0].residual_covariance.clear();
     assert!(matches!(score(&given, &empty, &ScoreOptions::default(), &Silent), Err(Error::NothingFitted)));
 }

@@ -116,8 +116,7 @@ fn right_sides_that_jump_come_to_an_end() {
     partition.columns = vec![parse("x")];
     (partition.centre, partition.scale) = (vec![0.0], vec![1.0]);
     partition.rule = Rule::voronoi(vec![vec![1.0], vec![-1.0]]);
-    partition.regions = vec![region("0", 1, 1), region("1", 1, 1)];
-    model.partitions = vec![partition];
+    model.add_partition(partition, vec![region("0", 1, 1), region("1", 1, 1)]);
     let (constants, coefficients) = (vec![-1.0, 1.0], vec![vec![0.0], vec![0.0]]);
     model.latents.push(Latent {
         name: "f".into(),

@@ -31,8 +31,7 @@ fn model(prediction: [Prediction; 3]) -> Model {
     partition.columns = vec![parse("cos(a)"), parse("v")];
     (partition.centre, partition.scale) = (vec![0.1, 0.0], vec![0.7, 2.0]);
     partition.rule = Rule::voronoi(vec![vec![1.0, 0.5], vec![-1.0, -0.5]]);
-    partition.regions = vec![region("0", 4, 3), region("1", 4, 3)];
-    model.partitions = vec![partition];
+    model.add_partition(partition, vec![region("0", 4, 3), region("1", 4, 3)]);
     for (name, constants, coefficients) in [
         ("f", vec![0.3, -0.2], vec![vec![-0.5, 0.7, 0.2, 0.1], vec![-0.3, 0.4, -0.1, 0.2]]),
         ("g", vec![0.1, 0.2], vec![vec![0.3, -0.6, 0.0, 0.0], vec![0.2, 0.5, 0.0, 0.1]]),

@@ -7,7 +7,7 @@ use fleetfoot_dynamics::Coefficient;
 use fleetfoot_estimate::{EstimateError, MOST_PRODUCTS, Simulated, SimulationOptions, Status, simulation_error};
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_model::{
-    AffineMap, Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Rule, Training,
+    AffineMap, Column, Equation, Latent, Model, Partition, Prediction, RegionSummary, Role, Rule, Training,
 };
 use fleetfoot_stats::{Factor, least_squares};
 
@@ -54,9 +54,8 @@ pub(crate) fn model(
     };
     let mut model = Model::new("test", columns, step, training);
     model.libraries.push(library.iter().map(|text| expression(text)).collect());
-    model.partitions.push(partition);
-    let (functions, regions) = (library.len(), model.partitions[0].rule.count());
-    model.partitions[0].regions = (0..regions).map(|index| region(index, functions, unit(fitted.len()))).collect();
+    let (functions, regions) = (library.len(), partition.rule.count());
+    model.add_partition(partition, (0..regions).map(|index| region(index, functions, unit(fitted.len()))).collect());
     for (subject, prediction, maps) in fitted {
         let name = format!("f_{subject}");
         let (constants, coefficients) = maps.iter().cloned().unzip();
@@ -90,8 +89,8 @@ pub(crate) fn model(
 }
 
 /// What a region of so many functions might have seen.
-fn region(index: usize, functions: usize, residual_covariance: Vec<f64>) -> Region {
-    Region {
+fn region(index: usize, functions: usize, residual_covariance: Vec<f64>) -> RegionSummary {
+    RegionSummary {
         name: index.to_string(),
         rows: 1,
         mean: vec![0.0; functions],

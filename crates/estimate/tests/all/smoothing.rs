@@ -4,7 +4,9 @@ use fleetfoot_data::{Column as DataColumn, Episode, MemorySource, Silent, Source
 use fleetfoot_dynamics::Coefficient;
 use fleetfoot_estimate::{EstimateError, Settled, SmoothingOptions, StateSmoother, Variances};
 use fleetfoot_library::Expr;
-use fleetfoot_model::{AffineMap, Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Training};
+use fleetfoot_model::{
+    AffineMap, Column, Equation, Latent, Model, Partition, Prediction, RegionSummary, Role, Training,
+};
 use proptest::prelude::*;
 
 use crate::simulation::{expression, noise as draw};
@@ -29,7 +31,7 @@ fn model(states: &[(&str, &str)], inputs: &[&str], functions: &[&str], period: f
         .collect();
     model.libraries = vec![functions.iter().map(|text| expression(text)).collect()];
     let p = functions.len();
-    let region = Region {
+    let region = RegionSummary {
         name: "all".into(),
         rows: 0,
         mean: vec![f64::NAN; p],
@@ -40,7 +42,7 @@ fn model(states: &[(&str, &str)], inputs: &[&str], functions: &[&str], period: f
         condition: f64::NAN,
         confounded: Vec::new(),
     };
-    model.partitions = vec![Partition { regions: vec![region], ..Partition::whole() }];
+    model.add_partition(Partition::whole(), vec![region]);
     model.equations = states
         .iter()
         .map(|(name, known)| Equation {

@@ -45,11 +45,11 @@ impl Hold for Bound {
 
 /// The blocks of a region's latents are the products of one library, times the weight of each target.
 fn weights(model: &Model, normal: &NormalBlocks) -> Option<Vec<RegionWeight>> {
-    let (latents, partition) = (model.latents.len(), model.partitions.first()?);
+    let (latents, summary) = (model.latents.len(), model.summaries.first()?);
     let p = model.libraries.first()?.len();
     let blocks: Vec<_> = normal.blocks().collect();
     let place = |coefficient: &Coefficient| coefficient.function.map_or(0, |j| j + 1);
-    let of_region = |(at, region): (usize, &fleetfoot_model::Region)| {
+    let of_region = |(at, region): (usize, &fleetfoot_model::RegionSummary)| {
         let own = blocks.get(at * latents..(at + 1) * latents)?;
         let (range, values) = own.first()?;
         let scale = region.rows.max(1) as f64 / values[0];
@@ -62,5 +62,5 @@ fn weights(model: &Model, normal: &NormalBlocks) -> Option<Vec<RegionWeight>> {
         }
         Some(RegionWeight::new(products, own.iter().map(|(_, block)| block[0] / values[0]).collect()))
     };
-    partition.regions.iter().enumerate().map(of_region).collect()
+    summary.regions.iter().enumerate().map(of_region).collect()
 }

@@ -5,7 +5,9 @@ use std::collections::BTreeSet;
 use fleetfoot_data::{packed, packed_row};
 use fleetfoot_dataset::{EpisodeRecord, StatisticFile};
 use fleetfoot_library::Expr;
-use fleetfoot_model::{AffineMap, Column, Equation, Latent, Model, Partition, Prediction, Region, Role, Training};
+use fleetfoot_model::{
+    AffineMap, Column, Equation, Latent, Model, Partition, Prediction, RegionSummary, Role, Training,
+};
 use fleetfoot_stats::{Gram, Key};
 use fleetfoot_sums::structured::{Spread, Structure};
 use fleetfoot_task::{Moments, StructuredTask};
@@ -52,7 +54,7 @@ pub(super) fn model(
         model.libraries.push(within.iter().map(|&function| candidates.functions[function].clone()).collect());
         let range_of_kept = kept.iter().map(|&j| ranges[j]).collect();
         let region = region(&spread, &within, range_of_kept, &residuals, &model.training);
-        model.partitions.push(Partition { regions: vec![region], ..Partition::whole() });
+        model.add_partition(Partition::whole(), vec![region]);
         model.latents.push(Latent {
             name: candidates.name.clone(),
             library: index,
@@ -104,12 +106,18 @@ fn spread(problem: &Problem<'_>, also: &Gram, latent: usize) -> Spread {
     }
 }
 
-fn region(spread: &Spread, kept: &[usize], range: Vec<[f64; 2]>, residuals: &[f64], training: &Training) -> Region {
+fn region(
+    spread: &Spread,
+    kept: &[usize],
+    range: Vec<[f64; 2]>,
+    residuals: &[f64],
+    training: &Training,
+) -> RegionSummary {
     let place = |function: &usize| kept.iter().position(|known| known == function);
     let covariance =
         kept.iter().enumerate().flat_map(|(at, &i)| kept[..=at].iter().map(move |&j| spread.covariance[packed(i, j)]));
     let confounded = spread.confounded.iter().map(|group| group.iter().filter_map(place).collect::<Vec<_>>());
-    Region {
+    RegionSummary {
         name: "all".into(),
         rows: training.rows,
         mean: kept.iter().map(|&j| spread.mean[j]).collect(),

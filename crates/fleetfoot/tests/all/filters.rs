@@ -9,8 +9,8 @@ use fleetfoot::{
     export_filter, filter_of,
     library::Expr,
     model::{
-        AffineMap, Column, Equation, Latent, Model, Partition, Prediction, Region, ResidualCorrelation, Role, Rule,
-        Training, Transitions,
+        AffineMap, Column, Equation, Latent, Model, Partition, Prediction, RegionSummary, ResidualCorrelation, Role,
+        Rule, Training, Transitions,
     },
 };
 
@@ -150,7 +150,7 @@ fn piecewise(prediction: Prediction) -> Model {
     let mut model = Model::new("pwa kmeans:4", (0..5).map(column).collect(), 0.05, training);
     model.libraries = vec![["x", "v", "u", "w"].map(Expr::column).to_vec()];
     let centroids = vec![vec![-0.8, 0.0, 0.3], vec![0.2, -0.9, -0.2], vec![0.5, 0.8, 0.1], vec![1.0, 0.1, -0.9]];
-    let region = |name: usize| Region {
+    let region = |name: usize| RegionSummary {
         name: name.to_string(),
         rows: 1000,
         mean: vec![0.1, -0.1, 0.0, 0.0],
@@ -167,9 +167,9 @@ fn piecewise(prediction: Prediction) -> Model {
         centre: vec![0.1, 0.0, -0.1],
         scale: vec![0.9, 1.1, 1.2],
         rule: Rule::voronoi(centroids),
-        regions: (0..4).map(region).collect(),
         ..Partition::whole()
     }];
+    model.summaries = vec![(0..4).map(region).collect::<Vec<_>>().into()];
     let next = prediction == Prediction::Next;
     for (i, subject) in ["x", "v"].into_iter().enumerate() {
         let name = format!("latent_{subject}");
@@ -243,8 +243,8 @@ fn c_gives_the_estimates_of_the_engine() {
         }
         // One region.
         let mut whole = model;
-        let regions = vec![whole.partitions[0].regions[0].clone()];
-        whole.partitions[0] = Partition { regions, ..Partition::whole() };
+        let regions = vec![whole.summaries[0].regions[0].clone()];
+        (whole.partitions[0], whole.summaries[0]) = (Partition::whole(), regions.into());
         for latent in &mut whole.latents {
             latent.map.keep_region(0);
         }

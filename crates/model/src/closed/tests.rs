@@ -30,7 +30,7 @@ fn model(texts: &[&str], advanced: &[(&str, &str)], library: &[&str], partition:
     model.libraries = vec![library.iter().map(|text| parse(text)).collect()];
     let mut whole = Partition::whole();
     whole.columns = partition.iter().map(|text| parse(text)).collect();
-    model.partitions = vec![whole];
+    model.add_partition(whole, Vec::new());
     model.latents = vec![Latent {
         name: "f".into(),
         library: 0,

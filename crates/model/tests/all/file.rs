@@ -3,8 +3,8 @@
 use fleetfoot_library::Expr;
 use fleetfoot_model::{
     AffineMap, Column, Equation, Estimated, FileError, Join, Latent, Lattice, Level, Model, Partition, Passage,
-    PhaseBins, Phases, Prediction, Region, RegionPair, ResidualCorrelation, Role, RotationKind, RotationPart, Rule,
-    TrainedEpisode, Training, Transitions, UnseenLabel,
+    PhaseBins, Phases, Prediction, RegionPair, RegionSummary, ResidualCorrelation, Role, RotationKind, RotationPart,
+    Rule, TrainedEpisode, Training, Transitions, UnseenLabel,
 };
 use proptest::prelude::*;
 
@@ -41,7 +41,7 @@ fn model(numbers: &[f64; 12]) -> Model {
     };
     let columns = vec![column("x", Role::State), column("a", Role::State), column("ground", Role::Auxiliary)];
     let mut model = Model::new("pwa labels:ground+kmeans:2", columns, 0.01, training);
-    let region = |i: usize| Region {
+    let region = |i: usize| RegionSummary {
         name: format!("{i}"),
         rows: i as u64,
         mean: vec![n(i), n(i + 1)],
@@ -64,7 +64,6 @@ fn model(numbers: &[f64; 12]) -> Model {
             rules: vec![Rule::voronoi(vec![vec![n(7)], vec![n(8)]]), Rule::Ball { radius: 1.5 }],
             unseen: UnseenLabel::Pool,
         },
-        regions: (0..5).map(region).collect(),
         transitions: Some(Transitions {
             counts: (0..5).map(|from| (0..5).map(|to| from * 7 + to).collect()).collect(),
         }),
@@ -84,6 +83,7 @@ fn model(numbers: &[f64; 12]) -> Model {
         }),
         correlation: Some(ResidualCorrelation { lags: vec![vec![0.75], vec![-0.25]] }),
     }];
+    model.summaries = vec![(0..5).map(region).collect::<Vec<_>>().into()];
     model.latents = vec![Latent {
         name: "f_x".into(),
         library: 0,
@@ -126,7 +126,7 @@ proptest! {
         let again = Model::from_json(&text, "test").expect("it reads back");
         prop_assert_eq!(again.to_json(), text);
         let bits = |model: &Model| -> Vec<u64> {
-            let regions = model.partitions[0].regions.iter();
+            let regions = model.summaries[0].regions.iter();
             regions.flat_map(|r| r.mean.iter().chain(&r.covariance).chain(r.range.iter().flatten())).map(|v| v.to_bits()).collect()
         };
         prop_assert_eq!(bits(&again), bits(&model));

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use fleetfoot_data::mix;
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_model::{
-    AffineMap, Branch, Column, Cut, Equation, Gaussian, Latent, Model, Partition, Prediction, RadialMap, Region, Role,
-    Rule, Training, Tree, UnseenLabel,
+    AffineMap, Branch, Column, Cut, Equation, Gaussian, Latent, Model, Partition, Prediction, RadialMap, RegionSummary,
+    Role, Rule, Training, Tree, UnseenLabel,
 };
 
 /// Numbers by counting.
@@ -78,20 +78,19 @@ impl Maker {
         let scale = (0..count).map(|i| if plain(i) { 1.0 } else { 0.5 + 0.2 * i as f64 }).collect();
         let centre = (0..count).map(|i| if plain(i) { 0.0 } else { 0.05 * i as f64 - 0.1 }).collect();
         let columns = columns.iter().map(|text| self.parse(text)).collect();
-        self.model.partitions.push(Partition {
+        let partition = Partition {
             specification: specification.into(),
             columns,
             centre,
             scale,
             rule,
-            regions: Vec::new(),
             transitions: None,
             phases: None,
             pairs: Vec::new(),
             lattice: None,
             correlation: None,
-        });
-        self.model.partitions.len() - 1
+        };
+        self.model.add_partition(partition, Vec::new())
     }
 
     /// Random centroids.
@@ -189,11 +188,11 @@ impl Maker {
                     }
                 }
             }
-            self.model.partitions[index].regions = rows
+            self.model.summaries[index].regions = rows
                 .into_iter()
                 .zip(ranges)
                 .enumerate()
-                .map(|(i, (rows, range))| Region {
+                .map(|(i, (rows, range))| RegionSummary {
                     name: format!("{i}"),
                     rows,
                     mean: vec![0.0; n],

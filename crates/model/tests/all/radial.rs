@@ -109,7 +109,7 @@ fn candidates_become_a_table_of_centres() {
             assert_eq!(expression, model.libraries[0][k]);
         }
     }
-    for (own, from) in gathered.partitions[0].regions.iter().zip(&model.partitions[0].regions) {
+    for (own, from) in gathered.summaries[0].regions.iter().zip(&model.summaries[0].regions) {
         assert_eq!((own.mean.as_slice(), own.covariance.as_slice()), (&from.mean[..3], &from.covariance[..6]));
         assert_eq!((own.range.as_slice(), own.rows), (&from.range[..3], from.rows));
     }
@@ -132,7 +132,7 @@ fn an_input_that_no_term_has_is_added_to_the_library() {
         latent.affine_mut().unwrap().coefficients.iter_mut().for_each(|row| *row = row[1..].to_vec());
     }
     model.libraries[0].remove(0);
-    for region in &mut model.partitions[0].regions {
+    for region in &mut model.summaries[0].regions {
         (region.mean, region.range) = (vec![0.5; 5], vec![[0.0, 1.0]; 5]);
         region.covariance = vec![0.25; 15];
     }
@@ -143,7 +143,7 @@ fn an_input_that_no_term_has_is_added_to_the_library() {
     assert_eq!(names, ["u", "z", "x"]);
     let Map::Radial(own) = &model.latents[0].map else { panic!("{:?}", model.latents[0]) };
     assert_eq!(own.radial.inputs, [2, 1]);
-    let region = &model.partitions[0].regions[0];
+    let region = &model.summaries[0].regions[0];
     assert!(region.mean[2].is_nan() && region.covariance[5].is_nan() && region.mean[1] == 0.5);
     assert_eq!(region.range[2], [f64::NEG_INFINITY, f64::INFINITY]);
 }

@@ -148,7 +148,7 @@ fn modes_that_do_not_follow_density_are_found() {
 fn off(found: &Identification, names: &[usize]) -> Vec<f64> {
     let latent = &found.model.latents[0];
     let slopes = names.iter().enumerate().flat_map(|(region, &mode)| {
-        let info = &found.model.partitions[0].regions[region];
+        let info = &found.model.summaries[0].regions[region];
         let (xx, xy, yy) = (info.covariance[0], info.covariance[1], info.covariance[2]);
         let noise = info.residual_covariance[0] / info.rows as f64;
         let determinant = xx * yy - xy * xy;
@@ -246,7 +246,7 @@ fn starved_regions_are_given_up() {
     let found = run(&problem(2), &options("refined:30", 0), &source(&rows, 1));
     let partition = &found.model.partitions[0];
     assert!((2..=10).contains(&partition.rule.count()), "{}", partition.rule.count());
-    assert!(partition.regions.iter().all(|region| region.rows >= 4));
+    assert!(found.model.summaries[0].regions.iter().all(|region| region.rows >= 4));
     assert!(found.notes.iter().any(|note| note.contains("have rows enough for a map")), "{:?}", found.notes);
 }
 
@@ -257,7 +257,7 @@ fn a_sample_is_refined_and_all_rows_are_fitted() {
     small.memory = 2_000 * 144;
     let found = run(&problem(2), &small, &source(&rows, 1));
     assert!(found.notes.iter().any(|note| note.contains("a sample of")), "{:?}", found.notes);
-    assert_eq!(found.model.partitions[0].regions.iter().map(|region| region.rows).sum::<u64>(), 20_000);
+    assert_eq!(found.model.summaries[0].regions.iter().map(|region| region.rows).sum::<u64>(), 20_000);
     assert!(recovered(&found, &rows, &modes).0 > 0.98);
 }
 
@@ -300,6 +300,6 @@ fn the_regions_of_every_label_are_refined_by_themselves() {
     let losses: Vec<f64> = found.candidates.iter().map(|score| score.loss).collect();
     assert!(losses[2] < 1e-3 && losses[0] > 0.1 && losses[1] > 0.1, "{losses:?}");
     assert_eq!(found.candidates[found.chosen].regions, 4);
-    let names: Vec<&str> = found.model.partitions[0].regions.iter().map(|region| region.name.as_str()).collect();
+    let names: Vec<&str> = found.model.summaries[0].regions.iter().map(|region| region.name.as_str()).collect();
     assert_eq!(names, ["0/0", "0/1", "1/0", "1/1"]);
 }

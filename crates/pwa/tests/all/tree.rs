@@ -83,7 +83,7 @@ fn the_trees_of_labels_are_their_own() {
     let losses: Vec<f64> = found.candidates.iter().map(|score| score.loss).collect();
     assert!(losses[2] < 0.05 && losses[2] < 0.2 * losses[1], "{losses:?}");
     let partition = &found.model.partitions[0];
-    let names: Vec<&str> = partition.regions.iter().map(|region| region.name.as_str()).collect();
+    let names: Vec<&str> = found.model.summaries[0].regions.iter().map(|region| region.name.as_str()).collect();
     assert_eq!(names, ["0/0", "0/1", "1", "2/0", "2/1"]);
     let Rule::Labels { rules, .. } = &partition.rule else { panic!("{:?}", partition.rule) };
     assert_eq!((tree(&rules[0]).cuts[0].column, &rules[1], tree(&rules[2]).cuts[0].column), (0, &Rule::Whole, 1));
@@ -102,7 +102,7 @@ fn a_sample_is_cut_and_all_rows_are_fitted() {
     small.memory = 2_000 * 192;
     let found = run(&problem(3), &small, &source(&rows, 1));
     assert!(found.notes.iter().any(|note| note.contains("tree:2: grown on a sample of")), "{:?}", found.notes);
-    assert_eq!(found.model.partitions[0].regions.iter().map(|region| region.rows).sum::<u64>(), 20_000);
+    assert_eq!(found.model.summaries[0].regions.iter().map(|region| region.rows).sum::<u64>(), 20_000);
     let cuts = &tree(&found.model.partitions[0].rule).cuts;
     assert!(cuts.len() == 2 && (cuts[0].threshold - 0.3).abs() < 0.02, "{cuts:?}");
 }
@@ -130,7 +130,7 @@ proptest! {
             .collect();
         let cuts = |rows: &[Row]| {
             let model = run(&problem(3), &options("tree:3", 0), &source(rows, 1)).model;
-            (model.partitions[0].rule.clone(), model.partitions[0].regions.iter().map(|r| r.rows).collect::<Vec<_>>())
+            (model.partitions[0].rule.clone(), model.summaries[0].regions.iter().map(|r| r.rows).collect::<Vec<_>>())
         };
         let ((plain, sizes), (other, other_sizes)) = (cuts(&rows), cuts(&scaled));
         // The same rows lie on the same sides, though the shortest number between two rows is another one.

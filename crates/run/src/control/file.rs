@@ -197,8 +197,7 @@ impl ControllerFile {
     pub fn law_model(&self) -> Result<Model, Error> {
         let mut model = self.law.model().map_err(fleetfoot_dynamics::Error::from)?;
         model.method = format!("regulator of {} as", self.model);
-        for (region, own) in model.partitions.iter_mut().flat_map(|partition| &mut partition.regions).zip(&self.regions)
-        {
+        for (region, own) in model.summaries.iter_mut().flat_map(|summary| &mut summary.regions).zip(&self.regions) {
             region.name.clone_from(&own.region);
         }
         Ok(model)

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use faer::{Mat, MatRef};
 use fleetfoot_data::{packed_row, parallel_all};
-use fleetfoot_model::Region as ModelRegion;
+use fleetfoot_model::RegionSummary as ModelRegion;
 use fleetfoot_stats::{
     Bank, Concentration, Gram, Key, PolynomialBank, PolynomialMoments, PolynomialPlan, Preconditioner, SquareRoot,
     Stats, scan::RowCounts,

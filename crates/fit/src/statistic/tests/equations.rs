@@ -106,7 +106,7 @@ fn residuals_of_two_equations_covary() {
     let recipe = Recipe::parse(&recipes()[0].1, "test").unwrap();
     let file = scan(&recipe, &ScanOptions::default(), None, &files, &Silent).unwrap().0;
     let fitted = crate::fit::<Sindy>(&recipe, &FitRequest::default(), of(file), &Silent).unwrap();
-    let covariance = &fitted.model.partitions[0].regions[0].residual_covariance;
+    let covariance = &fitted.model.summaries[0].regions[0].residual_covariance;
     assert!(covariance.len() == 3 && covariance.iter().all(|entry| entry.is_finite()), "{covariance:?}");
 }
 
@@ -268,7 +268,7 @@ fn piecewise_models_are_fitted_and_chosen_without_the_logs() {
     // All rows, the same regions: the same models up to rounding.
     for (a, b) in own.models.iter().zip(&logs.models) {
         assert_eq!((&a.method, &a.equations, &a.columns), (&b.method, &b.equations, &b.columns));
-        let (a_regions, b_regions) = (&a.partitions[0].regions, &b.partitions[0].regions);
+        let (a_regions, b_regions) = (&a.summaries[0].regions, &b.summaries[0].regions);
         for (region, (one, other)) in a_regions.iter().zip(b_regions).enumerate() {
             assert_eq!((one.rows, &one.range, &one.name), (other.rows, &other.range, &other.name), "{}", a.method);
             let close = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-7 * b.abs().max(1e-3));

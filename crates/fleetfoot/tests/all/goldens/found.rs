@@ -22,7 +22,7 @@ impl Entry {
         self.hash("model", bare(model).as_bytes());
         self.hash("recipe", model.training.recipe.as_bytes());
         for latent in &model.latents {
-            let regions = &model.partitions[latent.partition].regions;
+            let regions = &model.summaries[latent.partition].regions;
             let Some(map) = latent.affine() else { continue };
             for (region, found) in map.coefficients.iter().enumerate() {
                 let name = match regions.get(region) {

@@ -1,13 +1,40 @@
-//! What the training data looked like: in each region, and over all.
+//! What the training rows were like: in each region, and over all.
 
 use crate::TrainedEpisode;
+
+/// What the training rows of a partition's regions were like. A partition says where regions are; this says what was seen there.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Summary {
+    /// One entry per region.
+    pub regions: Vec<RegionSummary>,
+}
+
+impl Summary {
+    /// Training rows of all regions.
+    pub fn rows(&self) -> u64 {
+        self.regions.iter().map(|region| region.rows).sum()
+    }
+
+    /// Regions, the largest first.
+    pub fn by_size(&self) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..self.regions.len()).collect();
+        order.sort_by_key(|&region| (std::cmp::Reverse(self.regions[region].rows), region));
+        order
+    }
+}
+
+impl From<Vec<RegionSummary>> for Summary {
+    fn from(regions: Vec<RegionSummary>) -> Self {
+        Self { regions }
+    }
+}
 
 /// What a region saw in training, so that a filter can use it and extrapolation is noticed.
 ///
 /// The vectors speak of the functions of the library of the partition's first latent (regressors x) and of the fitted equations (targets y). NaN stands for
 /// what was not measured: a fit from statistics of several tasks does not know how the residuals of two equations go together, nor absolute errors.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Region {
+pub struct RegionSummary {
     /// For people: `3`, `grass`, `inner`.
     pub name: String,
     /// Training rows that fell in it.
