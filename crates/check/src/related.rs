@@ -77,7 +77,7 @@ fn of_rate(channels: &[Channel], sample: &Sample, (place, rate): (usize, usize),
             Fault::Unit,
             name,
             (found.ratio, format!("it is {:.4} times the derivative of `{of}`: {units} are mixed", found.ratio)),
-            format!("in the recipe: [columns] with an expression that converts one of them, and its unit"),
+            "in the recipe: [columns] with an expression that converts one of them, and its unit",
         ));
     }
     if (ratio - 1.0).abs() > ONE {
@@ -178,7 +178,11 @@ fn angles(channels: &[Channel], words: &[Words], sample: &Sample, usable: &[usiz
         }
         let steps = sample.stretches.iter().flat_map(|own| own.columns[at].windows(2));
         let jumps = steps.filter(|pair| (300.0..=360.5).contains(&(pair[1] - pair[0]).abs())).count();
-        let within = sample.stretches.iter().flat_map(|own| &own.columns[at]).all(|value| !(value.abs() > 361.0));
+        let within = sample
+            .stretches
+            .iter()
+            .flat_map(|own| &own.columns[at])
+            .all(|value| value.is_nan() || value.abs() <= 361.0);
         if jumps > 0 && within {
             findings.push(Finding::new(
                 Fault::Unit,

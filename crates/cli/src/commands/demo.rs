@@ -188,8 +188,7 @@ impl Demo<'_> {
         let flags = ["--partition", PARTITIONS, "--purge", &purge, "--keep-all", "-o", &output];
         self.command(&words(&[&["fit", "pwa", "-c", &recipe_file, &data], &flags[..]].concat()));
         let bar = self.context.bar();
-        let mut request = FitRequest::default();
-        request.rivals = true;
+        let request = FitRequest { rivals: true, ..FitRequest::default() };
         let fitted = fit::<Pwa>(&recipe, &request, &logs.training_files(), &bar);
         bar.finish();
         let fitted = fitted?;

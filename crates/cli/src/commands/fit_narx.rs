@@ -26,8 +26,7 @@ pub(crate) fn narx(arguments: &FitNarx, context: &Context) -> Result<(), Error> 
     let free_run = if arguments.free_run.is_empty() { Vec::new() } else { files(&arguments.free_run)? };
     let mut job = Job::new(recipe, &arguments.data, &arguments.output)?;
     job.reads(&free_run);
-    let mut request = FitRequest::default();
-    request.free_run = (&free_run).into();
+    let request = FitRequest { free_run: (&free_run).into(), ..FitRequest::default() };
     job.run::<Narx>(request, context, |fitted| to_text(&fitted[0].report, arguments.tried), |_| None)
 }
 

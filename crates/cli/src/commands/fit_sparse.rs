@@ -19,9 +19,13 @@ const MOST_EPISODES: usize = 10;
 pub(crate) fn sparse(arguments: &FitSparse, context: &Context) -> Result<(), Error> {
     let mut recipe = flags::recipe(&arguments.data.recipe)?;
     recipe.say(arguments.sparse.clone());
-    let mut request = FitRequest::default();
-    request.keys = arguments.key.iter().map(|text| text.parse::<LabelKey>()).collect::<Result<_, _>>()?;
-    (request.by, request.keep, request.influence) = (arguments.by.clone(), arguments.keep.clone(), arguments.influence);
+    let request = FitRequest {
+        keys: arguments.key.iter().map(|text| text.parse::<LabelKey>()).collect::<Result<_, _>>()?,
+        by: arguments.by.clone(),
+        keep: arguments.keep.clone(),
+        influence: arguments.influence,
+        ..FitRequest::default()
+    };
     let mut job = Job::new(recipe, &arguments.data, &arguments.output)?;
     job.beside = arguments.frequencies.iter().chain(&arguments.keep).cloned().collect();
     let files = job.files().to_vec();
