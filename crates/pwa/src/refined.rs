@@ -23,7 +23,7 @@ mod start;
 
 use std::collections::{BTreeMap, btree_map::Entry};
 
-use fleetfoot_data::{Progress, mix};
+use fleetfoot_data::{Progress, Silent, mix, parallel_map};
 use fleetfoot_model::Rule;
 
 use crate::{
@@ -192,12 +192,14 @@ fn descended(
     starts: Vec<Start>,
     progress: &dyn Progress,
 ) -> Result<(Separators, Vec<f64>), Error> {
-    let mut descents = Vec::with_capacity(starts.len());
-    for (labels, separators) in starts {
+    // Of few rows a pass leaves nothing to divide; descents do not know of each other.
+    let mut descents = parallel_map(starts.len(), &Silent, |at| -> Result<_, Error> {
+        let (labels, separators) = starts[at].clone();
         let mut descent = Descent::new(examples, labels, separators);
         let objective = descent.run(progress)?;
-        descents.push((descent, objective));
-    }
+        Ok((descent, objective))
+    })?;
+    drop(starts);
     if descents.len() > ENDS {
         let last = |objective: &[f64]| objective.last().copied().unwrap_or(f64::INFINITY);
         descents.sort_by(|a, b| last(&a.1).total_cmp(&last(&b.1)));
@@ -205,17 +207,18 @@ fn descended(
     }
     // Of errors that are all rounding the first stays the first: sorts are stable.
     let rounding = LEAST_ERROR * examples.weight * examples.targets as f64;
+    let ends = parallel_map(descents.len(), &Silent, |at| -> Result<_, Error> {
+        Ok(descents[at].0.ends().map(|separators| settled(examples, separators)))
+    })?;
     let mut found: Vec<(f64, Separators, Vec<f64>)> = Vec::new();
-    for (descent, objective) in descents {
-        for (error, separators) in descent.ends().map(|separators| settled(examples, separators)) {
-            found.push((error.max(rounding), separators, objective.clone()));
-        }
+    for ((_, objective), ends) in descents.into_iter().zip(ends) {
+        found.extend(ends.map(|(error, separators)| (error.max(rounding), separators, objective.clone())));
     }
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
     found.truncate((SHARPENED * SHARPENED_ROWS / examples.rows).clamp(1, SHARPENED));
     let mut best = (f64::INFINITY, Separators::zero(1, examples.dimensions), Vec::new());
-    for (_, separators, objective) in found {
-        let (error, separators) = exact(examples, separators);
+    let sharpened = parallel_map(found.len(), &Silent, |at| Ok::<_, Error>(exact(examples, found[at].1.clone())))?;
+    for ((error, separators), (.., objective)) in sharpened.into_iter().zip(found) {
         let error = error.max(rounding);
         if error < best.0 {
             best = (error, separators, objective);
@@ -247,7 +250,6 @@ fn rule(separators: &Separators) -> Rule {
 mod tests {
     use super::*;
     use crate::examples::tests::rows_of;
-    use fleetfoot_data::Silent;
 
     fn uniform(at: u64) -> f64 {
         2.0 * (mix(mix(at)) >> 11) as f64 * 2f64.powi(-53) - 1.0

@@ -58,11 +58,12 @@ impl<'a> Descent<'a> {
     }
 
     /// The separators in the end, as they were penalised and hardly penalised.
-    pub(super) fn ends(mut self) -> [Separators; 2] {
-        self.separators.improve(self.examples, &self.labels, PENALTY, LAST_STEPS);
-        let mut sharp = self.separators.clone();
+    pub(super) fn ends(&self) -> [Separators; 2] {
+        let mut plain = self.separators.clone();
+        plain.improve(self.examples, &self.labels, PENALTY, LAST_STEPS);
+        let mut sharp = plain.clone();
         sharp.improve(self.examples, &self.labels, SHARP, LAST_STEPS);
-        [self.separators, sharp]
+        [plain, sharp]
     }
 
     /// One pass: the objective after it, and whether a row changed its region.
