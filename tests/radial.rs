@@ -169,3 +169,16 @@ fn what_cannot_be_had_is_said() {
         ]);
     }
 }
+
+/// A radial function has no unit, so that its coefficient has that of the left side.
+#[test]
+fn weights_have_the_unit_of_the_left_side() {
+    let recipe = "[states]\nq = { unit = \"rad\" }\nv = { unit = \"rad/s\" }\n[library]\nradial = 8\n";
+    let folder = folder(&[("run.csv", pendulum(400, 2.6)), ("r.toml", recipe.into())]);
+    let fit = ["fit", "sindy", "-c", "r.toml", "run.csv", "--smooth-states", "off", "--json"];
+    let report = fleetfoot(folder.path(), &fit).ok().json();
+    let terms = report["regions"][0]["equations"][1]["terms"].as_array().expect("terms").clone();
+    let of = |term: &serde_json::Value| term["function"].as_str().is_some_and(|name| name.starts_with("radial"));
+    let radial: Vec<_> = terms.iter().filter(|term| of(term)).collect();
+    assert!(!radial.is_empty() && radial.iter().all(|term| term["unit"] == "rad/s^2"), "{terms:?}");
+}
