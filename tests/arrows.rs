@@ -23,7 +23,7 @@ const ARROWS: [(&str, &[&str]); 30] = [
     ("fleetfoot-log", &["data", "message", "output"]),
     ("fleetfoot-sums", &["data", "library", "stats", "model"]),
     ("fleetfoot-sparse", &["data", "library", "stats", "sums"]),
-    ("fleetfoot-pwa", &["data", "library", "stats", "model"]),
+    ("fleetfoot-pwa", &["data", "library", "stats", "model", "sums"]),
     ("fleetfoot-estimate", &["data", "library", "stats", "model", "dynamics"]),
     // Simulated robots run on the laws of `control`.
     ("fleetfoot-sim", &["data", "library", "dynamics", "control"]),

@@ -214,8 +214,8 @@ fn equations_and_regions_are_fitted_from_a_statistic() {
     run(&["fit", "sindy", "run.stats", "--partition", "kmeans:7", "-o", "no.json"]).fails(&["kmeans:7", "scan again"]);
 }
 
-/// Every method, from the logs, their statistic, that of two halves joined, and that of two machines which have a part of the logs each: one model, to the byte. `fit pwa` reads
-/// logs in chunks of its folds, so that its coefficients from logs round otherwise.
+/// Every method, from the logs, their statistic, that of two halves joined, and that of two machines which have a part of the logs each: one model, to the byte. `fit pwa` adds
+/// to a model of logs what needs rows.
 #[test]
 fn every_method_finds_one_model_in_logs_and_their_statistics() {
     let folder = logs();
@@ -275,28 +275,65 @@ fn every_method_finds_one_model_in_logs_and_their_statistics() {
         same(path, "whole.json", "machines.json");
         fit("runs", "logs.json");
         if method == "pwa" {
-            coefficients_agree(path, "logs.json", "whole.json");
+            assert_eq!(of_sums(path, "logs.json"), of_sums(path, "whole.json"));
         } else {
             same(path, "logs.json", "whole.json");
         }
     }
 }
 
-/// The coefficients of two models are the same up to the rounding of sums of some 2,500 rows.
-fn coefficients_agree(folder: &Path, a: &str, b: &str) {
-    let latents = |name: &str| -> serde_json::Value {
-        let text = fs::read_to_string(folder.join(name)).expect("a model");
-        serde_json::from_str::<serde_json::Value>(&text).expect("JSON")["model"]["latents"].take()
-    };
-    let numbers = |latents: &serde_json::Value| -> Vec<f64> {
-        let of =
-            |key: &str| latents.as_array().expect("latents").iter().map(|own| own[key].to_string()).collect::<String>();
-        let text = of("coefficients") + "," + &of("constants");
-        text.split(['[', ']', ',']).filter_map(|number| number.parse().ok()).collect()
-    };
-    let (a, b) = (numbers(&latents(a)), numbers(&latents(b)));
-    assert!(a.len() == b.len() && a.len() >= 18, "{a:?}");
-    for (a, b) in a.iter().zip(&b) {
-        assert!((a - b).abs() <= 1e-11 * (1.0 + a.abs()), "{a} {b}");
+/// `fit pwa` from logs, from their statistic and from that of two halves joined: one model, to the byte. Folds cut these logs into spans. What needs rows is told by a fit
+/// of logs alone: mean absolute deviations and the correlation of residuals.
+#[test]
+fn a_piecewise_model_is_the_same_from_logs_and_their_statistic() {
+    let folder = logs();
+    let path = folder.path();
+    // A label beside the rest, which changes along a log.
+    for aircraft in 1..=3 {
+        for flight in 0..2 {
+            let log = path.join(format!("runs/{aircraft}/flight_{flight}.csv"));
+            let text = fs::read_to_string(&log).expect("a log");
+            let label = |(row, line): (usize, &str)| match row {
+                0 => format!("{line},load\n"),
+                _ => format!("{line},{}\n", 1 + (row / 70 + flight) % 2),
+            };
+            fs::write(&log, text.lines().enumerate().map(label).collect::<String>()).expect("a log");
+        }
     }
+    let run = |arguments: &str, more: &str| {
+        let words: Vec<&str> = arguments.split(' ').chain(more.split(' ')).filter(|word| !word.is_empty()).collect();
+        fleetfoot(path, &words).ok()
+    };
+    for (columns, partitions) in [
+        ("--states x,v --time t --degree 1", ["average", "labels:load", "kmeans:3"]),
+        ("--states x,v --time t --degree 2", ["average", "labels:load", "null,average,kmeans:2"]),
+    ] {
+        for partition in partitions {
+            let asked = format!("{columns} --partition {partition}");
+            run("scan runs -o whole.stats --force", &asked);
+            run("scan runs/2 runs/3 --plan whole.stats -o half.stats --force", &asked);
+            run("scan runs/1 --plan whole.stats -o other.stats --force", &asked);
+            run("stats merge half.stats other.stats -o halves.stats --force", "");
+            for (data, output) in [("runs", "logs"), ("whole.stats", "whole"), ("halves.stats", "halves")] {
+                run(&format!("fit pwa {data} -o {output}.json"), &asked);
+            }
+            same(path, "whole.json", "halves.json");
+            let (logs, statistic) = (of_sums(path, "logs.json"), of_sums(path, "whole.json"));
+            for part in ["latents", "partitions", "training"] {
+                assert_eq!(logs[part], statistic[part], "{asked}: {part}");
+            }
+            assert_eq!(logs, statistic, "{asked}");
+        }
+    }
+}
+
+/// A model of `fit pwa` but for what needs rows, which a fit of logs adds.
+fn of_sums(folder: &Path, file: &str) -> serde_json::Value {
+    let text = fs::read_to_string(folder.join(file)).expect("a model");
+    let mut model = serde_json::from_str::<serde_json::Value>(&text).expect("JSON")["model"].take();
+    model["training"].as_object_mut().expect("training").remove("target_deviation").expect("a deviation");
+    for partition in model["partitions"].as_array_mut().expect("partitions") {
+        partition.as_object_mut().expect("a partition").remove("correlation");
+    }
+    model
 }

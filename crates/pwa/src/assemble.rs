@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use fleetfoot_data::{Source, packed_row};
+use fleetfoot_data::{Episode, Source, packed_row};
 use fleetfoot_library::Expr;
 use fleetfoot_model::{AffineMap, Latent, Model, Partition, RegionSummary, TrainedEpisode, Training};
 use fleetfoot_stats::SquareRoot;
@@ -14,16 +14,17 @@ use crate::{
 impl Fit<'_> {
     /// Assembles the model of a candidate.
     ///
-    /// `residuals` is the scatter of its residuals by region, `roots` the square-root form of each region's rows.
+    /// `scatter` is that of its residuals by region, where no statistic tells it, `roots` the square-root form of each region's rows.
     pub(crate) fn model(
         &self,
         order: &Order,
         candidate: usize,
         errors: &Errors,
-        residuals: &Scatter,
+        scatter: Option<&Scatter>,
         source: &dyn Source,
         roots: &BTreeMap<u32, SquareRoot>,
     ) -> Model {
+        let statistic = self.statistic(candidate);
         let candidate = &self.segmentation.candidates[candidate];
         let null = candidate.specification == Specification::Null;
         let library = if null { Vec::new() } else { self.problem.library.clone() };
@@ -35,28 +36,40 @@ impl Fit<'_> {
             .enumerate()
             .map(|(region, fitted)| {
                 let ranges = &self.scan.ranges[candidate.full].0[region];
+                let unknown = || vec![f64::NAN; packed_row(self.rows.targets)];
+                let residuals = match (statistic, scatter) {
+                    // As of a statistic, which has no rows.
+                    (Some(sums), _) => {
+                        sums.residual_covariance(region, fitted.coefficients.as_ref(), &fitted.intercept)
+                    }
+                    (None, scatter) => scatter.map_or_else(unknown, |scatter| scatter.covariance(region)),
+                };
                 described(
                     partition.region_name(region),
                     fitted,
                     roots.get(&(region as u32)),
                     ranges,
-                    residuals.covariance(region),
+                    residuals,
                     library.len(),
                 )
             })
             .collect();
         let (q, s) = (self.rows.targets, self.rows.states);
+        let scales = self.scan.whole[0].as_ref().map_or(&self.survey.scales, |sums| sums.also());
+        // In the order of the sums, whatever the order of the files.
+        let mut episodes: Vec<&Episode> = source.episodes().iter().collect();
+        episodes.sort_by_key(|episode| episode.id);
         let training = Training {
             version: env!("CARGO_PKG_VERSION").into(),
             recipe: String::new(),
             seed: self.options.seed,
             rows: self.survey.counts.complete,
-            episodes: source.episodes().iter().map(TrainedEpisode::from).collect(),
-            target_mean: self.survey.scales.mean[..q].to_vec(),
-            target_covariance: self.survey.scales.covariance(0..q),
+            episodes: episodes.into_iter().map(TrainedEpisode::from).collect(),
+            target_mean: scales.mean[..q].to_vec(),
+            target_covariance: scales.covariance(0..q),
             target_deviation: errors.deviation.iter().map(|sum| sum / errors.weight).collect(),
-            state_covariance: self.survey.scales.covariance(q..q + s),
-            state_mean: self.survey.scales.mean[q..q + s].to_vec(),
+            state_covariance: scales.covariance(q..q + s),
+            state_mean: scales.mean[q..q + s].to_vec(),
             ..Training::default()
         };
         let mut model = assembled(self.problem, (partition, regions), library, &order.full, training);

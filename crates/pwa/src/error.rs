@@ -21,6 +21,9 @@ pub enum Error {
     /// Two parts of the statistic share a key.
     #[error(transparent)]
     Merge(#[from] fleetfoot_stats::MergeError),
+    /// The sums cannot be made, or are not finite.
+    #[error(transparent)]
+    Sums(#[from] fleetfoot_sums::system::SystemError),
     /// k-means refused its input.
     #[error("clustering: {0}")]
     KMeans(#[from] crate::KMeansError),
@@ -187,7 +190,7 @@ impl Error {
     /// Whether less memory would have done.
     pub fn is_memory(&self) -> bool {
         match self {
-            Self::Plan(error) => error.is_memory(),
+            Self::Plan(error) | Self::Sums(fleetfoot_sums::system::SystemError::Plan(error)) => error.is_memory(),
             Self::KMeans(error) => matches!(error, crate::KMeansError::Memory(_)),
             _ => false,
         }

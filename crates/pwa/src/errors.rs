@@ -34,8 +34,8 @@ pub(crate) struct Errors {
     pub(crate) null: Sums,
     /// Weighted sum of |y - mean over all rows|.
     pub(crate) deviation: Vec<f64>,
-    /// Scatter of the residuals of each kept model in each of its regions.
-    pub(crate) residuals: Vec<Scatter>,
+    /// Scatter of the residuals of each kept model in each of its regions, where no statistic tells it.
+    pub(crate) residuals: Vec<Option<Scatter>>,
     /// Which region follows which, of each kept model whose regions fit the dynamics.
     pub(crate) walks: Vec<Option<Walks>>,
     /// How residuals hang on those of the rows before, of each kept model of which that is asked.
@@ -118,6 +118,8 @@ pub(crate) struct Measure<'a> {
     pub(crate) orders: &'a [Order],
     /// Indices of the candidates whose models are kept.
     pub(crate) kept: &'a [usize],
+    /// Whether the scatter of their residuals is asked of the rows.
+    pub(crate) scattered: &'a [bool],
     /// Mean of the targets over all rows, and over the training rows of each fold.
     pub(crate) mean: &'a [f64],
     pub(crate) fold_means: &'a [Vec<f64>],
@@ -151,7 +153,11 @@ impl Measure<'_> {
                 total.null.merge(&errors.null);
                 total.candidates.iter_mut().zip(&errors.candidates).for_each(|(a, b)| a.merge(b));
                 total.deviation.iter_mut().zip(&errors.deviation).for_each(|(a, b)| *a += b);
-                total.residuals.iter_mut().zip(&errors.residuals).for_each(|(a, b)| a.merge(b));
+                for (total, scatter) in total.residuals.iter_mut().zip(&errors.residuals) {
+                    if let (Some(total), Some(scatter)) = (total, scatter) {
+                        total.merge(scatter);
+                    }
+                }
                 for (total, walks) in total.walks.iter_mut().zip(&errors.walks) {
                     if let (Some(total), Some(walks)) = (total, walks) {
                         total.merge(walks, self.phase);
@@ -170,12 +176,13 @@ impl Measure<'_> {
 
     fn empty(&self) -> Errors {
         let q = self.rows.targets;
+        let scatter = |kept: usize, asked: bool| asked.then(|| Scatter::new(self.orders[kept].full.len(), q));
         Errors {
             weight: 0.0,
             candidates: vec![Sums::new(q); self.orders.len()],
             null: Sums::new(q),
             deviation: vec![0.0; q],
-            residuals: self.kept.iter().map(|&kept| Scatter::new(self.orders[kept].full.len(), q)).collect(),
+            residuals: self.kept.iter().zip(self.scattered).map(|(&kept, &asked)| scatter(kept, asked)).collect(),
             walks: self.kept.iter().map(|&kept| self.walks(kept)).collect(),
             lagged: self.whitening_by_region.iter().map(|own| own.as_ref().map(|_| Lagged::new(q))).collect(),
             parts: Vec::new(),
@@ -226,12 +233,16 @@ impl Measure<'_> {
             assignment.assign(partition, &mut part.regions);
             maps_used.residuals(&part.regions, &part.x, &part.y, &mut part.residual);
             part.errors.candidates[candidate].add(&part.residual, self.whitening, weights);
-            if let Some(kept) = self.kept.iter().position(|&kept| kept == candidate) {
+            let Some(kept) = self.kept.iter().position(|&kept| kept == candidate) else { continue };
+            let of_rows = part.errors.residuals[kept].is_some() || part.errors.lagged[kept].is_some();
+            if of_rows || part.errors.walks[kept].is_some() {
                 if !std::ptr::eq(maps_used, &maps.full) {
                     assignment.assign(partitions.full, &mut part.regions);
                     maps.full.residuals(&part.regions, &part.x, &part.y, &mut part.residual);
                 }
-                part.errors.residuals[kept].add(&part.regions, &part.residual, weights);
+                if let Some(scatter) = &mut part.errors.residuals[kept] {
+                    scatter.add(&part.regions, &part.residual, weights);
+                }
                 if let (Some(lagged), Some(whitening)) =
                     (&mut part.errors.lagged[kept], &self.whitening_by_region[kept])
                 {

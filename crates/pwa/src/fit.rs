@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 
 use fleetfoot_model::{Partition, Rule};
 use fleetfoot_stats::{Gram, Key, Preconditioner, SquareRoot, Stats, least_squares, ridge};
+use fleetfoot_sums::system::SystemScan;
 
 use crate::{
     Specification,
@@ -38,16 +39,27 @@ pub(crate) struct Solver<'a> {
     /// The partitions; those joined of cells have their sums in `cells`.
     pub(crate) partitions: &'a [Partition],
     pub(crate) cells: Option<&'a Sets>,
+    /// The statistic of every partition that is made on all rows, where it has one.
+    pub(crate) statistics: &'a [Option<SystemScan>],
 }
 
 impl Roots for Solver<'_> {
     fn whole(&self, held: Option<u16>) -> Option<SquareRoot> {
+        if let (None, Some(Some(statistic))) = (held, self.statistics.first()) {
+            return Some(statistic.root(0));
+        }
         let gram = self.stats.total(|key| key.partition == 0 && trains(key, held))?;
         Some(self.preconditioner.square_root(&gram))
     }
 
     fn training(&self, partition: usize, held: Option<u16>) -> BTreeMap<u32, SquareRoot> {
-        self.factored(self.grams(partition, held))
+        match (held, self.statistics.get(partition)) {
+            (None, Some(Some(statistic))) => {
+                let roots = (0..statistic.regions()).map(|region| (region as u32, statistic.root(region)));
+                roots.filter(|(_, root)| root.weight > 0.0).collect()
+            }
+            _ => self.factored(self.grams(partition, held)),
+        }
     }
 
     fn testing(&self, partition: usize, fold: u16) -> BTreeMap<u32, SquareRoot> {
@@ -67,9 +79,16 @@ impl Solver<'_> {
     pub(crate) fn grams(&self, partition: usize, held: Option<u16>) -> BTreeMap<u32, Gram> {
         match self.joined(partition) {
             Some((table, cells)) => joined(cells.training(held.map_or(0, |held| 1 + usize::from(held))), table),
-            None => self
-                .stats
-                .totals(|key| (usize::from(key.partition) == partition && trains(key, held)).then_some(key.region)),
+            None => match (held, self.statistics.get(partition)) {
+                // The one region's may be in other coordinates.
+                (None, Some(Some(statistic))) if partition > 0 => {
+                    let grams = (0..statistic.regions()).map(|region| (region as u32, statistic.gram(region)));
+                    grams.filter(|(_, gram)| gram.weight > 0.0).collect()
+                }
+                _ => self
+                    .stats
+                    .totals(|key| (usize::from(key.partition) == partition && trains(key, held)).then_some(key.region)),
+            },
         }
     }
 

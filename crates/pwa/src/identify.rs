@@ -5,10 +5,12 @@ use std::collections::BTreeMap;
 use fleetfoot_data::{Canonical, Progress, Source};
 use fleetfoot_model::{Lattice, Model, Rule};
 use fleetfoot_stats::{Chunk, Estimate, FoldLayout, Grid, Mahalanobis, Preconditioner, SquareRoot};
+use fleetfoot_sums::system::SystemScan;
 
 use crate::{
     Error, Identification, Options, Problem, Score, Specification,
     complete::Fit,
+    cuts::Cuts,
     effective::with_effective_weights,
     errors::{Errors, Measure, PartErrors},
     fit::{Roots, Solver, held_out_error},
@@ -18,8 +20,9 @@ use crate::{
     notes::{confounded, no_better},
     pairs::pairs,
     partition::{Prepared, join_cells, prepare},
+    plans::{cut, plans},
     region_model::Base,
-    scan::sum,
+    scan::{Wanted, sum},
     segmentation::{Candidate, Segmentation},
     select::{Order, choose, effective_rows, effective_rows_in, evaluate, fitted},
     stable::Loop,
@@ -44,7 +47,10 @@ pub fn identify(
     let preconditioner = rows.coordinates(source)?;
     progress.stage("regression");
     let plan = plan_hash(problem, (&grid, folds.as_ref()), &segmentation, &preconditioner);
-    let mut scanned = sum(&rows, &segmentation, &preconditioner, source, &chunks, &plan, progress)?;
+    let plans = plans(problem, &segmentation, &preconditioner, source)?;
+    let cut = cut(&segmentation, &plans, options);
+    let wanted = Wanted { plans: &plans, cuts: Cuts::new(&chunks), cut: &cut };
+    let mut scanned = sum(&rows, &segmentation, &preconditioner, source, &wanted, &plan, progress)?;
     let joined = join_cells(&mut segmentation, &mut scanned, &preconditioner)?;
     let fit = Fit {
         problem,
@@ -91,6 +97,7 @@ impl Fit<'_> {
             preconditioner: self.preconditioner,
             partitions: &self.segmentation.partitions,
             cells: self.joined.map(|(sets, _)| sets),
+            statistics: &self.scan.whole,
         };
         let too_few = || Error::TooFewRows {
             complete: self.survey.counts.complete,
@@ -132,7 +139,7 @@ impl Fit<'_> {
         let mut models: Vec<Model> = kept
             .iter()
             .zip(errors.residuals.iter().zip(&roots))
-            .map(|(&kept, (residuals, roots))| self.model(&orders[kept], kept, &errors, residuals, source, roots))
+            .map(|(&kept, (scatter, roots))| self.model(&orders[kept], kept, &errors, scatter.as_ref(), source, roots))
             .collect();
         for (((model, walks), &kept), roots) in models.iter_mut().zip(errors.walks).zip(&kept).zip(&roots) {
             if let (Some(partition), Some(walks)) = (model.partitions.first_mut(), walks) {
@@ -188,6 +195,11 @@ impl Fit<'_> {
             notes,
             partition_notes,
         })
+    }
+
+    /// The statistic that the models of a candidate are made of, where it has one and no QR takes its place.
+    pub(crate) fn statistic(&self, candidate: usize) -> Option<&SystemScan> {
+        self.scan.whole[self.segmentation.candidates[candidate].full].as_ref().filter(|_| !self.options.tsqr)
     }
 
     /// Rows that count as independent by the residuals of a candidate's own model; `independent` by those of one region, where regions are joined of cells.
@@ -269,6 +281,7 @@ impl Fit<'_> {
         let whitening = |&candidate: &usize| self.whitening(candidate, &orders[candidate], solver);
         MeasureInput {
             fit: self,
+            scattered: kept.iter().map(|&candidate| self.statistic(candidate).is_none()).collect(),
             whitening: kept.iter().map(whitening).collect(),
             orders,
             kept,
@@ -326,6 +339,7 @@ struct MeasureInput<'m> {
     fold_means: Vec<Vec<f64>>,
     metric: Mahalanobis,
     whitening: Vec<Option<Whitening>>,
+    scattered: Vec<bool>,
 }
 
 impl MeasureInput<'_> {
@@ -335,6 +349,7 @@ impl MeasureInput<'_> {
             segmentation: self.fit.segmentation,
             orders: self.orders,
             kept: self.kept,
+            scattered: &self.scattered,
             mean: &self.mean,
             fold_means: &self.fold_means,
             whitening: self.metric.whitening(),

@@ -42,7 +42,10 @@ pub fn cost(problem: &Problem, options: &Options, rows: usize) -> Cost {
     let cells = joined.map_or(0, |regions| cell_bytes(rows, shape, regions, options.folds));
     let regions: usize =
         options.partitions.iter().map(expected_regions).sum::<usize>() * (1 + usize::from(options.folds)) + 1;
-    let statistics = (rows.div_ceil(256) * regions * gram_bytes(width)).min(STATS_BUDGET);
+    // By chunks of the folds, and twice by those of the statistic.
+    let of_regions = |regions: usize| (rows.div_ceil(256) * regions * gram_bytes(width)).min(STATS_BUDGET);
+    let made_on_all = options.partitions.iter().map(expected_regions).sum::<usize>() + 1;
+    let statistics = of_regions(regions) + 2 * of_regions(made_on_all);
     let blocks = 2 * fleetfoot_data::thread_count() * 65_536 * 8 * (problem.columns.len() + 1);
     let drawn = any(|one| matches!(one, Specification::Refined(_))) && !options.continuous && refined < rows;
     let models = options.partitions.iter().map(|one| expected_regions(one).max(1)).sum::<usize>();

@@ -9,12 +9,13 @@ use crate::{
     borders::close,
     budget::{STATS_BUDGET, expected_regions, gram_bytes},
     continuous::check as check_continuous,
+    cuts::Cuts,
     effective::with_effective_weights,
     lattice::{Sets, Tree, grow, joined_ranges},
     phase::Scale,
     regions::segment,
     rows::Rows,
-    scan::{Scan, sum},
+    scan::{Scan, Wanted, sum},
     segmentation::Segmentation,
     survey::Survey,
 };
@@ -54,7 +55,8 @@ pub fn partition(
         progress.stage("cells");
         let cells = Segmentation::of_cells(std::mem::take(&mut segmentation.lattices));
         let preconditioner = rows.coordinates(source)?;
-        let mut scanned = sum(&rows, &cells, &preconditioner, source, &chunks, "", progress)?;
+        let wanted = Wanted { plans: &[], cuts: Cuts::new(&chunks), cut: &[true] };
+        let mut scanned = sum(&rows, &cells, &preconditioner, source, &wanted, "", progress)?;
         segmentation.lattices = cells.lattices;
         join_cells(&mut segmentation, &mut scanned, &preconditioner)?;
     }
@@ -128,7 +130,11 @@ pub(crate) fn prepare(
         _ => grid.chunks(source.episodes()),
     };
     progress.stage("survey");
-    let survey = Survey::scan(&rows, source, &chunks, options, progress)?;
+    // As without folds.
+    let keys = options.partitions.iter().map(expected_regions).sum::<usize>() + 1;
+    let whole = Grid { chunk_rows: Grid::for_budget(source.rows(), keys, bytes, STATS_BUDGET, COARSE) };
+    let passed = (&whole.chunks(source.episodes())[..], &Cuts::new(&chunks));
+    let survey = Survey::scan(&rows, source, passed, options, progress)?;
     check(problem, &rows, &survey)?;
     let phase = survey.phase.as_ref().zip(options.phase.as_ref());
     let phase = phase.map(|(seen, phase)| seen.scale(phase)).transpose()?;

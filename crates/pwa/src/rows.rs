@@ -118,9 +118,9 @@ impl<'t> Tile<'t> {
         self.0.values(REGRESSORS..TARGETS + 1)
     }
 
-    /// Targets and states, column-major.
-    pub(crate) fn scales(&self) -> &'t [f64] {
-        self.0.values(TARGETS..STATES + 1)
+    /// Targets, then states.
+    pub(crate) fn scales(&self) -> Vec<&'t [f64]> {
+        self.0.columns(TARGETS..STATES + 1)
     }
 
     pub(crate) fn targets(&self) -> Vec<&'t [f64]> {

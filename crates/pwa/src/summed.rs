@@ -1,7 +1,8 @@
 //! Identification from sums that were made before, in partitions that were frozen before them. No row is read.
 //!
 //! What is quadratic is there: every model, held-out squared errors, the choice of a partition. Absolute errors and Mahalanobis scores need rows, and are NaN.
-//! [`crate::identify`] clusters anew on the training rows of every fold; here the regions of every fold are those that were made on all rows.
+//! The model of a partition is the one that [`crate::identify`] makes of the rows, which sums them in the same way (`scan.rs`). There, regions are clustered anew on the training rows
+//! of every fold; here those of every fold are the regions that were made on all rows.
 
 use std::{borrow::Cow, collections::BTreeMap};
 

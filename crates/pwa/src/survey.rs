@@ -8,7 +8,6 @@ use std::{
     ops::Range,
 };
 
-use faer::MatRef;
 use fleetfoot_data::{Episode, EpisodeId, Progress, Source};
 use fleetfoot_stats::{
     Chunk, Concentration, Fold, Gram, Key, Moments, Stats,
@@ -17,6 +16,7 @@ use fleetfoot_stats::{
 
 use crate::{
     Error, Options, Specification,
+    cuts::{Cuts, rows_of},
     kept::{Kept, Share},
     labels::limit_labels,
     phase::Seen,
@@ -46,7 +46,9 @@ pub(crate) fn kept_bytes(partition_columns: usize, labels: usize) -> usize {
 
 /// What the first pass found.
 pub(crate) struct Survey {
-    /// Moments of the partition columns by place in cross-validation.
+    /// Moments of the partition columns over all rows, whatever the folds.
+    all: Option<Moments>,
+    /// The same by place in cross-validation.
     moments: BTreeMap<Fold, Moments>,
     /// Different values of each label column, ascending.
     pub(crate) labels: Vec<Vec<f64>>,
@@ -68,24 +70,33 @@ pub(crate) struct Survey {
 
 struct Part {
     moments: Option<Moments>,
-    scales: Option<Gram>,
     labels: Vec<BTreeSet<u64>>,
     phase: Option<Seen>,
+    pieces: Vec<Piece>,
+}
+
+/// The rows of a part that lie in one chunk of the folds.
+struct Piece {
+    /// The place of that chunk.
+    chunk: usize,
+    moments: Moments,
+    scales: Gram,
     kept: Vec<Vec<f64>>,
     examples: Vec<Vec<f64>>,
 }
 
 impl Survey {
-    /// Reads all rows once.
+    /// Reads all rows once, in chunks that do not know of folds.
     pub(crate) fn scan(
         rows: &Rows,
         source: &dyn Source,
-        chunks: &[Chunk],
+        (chunks, cuts): (&[Chunk], &Cuts<'_>),
         options: &Options,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
         let shares = Shares::new(rows, source.rows(), options);
         let mut survey = Self {
+            all: None,
             moments: BTreeMap::new(),
             labels: Vec::new(),
             phase: options.phase.as_ref().map(Seen::new),
@@ -105,7 +116,7 @@ impl Survey {
             || Part::new(rows, options),
             |part, place, tile| {
                 let tile = Tile::new(tile);
-                part.add(rows, &tile, place, &shares);
+                part.add(rows, &tile, place, &shares, cuts);
                 if let (Some(seen), Some(phase), Some(values)) = (&mut part.phase, &options.phase, tile.phase()) {
                     seen.add(values, phase)?;
                 }
@@ -120,17 +131,18 @@ impl Survey {
                 if let (Some(all), Some(seen), Some(phase)) = (&mut survey.phase, part.phase, &options.phase) {
                     all.merge(seen, phase)?;
                 }
-                if let Some(scales) = part.scales {
-                    survey.scales.merge(&scales);
-                    let episode = source.episodes()[chunk.episode].id;
-                    let key = Key { episode, chunk: chunk.index, fold: chunk.fold, partition: 0, region: 0 };
-                    survey.targets.insert(key, scales.select(&(0..rows.targets).collect::<Vec<_>>()))?;
-                }
                 if let Some(moments) = part.moments {
-                    survey.moments.entry(chunk.fold).or_insert_with(|| Moments::new(rows.partition)).merge(&moments);
+                    survey.all.get_or_insert_with(|| Moments::new(rows.partition)).merge(&moments);
                 }
-                survey.kept.append(chunk.fold, part.kept);
-                survey.examples.append(chunk.fold, part.examples);
+                let (episode, targets) = (source.episodes()[chunk.episode].id, (0..rows.targets).collect::<Vec<_>>());
+                for Piece { chunk, moments, scales, kept, examples } in part.pieces {
+                    let Chunk { index: chunk, fold, .. } = cuts.chunks[chunk];
+                    survey.scales.merge(&scales);
+                    survey.targets.add(Key { episode, chunk, fold, partition: 0, region: 0 }, scales.select(&targets));
+                    survey.moments.entry(fold).or_insert_with(|| Moments::new(rows.partition)).merge(&moments);
+                    survey.kept.append(fold, kept);
+                    survey.examples.append(fold, examples);
+                }
                 Ok::<_, Error>(())
             },
         )?;
@@ -162,8 +174,8 @@ impl Survey {
 
     /// Moments of the rows that train the model tested on `held` (all rows without it).
     pub(crate) fn training_moments(&self, held: Option<u16>) -> Option<Moments> {
-        let mut selected =
-            self.moments.iter().filter(|(fold, _)| held.is_none_or(|held| fold.trains(held))).map(|(_, m)| m);
+        let Some(held) = held else { return self.all.clone() };
+        let mut selected = self.moments.iter().filter(|(fold, _)| fold.trains(held)).map(|(_, moments)| moments);
         let mut total = selected.next()?.clone();
         selected.for_each(|moments| total.merge(moments));
         Some(total)
@@ -197,18 +209,13 @@ impl Part {
     fn new(rows: &Rows, options: &Options) -> Self {
         Self {
             moments: None,
-            scales: None,
             labels: vec![BTreeSet::new(); rows.labels.len()],
             phase: options.phase.as_ref().map(Seen::new),
-            kept: vec![Vec::new(); rows.partition + rows.labels.len()],
-            examples: vec![Vec::new(); rows.example_columns()],
+            pieces: Vec::new(),
         }
     }
 
-    fn add(&mut self, rows: &Rows, tile: &Tile<'_>, place: Place<'_>, shares: &Shares) {
-        let width = rows.targets + rows.states;
-        let scales = Gram::of_rows(MatRef::from_column_major_slice(tile.scales(), tile.len(), width), tile.weights());
-        self.scales.get_or_insert_with(|| Gram::new(width)).merge(&scales);
+    fn add(&mut self, rows: &Rows, tile: &Tile<'_>, place: Place<'_>, shares: &Shares, cuts: &Cuts<'_>) {
         let columns = tile.partition_columns();
         self.moments.get_or_insert_with(|| Moments::new(rows.partition)).merge(&Moments::of_columns(&columns));
         let labels = tile.labels();
@@ -221,8 +228,35 @@ impl Part {
                 }
             }
         }
-        let place = (place.episode, place.first, tile.index());
-        shares.kept.keep(&mut self.kept, &columns.iter().copied().chain(labels).collect::<Vec<_>>(), place);
-        shares.examples.keep(&mut self.examples, &tile.example(), place);
+        let (scales, weights, example) = (tile.scales(), tile.weights(), tile.example());
+        let kept: Vec<&[f64]> = columns.iter().copied().chain(labels).collect();
+        for (chunk, range) in cuts.pieces(place.chunk, place.first, tile.index()) {
+            let piece = match self.pieces.iter().position(|piece| piece.chunk == chunk) {
+                Some(known) => &mut self.pieces[known],
+                None => {
+                    self.pieces.push(Piece::new(rows, chunk));
+                    let last = self.pieces.len() - 1;
+                    &mut self.pieces[last]
+                }
+            };
+            let of = |columns| rows_of(columns, &range);
+            piece.scales.merge(&Gram::of_columns(&of(&scales), weights.map(|weights| &weights[range.clone()])));
+            piece.moments.merge(&Moments::of_columns(&of(&columns)));
+            let place = (place.episode, place.first, &tile.index()[range.clone()]);
+            shares.kept.keep(&mut piece.kept, &of(&kept), place);
+            shares.examples.keep(&mut piece.examples, &of(&example), place);
+        }
+    }
+}
+
+impl Piece {
+    fn new(rows: &Rows, chunk: usize) -> Self {
+        Self {
+            chunk,
+            moments: Moments::new(rows.partition),
+            scales: Gram::new(rows.targets + rows.states),
+            kept: vec![Vec::new(); rows.partition + rows.labels.len()],
+            examples: vec![Vec::new(); rows.example_columns()],
+        }
     }
 }

@@ -104,6 +104,14 @@ impl<S: Sum> Keyed<S> {
         }
     }
 
+    /// Adds rows to those of a key.
+    pub fn add(&mut self, key: Key, sum: S) {
+        match self.sums.entry(key) {
+            std::collections::btree_map::Entry::Occupied(mut total) => total.get_mut().merge(&sum),
+            std::collections::btree_map::Entry::Vacant(slot) => _ = slot.insert(sum),
+        }
+    }
+
     /// Union by key. On error `self` is unchanged.
     pub fn merge(&mut self, other: Self) -> Result<(), MergeError> {
         self.accepts(&other)?;

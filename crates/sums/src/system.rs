@@ -25,6 +25,7 @@ use fleetfoot_model::Partition;
 
 pub use plan::SystemPlan;
 pub use sampled::{sampled_mean_squares, sampled_variances};
+pub use scan::{ChunkSums, SystemPass};
 pub use statistic::SystemScan;
 pub use sums::{EpisodeSums, SystemSums};
 pub use weak::{LEAST_REACH, Rate, Weak, WeakTarget, weak_accuracy};

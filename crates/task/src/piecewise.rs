@@ -1,8 +1,6 @@
 //! What `fit pwa` asks of a statistic.
 
 use fleetfoot_data::Column;
-use fleetfoot_library::Expr;
-use fleetfoot_model::Role;
 use fleetfoot_pwa::Problem;
 use fleetfoot_recipe::{Error, Recipe};
 use fleetfoot_sums::system::System;
@@ -19,14 +17,7 @@ use crate::{
 pub fn piecewise(recipe: &Recipe, fields: &[Column], step: f64) -> Result<(Problem, System), Error> {
     let labels: Vec<String> = specification(recipe)?.iter().filter_map(|one| one.label().map(str::to_owned)).collect();
     let problem = Task::resolve(recipe, fields, &labels, step)?.problem;
-    let targets: Vec<Expr> = problem.equations.iter().filter_map(|equation| equation.target.clone()).collect();
-    let states = problem.columns.iter().filter(|column| column.role == Role::State);
-    let states = states.map(|column| Expr::column(column.name.as_str()));
-    let system = System {
-        also: targets.iter().cloned().chain(states).collect(),
-        weight: problem.weight.clone(),
-        partition: placeholder(specification(recipe)?.as_ref(), &problem.partition_columns),
-        ..System::new(problem.library.clone(), targets)
-    };
+    let partition = placeholder(specification(recipe)?.as_ref(), &problem.partition_columns);
+    let system = System { partition, ..fleetfoot_pwa::system(&problem) };
     Ok((problem, system))
 }

@@ -145,9 +145,12 @@ impl Part {
         let scan = SystemScan::new(&group.plan, &group.sums)?;
         let halo = reached(system.expressions());
         let folds = if options.folds > 1 { Some(folds(&scan, options.folds, options.gap(halo))?) } else { None };
-        let root = |region: usize| scan.root(region).select(&places);
+        // All functions in their order are the factor as it is: so has it a fit of logs.
+        let whole = places.iter().copied().eq(0..scan.functions());
+        let narrowed = |root: SquareRoot| if whole { root } else { root.select(&places) };
+        let root = |region: usize| narrowed(scan.root(region));
         let by_fold = |region: usize, weights: MatRef<'_, f64>| {
-            scan.roots(region, weights).into_iter().map(|root| root.select(&places)).collect::<Vec<_>>()
+            scan.roots(region, weights).into_iter().map(narrowed).collect::<Vec<_>>()
         };
         let (mut training, mut testing) = (Vec::new(), Vec::new());
         for region in 0..scan.regions() {

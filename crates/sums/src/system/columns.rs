@@ -54,11 +54,16 @@ impl Columns {
 
     /// Rows to evaluate at once: their columns stay in second-level cache.
     pub(super) fn tile_rows(&self) -> usize {
-        const VALUES: usize = 1 << 17;
-        let rows = (VALUES / self.rows.count().max(1)).clamp(256, 4096) / 256 * 256;
-        // The rows around a tile are evaluated again for the next one.
-        self.weak.as_ref().map_or(rows, |weak| rows.max(8 * weak.reach))
+        tile_rows(self.rows.count(), self.weak.as_ref())
     }
+}
+
+/// Rows of so many columns to evaluate at once.
+pub(super) fn tile_rows(columns: usize, weak: Option<&Weak>) -> usize {
+    const VALUES: usize = 1 << 17;
+    let rows = (VALUES / columns.max(1)).clamp(256, 4096) / 256 * 256;
+    // The rows around a tile are evaluated again for the next one.
+    weak.map_or(rows, |weak| rows.max(8 * weak.reach))
 }
 
 /// Regressors, then targets.

@@ -6,7 +6,7 @@ use fleetfoot_stats::{FINE, Grid, Preconditioner, plan_hash, scan::pilot_tiles};
 
 use super::{
     System, SystemError,
-    columns::{Columns, REGRESSION},
+    columns::{Columns, REGRESSION, tile_rows},
     polynomial::{Monomials, Polynomial},
     windows::WindowRows,
 };
@@ -68,12 +68,24 @@ impl SystemPlan {
     /// # Errors
     /// A column does not exist, the source cannot be read, there is no target, the partition does not fit its columns, or there are too many episodes.
     pub fn new(system: System, chunk_rows: Option<usize>, source: &dyn Source) -> Result<Self, SystemError> {
+        if let Some(plan) = Self::of_moments(&system, chunk_rows, source)? {
+            return Ok(plan);
+        }
+        Self::of_products(system, chunk_rows, source)
+    }
+
+    /// A plan that sums Chebyshev moments, where [`SystemPlan::new`] makes one.
+    ///
+    /// # Errors
+    /// As [`SystemPlan::new`].
+    pub fn of_moments(
+        system: &System,
+        chunk_rows: Option<usize>,
+        source: &dyn Source,
+    ) -> Result<Option<Self>, SystemError> {
         system.check()?;
-        let coordinates = match polynomial(&system, source)? {
-            Some(polynomial) => Coordinates::Polynomial(Box::new(polynomial)),
-            None => Coordinates::General(pilot(&system, source)?),
-        };
-        Self::with(system, chunk_rows, source, coordinates)
+        let Some(polynomial) = polynomial(system, source)? else { return Ok(None) };
+        Self::with(system.clone(), chunk_rows, source, Coordinates::Polynomial(Box::new(polynomial))).map(Some)
     }
 
     /// A plan that sums products of pairs of functions, whatever the functions are.
@@ -84,6 +96,23 @@ impl SystemPlan {
         system.check()?;
         let coordinates = Coordinates::General(pilot(&system, source)?);
         Self::with(system, chunk_rows, source, coordinates)
+    }
+
+    /// A plan that sums products in coordinates that a pilot has given before: those of the functions and the targets.
+    ///
+    /// # Errors
+    /// There is no target, the partition does not fit its columns, the coordinates are of other columns, or there are too many episodes.
+    pub fn in_coordinates(
+        system: System,
+        chunk_rows: Option<usize>,
+        source: &dyn Source,
+        preconditioner: Preconditioner,
+    ) -> Result<Self, SystemError> {
+        system.check()?;
+        if (preconditioner.regressors(), preconditioner.targets()) != (system.functions.len(), system.targets.len()) {
+            return Err(SystemError::Coordinates);
+        }
+        Self::with(system, chunk_rows, source, Coordinates::General(preconditioner))
     }
 
     fn with(
@@ -180,6 +209,17 @@ impl SystemPlan {
             Coordinates::General(_) => d * (d + 1) / 2,
             Coordinates::Polynomial(polynomial) => polynomial.plan.sums(),
         }
+    }
+
+    /// Rows of a tile that are summed at once, counted from the start of a chunk: the bits of a sum depend on it.
+    pub fn tile_rows(&self) -> usize {
+        let System { targets, also, weight, partition, weak, .. } = &self.system;
+        let partition = partition.as_ref().map_or(0, |partition| partition.columns.len());
+        let rates = weak.as_ref().map_or(0, |weak| weak.expressions().1.len());
+        let targets = weak.as_ref().map_or(targets.len(), |weak| weak.expressions().0.len());
+        let columns =
+            self.regressors().len() + targets + also.len() + partition + rates + usize::from(weight.is_some());
+        tile_rows(columns, weak.as_ref())
     }
 
     /// Whether the scan sums Chebyshev moments.

@@ -58,15 +58,15 @@ impl SystemPlan {
         let lengths: BTreeSet<usize> = plans.iter().map(|plan| plan.chunk_rows).collect();
         for chunk_rows in lengths {
             let places: Vec<usize> = (0..plans.len()).filter(|&at| plans[at].chunk_rows == chunk_rows).collect();
-            let passes: Vec<Pass<'_>> =
-                places.iter().map(|&at| Pass::new(plans[at], source)).collect::<Result<_, _>>()?;
+            let passes: Vec<SystemPass<'_>> =
+                places.iter().map(|&at| SystemPass::new(plans[at], source)).collect::<Result<_, _>>()?;
             let chunks = Grid { chunk_rows }.chunks(source.episodes());
             reduce(
                 source,
                 &chunks,
                 passes.iter().fold(Halo::default(), |halo, pass| widest(halo, pass.halo())),
                 progress,
-                || passes.iter().map(Pass::start).collect::<Vec<Part>>(),
+                || passes.iter().map(SystemPass::start).collect::<Vec<ChunkSums>>(),
                 |parts, chunk, block, tile| {
                     let episode = &source.episodes()[chunk.episode];
                     let mut all = passes.iter().zip(parts);
@@ -75,11 +75,8 @@ impl SystemPlan {
                 |chunk, parts| {
                     let episode = source.episodes()[chunk.episode].id;
                     let mut all = places.iter().zip(&passes).zip(parts);
-                    all.try_for_each(|((&at, pass), mut part)| {
-                        pass.end(&mut part);
-                        found[at].insert(episode, chunk, part)
-                    })
-                    .map_err(SystemError::from)
+                    all.try_for_each(|((&at, pass), part)| pass.end(&mut found[at], episode, chunk, part))
+                        .map_err(SystemError::from)
                 },
             )?;
         }
@@ -92,8 +89,8 @@ fn widest(a: Halo, b: Halo) -> Halo {
     Halo { before: a.before.max(b.before), after: a.after.max(b.after) }
 }
 
-/// A plan on the columns of a source.
-struct Pass<'a> {
+/// A plan on the columns of a source, chunk by chunk: for passes that sum more than it of the same rows.
+pub struct SystemPass<'a> {
     plan: &'a SystemPlan,
     columns: Columns,
     sample: Sample,
@@ -110,29 +107,49 @@ struct Spare {
     work: Vec<f64>,
 }
 
-impl<'a> Pass<'a> {
-    fn new(plan: &'a SystemPlan, source: &dyn Source) -> Result<Self, SystemError> {
+impl<'a> SystemPass<'a> {
+    /// Compiles the columns of a plan for a source.
+    ///
+    /// # Errors
+    /// A column does not exist.
+    pub fn new(plan: &'a SystemPlan, source: &dyn Source) -> Result<Self, SystemError> {
         let columns = Columns::compile(&plan.system, plan.regressors(), source)?;
         Ok(Self { plan, columns, sample: Sample::compile(&plan.system.sampled, source)?, spare: Mutex::default() })
     }
 
-    fn halo(&self) -> Halo {
+    /// Neighbouring rows that a row reaches for.
+    pub fn halo(&self) -> Halo {
         widest(self.columns.halo(), self.sample.halo())
     }
 
-    fn start(&self) -> Part {
+    /// A chunk without rows.
+    pub fn start(&self) -> ChunkSums {
         let spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        Part::new(self.plan, &self.columns, spare.unwrap_or_default())
+        ChunkSums::new(self.plan, &self.columns, spare.unwrap_or_default())
     }
 
-    /// Takes back the memory of a chunk that is done.
-    fn end(&self, part: &mut Part) {
-        self.spare.lock().unwrap_or_else(PoisonError::into_inner).push(std::mem::take(&mut part.spare));
-    }
-
-    fn add(
+    /// Adds a chunk that is done to the sums of the plan.
+    ///
+    /// # Errors
+    /// A chunk that is there already.
+    pub fn end(
         &self,
-        part: &mut Part,
+        sums: &mut SystemSums,
+        episode: EpisodeId,
+        chunk: &Chunk,
+        mut part: ChunkSums,
+    ) -> Result<(), MergeError> {
+        self.spare.lock().unwrap_or_else(PoisonError::into_inner).push(std::mem::take(&mut part.spare));
+        sums.insert(episode, chunk, part)
+    }
+
+    /// Adds the rows of a tile: core rows of a block.
+    ///
+    /// # Errors
+    /// A negative weight, or a value whose squares overflow.
+    pub fn add(
+        &self,
+        part: &mut ChunkSums,
         episode: &Episode,
         chunk: &Chunk,
         block: &Block,
@@ -173,7 +190,7 @@ impl Sample {
 }
 
 /// What one chunk has found so far.
-struct Part {
+pub struct ChunkSums {
     sums: PartSums,
     also: Gram,
     sampled: Gram,
@@ -188,7 +205,7 @@ enum PartSums {
     Moments(PolynomialMoments),
 }
 
-impl Part {
+impl ChunkSums {
     fn new(plan: &SystemPlan, columns: &Columns, spare: Spare) -> Self {
         let system = &plan.system;
         Self {
@@ -330,24 +347,43 @@ fn regions(found: &[u32]) -> Option<&[u32]> {
 }
 
 impl SystemSums {
-    fn insert(&mut self, episode: EpisodeId, chunk: &Chunk, part: Part) -> Result<(), MergeError> {
+    fn insert(&mut self, episode: EpisodeId, chunk: &Chunk, part: ChunkSums) -> Result<(), MergeError> {
         let key = |region: u32| Key { episode, chunk: chunk.index, fold: chunk.fold, partition: 0, region };
-        match part.sums {
-            PartSums::Moments(moments) if moments.rows() > 0 => self.moments.insert(key(0), moments)?,
-            PartSums::Moments(_) => {}
-            PartSums::Grams(grams) => {
-                for (region, gram) in grams.into_regions().filter(|(_, gram)| gram.rows > 0) {
-                    self.grams.insert(key(region), gram)?;
-                }
-            }
-        }
-        self.also.insert(key(0), part.also)?;
         if part.sampled.rows > 0 {
             self.sampled.insert(key(0), part.sampled)?;
         }
+        match part.sums {
+            PartSums::Moments(moments) => {
+                if moments.rows() > 0 {
+                    self.moments.insert(key(0), moments)?;
+                }
+                self.insert_chunk(episode, chunk, RegionGrams::new(0), part.also, part.told)
+            }
+            PartSums::Grams(grams) => self.insert_chunk(episode, chunk, grams, part.also, part.told),
+        }
+    }
+
+    /// Adds the sums of a chunk that a pass of other columns has made beside its own: Gram matrices of the regions, in the coordinates of the plan, and raw
+    /// moments of [`System::also`].
+    ///
+    /// # Errors
+    /// A chunk that is there already.
+    pub fn insert_chunk(
+        &mut self,
+        episode: EpisodeId,
+        chunk: &Chunk,
+        grams: RegionGrams,
+        also: Gram,
+        told: EpisodeSums,
+    ) -> Result<(), MergeError> {
+        let key = |region: u32| Key { episode, chunk: chunk.index, fold: chunk.fold, partition: 0, region };
+        for (region, gram) in grams.into_regions().filter(|(_, gram)| gram.rows > 0) {
+            self.grams.insert(key(region), gram)?;
+        }
+        self.also.insert(key(0), also)?;
         match self.episodes.entry(episode) {
-            Entry::Occupied(mut told) => told.get_mut().add(&part.told),
-            Entry::Vacant(slot) => _ = slot.insert(part.told),
+            Entry::Occupied(mut all) => all.get_mut().add(&told),
+            Entry::Vacant(slot) => _ = slot.insert(told),
         }
         Ok(())
     }

@@ -195,7 +195,7 @@ impl SystemScan {
 
     /// The square-root form of a region's rows: p functions, q targets, raw units.
     pub fn root(&self, region: usize) -> SquareRoot {
-        self.square_root(&self.total(region))
+        self.square_root(&self.gram(region))
     }
 
     /// For every column of `weights` (units x b; finite, not negative) the square-root form of a region's rows, those of every unit multiplied by its
@@ -232,7 +232,7 @@ impl SystemScan {
     /// When the shapes disagree.
     pub fn residual_covariance(&self, region: usize, coefficients: MatRef<'_, f64>, constant: &[f64]) -> Vec<f64> {
         let q = self.targets();
-        let gram = self.total(region);
+        let gram = self.gram(region);
         let (errors, mut means) = self.error_map(coefficients, constant);
         for (t, mean) in means.iter_mut().enumerate() {
             *mean += gram.mean.iter().zip(errors.col_as_slice(t)).map(|(mean, e)| mean * e).sum::<f64>();
@@ -328,8 +328,8 @@ impl SystemScan {
         }
     }
 
-    /// The Gram matrix of a region in the coordinates of the scan.
-    fn total(&self, region: usize) -> Gram {
+    /// The Gram matrix of a region in the coordinates of the plan.
+    pub fn gram(&self, region: usize) -> Gram {
         let Region { members, sums, .. } = &self.regions[region];
         let ones = Mat::from_fn(members.len(), 1, |_, _| 1.0);
         sums.combine(ones.as_ref(), self.preconditioner.dimension()).remove(0)
@@ -342,7 +342,7 @@ impl SystemScan {
     /// The function with the widest range, if sums are not finite.
     fn widest_overflow(&self) -> Option<(usize, [f64; 2])> {
         let finite = |region: usize| {
-            let gram = self.total(region);
+            let gram = self.gram(region);
             gram.weight.is_finite() && gram.mean.iter().chain(&gram.scatter).all(|value| value.is_finite())
         };
         let region = (0..self.regions()).find(|&region| !finite(region))?;

@@ -133,7 +133,7 @@ impl SystemPlan {
     }
 
     /// An episode of which no row is known.
-    pub(super) fn no_rows(&self) -> EpisodeSums {
+    pub fn no_rows(&self) -> EpisodeSums {
         let ranges = RegionRanges::new(self.system.regions(), self.system.functions.len());
         EpisodeSums { ranges, ..EpisodeSums::default() }
     }
