@@ -8,7 +8,7 @@ use crate::{Error, Format, containers, parquet};
 
 /// The key-value metadata of a file; empty where there are none.
 ///
-/// Of a Parquet file what [`crate::WriteOptions::metadata`] was; of MCAP the records named `fleetfoot`, what [`crate::McapOptions::metadata`]
+/// Of a Parquet file what `WriteOptions::metadata` of the crate `output` was; of MCAP the records named `fleetfoot`, what `McapOptions::metadata`
 /// was; of ULog what its writer told of itself (`sys_name`, `ver_sw`, ...), parameters (`parameter.NAME`), their changes (`changed.NAME`) and their
 /// defaults (`default.system.NAME`, `default.setup.NAME`).
 ///
