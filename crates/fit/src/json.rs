@@ -7,21 +7,3 @@ mod sindy;
 mod sparse;
 
 use fleetfoot_dataset::json::report;
-use fleetfoot_dynamics::Estimate;
-use serde::Serialize;
-/// A value and the ends of its interval, as every report tells them.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Interval {
-    /// The value.
-    pub value: f64,
-    /// Lower end.
-    pub low: f64,
-    /// Upper end.
-    pub high: f64,
-}
-
-impl From<&Estimate> for Interval {
-    fn from(estimate: &Estimate) -> Self {
-        Self { value: estimate.value, low: estimate.low, high: estimate.high }
-    }
-}

@@ -17,12 +17,12 @@ use serde_json::Value;
 use crate::{
     beneath::beneath,
     error::Error,
+    label_key::LabelKey,
     model_file::write_model,
     objective::{Beginning, Refinement, simulation_cost},
     plan::FitPlan,
     rollout_choice::{RolloutRule, settled},
     spans::Spans,
-    statistic::LabelKey,
     summary::FitSummary,
 };
 

@@ -6,7 +6,6 @@
 
 mod equations;
 mod json;
-mod key;
 mod plan;
 mod scan;
 mod serves;
@@ -14,12 +13,12 @@ mod target;
 #[cfg(test)]
 mod tests;
 
+pub use crate::label_key::LabelKey;
 pub use fleetfoot_dataset::{
     ColumnRecord, ContentHash, EpisodeRecord, EquationGroup, EquationStatistic, FileRecord, Sizes, StatisticError,
     StatisticFile, TaskSummary, Unwanted,
 };
 pub use json::description;
-pub use key::LabelKey;
 pub use plan::{PlannedLatent, ScanPlan, plan_append, plan_scan};
 pub use scan::{ScanOptions, ScanReport, freeze, scan, scan_part};
 pub(crate) use scan::{default_chunk, row_expressions, scan_tasks};

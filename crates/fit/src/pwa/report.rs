@@ -6,7 +6,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::{
-    bounded_maps::BoundedMaps, json::Interval, method::FitReport, summary::FitSummary, words::interval_in_words,
+    bounded_maps::BoundedMaps, interval::Interval, method::FitReport, summary::FitSummary, words::interval_in_words,
 };
 
 /// What a piecewise-affine fit found.

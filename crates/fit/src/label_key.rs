@@ -5,7 +5,7 @@ use std::{
     str::FromStr,
 };
 
-use super::StatisticError;
+use fleetfoot_dataset::StatisticError;
 
 /// A label of an episode, made from its file's path: a name and a text with `{dir1}` (the folder that holds the file), `{dir2}` (the one above, and
 /// so on), `{name}` (the file's name) and `{stem}` (the name up to its first dot).
