@@ -423,23 +423,28 @@ mod tests {
             prop_assert_eq!(error, State::of(&examples, found).error);
         }
 
-        /// What the sums of passing rows say is what the costs of all rows by their winners say.
+        /// What the sums of passing rows say is what the costs of all rows by their winners say. A row that a border passes within rounding may count on either side.
         #[test]
         fn the_fall_is_that_of_the_costs(table in prop::collection::vec(-3.0..3.0f64, 9), rows in 40usize..200) {
             let examples = rows_of(&waves(rows));
             let state = State::of(&examples, separators(table));
             let near = state.near(&examples);
-            let cost = |separators: &Separators| -> f64 {
+            let costs = |separators: &Separators| -> [f64; 2] {
                 let rows = near.u.chunks_exact(3).zip(near.costs.chunks_exact(3));
-                rows.map(|(u, costs)| {
+                let of_row = |(u, costs): (&[f64], &[f64])| {
                     let scores = separators.of_row(u);
-                    let winner = (0..3).reduce(|best, own| if scores[own] > scores[best] { own } else { best });
-                    costs[winner.unwrap_or(0)]
-                }).sum()
+                    let best = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+                    let rounding = 1e-12 * (1.0 + scores.iter().map(|score| score.abs()).fold(0.0, f64::max));
+                    let winners = || (0..3).filter(|&own| scores[own] >= best - rounding).map(|own| costs[own]);
+                    [winners().fold(f64::INFINITY, f64::min), winners().fold(f64::NEG_INFINITY, f64::max)]
+                };
+                rows.map(of_row).fold([0.0; 2], |sum, own| [sum[0] + own[0], sum[1] + own[1]])
             };
             let (found, fall) = near.searched(state.look.separators.clone());
-            let (before, after) = (cost(&state.look.separators), cost(&found));
-            prop_assert!((before - after - fall).abs() < 1e-9 * (1.0 + before), "{} {} {}", before, after, fall);
+            let (before, after) = (costs(&state.look.separators), costs(&found));
+            let tolerance = 1e-9 * (1.0 + before[1]);
+            let range = before[0] - after[1] - tolerance..=before[1] - after[0] + tolerance;
+            prop_assert!(range.contains(&fall), "{:?} {:?} {}", before, after, fall);
         }
     }
 
