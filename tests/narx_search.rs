@@ -230,4 +230,14 @@ fn regions_lags_and_library_stand_on_one_front() {
     assert!(own["loss"].is_null() && own["rrse"].is_number() && own["bic"].is_number(), "{own}");
     let message = fit(folder.path(), &[&given[..], &["--select", "ebic"], &COLUMNS].concat()).fails(&["EBIC"]);
     assert!(message.contains("--select bic"), "{message}");
+    // The other models of the front stand beside the chosen one, each by its number of coefficients.
+    let more = ["--select", "cv", "--keep-all", "-o", "kept.json"];
+    let found = fit(folder.path(), &[&given[..], &orders, &more, &COLUMNS].concat()).ok().json();
+    let front = found["tried"].as_array().unwrap().iter().filter(|one| one["front"] == true && one["chosen"] == false);
+    let rivals: Vec<String> = front.map(|one| format!("kept_coefficients{}.json", one["coefficients"])).collect();
+    assert!(rivals.len() > 1, "{rivals:?}");
+    for rival in &rivals {
+        let scores = fleetfoot(folder.path(), &["score", rival, "other.csv", "--json"]).ok().json();
+        assert!(number(&scores, "/targets/0/r2") > -1.0, "{rival}: {scores}");
+    }
 }

@@ -63,7 +63,9 @@ pub(crate) fn of_model(judged: &Judged<'_>) -> Vec<Sentence> {
 /// What was fitted to what.
 pub(crate) fn fitted(judged: &Judged<'_>) -> Sentence {
     let (model, training) = (judged.model, &judged.model.training);
-    let names: Vec<String> = training.episodes.iter().map(|episode| episode.name.clone()).collect();
+    // A model has its episodes in the order of their identities, which says nothing to people.
+    let mut names: Vec<String> = training.episodes.iter().map(|episode| episode.name.clone()).collect();
+    names.sort();
     let logs = match names.as_slice() {
         [] => String::new(),
         names => format!(" of {} ({})", count(names.len(), "episode"), series(names, NAMES)),

@@ -43,8 +43,8 @@ pub(crate) struct Chosen {
     /// Candidates of the order.
     pub(crate) candidates: usize,
     pub(crate) how: How,
-    /// The other models of the front, where they are wanted.
-    pub(crate) rivals: Vec<Chosen>,
+    /// The other models of the front by their number of coefficients, of which each has another, where they are wanted.
+    pub(crate) rivals: Vec<(usize, Chosen)>,
 }
 
 /// How it was chosen.
@@ -310,7 +310,7 @@ impl Fit<'_> {
         };
         let mut chosen = written(at, how)?;
         for other in front {
-            chosen.rivals.push(written(other, How::default())?);
+            chosen.rivals.push((tried[other].candidate.coefficients, written(other, How::default())?));
         }
         Ok(chosen)
     }

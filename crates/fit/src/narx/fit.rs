@@ -312,10 +312,9 @@ impl Fit<'_> {
         let mut partitions = self.partitions(notes, progress)?;
         let chosen = self.choose(&partitions, progress)?;
         notes.extend(start_note(&self.options.partitions, &partitions[chosen.partition]));
-        let rivals = chosen.rivals.iter().map(|own| {
-            let model = self.model_of(own, &partitions[own.partition]);
-            let coefficients = model.latents.iter().map(|latent| latent.map.parameters()).sum::<usize>();
-            Rival { name: format!("coefficients{coefficients}"), model }
+        let rivals = chosen.rivals.iter().map(|(coefficients, own)| Rival {
+            name: format!("coefficients{coefficients}"),
+            model: self.model_of(own, &partitions[own.partition]),
         });
         let rivals = rivals.collect();
         let partition = partitions.swap_remove(chosen.partition);

@@ -244,7 +244,12 @@ def test_threads_that_cannot_be_started_are_an_error() -> None:
         assert ff.scan(plain, data) == before
         print("works", flush=True)
     """
-    done = subprocess.run(python(script), capture_output=True, text=True, timeout=PATIENCE)
+    # A thread that starts with the very last of the memory is ended by glibc, with the whole process: seldom, and never
+    # five times.
+    for _ in range(5):
+        done = subprocess.run(python(script), capture_output=True, text=True, timeout=PATIENCE)
+        if "Fatal glibc error" not in done.stderr:
+            break
     assert done.stdout == "refused\nworks\n", done.stderr
 
 
