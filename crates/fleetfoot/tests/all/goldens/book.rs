@@ -20,7 +20,8 @@ const BLESS: &str = "FLEETFOOT_BLESS";
 /// What numbers of another platform may differ by, as a share of the largest of their line. A sum of n numbers of relative rounding u = 1.1e-16 has an error of some
 /// `sqrt(n) u` under another order of its terms, 1e-14 for the ten thousand rows of these logs; equations of a condition of up to 1e4 make 1e-10 of it, and two more
 /// digits are left for what is computed from coefficients.
-const TOLERANCE: f64 = 1e-8;
+/// A region that the training rows of a fold hardly determine makes ten times as much of a held-out loss: 2.6e-8 was seen of 27 functions.
+const TOLERANCE: f64 = 1e-7;
 
 /// Numbers below this are rounding of others: models of logs without noise have such errors.
 const ROUNDING: f64 = 1e-12;
