@@ -1,4 +1,4 @@
-//! What one pass over the rows says of every channel: range, standstill, steps, single values far from their neighbours.
+//! Sums of every channel from one pass over the rows, and the faults that they show: dead, stuck, saturated, coarse, gross errors.
 
 use std::ops::Range;
 
@@ -64,7 +64,7 @@ pub(crate) struct Sums {
     at_most: u64,
     /// Rows in which the value changes.
     changes: u64,
-    /// Changes by one step alone, of the least step there is.
+    /// The smallest change between two rows.
     step: f64,
     /// The longest run of one value.
     longest: u64,
@@ -178,7 +178,7 @@ impl Sums {
         self.changes as f64 / self.rows.max(1) as f64
     }
 
-    /// Whether it never changes.
+    /// Whether the channel has one value in all rows.
     pub(crate) fn is_dead(&self) -> bool {
         self.rows > 0 && self.least == self.most
     }
@@ -187,7 +187,7 @@ impl Sums {
 /// Sums of all channels.
 pub(crate) struct Channels {
     sums: Vec<Sums>,
-    /// How often the longest run was met, by channel: in one piece of the log.
+    /// Rows that were read.
     rows: u64,
 }
 

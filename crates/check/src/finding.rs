@@ -54,7 +54,7 @@ impl Fault {
     }
 }
 
-/// What is wrong at a place.
+/// A fault in a channel, a topic or a file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Finding {
@@ -62,11 +62,11 @@ pub struct Finding {
     pub fault: Fault,
     /// The channel, topic or file.
     pub place: String,
-    /// What was measured, in words.
+    /// The measurement that shows the fault, in words.
     pub what: String,
     /// The number that shows the fault: a share, a ratio, seconds.
     pub value: f64,
-    /// What to type, or what to look at.
+    /// The command or the recipe entry that mends it.
     pub mend: String,
 }
 

@@ -1,4 +1,4 @@
-//! What is wrong with logs before anything is fitted: stamps that jitter, channels that are dead, stuck or saturated, units that cannot be, delays between channels.
+//! Faults in logs, found before a fit: stamps that jitter, channels that are dead, stuck or saturated, units that cannot be, delays between channels.
 //!
 //! [`check`] reads the rows once and a bounded sample of them for what needs pairs of channels. Each [`Finding`] has the fault, its place, the number that shows it,
 //! and the command that mends it.
@@ -22,7 +22,7 @@ pub use crate::{
 };
 use crate::{channel::Channels, sample::Sample};
 
-/// What was found in logs.
+/// The faults and the channels of some logs.
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct Checked {
@@ -36,9 +36,9 @@ pub struct Checked {
     pub period: f64,
     /// The channels that were looked at: states and inputs of the recipe, else all columns.
     pub channels: Vec<ChannelSummary>,
-    /// What is wrong, the most serious first.
+    /// The faults, the most serious first.
     pub findings: Vec<Finding>,
-    /// What was assumed or left out.
+    /// Assumptions, and columns that were left out.
     pub notes: Vec<String>,
 }
 
@@ -96,7 +96,7 @@ pub fn check(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) ->
     let sample = Sample::read(&view, &channels, progress)?;
     let found = Channels::read(&view, &channels, &sample, progress)?;
     findings.extend(found.findings(&channels, dataset.step()));
-    findings.extend(related::findings(&channels, &found, &sample));
+    findings.extend(related::findings(&channels, &found, &sample, progress)?);
     findings.sort_by_key(|finding| finding.fault.rank());
     Ok(Checked {
         files: logs.len(),

@@ -2,6 +2,9 @@
 
 use std::f64::consts::PI;
 
+use fleetfoot_data::{Progress, parallel_map};
+use fleetfoot_dataset::Error;
+
 use crate::{
     Channel,
     channel::Channels,
@@ -44,22 +47,36 @@ struct Match {
 }
 
 /// What pairs of channels say.
-pub(crate) fn findings(channels: &[Channel], sums: &Channels, sample: &Sample) -> Vec<Finding> {
+///
+/// # Errors
+/// The user stopped the work.
+pub(crate) fn findings(
+    channels: &[Channel],
+    sums: &Channels,
+    sample: &Sample,
+    progress: &dyn Progress,
+) -> Result<Vec<Finding>, Error> {
     let words: Vec<Words> = channels.iter().map(|channel| Words::of(&channel.column.name)).collect();
     let usable = |at: &usize| channels[*at].is_measured() && !sums.of(*at).is_dead();
     let usable: Vec<usize> = (0..channels.len()).filter(usable).collect();
     let mut findings = Vec::new();
-    for &place in &usable {
-        for &rate in usable.iter().filter(|&&rate| words[rate].is_rate_of(&words[place])) {
-            let found = compare(channels, sample, place, rate);
-            findings.extend(found.and_then(|found| of_rate(channels, sample, (place, rate), found)));
-        }
-    }
+    let rates = |&place: &usize| {
+        let is_rate = |&rate: &usize| words[rate].is_rate_of(&words[place]);
+        usable.iter().copied().filter(is_rate).map(|rate| (place, rate)).collect::<Vec<_>>()
+    };
+    let pairs: Vec<(usize, usize)> = usable.iter().flat_map(rates).collect();
+    progress.stage("pairs of channels");
+    let compared = parallel_map(pairs.len(), progress, |at| {
+        let (place, rate) = pairs[at];
+        let found = compare(channels, sample, place, rate);
+        Ok::<Option<Finding>, Error>(found.and_then(|found| of_rate(channels, sample, (place, rate), found)))
+    })?;
+    findings.extend(compared.into_iter().flatten());
     findings.extend(swapped(channels, &words, sample, &usable));
     findings.extend(duplicates(channels, sample, &usable));
     findings.extend(angles(channels, &words, sample, &usable));
     findings.extend(accelerations(channels, &words, sample, &usable));
-    findings
+    Ok(findings)
 }
 
 /// What is wrong with a channel that is called the rate of another.
