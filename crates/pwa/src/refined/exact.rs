@@ -36,6 +36,9 @@ const SWEEPS: usize = 16;
 const LEAST_FALL: f64 = 1e-4;
 /// Partition columns up to which lines between the axes are searched as well.
 const OBLIQUE: usize = 6;
+/// All steps together, where all rows are near: in so many of the greatest score. A longer step would round the scores of the other rows away, and a row that the direction
+/// does not move passes at infinity.
+const FARTHEST: f64 = 1e9;
 
 /// The squared error, and separators with less of it than these, by more than as many numbers would lower it by chance; else these.
 pub(super) fn exact(examples: &Examples, separators: Separators) -> (f64, Separators) {
@@ -267,7 +270,8 @@ impl Near {
             costs[(1..regions).fold(0, |best, own| if scores[own] > scores[best] { own } else { best })]
         };
         let total: f64 = scores.chunks_exact(regions).zip(self.costs.chunks_exact(regions)).map(own).sum();
-        let (mut fallen, mut left) = (0.0, self.margin.unwrap_or(f64::INFINITY));
+        let greatest = scores.iter().fold(1.0f64, |most, score| most.max(score.abs()));
+        let (mut fallen, mut left) = (0.0, self.margin.unwrap_or(FARTHEST * greatest));
         let (rows, dimensions) = (scores.len() / regions, separators.dimensions);
         let mut gaps = vec![(0, 0.0); rows];
         let mut along = vec![0.0; rows];
@@ -446,6 +450,17 @@ mod tests {
             let range = before[0] - after[1] - tolerance..=before[1] - after[0] + tolerance;
             prop_assert!(range.contains(&fall), "{:?} {:?} {}", before, after, fall);
         }
+    }
+
+    /// Row 0 lies at x = 0: a direction along x alone never moves it past a border.
+    #[test]
+    fn a_row_that_no_step_moves_does_not_pass() {
+        let examples = rows_of(&waves(168));
+        let table = vec![2.7579634409923792, -2.103920767363529, 0.0, -2.6265179614664587, 0.6167634672702993];
+        let rest = [-1.8092079364231335, -0.32889448789607145, -1.7533015107123253, 0.0];
+        let state = State::of(&examples, separators([&table[..], &rest].concat()));
+        let (found, _) = state.near(&examples).searched(state.look.separators.clone());
+        assert!(found.table.iter().all(|value| value.is_finite()), "{:?}", found.table);
     }
 
     #[test]
