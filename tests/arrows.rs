@@ -5,7 +5,7 @@ mod circles;
 use std::{collections::BTreeSet, fs, path::Path, process::Command};
 
 /// Crate, and the crates of the workspace that it may use.
-const ARROWS: [(&str, &[&str]); 30] = [
+const ARROWS: [(&str, &[&str]); 31] = [
     // No code: the features of third-party crates.
     ("fleetfoot-features", &[]),
     ("fleetfoot-data", &["features"]),
@@ -60,6 +60,14 @@ const ARROWS: [(&str, &[&str]); 30] = [
         ],
     ),
     (
+        "fleetfoot-auto",
+        &[
+            // Of `report` its words for numbers, of `codegen` the options of the export.
+            "data", "stats", "model", "dynamics", "codegen", "log", "output", "report", "recipe", "dataset", "check",
+            "fit", "run", "page",
+        ],
+    ),
+    (
         "fleetfoot-synth",
         &[
             "data", "library", "stats", "model", "control", "message", "log", "output", "pwa", "sim", "recipe",
@@ -71,7 +79,7 @@ const ARROWS: [(&str, &[&str]); 30] = [
         &[
             "data", "library", "stats", "model", "dynamics", "control", "codegen", "message", "signal", "output",
             "log", "sums", "pwa", "sparse", "estimate", "sim", "report", "recipe", "task", "dataset", "check",
-            "prepare", "fit", "run", "page", "synth",
+            "prepare", "fit", "run", "page", "auto", "synth",
         ],
     ),
     ("fleetfoot-cli", &["fleetfoot"]),

@@ -1,5 +1,6 @@
 //! The command, as its users run it.
 
+mod auto;
 mod bad_input;
 mod check;
 mod clocks;

@@ -13,12 +13,13 @@ mod stamps;
 use fleetfoot_data::{Column, ColumnKind, Progress, Source};
 use fleetfoot_dataset::{Dataset, Error, Logs};
 use fleetfoot_log::{FileInfo, inspect_together};
-use fleetfoot_recipe::{Kind, Recipe, starter_recipe};
+use fleetfoot_recipe::{Kind, Recipe, draft_of_topics};
 use serde::Serialize;
 
 pub use crate::{
     channel::ChannelSummary,
     finding::{Fault, Finding},
+    names::split as name_words,
 };
 use crate::{channel::Channels, sample::Sample};
 
@@ -112,12 +113,7 @@ pub fn check(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) ->
 /// A draft of the recipe for robots' logs, where none is given; tables have all their columns.
 fn drafted(recipe: &Recipe, infos: &[FileInfo], notes: &mut Vec<String>) -> Option<Recipe> {
     let said = !recipe.states.is_empty() || !recipe.inputs.is_empty() || !recipe.columns.is_empty();
-    let first = infos.first().filter(|info| !said && !info.topics.is_empty())?;
-    let mut draft = Recipe::parse(&starter_recipe(first), "the draft").ok()?;
-    if draft.states.is_empty() && draft.inputs.is_empty() {
-        return None;
-    }
-    (draft.time, draft.rename) = (recipe.time.clone(), recipe.rename.clone());
+    let draft = draft_of_topics(recipe, infos.first().filter(|_| !said)?)?;
     notes.push("states and inputs are those that `fleetfoot init` proposes; a recipe (-c) chooses others".into());
     Some(draft)
 }

@@ -97,7 +97,7 @@ impl Words {
 }
 
 /// Lower-case words of a name: letters and digits apart, and parts of camel case.
-fn split(name: &str) -> Vec<String> {
+pub fn split(name: &str) -> Vec<String> {
     let mut words: Vec<String> = Vec::new();
     let mut before = ' ';
     for letter in name.chars() {

@@ -1,5 +1,6 @@
 //! Arguments.
 
+mod auto;
 mod check;
 mod control;
 mod examples;
@@ -17,6 +18,7 @@ mod tools;
 
 use std::{path::PathBuf, sync::Arc};
 
+pub(crate) use auto::Auto;
 pub(crate) use check::Check;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 pub(crate) use control::{Control, ControlLqr};
@@ -65,6 +67,9 @@ pub(crate) enum Command {
     /// Tell what files hold: columns, rows, rates, gaps.
     #[command(after_help = examples::INFO)]
     Info(Info),
+    /// Find a model of logs: draft the recipe, try all methods, and choose by simulations of held-out rows.
+    #[command(after_help = examples::AUTO)]
+    Auto(Box<Auto>),
     /// Tell what is wrong with logs before anything is fitted: stamps, dead and stuck channels, units, delays; each with what mends it.
     #[command(after_help = examples::CHECK)]
     Check(Check),

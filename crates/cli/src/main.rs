@@ -44,6 +44,7 @@ fn main() -> ExitCode {
     let work = || match &cli.command {
         Command::Demo(arguments) => commands::demo::demo(arguments, &context),
         Command::Info(arguments) => commands::info::info(arguments, &context),
+        Command::Auto(arguments) => commands::auto::auto(arguments, &context),
         Command::Check(arguments) => commands::check::run(arguments, &context),
         Command::Init(arguments) => commands::init::init(arguments, &context),
         Command::Fit(Fit::Pwa(arguments)) => commands::fit_pwa::pwa(arguments, &context),

@@ -31,6 +31,7 @@ use crate::{
     condition::Condition,
     error::Error,
     found_clocks::{AlignedClock, Clocks},
+    hold_out::Part,
     labels::Labelled,
     logs::Logs,
     rotations::{Recorded, UnitRotations},
@@ -189,6 +190,15 @@ impl Dataset {
                 recording.parts(&runs, &selection, progress)?
             }
             None => recording,
+        };
+        let recording = match logs.part() {
+            Part::All => recording,
+            part => {
+                let step = if recording.without_clock() { 0.0 } else { of_most(recording.episodes()) };
+                let apart = recipe.time.smoothed.filter(|_| step > 0.0).map_or(0.0, |seconds| (seconds / step).ceil());
+                let rows: Vec<usize> = recording.episodes().iter().map(|episode| episode.rows).collect();
+                recording.parts(&part.of(&rows, apart as usize)?, &selection, progress)?
+            }
         };
         if recording.without_clock() {
             notes

@@ -10,6 +10,7 @@ mod dataset;
 mod error;
 pub mod folder;
 pub mod found_clocks;
+mod hold_out;
 pub mod json;
 pub mod labels;
 mod logs;
@@ -25,6 +26,7 @@ pub mod view;
 
 pub use dataset::{Dataset, reads_of_model};
 pub use error::{Error, short};
+pub use hold_out::Part;
 pub use logs::{Logs, NOISE, PREPARED, is_prepared, is_statistic};
 pub use read_plan::ReadPlan;
 pub use rotations::{NoRotation, UnitRotations};

@@ -8,7 +8,7 @@ use std::{
 use fleetfoot_log::{Log, MemoryTable, RunFiles};
 use fleetfoot_recipe::Recipe;
 
-use crate::{error::Error, stats_file::StatisticFile};
+use crate::{error::Error, hold_out::Part, stats_file::StatisticFile};
 
 /// What is read, in the order in which it is read: files by their paths, then tables in memory. Or the statistic of logs in their place.
 ///
@@ -17,6 +17,7 @@ use crate::{error::Error, stats_file::StatisticFile};
 pub struct Logs {
     logs: Vec<Log>,
     statistic: Option<Arc<StatisticFile>>,
+    part: Part,
 }
 
 impl Logs {
@@ -27,7 +28,17 @@ impl Logs {
 
     /// A statistic, in place of logs, for the fits that need no rows.
     pub fn of_statistic(statistic: Arc<StatisticFile>) -> Self {
-        Self { logs: Vec::new(), statistic: Some(statistic) }
+        Self { logs: Vec::new(), statistic: Some(statistic), part: Part::All }
+    }
+
+    /// The same logs, of which only the training rows or only the test rows are read ([`Part`]).
+    pub fn only(&self, part: Part) -> Self {
+        Self { part, ..self.clone() }
+    }
+
+    /// Which of their rows are read.
+    pub fn part(&self) -> Part {
+        self.part
     }
 
     /// All files and tables.
@@ -73,7 +84,11 @@ impl Logs {
         let (runs, others) = RunFiles::group(&files, &patterns)?;
         let rest = self.logs.iter().filter(|log| !matches!(log, Log::File(_))).cloned();
         Ok((
-            Self { logs: runs.into_iter().map(Log::Run).chain(rest).collect(), statistic: self.statistic.clone() },
+            Self {
+                logs: runs.into_iter().map(Log::Run).chain(rest).collect(),
+                statistic: self.statistic.clone(),
+                part: self.part,
+            },
             others,
         ))
     }
@@ -100,7 +115,7 @@ impl Logs {
 
 impl From<Vec<Log>> for Logs {
     fn from(logs: Vec<Log>) -> Self {
-        Self { logs, statistic: None }
+        Self { logs, statistic: None, part: Part::All }
     }
 }
 

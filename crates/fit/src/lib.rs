@@ -32,6 +32,7 @@ mod radial;
 mod regions;
 mod rollout_choice;
 mod serialize;
+mod simulated_folds;
 mod sindy;
 mod spans;
 mod sparse;
@@ -57,10 +58,11 @@ pub use objective::{Bounded, HeldOutErrors, RefinedFold, Refinement, WeightError
 pub use parameters::{
     ConfoundedPair, GainInterval, ParameterInterval, Parameters, ParametersHeldOut, ParametersReport,
 };
-pub use pipeline::{fit, fit_all, plan};
+pub use pipeline::{fit, fit_all, fit_and_simulate, plan};
 pub use plan::FitPlan;
 pub use pwa::{Pwa, PwaOptions, PwaReport};
 pub use rollout_choice::{HORIZON, RolloutCandidate, RolloutChoice, RolloutRule};
+pub use simulated_folds::{SimulatedFold, Simulations, against_persistence, fold_room, over_steps, simulation_options};
 pub use sindy::{
     Ensemble, EquationReport, Evidence, FrontPoint, ParameterReport, RegionReport, Sindy, SindyOptions, SindyReport,
     StateNoise, StateSmoothing, TermReport,

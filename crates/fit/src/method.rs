@@ -363,6 +363,19 @@ pub trait Method: Sized {
         Ok((model, None))
     }
 
+    /// The chosen candidate with the terms that all rows chose, its coefficients fitted to other rows.
+    ///
+    /// # Errors
+    /// Those of fitting.
+    fn same_terms(
+        &self,
+        data: Data<'_, Self::Task>,
+        found: &Self::Found,
+        progress: &dyn Progress,
+    ) -> Result<Model, Error> {
+        Ok(self.again(data, found, progress)?.0)
+    }
+
     /// Takes the coefficients of a fit to simulations where it is the better one, and tells what bounds them.
     ///
     /// # Errors

@@ -19,6 +19,7 @@ use crate::{
     objective::Refinement,
     plan::FitPlan,
     rollout_choice::{HeldOut, RolloutCandidate, RolloutChoice, RolloutRule, candidates, open_spans, settled, terms},
+    simulated_folds::{SimulatedFold, Simulations, simulated_folds},
     summary::FitSummary,
 };
 
@@ -63,8 +64,26 @@ pub fn fit_all<M: Method>(
     }
     match method.scan(recipe, logs, &mut notes, progress)? {
         Some(file) => of_statistic(&method, (recipe, recipe), &Arc::new(file), notes, progress),
-        None => of_logs(method, recipe, logs, progress),
+        None => Ok(of_logs(method, recipe, logs, None, progress)?.into_iter().map(|(fitted, _)| fitted).collect()),
     }
+}
+
+/// Fits a model to logs, and simulates rows that did not train: fold by fold by the same candidate, fitted to the other folds.
+///
+/// Order, terms and partition are those that all rows chose; coefficients are those of each fold's training rows.
+///
+/// # Errors
+/// As [`fit`]; folds that are shorter than the simulations.
+pub fn fit_and_simulate<M: Method>(
+    recipe: &Recipe,
+    request: &FitRequest,
+    logs: impl Into<Logs>,
+    simulations: &Simulations,
+    progress: &dyn Progress,
+) -> Result<(Fitted<M::Report>, Vec<SimulatedFold>), Error> {
+    let method = M::new(recipe, request)?;
+    let mut fitted = of_logs(method, recipe, &logs.into(), Some(simulations), progress)?;
+    Ok(fitted.swap_remove(0))
 }
 
 /// Tells what a fit would read, keep and compute. Robots' logs are not decoded for it.
@@ -85,12 +104,16 @@ pub fn plan<M: Method>(
     }
 }
 
+/// A fit, and the simulations of its folds where they were asked for.
+type Simulated<M> = (Fitted<<M as Method>::Report>, Vec<SimulatedFold>);
+
 fn of_logs<M: Method>(
     mut method: M,
     recipe: &Recipe,
     logs: &Logs,
+    simulations: Option<&Simulations>,
     progress: &dyn Progress,
-) -> Result<Vec<Fitted<M::Report>>, Error> {
+) -> Result<Vec<Simulated<M>>, Error> {
     let (dataset, task) = method.open(&settled(recipe, None), logs, progress)?;
     let mut opened = Opened { recipe: method.carried(recipe, None), task, dataset };
     let mut rollouts = None;
@@ -136,7 +159,11 @@ fn of_logs<M: Method>(
             refinement,
             notes: said,
         };
-        fitted.push(method.report(data, &sums, found, summary, progress)?);
+        let folds = match simulations {
+            Some(wanted) => simulated_folds(&method, data, &found, wanted, progress)?,
+            None => Vec::new(),
+        };
+        fitted.push((method.report(data, &sums, found, summary, progress)?, folds));
     }
     Ok(fitted)
 }

@@ -29,7 +29,10 @@ use fleetfoot_estimate::SmoothingOptions;
 use fleetfoot_library::Expr;
 use fleetfoot_model::{Gaussian, Model};
 use fleetfoot_recipe::{Objective, Recipe};
-use fleetfoot_sparse::inference::{Clusters, system_errors};
+use fleetfoot_sparse::{
+    inference::{Clusters, system_errors},
+    threshold::{Terms, refit_supports},
+};
 use fleetfoot_sums::system::SystemPlan;
 use fleetfoot_task::{EquationTask, Provenance, specification};
 pub(crate) use frozen::Frozen;
@@ -242,6 +245,28 @@ impl Method for Sindy {
 
     fn model(found: &Found) -> &Model {
         &found.model
+    }
+
+    fn same_terms(&self, data: Data<'_, EquationTask>, found: &Found, progress: &dyn Progress) -> Result<Model, Error> {
+        let mut notes = Vec::new();
+        let evidence = self.sum(data, &mut notes, progress)?;
+        // Smoothed states and bounds are no least squares on a support.
+        if found.smoothed.as_ref().is_some_and(|own| own.told.written) || !evidence.task.limits.is_empty() {
+            return Ok(self.find(data, &evidence, &mut notes, progress)?.swap_remove(0).model);
+        }
+        let refitted = (0..evidence.scan.regions().min(found.regions.len())).map(|region| {
+            let problem = evidence.scan.root(region).compressed(evidence.task.constant);
+            let solved = found.regions[region].iter().enumerate().map(|(target, own)| {
+                let steps = refit_supports(&problem, target, &Terms::all(), std::slice::from_ref(&own.step.support));
+                let coefficients = steps.map_err(Error::Threshold)?.swap_remove(0).coefficients;
+                Ok(coefficients)
+            });
+            let columns: Vec<Vec<f64>> = solved.collect::<Result<_, Error>>()?;
+            Ok(Mat::from_fn(problem.columns(), columns.len(), |j, t| columns[t][j]))
+        });
+        let refitted: Vec<Mat<f64>> = refitted.collect::<Result<_, Error>>()?;
+        let provenance = evidence.provenance("sindy", data.recipe, self.options.seed);
+        Ok(evidence.task.model(&evidence.scan, evidence.partition.as_ref(), &refitted, provenance))
     }
 
     fn refine(

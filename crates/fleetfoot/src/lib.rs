@@ -26,6 +26,8 @@
 pub struct RustPage;
 
 #[doc(inline)]
+pub use fleetfoot_auto::{Auto, AutoOutput, Candidate, HorizonChoice, TestedState, auto};
+#[doc(inline)]
 pub use fleetfoot_check::{ChannelSummary, Checked, Fault, Finding, check};
 #[doc(inline)]
 pub use fleetfoot_dataset::{

@@ -16,6 +16,8 @@ use fleetfoot_log::{ClockInfo, FileInfo};
 use names::Names;
 pub use run_files::starter_recipe_of_runs;
 
+use crate::recipe::Recipe;
+
 /// Names that usually stand for angles in radians.
 const ANGLES: [&str; 8] = ["yaw", "pitch", "roll", "theta", "psi", "heading", "angle", "azimuth"];
 
@@ -35,6 +37,25 @@ pub fn starter_recipe(info: &FileInfo) -> String {
     } else {
         channels::recipe(&file, &columns, &info.topics)
     }
+}
+
+/// States and inputs that [`starter_recipe`] proposes of a robot's log, with the clock and the names of topics that a recipe says; `None` of tables, and where nothing
+/// is proposed.
+pub fn draft_of_topics(recipe: &Recipe, info: &FileInfo) -> Option<Recipe> {
+    if info.topics.is_empty() {
+        return None;
+    }
+    let mut draft = Recipe::parse(&starter_recipe(info), "the draft").ok()?;
+    if draft.states.is_empty() && draft.inputs.is_empty() {
+        return None;
+    }
+    (draft.time, draft.rename) = (recipe.time.clone(), recipe.rename.clone());
+    Some(draft)
+}
+
+/// Whether a name usually stands for an angle in radians.
+pub fn is_named_angle(name: &str) -> bool {
+    is_angle(name)
 }
 
 fn table_recipe(file: &str, columns: &[Column], clock: Option<&ClockInfo>) -> String {
@@ -246,7 +267,6 @@ mod tests {
     use fleetfoot_log::TimeUnit;
 
     use super::*;
-    use crate::recipe::Recipe;
 
     /// Names were once compared with all others: 20,000 columns took 17 s.
     #[test]

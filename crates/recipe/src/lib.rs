@@ -28,15 +28,16 @@ pub use aliases::{Aliases, aliases_of_model};
 pub use attitude::named_rotations;
 pub use error::Error;
 pub use groups::{GroupRule, GroupWords};
-pub use init::{starter_recipe, starter_recipe_of_runs};
+pub use init::{draft_of_topics, is_named_angle, starter_recipe, starter_recipe_of_runs};
 pub use list::items;
 pub use recipe::{
-    AttitudeForm, BodySection, ClockSection, ConstraintSection, ControlSchedule, ControlSection, Criterion, Derivative,
-    Effort, EpisodeRule, EstimateKind, EstimateMethod, EstimateSection, FilterNoise, FilterSection, FilterSwitching,
-    Frame, Gap, GivenAs, Gravity, Input, InputTable, Join, JoinTable, JointSection, Kind, Lags, LatentSection,
-    LibrarySection, Limits, MOST_STEPS, ModelSection, Mounting, NarxSection, NarxSelection, NarxTerms, Normalize,
-    Objective, Over, ParameterSection, PartitionChoice, PhaseColumn, Port, PortList, PrepareMethod, PrepareSection,
-    PwaSection, Recipe, ResimulateSection, SensorKind, SensorSection, Settings, SindyOptimizer, SindySection,
-    SmoothStates, SpanDerivative, SparseSection, State, TaskSection, Time, Tunable, UnseenLabels, seed, whole,
+    AttitudeForm, AutoSection, BodySection, ClockSection, ConstraintSection, ControlSchedule, ControlSection,
+    Criterion, Derivative, Effort, EpisodeRule, EstimateKind, EstimateMethod, EstimateSection, FilterNoise,
+    FilterSection, FilterSwitching, Frame, Gap, GivenAs, Gravity, Input, InputTable, Join, JoinTable, JointSection,
+    Kind, Lags, LatentSection, LibrarySection, Limits, MOST_STEPS, ModelSection, Mounting, NarxSection, NarxSelection,
+    NarxTerms, Normalize, Objective, Over, ParameterSection, PartitionChoice, PhaseColumn, Port, PortList,
+    PrepareMethod, PrepareSection, PwaSection, Recipe, ResimulateSection, SensorKind, SensorSection, Settings,
+    SindyOptimizer, SindySection, SmoothStates, SpanDerivative, SparseSection, State, TaskSection, Time, Tunable,
+    UnseenLabels, seed, whole,
 };
 pub use request::{Cause, RequestError};

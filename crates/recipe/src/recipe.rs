@@ -2,6 +2,7 @@
 //!
 //! Flags of the command line are written into the recipe before it is used, so the recipe that a model carries says all.
 
+mod auto;
 mod body;
 mod bounds;
 mod clocks;
@@ -24,6 +25,7 @@ mod sparse;
 
 use std::{collections::BTreeMap, path::Path};
 
+pub use auto::AutoSection;
 pub use body::{AttitudeForm, BodySection, EstimateKind, Gravity, JointSection, Mounting, SensorKind, SensorSection};
 pub use bounds::whole;
 pub use clocks::ClockSection;
@@ -104,6 +106,9 @@ pub struct Recipe {
     /// How recordings are followed by a model: what the flags of `resimulate` say when they are not given.
     #[serde(skip_serializing_if = "is_default")]
     pub resimulate: ResimulateSection,
+    /// How `auto` looks for a model: what its flags say when they are not given.
+    #[serde(skip_serializing_if = "is_default")]
+    pub auto: AutoSection,
     /// How single states and inputs are prepared, where not as `[prepare]` says: its entries that speak of a channel.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub channels: IndexMap<String, PrepareSection>,

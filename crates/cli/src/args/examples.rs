@@ -20,6 +20,12 @@ Examples:
   fleetfoot info run.mcap
   fleetfoot info runs/ --values";
 
+pub(crate) const AUTO: &str = "\
+Examples:
+  fleetfoot auto run.mcap
+  fleetfoot auto runs/ --states x,v --inputs u -o model/ --export c
+  fleetfoot auto -c model/recipe.toml run.csv -o again/       the same model again";
+
 pub(crate) const CHECK: &str = "\
 Examples:
   fleetfoot check run.mcap

@@ -2,8 +2,8 @@
 
 use clap::{CommandFactory, Parser};
 use fleetfoot::{
-    EstimateSection, FilterSection, Lags, ModelSection, NarxSection, PwaSection, Recipe, ResimulateSection, Settings,
-    SindySection, SparseSection,
+    AutoSection, EstimateSection, FilterSection, Lags, ModelSection, NarxSection, PwaSection, Recipe,
+    ResimulateSection, Settings, SindySection, SparseSection,
 };
 
 use super::{Cli, Command, Fit, List};
@@ -78,6 +78,10 @@ fn every_option_of_every_method_is_a_flag_above_an_entry_of_the_recipe() {
     });
     walk::<FilterSection>(&["filter", "model.json"], |command| match command {
         Command::Filter(own) => Some(&own.how),
+        _ => None,
+    });
+    walk::<AutoSection>(&["auto", "log.csv"], |command| match command {
+        Command::Auto(own) => Some(&own.auto),
         _ => None,
     });
     walk::<ResimulateSection>(&["resimulate", "model.json"], |command| match command {

@@ -23,6 +23,7 @@ impl Recipe {
         check("filter", &self.filter)?;
         check("prepare", &self.prepare)?;
         check("resimulate", &self.resimulate)?;
+        check("auto", &self.auto)?;
         self.channels.iter().try_for_each(|(name, own)| check(&format!("channels.{name}"), own))
     }
 }

@@ -12,6 +12,8 @@ pub enum Effort {
     Low,
     /// What finds the model of most machines within a minute.
     #[default]
+    #[serde(alias = "medium")]
+    #[value(alias = "medium")]
     Normal,
     /// Ten times as much.
     High,

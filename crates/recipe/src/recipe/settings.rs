@@ -43,6 +43,7 @@ impl Recipe {
         self.say(said.filter.clone());
         self.say(said.prepare.clone());
         self.say(said.resimulate.clone());
+        self.say(said.auto.clone());
     }
 }
 

@@ -1,0 +1,72 @@
+//! Which candidates the effort bears: by counts of work, never by seconds, so that the same rows have the same candidates on every machine.
+
+use fleetfoot_data::{Silent, Work};
+use fleetfoot_dataset::Logs;
+use fleetfoot_fit::{FitRequest, Narx, Sindy, plan};
+use fleetfoot_recipe::{Effort, Lags};
+
+use crate::candidates::{Kind, Rows, Trial};
+
+/// Operations of refined regions and of trees, for every row and regressor: measured beside fits of equations, whose plans tell theirs.
+const OF_REGIONS: f64 = 3e4;
+/// Candidates of the largest size that all together may take.
+const TOGETHER: f64 = 4.0;
+
+/// Operations of every candidate, and whether they are borne.
+pub(crate) struct Budget {
+    operations: Vec<f64>,
+    borne: Vec<bool>,
+}
+
+impl Budget {
+    /// The candidates in their order, until the effort is used up.
+    pub(crate) fn of(trials: &[Trial], rows: &Rows, logs: &Logs) -> Self {
+        let most = match rows.effort {
+            Effort::Low => 3e8,
+            Effort::Normal => 1.5e9,
+            Effort::High => 1e11,
+        };
+        let operations: Vec<f64> = trials.iter().map(|trial| operations(trial, rows, logs)).collect();
+        let mut sum = 0.0;
+        let borne = operations.iter().map(|&own| {
+            let borne = own <= most && sum + own <= TOGETHER * most;
+            sum += if borne { own } else { 0.0 };
+            borne
+        });
+        Self { borne: borne.collect(), operations }
+    }
+
+    /// What lies ahead.
+    pub(crate) fn work(&self) -> Work {
+        let borne = self.operations.iter().zip(&self.borne).filter(|(_, borne)| **borne);
+        Work {
+            operations: borne.map(|(own, _)| own).sum(),
+            parts: 2,
+            mend: "--effort low makes it shorter; Ctrl-C writes the best so far",
+        }
+    }
+
+    /// Why a candidate is not tried; `None` where it is.
+    pub(crate) fn refusal(&self, at: usize) -> Option<String> {
+        (!self.borne[at]).then(|| format!("not tried: {:.0e} operations; --effort high tries it", self.operations[at]))
+    }
+}
+
+/// About how many operations a candidate takes; 0 of what is cheap, and of what cannot be planned: its fit tells why.
+fn operations(trial: &Trial, rows: &Rows, logs: &Logs) -> f64 {
+    let request = FitRequest::default();
+    match trial.kind {
+        Kind::Sindy => plan::<Sindy>(&trial.recipe, &request, logs, &Silent).map_or(0.0, |plan| plan.work.operations),
+        Kind::Narx => plan::<Narx>(&trial.recipe, &request, logs, &Silent).map_or(0.0, |plan| plan.work.operations),
+        Kind::Parameters => 0.0,
+        Kind::Pwa => {
+            let partition = trial.recipe.model.partition.as_deref().unwrap_or_default();
+            let lags = trial.recipe.model.lags.into_iter().flat_map(Lags::steps).count();
+            let regressors = rows.columns * (lags + 1);
+            match partition.starts_with("refined") || partition.starts_with("tree") {
+                true => OF_REGIONS * (rows.training * regressors) as f64,
+                false => (rows.training * regressors * regressors) as f64,
+            }
+        }
+    }
+}

@@ -1,0 +1,298 @@
+//! The models that are tried, from cheap to dear: a method and a recipe each.
+
+use fleetfoot_recipe::{
+    AutoSection, Derivative, Effort, GivenAs, Lags, ModelSection, NarxSection, PwaSection, Recipe, Tunable, items,
+};
+
+/// The method of a candidate.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kind {
+    Pwa,
+    Sindy,
+    Narx,
+    Parameters,
+}
+
+/// A model to try.
+#[derive(Debug, Clone)]
+pub(crate) struct Trial {
+    pub(crate) name: String,
+    pub(crate) kind: Kind,
+    pub(crate) recipe: Recipe,
+}
+
+/// The name of the candidate whose states stay at their mean.
+pub(crate) const MEAN: &str = "mean";
+/// The name of the candidate whose states go on at their mean rate.
+pub(crate) const DRIFT: &str = "mean rate";
+/// The name of the linear model, whose errors stand beside those of the chosen one.
+pub(crate) const LINEAR: &str = "linear";
+
+/// What is known of the rows.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Rows {
+    /// Rows that train.
+    pub(crate) training: usize,
+    /// Columns of the regressors without lags: states and inputs, angles twice.
+    pub(crate) columns: usize,
+    /// Rows in front of every simulation.
+    pub(crate) before: usize,
+    /// Whether the rows have a clock.
+    pub(crate) clock: bool,
+    /// Steps of the simulations.
+    pub(crate) horizon: usize,
+    /// How many kinds of models are tried.
+    pub(crate) effort: Effort,
+}
+
+/// Candidate functions of a library at most, by effort.
+fn most_functions(effort: Effort) -> usize {
+    match effort {
+        Effort::Low => 40,
+        Effort::Normal => 70,
+        Effort::High => 250,
+    }
+}
+
+/// The list of what is tried.
+pub(crate) fn candidates(recipe: &Recipe, rows: &Rows) -> Vec<Trial> {
+    let list = List { base: &bare(recipe), rows: *rows, effort: rows.effort };
+    let mut found = vec![list.pwa(MEAN, "next", "null", 0, None), list.pwa(DRIFT, "delta", "null", 0, None)];
+    found.push(list.pwa(LINEAR, "delta", "average", 0, None));
+    found.extend(list.known(recipe));
+    found.extend(list.linear());
+    found.extend(list.regions());
+    found.extend(list.equations());
+    found.extend(list.autoregressions());
+    found
+}
+
+/// The recipe without what candidates say: the model's structure and the sections of methods keep what a candidate does not set.
+fn bare(recipe: &Recipe) -> Recipe {
+    let mut bare = recipe.clone();
+    bare.auto = AutoSection::default();
+    let (weight, partition_on) = (recipe.model.weight.clone(), recipe.model.partition_on.clone());
+    bare.model = ModelSection { weight, partition_on, ..ModelSection::default() };
+    bare
+}
+
+struct List<'a> {
+    base: &'a Recipe,
+    rows: Rows,
+    effort: Effort,
+}
+
+impl List<'_> {
+    fn trial(&self, name: impl Into<String>, kind: Kind, change: impl FnOnce(&mut Recipe)) -> Trial {
+        let mut recipe = self.base.clone();
+        change(&mut recipe);
+        Trial { name: name.into(), kind, recipe }
+    }
+
+    fn pwa(&self, name: impl Into<String>, predict: &str, partition: &str, lags: u32, over: Option<u32>) -> Trial {
+        self.trial(name, Kind::Pwa, |recipe| {
+            recipe.model.predict = Some(predict.into());
+            recipe.model.partition = Some(partition.into());
+            recipe.model.lags = (lags > 0).then(|| Lags::rows(lags));
+            recipe.pwa.shrinkage = match items(partition).as_slice() {
+                [one] if one == "average" || one == "null" => None,
+                _ => recipe.pwa.shrinkage.take().or_else(|| Some(Tunable::Word("auto".into()))),
+            };
+            recipe.pwa.folds.get_or_insert(5);
+            mean_slopes(recipe, over);
+        })
+    }
+
+    /// Lags that rows and the effort bear.
+    fn lags(&self) -> Vec<u32> {
+        let wanted: &[u32] = match self.effort {
+            Effort::Low => &[2],
+            Effort::Normal => &[1, 2, 5, 10],
+            Effort::High => &[1, 2, 3, 5, 10, 20],
+        };
+        let fits = |lags: &&u32| {
+            let functions = self.rows.columns * (**lags as usize + 1);
+            (**lags as usize) < self.rows.before && functions <= 400 && 4 * functions < self.rows.training
+        };
+        wanted.iter().filter(fits).copied().collect()
+    }
+
+    /// Mean slopes that derivatives may be, rows.
+    fn spans(&self) -> Vec<u32> {
+        let wanted: &[u32] = match self.effort {
+            Effort::Low => &[10],
+            Effort::Normal => &[5, 20],
+            Effort::High => &[2, 5, 10, 20, 50],
+        };
+        wanted.iter().filter(|over| (**over as usize) <= 2 * self.rows.horizon).copied().collect()
+    }
+
+    fn linear(&self) -> Vec<Trial> {
+        let mut found = Vec::new();
+        let lagged = |lags: u32| self.pwa(format!("linear, {lags} lags"), "delta", "average", lags, None);
+        found.extend(self.lags().into_iter().map(lagged));
+        if self.rows.clock {
+            found.push(self.pwa("linear derivative", "derivative", "average", 0, None));
+            let over = |rows: u32| {
+                self.pwa(format!("linear derivative over {rows} rows"), "derivative", "average", 0, Some(rows))
+            };
+            found.extend(self.spans().into_iter().map(over));
+        }
+        found
+    }
+
+    fn regions(&self) -> Vec<Trial> {
+        let wanted: &[&str] = match self.effort {
+            Effort::Low => &["refined:2..3"],
+            Effort::Normal => &["kmeans:2", "kmeans:5", "kmeans:10", "refined:2..5", "tree:2..4"],
+            Effort::High => &["kmeans:2", "kmeans:5", "kmeans:10", "kmeans:20", "refined:2..10", "tree:2..6"],
+        };
+        if self.rows.training < 20 * (self.rows.columns + 1) {
+            return Vec::new();
+        }
+        let mut found: Vec<Trial> =
+            wanted.iter().map(|&regions| self.pwa(format!("regions {regions}"), "delta", regions, 0, None)).collect();
+        if self.effort != Effort::Low {
+            let most = most_functions(self.effort) / 2;
+            let lagged =
+                |lags: u32| self.pwa(format!("regions refined:2..5, {lags} lags"), "delta", "refined:2..5", lags, None);
+            let fits = |lags: &u32| [2, 5].contains(lags) && self.rows.columns * (*lags as usize + 1) <= most;
+            found.extend(self.lags().into_iter().filter(fits).map(lagged));
+            if self.rows.clock {
+                let over = |rows: u32| {
+                    let name = format!("regions refined:2..5, derivative over {rows} rows");
+                    self.pwa(name, "derivative", "refined:2..5", 0, Some(rows))
+                };
+                found.extend(self.spans().into_iter().map(over));
+            }
+        }
+        found
+    }
+
+    fn equations(&self) -> Vec<Trial> {
+        let degrees: &[u32] = match self.effort {
+            Effort::Low => &[2],
+            _ => &[1, 2, 3],
+        };
+        let own_library = !self.base.library.functions.is_empty() || self.base.library.radial.is_some();
+        let degrees: Vec<u32> = if own_library { vec![1] } else { degrees.to_vec() };
+        let mut found = Vec::new();
+        for degree in degrees {
+            if !own_library && monomials(self.rows.columns, degree as usize) > most_functions(self.effort) {
+                continue;
+            }
+            let what = if own_library { "of the recipe's library".into() } else { format!("of degree {degree}") };
+            let of = |name: String, predict: &str, over: Option<u32>| {
+                self.trial(name, Kind::Sindy, |recipe| {
+                    recipe.model.predict = Some(predict.into());
+                    recipe.model.degree = (!own_library).then_some(degree);
+                    mean_slopes(recipe, over);
+                    recipe.sindy.folds.get_or_insert_with(|| "5".into());
+                })
+            };
+            found.push(of(format!("difference equations {what}"), "delta", None));
+            if self.rows.clock {
+                found.push(of(format!("equations {what}"), "derivative", None));
+                if self.effort != Effort::Low && degree < 3 {
+                    let over = |rows: u32| of(format!("equations {what}, over {rows} rows"), "derivative", Some(rows));
+                    found.extend(self.spans().into_iter().map(over));
+                }
+            }
+        }
+        found
+    }
+
+    fn autoregressions(&self) -> Vec<Trial> {
+        if self.base.states.values().any(|state| state.known.is_some() || state.equation.is_some()) {
+            return Vec::new();
+        }
+        let linear = |lags: usize| {
+            self.trial(format!("linear autoregression, {lags} lags"), Kind::Narx, |recipe| {
+                recipe.narx = NarxSection {
+                    lags_out: Some(lags),
+                    lags_in: (!self.base.inputs.is_empty()).then_some(lags),
+                    order: Some(GivenAs::Fixed),
+                    ..recipe.narx.clone()
+                };
+                recipe.model.degree = Some(1);
+            })
+        };
+        let most = self.rows.before.saturating_sub(1);
+        let lags: &[usize] = if self.effort == Effort::Low { &[4] } else { &[4, 10] };
+        let mut found: Vec<Trial> = lags.iter().filter(|lags| **lags <= most).map(|&lags| linear(lags)).collect();
+        let effort = match self.effort {
+            Effort::Low => return found,
+            Effort::Normal => Effort::Low,
+            Effort::High => Effort::Normal,
+        };
+        if self.base.states.len() <= 8 {
+            found.push(self.trial("autoregression", Kind::Narx, |recipe| recipe.narx.effort = Some(effort)));
+        }
+        found
+    }
+
+    /// Physics that the recipe gives, and the model that its sections describe.
+    fn known(&self, recipe: &Recipe) -> Vec<Trial> {
+        let mut found = Vec::new();
+        if !recipe.parameters.is_empty() {
+            found.push(self.trial("parameters of the recipe's equations", Kind::Parameters, |_| {}));
+        }
+        let said = &recipe.model;
+        if said.predict.is_some() || said.degree.is_some() || said.lags.is_some() || said.partition.is_some() {
+            found.push(self.trial("as the recipe says", Kind::Pwa, |own| own.model = said.clone()));
+        }
+        if recipe.pwa != PwaSection::default() && found.is_empty() {
+            found.push(self.trial("as the recipe says", Kind::Pwa, |_| {}));
+        }
+        found
+    }
+}
+
+/// The mean slope over so many rows as the derivative of every state for which the recipe says nothing else.
+fn mean_slopes(recipe: &mut Recipe, over: Option<u32>) {
+    let Some(rows) = over else { return };
+    for state in recipe.states.values_mut().filter(|own| own.derivative.is_none() && own.known.is_none()) {
+        state.derivative = Some(Derivative::over(rows));
+    }
+}
+
+/// Monomials of so many variables up to a degree.
+fn monomials(variables: usize, degree: usize) -> usize {
+    (1..=degree).fold(1usize, |count, k| count.saturating_mul(variables + k) / k)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(text: &str, rows: Rows) -> Vec<String> {
+        let recipe = Recipe::parse(text, "test").unwrap();
+        candidates(&recipe, &rows).into_iter().map(|own| own.name).collect()
+    }
+
+    const ROWS: Rows =
+        Rows { training: 10_000, columns: 3, before: 20, clock: true, horizon: 40, effort: Effort::Normal };
+
+    #[test]
+    fn what_is_tried_follows_from_rows_and_effort() {
+        let all = names("[states]\nx = {}\n", ROWS);
+        assert_eq!(all[..3], [MEAN, DRIFT, LINEAR]);
+        for name in ["linear, 10 lags", "equations of degree 2", "regions kmeans:5", "autoregression"] {
+            assert!(all.iter().any(|own| own == name), "{name}: {all:?}");
+        }
+        let low = names("[states]\nx = {}\n", Rows { effort: Effort::Low, ..ROWS });
+        assert!(low.len() < all.len() / 2);
+        // Without a clock there are no derivatives, with few rows no regions.
+        let few = names("[states]\nx = {}\n", Rows { training: 50, clock: false, before: 4, ..ROWS });
+        assert!(few.iter().all(|name| !name.contains("derivative") && !name.starts_with("regions")), "{few:?}");
+        assert!(few.iter().all(|name| !name.contains("10 lags")), "{few:?}");
+        let known = names("[states]\nx = { equation = \"a*x\" }\n[parameters]\na = { initial = 1.0 }\n", ROWS);
+        assert!(known.iter().any(|own| own.starts_with("parameters")) && !known.iter().any(|own| own.contains("auto")));
+    }
+
+    #[test]
+    fn numbers_of_monomials_are_binomial() {
+        assert_eq!(monomials(3, 2), 10);
+        assert_eq!(monomials(10, 3), 286);
+    }
+}

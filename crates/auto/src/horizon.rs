@@ -1,0 +1,119 @@
+//! Over how many rows models are compared: the correlation time of the states.
+
+use fleetfoot_data::{Halo, Source};
+use fleetfoot_dataset::Error;
+use fleetfoot_stats::Autocorrelation;
+use serde::Serialize;
+
+/// The shortest and the longest horizon, rows.
+const LEAST: usize = 5;
+const MOST: usize = 500;
+/// Rows of an episode, and of all, that the correlation is computed from.
+const ROWS: usize = 50_000;
+const ALL: usize = 200_000;
+/// Rows in front of every simulation: the lags that models may have.
+const BEFORE: usize = 20;
+
+/// Steps of the simulations that compare models.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct HorizonChoice {
+    /// Steps, one a row.
+    pub steps: usize,
+    /// The same in seconds; 0 without a clock.
+    pub seconds: f64,
+    /// Rows after which the autocorrelation of the states is 1/e, in the median.
+    pub correlation: usize,
+    /// Rows in front of every simulation.
+    pub before: usize,
+}
+
+impl HorizonChoice {
+    /// The horizon of rows, whose states are these columns; no longer than held-out spans of `room` rows allow. `None`: they are too short for any.
+    ///
+    /// # Errors
+    /// Those of reading.
+    pub(crate) fn of(
+        rows: &dyn Source,
+        states: &[(usize, bool)],
+        room: usize,
+        (given, step): (Option<usize>, f64),
+    ) -> Result<Option<Self>, Error> {
+        let before = BEFORE.min(room / 4);
+        let most = MOST.min(room.saturating_sub(before + 2));
+        let correlation = correlation(rows, states)?;
+        if most < LEAST.min(given.unwrap_or(LEAST)) {
+            return Ok(None);
+        }
+        let steps = given.unwrap_or(correlation.clamp(LEAST, MOST)).min(most);
+        Ok(Some(Self { steps, seconds: steps as f64 * step, correlation, before }))
+    }
+}
+
+/// Rows after which the autocorrelation of the states is below 1/e, in the median over the states.
+fn correlation(rows: &dyn Source, states: &[(usize, bool)]) -> Result<usize, Error> {
+    let lags = lags();
+    let mut seen: Vec<Autocorrelation> = states.iter().map(|_| Autocorrelation::new(&lags)).collect();
+    let mut left = ALL;
+    for (at, episode) in rows.episodes().iter().enumerate() {
+        let count = episode.rows.min(ROWS).min(left);
+        left -= count;
+        if count == 0 {
+            break;
+        }
+        let block = rows.read(at, 0..count, Halo::default())?;
+        for (own, &(place, angle)) in seen.iter_mut().zip(states) {
+            block.core(place).iter().for_each(|&value| own.push(if angle { value.sin() } else { value }));
+            own.interrupt();
+        }
+    }
+    let first = |own: &Autocorrelation| {
+        let found = own.coefficients();
+        let below = found.iter().position(|value| *value < (-1.0f64).exp());
+        below.map_or(MOST, |at| lags[at])
+    };
+    let mut found: Vec<usize> = seen.iter().map(first).collect();
+    found.sort_unstable();
+    Ok(found.get(found.len() / 2).copied().unwrap_or(LEAST))
+}
+
+/// Lags up to the longest horizon, each about a tenth longer than the one before.
+fn lags() -> Vec<usize> {
+    let mut lags = vec![1];
+    while let Some(&last) = lags.last().filter(|last| **last < MOST) {
+        lags.push((last + 1).max(last * 11 / 10).min(MOST));
+    }
+    lags
+}
+
+#[cfg(test)]
+mod tests {
+    use fleetfoot_data::{Column, MemorySource};
+
+    use super::*;
+
+    /// A first-order system under white noise forgets within its time constant.
+    #[test]
+    fn the_horizon_is_the_time_in_which_a_state_forgets() {
+        let mut state = 1u64;
+        let mut noise = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+        };
+        let mut x = 0.0;
+        let values: Vec<f64> = (0..40_000)
+            .map(|_| {
+                x = (-1.0f64 / 30.0).exp() * x + noise();
+                x
+            })
+            .collect();
+        let mut source = MemorySource::new(vec![Column::float("x")]);
+        source.push_uniform("a", 0.01, vec![values]);
+        let found = HorizonChoice::of(&source, &[(0, false)], 1000, (None, 0.01)).unwrap().unwrap();
+        assert!((24..=37).contains(&found.steps), "{found:?}");
+        assert!((found.seconds - 0.01 * found.steps as f64).abs() < 1e-12);
+        assert_eq!(HorizonChoice::of(&source, &[(0, false)], 40, (None, 0.01)).unwrap().unwrap().steps, 28);
+        assert_eq!(HorizonChoice::of(&source, &[(0, false)], 1000, (Some(7), 0.01)).unwrap().unwrap().steps, 7);
+        assert_eq!(HorizonChoice::of(&source, &[(0, false)], 6, (None, 0.01)).unwrap(), None);
+    }
+}

@@ -1,0 +1,308 @@
+//! From a log to a model worth having.
+//!
+//! [`auto`] drafts what is missing of the recipe, makes rows even where stamps scatter, keeps the last rows back for a test, fits models of all methods to the others, and
+//! takes the smallest one whose simulations of held-out folds are within one standard error of the best. The test rows then say what it is worth, beside
+//! persistence, the mean and the linear model. The recipe that it used ([`Auto::recipe`]) gives the same result again.
+
+mod budget;
+mod candidates;
+mod draft;
+mod horizon;
+mod ranking;
+mod rows;
+mod stamps;
+mod tested;
+mod verdict;
+mod writer;
+
+use candidates::{LINEAR, MEAN, Rows};
+use fleetfoot_check::{Checked, check};
+use fleetfoot_data::{Cancelled, Progress, Silent, Source, unstoppable};
+use fleetfoot_dataset::{Dataset, Logs, Part};
+use fleetfoot_dynamics::Estimate;
+use fleetfoot_fit::{Error, RolloutRule, Simulations, fold_room, is_known};
+use fleetfoot_model::Model;
+use fleetfoot_recipe::{Kind, Recipe};
+use ranking::Ranking;
+use serde::{Serialize, Serializer};
+use serde_json::Value;
+
+pub use crate::{
+    horizon::HorizonChoice,
+    ranking::Candidate,
+    rows::{Span, Split},
+    writer::{AutoOutput, FILES},
+};
+
+/// A state on the test rows.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct TestedState {
+    /// The state.
+    pub state: String,
+    /// Its unit, where it is known.
+    pub unit: Option<String>,
+    /// Root of the mean squared error of the model's simulations, with its 95 % interval; value, low and high in JSON.
+    #[serde(serialize_with = "in_three")]
+    pub rmse: Estimate,
+    /// The same of the linear model, where there is one.
+    pub linear: Option<f64>,
+    /// The same of persistence.
+    pub persistence: f64,
+    /// The same of the mean of the training rows, where it could be simulated.
+    pub mean: Option<f64>,
+}
+
+fn in_three<S: Serializer>(value: &Estimate, serializer: S) -> Result<S::Ok, S::Error> {
+    [value.value, value.low, value.high].serialize(serializer)
+}
+
+/// A model, and what it is worth.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Auto {
+    /// The chosen model.
+    pub model: Model,
+    /// The linear model, where it is another one.
+    pub linear: Option<Model>,
+    /// The recipe that gives the same again.
+    pub recipe: Recipe,
+    /// What `check` found in the logs; `None` where it could not read them.
+    pub checked: Option<Checked>,
+    /// The candidates, from cheap to dear.
+    pub candidates: Vec<Candidate>,
+    /// Which of them was chosen.
+    pub chosen: usize,
+    /// Steps of all simulations.
+    pub horizon: HorizonChoice,
+    /// The rows that train and those of the test.
+    pub split: Split,
+    /// Errors on the test rows.
+    pub tested: Vec<TestedState>,
+    /// Share of the simulations of the test that leave the training range.
+    pub outside: f64,
+    /// Share of them that diverge.
+    pub diverged: f64,
+    /// What stands above all where the model is not worth having.
+    pub warning: Option<String>,
+    /// What was fitted, how good it is, from when to when, what is weak, what to record next.
+    pub sentences: Vec<String>,
+    /// Assumptions.
+    pub notes: Vec<String>,
+    /// The user stopped the work: the candidates are those that were done.
+    pub stopped: bool,
+    /// What the fit of the chosen model says of itself.
+    fit: Value,
+}
+
+/// What is written of a result: nothing that a second run from the written recipe would say differently.
+#[derive(Serialize)]
+struct Summary<'a> {
+    warning: &'a Option<String>,
+    sentences: &'a [String],
+    chosen: &'a str,
+    hash: String,
+    horizon: &'a HorizonChoice,
+    split: &'a Split,
+    tested: &'a [TestedState],
+    outside: f64,
+    diverged: f64,
+    candidates: &'a [Candidate],
+    stopped: bool,
+}
+
+/// What is told to programs.
+#[derive(Serialize)]
+struct Told<'a> {
+    #[serde(flatten)]
+    summary: Summary<'a>,
+    findings: &'a [fleetfoot_check::Finding],
+    notes: &'a [String],
+}
+
+/// Finds a model of logs.
+///
+/// # Errors
+/// Those of opening; no column that can be a state; rows that are too few; no candidate could be fitted. A stop by the user before the first candidate is done.
+pub fn auto(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) -> Result<Auto, Error> {
+    let logs = &logs.into();
+    if logs.is_statistic() {
+        return Err(Error::needs_rows("auto simulates rows, and a statistic has none: give logs".into()));
+    }
+    let mut notes = Vec::new();
+    let mut recipe = draft::drafted(recipe, logs, &mut notes, progress)?;
+    if is_known(&recipe) && recipe.parameters.is_empty() {
+        return Err(Error::conflict(
+            "all states of the recipe are given: nothing is to be fitted; `fleetfoot fit sindy` writes the model as it is".into(),
+        ));
+    }
+    progress.stage("check");
+    let checked = check(&recipe, logs, progress)?;
+    stamps::evened(&mut recipe, &checked, logs, &mut notes, progress)?;
+    let found = Search { recipe: &recipe, logs, notes, checked };
+    found.run(progress)
+}
+
+struct Search<'a> {
+    recipe: &'a Recipe,
+    logs: &'a Logs,
+    notes: Vec<String>,
+    checked: Checked,
+}
+
+impl Search<'_> {
+    fn run(self, progress: &dyn Progress) -> Result<Auto, Error> {
+        let Self { recipe, logs, .. } = self;
+        let (horizon, rows) = self.horizon(progress)?;
+        let rule = RolloutRule::new(horizon.steps);
+        let trials = candidates::candidates(recipe, &rows);
+        let simulations = Simulations { rule, before: horizon.before };
+        let ranking = Ranking::new((&trials, &rows), logs, &simulations, progress);
+        match ranking.stopped {
+            true if ranking.candidates.is_empty() => Err(Cancelled.into()),
+            // What is done is tested and kept, whether the user waits or not.
+            true => unstoppable(|| self.chosen(ranking, horizon, &Silent)),
+            false => self.chosen(ranking, horizon, progress),
+        }
+    }
+
+    /// The horizon, and what candidates must know of the rows.
+    fn horizon(&self, progress: &dyn Progress) -> Result<(HorizonChoice, Rows), Error> {
+        let training = self.logs.only(Part::Training);
+        let dataset = Dataset::for_columns(self.recipe, None, training, progress)?;
+        let view = dataset.view()?;
+        let folds = RolloutRule::new(1).folds;
+        let room = fold_room(&view, folds, self.recipe.time.smoothed, dataset.step())?;
+        let place = |name: &str| view.columns().iter().position(|column| column.name == name);
+        let states: Vec<(usize, bool)> = (self.recipe.states.iter())
+            .filter_map(|(name, state)| Some((place(name)?, state.kind == Some(Kind::Angle))))
+            .collect();
+        let given = self.recipe.auto.horizon;
+        let horizon = HorizonChoice::of(&view, &states, room, (given, dataset.step()))?.ok_or_else(|| {
+            Error::too_few_rows(
+                view.rows() as u64,
+                0,
+                format!(
+                    "{} training rows are too few to simulate held-out parts of them ({folds} folds, the longest part has {room} rows); give longer logs",
+                    view.rows()
+                ),
+            )
+        })?;
+        let angles = states.iter().filter(|(_, angle)| *angle).count();
+        let columns = view.columns().len() + angles;
+        let rows = Rows {
+            training: view.rows(),
+            columns,
+            before: horizon.before,
+            clock: dataset.step() > 0.0,
+            horizon: horizon.steps,
+            effort: self.recipe.auto.effort.unwrap_or_default(),
+        };
+        Ok((horizon, rows))
+    }
+
+    /// The chosen candidate on the test rows.
+    fn chosen(self, mut ranking: Ranking, horizon: HorizonChoice, progress: &dyn Progress) -> Result<Auto, Error> {
+        let Some(chosen) = ranking.chosen() else { return Err(without(&ranking)) };
+        let unbeaten = ranking.unbeaten(chosen);
+        let place = |name: &str| ranking.candidates.iter().position(|own| own.name == name);
+        let (linear, mean) = (place(LINEAR), place(MEAN));
+        let changes = Recipe { cache: self.recipe.cache.clone(), ..Recipe::default() };
+        let test = |at: Option<usize>| {
+            let model = &ranking.tried[at?].as_ref()?.model;
+            tested::simulated(model, &changes, self.logs, &horizon, progress).ok()
+        };
+        progress.stage("test");
+        let Some(own) = &ranking.tried[chosen] else { return Err(without(&ranking)) };
+        let simulated = tested::simulated(&own.model, &changes, self.logs, &horizon, progress)?;
+        let (beside_linear, beside_mean) = (test(linear), test(mean));
+        let of = |other: &Option<tested::Simulated>, state: &String| {
+            let other = other.as_ref()?;
+            let place = other.states.iter().position(|own| own == state)?;
+            Some(other.rmse(place).value)
+        };
+        let model = &own.model;
+        let unit =
+            |state: &String| model.columns.iter().find(|own| own.name == *state).and_then(|own| own.unit.clone());
+        let states = simulated.states.iter().enumerate().map(|(at, state)| TestedState {
+            state: state.clone(),
+            unit: unit(state),
+            rmse: simulated.rmse(at),
+            linear: of(&beside_linear, state),
+            persistence: simulated.persistence(at).value,
+            mean: of(&beside_mean, state),
+        });
+        let tested = states.collect();
+        let (split, movements) = rows::look(self.recipe, self.logs, progress)?;
+        let linear = linear.filter(|at| *at != chosen).and_then(|at| ranking.tried[at].take()).map(|own| own.model);
+        let Some(own) = ranking.tried[chosen].take() else { return Err(without(&ranking)) };
+        let share = |count: usize| count as f64 / simulated.starts.max(1) as f64;
+        let mut found = Auto {
+            model: own.model,
+            linear,
+            recipe: self.recipe.clone(),
+            checked: Some(self.checked),
+            candidates: ranking.candidates,
+            chosen,
+            horizon,
+            split,
+            tested,
+            outside: share(simulated.outside),
+            diverged: share(simulated.ended),
+            warning: None,
+            sentences: Vec::new(),
+            notes: self.notes,
+            stopped: ranking.stopped,
+            fit: own.report,
+        };
+        let inputs: Vec<String> = self.recipe.inputs.keys().cloned().collect();
+        found.warning = verdict::warning(&found, unbeaten);
+        found.sentences = verdict::sentences(&found, &movements, &inputs);
+        Ok(found)
+    }
+}
+
+/// No candidate that could be chosen, with the first reason.
+fn without(ranking: &Ranking) -> Error {
+    let reason = ranking.candidates.iter().find_map(|own| Some(format!("`{}`: {}", own.name, own.reason.as_ref()?)));
+    Error::undetermined(format!(
+        "none of {} models could be fitted and simulated; {}",
+        ranking.candidates.len(),
+        reason.unwrap_or_default()
+    ))
+}
+
+impl Auto {
+    /// Error of the model over another one, mean over the states in which both are known.
+    fn mean_ratio(&self, other: impl Fn(&TestedState) -> f64) -> Option<f64> {
+        self.mean_of(|own| own.rmse.value / other(own))
+    }
+
+    /// The mean over the states of what is known of them.
+    fn mean_of(&self, value: impl Fn(&TestedState) -> f64) -> Option<f64> {
+        let known: Vec<f64> = self.tested.iter().map(value).filter(|value| value.is_finite()).collect();
+        (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
+    }
+
+    fn summary(&self) -> Summary<'_> {
+        Summary {
+            warning: &self.warning,
+            sentences: &self.sentences,
+            chosen: &self.candidates[self.chosen].name,
+            hash: self.model.hash(),
+            horizon: &self.horizon,
+            split: &self.split,
+            tested: &self.tested,
+            outside: self.outside,
+            diverged: self.diverged,
+            candidates: &self.candidates,
+            stopped: self.stopped,
+        }
+    }
+
+    /// All of it, as `auto --json` prints it.
+    pub fn to_json(&self) -> Value {
+        let findings = self.checked.as_ref().map_or(&[][..], |checked| &checked.findings);
+        fleetfoot_dataset::json::value(Told { summary: self.summary(), findings, notes: &self.notes })
+    }
+}

@@ -1,0 +1,231 @@
+//! Every candidate fitted, simulated on the folds that did not train it, and compared: the smallest model within one standard error of the best.
+
+use fleetfoot_data::{Progress, Stages, until_stopped};
+use fleetfoot_dataset::{Logs, Part};
+use fleetfoot_fit::{
+    Error, FitReport, FitRequest, Method, Narx, Parameters, Pwa, SimulatedFold, Simulations, Sindy, fit_and_simulate,
+};
+use fleetfoot_model::Model;
+use serde::Serialize;
+
+use crate::{
+    budget::Budget,
+    candidates::{DRIFT, Kind, MEAN, Rows, Trial},
+};
+
+/// A candidate and what it is worth on rows that did not train it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Candidate {
+    /// What it is.
+    pub name: String,
+    /// The command that fits it.
+    pub method: String,
+    /// Coefficients that are not zero.
+    pub coefficients: usize,
+    /// Error of its simulations over that of persistence, of every fold; infinite where a simulation diverged.
+    pub folds: Vec<f64>,
+    /// Mean over the folds.
+    pub error: Option<f64>,
+    /// Standard error of the mean.
+    pub standard_error: Option<f64>,
+    /// Simulations that ended early, and how many there were.
+    pub ended: [usize; 2],
+    /// Why there is no model, or why it cannot be chosen.
+    pub reason: Option<String>,
+}
+
+/// What is kept of a candidate that could be fitted.
+pub(crate) struct Tried {
+    pub(crate) model: Model,
+    /// What the fit says of itself.
+    pub(crate) report: serde_json::Value,
+}
+
+/// The candidates in the order of the list, the models of those that were fitted, and whether the work was stopped.
+pub(crate) struct Ranking {
+    pub(crate) candidates: Vec<Candidate>,
+    pub(crate) tried: Vec<Option<Tried>>,
+    pub(crate) stopped: bool,
+}
+
+impl Ranking {
+    /// Fits and simulates the candidates one after the other. A stop by the user ends it; what is done stays.
+    pub(crate) fn new(
+        (trials, rows): (&[Trial], &Rows),
+        logs: &Logs,
+        simulations: &Simulations,
+        progress: &dyn Progress,
+    ) -> Self {
+        let training = logs.only(Part::Training);
+        let budget = Budget::of(trials, rows, &training);
+        progress.expect(budget.work());
+        let mut found = Self { candidates: Vec::new(), tried: Vec::new(), stopped: false };
+        for (at, trial) in trials.iter().enumerate() {
+            if let Some(reason) = budget.refusal(at) {
+                found.add(trial, None, &[], Some(reason));
+                continue;
+            }
+            let stages = Stages::new(progress, format!("{} ({} of {})", trial.name, at + 1, trials.len()));
+            let result = until_stopped(|| fitted(trial, &training, simulations, &stages));
+            match result {
+                Err(_) => found.stopped = true,
+                Ok(Err(Error::Cancelled(_))) => found.stopped = true,
+                Ok(Err(_)) if progress.cancelled() => found.stopped = true,
+                Ok(Err(error)) => found.add(trial, None, &[], Some(error.to_string())),
+                Ok(Ok((tried, folds))) => found.add(trial, Some(tried), &folds, None),
+            }
+            if found.stopped {
+                break;
+            }
+        }
+        found
+    }
+
+    fn add(&mut self, trial: &Trial, tried: Option<Tried>, folds: &[SimulatedFold], reason: Option<String>) {
+        let errors: Vec<f64> = folds.iter().map(SimulatedFold::error).collect();
+        let (ended, starts) = folds.iter().fold((0, 0), |(e, s), fold| (e + fold.ended, s + fold.starts));
+        let diverged = (ended > 0).then(|| format!("{ended} of {starts} simulations diverge"));
+        let (mean, spread) = mean_and_error(&errors);
+        let finite = mean.is_finite();
+        self.candidates.push(Candidate {
+            name: trial.name.clone(),
+            method: trial.kind.method().to_owned(),
+            coefficients: tried.as_ref().map_or(0, |own| coefficients(&own.model)),
+            error: finite.then_some(mean),
+            standard_error: (finite && spread.is_finite()).then_some(spread),
+            folds: errors,
+            ended: [ended, starts],
+            reason: reason.or(diverged),
+        });
+        self.tried.push(tried);
+    }
+
+    /// The index of the smallest model whose errors are within one standard error of those of the best, fold by fold.
+    pub(crate) fn chosen(&self) -> Option<usize> {
+        let usable: Vec<usize> = (0..self.candidates.len()).filter(|&at| self.candidates[at].error.is_some()).collect();
+        let error = |at: usize| self.candidates[at].error.unwrap_or(f64::INFINITY);
+        let best = usable.iter().copied().min_by(|&a, &b| error(a).total_cmp(&error(b)))?;
+        let alike = |&at: &usize| !is_better(&self.candidates[best].folds, &self.candidates[at].folds);
+        let key = |at: usize| (self.candidates[at].coefficients, error(at));
+        usable.into_iter().filter(alike).min_by(|&a, &b| {
+            let (a, b) = (key(a), key(b));
+            a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
+        })
+    }
+
+    /// What needs no model and is not beaten by the chosen one beyond the standard error.
+    pub(crate) fn unbeaten(&self, chosen: usize) -> Option<&'static str> {
+        let own = &self.candidates[chosen];
+        if own.name == MEAN {
+            return Some("the mean");
+        }
+        let still = vec![1.0; own.folds.len()];
+        if own.name == DRIFT || !is_better(&own.folds, &still) {
+            return Some("persistence");
+        }
+        let mean = self.candidates.iter().find(|other| other.name == MEAN && other.error.is_some())?;
+        (!is_better(&own.folds, &mean.folds)).then_some("the mean")
+    }
+}
+
+/// Whether errors are less than others, fold by fold, by more than one standard error of the difference.
+fn is_better(folds: &[f64], others: &[f64]) -> bool {
+    let differences: Vec<f64> = others.iter().zip(folds).map(|(other, own)| other - own).collect();
+    let (mean, spread) = mean_and_error(&differences);
+    mean > 0.0 && (mean > spread || !spread.is_finite())
+}
+
+/// Mean and its standard error; NaN of none, and of one.
+fn mean_and_error(values: &[f64]) -> (f64, f64) {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    (mean, (variance / count).sqrt())
+}
+
+/// Coefficients of a model that are not zero.
+fn coefficients(model: &Model) -> usize {
+    model.latents.iter().map(|latent| latent.map.parameters()).sum()
+}
+
+fn fitted(
+    trial: &Trial,
+    logs: &Logs,
+    simulations: &Simulations,
+    progress: &dyn Progress,
+) -> Result<(Tried, Vec<SimulatedFold>), Error> {
+    match trial.kind {
+        Kind::Pwa => of::<Pwa>(trial, logs, simulations, progress),
+        Kind::Sindy => of::<Sindy>(trial, logs, simulations, progress),
+        Kind::Narx => of::<Narx>(trial, logs, simulations, progress),
+        Kind::Parameters => of::<Parameters>(trial, logs, simulations, progress),
+    }
+}
+
+fn of<M: Method>(
+    trial: &Trial,
+    logs: &Logs,
+    simulations: &Simulations,
+    progress: &dyn Progress,
+) -> Result<(Tried, Vec<SimulatedFold>), Error> {
+    let (fitted, folds) = fit_and_simulate::<M>(&trial.recipe, &FitRequest::default(), logs, simulations, progress)?;
+    let mut report = fitted.report.to_json();
+    report["hash"] = fitted.model.hash().into();
+    Ok((Tried { model: fitted.model, report }, folds))
+}
+
+impl Kind {
+    fn method(self) -> &'static str {
+        match self {
+            Self::Pwa => "fit pwa",
+            Self::Sindy => "fit sindy",
+            Self::Narx => "fit narx",
+            Self::Parameters => "fit parameters",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn candidate(name: &str, coefficients: usize, folds: &[f64]) -> Candidate {
+        let (mean, spread) = mean_and_error(folds);
+        Candidate {
+            name: name.into(),
+            method: "fit pwa".into(),
+            coefficients,
+            error: mean.is_finite().then_some(mean),
+            standard_error: Some(spread),
+            folds: folds.to_vec(),
+            ended: [0, 10],
+            reason: None,
+        }
+    }
+
+    #[test]
+    fn the_smallest_model_within_one_standard_error_is_taken() {
+        let ranking = |candidates: Vec<Candidate>| Ranking { candidates, tried: Vec::new(), stopped: false };
+        let found = ranking(vec![
+            candidate(MEAN, 1, &[0.9, 0.8, 1.0]),
+            candidate("linear", 4, &[0.5, 0.41, 0.6]),
+            candidate("regions", 20, &[0.49, 0.42, 0.59]),
+            candidate("diverges", 2, &[0.1, f64::INFINITY, 0.1]),
+        ]);
+        assert_eq!(found.chosen(), Some(1));
+        assert_eq!(found.unbeaten(1), None);
+        // Folds differ much, but in every one the larger model is better by as much.
+        let found =
+            ranking(vec![candidate("linear", 4, &[0.5, 0.3, 0.9]), candidate("regions", 20, &[0.4, 0.21, 0.79])]);
+        assert_eq!(found.chosen(), Some(1));
+        let found = ranking(vec![candidate(MEAN, 1, &[0.7, 0.72, 0.71]), candidate("linear", 4, &[0.71, 0.7, 0.73])]);
+        assert_eq!(
+            (found.chosen(), found.unbeaten(0), found.unbeaten(1)),
+            (Some(0), Some("the mean"), Some("the mean"))
+        );
+        let found = ranking(vec![candidate("linear", 4, &[1.1, 0.9, 1.2])]);
+        assert_eq!((found.chosen(), found.unbeaten(0)), (Some(0), Some("persistence")));
+        assert_eq!(ranking(vec![candidate("a", 1, &[f64::INFINITY; 2])]).chosen(), None);
+    }
+}

@@ -1,0 +1,60 @@
+//! Rows at even stamps, where those of the log scatter.
+
+use fleetfoot_check::{Checked, Fault};
+use fleetfoot_data::Progress;
+use fleetfoot_dataset::{Dataset, Logs};
+use fleetfoot_fit::Error;
+use fleetfoot_recipe::Recipe;
+
+/// Gives the recipe a rate, where stamps jitter, come in bursts, or rows are missing between others: models of one step after another need even rows.
+///
+/// # Errors
+/// Those of opening.
+pub(crate) fn evened(
+    recipe: &mut Recipe,
+    checked: &Checked,
+    logs: &Logs,
+    notes: &mut Vec<String>,
+    progress: &dyn Progress,
+) -> Result<(), Error> {
+    let uneven = |fault: Fault| matches!(fault, Fault::Jitter | Fault::Bursts | Fault::Dropped);
+    let Some(finding) = checked.findings.iter().find(|finding| uneven(finding.fault)) else { return Ok(()) };
+    if recipe.time.rate.is_some() || recipe.time.base.is_some() || recipe.time.dt.is_some() {
+        return Ok(());
+    }
+    let dataset = Dataset::for_columns(recipe, None, logs, progress)?;
+    let (rows, nanoseconds) = dataset
+        .episodes()
+        .iter()
+        .fold((0usize, 0i64), |(rows, span), own| (rows + own.rows.saturating_sub(1), span + (own.end - own.start)));
+    if rows == 0 || nanoseconds <= 0 {
+        return Ok(());
+    }
+    let mean = rows as f64 / (nanoseconds as f64 * 1e-9);
+    // Of missing rows the mean rate is too low, of bursts the median period tells nothing.
+    let rate = match finding.fault {
+        Fault::Bursts => mean,
+        _ if checked.period > 0.0 => 1.0 / checked.period,
+        _ => mean,
+    };
+    let rate = three_digits(rate);
+    recipe.time.rate = Some(rate);
+    notes.push(format!("{}: rows are made at {rate} Hz; --rate chooses another", finding.what));
+    Ok(())
+}
+
+/// A number rounded to three digits.
+fn three_digits(value: f64) -> f64 {
+    let scale = 10f64.powi(2 - value.log10().floor() as i32);
+    (value * scale).round() / scale
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rates_are_round() {
+        assert_eq!([99.97, 0.012_345, 1234.5].map(three_digits), [100.0, 0.0123, 1230.0]);
+    }
+}

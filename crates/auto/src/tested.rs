@@ -1,0 +1,103 @@
+//! Errors of a chosen model on the rows that neither fits nor the choice saw.
+
+use fleetfoot_data::{Progress, Source};
+use fleetfoot_dataset::{Logs, Part};
+use fleetfoot_dynamics::{Estimate, Starts, student_t_95};
+use fleetfoot_fit::{Error, against_persistence, simulation_options};
+use fleetfoot_model::Model;
+use fleetfoot_recipe::Recipe;
+use fleetfoot_run::{opened_to_roll, roll_rows};
+
+use crate::horizon::HorizonChoice;
+
+/// Simulations of the test at most, and the parts of it whose errors give the intervals.
+const STARTS: usize = 200;
+const PARTS: usize = 10;
+
+/// Simulations of the test rows.
+pub(crate) struct Simulated {
+    pub(crate) states: Vec<String>,
+    /// Of every part, state by state: squared errors, mean over the part's simulations and steps.
+    model: Vec<Vec<f64>>,
+    persistence: Vec<Vec<f64>>,
+    /// Simulations that left the training range.
+    pub(crate) outside: usize,
+    /// Simulations that diverged.
+    pub(crate) ended: usize,
+    pub(crate) starts: usize,
+}
+
+/// Simulates a model on the test rows of logs. Starts are the same for all models.
+///
+/// # Errors
+/// Those of opening and simulating.
+pub(crate) fn simulated(
+    model: &Model,
+    changes: &Recipe,
+    logs: &Logs,
+    horizon: &HorizonChoice,
+    progress: &dyn Progress,
+) -> Result<Simulated, Error> {
+    let (model, dataset) = opened_to_roll(model, changes, &logs.only(Part::Test), None, progress)?;
+    let view = dataset.view()?;
+    // A test that is a little shorter than the folds is simulated as far as it reaches.
+    let longest = view.episodes().iter().map(|episode| episode.rows).max().unwrap_or(0);
+    let steps = horizon.steps.min(longest.saturating_sub(horizon.before + 2)).max(1);
+    let starts = Starts::Even(STARTS).choose(&view, steps, horizon.before, steps + 1)?;
+    let options = simulation_options(steps);
+    let mut found =
+        Simulated { states: Vec::new(), model: Vec::new(), persistence: Vec::new(), outside: 0, ended: 0, starts: 0 };
+    for part in starts.chunks(starts.len().div_ceil(PARTS)) {
+        let rolled = roll_rows(&model, &dataset, &Starts::At(part.to_vec()), &options, None, progress)?.rollouts;
+        let (own, still) = against_persistence(&rolled.horizon);
+        let squares = |errors: Vec<f64>| errors.into_iter().map(|error| error * error).collect::<Vec<f64>>();
+        found.model.push(squares(own));
+        found.persistence.push(squares(still));
+        found.states.clone_from(&rolled.horizon.states);
+        found.outside += rolled.left_domain();
+        found.ended += rolled.diverged() + rolled.without_region();
+        found.starts += rolled.outcomes.len();
+    }
+    Ok(found)
+}
+
+impl Simulated {
+    /// Root of the mean squared error of a state, with its 95 % interval over the parts of the test.
+    pub(crate) fn rmse(&self, state: usize) -> Estimate {
+        root(self.model.iter().map(|part| part[state]))
+    }
+
+    /// The same of persistence.
+    pub(crate) fn persistence(&self, state: usize) -> Estimate {
+        root(self.persistence.iter().map(|part| part[state]))
+    }
+}
+
+/// The root of a mean, with its interval on a logarithmic scale: no end of it is negative.
+fn root(squares: impl Iterator<Item = f64>) -> Estimate {
+    let squares: Vec<f64> = squares.filter(|value| value.is_finite()).collect();
+    let count = squares.len() as f64;
+    let mean = squares.iter().sum::<f64>() / count;
+    let value = mean.sqrt();
+    if squares.len() < 2 || mean == 0.0 {
+        return Estimate { value, low: f64::NAN, high: f64::NAN };
+    }
+    let variance = squares.iter().map(|square| (square - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    // Of the logarithm of the root: half of that of the mean.
+    let half = 0.5 * student_t_95(squares.len() - 1) * (variance / count).sqrt() / mean;
+    Estimate { value, low: value * (-half).exp(), high: value * half.exp() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn intervals_of_roots_are_positive() {
+        let found = root([1.0, 4.0, 100.0].into_iter());
+        assert!((found.value - 35.0f64.sqrt()).abs() < 1e-12 && found.low > 0.0 && found.high > found.value);
+        assert!(root([4.0].into_iter()).low.is_nan());
+        let same = root([4.0; 5].into_iter());
+        assert_eq!((same.value, same.low, same.high), (2.0, 2.0, 2.0));
+    }
+}

@@ -1,0 +1,35 @@
+//! Arguments of `auto`.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use fleetfoot::AutoSection;
+
+use super::RecipeArgs;
+
+/// Languages that a result can be written in beside the model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum AutoExport {
+    /// C99, in the folder `c`.
+    C,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Auto {
+    /// Files, globs or folders.
+    #[arg(required = true, value_name = "DATA")]
+    pub(crate) data: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) recipe: RecipeArgs,
+    #[command(flatten)]
+    pub(crate) auto: AutoSection,
+    /// Write the model in another language, too.
+    #[arg(long, value_enum, value_name = "LANGUAGE")]
+    pub(crate) export: Option<AutoExport>,
+    /// The folder to write: model.json, recipe.toml, report.html, auto.json.
+    #[arg(short, long, value_name = "DIR", default_value = "model")]
+    pub(crate) output: PathBuf,
+    /// Replace the folder of an earlier result.
+    #[arg(long)]
+    pub(crate) force: bool,
+}

@@ -1,0 +1,117 @@
+//! Simulations of the rows that every fold keeps back, by models that were fitted to the other folds: what models of different methods are compared by.
+
+use fleetfoot_data::{Progress, Silent, Source};
+use fleetfoot_dynamics::{Baseline, Horizon, Method as Integration, RolloutOptions, Starts};
+use fleetfoot_model::Model;
+
+use crate::{
+    error::Error,
+    folds::smoothed_rows,
+    method::{Data, Method},
+    rollout_choice::{HeldOut, RolloutRule},
+};
+
+/// How models are simulated on rows that did not train them. Simulations begin at the same rows for all models of the same recording.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Simulations {
+    /// Folds, steps, and the most simulations of a fold.
+    pub rule: RolloutRule,
+    /// Rows in front of every start: a model that looks further back cannot be compared.
+    pub before: usize,
+}
+
+/// Errors of the simulations of one fold.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SimulatedFold {
+    /// The states.
+    pub states: Vec<String>,
+    /// Root of the mean squared error over all steps, by state; a simulation that ended early stays at its last good state.
+    pub model: Vec<f64>,
+    /// The same of persistence.
+    pub persistence: Vec<f64>,
+    /// Simulations that ended early.
+    pub ended: usize,
+    /// Simulations.
+    pub starts: usize,
+}
+
+impl SimulatedFold {
+    /// Error over that of persistence, mean over the states that move; infinite where a simulation ended early.
+    pub fn error(&self) -> f64 {
+        let ratios = self.model.iter().zip(&self.persistence).filter(|(_, still)| **still > 0.0);
+        let ratios: Vec<f64> = ratios.map(|(model, still)| model / still).collect();
+        if self.ended > 0 || ratios.is_empty() {
+            return f64::INFINITY;
+        }
+        ratios.iter().sum::<f64>() / ratios.len() as f64
+    }
+}
+
+/// Root of the mean over all steps of the squared error, by state; of a table of steps x states.
+pub fn over_steps(rmse: &[f64], states: usize) -> Vec<f64> {
+    let of = |state: usize| {
+        let known = rmse.iter().skip(state).step_by(states).filter(|value| value.is_finite());
+        let (sum, count) = known.fold((0.0, 0.0), |(sum, count), value| (sum + value * value, count + 1.0));
+        (sum / count).sqrt()
+    };
+    (0..states).map(of).collect()
+}
+
+/// Errors of a model and of persistence over a horizon, by state.
+pub fn against_persistence(horizon: &Horizon) -> (Vec<f64>, Vec<f64>) {
+    let states = horizon.states.len();
+    let still = horizon.baselines.iter().find(|(baseline, _)| *baseline == Baseline::Persistence);
+    let still = still.map_or_else(|| vec![f64::NAN; states], |(_, score)| over_steps(&score.rmse, states));
+    (over_steps(&horizon.model.rmse, states), still)
+}
+
+/// How auto simulates: steps of the fourth order, where a model is one of derivatives.
+pub fn simulation_options(horizon: usize) -> RolloutOptions {
+    let mut options = RolloutOptions::new(horizon);
+    options.method = Integration::Rk4;
+    options
+}
+
+/// Rows of the longest span that every one of so many folds keeps back: what a horizon must be shorter than.
+///
+/// # Errors
+/// Too few rows for the folds.
+pub fn fold_room(rows: &dyn Source, folds: usize, smoothed: Option<f64>, step: f64) -> Result<usize, Error> {
+    let rule = RolloutRule { folds, ..RolloutRule::new(1) };
+    Ok(HeldOut::new((rows, smoothed_rows(smoothed, step)), rule, "auto")?.room())
+}
+
+/// The chosen candidate fitted to the training rows of every fold, and simulated on the others.
+pub(crate) fn simulated_folds<M: Method>(
+    method: &M,
+    data: Data<'_, M::Task>,
+    found: &M::Found,
+    wanted: &Simulations,
+    progress: &dyn Progress,
+) -> Result<Vec<SimulatedFold>, Error> {
+    let smoothed = smoothed_rows(data.recipe.time.smoothed, data.step);
+    let held = HeldOut::new((data.rows()?, smoothed), wanted.rule, "auto")?;
+    let mut folds = Vec::with_capacity(wanted.rule.folds);
+    held.each(|train, kept| {
+        let model = method.same_terms(Data { rows: Some(train), kept: None, ..data }, found, progress)?;
+        progress.stage("simulations");
+        folds.push(simulated(&model, kept, wanted)?);
+        Ok(())
+    })?;
+    Ok(folds)
+}
+
+/// Simulates a model on rows that did not train it.
+fn simulated(model: &Model, kept: &dyn Source, wanted: &Simulations) -> Result<SimulatedFold, Error> {
+    let RolloutRule { horizon, starts, .. } = wanted.rule;
+    let starts = Starts::At(Starts::Even(starts).choose(kept, horizon, wanted.before, horizon + 1)?);
+    let found = fleetfoot_dynamics::rollout(model, kept, &starts, &simulation_options(horizon), &Silent)?;
+    let (model, persistence) = against_persistence(&found.horizon);
+    Ok(SimulatedFold {
+        states: found.horizon.states.clone(),
+        model,
+        persistence,
+        ended: found.diverged() + found.without_region(),
+        starts: found.outcomes.len(),
+    })
+}

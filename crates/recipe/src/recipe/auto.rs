@@ -1,0 +1,16 @@
+//! `[auto]`: how far models of all methods are looked for, and over how many steps they are compared.
+
+use super::{bounds::whole, narx::Effort, settings::settings};
+
+settings! {
+    auto, |_, _| {};
+    /// How models are looked for. Every entry is the flag of `auto` of the same name.
+    pub struct AutoSection {
+        /// How many kinds of models are tried: low, normal (also medium) or high (default: normal).
+        #[arg(long, value_enum, value_name = "EFFORT")]
+        pub effort: Effort,
+        /// Steps of the simulations that compare models (default: the correlation time of the states, in rows).
+        #[arg(long, value_name = "STEPS", value_parser = whole::<usize>(1..=1_000_000))]
+        pub horizon: usize,
+    }
+}

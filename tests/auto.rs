@@ -1,0 +1,126 @@
+//! `fleetfoot auto`: from a log to a model, its recipe and its page.
+
+use std::{fmt::Write as _, fs, path::Path};
+
+use crate::runner::*;
+
+/// A cart on a spring that hardens, pushed by a held force: t, x, v, u; rows of 20 ms.
+fn cart(rows: usize, jitter: f64) -> String {
+    let (mut x, mut v, mut u, mut seed) = (0.3f64, 0.0f64, 0.0f64, 7u64);
+    let mut random = || {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+    };
+    let mut text = String::from("t,x,v,u\n");
+    for row in 0..rows {
+        if row % 15 == 0 {
+            u = 4.0 * random();
+        }
+        let t = 0.02 * row as f64 + jitter * random();
+        let _ = writeln!(text, "{t:.6},{:.6},{:.6},{u:.6}", x + 0.002 * random(), v + 0.002 * random());
+        for _ in 0..4 {
+            let pull = 2.0 * u - 1.5 * v - 3.0 * x.sin();
+            x += 0.005 * v;
+            v += 0.005 * pull;
+        }
+    }
+    text
+}
+
+fn json(path: &Path) -> serde_json::Value {
+    serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
+}
+
+#[test]
+fn a_log_gives_a_model_its_page_and_the_recipe_that_finds_it_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    fs::write(path.join("cart.csv"), cart(1200, 0.0)).unwrap();
+    let shown = fleetfoot(path, &["auto", "cart.csv", "--effort", "low", "-o", "model", "--export", "c"]).ok();
+    assert!(shown.out.contains("<- chosen") && shown.out.contains("Record next"), "{}", shown.out);
+    assert!(shown.err.contains("inputs: `u`"), "{}", shown.err);
+    for file in ["model.json", "recipe.toml", "report.html", "auto.json", "c/model.c"] {
+        assert!(path.join("model").join(file).is_file(), "{file}");
+    }
+    let found = json(&path.join("model/auto.json"));
+    assert_eq!(found["sentences"].as_array().unwrap().len(), 5);
+    assert!(found["warning"].is_null(), "{found}");
+    for state in found["tested"].as_array().unwrap() {
+        let number = |key: &str| state[key].as_f64().unwrap();
+        let [rmse, low, high] = [0, 1, 2].map(|at| state["rmse"][at].as_f64().unwrap());
+        assert!(rmse < 0.2 * number("persistence") && rmse < 0.2 * number("mean"), "{state}");
+        assert!(0.0 < low && low < rmse && rmse < high, "{state}");
+    }
+    // A folder that is there is refused, and the recipe gives the same bytes on one thread.
+    fleetfoot(path, &["auto", "cart.csv", "-o", "model"]).fails(&["--force"]);
+    fleetfoot(path, &["auto", "-c", "model/recipe.toml", "cart.csv", "-o", "again", "--threads", "1", "--export", "c"])
+        .ok();
+    for file in ["model.json", "recipe.toml", "report.html", "auto.json", "c/model.c"] {
+        let [first, second] = ["model", "again"].map(|folder| fs::read(path.join(folder).join(file)).unwrap());
+        assert!(first == second, "{file}");
+    }
+    // The printed error of the test is that of the model that is written.
+    let steps = found["horizon"]["steps"].as_u64().unwrap().to_string();
+    let rolled = fleetfoot(
+        path,
+        &[
+            "rollout",
+            "model/model.json",
+            "cart.csv",
+            "--where",
+            "time() > 19.2",
+            "--horizon",
+            &steps,
+            "--starts",
+            "200",
+            "--method",
+            "rk4",
+            "--json",
+        ],
+    )
+    .ok()
+    .json();
+    let rmse = rolled["model"]["rmse"].as_array().expect("errors by step");
+    let last = |state: usize| {
+        rmse.iter().filter_map(|step| step[state].as_f64()).fold((0.0, 0.0), |(s, n), e| (s + e * e, n + 1.0))
+    };
+    let (sum, count) = last(0);
+    let printed = found["tested"][0]["rmse"][0].as_f64().unwrap();
+    assert!(((sum / count).sqrt() / printed - 1.0f64).abs() < 0.3, "{} {printed}", (sum / count).sqrt());
+}
+
+#[test]
+fn stamps_that_jitter_are_made_even_and_the_recipe_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    fs::write(path.join("cart.csv"), cart(1000, 0.015)).unwrap();
+    let shown = fleetfoot(path, &["auto", "cart.csv", "--effort", "low", "--json"]).ok();
+    let found = shown.json();
+    assert!(found["findings"].as_array().unwrap().iter().any(|own| own["fault"] == "jitter"), "{found}");
+    let recipe = fs::read_to_string(path.join("model/recipe.toml")).unwrap();
+    assert!(recipe.contains("rate = 50"), "{recipe}");
+    assert!(found["tested"][0]["rmse"][0].as_f64() < found["tested"][0]["persistence"].as_f64());
+}
+
+#[test]
+fn nothing_is_claimed_of_a_log_of_noise() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let mut text = String::from("t,a,b\n");
+    let mut seed = 3u64;
+    let mut random = || {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+    };
+    for row in 0..600 {
+        let _ = writeln!(text, "{:.2},{:.6},{:.6}", 0.01 * f64::from(row), random(), random());
+    }
+    fs::write(path.join("noise.csv"), text).unwrap();
+    let shown = fleetfoot(path, &["auto", "noise.csv", "--effort", "low"]).ok();
+    assert!(shown.out.starts_with("WARNING: no model beats the mean"), "{}", shown.out);
+    assert!(shown.err.contains("no input was found"), "{}", shown.err);
+    // A log of one column of text has no state.
+    fs::write(path.join("text.csv"), "t,a\n0.0,x\n0.1,y\n0.2,x\n").unwrap();
+    fleetfoot(path, &["auto", "text.csv", "--dt", "0.1", "-o", "other"]).fails(&["--states"]);
+    assert!(!path.join("other").exists());
+}
