@@ -1,7 +1,8 @@
 //! The models that are tried, from cheap to dear: a method and a recipe each.
 
 use fleetfoot_recipe::{
-    AutoSection, Derivative, Effort, GivenAs, Lags, ModelSection, NarxSection, PwaSection, Recipe, Tunable, items,
+    AutoSection, Derivative, Effort, GivenAs, Lags, ModelSection, NarxSection, PwaSection, Recipe, SmoothStates,
+    Tunable, items,
 };
 
 /// The method of a candidate.
@@ -188,6 +189,10 @@ impl List<'_> {
                     recipe.model.degree = (!own_library).then_some(degree);
                     mean_slopes(recipe, over);
                     recipe.sindy.folds.get_or_insert_with(|| "5".into());
+                    // Hundreds of passes over the rows.
+                    if self.effort != Effort::High {
+                        recipe.sindy.smooth_states.get_or_insert(SmoothStates::Off);
+                    }
                 })
             };
             found.push(of(format!("difference equations {what}"), "delta", None));

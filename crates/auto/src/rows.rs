@@ -70,7 +70,12 @@ pub(crate) fn look(recipe: &Recipe, logs: &Logs, progress: &dyn Progress) -> Res
         episodes: view.episodes().len(),
         seconds: stamps.map(|stamp| (stamp - first) as f64 * 1e-9),
     };
-    let split = Split { training: span(&training_view, a), test: span(&test_view, b) };
+    let mut split = Split { training: span(&training_view, a), test: span(&test_view, b) };
+    // Rows that are counted begin at zero in every part.
+    if let Some(dt) = recipe.time.dt {
+        let before = if split.training.episodes == 1 { dt * split.training.rows as f64 } else { 0.0 };
+        split.test.seconds = split.test.seconds.map(|seconds| seconds + before);
+    }
     let (own, other) = (ranges(&training_view)?, ranges(&test_view)?);
     let movements = training_view.columns().iter().zip(own.iter().zip(&other)).map(|(column, (own, other))| Movement {
         name: column.name.clone(),

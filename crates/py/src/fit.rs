@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use fleetfoot::{
-    ControlSection, EstimateSection, FilterSection, FitReport, FitRequest, Fitted, Method, Narx, NarxSection,
-    Parameters, PrepareSection, Pwa, PwaSection, Recipe, ResimulateSection, Settings, Sindy, SindySection, Sparse,
-    SparseSection, log::Cache,
+    AutoSection, ControlSection, EstimateSection, FilterSection, FitReport, FitRequest, Fitted, Method, Narx,
+    NarxSection, Parameters, PrepareSection, Pwa, PwaSection, Recipe, ResimulateSection, Settings, Sindy, SindySection,
+    Sparse, SparseSection, log::Cache,
 };
 use pyo3::prelude::*;
 
@@ -59,6 +59,7 @@ pub(crate) fn settings() -> Vec<(&'static str, Vec<&'static str>)> {
         of::<FilterSection>(),
         of::<PrepareSection>(),
         of::<ResimulateSection>(),
+        of::<AutoSection>(),
     ]
 }
 

@@ -39,6 +39,7 @@ mod statistic;
 // -- tables
 mod arrow;
 mod arrow_column;
+mod auto;
 mod capsule;
 mod check;
 mod generate;
@@ -95,6 +96,8 @@ mod _core {
     use crate::statistic::Statistic;
 
     // -- tables
+    #[pymodule_export]
+    use crate::auto::auto;
     #[pymodule_export]
     use crate::check::check;
     #[pymodule_export]

@@ -45,6 +45,7 @@ from . import plot
 from ._compare import Comparison, compare
 from ._data import Dataset
 from ._data import open as open  # noqa: A004
+from ._auto import Auto, auto
 from ._check import Checked, Finding, check
 from ._prepare import Prepared, prepare
 from ._read import Generated, Table, generate, info, read, read_mcap, robots, world
@@ -107,6 +108,8 @@ __all__ = [
     "Generated",
     "Prepared",
     "Table",
+    "Auto",
+    "auto",
     "check",
     "compare",
     "generate",

@@ -50,7 +50,7 @@ _COMMAND = re.compile(r"`(?:fleetfoot )?(fit \w+|stats \w+|control lqr|info --va
 _FIRST = re.compile(r"^--([a-z][\w-]*) (\S+?):(?= )")
 _TWICE = re.compile(rf"\[(\w+)\] (\w+) = (\S+?) \(--[\w-]+(?: (?:{_VALUE}|[\w.]+))?\)")
 _FLAG = re.compile(rf"(?<![\w/.-])`?--([a-z][\w-]*)(?:[= ]((?:{_VALUE})(?:,(?:{_VALUE}))*(?![\w-])))?`?")
-_ENTRY = re.compile(r"\[(?:pwa|sindy|sparse|narx|estimate|control|filter|model|time|library|prepare|resimulate)\] (\w+)( = )?")
+_ENTRY = re.compile(r"\[(?:pwa|sindy|sparse|narx|estimate|control|filter|model|time|library|prepare|resimulate|auto)\] (\w+)( = )?")
 _NAMED = re.compile(r"(^|[;:(] )\[(states|inputs|latents|tasks|parameters)\] (\w+)")
 _SECTION = re.compile(
     r"\[(states|inputs|latents|tasks|parameters|columns|library|model|sindy|sparse|pwa|narx|estimate|time)\](?! ?=)"

@@ -1,0 +1,164 @@
+"""From a log to a model: what the command ``auto`` does, from Python."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from . import _core, _recipe
+from ._data import open as open_data
+from ._model import Model
+from ._progress import Progress, reporting
+from ._warnings import of_python, warn
+
+
+@dataclass(frozen=True)
+class Auto:
+    """What :func:`auto` found.
+
+    Attributes
+    ----------
+    model : Model
+        The chosen model.
+    linear : Model or None
+        The linear model, where it is another one.
+    sentences : list of str
+        What was fitted, how good it is, from when to when, what is weak, what to record next.
+    warning : str or None
+        Said where the model is no better than persistence, the mean or the linear model.
+    recipe : str
+        The recipe (TOML) that gives the same result again.
+    chosen : str
+        The name of the chosen candidate.
+    candidates : list of dict
+        All candidates: ``name``, ``method``, ``coefficients``, ``error`` (over that of persistence, on held-out folds),
+        ``standard_error``, ``folds``, ``reason``.
+    tested : list of dict
+        For each state the errors on the test rows: ``rmse`` (value, low, high), ``linear``, ``persistence``, ``mean``.
+    horizon : dict
+        ``steps`` and ``seconds`` of the simulations.
+    split : dict
+        ``training`` and ``test``: ``rows``, ``episodes``, ``seconds``.
+    findings : list of dict
+        What :func:`check` finds.
+    outside, diverged : float
+        Shares of the simulations of the test that leave the training range, and that diverge.
+    notes : list of str
+        What was assumed: the columns that became states and inputs, those that were left out.
+    """
+
+    model: Model
+    linear: Model | None
+    sentences: list[str]
+    warning: str | None
+    recipe: str = field(repr=False)
+    chosen: str
+    candidates: list[dict[str, Any]] = field(repr=False)
+    tested: list[dict[str, Any]]
+    horizon: dict[str, Any]
+    split: dict[str, Any]
+    findings: list[dict[str, Any]]
+    outside: float
+    diverged: float
+    notes: list[str]
+
+    def __str__(self) -> str:
+        first = [f"WARNING: {self.warning}"] if self.warning else []
+        return "\n".join([*first, *self.sentences, *(f"note: {note}" for note in self.notes)])
+
+    __repr__ = __str__
+
+
+def auto(
+    data: Any,
+    *,
+    recipe: Any = None,
+    states: Sequence[str] | None = None,
+    inputs: Sequence[str] | None = None,
+    effort: str | None = None,
+    horizon: int | None = None,
+    output: str | os.PathLike[str] | None = None,
+    force: bool = False,
+    export_c: bool = False,
+    progress: Progress = None,
+) -> Auto:
+    """Find a model of logs: draft the recipe, try all methods, choose by simulations of held-out rows.
+
+    The last fifth of every episode (of five episodes and more every fifth one) is kept back for the test, whose errors
+    stand in ``tested``.
+
+    Parameters
+    ----------
+    data : path, list of paths, DataFrame or Dataset
+        The logs.
+    recipe : path, str or dict, optional
+        What is known of them; what it lacks is drafted by names and motion of the columns.
+    states, inputs : list of str, optional
+        Columns that the model advances, and that drive it.
+    effort : {"low", "normal", "high"}, optional
+        How many kinds of models are tried; ``"normal"`` by default.
+    horizon : int, optional
+        Steps of the simulations; by default the correlation time of the states.
+    output : path, optional
+        A folder for model, recipe and page; it must not be there, unless ``force``.
+    force : bool, optional
+        Replace the folder of an earlier result.
+    export_c : bool, optional
+        Write the model as C into ``output``, too.
+    progress : bool or callable, optional
+        ``True`` for a bar of tqdm, or a function of (stage, done, total).
+
+    Returns
+    -------
+    Auto
+
+    Raises
+    ------
+    DataError
+        Logs that cannot be read, or are too short.
+
+    Examples
+    --------
+    >>> import numpy as np, fleetfoot as ff
+    >>> t = np.arange(900) * 0.05
+    >>> u = np.sign(np.sin(0.9 * t) + np.sin(2.3 * t))
+    >>> v = np.zeros(900)
+    >>> for k in range(899):
+    ...     v[k + 1] = 0.9 * v[k] + 0.2 * u[k]
+    >>> found = ff.auto(ff.open({"t": t, "v": v, "u": u}, t="t"), effort="low")
+    >>> state = found.tested[0]
+    >>> bool(state["rmse"][0] < 0.01 * state["persistence"])
+    True
+    """
+    dataset = open_data(data, recipe=recipe)
+    own = _recipe.of_toml(dataset.recipe)
+    for name in states or ():
+        own.setdefault("states", {}).setdefault(name, {})
+    for name in inputs or ():
+        own.setdefault("inputs", {}).setdefault(name, {})
+    said = _recipe.said(effort=effort, horizon=horizon)
+    own = _recipe.say({"auto": said} if said else {}, own)
+    with reporting(progress) as callback:
+        model, linear, told, text = _core.auto(
+            dataset._core,
+            _recipe.to_json(own),
+            None if output is None else os.fspath(output),
+            force,
+            export_c,
+            callback,
+        )
+    if told["warning"]:
+        warn(told["warning"])
+    names = ("sentences", "warning", "chosen", "candidates", "tested", "horizon", "split", "findings", "outside", "diverged")
+    return Auto(
+        notes=[of_python(note) for note in told["notes"]],
+        model=Model(model),
+        linear=None if linear is None else Model(linear),
+        recipe=text,
+        **{name: told[name] for name in names},
+    )
+
+
+__all__ = ["Auto", "auto"]

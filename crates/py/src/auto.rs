@@ -1,0 +1,40 @@
+//! From a log to a model.
+
+use std::path::PathBuf;
+
+use fleetfoot::AutoOutput;
+use pyo3::prelude::*;
+
+use crate::{data::Data, model::Model, object::object, recipe::of_json, run::run};
+
+/// The model, the linear model where it is another one, what is told of them, and the recipe as TOML.
+type Found<'py> = (Model, Option<Model>, Bound<'py, PyAny>, String);
+
+/// Finds a model of recordings; writes the folder of the result where one is given.
+#[pyfunction]
+#[pyo3(signature = (data, recipe_text, folder=None, force=false, c=false, progress=None))]
+pub(crate) fn auto<'py>(
+    py: Python<'py>,
+    data: &Data,
+    recipe_text: &str,
+    folder: Option<PathBuf>,
+    force: bool,
+    c: bool,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Found<'py>> {
+    let recipe = of_json(recipe_text)?;
+    let output = folder.map(|folder| AutoOutput { folder, force, c });
+    let found = run(py, progress, |progress| {
+        if let Some(output) = &output {
+            output.check(&data.logs.files())?;
+        }
+        let found = fleetfoot::auto(&recipe, &data.logs, progress)?;
+        if let Some(output) = &output {
+            found.write(output, &data.logs, progress)?;
+        }
+        Ok(found)
+    })?;
+    let told = object(py, &found.to_json())?;
+    let linear = found.linear.map(Model::new).transpose()?;
+    Ok((Model::new(found.model)?, linear, told, found.recipe.to_toml()))
+}
