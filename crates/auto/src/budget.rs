@@ -62,10 +62,10 @@ fn operations(trial: &Trial, rows: &Rows, logs: &Logs) -> f64 {
         Kind::Pwa => {
             let partition = trial.recipe.model.partition.as_deref().unwrap_or_default();
             let lags = trial.recipe.model.lags.into_iter().flat_map(Lags::steps).count();
-            let regressors = rows.columns * (lags + 1);
+            let (regressors, training) = (rows.columns * (lags + 1), rows.training / trial.every);
             match partition.starts_with("refined") || partition.starts_with("tree") {
-                true => OF_REGIONS * (rows.training * regressors) as f64,
-                false => (rows.training * regressors * regressors) as f64,
+                true => OF_REGIONS * (training * regressors) as f64,
+                false => (training * regressors * regressors) as f64,
             }
         }
     }

@@ -20,6 +20,8 @@ pub(crate) struct Trial {
     pub(crate) name: String,
     pub(crate) kind: Kind,
     pub(crate) recipe: Recipe,
+    /// Rows of which it sees one.
+    pub(crate) every: usize,
 }
 
 /// The name of the candidate whose states stay at their mean.
@@ -40,6 +42,10 @@ pub(crate) struct Rows {
     pub(crate) before: usize,
     /// Whether the rows have a clock.
     pub(crate) clock: bool,
+    /// Rows a second, where they can be made anew; `None` where they cannot.
+    pub(crate) rate: Option<f64>,
+    /// Rows of the shortest of the longest held-out parts.
+    pub(crate) room: usize,
     /// Steps of the simulations.
     pub(crate) horizon: usize,
     /// How many kinds of models are tried.
@@ -57,7 +63,8 @@ fn most_functions(effort: Effort) -> usize {
 
 /// The list of what is tried.
 pub(crate) fn candidates(recipe: &Recipe, rows: &Rows) -> Vec<Trial> {
-    let list = List { base: &bare(recipe), rows: *rows, effort: rows.effort };
+    let base = bare(recipe);
+    let list = List { base: &base, rows: *rows, effort: rows.effort, every: 1 };
     let mut found = vec![list.pwa(MEAN, "next", "null", 0, None), list.pwa(DRIFT, "delta", "null", 0, None)];
     found.push(list.pwa(LINEAR, "delta", "average", 0, None));
     found.extend(list.known(recipe));
@@ -65,7 +72,32 @@ pub(crate) fn candidates(recipe: &Recipe, rows: &Rows) -> Vec<Trial> {
     found.extend(list.regions());
     found.extend(list.equations());
     found.extend(list.autoregressions());
+    for (every, rate) in steps(rows) {
+        let mut base = base.clone();
+        base.time.rate = Some(rate);
+        let rows = Rows {
+            training: rows.training / every,
+            horizon: rows.horizon / every,
+            before: rows.before.min(rows.room / every / 4),
+            ..*rows
+        };
+        found.extend(List { base: &base, rows, effort: rows.effort, every }.at_longer_steps());
+    }
     found
+}
+
+/// Steps of simulations that a longer step leaves, at least: of the finer and of the coarser one that are tried.
+const FINER: usize = 40;
+const COARSER: usize = 15;
+
+/// Longer steps: rows of which one is seen, and rows a second. Where neighbouring rows are nearly the same, a model of one row after the other learns little but noise.
+fn steps(rows: &Rows) -> Vec<(usize, f64)> {
+    let Some(rate) = rows.rate else { return Vec::new() };
+    let longest = |left: usize| [20, 10, 5, 2].into_iter().find(|every| rows.horizon / every >= left);
+    let wanted: &[usize] = if rows.effort == Effort::Low { &[FINER] } else { &[FINER, COARSER] };
+    let mut found: Vec<usize> = wanted.iter().filter_map(|&left| longest(left)).collect();
+    found.dedup();
+    found.into_iter().map(|every| (every, rate / every as f64)).collect()
 }
 
 /// The recipe without what candidates say: the model's structure and the sections of methods keep what a candidate does not set.
@@ -81,13 +113,18 @@ struct List<'a> {
     base: &'a Recipe,
     rows: Rows,
     effort: Effort,
+    every: usize,
 }
 
 impl List<'_> {
     fn trial(&self, name: impl Into<String>, kind: Kind, change: impl FnOnce(&mut Recipe)) -> Trial {
         let mut recipe = self.base.clone();
         change(&mut recipe);
-        Trial { name: name.into(), kind, recipe }
+        let name = match self.every {
+            1 => name.into(),
+            every => format!("every {every} rows: {}", name.into()),
+        };
+        Trial { name, kind, recipe, every: self.every }
     }
 
     fn pwa(&self, name: impl Into<String>, predict: &str, partition: &str, lags: u32, over: Option<u32>) -> Trial {
@@ -236,6 +273,19 @@ impl List<'_> {
         found
     }
 
+    /// What is tried at a longer step.
+    fn at_longer_steps(&self) -> Vec<Trial> {
+        let mut found = vec![self.pwa(LINEAR, "delta", "average", 0, None)];
+        let lagged = |lags: u32| self.pwa(format!("linear, {lags} lags"), "delta", "average", lags, None);
+        found.extend(self.lags().into_iter().filter(|lags| *lags != 1).map(lagged));
+        if self.effort != Effort::Low {
+            found.extend(self.regions().into_iter().filter(|own| !own.name.contains("derivative")));
+        }
+        found.extend(self.equations().into_iter().filter(|own| !own.name.contains("over")));
+        found.extend(self.autoregressions());
+        found
+    }
+
     /// Physics that the recipe gives, and the model that its sections describe.
     fn known(&self, recipe: &Recipe) -> Vec<Trial> {
         let mut found = Vec::new();
@@ -275,8 +325,16 @@ mod tests {
         candidates(&recipe, &rows).into_iter().map(|own| own.name).collect()
     }
 
-    const ROWS: Rows =
-        Rows { training: 10_000, columns: 3, before: 20, clock: true, horizon: 40, effort: Effort::Normal };
+    const ROWS: Rows = Rows {
+        training: 10_000,
+        columns: 3,
+        before: 20,
+        clock: true,
+        rate: None,
+        room: 200,
+        horizon: 40,
+        effort: Effort::Normal,
+    };
 
     #[test]
     fn what_is_tried_follows_from_rows_and_effort() {
@@ -293,6 +351,15 @@ mod tests {
         assert!(few.iter().all(|name| !name.contains("10 lags")), "{few:?}");
         let known = names("[states]\nx = { equation = \"a*x\" }\n[parameters]\na = { initial = 1.0 }\n", ROWS);
         assert!(known.iter().any(|own| own.starts_with("parameters")) && !known.iter().any(|own| own.contains("auto")));
+    }
+
+    #[test]
+    fn longer_steps_are_tried_where_states_remember_long() {
+        let of = |horizon: usize, effort| steps(&Rows { rate: Some(100.0), horizon, effort, ..ROWS });
+        assert_eq!(of(500, Effort::Normal), [(10, 10.0), (20, 5.0)]);
+        assert_eq!((of(100, Effort::Low), of(29, Effort::Normal)), (vec![(2, 50.0)], Vec::new()));
+        let all = names("[states]\nx = {}\n", Rows { rate: Some(100.0), horizon: 500, room: 2000, ..ROWS });
+        assert!(all.iter().any(|own| own == "every 10 rows: equations of degree 2"), "{all:?}");
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use fleetfoot_data::{Halo, Source};
 use fleetfoot_dataset::Error;
+use fleetfoot_fit::{RolloutRule, Simulations};
 use fleetfoot_stats::Autocorrelation;
 use serde::Serialize;
 
@@ -26,9 +27,23 @@ pub struct HorizonChoice {
     pub correlation: usize,
     /// Rows in front of every simulation.
     pub before: usize,
+    /// Rows of the longest held-out part of a fold.
+    #[serde(skip)]
+    pub(crate) room: usize,
 }
 
 impl HorizonChoice {
+    /// The same time in steps of so many rows.
+    pub(crate) fn at_every(&self, every: usize) -> Self {
+        Self { steps: (self.steps / every).max(1), before: self.before.min(self.room / every / 4), ..*self }
+    }
+
+    /// Simulations of the folds, for a model that sees one of so many rows.
+    pub(crate) fn simulations(&self, every: usize) -> Simulations {
+        let own = self.at_every(every);
+        Simulations { rule: RolloutRule::new(own.steps), before: own.before }
+    }
+
     /// The horizon of rows, whose states are these columns; no longer than held-out spans of `room` rows allow. `None`: they are too short for any.
     ///
     /// # Errors
@@ -46,7 +61,7 @@ impl HorizonChoice {
             return Ok(None);
         }
         let steps = given.unwrap_or(correlation.clamp(LEAST, MOST)).min(most);
-        Ok(Some(Self { steps, seconds: steps as f64 * step, correlation, before }))
+        Ok(Some(Self { steps, seconds: steps as f64 * step, correlation, before, room }))
     }
 }
 

@@ -20,7 +20,7 @@ use fleetfoot_check::{Checked, check};
 use fleetfoot_data::{Cancelled, Progress, Silent, Source, unstoppable};
 use fleetfoot_dataset::{Dataset, Logs, Part};
 use fleetfoot_dynamics::Estimate;
-use fleetfoot_fit::{Error, RolloutRule, Simulations, fold_room, is_known};
+use fleetfoot_fit::{Error, RolloutRule, fold_room, is_known};
 use fleetfoot_model::Model;
 use fleetfoot_recipe::{Kind, Recipe};
 use ranking::Ranking;
@@ -91,6 +91,8 @@ pub struct Auto {
     pub notes: Vec<String>,
     /// The user stopped the work: the candidates are those that were done.
     pub stopped: bool,
+    /// Rows of which the model sees one.
+    every: usize,
     /// What the fit of the chosen model says of itself.
     fit: Value,
 }
@@ -154,10 +156,8 @@ impl Search<'_> {
     fn run(self, progress: &dyn Progress) -> Result<Auto, Error> {
         let Self { recipe, logs, .. } = self;
         let (horizon, rows) = self.horizon(progress)?;
-        let rule = RolloutRule::new(horizon.steps);
         let trials = candidates::candidates(recipe, &rows);
-        let simulations = Simulations { rule, before: horizon.before };
-        let ranking = Ranking::new((&trials, &rows), logs, &simulations, progress);
+        let ranking = Ranking::new((&trials, &rows), logs, &horizon, progress);
         match ranking.stopped {
             true if ranking.candidates.is_empty() => Err(Cancelled.into()),
             // What is done is tested and kept, whether the user waits or not.
@@ -190,11 +190,15 @@ impl Search<'_> {
         })?;
         let angles = states.iter().filter(|(_, angle)| *angle).count();
         let columns = view.columns().len() + angles;
+        let time = &self.recipe.time;
         let rows = Rows {
             training: view.rows(),
             columns,
             before: horizon.before,
             clock: dataset.step() > 0.0,
+            rate: (dataset.step() > 0.0 && time.dt.is_none() && time.base.is_none())
+                .then(|| time.rate.unwrap_or(1.0 / dataset.step())),
+            room,
             horizon: horizon.steps,
             effort: self.recipe.auto.effort.unwrap_or_default(),
         };
@@ -209,12 +213,12 @@ impl Search<'_> {
         let (linear, mean) = (place(LINEAR), place(MEAN));
         let changes = Recipe { cache: self.recipe.cache.clone(), ..Recipe::default() };
         let test = |at: Option<usize>| {
-            let model = &ranking.tried[at?].as_ref()?.model;
-            tested::simulated(model, &changes, self.logs, &horizon, progress).ok()
+            let own = ranking.tried[at?].as_ref()?;
+            tested::simulated(&own.model, &changes, self.logs, &horizon.at_every(own.every), progress).ok()
         };
         progress.stage("test");
         let Some(own) = &ranking.tried[chosen] else { return Err(without(&ranking)) };
-        let simulated = tested::simulated(&own.model, &changes, self.logs, &horizon, progress)?;
+        let simulated = tested::simulated(&own.model, &changes, self.logs, &horizon.at_every(own.every), progress)?;
         let (beside_linear, beside_mean) = (test(linear), test(mean));
         let of = |other: &Option<tested::Simulated>, state: &String| {
             let other = other.as_ref()?;
@@ -253,6 +257,7 @@ impl Search<'_> {
             sentences: Vec::new(),
             notes: self.notes,
             stopped: ranking.stopped,
+            every: own.every,
             fit: own.report,
         };
         let inputs: Vec<String> = self.recipe.inputs.keys().cloned().collect();

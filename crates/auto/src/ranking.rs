@@ -11,6 +11,7 @@ use serde::Serialize;
 use crate::{
     budget::Budget,
     candidates::{DRIFT, Kind, MEAN, Rows, Trial},
+    horizon::HorizonChoice,
 };
 
 /// A candidate and what it is worth on rows that did not train it.
@@ -38,6 +39,8 @@ pub struct Candidate {
 /// What is kept of a candidate that could be fitted.
 pub(crate) struct Tried {
     pub(crate) model: Model,
+    /// Rows of which it sees one.
+    pub(crate) every: usize,
     /// What the fit says of itself.
     pub(crate) report: serde_json::Value,
 }
@@ -54,7 +57,7 @@ impl Ranking {
     pub(crate) fn new(
         (trials, rows): (&[Trial], &Rows),
         logs: &Logs,
-        simulations: &Simulations,
+        horizon: &HorizonChoice,
         progress: &dyn Progress,
     ) -> Self {
         let training = logs.only(Part::Training);
@@ -67,7 +70,7 @@ impl Ranking {
                 continue;
             }
             let stages = Stages::new(progress, format!("{} ({} of {})", trial.name, at + 1, trials.len()));
-            let result = until_stopped(|| fitted(trial, &training, simulations, &stages));
+            let result = until_stopped(|| fitted(trial, &training, &horizon.simulations(trial.every), &stages));
             match result {
                 Err(_) => found.stopped = true,
                 Ok(Err(Error::Cancelled(_))) => found.stopped = true,
@@ -172,7 +175,7 @@ fn of<M: Method>(
     let (fitted, folds) = fit_and_simulate::<M>(&trial.recipe, &FitRequest::default(), logs, simulations, progress)?;
     let mut report = fitted.report.to_json();
     report["hash"] = fitted.model.hash().into();
-    Ok((Tried { model: fitted.model, report }, folds))
+    Ok((Tried { model: fitted.model, every: trial.every, report }, folds))
 }
 
 impl Kind {

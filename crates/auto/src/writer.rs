@@ -121,10 +121,12 @@ impl Auto {
     /// The page of the model and the linear one on the test rows.
     fn page(&self, logs: &Logs, progress: &dyn Progress) -> Result<fleetfoot_page::Report, Error> {
         let mut models = vec![("model".to_owned(), self.model.clone())];
-        models.extend(self.linear.iter().map(|linear| ("linear".to_owned(), linear.clone())));
+        // A model of longer steps has rows of its own.
+        models
+            .extend(self.linear.iter().filter(|_| self.every == 1).map(|linear| ("linear".to_owned(), linear.clone())));
         let mut options = ReportOptions::default();
         (options.title, options.horizon, options.starts) =
-            (Some("A model by fleetfoot auto".into()), Some(self.horizon.steps), 200);
+            (Some("A model by fleetfoot auto".into()), Some(self.horizon.at_every(self.every).steps), 200);
         options.fits = vec![self.fit.clone()];
         let changes = Recipe { cache: self.recipe.cache.clone(), ..Recipe::default() };
         report(&models, &changes, logs.only(Part::Test), &options, progress)

@@ -69,6 +69,8 @@ pub fn against_persistence(horizon: &Horizon) -> (Vec<f64>, Vec<f64>) {
 pub fn simulation_options(horizon: usize) -> RolloutOptions {
     let mut options = RolloutOptions::new(horizon);
     options.method = Integration::Rk4;
+    // A large error counts as one; what has no number any more has diverged.
+    options.divergence = 1e6;
     options
 }
 
