@@ -435,7 +435,7 @@ pub(crate) struct Rollout {
     #[arg(long, value_name = "N", default_value = "1000")]
     pub(crate) starts: std::num::NonZeroUsize,
     /// How derivatives are integrated.
-    #[arg(long, value_enum, default_value = "euler")]
+    #[arg(long, value_enum, default_value = "rk4")]
     pub(crate) method: Method,
     /// What becomes of a trajectory where a regressor is outside the range that its region saw in training.
     #[arg(long, value_enum, default_value = "tell")]

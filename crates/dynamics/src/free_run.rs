@@ -38,7 +38,7 @@ pub struct FreeRunOptions {
 }
 
 impl Default for FreeRunOptions {
-    /// Whole episodes, Euler steps of the episode's median period, divergence at 1,000 standard deviations, trajectories not kept.
+    /// Whole episodes, Runge-Kutta steps of the episode's median period, divergence at 1,000 standard deviations, trajectories not kept.
     fn default() -> Self {
         let RolloutOptions { method, step, divergence, keep, .. } = RolloutOptions::new(1);
         Self { horizon: None, first: 0, method, step, divergence, keep }

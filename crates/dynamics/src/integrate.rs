@@ -12,10 +12,10 @@ use crate::angle::wrap;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Method {
     /// `x + h f(x)`: what the paper's simulations use.
-    #[default]
     Euler,
-    /// The classical fourth-order Runge-Kutta method. Within a step the region follows the stage, lagged columns
+    /// The classical fourth-order Runge-Kutta method, as exported code has it. Within a step the region follows the stage, lagged columns
     /// and recorded columns are held, and `time()` moves with the stage.
+    #[default]
     Rk4,
 }
 

@@ -36,9 +36,9 @@ pub enum Outside {
 }
 
 impl RolloutOptions {
-    /// Euler steps of the episode's median period, divergence at 1,000 standard deviations, leaving the training domain told, trajectories not kept.
+    /// Runge-Kutta steps of the episode's median period, divergence at 1,000 standard deviations, leaving the training domain told, trajectories not kept.
     pub fn new(horizon: usize) -> Self {
-        let (method, step, outside) = (Method::Euler, Step::Median, Outside::Tell);
+        let (method, step, outside) = (Method::Rk4, Step::Median, Outside::Tell);
         Self { horizon, method, step, divergence: 1e3, outside, position: Vec::new(), keep: false }
     }
 

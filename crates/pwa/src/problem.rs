@@ -74,7 +74,7 @@ impl Default for Options {
             purge: None,
             smoothed: 0,
             selection: Selection::CrossValidation,
-            shrinkage: Shrinkage::Rows(0.0),
+            shrinkage: Shrinkage::Auto,
             stability: None,
             ports: Vec::new(),
             unseen: UnseenLabel::Refuse,
@@ -118,6 +118,7 @@ pub enum Selection {
 pub enum Shrinkage {
     /// As if each region had seen this many more rows of standardised regressors that obey the one-region model.
     Rows(f64),
-    /// Chosen by cross-validation, one value for all regions of a partition.
+    /// That of the least held-out losses (the mean of their logarithms over the folds), one value for all regions of a partition; of losses within a thousandth the
+    /// smaller pull. None without folds.
     Auto,
 }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use fleetfoot_data::parallel_all;
 use fleetfoot_stats::{BatchMeans, Gram, Preconditioner, SquareRoot, Stats, bic};
 
 use crate::{
@@ -15,6 +16,8 @@ use crate::{
 
 /// Shrinkage in rows that [`Shrinkage::Auto`] tries.
 const SHRINKAGE_GRID: [f64; 7] = [0.0, 1.0, 10.0, 100.0, 1e3, 1e4, 1e5];
+/// Pulls whose held-out losses differ by a smaller share count as equal: the smaller one is taken.
+const SAME: f64 = 1e-3;
 
 /// Losses up to this differ by what rounding leaves of sums of squares.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
@@ -126,21 +129,22 @@ pub(crate) fn evaluate(
             Ok(base.map(set))
         };
         let sets: Vec<Set<'_>> = (0..folds).filter_map(|fold| of(fold).transpose()).collect::<Result<_, Error>>()?;
-        let grid: Vec<f64> = match shrinkage {
-            Shrinkage::Rows(rows) => vec![rows],
-            Shrinkage::Auto if folds == 0 => vec![0.0],
-            Shrinkage::Auto => SHRINKAGE_GRID.to_vec(),
+        let one_map = matches!(candidate.specification, Specification::Null | Specification::Average);
+        let grid: &[f64] = match &shrinkage {
+            Shrinkage::Rows(rows) => std::slice::from_ref(rows),
+            Shrinkage::Auto if folds == 0 || one_map => &[0.0],
+            Shrinkage::Auto => &SHRINKAGE_GRID,
         };
-        let mut best: Option<Order> = None;
-        for shrinkage in grid {
-            let maps =
-                |set: &Set<'_>| fitted(candidate, Some(set.fold), set.count, set.base, &set.training, shrinkage).models;
-            let order = held_out(&sets, folds, &variance, shrinkage, maps);
-            if best.as_ref().is_none_or(|best| order.loss < best.loss) {
-                best = Some(order);
-            }
-        }
-        let mut order = best.unwrap_or_else(|| Order::of_folds(0.0, &[], &variance, Vec::new()));
+        let maps = |shrinkage: f64| {
+            move |set: &Set<'_>| fitted(candidate, Some(set.fold), set.count, set.base, &set.training, shrinkage).models
+        };
+        let costs = parallel_all(grid.len(), |at| match grid {
+            [_] => 0.0,
+            _ => log_loss(&held_out(&sets, folds, &variance, grid[at], maps(grid[at])).losses),
+        });
+        let least = costs.iter().copied().fold(f64::INFINITY, f64::min);
+        let chosen = costs.iter().position(|cost| *cost <= least + SAME).unwrap_or(0);
+        let mut order = held_out(&sets, folds, &variance, grid[chosen], maps(grid[chosen]));
         let training = solver.training(candidate.full, None);
         let found = fitted(candidate, None, regions(candidate.full), all, &training, order.shrinkage);
         (order.full, order.numbers) = (found.models, found.numbers);
@@ -161,6 +165,12 @@ pub(crate) fn evaluate(
         Ok(order)
     };
     candidates.iter().map(of_candidate).collect()
+}
+
+/// Mean logarithm of the losses of folds: the likelihood of Gaussian errors whose size differs from fold to fold. A fold with few rows of a wrong region, or one in which
+/// a map runs away, counts no more than another.
+fn log_loss(losses: &[f64]) -> f64 {
+    losses.iter().map(|loss| loss.max(ROUNDING).ln()).sum::<f64>() / losses.len().max(1) as f64
 }
 
 /// The regions of a candidate when a fold is held out.

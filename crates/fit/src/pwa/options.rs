@@ -152,8 +152,9 @@ fn rollouts(section: &PwaSection, recipe: &Recipe) -> Result<Option<RolloutRule>
 fn shrinkage(given: &Tunable) -> Result<Shrinkage, Error> {
     match given {
         Tunable::Word(word) if word == "auto" => Ok(Shrinkage::Auto),
+        Tunable::Word(word) if word == "none" => Ok(Shrinkage::Rows(0.0)),
         Tunable::Number(rows) if *rows >= 0.0 && rows.is_finite() => Ok(Shrinkage::Rows(*rows)),
-        other => Err(refused("shrinkage", other, "a number of rows, zero or more, or auto")),
+        other => Err(refused("shrinkage", other, "a number of rows, zero or more, none, or auto")),
     }
 }
 

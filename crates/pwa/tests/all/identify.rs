@@ -235,6 +235,22 @@ fn shrinkage_leads_from_the_regions_to_the_average() {
     );
 }
 
+/// Forty cells of a few noisy rows each run away outside of them; cells of exact maps stay as they are, though folds draw their borders elsewhere.
+#[test]
+fn regions_are_pulled_where_rows_that_did_not_train_ask_for_it() {
+    let held_out = |shrinkage, noise| {
+        let mut options = options("kmeans:40");
+        options.shrinkage = shrinkage;
+        run(&problem(&["x", "u"]), &options, &hybrid(240, 3, noise, 5)).candidates[0].clone()
+    };
+    let (free, pulled) = (held_out(Shrinkage::Rows(0.0), 1.5), held_out(Options::default().shrinkage, 1.5));
+    assert!(pulled.shrinkage > 0.0 && pulled.loss < 0.8 * free.loss, "{} {}", pulled.loss, free.loss);
+    let mut exact = options("kmeans:2");
+    exact.folds = 5;
+    let found = run(&problem(&["x", "u"]), &exact, &hybrid(2_000, 4, 0.0, 1));
+    assert_eq!(found.candidates[0].shrinkage, 0.0);
+}
+
 #[test]
 fn tsqr_and_the_gram_agree() {
     let source = hybrid(6_000, 2, 0.2, 12);

@@ -54,8 +54,8 @@ class PWA(Identifier):
         Folds of the cross-validation: whole episodes where there are enough, else spans; 0 for none.
     purge : float, optional
         Seconds between held-out and training rows of one episode; a tenth of the held-out span when not given.
-    shrinkage : float or "auto", default=0
-        Pull of each region towards the one-region model, in rows; ``"auto"`` by cross-validation.
+    shrinkage : float, "auto" or "none", default="auto"
+        Pull of each region's map towards that of all rows, in rows; ``"auto"``: by cross-validation.
     continuous : bool, default=False
         Let the maps of neighbouring regions meet at their border: for kmeans, refined and tree, on columns that are
         regressors. ``report_["candidates"]`` tells beside each loss that of maps that need not meet.
@@ -119,7 +119,7 @@ class PWA(Identifier):
         horizon: int = 50,
         folds: int = 10,
         purge: float | None = None,
-        shrinkage: float | Literal["auto"] = 0.0,
+        shrinkage: float | Literal["auto", "none"] = "auto",
         continuous: bool = False,
         stable: float | None = None,
         passive: str | Mapping[str, str] | None = None,
@@ -186,7 +186,7 @@ class PWA(Identifier):
             select=self._said("select"),
             objective=self._said("objective"),
             purge=self._real("purge"),
-            shrinkage=self._real("shrinkage", "auto"),
+            shrinkage=self._real("shrinkage", "auto", "none"),
             continuous=self._said("continuous"),
             stable=self._real("stable"),
             passive=self._ports(),

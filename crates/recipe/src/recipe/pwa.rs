@@ -52,7 +52,7 @@ settings! {
         /// Seconds between held-out and training rows of one episode (default: a tenth of the held-out span).
         #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
         pub purge: f64,
-        /// Pull of each region towards the one-region model, in rows, or auto (by cross-validation; default: 0).
+        /// Pull of each region's map towards that of all rows: a number of rows, none, or auto, by cross-validation (default: auto).
         #[arg(long, value_name = "ROWS", allow_negative_numbers = true)]
         pub shrinkage: Tunable,
         /// Let the maps of neighbouring regions meet at their border: for kmeans, refined and tree, on columns that are regressors (default: false).
