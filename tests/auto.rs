@@ -124,3 +124,23 @@ fn nothing_is_claimed_of_a_log_of_noise() {
     fleetfoot(path, &["auto", "text.csv", "--dt", "0.1", "-o", "other"]).fails(&["--states"]);
     assert!(!path.join("other").exists());
 }
+
+#[cfg(unix)]
+#[test]
+fn a_stop_writes_the_best_so_far() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    fs::write(path.join("cart.csv"), cart(3000, 0.0)).unwrap();
+    let mut running = Running::start(path, &["auto", "cart.csv", "--effort", "high", "-o", "model"]);
+    std::thread::sleep(std::time::Duration::from_secs(3));
+    assert!(!running.has_ended());
+    running.signal("INT");
+    let said = running.end(std::time::Duration::from_secs(60));
+    // On a machine that is busy no candidate may be done yet, and nothing is written then.
+    if said.code == 130 {
+        assert!(!path.join("model").exists(), "{}", said.err);
+        return;
+    }
+    assert!(said.code == 0 && said.err.contains("stopped after"), "{}{}", said.out, said.err);
+    assert_eq!(json(&path.join("model/auto.json"))["stopped"], true);
+}

@@ -62,9 +62,9 @@ fn most_functions(effort: Effort) -> usize {
 }
 
 /// The list of what is tried.
-pub(crate) fn candidates(recipe: &Recipe, rows: &Rows) -> Vec<Trial> {
+pub(crate) fn candidates(recipe: &Recipe, late: Option<&(Recipe, Vec<(String, usize)>)>, rows: &Rows) -> Vec<Trial> {
     let base = bare(recipe);
-    let list = List { base: &base, rows: *rows, effort: rows.effort, every: 1 };
+    let list = List { base: &base, rows: *rows, effort: rows.effort, every: 1, prefix: String::new() };
     let mut found = vec![list.pwa(MEAN, "next", "null", 0, None), list.pwa(DRIFT, "delta", "null", 0, None)];
     found.push(list.pwa(LINEAR, "delta", "average", 0, None));
     found.extend(list.known(recipe));
@@ -81,7 +81,14 @@ pub(crate) fn candidates(recipe: &Recipe, rows: &Rows) -> Vec<Trial> {
             before: rows.before.min(rows.room / every / 4),
             ..*rows
         };
-        found.extend(List { base: &base, rows, effort: rows.effort, every }.at_longer_steps());
+        let prefix = format!("every {every} rows: ");
+        found.extend(List { base: &base, rows, effort: rows.effort, every, prefix }.some());
+    }
+    if let Some((moved, delays)) = late {
+        let told: Vec<String> = delays.iter().map(|(name, rows)| format!("{name} {rows}")).collect();
+        let prefix = format!("late by rows ({}): ", told.join(", "));
+        let base = bare(moved);
+        found.extend(List { base: &base, rows: *rows, effort: rows.effort, every: 1, prefix }.some());
     }
     found
 }
@@ -114,17 +121,15 @@ struct List<'a> {
     rows: Rows,
     effort: Effort,
     every: usize,
+    /// What stands in front of the names.
+    prefix: String,
 }
 
 impl List<'_> {
     fn trial(&self, name: impl Into<String>, kind: Kind, change: impl FnOnce(&mut Recipe)) -> Trial {
         let mut recipe = self.base.clone();
         change(&mut recipe);
-        let name = match self.every {
-            1 => name.into(),
-            every => format!("every {every} rows: {}", name.into()),
-        };
-        Trial { name, kind, recipe, every: self.every }
+        Trial { name: format!("{}{}", self.prefix, name.into()), kind, recipe, every: self.every }
     }
 
     fn pwa(&self, name: impl Into<String>, predict: &str, partition: &str, lags: u32, over: Option<u32>) -> Trial {
@@ -273,8 +278,8 @@ impl List<'_> {
         found
     }
 
-    /// What is tried at a longer step.
-    fn at_longer_steps(&self) -> Vec<Trial> {
+    /// What is tried at a longer step, and of late inputs.
+    fn some(&self) -> Vec<Trial> {
         let mut found = vec![self.pwa(LINEAR, "delta", "average", 0, None)];
         let lagged = |lags: u32| self.pwa(format!("linear, {lags} lags"), "delta", "average", lags, None);
         found.extend(self.lags().into_iter().filter(|lags| *lags != 1).map(lagged));
@@ -322,7 +327,7 @@ mod tests {
 
     fn names(text: &str, rows: Rows) -> Vec<String> {
         let recipe = Recipe::parse(text, "test").unwrap();
-        candidates(&recipe, &rows).into_iter().map(|own| own.name).collect()
+        candidates(&recipe, None, &rows).into_iter().map(|own| own.name).collect()
     }
 
     const ROWS: Rows = Rows {

@@ -8,6 +8,7 @@ mod budget;
 mod candidates;
 mod draft;
 mod horizon;
+mod late;
 mod ranking;
 mod rows;
 mod stamps;
@@ -145,6 +146,14 @@ pub fn auto(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) -> 
     found.run(progress)
 }
 
+/// What the training rows say before the first fit.
+struct Looked {
+    horizon: HorizonChoice,
+    rows: Rows,
+    /// The recipe with inputs that act late moved, and by how many rows.
+    late: Option<(Recipe, Vec<(String, usize)>)>,
+}
+
 struct Search<'a> {
     recipe: &'a Recipe,
     logs: &'a Logs,
@@ -155,8 +164,8 @@ struct Search<'a> {
 impl Search<'_> {
     fn run(self, progress: &dyn Progress) -> Result<Auto, Error> {
         let Self { recipe, logs, .. } = self;
-        let (horizon, rows) = self.horizon(progress)?;
-        let trials = candidates::candidates(recipe, &rows);
+        let Looked { horizon, rows, late } = self.look(progress)?;
+        let trials = candidates::candidates(recipe, late.as_ref(), &rows);
         let ranking = Ranking::new((&trials, &rows), logs, &horizon, progress);
         match ranking.stopped {
             true if ranking.candidates.is_empty() => Err(Cancelled.into()),
@@ -166,8 +175,8 @@ impl Search<'_> {
         }
     }
 
-    /// The horizon, and what candidates must know of the rows.
-    fn horizon(&self, progress: &dyn Progress) -> Result<(HorizonChoice, Rows), Error> {
+    /// What candidates must know of the training rows.
+    fn look(&self, progress: &dyn Progress) -> Result<Looked, Error> {
         let training = self.logs.only(Part::Training);
         let dataset = Dataset::for_columns(self.recipe, None, training, progress)?;
         let view = dataset.view()?;
@@ -202,7 +211,8 @@ impl Search<'_> {
             horizon: horizon.steps,
             effort: self.recipe.auto.effort.unwrap_or_default(),
         };
-        Ok((horizon, rows))
+        let late = late::moved(self.recipe, &view)?;
+        Ok(Looked { horizon, rows, late })
     }
 
     /// The chosen candidate on the test rows.

@@ -104,12 +104,14 @@ impl Ranking {
         self.tried.push(tried);
     }
 
-    /// The index of the smallest model whose errors are within one standard error of those of the best, fold by fold.
+    /// The index of the smallest model whose errors are within one standard error of those of the best, fold by fold, or within a twentieth.
     pub(crate) fn chosen(&self) -> Option<usize> {
         let usable: Vec<usize> = (0..self.candidates.len()).filter(|&at| self.candidates[at].error.is_some()).collect();
         let error = |at: usize| self.candidates[at].error.unwrap_or(f64::INFINITY);
         let best = usable.iter().copied().min_by(|&a, &b| error(a).total_cmp(&error(b)))?;
-        let alike = |&at: &usize| !is_better(&self.candidates[best].folds, &self.candidates[at].folds);
+        let alike = |&at: &usize| {
+            !is_better(&self.candidates[best].folds, &self.candidates[at].folds) || error(at) <= ALIKE * error(best)
+        };
         let key = |at: usize| (self.candidates[at].coefficients, error(at));
         usable.into_iter().filter(alike).min_by(|&a, &b| {
             let (a, b) = (key(a), key(b));
@@ -131,6 +133,9 @@ impl Ranking {
         (!is_better(&own.folds, &mean.folds)).then_some("the mean")
     }
 }
+
+/// Errors that differ by less are alike, however sure the difference is: a person reads the smaller model.
+const ALIKE: f64 = 1.05;
 
 /// Whether errors are less than others, fold by fold, by more than one standard error of the difference.
 fn is_better(folds: &[f64], others: &[f64]) -> bool {
