@@ -33,6 +33,29 @@ fn tank(rows: usize, seed: u64) -> String {
     text
 }
 
+/// A heater at the end of a pipe: `y(k) = 0.9 y(k-1) + 0.1 u(k-17)`, the input held for seven rows at a time, and noise on what is measured.
+fn pipe(rows: usize, seed: u64) -> String {
+    let mut text = String::from("t,y,u\n");
+    let (input, mut y) = (|row: u64| noise(seed, row / 7), 0.0);
+    for row in 0..rows as u64 {
+        writeln!(text, "{},{},{}", row as f64 * 0.1, y + 0.001 * noise(seed + 1_000, row), input(row)).unwrap();
+        y = 0.9 * y + 0.1 * row.checked_sub(16).map_or(0.0, input);
+    }
+    text
+}
+
+#[test]
+fn an_input_that_acts_late_is_found() {
+    let folder = folder(&[("a.csv", pipe(1_500, 1)), ("b.csv", pipe(600, 2))]);
+    let given = ["a.csv", "--effort", "low", "--free-run", "b.csv", "--output", "late.json"];
+    let said = fit(folder.path(), &[&given[..], &COLUMNS].concat()).ok();
+    assert!(said.err.contains("u acts 1") && said.err.contains("late or more: its lags begin there"), "{}", said.err);
+    let found = said.json();
+    assert_eq!(functions(&found), ["lag(u, 16)", "y"]);
+    // Without it 88 % of the output's variation is left.
+    assert!(number(&found, "/files/by_file/0/free_run/0/rrse") < 0.01);
+}
+
 /// Functions with a coefficient that is more than rounding, in the order of their names.
 fn functions(found: &serde_json::Value) -> Vec<String> {
     let terms = found["regions"][0]["equations"][0]["terms"].as_array().unwrap();

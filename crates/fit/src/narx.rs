@@ -3,6 +3,7 @@
 mod candidate;
 mod choice;
 mod choose;
+mod delays;
 mod effort;
 mod fit;
 mod look;

@@ -29,7 +29,7 @@ use crate::{
     error::Error,
     folds::smoothed_rows,
     incomplete::in_no_region,
-    method::{Data, FitRequest, Fitted, Method, Rival, RowFacts},
+    method::{Data, FitRequest, Fitted, Method, Opened, Rival, RowFacts},
     objective::{Beginning, Refinement, coefficient},
     plan::FitPlan,
     sindy::coefficients_of,
@@ -163,6 +163,31 @@ impl Method for Narx {
     }
 
     fn sum(&self, _: Data<'_, NarxBase>, _: &mut Vec<String>, _: &dyn Progress) -> Result<Self::Sums, Error> {
+        Ok(None)
+    }
+
+    /// Nothing is summed before orders are looked for, but inputs that act late are found.
+    fn sum_logs(
+        &self,
+        opened: &mut Opened<NarxBase>,
+        _: &Logs,
+        notes: &mut Vec<String>,
+        progress: &dyn Progress,
+    ) -> Result<Self::Sums, Error> {
+        let Opened { recipe, task, dataset } = opened;
+        let view = dataset.view()?;
+        let split = self.split(&view, dataset.step())?;
+        let rows: &dyn Source = split.as_ref().map_or(&view, |[train, _]| train);
+        let step = dataset.step() * self.every() as f64;
+        let evidence = Evidence::Rows(rows);
+        let fit = Fit { recipe, options: &self.options, base: task, evidence, step, rivals: false };
+        let count = rows.episodes().iter().map(|episode| episode.rows).sum();
+        let delays = fit.delays(count, progress)?;
+        for (input, &late) in delays.iter().enumerate().filter(|(_, late)| **late > 0) {
+            let (name, seconds) = (task.input(input), late as f64 * step);
+            notes.push(format!("{name} acts {late} rows ({seconds:.4} s) late or more: its lags begin there"));
+        }
+        *task = task.delayed(&delays);
         Ok(None)
     }
 

@@ -131,6 +131,47 @@ impl NarxBase {
         functions
     }
 
+    /// Number of inputs whose lags are candidates.
+    pub(crate) fn inputs(&self) -> usize {
+        match &self.candidates {
+            Candidates::Polynomial { inputs, .. } => inputs.len(),
+            Candidates::Additive(_) => 0,
+        }
+    }
+
+    /// The inputs, for people.
+    pub(crate) fn input(&self, at: usize) -> String {
+        match &self.candidates {
+            Candidates::Polynomial { inputs, .. } => inputs[at].to_string(),
+            Candidates::Additive(_) => String::new(),
+        }
+    }
+
+    /// The same with inputs that are so many rows late.
+    pub(crate) fn delayed(&self, rows: &[usize]) -> Self {
+        let mut delayed = self.clone();
+        if let Candidates::Polynomial { inputs, .. } = &mut delayed.candidates {
+            inputs.iter_mut().zip(rows).for_each(|(input, &rows)| *input = input.shifted(rows as i32));
+        }
+        delayed
+    }
+
+    /// The equations over so many lags of every output, and then of every input, lag by lag; inputs begin with that of the row that is predicted.
+    pub(crate) fn lags(&self, outputs: usize, inputs: usize) -> EquationTask {
+        let functions = match &self.candidates {
+            Candidates::Polynomial { outputs: own, inputs: given } => {
+                let of = |exprs: &[Expr], first: i32, lags: usize| {
+                    let lagged =
+                        exprs.iter().flat_map(|expr| (0..lags).map(move |lag| expr.shifted(first + lag as i32)));
+                    lagged.collect::<Vec<Expr>>()
+                };
+                [of(own, 0, outputs), of(given, -1, inputs)].concat()
+            }
+            Candidates::Additive(_) => Vec::new(),
+        };
+        with_functions(&self.task, functions)
+    }
+
     /// Number of outputs.
     pub(crate) fn outputs(&self) -> usize {
         self.task.fitted.len()
