@@ -6,6 +6,8 @@ ALONE := target/python-alone
 WHEELS := target/wheels
 DOCS := target/docs
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
+# Property tests draw the same examples in every run, so that one that fails fails again; `make test-all` draws new ones and says its seed.
+export PROPTEST_RNG_SEED ?= 1
 
 .PHONY: test test-all test-rust test-simd compile test-python tools wheel bench-python lint format clippy doc lint-python docs docs-check bench
 
@@ -16,10 +18,12 @@ test:
 
 # The same with the sweeps over damaged and random input, and the demonstrations, in their full size: minutes more.
 test-all: export FLEETFOOT_SWEEPS := full
+test-all: export PROPTEST_RNG_SEED := $(shell date +%s)
 test-all: test
 
 # Every test runs, whatever fails before it; the last line says how many passed and where the others are.
 test-rust:
+	@echo "seed of property tests: $(PROPTEST_RNG_SEED)"
 	@unset MAKEFLAGS MFLAGS; { cargo test --workspace --locked --no-fail-fast 2>&1; echo "exit status $$?"; } | awk -f tests/summary.awk
 
 # Unit tests, goldens and pages once more, with a narrower instruction set than the processor's widest. (Of the whole workspace: a choice of packages would be

@@ -52,12 +52,11 @@ impl Fit<'_> {
         // Input, lag, and the share of what the outputs' past leaves that it explains; the constant comes first, then the outputs.
         let mut of_inputs: Vec<(usize, usize, f64)> = Vec::new();
         for equation in found.iter().flatten() {
-            let (past, later): (Vec<&(usize, f64, f64)>, Vec<&(usize, f64, f64)>) =
-                equation.terms.iter().partition(|(column, ..)| *column <= outputs);
-            let left = 1.0 - past.iter().map(|(.., reduction)| reduction).sum::<f64>();
-            of_inputs.extend(later.iter().map(|(column, _, reduction)| {
-                let at = column - 1 - outputs;
-                (at / reach, at % reach, reduction / left.max(f64::EPSILON))
+            let past: f64 = equation.terms.iter().filter(|(column, ..)| *column <= outputs).map(|term| term.2).sum();
+            let left = (1.0 - past).max(f64::EPSILON);
+            of_inputs.extend(equation.terms.iter().filter_map(|(column, _, reduction)| {
+                let at = column.checked_sub(1 + outputs)?;
+                Some((at / reach, at % reach, reduction / left))
             }));
         }
         Ok((0..inputs)
