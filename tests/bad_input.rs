@@ -327,7 +327,7 @@ fn text_is_no_number() {
         "\"1.000,00\" in row 1",
         "as in 1000.00",
     ]);
-    let word = ["log.csv", "`mode`", "\"auto\" in row 1", "--partition 'labels:mode'", "--where \"mode == 'auto'\""];
+    let word = ["log.csv", "`mode`", "\"auto\" in row 1", "--partition labels:mode", "--where \"mode == 'auto'\""];
     for (arguments, what) in [
         (&["fit", "pwa", "log.csv", "--states", "p", "--inputs", "mode", "--predict", "next"][..], "the input"),
         (&["fit", "pwa", "log.csv", "--predict", "mode", "--inputs", "u"], "the column"),

@@ -72,8 +72,8 @@ fn read(folder: &Path, parent: Vec<String>, modules: &mut Crate) {
     }
 }
 
-/// Names, `::`, and single signs; no comments, texts, numbers or lifetimes.
-fn tokens(text: &str) -> Vec<String> {
+/// Names, `::`, texts in their quotes, and single signs; no comments, numbers or lifetimes.
+pub(crate) fn tokens(text: &str) -> Vec<String> {
     let signs: Vec<char> = text.chars().collect();
     let (mut found, mut at) = (Vec::new(), 0);
     let starts = |at: usize, what: &str| what.chars().enumerate().all(|(i, c)| signs.get(at + i) == Some(&c));
@@ -89,13 +89,17 @@ fn tokens(text: &str) -> Vec<String> {
             }
             at += 2;
         } else if (sign == 'r' || starts(at, "br")) && raw(&signs, at).is_some() {
-            at = raw(&signs, at).unwrap_or(at);
+            let end = raw(&signs, at).unwrap_or(at);
+            found.push(format!("\"{}", signs[at..end].iter().collect::<String>()));
+            at = end;
         } else if sign == '"' {
+            let begun = at;
             at += 1;
             while at < signs.len() && signs[at] != '"' {
                 at += if signs[at] == '\\' { 2 } else { 1 };
             }
             at += 1;
+            found.push(signs[begun..at].iter().collect());
         } else if sign == '\'' {
             // A character ends with a quote; a lifetime does not.
             at += match (signs.get(at + 1), signs.get(at + 2)) {
@@ -133,13 +137,21 @@ fn raw(signs: &[char], at: usize) -> Option<usize> {
     Some(end + hashes + 1)
 }
 
+/// Whether an item of tests begins here.
+pub(crate) fn is_test(tokens: &[String], at: usize) -> bool {
+    is(tokens, at, &["#", "[", "cfg", "(", "test"]) || is(tokens, at, &["#", "[", "cfg", "(", "all", "(", "test"])
+}
+
+fn is(tokens: &[String], at: usize, what: &[&str]) -> bool {
+    what.iter().enumerate().all(|(i, w)| tokens.get(at + i).is_some_and(|t| t == w))
+}
+
 /// What a file imports and names, its tests left out.
 fn module(tokens: &[String]) -> Module {
     let (mut module, mut at) = (Module::default(), 0);
-    let is =
-        |at: usize, what: &[&str]| what.iter().enumerate().all(|(i, w)| tokens.get(at + i).is_some_and(|t| t == w));
+    let is = |at: usize, what: &[&str]| is(tokens, at, what);
     while at < tokens.len() {
-        if is(at, &["#", "[", "cfg", "(", "test"]) || is(at, &["#", "[", "cfg", "(", "all", "(", "test"]) {
+        if is_test(tokens, at) {
             at = after_item(tokens, at + 1);
         } else if is(at, &["use"]) {
             let end = at + tokens[at..].iter().position(|token| token == ";").unwrap_or(tokens.len() - at);
@@ -167,7 +179,7 @@ fn is_name(token: &str) -> bool {
 }
 
 /// The place after an item: its further attributes, and up to its `;` or its closed braces.
-fn after_item(tokens: &[String], mut at: usize) -> usize {
+pub(crate) fn after_item(tokens: &[String], mut at: usize) -> usize {
     let mut depth = 0;
     while at < tokens.len() {
         match tokens[at].as_str() {

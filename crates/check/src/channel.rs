@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use fleetfoot_data::setting::{HAMPEL, JOIN, PREPARE, WHERE};
 use fleetfoot_data::{Block, ColumnKind, Halo, Progress, Source};
 use fleetfoot_dataset::Error;
 use fleetfoot_stats::{Grid, reduce};
@@ -261,7 +262,9 @@ impl Channels {
     fn of_channel(&self, channel: &Channel, sums: &Sums, step: f64) -> Vec<Finding> {
         let name = channel.column.name.as_str();
         let mut findings = Vec::new();
-        let mut found = |fault, value: (f64, String), mend: &str| findings.push(Finding::new(fault, name, value, mend));
+        let mut found = |fault, value: (f64, String), mend: &dyn std::fmt::Display| {
+            findings.push(Finding::new(fault, name, value, mend.to_string()))
+        };
         if let ColumnKind::Category(names) = &channel.column.kind {
             let number = |text: &String| text.trim().replace(',', ".").parse::<f64>().is_ok();
             let numbers = names.iter().filter(|text| number(text)).count();
@@ -274,7 +277,7 @@ impl Channels {
                         share,
                         format!("it is text, though {numbers} of its {} values are numbers: `{first}`", names.len()),
                     ),
-                    "write decimal points, and leave cells empty that have no value",
+                    &"write decimal points, and leave cells empty that have no value",
                 );
             }
             return findings;
@@ -284,7 +287,9 @@ impl Channels {
             found(
                 Fault::Missing,
                 (missing, format!("{:.1} % of its rows have no value", 100.0 * missing)),
-                "`fleetfoot prepare` fills short gaps; [join] in the recipe says how far the samples of a topic reach",
+                &format_args!(
+                    "{PREPARE} fills short gaps; {JOIN} in the recipe says how far the samples of a topic reach"
+                ),
             );
         }
         if sums.rows == 0 {
@@ -294,7 +299,7 @@ impl Channels {
             found(
                 Fault::Dead,
                 (sums.least, format!("it is {} in every row", sums.least)),
-                "leave it out of states and inputs, or move it when you record",
+                &"leave it out of states and inputs, or move it when you record",
             );
             return findings;
         }
@@ -310,7 +315,7 @@ impl Channels {
                     gross,
                     format!("{:.2} % of its values lie {FAR} usual steps and more off both neighbours", 100.0 * gross),
                 ),
-                "`fleetfoot prepare --hampel 5` takes them out",
+                &format_args!("{prepare_command} takes them out", prepare_command = PREPARE.with(HAMPEL.to(5))),
             );
         }
         let still = sums.longest as f64 * step;
@@ -322,7 +327,7 @@ impl Channels {
                     sums.longest as f64,
                     format!("it has one value for {} rows, though it changes in nearly all others", sums.longest),
                 ),
-                "leave these rows out (--where)",
+                &format_args!("leave these rows out ({WHERE})"),
             );
         }
         let few_levels = (sums.most - sums.least) / sums.step < 3.5;
@@ -332,7 +337,7 @@ impl Channels {
             found(
                 Fault::Saturated,
                 (at_end, format!("{:.1} % of its rows stand at {end}, the end of its range", 100.0 * at_end)),
-                "leave these rows out (--where); a sensor with a wider range sees them",
+                &format_args!("leave these rows out ({WHERE}); a sensor with a wider range sees them"),
             );
         }
         let coarse = sums.step / sums.deviation();
@@ -346,7 +351,7 @@ impl Channels {
                         sums.step
                     ),
                 ),
-                "`fleetfoot prepare` smooths it; derivatives of it are steps",
+                &format_args!("{PREPARE} smooths it; derivatives of it are steps"),
             );
         }
         findings

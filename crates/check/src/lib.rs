@@ -10,6 +10,7 @@ mod related;
 mod sample;
 mod stamps;
 
+use fleetfoot_data::setting::INIT;
 use fleetfoot_data::{Column, ColumnKind, Progress, Source};
 use fleetfoot_dataset::{Dataset, Error, Logs};
 use fleetfoot_log::{FileInfo, inspect_together};
@@ -114,7 +115,7 @@ pub fn check(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) ->
 fn drafted(recipe: &Recipe, infos: &[FileInfo], notes: &mut Vec<String>) -> Option<Recipe> {
     let said = !recipe.states.is_empty() || !recipe.inputs.is_empty() || !recipe.columns.is_empty();
     let draft = draft_of_topics(recipe, infos.first().filter(|_| !said)?)?;
-    notes.push("states and inputs are those that `fleetfoot init` proposes; a recipe (-c) chooses others".into());
+    notes.push(format!("states and inputs are those that {INIT} proposes; a recipe (-c) chooses others"));
     Some(draft)
 }
 

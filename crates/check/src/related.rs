@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use fleetfoot_data::setting::{CLOCKS, COLUMNS};
 use fleetfoot_data::{Progress, parallel_map};
 use fleetfoot_dataset::Error;
 
@@ -94,7 +95,7 @@ fn of_rate(channels: &[Channel], sample: &Sample, (place, rate): (usize, usize),
             Fault::Unit,
             name,
             (found.ratio, format!("it is {:.4} times the derivative of `{of}`: {units} are mixed", found.ratio)),
-            "in the recipe: [columns] with an expression that converts one of them, and its unit",
+            format!("in the recipe: {COLUMNS} with an expression that converts one of them, and its unit"),
         ));
     }
     if (ratio - 1.0).abs() > ONE {
@@ -108,7 +109,7 @@ fn of_rate(channels: &[Channel], sample: &Sample, (place, rate): (usize, usize),
                 found.ratio,
                 format!("it is {:.3} times the derivative of `{of}`: one of them has a turned sign", found.ratio),
             ),
-            "in the recipe: [columns] with a minus before one of them",
+            format!("in the recipe: {COLUMNS} with a minus before one of them"),
         ));
     }
     let better = 1.0 - found.best.abs() < BETTER * (1.0 - found.plain.abs());
@@ -120,7 +121,7 @@ fn of_rate(channels: &[Channel], sample: &Sample, (place, rate): (usize, usize),
             late,
             (seconds.abs(), format!("it is {:.4} s ({} rows) late beside `{early}`", seconds.abs(), found.late.abs())),
             format!(
-                "in the recipe: [columns] with `lead({late}, {})`, or [clocks] where it is of another clock",
+                "in the recipe: {COLUMNS} with `lead({late}, {})`, or {CLOCKS} where it is of another clock",
                 found.late.abs()
             ),
         )
@@ -156,7 +157,7 @@ fn swapped(channels: &[Channel], words: &[Words], sample: &Sample, usable: &[usi
                             channels[other].column.name, names[1], channels[one].column.name
                         ),
                     ),
-                    "in the recipe: [columns] that give each its axis",
+                    format!("in the recipe: {COLUMNS} that give each its axis"),
                 ));
             }
         }
@@ -205,7 +206,7 @@ fn angles(channels: &[Channel], words: &[Words], sample: &Sample, usable: &[usiz
                 Fault::Unit,
                 &channels[at].column.name,
                 (360.0, format!("it jumps by about 360 in {jumps} rows: it is in degrees")),
-                "in the recipe: [columns] with `0.017453292519943295*` before it; angles are radians",
+                format!("in the recipe: {COLUMNS} with `0.017453292519943295*` before it; angles are radians"),
             ));
         }
     }
@@ -248,7 +249,7 @@ fn accelerations(channels: &[Channel], words: &[Words], sample: &Sample, usable:
                 Fault::Unit,
                 &channels[x].column.name,
                 (median, format!("the length of the three accelerations is {median:.3} in the median: they are in g")),
-                "in the recipe: [columns] with `9.80665*` before each",
+                format!("in the recipe: {COLUMNS} with `9.80665*` before each"),
             ));
         }
     }

@@ -1,5 +1,6 @@
 //! Stamps: backward, repeated, dropped, jittering, in bursts, of two clocks.
 
+use fleetfoot_data::setting::{CLOCKS, DT, MAX_GAP, PREPARE, RATE, STAMP, TIME};
 use fleetfoot_data::{Halo, Progress, Source, parallel_map};
 use fleetfoot_dataset::Error;
 use fleetfoot_log::{FileInfo, HeaderOffset};
@@ -34,7 +35,10 @@ pub(crate) fn of_files(infos: &[FileInfo]) -> Vec<Finding> {
                     Fault::Backward,
                     &name,
                     (clock.backward as f64, format!("{} stamps are before the one of the row above", clock.backward)),
-                    "each begins an episode; sort the rows, or name another clock (--time COLUMN)",
+                    format!(
+                        "each begins an episode; sort the rows, or name another clock ({given_time})",
+                        given_time = TIME.to("COLUMN")
+                    ),
                 ));
             }
             if clock.repeated > 0 {
@@ -45,7 +49,7 @@ pub(crate) fn of_files(infos: &[FileInfo]) -> Vec<Finding> {
                         clock.repeated as f64 / rows,
                         format!("{} rows have the stamp of the row above, and are left out", clock.repeated),
                     ),
-                    "--dt SECONDS counts rows in the place of stamps",
+                    format!("{given_dt} counts rows in the place of stamps", given_dt = DT.to("SECONDS")),
                 ));
             }
         }
@@ -56,7 +60,7 @@ pub(crate) fn of_files(infos: &[FileInfo]) -> Vec<Finding> {
                     Fault::TwoClocks,
                     &topic.name,
                     (1.0, "its headers have no stamps".into()),
-                    "--stamp log takes the clock of the log",
+                    format!("{given_stamp} takes the clock of the log", given_stamp = STAMP.to("log")),
                 ));
             } else if (first - last).abs() > APART {
                 findings.push(Finding::new(
@@ -66,7 +70,10 @@ pub(crate) fn of_files(infos: &[FileInfo]) -> Vec<Finding> {
                         first - last,
                         format!("the clock of its headers runs {:.4} s away from the log's", (first - last).abs()),
                     ),
-                    "[clocks] in the recipe aligns them; --stamp log takes the clock of the log",
+                    format!(
+                        "{CLOCKS} in the recipe aligns them; {given_stamp} takes the clock of the log",
+                        given_stamp = STAMP.to("log")
+                    ),
                 ));
             }
         }
@@ -150,7 +157,7 @@ impl Periods {
                         100.0 * bursts
                     ),
                 ),
-                "`fleetfoot prepare` resamples; --rate HZ makes even rows",
+                format!("{PREPARE} resamples; {given_rate} makes even rows", given_rate = RATE.to("HZ")),
             ));
         }
         if dropped > DROPPED {
@@ -158,7 +165,10 @@ impl Periods {
                 Fault::Dropped,
                 place,
                 (dropped, format!("{:.2} % of the rows are missing between others", 100.0 * dropped)),
-                "`fleetfoot prepare` resamples; --max-gap SECONDS ends an episode there",
+                format!(
+                    "{PREPARE} resamples; {given_max_gap} ends an episode there",
+                    given_max_gap = MAX_GAP.to("SECONDS")
+                ),
             ));
         }
         if off > OFF {
@@ -166,7 +176,10 @@ impl Periods {
                 Fault::Jitter,
                 place,
                 (off, format!("{:.1} % of the periods are more than a fifth of the median off", 100.0 * off)),
-                "`fleetfoot prepare` resamples at even stamps; --dt SECONDS counts rows where stamps are those of arrival",
+                format!(
+                    "{PREPARE} resamples at even stamps; {given_dt} counts rows where stamps are those of arrival",
+                    given_dt = DT.to("SECONDS")
+                ),
             ));
         }
         findings

@@ -20,6 +20,8 @@
 //! # Ok::<(), fleetfoot_data::Error>(())
 //! ```
 
+pub mod setting;
+
 mod available;
 mod block;
 mod canonical;

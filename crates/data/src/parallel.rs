@@ -30,14 +30,14 @@ pub trait Progress: Sync {
 }
 
 /// Work that lies ahead, by a rough count: the same input has the same count on every machine.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Work {
     /// Multiplications, about.
     pub operations: f64,
     /// Parts of it that threads can do at the same time.
     pub parts: usize,
     /// What makes it less, as a clause: `fewer folds make it shorter`.
-    pub mend: &'static str,
+    pub mend: String,
 }
 
 /// Tells nobody.

@@ -1,5 +1,7 @@
 //! Which rows of logs are used: `where` of a recipe.
 
+use fleetfoot_data::setting::{Entry, TIME_SECTION, WHERE};
+
 use std::ops::Range;
 
 use fleetfoot_data::{Column, ColumnKind, Halo, Progress, Source, Watched, parallel_fold};
@@ -69,7 +71,8 @@ pub fn refuse_other_rows(recipe: &Recipe, scanned: &Recipe) -> Result<(), Error>
     }
     let (wanted, there) = (stated(recipe).unwrap_or("all"), stated(scanned).unwrap_or("all"));
     Err(Error::needs_rows(format!(
-        "[time] where = \"{wanted}\": the statistic is of other rows (where = \"{there}\"), which were chosen when it was scanned: scan the logs again, or fit them without a statistic"
+        "{entry}: the statistic is of other rows (where = \"{there}\"), which were chosen when it was scanned: scan the logs again, or fit them without a statistic",
+        entry = TIME_SECTION.entry("where").is(format_args!("\"{wanted}\""))
     )))
 }
 
@@ -86,8 +89,9 @@ impl Condition {
             let (sides, signs) = sides(part);
             if signs.is_empty() || sides.iter().any(|side| side.trim().is_empty()) {
                 return Err(Error::value(format!(
-                    "[time] where = \"{text}\": `{}` is no comparison; write, for example, where = \"armed > 0 and 2 < time() < 60\", or where = \"all\"",
-                    part.trim()
+                    "{entry}: `{}` is no comparison; write, for example, where = \"armed > 0 and 2 < time() < 60\", or where = \"all\"",
+                    part.trim(),
+                    entry = TIME_SECTION.entry("where").is(format_args!("\"{text}\""))
                 )));
             }
             for (pair, sign) in sides.windows(2).zip(signs) {
@@ -95,6 +99,11 @@ impl Condition {
             }
         }
         Ok(Some(Self { text: text.to_owned(), comparisons }))
+    }
+
+    /// The entry of the recipe, for messages.
+    fn entry(&self) -> Entry {
+        TIME_SECTION.entry("where").is(format_args!("\"{}\"", self.text))
     }
 
     /// The fields that it reads.
@@ -140,13 +149,14 @@ impl Condition {
         )?;
         let (used, all): (usize, usize) = (runs.iter().map(|(_, run)| run.len()).sum(), view.rows());
         if used == 0 {
-            let problem = format!("no row of {all} is used: `{}` holds of none ([time] where, --where)", self.text);
+            let problem =
+                format!("no row of {all} is used: `{}` holds of none ({TIME_SECTION} where, {WHERE})", self.text);
             return Err(Error::too_few_rows(0, 1, problem));
         }
         if runs.len() > MOST_RUNS {
             return Err(Error::value(format!(
-                "[time] where = \"{}\": it holds in {} stretches of {:.1} rows on average, and each would be an episode: compare something smoother, as in lag1(v, 0.5)",
-                self.text,
+                "{}: it holds in {} stretches of {:.1} rows on average, and each would be an episode: compare something smoother, as in lag1(v, 0.5)",
+                self.entry(),
                 runs.len(),
                 used as f64 / runs.len() as f64
             )));
@@ -165,8 +175,8 @@ impl Condition {
                 };
                 return match expression.sources().into_iter().find(text) {
                     Some(name) => Err(Error::value(format!(
-                        "[time] where = \"{}\": `{name}` has words and no numbers: compare it with one, as in {name} == 'auto'",
-                        self.text
+                        "{}: `{name}` has words and no numbers: compare it with one, as in {name} == 'auto'",
+                        self.entry()
                     ))),
                     None => Ok(0.0),
                 };
@@ -176,8 +186,8 @@ impl Condition {
                 Some(ColumnKind::Category(names)) => names,
                 _ => {
                     return Err(Error::value(format!(
-                        "[time] where = \"{}\": `{expression}` has numbers and no words: compare it with a number",
-                        self.text
+                        "{}: `{expression}` has numbers and no words: compare it with a number",
+                        self.entry()
                     )));
                 }
             };
@@ -196,7 +206,7 @@ fn compared(
     aliases: &Aliases<'_>,
     text: &str,
 ) -> Result<(Expr, Comparison, Option<String>), Error> {
-    let place = format!("[time] where = \"{text}\"");
+    let place = TIME_SECTION.entry("where").is(format_args!("\"{text}\"")).to_string();
     let quoted = |side: &str| {
         let inner = |mark: char| side.strip_prefix(mark)?.strip_suffix(mark).map(str::to_owned);
         inner('\'').or_else(|| inner('"'))

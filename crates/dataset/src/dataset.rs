@@ -18,6 +18,7 @@ use clock::Clock;
 pub use clock::reads_of_model;
 pub(crate) use clock::{Reads, reads};
 pub(crate) use fields::{described, explained, fields, idle_joins, unprepared};
+use fleetfoot_data::setting::FILES;
 use fleetfoot_data::{Column, Episode, Progress, Source, Watch, Watched};
 use fleetfoot_library::Expr;
 use fleetfoot_log::{Recording, Stamp, TimeSpec, TopicClock, TopicInfo};
@@ -178,7 +179,7 @@ impl Dataset {
         let mut notes = recording.notes().to_vec();
         if let Some((first, more)) = others.split_first() {
             let more = if more.is_empty() { String::new() } else { format!(", nor {} further files", more.len()) };
-            notes.push(format!("{}: no pattern of [files] matches it{more}: not read", first.display()));
+            notes.push(format!("{}: no pattern of {FILES} matches it{more}: not read", first.display()));
         }
         notes.extend(clocks.notes);
         let smoothed = smoothed::truth(logs);

@@ -1,5 +1,7 @@
 //! What can go wrong between a recipe and the rows of its logs. Every message says where, and what to do.
 
+use fleetfoot_data::setting::{DT, UNSEEN_LABELS};
+
 use std::path::PathBuf;
 
 use fleetfoot_recipe::{RequestError, request_constructors};
@@ -19,7 +21,7 @@ pub enum Error {
     /// A model that advances row by row on rows of another period.
     #[error(
         "{}: its rows are {} s apart, those that the model was fitted on {} s, and it advances row by row, so that its numbers would mean nothing; {mend}; \
-         if the stamps of this log are wrong, give its period with --dt", path.display(), short(*found), short(*expected)
+         if the stamps of this log are wrong, give its period with {DT}", path.display(), short(*found), short(*expected)
     )]
     OtherPeriod {
         /// The log.
@@ -45,7 +47,7 @@ pub enum Error {
     },
     /// A label that the model has not seen.
     #[error(
-        "{rows} rows have labels of `{column}` that the model has not seen ({labels}); leave them out, or fit with --unseen-labels pool"
+        "{rows} rows have labels of `{column}` that the model has not seen ({labels}); leave them out, or fit with {given_unseen_labels}", given_unseen_labels = UNSEEN_LABELS.to("pool")
     )]
     UnseenLabel {
         /// The column.

@@ -1,5 +1,7 @@
 //! A folder of logs that a command writes: its files appear all together or not at all, and never among those of an earlier command.
 
+use fleetfoot_data::setting::FORCE;
+
 use std::{
     fs, io,
     path::{Path, PathBuf},
@@ -77,7 +79,7 @@ impl Folder {
     pub fn notes(&self) -> Vec<String> {
         let removed = |left: &PathBuf| format!("removed {}, which a killed command had left", left.display());
         let left = |left: &PathBuf| {
-            format!("{} may be what a killed command has left: remove it, or give --force", left.display())
+            format!("{} may be what a killed command has left: remove it, or give {FORCE}", left.display())
         };
         self.removed.iter().map(removed).chain(self.leftovers.iter().map(left)).collect()
     }
@@ -111,7 +113,7 @@ impl Folder {
             (Some(first), _) => format!("{} would be mixed with them: choose another folder", first.display()),
             (None, Some(first)) if !force => {
                 format!(
-                    "{} is there already: choose another folder, or --force to replace all logs in it",
+                    "{} is there already: choose another folder, or {FORCE} to replace all logs in it",
                     first.display()
                 )
             }

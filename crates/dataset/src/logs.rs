@@ -1,5 +1,7 @@
 //! What is read: files, tables in memory, or both; or their statistic.
 
+use fleetfoot_data::setting::STATS_MERGE;
+
 use std::{
     path::{Path, PathBuf},
     sync::Arc,
@@ -106,9 +108,9 @@ impl Logs {
         match (&self.statistic, self.logs.as_slice()) {
             (Some(statistic), []) => Ok(statistic.as_ref().clone()),
             (None, [Log::File(path)]) => StatisticFile::read(path),
-            _ => Err(Error::conflict(
-                "several files, a `.stats` among them: fit on one statistic (`fleetfoot stats merge` makes one of several) or on logs".into(),
-            )),
+            _ => Err(Error::conflict(format!(
+                "several files, a `.stats` among them: fit on one statistic ({STATS_MERGE} makes one of several) or on logs"
+            ))),
         }
     }
 }

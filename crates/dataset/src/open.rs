@@ -5,6 +5,7 @@ mod measured;
 mod model;
 
 pub use cost::{estimate, estimate_equations, estimate_structure};
+use fleetfoot_data::setting::STATES_SECTION;
 use fleetfoot_data::{Column, Progress, Source};
 use fleetfoot_library::Expr;
 use fleetfoot_log::TopicInfo;
@@ -195,7 +196,9 @@ impl Dataset {
         let aliases = prepared(&recipe, &fields).map_err(|error| explained(error, info.as_ref(), logs))?;
         let (columns, expressions) = (aliases.columns, aliases.expressions);
         if columns.is_empty() {
-            return Err(Error::missing("there is nothing to prepare: name states in the recipe ([states])".into()));
+            return Err(Error::missing(format!(
+                "there is nothing to prepare: name states in the recipe ({STATES_SECTION})"
+            )));
         }
         let mut dataset = Self::open(&recipe, &columns, &expressions, Reads::columns(), logs, progress)?;
         dataset.topics = info.map_or_else(Vec::new, |info| info.topics);

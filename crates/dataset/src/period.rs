@@ -2,6 +2,7 @@
 
 use std::{collections::HashSet, path::Path};
 
+use fleetfoot_data::setting::RATE;
 use fleetfoot_data::{Column, Episode};
 use fleetfoot_library::{Expr, Node};
 use fleetfoot_model::{Model, Prediction};
@@ -61,9 +62,9 @@ fn mend(found: f64, expected: f64) -> String {
         String::new()
     };
     format!(
-        "{thin}resample the log to {} s (--rate {}), or fit a model on logs of this rate",
+        "{thin}resample the log to {} s ({}), or fit a model on logs of this rate",
         short(expected),
-        short(1.0 / expected)
+        RATE.to(short(1.0 / expected))
     )
 }
 

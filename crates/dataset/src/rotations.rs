@@ -1,5 +1,7 @@
 //! Recorded rotations as models read them: of unit length, and written in one way.
 
+use fleetfoot_data::setting::WHERE;
+
 use std::{ops::Range, path::PathBuf};
 
 use fleetfoot_data::{Block, Column, Episode, Error as DataError, Halo, ScalarBuffer, Source};
@@ -16,8 +18,8 @@ const TOLERANCE: f64 = 0.01;
 /// A recorded quaternion that is no rotation.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "{}: row {} of {episode}: the quaternion {rotation} is ({}), of length {length:.4}, and no rotation, whose length is 1; look for a wrong column or unit, or leave such rows out: --where \"{}\"",
-    file.display(), row + 1, parts.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "), condition
+    "{}: row {} of {episode}: the quaternion {rotation} is ({}), of length {length:.4}, and no rotation, whose length is 1; look for a wrong column or unit, or leave such rows out: {}",
+    file.display(), row + 1, parts.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "), WHERE.to(condition)
 )]
 pub struct NoRotation {
     /// The file.

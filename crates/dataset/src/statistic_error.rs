@@ -1,5 +1,7 @@
 //! Why a `.stats` file, or what was asked of it, was refused.
 
+use fleetfoot_data::setting::{APPEND, EPISODES, FORCE, KEY, SCAN, STATS_DROP};
+
 use std::path::PathBuf;
 
 /// 2: the sums of equations. 3: the marks of episodes.
@@ -21,7 +23,7 @@ pub enum StatisticError {
         source: std::io::Error,
     },
     /// Something else.
-    #[error("{}: this is no statistic of fleetfoot; `fleetfoot scan` writes them", path.display())]
+    #[error("{}: this is no statistic of fleetfoot; {SCAN} writes them", path.display())]
     Foreign {
         /// The file.
         path: PathBuf,
@@ -71,10 +73,10 @@ pub enum StatisticError {
         /// Lines of the one (`-`) and the other (`+`).
         difference: String,
         /// What to do.
-        mend: &'static str,
+        mend: String,
     },
     /// The same rows on both sides.
-    #[error("{left} and {right} hold the same log: {}; drop it from one of them (`fleetfoot stats drop`)", some(.names))]
+    #[error("{left} and {right} hold the same log: {}; drop it from one of them ({STATS_DROP})", some(.names))]
     SameLog {
         /// One file.
         left: String,
@@ -95,7 +97,7 @@ pub enum StatisticError {
     #[error("that drops all {0} episodes; delete the file instead")]
     NothingLeft(usize),
     /// The output exists.
-    #[error("{} exists already; --append adds to it, --force replaces it", path.display())]
+    #[error("{} exists already; {APPEND} adds to it, {FORCE} replaces it", path.display())]
     Exists {
         /// The file.
         path: PathBuf,
@@ -103,7 +105,7 @@ pub enum StatisticError {
     /// Progress of another command.
     #[error(
         "{} was left by another command (other files, recipe or options): give that command again to go on, rename it to a .stats file and \
-         --append to it, or begin anew with --force",
+         {APPEND} to it, or begin anew with {FORCE}",
         path.display()
     )]
     OtherCommand {
@@ -111,7 +113,7 @@ pub enum StatisticError {
         path: PathBuf,
     },
     /// A label that cannot be made.
-    #[error("--key {key}: {problem}")]
+    #[error("{given_key}: {problem}", given_key = KEY.to(key))]
     Key {
         /// The argument.
         key: String,
@@ -120,7 +122,7 @@ pub enum StatisticError {
     },
     /// Labels of a partition that are text.
     #[error(
-        "`{column}` holds text, and a statistic numbers its labels by the files that are scanned together; use a column of numbers, or --key and the labels of [[episodes]] to \
+        "`{column}` holds text, and a statistic numbers its labels by the files that are scanned together; use a column of numbers, or {KEY} and the labels of {EPISODES} to \
          tell episodes apart"
     )]
     Text {

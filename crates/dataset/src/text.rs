@@ -1,5 +1,7 @@
 //! Text is no number: the codes of a column of words serve labels and conditions alone.
 
+use fleetfoot_data::setting::{EPISODES, PARTITION, WHERE};
+
 use std::{collections::BTreeSet, sync::Arc};
 
 use fleetfoot_data::{Column, ColumnKind, Halo, Source};
@@ -34,7 +36,9 @@ pub(crate) fn refuse_text(
         };
         if source.inner().column_index(&field).is_none() {
             return Err(Error::value(format!(
-                "{what} is a label of [[episodes]], and labels are text: tell episodes apart by it (--partition labels:{field}, --where \"{field} == '...'\"), or write a column of numbers into the logs"
+                "{what} is a label of {EPISODES}, and labels are text: tell episodes apart by it ({given_partition}, {given_where}), or write a column of numbers into the logs",
+                given_partition = PARTITION.to(format_args!("labels:{field}")),
+                given_where = WHERE.to(format_args!("{field} == '...'"))
             )));
         }
         let first = first_word(source, &field, names)?;
@@ -118,8 +122,10 @@ fn mend(field: &str, value: &str, words: &[String]) -> String {
         format!("`{field}`")
     };
     format!(
-        "use it as a label (--partition 'labels:{field}') or in a condition (--where \"{name} == '{value}'\"), or leave it out of the states, inputs and \
-         formulas"
+        "use it as a label ({}) or in a condition ({}), or leave it out of the states, inputs and \
+         formulas",
+        PARTITION.to(format_args!("labels:{field}")),
+        WHERE.to(format_args!("{name} == '{value}'"))
     )
 }
 

@@ -1,5 +1,6 @@
 //! What can be wrong with a nonlinear problem.
 
+use fleetfoot_data::setting::{DEGREE, EVERY, LIBRARY, SMOOTH_STATES};
 use fleetfoot_data::{Cancelled, Error};
 use fleetfoot_library::{FilterError, UnknownColumn};
 
@@ -217,7 +218,7 @@ pub enum EstimateError {
     },
     /// An episode that does not fit into memory.
     #[error(
-        "episode {episode} has {rows} rows on the grid, and {most} fit into memory: follow every {every}th row (--every {every}), or split the log"
+        "episode {episode} has {rows} rows on the grid, and {most} fit into memory: follow every {every}th row ({given_every}), or split the log", given_every = EVERY.to(every)
     )]
     TooLong {
         /// The episode's name.
@@ -231,7 +232,7 @@ pub enum EstimateError {
     },
     /// Recordings that do not fit into memory as a whole.
     #[error(
-        "{rows} rows of {states} states are smoothed in memory, which has room for {most}: give fewer or shorter logs, or leave the states as they are (--smooth-states off)"
+        "{rows} rows of {states} states are smoothed in memory, which has room for {most}: give fewer or shorter logs, or leave the states as they are ({given_smooth_states})", given_smooth_states = SMOOTH_STATES.to("off")
     )]
     TooManyRowsToSmooth {
         /// Rows of all episodes.
@@ -243,7 +244,7 @@ pub enum EstimateError {
     },
     /// More coefficients than states are smoothed with.
     #[error(
-        "{count} candidates of all equations together are too many to smooth states with, which takes {most} at most: name fewer candidates (--library, --degree), or leave the states as they are (--smooth-states off)"
+        "{count} candidates of all equations together are too many to smooth states with, which takes {most} at most: name fewer candidates ({LIBRARY}, {DEGREE}), or leave the states as they are ({given_smooth_states})", given_smooth_states = SMOOTH_STATES.to("off")
     )]
     TooManyToSmooth {
         /// How many.
@@ -261,7 +262,7 @@ pub enum EstimateError {
     },
     /// An angle that leaves the turn in which it is recorded.
     #[error(
-        "the angle `{state}` turns over in episode {episode}: smoothed angles are continuous, and candidates read them within one turn; leave the states as they are (--smooth-states off)"
+        "the angle `{state}` turns over in episode {episode}: smoothed angles are continuous, and candidates read them within one turn; leave the states as they are ({given_smooth_states})", given_smooth_states = SMOOTH_STATES.to("off")
     )]
     AngleTurns {
         /// The state.

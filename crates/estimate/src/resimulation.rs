@@ -17,6 +17,7 @@ mod descent;
 mod noise;
 mod program;
 
+use fleetfoot_data::setting::EVERY;
 use fleetfoot_data::{Progress, Source, ensure_memory, parallel_map};
 use fleetfoot_model::{Model, Prediction, Role};
 
@@ -277,7 +278,7 @@ fn check_memory(reader: &Reader<'_>, source: &dyn Source, options: &Resimulation
             ensure_memory(
                 (rows as f64 * bytes_of_row(states, columns)) as usize,
                 &format!("an episode of {rows} rows on the grid"),
-                "follow fewer rows (--every), or split the log",
+                &format!("follow fewer rows ({EVERY}), or split the log"),
             )?;
             Ok(())
         }

@@ -1,6 +1,7 @@
 //! What is fitted to few rows: a fall, a collision or a gross error may hold most of what least squares look at.
 
 use fleetfoot_data::EpisodeId;
+use fleetfoot_data::setting::{PREPARE, WHERE};
 use fleetfoot_stats::Concentration;
 
 /// What to say of targets whose variance few rows hold, by their labels and the names of episodes.
@@ -12,7 +13,7 @@ pub(crate) fn notes(
         let Concentration { rows, squares, place: (episode, stretch) } = found.as_ref()?;
         Some(format!(
             "{target}: {:.2} % of the rows hold {:.0} % of its variance (the heaviest: from row {} of {} on); least squares fit these. If it was a fall, a collision or a gross error, leave \
-             them out (--where, fleetfoot prepare)",
+             them out ({WHERE}, {PREPARE})",
             100.0 * rows,
             100.0 * squares,
             stretch.start + 1,

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use fleetfoot_data::setting::WHERE;
 use fleetfoot_data::{Halo, Source};
 use fleetfoot_dataset::Dataset;
 use fleetfoot_library::Expr;
@@ -34,7 +35,7 @@ pub(crate) fn in_no_region(partition: &str, scan: &SystemScan, complete: u64) ->
     (missing > 0).then(|| {
         format!(
             "{partition}: {missing} of {complete} rows have no region, as their label is missing, and count in other partitions alone: \
-             errors are not of the same rows; leave these rows out (--where)"
+             errors are not of the same rows; leave these rows out ({WHERE})"
         )
     })
 }

@@ -31,7 +31,7 @@ use crate::{
 pub struct FitRequest {
     /// The models of the other candidates too: of `pwa` those of all partitions, of `sindy` and `narx` those of the front of error against number of terms.
     pub rivals: bool,
-    /// Steps of the rollouts that choose open spans of derivatives (`over = "auto"`) in `fit sindy`; [`crate::HORIZON`] when not given.
+    /// Steps of the rollouts that choose open spans of derivatives (`over = "auto"`) in `fit sindy`; [`crate::USUAL_HORIZON`] when not given.
     pub horizon: Option<usize>,
     /// Files that `fit narx` runs the model on, and that do not train.
     pub free_run: Logs,

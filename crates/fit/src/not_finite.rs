@@ -2,10 +2,11 @@
 
 use std::{ops::Range, path::PathBuf};
 
+use fleetfoot_data::setting::{BASE, JOIN, MAX_GAP};
 use fleetfoot_data::{Block, Column, Halo, Source};
 use fleetfoot_dataset::{Dataset, Error as DatasetError};
 use fleetfoot_library::{Binary, Expr, Node, View};
-use fleetfoot_log::{Format, shell_word};
+use fleetfoot_log::Format;
 use fleetfoot_recipe::Cause;
 
 use crate::error::Error;
@@ -105,9 +106,9 @@ pub(crate) fn too_few(dataset: &Dataset) -> Result<Vec<String>, Error> {
         let mend = of_topics.then(|| {
             let topic = name.split(['.', '[']).next().unwrap_or(name);
             format!(
-                ": its samples come too far apart for the rows; say how far its values reach (in the recipe, [join] \"{name}\" = {{ max_gap = SECONDS }}), \
-                 or make them the rows (--base {})",
-                shell_word(topic)
+                ": its samples come too far apart for the rows; say how far its values reach (in the recipe, {JOIN} \"{name}\" = {{ max_gap = SECONDS }}), \
+                 or make them the rows ({})",
+                BASE.to(topic)
             )
         });
         told.push(format!("`{name}` is missing in {count} of {rows} rows{}", mend.unwrap_or_default()));
@@ -115,7 +116,8 @@ pub(crate) fn too_few(dataset: &Dataset) -> Result<Vec<String>, Error> {
     let episodes = source.episodes().len();
     if episodes > 1 && rows < FEW * episodes {
         told.push(format!(
-            "gaps cut the {rows} rows into {episodes} episodes: --max-gap SECONDS keeps those together that lie closer"
+            "gaps cut the {rows} rows into {episodes} episodes: {given_max_gap} keeps those together that lie closer",
+            given_max_gap = MAX_GAP.to("SECONDS")
         ));
     }
     Ok(told)

@@ -3,6 +3,7 @@
 mod held;
 mod report;
 
+use fleetfoot_data::setting::OBJECTIVE;
 use fleetfoot_data::{Progress, Silent, Source};
 use fleetfoot_dynamics::{
     Coefficient, Error as DynamicsError, Method, RolloutOptions, ScoreOptions, Scores, Simulator, Starts, score,
@@ -11,7 +12,7 @@ use fleetfoot_estimate::{EstimateError, Hold, Simulated, SimulationOptions, WHOL
 use fleetfoot_model::Model;
 use fleetfoot_recipe::{MOST_STEPS, Objective};
 pub(crate) use held::Bound;
-pub(crate) use report::coefficient;
+pub(crate) use report::Coefficients;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -58,10 +59,11 @@ pub fn simulation_cost(objective: Objective, fit: usize, bounded: bool) -> Optio
         false => format!(", {} of more than {WHOLE_COEFFICIENTS} coefficients", passes(objective, fit, true)),
     };
     Some(format!(
-        "--objective {objective}: at most {} passes over the rows more{more}, with {} x {} rollouts of {steps} on rows that did not train",
+        "{given_objective}: at most {} passes over the rows more{more}, with {} x {} rollouts of {steps} on rows that did not train",
         passes(objective, fit, bounded),
         2 * rule.folds,
-        rule.starts
+        rule.starts,
+        given_objective = OBJECTIVE.to(objective)
     ))
 }
 
@@ -198,9 +200,10 @@ fn fitted(
     let mut options = SimulationOptions::new(steps);
     options.many.weights.truncate(weights);
     simulation_errors(model, source, &options, hold.as_deref(), progress).map_err(|error| match error {
-        EstimateError::Dynamics(error @ DynamicsError::TooShort { .. }) => {
-            Error::undetermined(format!("--objective {objective}: {error}: ask for fewer steps, or give longer logs"))
-        }
+        EstimateError::Dynamics(error @ DynamicsError::TooShort { .. }) => Error::undetermined(format!(
+            "{given_objective}: {error}: ask for fewer steps, or give longer logs",
+            given_objective = OBJECTIVE.to(objective)
+        )),
         error => error.into(),
     })
 }
@@ -237,7 +240,11 @@ pub(crate) fn refine(
         return Ok(None);
     }
     let Some(judged) = rule(objective, 1) else { return Ok(None) };
-    let mut held = HeldOut::new((source, smoothed), judged, format!("--objective {objective}"))?;
+    let mut held = HeldOut::new(
+        (source, smoothed),
+        judged,
+        format!("{given_objective}", given_objective = OBJECTIVE.to(objective)),
+    )?;
     if objective == Objective::FreeRun {
         held.reach(longest(model, source, held.room())?);
     }
@@ -286,7 +293,7 @@ fn longest(model: &Model, source: &dyn Source, rows: usize) -> Result<usize, Err
     };
     let room = (2..=rows).rev().find(|&steps| taken(steps) <= rows).ok_or_else(|| {
         Error::undetermined(format!(
-            "--objective free-run: the longest of the held-out spans have {rows} rows, too few for a simulation: give longer logs"
+            "{given_objective}: the longest of the held-out spans have {rows} rows, too few for a simulation: give longer logs", given_objective = OBJECTIVE.to("free-run")
         ))
     })?;
     let numbers = Coefficient::support(model).len() * simulator.states().len();

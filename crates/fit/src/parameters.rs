@@ -6,6 +6,7 @@ mod report;
 use std::sync::Arc;
 
 use faer::Mat;
+use fleetfoot_data::setting::{CONSTRAINTS, FOLDS, PARAMETERS, WHERE};
 use fleetfoot_data::{Progress, Source, Work};
 use fleetfoot_dataset::{Dataset, Logs, ReadPlan, StatisticFile};
 use fleetfoot_estimate::{
@@ -27,7 +28,7 @@ use crate::{
     objective::Refinement,
     plan::FitPlan,
     radial,
-    rollout_choice::HORIZON,
+    rollout_choice::USUAL_HORIZON,
     summary::FitSummary,
 };
 
@@ -111,7 +112,7 @@ impl Method for Parameters {
         let mut details = vec![format!("estimated by {}: {}", report::word(self.options.method), names.join(", "))];
         details.push(match self.options.folds {
             0 => "no rows are held out".to_owned(),
-            folds => format!("held out: {folds} spans in turn, for rollouts of {HORIZON} steps"),
+            folds => format!("held out: {folds} spans in turn, for rollouts of {USUAL_HORIZON} steps"),
         });
         Ok(FitPlan {
             equations: task.known.equations.iter().map(Equation::label).collect(),
@@ -126,7 +127,10 @@ impl Method for Parameters {
                     * (rows * states) as f64
                     * (1 + parameters).pow(2) as f64,
                 parts: parameters.max(1),
-                mend: "fewer folds (--folds 2) or a condition for rows (--where) make it shorter",
+                mend: format!(
+                    "fewer folds ({given_folds}) or a condition for rows ({WHERE}) make it shorter",
+                    given_folds = FOLDS.to(2)
+                ),
             },
             details,
             notes: dataset.notes().to_vec(),
@@ -230,7 +234,7 @@ fn free(found: Result<Found, Error>, notes: &mut Vec<String>) -> Result<Option<F
         Ok(found) => Ok(Some(found)),
         Err(error @ Error::Cancelled(_)) => Err(error),
         Err(error) => {
-            notes.push(format!("without [constraints] nothing is found: {error}"));
+            notes.push(format!("without {CONSTRAINTS} nothing is found: {error}"));
             Ok(None)
         }
     }
@@ -258,7 +262,8 @@ fn estimate(
     if options.method == EstimateMethod::EquationError {
         if let Some(silent) = task.without_residual() {
             return Err(Error::conflict(format!(
-                "[parameters] {silent}: it stands in the rates of a rotation alone, whose kinematics no row can tell by itself: estimate it by simulations, method = \"output-error\""
+                "{entry}: it stands in the rates of a rotation alone, whose kinematics no row can tell by itself: estimate it by simulations, method = \"output-error\"",
+                entry = PARAMETERS.entry(silent)
             )));
         }
         return Ok(Found::Equation(by_equations(task, limits, source, progress)?));

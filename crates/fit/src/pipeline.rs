@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use fleetfoot_data::setting::SELECT;
 use fleetfoot_data::{EpisodeId, Progress, Source};
 use fleetfoot_dataset::{Logs, StatisticFile};
 use fleetfoot_model::Model;
@@ -207,7 +208,8 @@ fn by_rollouts<M: Method>(
 ) -> Result<RolloutChoice, Error> {
     let view = opened.dataset.view()?;
     let step = opened.dataset.step();
-    let option = if open_spans(recipe).is_empty() { "--select rollout" } else { "over = \"auto\"" };
+    let option =
+        if open_spans(recipe).is_empty() { SELECT.to("rollout").to_string() } else { "over = \"auto\"".to_owned() };
     let held = HeldOut::new((&view, smoothed_rows(recipe.time.smoothed, step)), rule, option)?;
     let mut compared = Vec::new();
     for over in candidates(recipe) {

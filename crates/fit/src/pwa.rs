@@ -7,6 +7,7 @@ mod statistic;
 
 use std::sync::Arc;
 
+use fleetfoot_data::setting::{DEGREE, FOLDS, LAGS};
 use fleetfoot_data::{Progress, Source, Work};
 use fleetfoot_dataset::{Dataset, Logs, ReadPlan, StatisticFile, open};
 use fleetfoot_estimate::Hold;
@@ -293,7 +294,10 @@ fn work(problem: &Problem, cost: &fleetfoot_pwa::Cost) -> Work {
     Work {
         operations: cost.operations,
         parts: problem.equations.iter().filter(|equation| equation.target.is_some()).count().max(1),
-        mend: "a smaller library (--degree, --lags), fewer regions or fewer folds (--folds 2) make it shorter",
+        mend: format!(
+            "a smaller library ({DEGREE}, {LAGS}), fewer regions or fewer folds ({given_folds}) make it shorter",
+            given_folds = FOLDS.to(2)
+        ),
     }
 }
 

@@ -1,5 +1,6 @@
 //! Radial functions among the candidates of a fit: their centres are found on its rows.
 
+use fleetfoot_data::setting::{FIT_PWA, FIT_SINDY, LIBRARY_SECTION, RADIAL};
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_library::Expr;
 use fleetfoot_model::RadialFunctions;
@@ -18,7 +19,9 @@ const MOST: usize = 2_000;
 pub(crate) fn count(recipe: &Recipe) -> Result<Option<usize>, Error> {
     match recipe.library.radial {
         Some(count) if !(1..=MOST).contains(&count) => Err(Error::value(format!(
-            "[library] radial = {count} (--radial {count}): give a number of centres from 1 to {MOST}, or leave it away"
+            "{entry} ({given_radial}): give a number of centres from 1 to {MOST}, or leave it away",
+            given_radial = RADIAL.to(count),
+            entry = LIBRARY_SECTION.entry("radial").is(count)
         ))),
         count => Ok(count),
     }
@@ -47,7 +50,9 @@ pub(crate) fn found(
             rows,
             count as u64,
             format!(
-                "[library] radial = {count} (--radial {count}): {rows} complete rows are too few for so many centres; give a smaller number"
+                "{entry} ({given_radial}): {rows} complete rows are too few for so many centres; give a smaller number",
+                given_radial = RADIAL.to(count),
+                entry = LIBRARY_SECTION.entry("radial").is(count)
             ),
         )
     };
@@ -58,8 +63,9 @@ pub(crate) fn found(
     let radial = partition.and_then(RadialFunctions::around).ok_or_else(|| few(found.rows))?;
     if radial.centres.len() < count {
         notes.push(format!(
-            "--radial {count}: the rows have {} distinct places, so there are so many radial functions",
-            radial.centres.len()
+            "{given_radial}: the rows have {} distinct places, so there are so many radial functions",
+            radial.centres.len(),
+            given_radial = RADIAL.to(count)
         ));
     }
     Ok(Some(radial))
@@ -70,7 +76,9 @@ pub(crate) fn refuse(recipe: &Recipe, command: &str) -> Result<(), Error> {
     match recipe.library.radial {
         None => Ok(()),
         Some(count) => Err(Error::conflict(format!(
-            "[library] radial = {count} (--radial {count}): `{command}` has no radial functions; leave it away, or use `fit pwa` or `fit sindy`"
+            "{entry} ({given_radial}): `{command}` has no radial functions; leave it away, or use {FIT_PWA} or {FIT_SINDY}",
+            given_radial = RADIAL.to(count),
+            entry = LIBRARY_SECTION.entry("radial").is(count)
         ))),
     }
 }
@@ -80,7 +88,9 @@ pub(crate) fn refuse_statistic(recipe: &Recipe) -> Result<(), Error> {
     match recipe.library.radial {
         None => Ok(()),
         Some(count) => Err(Error::needs_rows(format!(
-            "[library] radial = {count} (--radial {count}): the centres of radial functions are found on rows, which a statistic has not; give the logs instead"
+            "{entry} ({given_radial}): the centres of radial functions are found on rows, which a statistic has not; give the logs instead",
+            given_radial = RADIAL.to(count),
+            entry = LIBRARY_SECTION.entry("radial").is(count)
         ))),
     }
 }

@@ -1,5 +1,6 @@
 //! The regions of all rows of a source.
 
+use fleetfoot_data::setting::{FIT_NARX, FIT_PWA};
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_model::Partition;
 use fleetfoot_pwa::{Options, Problem, Specification};
@@ -27,7 +28,7 @@ pub(crate) fn regions(
 ) -> Result<Partition, Error> {
     if specification.fits_targets() {
         notes.push(format!(
-            "{specification}: its regions fit all of these rows, so held-out errors of what is fitted in them are too small; `fit pwa` and `fit narx` on logs make \
+            "{specification}: its regions fit all of these rows, so held-out errors of what is fitted in them are too small; {FIT_PWA} and {FIT_NARX} on logs make \
              regions anew for every fold"
         ));
     }

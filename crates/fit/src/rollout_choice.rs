@@ -3,6 +3,7 @@
 //! One-step errors say little about a simulation: what is wrong with a derivative adds up. Here every candidate is fitted on the training rows of each fold, and simulated
 //! over the spans that were kept back.
 
+use fleetfoot_data::setting::{HORIZON, SELECT};
 use fleetfoot_data::{Progress, Silent, Source};
 use fleetfoot_dynamics::{Baseline, Error as DynamicsError, Horizon, RolloutOptions, Starts, rollout};
 use fleetfoot_model::Model;
@@ -24,7 +25,7 @@ pub struct RolloutRule {
 }
 
 /// Steps of a rollout where none are given.
-pub const HORIZON: usize = 50;
+pub const USUAL_HORIZON: usize = 50;
 
 impl RolloutRule {
     /// Rollouts of so many steps, 50 in each of five folds.
@@ -82,9 +83,10 @@ impl RolloutChoice {
         let least = candidates.iter().map(RolloutCandidate::error).filter(|error| error.is_finite());
         let Some(least) = least.min_by(f64::total_cmp) else {
             return Err(Error::undetermined(format!(
-                "--select rollout: all {} candidates diverge within {} steps on rows that did not train; give a shorter --horizon, or other candidates",
+                "{given_select}: all {} candidates diverge within {} steps on rows that did not train; give a shorter {HORIZON}, or other candidates",
                 candidates.len(),
-                rule.horizon
+                rule.horizon,
+                given_select = SELECT.to("rollout")
             )));
         };
         let equal = |&at: &usize| candidates[at].error() <= least * (1.0 + SAME);
@@ -236,7 +238,7 @@ impl<'a> HeldOut<'a> {
             Ok(found) => found,
             Err(error @ DynamicsError::TooShort { .. }) => {
                 return Err(Error::undetermined(format!(
-                    "{}: {error}; the held-out spans of {} folds are shorter than the rollouts: give a shorter --horizon (fewer steps), or longer logs",
+                    "{}: {error}; the held-out spans of {} folds are shorter than the rollouts: give a shorter {HORIZON} (fewer steps), or longer logs",
                     self.option, self.rule.folds
                 )));
             }

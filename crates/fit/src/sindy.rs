@@ -24,6 +24,7 @@ pub use estimation::ParameterReport;
 pub use evidence::Evidence;
 use faer::Mat;
 use fleetfoot_data::Progress;
+use fleetfoot_data::setting::{PARAMETERS, SMOOTH_STATES};
 use fleetfoot_dataset::{Dataset, Logs, ReadPlan, StatisticFile, open};
 use fleetfoot_estimate::SmoothingOptions;
 use fleetfoot_library::Expr;
@@ -49,7 +50,7 @@ use crate::{
     objective::Refinement,
     plan::FitPlan,
     radial,
-    rollout_choice::{HORIZON, RolloutRule, open_spans},
+    rollout_choice::{RolloutRule, USUAL_HORIZON, open_spans},
     summary::FitSummary,
 };
 
@@ -96,17 +97,19 @@ impl Method for Sindy {
         if let Some(name) = recipe.parameters.keys().next() {
             if open {
                 return Err(Error::conflict(format!(
-                    "over = \"auto\" and [parameters] {name}: a span is chosen where all expressions are known; write a number of rows, or a number for {name}"
+                    "over = \"auto\" and {entry}: a span is chosen where all expressions are known; write a number of rows, or a number for {name}",
+                    entry = PARAMETERS.entry(name)
                 )));
             }
             if options.objective != Objective::OneStep {
                 return Err(Error::conflict(format!(
-                    "objective = \"{}\" and [parameters] {name}: simulations fit the coefficients of known expressions; write a number for {name}",
-                    options.objective
+                    "objective = \"{}\" and {entry}: simulations fit the coefficients of known expressions; write a number for {name}",
+                    options.objective,
+                    entry = PARAMETERS.entry(name)
                 )));
             }
         }
-        let rollouts = open.then(|| RolloutRule::new(request.horizon.unwrap_or(HORIZON)));
+        let rollouts = open.then(|| RolloutRule::new(request.horizon.unwrap_or(USUAL_HORIZON)));
         let label = specification(recipe)?.and_then(|partition| partition.label().map(str::to_owned));
         Ok(Self { options, front: request.rivals, rollouts, label })
     }
@@ -135,7 +138,7 @@ impl Method for Sindy {
             .then(|| SmoothingOptions::default().memory as usize);
         details.extend(smoothing.map(|bytes| {
             format!(
-                "states are smoothed where --smooth-states asks for it, or noise is more than a fifth of what differences vary by: some hundred passes over rows in \
+                "states are smoothed where {SMOOTH_STATES} asks for it, or noise is more than a fifth of what differences vary by: some hundred passes over rows in \
                  memory, {} MiB of it at most",
                 bytes >> 20
             )

@@ -15,6 +15,7 @@ mod support;
 
 use std::{collections::BTreeSet, sync::Arc};
 
+use fleetfoot_data::setting::{BY, CONSTRAINTS, EPISODES, FIT_SINDY, KEEP, KEY, LATENTS, TASKS};
 use fleetfoot_data::{EpisodeId, Progress, Source};
 use fleetfoot_dataset::{
     ContentHash, Dataset, Logs, StatisticFile, condition::refuse_other_rows, open::OpenedStructure,
@@ -165,9 +166,9 @@ impl Method for Sparse {
         progress: &dyn Progress,
     ) -> Result<(StructuredTask, Sums), Error> {
         if self.logs.is_none() && self.request.keep.is_some() {
-            return Err(Error::needs_rows(
-                "--keep writes the statistic of logs, and this is one already; leave it away".into(),
-            ));
+            return Err(Error::needs_rows(format!(
+                "{KEEP} writes the statistic of logs, and this is one already; leave it away"
+            )));
         }
         refuse_bounds_without_latents(recipe)?;
         let task = file.resolve(recipe)?;
@@ -368,8 +369,9 @@ impl Evidence<'_> {
 fn refuse_bounds_without_latents(recipe: &Recipe) -> Result<(), Error> {
     match recipe.constraints.keys().next().filter(|_| recipe.latents.is_empty()) {
         Some(name) => Err(Error::missing(format!(
-            "[constraints] {name}: it is about latents, and there are none; write what the unknown functions are in [latents] and [tasks], or run `fit sindy`, which \
-             bounds the coefficients of equations"
+            "{entry}: it is about latents, and there are none; write what the unknown functions are in {LATENTS} and {TASKS}, or run {FIT_SINDY}, which \
+             bounds the coefficients of equations",
+            entry = CONSTRAINTS.entry(name)
         ))),
         None => Ok(()),
     }
@@ -383,11 +385,14 @@ fn by_label(file: &StatisticFile, label: &str) -> Result<Vec<(String, BTreeSet<E
             let known: BTreeSet<&str> =
                 file.episodes.iter().flat_map(|e| e.labels.keys().map(String::as_str)).collect();
             let known = if known.is_empty() {
-                "no episode has labels; give them with --key 'NAME={dir1}' or [[episodes]]".to_owned()
+                format!("no episode has labels; give them with {} or {EPISODES}", KEY.to("NAME={dir1}"))
             } else {
                 format!("there are {}", known.into_iter().collect::<Vec<_>>().join(", "))
             };
-            Error::unknown(label, format!("--by {label}: {} has no label `{label}`; {known}", episode.name))
+            Error::unknown(
+                label,
+                format!("{given_by}: {} has no label `{label}`; {known}", episode.name, given_by = BY.to(label)),
+            )
         })?;
         groups.entry(Natural::of(value)).or_default().insert(episode.id);
     }

@@ -2,6 +2,7 @@
 
 use std::{collections::BTreeMap, path::PathBuf};
 
+use fleetfoot_data::setting::TIME_UNIT;
 use fleetfoot_data::{Progress, parallel_map};
 
 use crate::{
@@ -86,7 +87,7 @@ fn common_unit(column: &str, files: &[(PathBuf, Clock)]) -> Result<Option<TimeUn
                 first_is: format!("a clock in {}", symbols(&before)),
                 second: path.clone(),
                 second_is: format!(
-                    "one in {} (as far as the numbers tell; --time-unit names one unit for all files; if they differ, open them apart)",
+                    "one in {} (as far as the numbers tell; {TIME_UNIT} names one unit for all files; if they differ, open them apart)",
                     symbols(&own)
                 ),
             });

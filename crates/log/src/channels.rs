@@ -25,6 +25,7 @@ use std::{
     sync::Arc,
 };
 
+use fleetfoot_data::setting::{CACHE, INFO_VALUES, NO_CACHE};
 use fleetfoot_data::{Column, ColumnKind, Progress, nearest_one};
 
 use crate::{
@@ -84,8 +85,8 @@ pub(crate) fn open(
             slot.load(cursors).map(|(table, _)| table).ok_or_else(|| Error::Damaged {
                 path: path.into(),
                 place: "its decoded columns in the cache".into(),
-                problem: "they cannot be read back".into(),
-                mend: "free some space, name another folder with --cache, or give --no-cache",
+                problem: format!("they cannot be read back ({CACHE} names another folder, {NO_CACHE} uses none)"),
+                mend: "free some space",
             })?
         }
     };
@@ -195,7 +196,7 @@ fn check(path: &Path, plan: &Plan, decoded: &Decoded) -> Result<(), Error> {
                 let inside = names::inside(series.name.strip_prefix(&topic.name).unwrap_or_default());
                 match nearest_one(inside, keys.iter().copied()) {
                     Some(key) => format!("no message has {inside}; the nearest is {key}"),
-                    None => format!("no message has {inside}; look at its keys with `info --values`"),
+                    None => format!("no message has {inside}; look at its keys with {INFO_VALUES}"),
                 }
             } else if counts.samples == 0 {
                 "it has no messages: choose another topic".to_owned()

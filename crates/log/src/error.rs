@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use fleetfoot_data::Cancelled;
+use fleetfoot_data::setting::{DT, FILES, INFO, INFO_VALUES, JOIN, RATE, RENAME, TIME, TIME_SECTION, TIME_UNIT};
 
 /// What is readable, for messages.
 pub(crate) const KNOWN: &str =
@@ -82,7 +83,7 @@ pub enum Error {
         mend: &'static str,
     },
     /// A column that the file does not have.
-    #[error("{} has no column `{column}`{}", path.display(), hint(nearest, "the nearest name is", "list its columns with `info`"))]
+    #[error("{} has no column `{column}`{}", path.display(), hint(nearest, "the nearest name is", format_args!("list its columns with {INFO}")))]
     MissingColumn {
         /// The file.
         path: PathBuf,
@@ -147,7 +148,7 @@ pub enum Error {
         limit: usize,
     },
     /// No column can be the clock.
-    #[error("{}: no time column found among {columns}; name it (time column), or give the sampling period (--dt)", path.display())]
+    #[error("{}: no time column found among {columns}; name it (time column), or give the sampling period ({DT})", path.display())]
     NoTimeColumn {
         /// The file.
         path: PathBuf,
@@ -156,10 +157,10 @@ pub enum Error {
     },
     /// Stamps whose numbers fit several units of time, or none.
     #[error(
-        "{}: the numbers of `{column}` {}: name the unit (--time {} --time-unit {unit}; in a recipe [time] column = {column:?}, unit = \"{unit}\")",
+        "{}: the numbers of `{column}` {}: name the unit ({} {}; in a recipe {entry} = {column:?}, unit = \"{unit}\")",
         path.display(),
         if readings.is_empty() { "fit no unit of time".to_owned() } else { format!("could be {readings}") },
-        shell_word(column)
+        TIME.to(column), TIME_UNIT.to(unit), entry = TIME_SECTION.entry("column")
     )]
     UnknownTimeUnit {
         /// The file.
@@ -173,7 +174,7 @@ pub enum Error {
     },
     /// A column whose name is a clock's, but whose values are not.
     #[error(
-        "{}: `{column}` rises in only {rising} of {steps} steps, so it is not used as time: name the clock (--time; [time] column in a recipe), or give the sampling period (--dt)",
+        "{}: `{column}` rises in only {rising} of {steps} steps, so it is not used as time: name the clock ({TIME}; {TIME_SECTION} column in a recipe), or give the sampling period ({DT})",
         path.display()
     )]
     ClockFalls {
@@ -260,7 +261,7 @@ pub enum Error {
     #[error(
         "{} has no topic for the column `{column}`{}",
         path.display(),
-        hint(nearest, "the nearest topic is (--rename maps topics)", "list its topics with `info`")
+        hint(nearest, format_args!("the nearest topic is ({RENAME} maps topics)"), format_args!("list its topics with {INFO}"))
     )]
     MissingTopic {
         /// The file.
@@ -271,7 +272,7 @@ pub enum Error {
         nearest: Option<String>,
     },
     /// A robot's log opened without a column or a base channel.
-    #[error("{}: no column and no base channel is named, so that there are no rows; name one of its fields (`info --values` lists them)", path.display())]
+    #[error("{}: no column and no base channel is named, so that there are no rows; name one of its fields ({INFO_VALUES} lists them)", path.display())]
     NothingAsked {
         /// The file.
         path: PathBuf,
@@ -334,7 +335,7 @@ pub enum Error {
     },
     /// Two channels without a moment in common.
     #[error(
-        "{}: the {what} of {first}, {}, and of {second}, {}, do not overlap: take the same clock for all (stamp = \"log\", \"publish\" or \"header\"), another channel, or, for what is said once and holds from then on, max_gap = \"none\" in [join]",
+        "{}: the {what} of {first}, {}, and of {second}, {}, do not overlap: take the same clock for all (stamp = \"log\", \"publish\" or \"header\"), another channel, or, for what is said once and holds from then on, max_gap = \"none\" in {JOIN}",
         path.display(), describe_range(ranges[0]), describe_range(ranges[1])
     )]
     NoOverlap {
@@ -357,7 +358,7 @@ pub enum Error {
     },
     /// A rate far beyond that of the channels.
     #[error(
-        "{}: {hz} rows a second are more than 100 times the {fastest} samples a second of {name}: take a rate (--rate; [time] rate in a recipe) up to {}",
+        "{}: {hz} rows a second are more than 100 times the {fastest} samples a second of {name}: take a rate ({RATE}; {TIME_SECTION} rate in a recipe) up to {}",
         path.display(), 100.0 * fastest
     )]
     RateTooHigh {
@@ -372,7 +373,7 @@ pub enum Error {
     },
     /// A rate asked of rows without a clock.
     #[error(
-        "{}: rows at a rate (--rate; [time] rate in a recipe) are made by a clock, and its rows have none: name the time column (--time), or leave the rate out",
+        "{}: rows at a rate ({RATE}; {TIME_SECTION} rate in a recipe) are made by a clock, and its rows have none: name the time column ({TIME}), or leave the rate out",
         path.display()
     )]
     RateWithoutClock {
@@ -381,7 +382,7 @@ pub enum Error {
     },
     /// A run without a file for one of its topics.
     #[error(
-        "{}: no file for `{setting}` of [files]: a run has one file a topic. It holds {there}: mend the pattern, add the file, or leave the run out",
+        "{}: no file for `{setting}` of {FILES}: a run has one file a topic. It holds {there}: mend the pattern, add the file, or leave the run out",
         folder.display()
     )]
     NoFileOfTopic {
@@ -394,7 +395,7 @@ pub enum Error {
     },
     /// Two files of a run for one topic.
     #[error(
-        "{}: {} and {} both match `{setting}` of [files]: narrow the pattern, or put every run into a folder of its own",
+        "{}: {} and {} both match `{setting}` of {FILES}: narrow the pattern, or put every run into a folder of its own",
         folder.display(), first.display(), second.display()
     )]
     TwoFiles {
@@ -408,7 +409,7 @@ pub enum Error {
         second: PathBuf,
     },
     /// A file that is two topics.
-    #[error("{} matches the patterns of `{}` and of `{}` in [files]: narrow one of them", path.display(), topics[0], topics[1])]
+    #[error("{} matches the patterns of `{}` and of `{}` in {FILES}: narrow one of them", path.display(), topics[0], topics[1])]
     FileOfTwoTopics {
         /// The file.
         path: PathBuf,
@@ -416,7 +417,7 @@ pub enum Error {
         topics: [String; 2],
     },
     /// A robot's log as a topic of a run.
-    #[error("{} matches `{topic}` in [files], which joins tables (CSV, Parquet); a robot's log has topics: leave [files] away for it", path.display())]
+    #[error("{} matches `{topic}` in {FILES}, which joins tables (CSV, Parquet); a robot's log has topics: leave {FILES} away for it", path.display())]
     TopicIsLog {
         /// The file.
         path: PathBuf,
@@ -425,7 +426,7 @@ pub enum Error {
     },
     /// A file outside of all runs.
     #[error(
-        "{} belongs to no run: no file beside it matches a pattern of [files]. Name the folders of runs, mend the patterns, or leave [files] away for single files",
+        "{} belongs to no run: no file beside it matches a pattern of {FILES}. Name the folders of runs, mend the patterns, or leave {FILES} away for single files",
         path.display()
     )]
     FileOfNoRun {
@@ -433,7 +434,7 @@ pub enum Error {
         path: PathBuf,
     },
     /// A name that is of no topic of a run.
-    #[error("{}: `{name}` is of no file in [files]; write TOPIC.COLUMN, or TOPIC as the base; the topics are {topics}", path.display())]
+    #[error("{}: `{name}` is of no file in {FILES}; write TOPIC.COLUMN, or TOPIC as the base; the topics are {topics}", path.display())]
     NoTopicOfRun {
         /// The run's folder.
         path: PathBuf,
@@ -444,8 +445,8 @@ pub enum Error {
     },
     /// Files joined without stamps.
     #[error(
-        "{}: the files of a run ([files]) are joined by their stamps: leave the sampling period out (--dt; [time] dt), and name the time column where it is not found",
-        path.display()
+        "{}: the files of a run ({FILES}) are joined by their stamps: leave the sampling period out ({DT}; {entry}), and name the time column where it is not found",
+        path.display(), entry = TIME_SECTION.entry("dt")
     )]
     RunWithoutClock {
         /// The run's folder.
@@ -453,7 +454,7 @@ pub enum Error {
     },
     /// Two files of a run without a moment in common.
     #[error(
-        "{}: the stamps of {first}, {}, and of {second}, {}, do not overlap, and the files of a run ([files]) share one clock: name its unit ([time] column and unit), leave one file out, or, for values that hold until the next, write max_gap = \"none\" in [join]",
+        "{}: the stamps of {first}, {}, and of {second}, {}, do not overlap, and the files of a run ({FILES}) share one clock: name its unit ({TIME_SECTION} column and unit), leave one file out, or, for values that hold until the next, write max_gap = \"none\" in {JOIN}",
         path.display(), describe_range(ranges[0]), describe_range(ranges[1])
     )]
     FilesApart {
@@ -500,7 +501,7 @@ impl From<Error> for fleetfoot_data::Error {
 }
 
 /// `; <with> <name>` when there is a name, else `; <without>`.
-fn hint(nearest: &Option<String>, with: &str, without: &str) -> String {
+fn hint(nearest: &Option<String>, with: impl std::fmt::Display, without: impl std::fmt::Display) -> String {
     match nearest {
         Some(name) => format!("; {with} `{name}`"),
         None => format!("; {without}"),

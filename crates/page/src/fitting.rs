@@ -1,6 +1,7 @@
 //! How models were chosen: held-out errors over lambda or over numbers of terms, and how often resamples select a function. A model does not carry that; the report
 //! of its fit does, and tells by the model's hash whose it is.
 
+use fleetfoot_data::setting::JSON;
 use fleetfoot_fit::{Bounded, Error, LimitReport};
 use fleetfoot_model::Model;
 use fleetfoot_report::{
@@ -189,7 +190,7 @@ pub(crate) fn read(reports: &[Value]) -> Result<Vec<Fit>, Error> {
     };
     let one = |report: Value| {
         serde_json::from_value(report).map_err(|error| {
-            Error::value(format!("this is no report of a fit ({error}): give what a fit tells with --json"))
+            Error::value(format!("this is no report of a fit ({error}): give what a fit tells with {JSON}"))
         })
     };
     reports.iter().flat_map(of).map(one).collect()

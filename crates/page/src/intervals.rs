@@ -1,6 +1,7 @@
 //! How well each coefficient is known: tables beside the equations.
 
 use fleetfoot_data::packed;
+use fleetfoot_data::setting::FIT;
 use fleetfoot_model::{Latent, Model, RegionSummary};
 use fleetfoot_report::{
     Cell, Light, Part, Table,
@@ -154,7 +155,7 @@ impl Basis {
             ),
             Self::Moments(None) => format!(
                 "95 % intervals of least squares, {given}, as if the errors of the rows were independent: they are too narrow where an error lasts over several rows. \
-                 The report of the fit (--fit) knows over how many."
+                 The report of the fit ({FIT}) knows over how many."
             ),
         }
     }

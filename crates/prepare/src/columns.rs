@@ -1,5 +1,6 @@
 //! The columns of a recipe that preparation reads, and those that it writes.
 
+use fleetfoot_data::setting::STATES_SECTION;
 use fleetfoot_data::{Column, ColumnKind};
 use fleetfoot_dataset::Error;
 use fleetfoot_library::Expr;
@@ -98,8 +99,10 @@ pub(crate) fn written_recipe(read: &Recipe, planned: &[Planned], time: &str, smo
         let second_order = own.and_then(|own| own.options).is_some_and(|options| options.second_order);
         if names.len() > 2 && second_order && state.known.is_none() {
             if read.states.contains_key(&names[1]) {
-                let problem =
-                    format!("[states] {}: its rate is measured; leave second_order away for `{name}`", names[1]);
+                let problem = format!(
+                    "{}: its rate is measured; leave second_order away for `{name}`",
+                    STATES_SECTION.entry(&names[1])
+                );
                 return Err(Error::name_taken(&names[1], problem));
             }
             let rate = State {

@@ -12,6 +12,7 @@ mod table;
 use std::ops::Range;
 
 use body::Poses;
+use fleetfoot_data::setting::{PREPARE_SECTION, TIME_SECTION};
 use fleetfoot_data::{ColumnKind, Progress, Source};
 use fleetfoot_dataset::{
     Dataset, Error, Logs,
@@ -42,18 +43,18 @@ const CHUNK: usize = 65_536;
 /// Refuses what speaks of single channels, none of which is smoothed, and of other rows than those of the sensors.
 fn check(recipe: &Recipe) -> Result<(), Error> {
     if recipe.time.base.is_some() || recipe.time.rate.is_some() {
-        return Err(Error::conflict(
-            "[body] and [joint] are fused at the stamps of their own sensors: leave out base and rate of [time]; decimate of [prepare] writes fewer rows".into(),
-        ));
+        return Err(Error::conflict(format!(
+            "[body] and [joint] are fused at the stamps of their own sensors: leave out base and rate of {TIME_SECTION}; decimate of {PREPARE_SECTION} writes fewer rows"
+        )));
     }
     let PrepareSection { clip, dejitter, decimate, min_rows, .. } = recipe.prepare;
     let understood = PrepareSection { clip, dejitter, decimate, min_rows, ..PrepareSection::default() };
     if recipe.prepare == understood && recipe.channels.is_empty() {
         return Ok(());
     }
-    Err(Error::conflict(
-        "[body] and [joint] are fused, and no channel is smoothed by itself: of [prepare] clip, dejitter, decimate and min_rows go with them; leave out the rest, and [channels]".into(),
-    ))
+    Err(Error::conflict(format!(
+        "[body] and [joint] are fused, and no channel is smoothed by itself: of {PREPARE_SECTION} clip, dejitter, decimate and min_rows go with them; leave out the rest, and [channels]"
+    )))
 }
 
 /// The body of a recipe and what was measured of it, log by log.

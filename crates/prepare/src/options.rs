@@ -1,5 +1,6 @@
 //! How channels are prepared: the words of `[prepare]` and `[channels.NAME]`, checked once.
 
+use fleetfoot_data::setting::PREPARE_SECTION;
 use fleetfoot_data::{did_you_mean, nearest};
 use fleetfoot_dataset::Error;
 use fleetfoot_recipe::{Limits, PrepareMethod, PrepareSection, Recipe, Settings, Tunable};
@@ -87,27 +88,35 @@ pub(crate) struct EpisodeOptions {
 /// Entries that speak of whole episodes.
 const OF_EPISODES: [&str; 4] = ["clip", "dejitter", "decimate", "min_rows"];
 
-fn refused(place: &str, what: &str, value: impl std::fmt::Display, allowed: &str) -> Error {
-    Error::value(format!("{place} {what} = {value}: write {allowed}"))
+fn refused(channel: Option<&str>, what: &str, value: impl std::fmt::Display, allowed: &str) -> Error {
+    Error::value(format!("{}: write {allowed}", entry(channel, what, value)))
+}
+
+/// An entry of `[channels.NAME]`, else of `[prepare]`.
+fn entry(channel: Option<&str>, what: &str, value: impl std::fmt::Display) -> String {
+    match channel {
+        Some(name) => format!("[channels.{name}] {what} = {value}"),
+        None => PREPARE_SECTION.entry(what).is(value).to_string(),
+    }
 }
 
 fn checked<T: std::fmt::Display + Copy>(
-    place: &str,
+    channel: Option<&str>,
     what: &str,
     value: T,
     holds: impl Fn(T) -> bool,
     allowed: &str,
 ) -> Result<T, Error> {
-    if holds(value) { Ok(value) } else { Err(refused(place, what, value, allowed)) }
+    if holds(value) { Ok(value) } else { Err(refused(channel, what, value, allowed)) }
 }
 
 impl EpisodeOptions {
     /// Reads `[prepare]`.
     pub(crate) fn new(section: &PrepareSection) -> Result<Self, Error> {
         let is_time = |seconds: f64| seconds >= 0.0 && seconds.is_finite();
-        let clip = checked("[prepare]", "clip", section.clip.unwrap_or(0.0), is_time, "seconds, zero or more")?;
+        let clip = checked(None, "clip", section.clip.unwrap_or(0.0), is_time, "seconds, zero or more")?;
         let decimate =
-            checked("[prepare]", "decimate", section.decimate.unwrap_or(1), |n| n > 0, "a number of rows from 1 on")?;
+            checked(None, "decimate", section.decimate.unwrap_or(1), |n| n > 0, "a number of rows from 1 on")?;
         let dejitter = section.dejitter.unwrap_or(false);
         Ok(Self { clip, dejitter, decimate, min_rows: section.min_rows.unwrap_or(50).max(2) })
     }
@@ -116,10 +125,10 @@ impl EpisodeOptions {
 impl ChannelOptions {
     /// What is done to a state or an input: what `[channels.NAME]` says, else, of a state, what `[prepare]` says.
     pub(crate) fn new(recipe: &Recipe, name: &str, is_state: bool) -> Result<Self, Error> {
-        let (place, section) = match recipe.channels.get(name) {
-            None if is_state => ("[prepare]".to_owned(), recipe.prepare.clone()),
-            None => ("[prepare]".to_owned(), PrepareSection::default()),
-            Some(own) => (format!("[channels.{name}]"), own.clone().over(recipe.prepare.clone())),
+        let (channel, section) = match recipe.channels.get(name) {
+            None if is_state => (None, recipe.prepare.clone()),
+            None => (None, PrepareSection::default()),
+            Some(own) => (Some(name), own.clone().over(recipe.prepare.clone())),
         };
         let says = recipe.channels.get(name).is_some_and(|own| own.method.is_some());
         let second_order = is_state && section.second_order.unwrap_or(false);
@@ -131,22 +140,27 @@ impl ChannelOptions {
             None => PrepareMethod::Auto,
             Some(method) => method,
         };
-        Self::read(&place, &section, method, second_order)
+        Self::read(channel, &section, method, second_order)
     }
 
-    fn read(place: &str, section: &PrepareSection, method: PrepareMethod, second_order: bool) -> Result<Self, Error> {
-        let method = read_method(place, section, method)?;
+    fn read(
+        channel: Option<&str>,
+        section: &PrepareSection,
+        method: PrepareMethod,
+        second_order: bool,
+    ) -> Result<Self, Error> {
+        let method = read_method(channel, section, method)?;
         if second_order && method.rates() < 2 {
             let allowed = "quintic, trend-filter of degree 2 or 3, not-a-knot, savitzky-golay or butterworth with second_order: an acceleration is wanted";
-            return Err(refused(place, "method", method.word(), allowed));
+            return Err(refused(channel, "method", method.word(), allowed));
         }
         let by_default = if method.is_smoothing() { 4.0 } else { 0.0 };
         let is_number = |sigmas: f64| sigmas >= 0.0 && sigmas.is_finite();
         let allowed = "a number of standard deviations, zero for none";
-        let reject = checked(place, "reject", section.reject.unwrap_or(by_default), is_number, allowed)?;
+        let reject = checked(channel, "reject", section.reject.unwrap_or(by_default), is_number, allowed)?;
         let limits = |what, limits: Option<Limits>| match limits {
             Some(Limits([low, high])) if low.is_nan() || high.is_nan() || low >= high => {
-                Err(refused(place, what, format!("[{low}, {high}]"), "a least and a greatest value"))
+                Err(refused(channel, what, format!("[{low}, {high}]"), "a least and a greatest value"))
             }
             limits => Ok(limits.map(|limits| limits.0)),
         };
@@ -158,68 +172,69 @@ impl ChannelOptions {
             stuck: section.stuck.unwrap_or(0),
             range: limits("range", section.range)?,
             bounds: limits("bounds", section.bounds)?,
-            late: late(place, section)?,
+            late: late(channel, section)?,
         })
     }
 }
 
 /// Half of a mean's window, and the delay.
-fn late(place: &str, section: &PrepareSection) -> Result<f64, Error> {
+fn late(channel: Option<&str>, section: &PrepareSection) -> Result<f64, Error> {
     let is_window = |seconds: f64| seconds >= 0.0 && seconds.is_finite();
-    let window = checked(place, "average", section.average.unwrap_or(0.0), is_window, "seconds, zero or more")?;
-    let delay = checked(place, "delay", section.delay.unwrap_or(0.0), |seconds: f64| seconds.is_finite(), "seconds")?;
+    let window = checked(channel, "average", section.average.unwrap_or(0.0), is_window, "seconds, zero or more")?;
+    let delay = checked(channel, "delay", section.delay.unwrap_or(0.0), |seconds: f64| seconds.is_finite(), "seconds")?;
     Ok(delay + 0.5 * window)
 }
 
-fn read_method(place: &str, section: &PrepareSection, method: PrepareMethod) -> Result<Method, Error> {
+fn read_method(channel: Option<&str>, section: &PrepareSection, method: PrepareMethod) -> Result<Method, Error> {
     Ok(match method {
-        PrepareMethod::Auto => match lambda(place, section)? {
+        PrepareMethod::Auto => match lambda(channel, section)? {
             Lambda::Given(lambda) => {
                 let allowed = "likelihood or gcv with method = \"auto\", or say which spline it is of: method = \"cubic\" (s^3) or \"quintic\" (s^5)";
-                return Err(refused(place, "lambda", lambda, allowed));
+                return Err(refused(channel, "lambda", lambda, allowed));
             }
             by => Method::Auto(by),
         },
-        PrepareMethod::Cubic => Method::Spline(Spline::Cubic, lambda(place, section)?),
-        PrepareMethod::Quintic => Method::Spline(Spline::Quintic, lambda(place, section)?),
+        PrepareMethod::Cubic => Method::Spline(Spline::Cubic, lambda(channel, section)?),
+        PrepareMethod::Quintic => Method::Spline(Spline::Quintic, lambda(channel, section)?),
         PrepareMethod::None => Method::None,
         PrepareMethod::NotAKnot => Method::Interpolate(Interpolation::NotAKnot),
         PrepareMethod::Pchip => Method::Interpolate(Interpolation::ShapePreserving),
         PrepareMethod::TrendFilter => {
             let is_degree = |degree: usize| (1..=3).contains(&degree);
-            let degree = checked(place, "degree", section.degree.unwrap_or(2), is_degree, "1, 2 or 3")?;
-            Method::Trend { degree, lambda: lambda(place, section)? }
+            let degree = checked(channel, "degree", section.degree.unwrap_or(2), is_degree, "1, 2 or 3")?;
+            Method::Trend { degree, lambda: lambda(channel, section)? }
         }
         PrepareMethod::SavitzkyGolay => {
             let odd = |rows: usize| rows % 2 == 1 && rows >= 3;
             let window =
-                checked(place, "window", section.window.unwrap_or(11), odd, "an odd number of rows from 3 on")?;
+                checked(channel, "window", section.window.unwrap_or(11), odd, "an odd number of rows from 3 on")?;
             let fits = |degree: usize| (2..window).contains(&degree);
             let degree =
-                checked(place, "degree", section.degree.unwrap_or(3), fits, "2 or more, less than the window")?;
+                checked(channel, "degree", section.degree.unwrap_or(3), fits, "2 or more, less than the window")?;
             Method::SavitzkyGolay { window, degree }
         }
         PrepareMethod::Butterworth => {
             let Some(cutoff) = section.cutoff else {
                 return Err(Error::missing(format!(
-                    "{place} method = \"butterworth\": give a cut-off too, `cutoff = 20.0` in Hz"
+                    "{}: give a cut-off too, `cutoff = 20.0` in Hz",
+                    entry(channel, "method", "\"butterworth\"")
                 )));
             };
             let is_rate = |hertz: f64| hertz > 0.0 && hertz.is_finite();
-            let cutoff = checked(place, "cutoff", cutoff, is_rate, "a frequency in Hz above 0")?;
-            let order = checked(place, "order", section.order.unwrap_or(4), |n| (1..=20).contains(&n), "1 to 20")?;
+            let cutoff = checked(channel, "cutoff", cutoff, is_rate, "a frequency in Hz above 0")?;
+            let order = checked(channel, "order", section.order.unwrap_or(4), |n| (1..=20).contains(&n), "1 to 20")?;
             Method::Butterworth { order, cutoff }
         }
     })
 }
 
-fn lambda(place: &str, section: &PrepareSection) -> Result<Lambda, Error> {
+fn lambda(channel: Option<&str>, section: &PrepareSection) -> Result<Lambda, Error> {
     match &section.lambda {
         None => Ok(Lambda::Likelihood),
         Some(Tunable::Number(lambda)) if *lambda > 0.0 && lambda.is_finite() => Ok(Lambda::Given(*lambda)),
         Some(Tunable::Word(word)) if word == "likelihood" => Ok(Lambda::Likelihood),
         Some(Tunable::Word(word)) if word == "gcv" => Ok(Lambda::Gcv),
-        Some(other) => Err(refused(place, "lambda", other, "a penalty above 0, likelihood or gcv")),
+        Some(other) => Err(refused(channel, "lambda", other, "a penalty above 0, likelihood or gcv")),
     }
 }
 
@@ -238,7 +253,7 @@ pub(crate) fn check_channels(recipe: &Recipe) -> Result<(), Error> {
         if let Some(at) = said.iter().position(|&said| said) {
             let entry = OF_EPISODES[at];
             return Err(Error::conflict(format!(
-                "[channels.{name}] {entry}: it is of whole episodes; say it in [prepare]"
+                "[channels.{name}] {entry}: it is of whole episodes; say it in {PREPARE_SECTION}"
             )));
         }
     }

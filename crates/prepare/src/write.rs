@@ -3,6 +3,7 @@
 use std::{collections::BTreeSet, path::Path};
 
 use fleetfoot_data::ColumnKind;
+use fleetfoot_data::setting::COLUMNS;
 use fleetfoot_dataset::{Error, PREPARED};
 use fleetfoot_output::{ParquetWriter, Values, WriteColumn, WriteKind, WriteOptions};
 
@@ -61,7 +62,7 @@ pub(crate) fn unique(columns: Vec<WriteColumn>, why: &str) -> Result<Vec<WriteCo
         None => Ok(columns),
         Some(twice) => {
             let name = twice.name.clone();
-            let problem = format!("`{name}` would be written twice: {why}; give it another in [columns]");
+            let problem = format!("`{name}` would be written twice: {why}; give it another in {COLUMNS}");
             Err(Error::name_taken(name, problem))
         }
     }

@@ -1,5 +1,7 @@
 //! Why an identification could not be done.
 
+use fleetfoot_data::setting::{CONTINUOUS, FOLDS, PARTITION_ON, PHASE, PURGE};
+
 use crate::SpecificationError;
 
 /// Why an identification could not be done.
@@ -45,7 +47,7 @@ pub enum Error {
     /// The purge gap swallows whole spans.
     #[error(
         "a purge gap of {purge} rows is longer than a held-out span ({span} rows of the longest episode in {folds} folds): no rows would be left \
-         between them; choose fewer folds or a shorter --purge"
+         between them; choose fewer folds or a shorter {PURGE}"
     )]
     PurgeTooLong {
         /// Rows of the gap.
@@ -63,7 +65,7 @@ pub enum Error {
     Plan(#[from] fleetfoot_stats::PlanError),
     /// A fold leaves nothing to train on.
     #[error(
-        "no complete row is left to train on when fold {fold} of {folds} is held out; choose fewer folds (--folds 0 for none)"
+        "no complete row is left to train on when fold {fold} of {folds} is held out; choose fewer folds ({given_folds} for none)", given_folds = FOLDS.to(0)
     )]
     NothingToTrain {
         /// The fold.
@@ -92,7 +94,7 @@ pub enum Error {
     /// A column that does not come round.
     #[error(
         "`{column}` goes from {low} to {high}: a phase is within 0 and 1, or within 0 and 2 pi (or -pi and pi); say that a state or input is an angle (kind = \"angle\"), write an expression \
-         that comes round, such as wrap(6.283185*{column}/PERIOD), or name labels (--phase labels:{column})"
+         that comes round, such as wrap(6.283185*{column}/PERIOD), or name labels ({given_phase})", given_phase = PHASE.to(format_args!("labels:{column}"))
     )]
     NoPhase {
         /// The column.
@@ -105,7 +107,7 @@ pub enum Error {
     /// Separators of more numbers than their Hessian has room for.
     #[error(
         "refined:{regions} on {columns} partition columns has separators of {} numbers, and {limit} is the limit: ask for fewer regions, or look at fewer \
-         columns (--partition-on)",
+         columns ({PARTITION_ON})",
         regions * (columns + 1)
     )]
     TooManySeparators {
@@ -118,7 +120,7 @@ pub enum Error {
     },
     /// Maps cannot meet at borders that are not linear.
     #[error(
-        "{specification}: maps can meet only at linear borders, those of kmeans, refined and tree; name such a partition, or leave --continuous away"
+        "{specification}: maps can meet only at linear borders, those of kmeans, refined and tree; name such a partition, or leave {CONTINUOUS} away"
     )]
     NotLinear {
         /// The partition.
@@ -126,7 +128,7 @@ pub enum Error {
     },
     /// Maps cannot meet at borders over a column that they do not see.
     #[error(
-        "regions look at {column}, which is no regressor: affine maps cannot meet at a border over it; let regions look at regressors only (--partition-on), or leave --continuous away"
+        "regions look at {column}, which is no regressor: affine maps cannot meet at a border over it; let regions look at regressors only ({PARTITION_ON}), or leave {CONTINUOUS} away"
     )]
     NoRegressor {
         /// The partition column.

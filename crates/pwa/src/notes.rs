@@ -1,5 +1,6 @@
 //! What a user should know about a fit beside its numbers.
 
+use fleetfoot_data::setting::SHRINKAGE;
 use fleetfoot_stats::SquareRoot;
 
 use crate::{
@@ -72,7 +73,7 @@ impl Fit<'_> {
             let (count, all) = (regions.len(), partition.rule.count());
             Some(format!(
                 "{}: {count} of {all} regions (the first: {first}) have fewer rows than the {numbers} numbers of a map: theirs are the smallest that fit, and say nothing of other rows; \
-                 ask for fewer regions, or pull them towards the map of all rows (--shrinkage)",
+                 ask for fewer regions, or pull them towards the map of all rows ({SHRINKAGE})",
                 own.specification
             ))
         };

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use fleetfoot_data::setting::{ITERATIONS, MEMORY};
+
 /// What a user should know of how the regions of a partition were found; its text is a sentence.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -87,7 +89,7 @@ impl fmt::Display for PartitionNote {
         write!(f, "{}: ", self.place)?;
         match self.finding {
             Finding::NotConverged { iterations } => {
-                write!(f, "not converged after {iterations} iterations; raise --iterations")
+                write!(f, "not converged after {iterations} iterations; raise {ITERATIONS}")
             }
             Finding::FewPositions { positions } => {
                 let word = if positions == 1 { "position" } else { "positions" };
@@ -110,7 +112,7 @@ impl fmt::Display for PartitionNote {
                     SampleMethod::Refined => "refined on",
                     SampleMethod::Grown => "grown on",
                 };
-                write!(f, "{done} a sample of {kept} of {all} rows; raise --memory for more")
+                write!(f, "{done} a sample of {kept} of {all} rows; raise {MEMORY} for more")
             }
         }
     }

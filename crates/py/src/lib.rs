@@ -7,6 +7,7 @@ mod array;
 mod data;
 mod error;
 mod run;
+mod words;
 
 // -- lars
 mod design;
@@ -114,9 +115,10 @@ mod _core {
     #[pymodule_export]
     const VERSION: &str = env!("CARGO_PKG_VERSION");
 
-    /// Refuses an unknown instruction set of the environment when the package is imported.
+    /// Gives messages the words of Python, and refuses an unknown instruction set of the environment, when the package is imported.
     #[pymodule_init]
-    fn check_instruction_set(_module: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {
+    fn begin(_module: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {
+        fleetfoot::data::setting::word_as(&crate::words::Arguments);
         fleetfoot::data::check_instruction_set()
             .map_err(|error| pyo3::exceptions::PyImportError::new_err(error.to_string()))
     }

@@ -1,5 +1,6 @@
 //! The names that a recipe or a model gives to what is recorded.
 
+use fleetfoot_data::setting::{COLUMNS, INPUTS_SECTION, STATES_SECTION};
 use fleetfoot_data::{Column as DataColumn, ColumnKind, nearest};
 use fleetfoot_library::{Expr, ParseErrorKind, Quaternion, Scope, Unit};
 use fleetfoot_model::{Column, Role};
@@ -31,7 +32,7 @@ impl<'a> Aliases<'a> {
     fn new(fields: &'a [DataColumn], texts: &'a IndexMap<String, String>) -> Result<Self, Error> {
         let mut scope = Scope::new(fields.iter().map(|field| field.name.as_str()));
         scope.define_all(texts).map_err(|source| Error::Expression {
-            place: format!("[columns] {}", source.alias().unwrap_or_default()),
+            place: COLUMNS.entry(source.alias().unwrap_or_default()).to_string(),
             text: source.text().to_owned(),
             source,
         })?;
@@ -50,7 +51,7 @@ impl<'a> Aliases<'a> {
     pub fn of_recipe(recipe: &'a Recipe, fields: &'a [DataColumn]) -> Result<Self, Error> {
         let mut aliases = Self::new(fields, &recipe.columns)?;
         for (name, state) in &recipe.states {
-            let place = format!("[states] {name}");
+            let place = STATES_SECTION.entry(name).to_string();
             let angle = state.kind == Some(Kind::Angle);
             aliases.add(name, state.column.as_deref(), state.unit.as_deref(), Role::State, angle, &place)?;
             if let (Some(part), Some(column)) = (state.rotation_part(), aliases.columns.last_mut()) {
@@ -59,7 +60,7 @@ impl<'a> Aliases<'a> {
         }
         aliases.rotations = named_rotations(&aliases.columns);
         for (name, input) in &recipe.inputs {
-            let place = format!("[inputs] {name}");
+            let place = INPUTS_SECTION.entry(name).to_string();
             let input = input.table();
             if input.kind.and_then(Kind::rotation).is_some() {
                 return Err(Error::value(format!(

@@ -1,6 +1,7 @@
 //! Rotations among the states of a recipe: one section for all columns of one, written out as a state for each, whose equations are the kinematics.
 
 use fleetfoot_data::Column as DataColumn;
+use fleetfoot_data::setting::STATES_SECTION;
 use fleetfoot_library::{Expr, Quaternion, rotation_vector_rates};
 use fleetfoot_model::{Column, RotationKind, RotationPart, rotations};
 use indexmap::IndexMap;
@@ -48,7 +49,7 @@ impl State {
         aliases: &IndexMap<String, String>,
         fields: &[DataColumn],
     ) -> Result<Option<Vec<(String, State)>>, Error> {
-        let place = format!("[states] {name}");
+        let place = STATES_SECTION.entry(name).to_string();
         let Some(kind) = self.kind.and_then(Kind::rotation) else {
             let said = [
                 ("columns", self.columns.is_some()),

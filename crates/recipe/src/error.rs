@@ -1,6 +1,7 @@
 //! What can go wrong with the words of a recipe. Every message says where, and what to do.
 
 use fleetfoot_data::did_you_mean;
+use fleetfoot_data::setting::{self, INFO, PARTITION_ON};
 
 use crate::{request::RequestError, request_constructors};
 
@@ -17,7 +18,7 @@ pub enum Error {
         problem: String,
     },
     /// An expression cannot be understood.
-    #[error("{place} = \"{text}\": {source}")]
+    #[error("{}: {source}", setting::assigned(place, text))]
     Expression {
         /// Where it stands.
         place: String,
@@ -42,7 +43,7 @@ pub enum Error {
     /// A partition by what is predicted.
     #[error(
         "the partition looks at `{column}`, which tells `{target}`, and that is what is predicted: the region of a row would not be known before its \
-         answer; name other columns with --partition-on, or its past: lag({target}, 1)"
+         answer; name other columns with {PARTITION_ON}, or its past: lag({target}, 1)"
     )]
     TargetInPartition {
         /// The column of the partition.
@@ -66,7 +67,7 @@ request_constructors!(Error);
 /// What a name may have meant, else where names are found.
 fn meant(candidates: &[String]) -> String {
     match did_you_mean(candidates) {
-        nothing if nothing.is_empty() => "; `fleetfoot info` lists those of a log".to_owned(),
+        nothing if nothing.is_empty() => format!("; {INFO} lists those of a log"),
         near => near,
     }
 }

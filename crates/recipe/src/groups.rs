@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use fleetfoot_data::setting::Section;
 use fleetfoot_data::{did_you_mean, nearest};
 use fleetfoot_library::Expr;
 use serde::{Deserialize, Serialize};
@@ -52,12 +53,13 @@ impl GroupRule {
             GroupWords::Named(named) => named.clone(),
         };
         if named.is_empty() {
-            return Err(Error::value(format!("[{section}] groups: there are none; write {ALLOWED}")));
+            return Err(Error::value(format!("{}: there are none; write {ALLOWED}", Section(section).entry("groups"))));
         }
         match named.iter().find(|(_, list)| list.iter().all(String::is_empty)) {
-            Some((name, _)) => {
-                Err(Error::value(format!("[{section}] groups {name}: the list is empty; name its signals")))
-            }
+            Some((name, _)) => Err(Error::value(format!(
+                "{} {name}: the list is empty; name its signals",
+                Section(section).entry("groups")
+            ))),
             None => Ok(Self::Named(named)),
         }
     }
@@ -121,12 +123,13 @@ fn lists(text: &str, section: &str) -> Result<BTreeMap<String, Vec<String>>, Err
             name.clone_into(&mut last);
             if named.insert(last.clone(), Vec::new()).is_some() {
                 return Err(Error::value(format!(
-                    "[{section}] groups = {text}: the group {name} is there twice; give it one list"
+                    "{}: the group {name} is there twice; give it one list",
+                    Section(section).entry("groups").is(text)
                 )));
             }
         }
         let Some(list) = named.get_mut(&last) else {
-            return Err(Error::value(format!("[{section}] groups = {text}: write {ALLOWED}")));
+            return Err(Error::value(format!("{}: write {ALLOWED}", Section(section).entry("groups").is(text))));
         };
         list.push(begins.map_or(item.as_str(), |(_, first)| first).to_owned());
     }

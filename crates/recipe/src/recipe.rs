@@ -34,6 +34,7 @@ pub use criterion::Criterion;
 pub use derivative::{Derivative, Over, SpanDerivative};
 pub use estimate::{EstimateMethod, EstimateSection};
 pub use filter::{FilterNoise, FilterSection, FilterSwitching};
+use fleetfoot_data::setting::RECIPE;
 use fleetfoot_data::{did_you_mean, nearest};
 use indexmap::IndexMap;
 pub use lags::Lags;
@@ -399,7 +400,9 @@ impl Recipe {
         if fleetfoot_log::Format::of(path).is_some() {
             return Err(Error::Recipe {
                 name: path.display().to_string(),
-                problem: "this is a log, and --recipe (-c) names a recipe: write `-c robot.toml`, and the log without an option".into(),
+                problem: format!(
+                    "this is a log, and {RECIPE} (-c) names a recipe: write `-c robot.toml`, and the log without an option"
+                ),
             });
         }
         let text = std::fs::read_to_string(path).map_err(|error| Error::Recipe {

@@ -5,6 +5,7 @@
 //! `/joint_states.position[*]` becomes `q[left_crank]`, `q[right_crank]`; `w` of `/imu.angular_velocity.*` becomes `w.x`, `w.y`, `w.z`.
 
 use fleetfoot_data::Column;
+use fleetfoot_data::setting::{COLUMNS, INFO_VALUES, INPUTS_SECTION, STATES_SECTION};
 use indexmap::IndexMap;
 
 use crate::{
@@ -77,7 +78,7 @@ fn matches(text: &str, fields: &[Column], place: &str) -> Result<Option<Vec<(Str
         .filter_map(|field| suffix(&parts, &field.name).map(|suffix| (suffix, field.name.clone())))
         .collect();
     if found.is_empty() {
-        let problem = format!("{place}: no field of the log matches `{text}`; `fleetfoot info --values` lists them");
+        let problem = format!("{place}: no field of the log matches `{text}`; {INFO_VALUES} lists them");
         return Err(Error::unknown(text, problem));
     }
     Ok(Some(found))
@@ -99,7 +100,7 @@ impl Recipe {
         // What each wildcard alias became.
         let mut aliases: IndexMap<&str, Vec<(String, String)>> = IndexMap::new();
         for (name, text) in &self.columns {
-            match matches(text, fields, &format!("[columns] {name}"))? {
+            match matches(text, fields, &COLUMNS.entry(name).to_string())? {
                 None => _ = out.columns.insert(name.clone(), text.clone()),
                 Some(found) => {
                     for (suffix, field) in &found {
@@ -117,7 +118,7 @@ impl Recipe {
         };
         out.states = IndexMap::new();
         for (name, state) in &self.states {
-            let place = format!("[states] {name}");
+            let place = STATES_SECTION.entry(name).to_string();
             match named(name, &place)? {
                 Some(names) => out.states.extend(names.into_iter().map(|name| (name, state.clone()))),
                 None => match state.column.as_deref().map_or(Ok(None), |text| matches(text, fields, &place))? {
@@ -131,7 +132,7 @@ impl Recipe {
         out.states = with_parts(std::mem::take(&mut out.states), &out.columns, fields)?;
         out.inputs = IndexMap::new();
         for (name, input) in &self.inputs {
-            let place = format!("[inputs] {name}");
+            let place = INPUTS_SECTION.entry(name).to_string();
             let table = input.table();
             let text = table.column.as_deref().unwrap_or(name);
             let with = |column: String| Input::Table(InputTable { column: Some(column), ..table.clone() });
@@ -169,7 +170,8 @@ fn with_parts(
                 Some(_) if blank(&own) => {}
                 Some(known) if !blank(known) => {
                     let problem = format!(
-                        "[states] {name}: it is a part of a rotation, whose equations are its kinematics, and a state of its own; leave one of the two away"
+                        "{entry}: it is a part of a rotation, whose equations are its kinematics, and a state of its own; leave one of the two away",
+                        entry = STATES_SECTION.entry(&name)
                     );
                     return Err(Error::name_taken(&name, problem));
                 }

@@ -4,6 +4,7 @@ mod file;
 
 pub use file::{ControllerFile, ControllerRecord, LqrRecord, SetPointRecord};
 use fleetfoot_control::design::{Lqr, LqrOptions, Schedule, lqr};
+use fleetfoot_data::setting::CONTROL;
 use fleetfoot_fit::Error;
 use fleetfoot_model::Model;
 use fleetfoot_recipe::{ControlSchedule, ControlSection, Recipe, Settings, items};
@@ -48,7 +49,7 @@ pub(crate) fn pair(place: &str, item: &str) -> Result<(String, f64), Error> {
 
 /// `x=1,y=2`.
 fn named(entry: &str, text: Option<&str>) -> Result<Vec<(String, f64)>, Error> {
-    let place = format!("[control] {entry}");
+    let place = CONTROL.entry(entry).to_string();
     list(text).iter().map(|item| pair(&place, item)).collect()
 }
 
@@ -60,7 +61,7 @@ fn limits(text: Option<&str>) -> Result<Vec<(String, f64, f64)>, Error> {
             Some((name.trim().to_owned(), low.trim().parse().ok()?, high.trim().parse().ok()?))
         });
         let mend = "write INPUT=LOW:HIGH, several separated by commas";
-        pair.ok_or_else(|| Error::value(format!("[control] limits = {item}: {mend}")))
+        pair.ok_or_else(|| Error::value(format!("{entry}: {mend}", entry = CONTROL.entry("limits").is(item))))
     };
     list(text).into_iter().map(parse).collect()
 }

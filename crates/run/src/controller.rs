@@ -4,6 +4,7 @@ use std::{path::Path, sync::Arc};
 
 use fleetfoot_control::controller::{Controller, TreadmillLoop};
 use fleetfoot_data::nearest;
+use fleetfoot_data::setting::{CONTROL_LQR, CONTROLLER};
 use fleetfoot_dataset::Error as DatasetError;
 use fleetfoot_fit::Error;
 use fleetfoot_library::{Expr, Scope};
@@ -61,7 +62,7 @@ pub fn controller(what: &str, settings: &[String]) -> Result<Arc<dyn Controller>
 /// # Errors
 /// What is neither.
 pub fn controller_file(what: &str) -> Result<ControllerFile, Error> {
-    made(what)?.ok_or_else(|| refused(what, "no file that `control lqr` made".to_owned()))
+    made(what)?.ok_or_else(|| refused(what, format!("no file that {CONTROL_LQR} made")))
 }
 
 /// The same; `None` where it is none, whatever else it may be.
@@ -122,7 +123,7 @@ fn check_keys(table: &Table, known: &Table) -> Result<(), String> {
 fn read(path: &str) -> Result<Table, Error> {
     if !Path::new(path).is_file() {
         let problem =
-            format!("neither a controller ({}) nor a TOML file nor one that `control lqr` made", KINDS.join(", "));
+            format!("neither a controller ({}) nor a TOML file nor one that {CONTROL_LQR} made", KINDS.join(", "));
         return Err(refused(path, problem));
     }
     let text = std::fs::read_to_string(path).map_err(|error| refused(path, error.to_string()))?;
@@ -130,7 +131,7 @@ fn read(path: &str) -> Result<Table, Error> {
 }
 
 fn refused(what: &str, problem: String) -> Error {
-    Error::value(format!("--controller {what}: {problem}"))
+    Error::value(format!("{given_controller}: {problem}", given_controller = CONTROLLER.to(what)))
 }
 
 /// The model with a column for everything that the controller looks at: an alias of the model's recipe, a field of the log, or an expression over these.
@@ -168,7 +169,7 @@ pub(crate) fn explained(error: DatasetError, own: &Model) -> Error {
     let told = |place: String| {
         let name = place.strip_prefix("column ").and_then(|rest| rest.strip_suffix(" of the model"));
         match name {
-            Some(name) if own.column(name).is_none() => "a column of --controller".to_owned(),
+            Some(name) if own.column(name).is_none() => format!("a column of {CONTROLLER}"),
             _ => place,
         }
     };

@@ -5,6 +5,7 @@ mod engine;
 use std::path::{Path, PathBuf};
 
 use fleetfoot_codegen::{Cost, ExportOptions, ExportedFile, Target, TestVector, test_vectors};
+use fleetfoot_data::setting::TO;
 use fleetfoot_fit::Error;
 use fleetfoot_model::Model;
 use fleetfoot_output::{check_outputs, together, write_atomic};
@@ -58,7 +59,10 @@ pub fn export_filter(
     inputs: &[PathBuf],
 ) -> Result<Vec<PathBuf>, Error> {
     if options.target != Target::C {
-        return Err(Error::conflict("filters are written as C: export with --to c".to_owned()));
+        return Err(Error::conflict(format!(
+            "filters are written as C: export with {given_to}",
+            given_to = TO.to("c")
+        )));
     }
     let filter = crate::filter_of(model, said)?;
     let tables = filter.tables().ok_or_else(|| {

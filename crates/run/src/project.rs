@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use fleetfoot_data::Progress;
+use fleetfoot_data::setting::PLANE;
 use fleetfoot_dataset::{Dataset, Logs};
 use fleetfoot_dynamics::{Axis, Plane};
 use fleetfoot_fit::Error;
@@ -41,7 +42,7 @@ pub fn project(
     progress: &dyn Progress,
 ) -> Result<Projected, Error> {
     let [across, up] = axes else {
-        return Err(Error::value(format!("--plane {}: a plane has two columns", axes.join(","))));
+        return Err(Error::value(format!("{}: a plane has two columns", PLANE.to(axes.join(",")))));
     };
     if let Some(path) = output
         && output::kind(path)? != output::Kind::Table
@@ -84,6 +85,6 @@ pub fn axis(model: &Model, text: &str) -> Result<Expr, Error> {
     }
     let scope = Scope::new(model.columns.iter().map(|column| column.name.as_str()));
     Expr::parse(text, &scope).map_err(|source| {
-        fleetfoot_recipe::Error::Expression { place: "--plane".into(), text: text.to_owned(), source }.into()
+        fleetfoot_recipe::Error::Expression { place: PLANE.to_string(), text: text.to_owned(), source }.into()
     })
 }

@@ -6,6 +6,7 @@ mod writer;
 use std::path::Path;
 
 use fleetfoot_data::Progress;
+use fleetfoot_data::setting::ITERATIONS;
 use fleetfoot_dataset::{Dataset, Logs};
 use fleetfoot_estimate::{Ending, EstimateError, Resimulated, Resimulation, ResimulationOptions};
 use fleetfoot_fit::Error;
@@ -101,9 +102,9 @@ impl Followed {
                     certificate.dynamics,
                     certificate.stationarity,
                     if own.ending == Ending::Stalled {
-                        "look whether the model's regions or functions break there, or widen the bounds"
+                        "look whether the model's regions or functions break there, or widen the bounds".to_owned()
                     } else {
-                        "allow more (--iterations)"
+                        format!("allow more ({ITERATIONS})")
                     }
                 ));
             }

@@ -81,7 +81,7 @@ mod tests {
 
     #[test]
     fn long_work_is_told_and_short_work_is_not() {
-        let work = |operations| Work { operations, parts: 3, mend: "fewer folds make it shorter" };
+        let work = |operations| Work { operations, parts: 3, mend: "fewer folds make it shorter".to_owned() };
         assert_eq!(long_work(work(1e6)), None);
         let note = long_work(work(1e14)).unwrap();
         assert!(note.starts_with("this takes about ") && note.ends_with("; fewer folds make it shorter"), "{note}");

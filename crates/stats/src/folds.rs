@@ -7,6 +7,7 @@
 
 use std::{collections::BTreeMap, ops::Range};
 
+use fleetfoot_data::setting::FOLDS;
 use fleetfoot_data::{Canonical, EpisodeId};
 
 use crate::Fold;
@@ -14,7 +15,7 @@ use crate::Fold;
 /// Spans that an episode is cut into, at least, and episodes from which on whole ones are held out.
 pub const SPANS: usize = 5;
 /// Folds where nobody says how many, and where the rows are few.
-const FOLDS: usize = 10;
+const USUAL_FOLDS: usize = 10;
 const FEWER: usize = 5;
 /// Rows of a fold, at least, where nobody says how many folds there are.
 const ROWS: usize = 10;
@@ -75,14 +76,14 @@ impl Purge {
 #[non_exhaustive]
 pub enum FoldError {
     /// Fewer than two, or more than can be told apart.
-    #[error("{count} folds are asked for: write a number from 2 to 65535 (`--folds`)")]
+    #[error("{count} folds are asked for: write a number from 2 to 65535 ({FOLDS})")]
     Count {
         /// How many.
         count: usize,
     },
     /// One episode cannot be left out and fitted on.
     #[error(
-        "leaving every episode out once needs 2 episodes or more, and there is {found}: `--folds 10` cuts it into spans instead"
+        "leaving every episode out once needs 2 episodes or more, and there is {found}: {given_folds} cuts it into spans instead", given_folds = FOLDS.to(10)
     )]
     Episodes {
         /// How many episodes have rows.
@@ -90,7 +91,7 @@ pub enum FoldError {
     },
     /// A fold would hold out nothing.
     #[error(
-        "{folds} folds of spans need episodes of {spans} rows or more, and the longest of {episodes} has {rows}: ask for fewer folds (`--folds`), or give more data"
+        "{folds} folds of spans need episodes of {spans} rows or more, and the longest of {episodes} has {rows}: ask for fewer folds ({FOLDS}), or give more data"
     )]
     Rows {
         /// How many folds.
@@ -172,7 +173,7 @@ impl FoldLayout {
             FoldRule::Count(count) => count,
             FoldRule::Episodes if episodes < 2 => return Err(FoldError::Episodes { found: episodes }),
             FoldRule::Episodes => episodes,
-            FoldRule::Auto if rows.values().sum::<usize>() >= FOLDS * ROWS => FOLDS,
+            FoldRule::Auto if rows.values().sum::<usize>() >= USUAL_FOLDS * ROWS => USUAL_FOLDS,
             FoldRule::Auto => FEWER,
         };
         let folds = u16::try_from(count).ok().filter(|&folds| folds >= 2).ok_or(FoldError::Count { count })?;

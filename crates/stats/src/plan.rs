@@ -5,6 +5,7 @@
 
 use std::ops::Range;
 
+use fleetfoot_data::setting::{DT, TIME, TIME_SECTION};
 use fleetfoot_data::{Episode, OutOfMemory, ensure_memory};
 
 use crate::{Fold, FoldLayout, Preconditioner};
@@ -49,7 +50,7 @@ pub enum PlanError {
     /// Every row is an episode.
     #[error(
         "{rows} rows in {episodes} episodes, hardly more than a row each: an episode ends where stamps do not rise, so the time column is no clock, or the \
-         rows are not in the order of time; name the clock ([time] column, --time), or a sampling period ([time] dt, --dt)"
+         rows are not in the order of time; name the clock ({TIME_SECTION} column, {TIME}), or a sampling period ({TIME_SECTION} dt, {DT})"
     )]
     SingleRows {
         /// Rows.

@@ -3,6 +3,7 @@
 use std::{fmt, path::Path};
 
 use fleetfoot_control::controller::Regulator;
+use fleetfoot_data::setting::CONTROLLER;
 use fleetfoot_data::{did_you_mean, nearest_one};
 use fleetfoot_fit::Error;
 use fleetfoot_log::Format as LogFormat;
@@ -123,7 +124,7 @@ impl World {
     /// # Errors
     /// A robot that takes none, and a regulator that reads what the robot does not show or drives what it does not have.
     pub fn regulate(&mut self, regulator: &Regulator) -> Result<(), Error> {
-        let place = "--controller";
+        let place = &CONTROLLER.to_string();
         let law = Table::try_from(regulator).map_err(|error| world_error(place, &error.to_string()))?;
         let mut table = self.table.clone();
         table.insert("regulator".to_owned(), Value::Table(law));

@@ -1,5 +1,6 @@
 //! Bounds of single coefficients: `[constraints] damping = { coefficients = { v = ["v"] }, at_most = 0.0 }`.
 
+use fleetfoot_data::setting::CONSTRAINTS;
 use fleetfoot_data::{did_you_mean, nearest};
 use fleetfoot_library::{Expr, Library, Scope, Vocabulary};
 use fleetfoot_recipe::{Aliases, ConstraintSection, Error};
@@ -72,7 +73,7 @@ pub(crate) fn coefficient_limits(
     if section.coefficients.is_empty() {
         return Ok(Vec::new());
     }
-    let place = format!("[constraints] {name}");
+    let place = CONSTRAINTS.entry(name).to_string();
     if section.of.is_some() || !section.matrix.is_empty() {
         return Err(Error::conflict(format!(
             "{place}: it has `coefficients`, and `of` or `matrix`; make two constraints of it"
@@ -130,7 +131,7 @@ pub(crate) fn consistent(limits: Vec<CoefficientLimit>) -> Result<Vec<Coefficien
         let same = |high: &&CoefficientLimit| (high.owner, high.candidate) == (low.owner, low.candidate);
         if let Some(high) = of(Limit::AtMost).filter(same).find(|high| low.bound > high.bound) {
             return Err(Error::conflict(format!(
-                "[constraints] {} and {}: no coefficient of {} is at least {} and at most {}; loosen one of them",
+                "{CONSTRAINTS} {} and {}: no coefficient of {} is at least {} and at most {}; loosen one of them",
                 low.name, high.name, low.of, low.bound, high.bound
             )));
         }

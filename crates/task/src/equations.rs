@@ -3,6 +3,10 @@
 use std::collections::{BTreeMap, HashMap};
 
 use fleetfoot_data::Column as DataColumn;
+use fleetfoot_data::setting::{
+    CONSTRAINTS, DEGREE, FIT_PARAMETERS, FIT_SINDY, FIT_SPARSE, LATENTS, LIBRARY, LIBRARY_SECTION, PARAMETERS,
+    PARTITION, STATES_SECTION, TASKS,
+};
 use fleetfoot_library::{Expr, Library, TermsError, Vocabulary};
 use fleetfoot_model::{Column, Equation, Gaussian, Prediction, RadialFunctions, Role};
 use fleetfoot_recipe::{Aliases, Derivative, Error, Kind, Recipe};
@@ -117,8 +121,8 @@ impl EquationTask {
         let parameters = Parameter::all(recipe, &aliases)?;
         if let Some(fixed) = parameters.iter().find(|parameter| parameter.fixed) {
             return Err(Error::conflict(format!(
-                "[parameters] {} fixed = true: only `fit parameters` keeps a parameter; write its number into the expressions",
-                fixed.name
+                "{} fixed = true: only {FIT_PARAMETERS} keeps a parameter; write its number into the expressions",
+                PARAMETERS.entry(&fixed.name)
             )));
         }
         let names: Vec<String> = parameters.iter().map(|parameter| parameter.name.clone()).collect();
@@ -126,7 +130,7 @@ impl EquationTask {
         let labels: Vec<String> =
             specification(recipe)?.iter().filter_map(|partition| partition.label().map(str::to_owned)).collect();
         for label in &labels {
-            aliases.add(label, None, None, Role::Auxiliary, false, "--partition labels")?;
+            aliases.add(label, None, None, Role::Auxiliary, false, &PARTITION.to("labels").to_string())?;
         }
         let mut equations = equations(recipe, &mut aliases)?;
         let mut reader = Reader { recipe, names: &names, general: None, narrowed: false };
@@ -136,7 +140,7 @@ impl EquationTask {
             let Some(measured) = equation.target.clone() else { continue };
             let latent = equation.right.as_column().unwrap_or_default().to_owned();
             let state = recipe.states.get(&equation.subject).filter(|_| equation.prediction != Prediction::Value);
-            let place = format!("[states] {} nominal", equation.subject);
+            let place = format!("{} nominal", STATES_SECTION.entry(&equation.subject));
             let nominal = state.and_then(|state| state.nominal.as_deref());
             let nominal = nominal.map(|text| aliases.over_aliases(text, &place)).transpose()?;
             let mut target = measured.clone();
@@ -218,7 +222,7 @@ impl EquationTask {
     pub fn narrowed_note(&self) -> Option<String> {
         self.narrowed.then(|| {
             format!(
-                "no library is named, and that of degree 2 would have more than {MOST_UNASKED} functions: the equations have those of degree 1; --degree 2, or a library, asks for more"
+                "no library is named, and that of degree 2 would have more than {MOST_UNASKED} functions: the equations have those of degree 1; {given_degree} or a library, asks for more", given_degree = DEGREE.to("2,")
             )
         })
     }
@@ -313,8 +317,9 @@ impl EquationTask {
         match self.parameters.iter().find(|parameter| !used.contains(&parameter.name)) {
             None => Ok(()),
             Some(parameter) => Err(Error::conflict(format!(
-                "[parameters] {0}: no library item, nominal part or target has it; use it, for example `lag1(u, {0})`, or leave it away",
-                parameter.name
+                "{entry}: no library item, nominal part or target has it; use it, for example `lag1(u, {0})`, or leave it away",
+                parameter.name,
+                entry = PARAMETERS.entry(&parameter.name)
             ))),
         }
     }
@@ -332,9 +337,9 @@ struct Reader<'a> {
 impl Reader<'_> {
     fn own(&mut self, equation: &Equation, all: &[Equation], aliases: &mut Aliases<'_>) -> Result<Own, Error> {
         let state = self.recipe.states.get(&equation.subject).filter(|_| equation.prediction != Prediction::Value);
-        let place = format!("[states] {}", equation.subject);
+        let place = STATES_SECTION.entry(&equation.subject).to_string();
         let (constant, functions) = match state.and_then(|state| state.library.as_ref()) {
-            Some(items) => self.parse(items, all, &format!("{place} library"), aliases)?,
+            Some(items) => self.parse(items, all, Some(&format!("{place} library")), aliases)?,
             None => match &self.general {
                 Some(general) => general.clone(),
                 None => {
@@ -342,13 +347,13 @@ impl Reader<'_> {
                         [] => vec![format!("poly({})", self.degree(all, aliases))],
                         items => items.to_vec(),
                     };
-                    self.general.insert(self.parse(&items, all, "[library] functions", aliases)?).clone()
+                    self.general.insert(self.parse(&items, all, None, aliases)?).clone()
                 }
             },
         };
         let mut own = Own { constant, functions, fixed: Vec::new() };
         if let Some(fixed) = state.map(|state| &state.fixed).filter(|fixed| !fixed.is_empty()) {
-            own.fix(self.parse(fixed, all, &format!("{place} fixed"), aliases)?, &place)?;
+            own.fix(self.parse(fixed, all, Some(&format!("{place} fixed")), aliases)?, &place)?;
         }
         if !own.constant && own.functions.is_empty() {
             return Err(Error::missing(format!(
@@ -371,28 +376,28 @@ impl Reader<'_> {
         if self.narrowed { 1 } else { 2 }
     }
 
+    /// The functions of an entry of a state, or of `[library]`.
     fn parse(
         &self,
         items: &[String],
         equations: &[Equation],
-        place: &str,
+        own: Option<&str>,
         aliases: &mut Aliases<'_>,
     ) -> Result<(bool, Vec<Expr>), Error> {
         // A library of free expressions alone needs no variables.
         let variables = match variables(self.recipe, aliases, equations) {
             Ok(found) => found,
-            Err(error) if self.recipe.library.functions.is_empty() && place.starts_with("[library]") => {
-                return Err(error);
-            }
+            Err(error) if self.recipe.library.functions.is_empty() && own.is_none() => return Err(error),
             Err(_) => Vec::new(),
         };
         let scope = aliases.own_scope(self.names);
         let vocabulary = Vocabulary { variables: &variables, scope: &scope };
+        let place = &own.map_or_else(|| LIBRARY_SECTION.entry("functions").to_string(), str::to_owned);
         let found = Library::parse(items, &vocabulary).map_err(|error| explained(error, items, &vocabulary, place))?;
         let count = found.functions.len() + usize::from(found.constant);
         if count > MOST_CANDIDATES {
             return Err(Error::value(format!(
-                "{place}: it has {count} candidates, at most {MOST_CANDIDATES} can be fitted together; name fewer candidates (--library, --degree)"
+                "{place}: it has {count} candidates, at most {MOST_CANDIDATES} can be fitted together; name fewer candidates ({LIBRARY}, {DEGREE})"
             )));
         }
         for function in &found.functions {
@@ -476,10 +481,11 @@ fn limits(
     for (name, section) in &recipe.constraints {
         if section.coefficients.is_empty() {
             return Err(Error::conflict(format!(
-                "[constraints] {name}: `of` and `matrix` speak of the functions of [latents], which `fit sparse` fits; `fit sindy` bounds the coefficients of an \
+                "{entry}: `of` and `matrix` speak of the functions of {LATENTS}, which {FIT_SPARSE} fits; {FIT_SINDY} bounds the coefficients of an \
                  equation: `{name} = {{ coefficients = {{ {} = [\"{}\"] }}, at_most = 0.0 }}`",
                 equations.first().map_or("v", |equation| &equation.subject),
-                functions.first().map_or_else(|| "v".into(), Expr::to_string)
+                functions.first().map_or_else(|| "v".into(), Expr::to_string),
+                entry = CONSTRAINTS.entry(name)
             )));
         }
         limits.extend(coefficient_limits(name, section, &owners, names, aliases)?);
@@ -490,15 +496,15 @@ fn limits(
 /// Sections that other commands read.
 fn refuse_other_sections(recipe: &Recipe) -> Result<(), Error> {
     if !recipe.latents.is_empty() || !recipe.tasks.is_empty() {
-        return Err(Error::conflict(
-            "the recipe has [latents] and [tasks], which `fit sparse` fits; leave them away for `fit sindy`, or run `fit sparse`".into(),
-        ));
+        return Err(Error::conflict(format!(
+            "the recipe has {LATENTS} and {TASKS}, which {FIT_SPARSE} fits; leave them away for {FIT_SINDY}, or run {FIT_SPARSE}"
+        )));
     }
     for (name, state) in &recipe.states {
-        let place = format!("[states] {name}");
+        let place = STATES_SECTION.entry(name).to_string();
         if state.equation.is_some() {
             return Err(Error::conflict(format!(
-                "{place} equation: it speaks of latents, which `fit sparse` fits; write what is known of the right side as `nominal`, or all of it as `known`"
+                "{place} equation: it speaks of latents, which {FIT_SPARSE} fits; write what is known of the right side as `nominal`, or all of it as `known`"
             )));
         }
         let fitted = state.nominal.is_some() || state.library.is_some() || !state.fixed.is_empty();

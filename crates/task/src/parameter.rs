@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use fleetfoot_data::setting::PARAMETERS;
 use fleetfoot_library::Expr;
 use fleetfoot_recipe::{Aliases, Error, Recipe};
 
@@ -25,7 +26,7 @@ impl Parameter {
     /// Those of a recipe.
     pub(crate) fn all(recipe: &Recipe, aliases: &Aliases<'_>) -> Result<Vec<Self>, Error> {
         let parameter = |(name, section): (&String, &fleetfoot_recipe::ParameterSection)| {
-            let place = format!("[parameters] {name}");
+            let place = PARAMETERS.entry(name).to_string();
             if aliases.has(name) {
                 return Err(Error::name_taken(
                     name,

@@ -1,6 +1,9 @@
 //! A recipe resolved to given equations with parameters.
 
 use fleetfoot_data::Column as DataColumn;
+use fleetfoot_data::setting::{
+    COLUMNS, CONSTRAINTS, FIT_PARAMETERS, FIT_SINDY, FIT_SPARSE, INPUTS_SECTION, PARAMETERS, SEGMENT, STATES_SECTION,
+};
 use fleetfoot_estimate::{Affine, MatrixLimit, Residual};
 use fleetfoot_library::Expr;
 use fleetfoot_recipe::{Aliases, Error, Recipe};
@@ -32,7 +35,7 @@ impl ParametersTask {
         let mut measured = Vec::new();
         for (name, state) in &recipe.states {
             let angle = aliases.columns.iter().any(|column| column.name == *name && column.angle);
-            let place = format!("[states] {name}");
+            let place = STATES_SECTION.entry(name).to_string();
             let x = Expr::column(name.as_str());
             measured.push(derivative::measured(state.derivative.as_ref(), &x, angle, &place, &mut aliases)?);
         }
@@ -44,7 +47,8 @@ impl ParametersTask {
             return Err(Error::unknown(
                 idle,
                 format!(
-                    "[parameters] {idle}: no equation speaks of it; leave it away, or look for a slip in `known` of the states"
+                    "{entry}: no equation speaks of it; leave it away, or look for a slip in `known` of the states",
+                    entry = PARAMETERS.entry(idle)
                 ),
             ));
         }
@@ -89,16 +93,16 @@ impl ParametersTask {
 fn refuse_filters(known: &KnownTask, names: &[String]) -> Result<(), Error> {
     for equation in &known.equations {
         let Some(filter) = equation.right.filters().into_iter().next() else { continue };
-        let (place, text) = (format!("[states] {} known", equation.subject), filter.to_string());
+        let (place, text) = (format!("{} known", STATES_SECTION.entry(&equation.subject)), filter.to_string());
         let constants = filter.constant.columns();
         return Err(Error::conflict(match names.iter().find(|name| constants.iter().any(|own| **own == ***name)) {
             Some(name) => format!(
                 "{place}: `{text}` has the parameter `{name}` inside a filter, and fit parameters estimates numbers outside of filters alone: estimate `{name}` with \
-                 `fit sindy` (library = \"{text}\"), then write its number into [columns]"
+                 {FIT_SINDY} (library = \"{text}\"), then write its number into {COLUMNS}"
             ),
             None => format!(
-                "{place}: `{text}` is computed from the rows of the log and no column yet: write `filtered = \"{text}\"` into [columns], make `filtered` one of [inputs], \
-                 write `filtered` here, and give --segment: the first rows have no value of a filter, and a segment that begins there is left out"
+                "{place}: `{text}` is computed from the rows of the log and no column yet: write `filtered = \"{text}\"` into {COLUMNS}, make `filtered` one of {INPUTS_SECTION}, \
+                 write `filtered` here, and give {SEGMENT}: the first rows have no value of a filter, and a segment that begins there is left out"
             ),
         }));
     }
@@ -109,7 +113,8 @@ fn refuse_filters(known: &KnownTask, names: &[String]) -> Result<(), Error> {
 fn limits(recipe: &Recipe, names: &[String], aliases: &mut Aliases<'_>) -> Result<Vec<MatrixLimit>, Error> {
     if let Some((name, _)) = recipe.constraints.iter().find(|(_, section)| !section.coefficients.is_empty()) {
         return Err(Error::conflict(format!(
-            "[constraints] {name} coefficients: they are those of sums of functions, in `fit sparse` and `fit sindy`; a parameter has `bounds` in [parameters]"
+            "{entry} coefficients: they are those of sums of functions, in {FIT_SPARSE} and {FIT_SINDY}; a parameter has `bounds` in {PARAMETERS}",
+            entry = CONSTRAINTS.entry(name)
         )));
     }
     let found = together(recipe, names, "parameter", aliases)?;
@@ -125,8 +130,8 @@ fn matrix(limit: &RowLimit, names: &[String]) -> Result<MatrixLimit, Error> {
     let entries: Option<Vec<Affine>> = limit.forms.iter().map(affine).collect();
     let entries = entries.ok_or_else(|| {
         Error::value(format!(
-            "[constraints] {}: it speaks of columns, and of parameters alone can be told what holds at every row; the parameters are {}",
-            limit.name,
+            "{}: it speaks of columns, and of parameters alone can be told what holds at every row; the parameters are {}",
+            CONSTRAINTS.entry(&limit.name),
             names.join(", ")
         ))
     })?;
@@ -136,19 +141,19 @@ fn matrix(limit: &RowLimit, names: &[String]) -> Result<MatrixLimit, Error> {
 
 fn refuse_other_sections(recipe: &Recipe) -> Result<(), Error> {
     if recipe.parameters.is_empty() {
-        return Err(Error::missing(
-            "nothing is to be estimated: name the numbers that are not known in [parameters], for example `mass = { initial = 90.0 }`".into(),
-        ));
+        return Err(Error::missing(format!(
+            "nothing is to be estimated: name the numbers that are not known in {PARAMETERS}, for example `mass = {{ initial = 90.0 }}`"
+        )));
     }
     if recipe.states.is_empty() {
-        return Err(Error::missing(
-            "no states: write the equations of [states], for example `v = { known = \"(gain*u - friction*v)/mass\" }`"
-                .into(),
-        ));
+        return Err(Error::missing(format!(
+            "no states: write the equations of {STATES_SECTION}, for example `v = {{ known = \"(gain*u - friction*v)/mass\" }}`"
+        )));
     }
     if let Some((name, _)) = recipe.states.iter().find(|(_, state)| state.known.is_none()) {
         return Err(Error::missing(format!(
-            "[states] {name}: fit parameters needs the equation of every state; write `known = \"...\"`, over columns and parameters"
+            "{entry}: fit parameters needs the equation of every state; write `known = \"...\"`, over columns and parameters",
+            entry = STATES_SECTION.entry(name)
         )));
     }
     if recipe.model.weight.is_some() {
@@ -159,7 +164,7 @@ fn refuse_other_sections(recipe: &Recipe) -> Result<(), Error> {
     match recipe.model.predict.as_deref() {
         None | Some("derivative") => Ok(()),
         Some(other) => Err(Error::conflict(format!(
-            "predict = \"{other}\": the equations of `fit parameters` are derivatives; leave it away"
+            "predict = \"{other}\": the equations of {FIT_PARAMETERS} are derivatives; leave it away"
         ))),
     }
 }

@@ -1,5 +1,6 @@
 //! The one partition that equations are fitted in the regions of.
 
+use fleetfoot_data::setting::{PARTITION, SCORE};
 use fleetfoot_library::Expr;
 use fleetfoot_model::Partition;
 use fleetfoot_pwa::Specification;
@@ -11,13 +12,14 @@ pub fn specification(recipe: &Recipe) -> Result<Option<Specification>, Error> {
     let mut list = Specification::parse_list(text).map_err(|error| Error::value(error.to_string()))?;
     match (list.pop(), list.is_empty()) {
         (Some(Specification::Average), true) => Ok(None),
-        (Some(Specification::Null), true) => Err(Error::value(
-            "--partition null: a null model has no equations; write average, zscore:1.5, kmeans:5 or labels:COLUMN"
-                .into(),
-        )),
+        (Some(Specification::Null), true) => Err(Error::value(format!(
+            "{given_partition}: a null model has no equations; write average, zscore:1.5, kmeans:5 or labels:COLUMN",
+            given_partition = PARTITION.to("null")
+        ))),
         (Some(one), true) => Ok(Some(one)),
         _ => Err(Error::value(format!(
-            "--partition {text}: equations are fitted in the regions of one partition; name one, and compare models with `fleetfoot score`"
+            "{given_partition}: equations are fitted in the regions of one partition; name one, and compare models with {SCORE}",
+            given_partition = PARTITION.to(text)
         ))),
     }
 }

@@ -1,6 +1,7 @@
 //! What `prepare` reads of a recipe.
 
 use fleetfoot_data::Column;
+use fleetfoot_data::setting::{COLUMNS, MODEL, STATES_SECTION};
 use fleetfoot_model::Role;
 use fleetfoot_recipe::{Aliases, Derivative, Error, Recipe};
 
@@ -8,12 +9,12 @@ use fleetfoot_recipe::{Aliases, Derivative, Error, Recipe};
 pub fn prepared<'a>(recipe: &'a Recipe, fields: &'a [Column]) -> Result<Aliases<'a>, Error> {
     let mut aliases = Aliases::of_recipe(recipe, fields)?;
     for name in recipe.columns.keys() {
-        aliases.add(name, None, None, Role::Auxiliary, false, "[columns]")?;
+        aliases.add(name, None, None, Role::Auxiliary, false, &COLUMNS.to_string())?;
     }
     let latents: Vec<String> = recipe.latents.keys().cloned().collect();
     aliases.hide(&recipe.parameters.keys().cloned().collect::<Vec<_>>());
     for (name, state) in &recipe.states {
-        let place = format!("[states] {name}");
+        let place = STATES_SECTION.entry(name).to_string();
         let derivative = match &state.derivative {
             Some(Derivative::Text(text)) if !Derivative::is_word(text) => Some(text),
             _ => None,
@@ -26,7 +27,7 @@ pub fn prepared<'a>(recipe: &'a Recipe, fields: &'a [Column]) -> Result<Aliases<
         }
     }
     for text in recipe.model.weight.iter().chain(recipe.model.partition_on.iter().flatten()) {
-        aliases.over_aliases(text, "[model]")?;
+        aliases.over_aliases(text, &MODEL.to_string())?;
     }
     Ok(aliases)
 }

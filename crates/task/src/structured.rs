@@ -4,6 +4,7 @@ mod latent;
 mod limits;
 mod right_side;
 
+use fleetfoot_data::setting::{CONSTRAINTS, INPUTS_SECTION, LATENTS, STATES_SECTION, TASKS};
 use fleetfoot_data::{Column as DataColumn, nearest};
 use fleetfoot_library::Expr;
 use fleetfoot_model::{Column, Equation, Prediction, Role};
@@ -95,24 +96,23 @@ impl StructuredTask {
                 let together = recipe.constraints.iter().find(|(_, section)| section.coefficients.is_empty());
                 if let Some((name, _)) = together {
                     return Err(Error::missing(format!(
-                        "[constraints] {name}: it is about latents, and there are none; write what the unknown functions are in [latents] and [tasks]"
+                        "{entry}: it is about latents, and there are none; write what the unknown functions are in {LATENTS} and {TASKS}",
+                        entry = CONSTRAINTS.entry(name)
                     )));
                 }
                 plain(recipe, &mut aliases)?
             }
             (false, true) => {
-                return Err(Error::missing(
-                    "[latents] without [tasks]: write the equations in which the latents stand, for example `[tasks]` with \
-                     `along = { target = \"m*V_dot\", right = \"T - D\" }`"
-                        .into(),
-                ));
+                return Err(Error::missing(format!(
+                    "{LATENTS} without {TASKS}: write the equations in which the latents stand, for example `{TASKS}` with \
+                     `along = {{ target = \"m*V_dot\", right = \"T - D\" }}`"
+                )));
             }
             (true, false) => {
-                return Err(Error::missing(
-                    "[tasks] without [latents]: write what the unknown functions on their right sides may be made of, for example \
-                     `[latents]` with `T = { of = [\"rho\", \"M\"], degree = 2 }`"
-                        .into(),
-                ));
+                return Err(Error::missing(format!(
+                    "{TASKS} without {LATENTS}: write what the unknown functions on their right sides may be made of, for example \
+                     `{LATENTS}` with `T = {{ of = [\"rho\", \"M\"], degree = 2 }}`"
+                )));
             }
             (false, false) => shared(recipe, &mut aliases)?,
         };
@@ -229,7 +229,8 @@ fn moments(regression: &Regression, latent: usize, also: &mut Vec<Expr>) -> Mome
 fn plain(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Parts, Error> {
     if let Some((name, _)) = recipe.states.iter().find(|(_, state)| state.equation.is_some()) {
         return Err(Error::conflict(format!(
-            "[states] {name} equation: it needs [latents] and [tasks]; without them leave `equation` away, and the state is a sum of functions"
+            "{entry} equation: it needs {LATENTS} and {TASKS}; without them leave `equation` away, and the state is a sum of functions",
+            entry = STATES_SECTION.entry(name)
         )));
     }
     let equations = equations(recipe, aliases)?;
@@ -259,7 +260,8 @@ fn shared(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Parts, Error> {
             return Err(Error::name_taken(
                 name,
                 format!(
-                    "[latents] {name}: a column has this name too; rename the latent or the column, so that equations can tell them apart"
+                    "{entry}: a column has this name too; rename the latent or the column, so that equations can tell them apart",
+                    entry = LATENTS.entry(name)
                 ),
             ));
         }
@@ -271,7 +273,7 @@ fn shared(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Parts, Error> {
     let (mut tasks, mut scales) = (Vec::new(), Vec::new());
     let mut sides = Vec::new();
     for (name, section) in &recipe.tasks {
-        let place = format!("[tasks] {name}");
+        let place = TASKS.entry(name).to_string();
         let target = aliases.over_latents(&section.target, &names, &format!("{place} target"))?;
         right_side::without_latents(&target, &names, &format!("{place} target"))?;
         let right = aliases.over_latents(&section.right, &names, &format!("{place} right"))?;
@@ -287,7 +289,8 @@ fn shared(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Parts, Error> {
     for (index, name) in names.iter().enumerate() {
         if !tasks.iter().any(|task| task.terms.iter().any(|term| term.latent == index)) {
             return Err(Error::conflict(format!(
-                "[latents] {name}: no task has it on its right side; add it to one in [tasks], or leave it away"
+                "{entry}: no task has it on its right side; add it to one in {TASKS}, or leave it away",
+                entry = LATENTS.entry(name)
             )));
         }
     }
@@ -353,13 +356,13 @@ fn state_equations(recipe: &Recipe, aliases: &mut Aliases<'_>, names: &[String])
         "delta" | "difference" => Prediction::Difference,
         other => {
             return Err(Error::conflict(format!(
-                "predict = \"{other}\": equations of [states] give a derivative, next value or delta; leave `equation` away to predict a column"
+                "predict = \"{other}\": equations of {STATES_SECTION} give a derivative, next value or delta; leave `equation` away to predict a column"
             )));
         }
     };
     let mut equations = Vec::new();
     for (name, state) in &recipe.states {
-        let place = format!("[states] {name}");
+        let place = STATES_SECTION.entry(name).to_string();
         let unit = aliases.columns.iter().find(|column| column.name == *name).and_then(|column| column.unit.clone());
         match (&state.equation, &state.known) {
             (Some(_), Some(_)) => {
@@ -370,7 +373,7 @@ fn state_equations(recipe: &Recipe, aliases: &mut Aliases<'_>, names: &[String])
             (None, None) => {
                 return Err(Error::missing(format!(
                     "{place}: other states have an equation and this one has none; add `equation` (over columns and latents) or `known`, \
-                     or make it one of [inputs]"
+                     or make it one of {INPUTS_SECTION}"
                 )));
             }
             (None, Some(_)) => equations.push(state_equation(name, state, prediction, unit, aliases)?),
@@ -411,10 +414,10 @@ fn task_equations(
         if taken {
             return Err(Error::name_taken(
                 name,
-                format!("[tasks] {name}: a column or latent has this name too; rename the task"),
+                format!("{entry}: a column or latent has this name too; rename the task", entry = TASKS.entry(name)),
             ));
         }
-        aliases.add(name, Some(text), None, Role::Auxiliary, false, &format!("[tasks] {name} target"))?;
+        aliases.add(name, Some(text), None, Role::Auxiliary, false, &format!("{} target", TASKS.entry(name)))?;
         equations.push(Equation {
             subject: name.clone(),
             prediction: Prediction::Value,
@@ -424,9 +427,9 @@ fn task_equations(
         });
     }
     if equations.is_empty() {
-        return Err(Error::missing(
-            "[tasks]: all targets are constant, so there is nothing to predict; give a state an `equation`".into(),
-        ));
+        return Err(Error::missing(format!(
+            "{TASKS}: all targets are constant, so there is nothing to predict; give a state an `equation`"
+        )));
     }
     Ok(equations)
 }

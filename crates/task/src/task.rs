@@ -1,5 +1,8 @@
 //! A recipe resolved against the columns of a recording: the problem of `fit pwa`, and what every fit reads of a recipe.
 
+use fleetfoot_data::setting::{
+    FIT_PWA, FIT_SINDY, INPUTS, PARTITION, PARTITION_ON, PHASE, PREDICT, STATES, STATES_SECTION,
+};
 use fleetfoot_data::{Column as DataColumn, ColumnKind, nearest};
 use fleetfoot_library::{Expr, Library, central_difference};
 use fleetfoot_model::{Column, Equation, Prediction, Role};
@@ -47,7 +50,7 @@ impl Task {
         let library = polynomials(recipe, &variables)?;
         let partition_columns = partition_columns(recipe, &equations, &mut aliases)?;
         for label in labels {
-            aliases.add(label, None, None, Role::Auxiliary, false, "--partition labels")?;
+            aliases.add(label, None, None, Role::Auxiliary, false, &PARTITION.to("labels").to_string())?;
         }
         let labels: Vec<Expr> = labels.iter().map(|label| Expr::column(label.as_str())).collect();
         refuse_target_in_partition(&equations, &aliases, &labels)?;
@@ -61,7 +64,7 @@ impl Task {
 /// The phase that `[pwa]` names, over the aliases: its period is known of angles.
 fn resolved(phase: &PhaseColumn, aliases: &mut Aliases<'_>) -> Result<Phase, Error> {
     let (PhaseColumn::Cyclic { column: text, .. } | PhaseColumn::Labels(text)) = phase;
-    let column = aliases.over_aliases(text, "--phase")?;
+    let column = aliases.over_aliases(text, &PHASE.to_string())?;
     let own = column.as_column().and_then(|name| aliases.columns.iter().find(|column| column.name == name));
     let is_angle = own.is_some_and(|own| own.angle || own.unit.as_deref() == Some("rad"));
     let kind = match phase {
@@ -106,7 +109,10 @@ pub(crate) fn equations(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Ve
         let mut equations: Vec<Equation> = Vec::new();
         for name in names.iter().map(|name| name.trim_matches('`')) {
             if equations.iter().any(|equation| equation.subject == name) {
-                return Err(Error::name_taken(name, format!("--predict {predict}: `{name}` is named twice")));
+                return Err(Error::name_taken(
+                    name,
+                    format!("{given_predict}: `{name}` is named twice", given_predict = PREDICT.to(predict)),
+                ));
             }
             equations.push(value_equation(name, aliases).map_err(|error| with_words(error, predict))?);
         }
@@ -114,9 +120,10 @@ pub(crate) fn equations(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Ve
     }
     if recipe.states.is_empty() {
         return Err(Error::missing(format!(
-            "no states: to predict the {} of something, name the states in the recipe ([states]) or with --states; \
-             for plain regression y = f(inputs) use --predict COLUMN",
-            if predict == "derivative" { "derivative" } else { "next value" }
+            "no states: to predict the {} of something, name the states in the recipe ({STATES_SECTION}) or with {STATES}; \
+             for plain regression y = f(inputs) use {given_predict}",
+            if predict == "derivative" { "derivative" } else { "next value" },
+            given_predict = PREDICT.to("COLUMN")
         )));
     }
     let mut equations = Vec::new();
@@ -125,11 +132,10 @@ pub(crate) fn equations(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Ve
         equations.push(state_equation(name, state, prediction, unit, aliases)?);
     }
     if equations.iter().all(|equation| equation.target.is_none()) {
-        return Err(Error::conflict(
-            "all states are known: there is nothing to fit; leave `known` away from at least one, or write the model as it is with `fleetfoot fit pwa` or \
-             `fit sindy`"
-                .into(),
-        ));
+        return Err(Error::conflict(format!(
+            "all states are known: there is nothing to fit; leave `known` away from at least one, or write the model as it is with {FIT_PWA} or \
+             {FIT_SINDY}"
+        )));
     }
     Ok(equations)
 }
@@ -150,7 +156,7 @@ fn with_words(error: Error, predict: &str) -> Error {
 
 /// Plain regression of a column.
 fn value_equation(name: &str, aliases: &mut Aliases<'_>) -> Result<Equation, Error> {
-    aliases.add(name, None, None, Role::Auxiliary, false, "--predict")?;
+    aliases.add(name, None, None, Role::Auxiliary, false, &PREDICT.to_string())?;
     let unit = aliases.columns.iter().find(|column| column.name == name).and_then(|column| column.unit.clone());
     Ok(Equation {
         subject: name.to_owned(),
@@ -177,7 +183,7 @@ pub(crate) fn state_equation(
     aliases: &mut Aliases<'_>,
 ) -> Result<Equation, Error> {
     let angle = state.kind == Some(Kind::Angle);
-    let place = format!("[states] {name}");
+    let place = STATES_SECTION.entry(name).to_string();
     if let Some(known) = &state.known {
         let right = aliases.over_aliases(known, &place)?;
         return Ok(Equation {
@@ -246,7 +252,9 @@ pub(crate) fn variables(recipe: &Recipe, aliases: &Aliases<'_>, equations: &[Equ
         }
     }
     if variables.is_empty() {
-        return Err(Error::missing("no regressors: name states or inputs (--states, --inputs, or the recipe)".into()));
+        return Err(Error::missing(format!(
+            "no regressors: name states or inputs ({STATES}, {INPUTS}, or the recipe)"
+        )));
     }
     Ok(variables)
 }
@@ -275,7 +283,7 @@ pub(crate) fn partition_columns(
     };
     let mut columns = Vec::new();
     for text in on {
-        let expression = aliases.over_aliases(text, "--partition-on")?;
+        let expression = aliases.over_aliases(text, &PARTITION_ON.to_string())?;
         let column = expression.as_column().and_then(|name| aliases.columns.iter().find(|column| column.name == name));
         columns.extend(column.map_or_else(|| vec![expression.clone()], |column| seen(column, &aliases.columns)));
     }

@@ -1,6 +1,7 @@
 //! The windows of a task by its rows: whether there are to be any, and how long they are.
 
 use fleetfoot_data::Source;
+use fleetfoot_data::setting::{STATES_SECTION, WEAK};
 use fleetfoot_library::{CentralDifference, Expr, Spacing};
 use fleetfoot_recipe::Error as RecipeError;
 use fleetfoot_sums::system::{
@@ -36,9 +37,8 @@ impl EquationTask {
         let known = self.differences().next().is_some();
         if !known && matches!(form, WeakForm::Auto | WeakForm::Rows(_)) {
             return Err(RecipeError::conflict(
-                "--weak moves the derivatives of states onto test functions, and no equation has a derivative by central differences: leave it away, or write \
-                 `derivative = \"auto\"` ([states])"
-                    .into(),
+                format!("{WEAK} moves the derivatives of states onto test functions, and no equation has a derivative by central differences: leave it away, or write \
+                 `derivative = \"auto\"` ({STATES_SECTION})"),
             )
 .into());
         }
@@ -60,8 +60,8 @@ impl EquationTask {
                 room as u64,
                 needed as u64,
                 format!(
-                    "--weak: windows of {rows} rows need an episode of {needed} rows or more, and the longest, {name}, has {room}: give longer episodes, a smaller number of \
-                     rows, or leave --weak away"
+                    "{WEAK}: windows of {rows} rows need an episode of {needed} rows or more, and the longest, {name}, has {room}: give longer episodes, a smaller number of \
+                     rows, or leave {WEAK} away"
                 ),
             )
 .into());
@@ -70,7 +70,7 @@ impl EquationTask {
             source.episodes().iter().filter(|one| one.rows < rows).map(|one| one.name.as_str()).collect();
         if let Some(first) = short.first() {
             notes.push(format!(
-                "{} of {} episodes (the first is {first}) are shorter than a window of {rows} rows and left out; a smaller number of rows (--weak) takes them in",
+                "{} of {} episodes (the first is {first}) are shorter than a window of {rows} rows and left out; a smaller number of rows ({WEAK}) takes them in",
                 short.len(),
                 source.episodes().len()
             ));

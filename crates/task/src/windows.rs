@@ -1,5 +1,6 @@
 //! The weak form: windows in the place of rows, as users ask for them, and as they are.
 
+use fleetfoot_data::setting::{SINDY, WEAK};
 use fleetfoot_recipe::{Error, SindySection, Tunable};
 use fleetfoot_sums::system::{LEAST_REACH, Weak};
 
@@ -46,7 +47,10 @@ impl WeakForm {
     pub fn new(section: &SindySection) -> Result<Self, Error> {
         let least = 2 * LEAST_REACH + 1;
         let refused = |value: String| {
-            Err(Error::value(format!("[sindy] weak = {value}: write auto, off, or a number of rows from {least} on")))
+            Err(Error::value(format!(
+                "{entry}: write auto, off, or a number of rows from {least} on",
+                entry = SINDY.entry("weak").is(value)
+            )))
         };
         match &section.weak {
             None => Ok(Self::ByNoise),
@@ -77,7 +81,8 @@ impl WeakForm {
         };
         let has = held.map_or("rows".into(), |weak| format!("windows of {} rows", weak.rows()));
         Err(Error::other_statistic(format!(
-            "--weak asks for {wanted}, and the statistic has sums of {has}: leave --weak away, scan again with it in the recipe ([sindy] weak), or give the logs"
+            "{WEAK} asks for {wanted}, and the statistic has sums of {has}: leave {WEAK} away, scan again with it in the recipe ({entry}), or give the logs",
+            entry = SINDY.entry("weak")
         )))
     }
 

@@ -83,7 +83,7 @@ impl<'a> Job<'a> {
             bar.finish();
             let planned = planned?;
             context.notes(&planned.notes);
-            context.expect(planned.work);
+            context.expect(planned.work.clone());
             context.print(&planned, || plan_text(&planned));
             return Ok(());
         }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use fleetfoot_data::setting::FILES;
 use fleetfoot_log::{FileInfo, Format, inspect, shell_word};
 use fleetfoot_recipe::Recipe;
 
@@ -15,7 +16,7 @@ fn mend(file: &Path, column: &str) -> String {
     let name = file.file_name().unwrap_or_default().to_string_lossy();
     let topic: String = name.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
     format!(
-        "if they are files of one run, join them: [files] in the recipe has a line for each ({topic} = \"{name}\"), the column is `{topic}.{column}` then, and the folder is the data"
+        "if they are files of one run, join them: {FILES} in the recipe has a line for each ({topic} = \"{name}\"), the column is `{topic}.{column}` then, and the folder is the data"
     )
 }
 

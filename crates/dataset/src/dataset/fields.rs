@@ -1,5 +1,7 @@
 //! The fields of logs, and rows seen through expressions over them.
 
+use fleetfoot_data::setting::{EPISODES, JOIN, PREPARE};
+
 use fleetfoot_data::{Column, Source, did_you_mean, nearest};
 use fleetfoot_library::{Expr, ParseErrorKind};
 use fleetfoot_log::{ArrayInfo, ColumnInfo, FileInfo, Log, TopicInfo};
@@ -39,7 +41,7 @@ pub(crate) fn fields(recipe: &Recipe, logs: &Logs) -> Result<(Vec<Column>, Optio
     for label in label_names(recipe) {
         if fields.iter().any(|field| field.name == label) {
             let problem = format!(
-                "the label `{label}` of [[episodes]] is the name of a field of {} too; rename the label",
+                "the label `{label}` of {EPISODES} is the name of a field of {} too; rename the label",
                 first.path().display()
             );
             return Err(Error::name_taken(label, problem));
@@ -102,7 +104,7 @@ pub(crate) fn idle_joins(recipe: &Recipe, read: &[String], logs: &Logs) -> Resul
         } else {
             "; a star stands for one part between dots, or for what is in one pair of brackets"
         };
-        format!("[join] \"{pattern}\" matches no field, so that it changes nothing{star}{}", did_you_mean(&meant))
+        format!("{JOIN} \"{pattern}\" matches no field, so that it changes nothing{star}{}", did_you_mean(&meant))
     };
     let idle = open.into_iter().filter(|pattern| !names.iter().any(|name| is_match(pattern, name)));
     Ok(idle.map(told).collect())
@@ -160,7 +162,7 @@ pub(crate) fn unprepared(error: Error, recipe: &Recipe) -> Error {
         return error;
     }
     Error::missing(format!(
-        "{error}; the model was fitted on logs that `fleetfoot prepare` wrote: prepare these logs with the same recipe, and give what it writes"
+        "{error}; the model was fitted on logs that {PREPARE} wrote: prepare these logs with the same recipe, and give what it writes"
     ))
 }
 

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use fleetfoot_data::Column;
+use fleetfoot_data::setting::{JOIN, TIME_SECTION};
 use fleetfoot_library::Expr;
 use fleetfoot_log::{Base, ColumnJoin, JoinKind, JoinSpec, LabelRule, MaxGap, Selection, Stamp, TimeSpec, TimeUnit};
 use fleetfoot_model::{Column as ModelColumn, Role};
@@ -39,12 +40,17 @@ fn join_spec(recipe: &Recipe, columns: &[String]) -> Result<JoinSpec, Error> {
     join.renames = renames(recipe);
     if let Some(text) = &time.stamp {
         join.stamp = Some(Stamp::parse(text).ok_or_else(|| {
-            Error::value(format!("[time] stamp = \"{text}\": write \"header\", \"log\" or \"publish\""))
+            Error::value(format!(
+                "{entry}: write \"header\", \"log\" or \"publish\"",
+                entry = TIME_SECTION.entry("stamp").is(format_args!("\"{text}\""))
+            ))
         })?);
     }
     join.base = match (&time.base, time.rate) {
         (Some(_), Some(_)) => {
-            return Err(Error::conflict("[time] has both `base` and `rate`; the rows come from one of them".into()));
+            return Err(Error::conflict(format!(
+                "{TIME_SECTION} has both `base` and `rate`; the rows come from one of them"
+            )));
         }
         (Some(topic), None) => Some(Base::Channel(topic.clone())),
         (None, Some(rate)) => Some(Base::Rate(rate)),
@@ -52,7 +58,7 @@ fn join_spec(recipe: &Recipe, columns: &[String]) -> Result<JoinSpec, Error> {
     };
     join.reorder_seconds = time.reorder.unwrap_or(join.reorder_seconds);
     for (pattern, rule) in &recipe.join {
-        let (table, place) = (rule.table(), format!("[join] {pattern}"));
+        let (table, place) = (rule.table(), JOIN.entry(pattern).to_string());
         let kind = match table.kind.as_deref() {
             None => None,
             Some(text) => Some(JoinKind::parse(text).ok_or_else(|| {
@@ -121,30 +127,37 @@ fn selection(recipe: &Recipe, columns: Vec<String>) -> Result<Selection, Error> 
     selection.join = join_spec(recipe, &selection.columns)?;
     selection.time = match (&time.column, time.dt) {
         (Some(_), Some(_)) => {
-            return Err(Error::conflict("[time] has both `column` and `dt`; the stamps come from one of them".into()));
+            return Err(Error::conflict(format!(
+                "{TIME_SECTION} has both `column` and `dt`; the stamps come from one of them"
+            )));
         }
         (None, Some(dt)) if dt > 0.0 && dt.is_finite() => TimeSpec::Uniform { dt_seconds: dt },
         (None, Some(dt)) => {
-            return Err(Error::value(format!("[time] dt = {dt}: the sampling period must be positive")));
+            return Err(Error::value(format!(
+                "{entry}: the sampling period must be positive",
+                entry = TIME_SECTION.entry("dt").is(dt)
+            )));
         }
         (Some(name), None) => {
             let unit = match time.unit.as_deref() {
                 None => None,
-                Some(text) => Some(
-                    TimeUnit::parse(text)
-                        .ok_or_else(|| Error::value(format!("[time] unit = \"{text}\": write s, ms, us or ns")))?,
-                ),
+                Some(text) => Some(TimeUnit::parse(text).ok_or_else(|| {
+                    Error::value(format!(
+                        "{entry}: write s, ms, us or ns",
+                        entry = TIME_SECTION.entry("unit").is(format_args!("\"{text}\""))
+                    ))
+                })?),
             };
             TimeSpec::Column { name: name.clone(), unit }
         }
         (None, None) if time.unit.is_some() => {
-            return Err(Error::missing(
-                "[time] has a unit and no column: name the column of the stamps (column)".into(),
-            ));
+            return Err(Error::missing(format!(
+                "{TIME_SECTION} has a unit and no column: name the column of the stamps (column)"
+            )));
         }
         (None, None) => TimeSpec::Auto,
     };
-    selection.max_gap = max_gap(time.max_gap.as_ref(), "[time]")?;
+    selection.max_gap = max_gap(time.max_gap.as_ref(), &TIME_SECTION.to_string())?;
     selection.label_rules = recipe
         .episodes
         .iter()

@@ -1,5 +1,7 @@
 //! Whether two plans are the same, and what differs.
 
+use fleetfoot_data::setting::{PLAN, STATS_INFO, TIME_SECTION};
+
 use fleetfoot_recipe::Recipe;
 use fleetfoot_task::StructuredTask;
 
@@ -30,9 +32,10 @@ impl StatisticFile {
             return Ok(());
         }
         Err(Error::other_statistic(format!(
-            "{left} is of the rows where `{}`, and the recipe asks for those where `{}`: scan with the same condition ([time] where), or into another file",
+            "{left} is of the rows where `{}`, and the recipe asks for those where `{}`: scan with the same condition ({entry}), or into another file",
             there.as_deref().unwrap_or("all"),
-            wanted.unwrap_or("all")
+            wanted.unwrap_or("all"),
+            entry = TIME_SECTION.entry("where")
         )))
     }
 
@@ -48,12 +51,18 @@ impl StatisticFile {
         };
         let lines = difference(&self.plan_text(), &other.plan_text(), units(&self.columns, &other.columns));
         if !lines.is_empty() {
-            return refuse(lines, "scan both with one recipe, and the second with --plan FILE of the first");
+            return refuse(
+                lines,
+                format!(
+                    "scan both with one recipe, and the second with {given_plan} of the first",
+                    given_plan = PLAN.to("FILE")
+                ),
+            );
         }
         if self.plan_hash() != other.plan_hash() {
             return refuse(
                 "  the same columns, functions and tasks, in other coordinates: each scan chose its own from a sample of its rows".to_owned(),
-                "scan one of them again with --plan and the other",
+                format!("scan one of them again with {PLAN} and the other"),
             );
         }
         Ok(())
@@ -107,7 +116,7 @@ impl StatisticFile {
             left: left.to_owned(),
             right: right.to_owned(),
             difference: lines,
-            mend: "use the recipe of the statistic (`fleetfoot stats info` shows it), or scan again into another file",
+            mend: format!("use the recipe of the statistic ({STATS_INFO} shows it), or scan again into another file"),
         }
         .into())
     }

@@ -4,6 +4,8 @@
 //! `fit sindy`, or over other functions, it has sums of its own too. What a pass over logs settles before it sums (the order
 //! of differences, the regions) is frozen with the plan, so that the sums of other logs go with them.
 
+use fleetfoot_data::setting::{PARAMETERS, PARTITION};
+
 use std::collections::BTreeSet;
 
 use fleetfoot_data::{Canonical, Column, EpisodeId, Progress, Source};
@@ -77,7 +79,8 @@ impl EquationStatistic {
     pub fn tasks(recipe: &Recipe, fields: &[Column]) -> Result<Vec<EquationTask>, Error> {
         if let Some(name) = recipe.parameters.keys().next() {
             return Err(Error::needs_rows(format!(
-                "[parameters] {name}: an estimate inside expressions needs the rows"
+                "{entry}: an estimate inside expressions needs the rows",
+                entry = PARAMETERS.entry(name)
             )));
         }
         Self::recipes(recipe)?.iter().map(|recipe| EquationTask::resolve(recipe, fields).map_err(Error::from)).collect()
@@ -156,7 +159,7 @@ impl EquationStatistic {
             let of = |group: &EquationGroup| in_words(group.plan.system.partition.as_ref());
             let known: BTreeSet<String> = self.groups.iter().map(of).collect();
             Error::other_statistic(format!(
-                "--partition {}: the statistic has the regions of {}; name one of these, scan again with this --partition and what it looks at, or give the logs",
+                "{PARTITION} {}: the statistic has the regions of {}; name one of these, scan again with this {PARTITION} and what it looks at, or give the logs",
                 in_words(wanted.as_ref()),
                 known.into_iter().collect::<Vec<_>>().join(", ")
             ))

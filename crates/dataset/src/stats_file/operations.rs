@@ -1,5 +1,7 @@
 //! Statistics joined, parted and made smaller, without the logs.
 
+use fleetfoot_data::setting::{EPISODE, FILE, KEY, WHERE};
+
 use std::collections::{HashMap, HashSet};
 
 use fleetfoot_data::EpisodeId;
@@ -160,10 +162,10 @@ impl StatisticFile {
     fn no_match(&self, unwanted: &Unwanted) -> StatisticError {
         let (asked, mut there): (String, Vec<String>) = match unwanted {
             Unwanted::Episode(text) => {
-                (format!("--episode {text}"), self.episodes.iter().map(|episode| episode.name.clone()).collect())
+                (EPISODE.to(text).to_string(), self.episodes.iter().map(|episode| episode.name.clone()).collect())
             }
             Unwanted::File(text) => {
-                (format!("--file {text}"), self.files.iter().map(|file| file.name.clone()).collect())
+                (FILE.to(text).to_string(), self.files.iter().map(|file| file.name.clone()).collect())
             }
             Unwanted::Label(name, value) => {
                 let pairs = self.episodes.iter().flat_map(|episode| &episode.labels);
@@ -173,13 +175,16 @@ impl StatisticFile {
                     .map(|(name, value)| format!("{name}={value}"))
                     .collect();
                 let all = pairs.map(|(name, value)| format!("{name}={value}"));
-                (format!("--where {name}={value}"), if of_name.is_empty() { all.collect() } else { of_name })
+                (
+                    WHERE.to(format_args!("{name}={value}")).to_string(),
+                    if of_name.is_empty() { all.collect() } else { of_name },
+                )
             }
         };
         there.sort();
         there.dedup();
         if there.is_empty() {
-            there.push("no label (give labels with --key when scanning)".to_owned());
+            there.push(format!("no label (give labels with {KEY} when scanning)"));
         }
         StatisticError::NoMatch { asked, there }
     }

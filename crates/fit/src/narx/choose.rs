@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use faer::Mat;
+use fleetfoot_data::setting::{FOLDS, SELECT, WHERE};
 use fleetfoot_data::{EpisodeId, Progress, Source};
 use fleetfoot_recipe::{Criterion, NarxSelection};
 use fleetfoot_sparse::{
@@ -69,7 +70,9 @@ fn resting(tried: &[Tried], folds: usize) -> Result<String, Error> {
         0 => Ok(String::new()),
         count if folds - count < 2 => Err(Error::undetermined(format!(
             "{count} of {folds} held-out spans have outputs that do not vary, where any model that rests is perfect: nothing tells models apart; leave the rows at rest \
-             out (--where, for example \"time() > 2\"), give longer logs, or choose by one-step errors of all rows (--select bic)"
+             out (for example {given_where}), give longer logs, or choose by one-step errors of all rows ({given_select})",
+            given_select = SELECT.to("bic"),
+            given_where = WHERE.to("time() > 2")
         ))),
         count => Ok(format!(" ({count} of them count for nothing: their outputs do not vary)")),
     }
@@ -191,9 +194,10 @@ impl Fit<'_> {
         let chosen = if looked { best_within_one_standard_error(candidates) } else { best(candidates) };
         let Some(at) = chosen else {
             return Err(Error::undetermined(format!(
-                "none of {} models can be simulated through the spans that did not train: all diverge, or the spans are shorter than the lags; choose by --select \
-                 bic, or try other lags, fewer terms or fewer --folds",
-                tried.len()
+                "none of {} models can be simulated through the spans that did not train: all diverge, or the spans are shorter than the lags; choose by {given_select}, \
+                 or try other lags, fewer terms or fewer {FOLDS}",
+                tried.len(),
+                given_select = SELECT.to("bic")
             )));
         };
         let mut all: Vec<NarxCandidate> = tried.iter().map(|tried| tried.candidate.clone()).collect();
@@ -266,7 +270,7 @@ impl Fit<'_> {
         };
         let Some(at) = chosen else {
             return Err(Error::undetermined(format!(
-                "none of {} models has a one-step error: no row that is held out has all lags; try fewer --folds or other lags",
+                "none of {} models has a one-step error: no row that is held out has all lags; try fewer {FOLDS} or other lags",
                 all.len()
             )));
         };

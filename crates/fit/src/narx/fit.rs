@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use faer::Mat;
+use fleetfoot_data::setting::{DECIMATE, EFFORT, FREE_RUN, ROLLOUT};
 use fleetfoot_data::{Progress, Source, Work};
 use fleetfoot_dataset::{Dataset, Logs, ReadPlan, StatisticFile, open};
 use fleetfoot_library::Expr;
@@ -30,7 +31,7 @@ use crate::{
     folds::smoothed_rows,
     incomplete::in_no_region,
     method::{Data, FitRequest, Fitted, Method, Opened, Rival, RowFacts},
-    objective::{Beginning, Refinement, coefficient},
+    objective::{Beginning, Coefficients, Refinement},
     plan::FitPlan,
     sindy::coefficients_of,
     spans::Spans,
@@ -114,7 +115,10 @@ impl Method for Narx {
             work: Work {
                 operations: looked.unwrap_or(own * outputs as f64),
                 parts: outputs.max(1),
-                mend: "fewer lags, a lower degree or --effort low make it shorter",
+                mend: format!(
+                    "fewer lags, a lower degree or {given_effort} make it shorter",
+                    given_effort = EFFORT.to("low")
+                ),
             },
             details,
             reading,
@@ -146,7 +150,7 @@ impl Method for Narx {
         let expanded = recipe.expand(&file.fields)?;
         let task = EquationTask::resolve(&one_row_ahead(&expanded, &self.options)?, &file.fields)?;
         notes.push(
-            "errors of free runs need rows, which a statistic has not: `fleetfoot rollout` and --free-run FILE tell them on logs".into(),
+            format!("errors of free runs need rows, which a statistic has not: {ROLLOUT} and {given_free_run} tell them on logs", given_free_run = FREE_RUN.to("FILE")),
         );
         Ok((NarxBase::new(task, &expanded)?, Some(Scanned { file: file.clone(), recipe: scanned.clone() })))
     }
@@ -327,7 +331,7 @@ fn too_short(source: &dyn Source) -> Error {
         longest as u64,
         longest as u64 + 1,
         format!(
-            "no episode is long enough to run the model on: the longest has {longest} rows; give longer ones, fewer lags, or a smaller --decimate"
+            "no episode is long enough to run the model on: the longest has {longest} rows; give longer ones, fewer lags, or a smaller {DECIMATE}"
         ),
     )
 }
@@ -407,10 +411,11 @@ fn equation(
     label: &str,
     own: &EquationTerms,
 ) -> NarxEquation {
-    let latent = &chosen.task.fitted[target].latent;
-    let term = |&(j, found, err): &(usize, f64, f64)| {
-        let function = chosen.task.candidate(j);
-        NarxTerm { coefficient: coefficient(model, latent, region, &function).unwrap_or(found), function, err }
+    let in_model = Coefficients::new(&chosen.task, model, target);
+    let term = |&(j, found, err): &(usize, f64, f64)| NarxTerm {
+        coefficient: in_model.of(region, j).unwrap_or(found),
+        function: chosen.task.candidate(j),
+        err,
     };
     NarxEquation { label: label.to_owned(), terms: own.terms.iter().map(term).collect() }
 }

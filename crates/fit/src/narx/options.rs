@@ -1,5 +1,6 @@
 //! How an autoregression is found: the words of `[narx]`, checked once.
 
+use fleetfoot_data::setting::{INPUTS, INPUTS_SECTION, LAGS, NARX, PARTITION, SELECT};
 use fleetfoot_pwa::Specification;
 use fleetfoot_recipe::{
     Criterion, Effort, GivenAs, Lags, NarxSection, NarxSelection, NarxTerms, Objective, Recipe, seed,
@@ -118,9 +119,10 @@ impl NarxOptions {
             Some(text) => Specification::parse_list(text)?,
         };
         if partitions.contains(&Specification::Null) {
-            return Err(Error::value(
-                "--partition null: a null model has no equations; it is printed beside the others in any case".into(),
-            ));
+            return Err(Error::value(format!(
+                "{given_partition}: a null model has no equations; it is printed beside the others in any case",
+                given_partition = PARTITION.to("null")
+            )));
         }
         let options = Self {
             order,
@@ -143,13 +145,14 @@ impl NarxOptions {
             return Err(refused(
                 "starts",
                 options.starts,
-                "1, or leave --select away: clusterings are compared by free runs only",
+                format!("1, or leave {SELECT} away: clusterings are compared by free runs only"),
             ));
         }
         if options.partitions.len() > 1 && options.selection == NarxSelection::OneStep(Criterion::Ebic) {
             return Err(Error::conflict(format!(
-                "--partition {}: the EBIC tells of terms of one partition; name one, or choose by --select bic",
-                recipe.model.partition.as_deref().unwrap_or_default()
+                "{}: the EBIC tells of terms of one partition; name one, or choose by {given_select}",
+                PARTITION.to(recipe.model.partition.as_deref().unwrap_or_default()),
+                given_select = SELECT.to("bic")
             )));
         }
         Ok(options)
@@ -161,9 +164,10 @@ fn order(recipe: &Recipe, selection: NarxSelection, terms: TermRule) -> Result<O
     let section = &recipe.narx;
     let has_inputs = !recipe.inputs.is_empty();
     if section.lags_in.is_some_and(|lags| lags > 0) && !has_inputs {
-        return Err(Error::missing(
-            "[narx] lags_in: there are no inputs; name them (--inputs, or [inputs] of the recipe)".into(),
-        ));
+        return Err(Error::missing(format!(
+            "{entry}: there are no inputs; name them ({INPUTS}, or {INPUTS_SECTION} of the recipe)",
+            entry = NARX.entry("lags_in")
+        )));
     }
     let past = recipe.model.lags.map(|lags| Past::new(lags, section, has_inputs)).transpose()?;
     let lags = |what, value: Option<usize>| value.map(|lags| within(what, lags, 0, MAX_LAGS)).transpose();
@@ -193,9 +197,10 @@ fn order(recipe: &Recipe, selection: NarxSelection, terms: TermRule) -> Result<O
         },
     };
     if given.outputs == Some(0) && given.inputs == Some(0) && given.direct == Some(false) {
-        return Err(Error::value(
-            "[narx] lags_out = 0 and lags_in = 0: nothing is left to predict from; give at least one lag".into(),
-        ));
+        return Err(Error::value(format!(
+            "{entry} and lags_in = 0: nothing is left to predict from; give at least one lag",
+            entry = NARX.entry("lags_out").is(0)
+        )));
     }
     let all = given.or(USUAL);
     let whole = given.outputs.is_some() && given.inputs.is_some() && given.degree.is_some() && given.direct.is_some();
@@ -221,8 +226,10 @@ impl Past {
         let said = [("lags_out", section.lags_out), ("lags_in", section.lags_in)];
         if let Some((own, _)) = said.iter().find(|(_, own)| own.is_some()) {
             return Err(Error::conflict(format!(
-                "[narx] {own} and --lags {lags}: both say how far back the rows go; leave one away. --lags is that many rows before the present one, of outputs{}",
-                if has_inputs { " and inputs" } else { "" }
+                "{} and {given_lags}: both say how far back the rows go; leave one away. {LAGS} is that many rows before the present one, of outputs{}",
+                NARX.entry(own),
+                if has_inputs { " and inputs" } else { "" },
+                given_lags = LAGS.to(lags)
             )));
         }
         let every = lags.steps().next().map_or(1, |first| first as usize);
@@ -252,7 +259,7 @@ fn within(what: &str, value: usize, least: usize, most: usize) -> Result<usize, 
 }
 
 fn refused(what: &str, value: impl std::fmt::Display, allowed: impl std::fmt::Display) -> Error {
-    Error::value(format!("[narx] {what} = {value}: write {allowed}"))
+    Error::value(format!("{entry}: write {allowed}", entry = NARX.entry(what).is(value)))
 }
 
 #[cfg(test)]

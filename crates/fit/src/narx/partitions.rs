@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use fleetfoot_data::setting::PARTITION;
 use fleetfoot_data::{Progress, Source, Stages};
 use fleetfoot_model::Partition;
 use fleetfoot_pwa::{Options, Problem, Specification};
@@ -116,7 +117,8 @@ pub(crate) fn start_note(asked: &[Specification], chosen: &Choice) -> Option<Str
     let refined = refined.next()?;
     let start = &chosen.specification;
     Some(format!(
-        "{start} was tried as what {refined} starts from: its cells, not refined, simulate the spans that did not train best; `--partition {refined}` alone takes the refined regions"
+        "{start} was tried as what {refined} starts from: its cells, not refined, simulate the spans that did not train best; {given_partition} alone takes the refined regions",
+        given_partition = PARTITION.to(refined)
     ))
 }
 

@@ -3,6 +3,7 @@
 use std::{borrow::Cow, collections::BTreeMap};
 
 use faer::MatRef;
+use fleetfoot_data::setting::{FIT_NARX, NARX, SELECT};
 use fleetfoot_data::{EpisodeId, Source};
 use fleetfoot_dataset::{EquationStatistic, StatisticFile};
 use fleetfoot_library::Expr;
@@ -74,9 +75,9 @@ impl Summed {
 /// What the sums of every row cannot answer.
 fn refuse_rows(options: &NarxOptions) -> Result<(), Error> {
     let wish = if options.decimate > 1 {
-        format!("[narx] decimate = {}: every n-th row is picked from rows", options.decimate)
+        format!("{}: every n-th row is picked from rows", NARX.entry("decimate").is(options.decimate))
     } else if options.test_share > 0.0 {
-        format!("[narx] test_share = {}: the last rows are picked from rows", options.test_share)
+        format!("{}: the last rows are picked from rows", NARX.entry("test_share").is(options.test_share))
     } else {
         return Ok(());
     };
@@ -115,7 +116,7 @@ impl<'a> Sums<'a> {
             && !asked.is_within(order)
         {
             return Err(Error::other_statistic(format!(
-                "the statistic has the sums of {order}, the fit asks for {asked}: ask for less, scan again with these lags in [narx], or give the logs"
+                "the statistic has the sums of {order}, the fit asks for {asked}: ask for less, scan again with these lags in {NARX}, or give the logs"
             )));
         }
         Ok(Self { file, equations, order })
@@ -150,9 +151,10 @@ impl Evidence<'_> {
     pub(super) fn rows(&self) -> Result<&dyn Source, Error> {
         match self {
             Self::Rows(source) => Ok(*source),
-            Self::Sums(_) => Err(Error::needs_rows(
-                "free runs need rows, which a statistic has not: leave --select free-run away, or give the logs".into(),
-            )),
+            Self::Sums(_) => Err(Error::needs_rows(format!(
+                "free runs need rows, which a statistic has not: leave {given_select} away, or give the logs",
+                given_select = SELECT.to("free-run")
+            ))),
         }
     }
 
@@ -200,10 +202,10 @@ pub(super) fn by_single_steps<'a>(recipe: &'a Recipe, notes: &mut Vec<String>) -
         return Ok(Cow::Borrowed(recipe));
     }
     if recipe.narx.select.is_some() {
-        return Err(Error::needs_rows(
-            "--select free-run simulates rows, which a statistic has not: leave it away, name a criterion of one-step errors (one-se, cv, bic), or give the logs"
-                .into(),
-        ));
+        return Err(Error::needs_rows(format!(
+            "{given_select} simulates rows, which a statistic has not: leave it away, name a criterion of one-step errors (one-se, cv, bic), or give the logs",
+            given_select = SELECT.to("free-run")
+        )));
     }
     let mut recipe = recipe.clone();
     recipe.narx.select = Some(NarxSelection::OneStep(Criterion::OneStandardError));
@@ -216,8 +218,8 @@ pub(super) fn by_single_steps<'a>(recipe: &'a Recipe, notes: &mut Vec<String>) -
 
 fn unserved(file: &StatisticFile) -> Error {
     Error::other_statistic(format!(
-        "the statistic has no sums for `fit narx` with the outputs, inputs, candidates and regions of the recipe; without the logs it serves {}; scan again with a \
-         recipe that has [narx] lags_out, lags_in and the partition, or give the logs",
+        "the statistic has no sums for {FIT_NARX} with the outputs, inputs, candidates and regions of the recipe; without the logs it serves {}; scan again with a \
+         recipe that has {NARX} lags_out, lags_in and the partition, or give the logs",
         served(file).join(", ")
     ))
 }

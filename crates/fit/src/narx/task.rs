@@ -1,5 +1,9 @@
 //! A recipe resolved to an autoregression: the equations of the outputs one row ahead, over the lags of outputs and inputs.
 
+use fleetfoot_data::setting::{
+    CONSTRAINTS, DIRECT, FIT_NARX, FIT_SINDY, FIT_SPARSE, LAGS_IN, LAGS_OUT, LIBRARY, LIBRARY_SECTION, OUTPUTS,
+    PARAMETERS, PREDICT, STATES_SECTION,
+};
 use fleetfoot_library::Expr;
 use fleetfoot_model::{ClosedError, Role};
 use fleetfoot_recipe::Recipe;
@@ -36,30 +40,39 @@ pub(crate) struct NarxTask {
 
 /// The recipe as `fit sindy` reads it, the lags left to [`NarxBase::with`].
 pub(crate) fn one_row_ahead(recipe: &Recipe, options: &NarxOptions) -> Result<Recipe, Error> {
-    let refuse = |what: &str, mend: &str| Err(Error::conflict(format!("{what}: {mend}")));
+    let refuse = |what: &str, mend: String| Err(Error::conflict(format!("{what}: {mend}")));
     if recipe.states.values().any(|state| state.library.is_some() || !state.fixed.is_empty()) {
         return refuse(
             "a state has a library or fixed terms of its own",
-            "`fit narx` has one library for all outputs ([library] functions, --library); or run `fit sindy` with --predict next",
+            format!(
+                "{FIT_NARX} has one library for all outputs ({LIBRARY_SECTION} functions, {LIBRARY}); or run {FIT_SINDY} with {given_predict}",
+                given_predict = PREDICT.to("next")
+            ),
         );
     }
     if !recipe.parameters.is_empty() {
-        return refuse("the recipe has [parameters]", "they are estimated by `fit sindy`; put numbers in their place");
+        return refuse(
+            &format!("the recipe has {PARAMETERS}"),
+            format!("they are estimated by {FIT_SINDY}; put numbers in their place"),
+        );
     }
     if !recipe.constraints.is_empty() {
-        return refuse("the recipe has [constraints]", "`fit sindy` and `fit sparse` keep them; leave them away");
+        return refuse(
+            &format!("the recipe has {CONSTRAINTS}"),
+            format!("{FIT_SINDY} and {FIT_SPARSE} keep them; leave them away"),
+        );
     }
     match recipe.model.predict.as_deref() {
         None | Some("next") => {}
         Some(other) => {
             return refuse(
-                &format!("--predict {other}"),
-                "an autoregression gives the next value of its outputs; leave it away, or run `fit sindy`",
+                &PREDICT.to(other).to_string(),
+                format!("an autoregression gives the next value of its outputs; leave it away, or run {FIT_SINDY}"),
             );
         }
     }
     if recipe.states.is_empty() {
-        return refuse("no outputs", "name them in the recipe ([states]) or with --outputs");
+        return refuse("no outputs", format!("name them in the recipe ({STATES_SECTION}) or with {OUTPUTS}"));
     }
     let mut recipe = recipe.clone();
     // Of several partitions only a label has to be known there: it is one more column.
@@ -197,7 +210,7 @@ impl NarxBase {
             |error| match error {
                 ClosedError::Ahead { column, definition, state, ahead } => Error::conflict(format!(
                     "the input `{column}` is {definition}, a function of the output `{state}`{}: it is known only when the output is; give it earlier rows \
-                     (leave --direct away, or write `lag({column}, {ahead})` as the input), or leave it out of the inputs",
+                     (leave {DIRECT} away, or write `lag({column}, {ahead})` as the input), or leave it out of the inputs",
                     if ahead == 1 { String::new() } else { format!(" {} rows ahead", ahead - 1) }
                 )),
                 other => Error::conflict(other.to_string()),
@@ -232,8 +245,9 @@ fn addend(function: &Expr, task: &EquationTask) -> Result<Addend, Error> {
         .is_ok_and(|program| program.leaves().iter().any(|leaf| leaf.lag() != 0));
     if several || !function.filters().is_empty() {
         return Err(Error::value(format!(
-            "--library {function}: `fit narx` makes the lags itself; write functions of one row (y, u, y^2) and say how far back they go by --lags-out and \
-             --lags-in"
+            "{given_library}: {FIT_NARX} makes the lags itself; write functions of one row (y, u, y^2) and say how far back they go by {LAGS_OUT} and \
+             {LAGS_IN}",
+            given_library = LIBRARY.to(function)
         )));
     }
     let outputs = function.columns().iter().any(|name| is_output(name, task));

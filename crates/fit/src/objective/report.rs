@@ -1,7 +1,9 @@
 //! What a fit to simulations brought, for people and for programs.
 
 use fleetfoot_estimate::Status;
-use fleetfoot_model::Model;
+use fleetfoot_library::Expr;
+use fleetfoot_model::{Latent, Model};
+use fleetfoot_task::EquationTask;
 use serde::{Serialize, Serializer};
 
 use super::{Bounded, HeldOutErrors, RefinedFold, Refinement};
@@ -194,14 +196,35 @@ impl Serialize for Refinement {
     }
 }
 
-/// The coefficient of a function, as it is printed, in a region of a latent; `None` for one that the latent does not have.
-pub(crate) fn coefficient(model: &Model, latent: &str, region: usize, function: &str) -> Option<f64> {
-    let latent = model.latents.iter().find(|own| own.name == latent)?;
-    if function == "1" {
-        return (region < latent.map.regions()).then(|| latent.map.constant(region));
+/// Where the candidates of a fitted equation stand in its latent.
+pub(crate) struct Coefficients<'a> {
+    latent: Option<&'a Latent>,
+    /// The feature of every candidate: `None` for one that the latent does not have.
+    features: Vec<Option<usize>>,
+    constant: bool,
+}
+
+impl<'a> Coefficients<'a> {
+    /// Of the fitted equation `target` of a task, in a model of that task.
+    pub(crate) fn new(task: &EquationTask, model: &'a Model, target: usize) -> Self {
+        let latent = model.latents.iter().find(|own| own.name == task.fitted[target].latent);
+        let features: Vec<Option<Expr>> = latent.map_or_else(Vec::new, |latent| {
+            let library = model.libraries.get(latent.library).map_or(&[][..], |library| library);
+            (0..latent.map.features()).map(|j| latent.map.expression(j, library)).collect()
+        });
+        let place = |function: &Expr| features.iter().position(|own| own.as_ref() == Some(function));
+        Self { latent, features: task.functions.iter().map(place).collect(), constant: task.constant }
     }
-    let library = model.libraries.get(latent.library)?;
-    let is_it = |&j: &usize| latent.map.feature(j, library).is_some_and(|own| own.to_string() == function);
-    let at = (0..latent.map.features()).find(is_it)?;
-    (region < latent.map.regions()).then(|| latent.map.coefficient(region, at))
+
+    /// The coefficient of a candidate, by its index, in a region.
+    pub(crate) fn of(&self, region: usize, candidate: usize) -> Option<f64> {
+        let map = &self.latent?.map;
+        if region >= map.regions() {
+            return None;
+        }
+        match candidate.checked_sub(usize::from(self.constant)) {
+            None => Some(map.constant(region)),
+            Some(function) => Some(map.coefficient(region, self.features[function]?)),
+        }
+    }
 }

@@ -1,5 +1,6 @@
 //! What a model is worth on rows that did not train it: refitted without them, and simulated over them.
 
+use fleetfoot_data::setting::FOLDS;
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_dynamics::{Method, RolloutOptions, Starts};
 use fleetfoot_model::Model;
@@ -8,7 +9,7 @@ use fleetfoot_task::ParametersTask;
 use super::{EstimateOptions, ParametersHeldOut, again, closed, report::Found};
 use crate::{
     error::Error,
-    rollout_choice::{HORIZON, HeldOut, RolloutRule},
+    rollout_choice::{HeldOut, RolloutRule, USUAL_HORIZON},
 };
 
 /// Rollouts of the common folds; a note in their place where the logs are too short for them.
@@ -43,8 +44,8 @@ fn rollouts(
     options: &EstimateOptions,
     progress: &dyn Progress,
 ) -> Result<ParametersHeldOut, Error> {
-    let rule = RolloutRule { folds: options.folds, ..RolloutRule::new(HORIZON) };
-    let held = HeldOut::new((source, smoothed), rule, "--folds")?;
+    let rule = RolloutRule { folds: options.folds, ..RolloutRule::new(USUAL_HORIZON) };
+    let held = HeldOut::new((source, smoothed), rule, FOLDS.to_string())?;
     let mut shares = Vec::with_capacity(rule.folds);
     let (mut ended, mut starts) = (0, 0);
     held.each(|train, rows| {

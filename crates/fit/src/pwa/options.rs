@@ -1,5 +1,8 @@
 //! How a piecewise-affine model is found: the words of `[pwa]` and the partitions of `[model]`, checked once.
 
+use fleetfoot_data::setting::{
+    CONSTRAINTS, CONTINUOUS, FIT_PARAMETERS, FIT_SINDY, FIT_SPARSE, HORIZON, OBJECTIVE, PASSIVE, PWA, SELECT, STABLE,
+};
 use fleetfoot_model::UnseenLabel;
 use fleetfoot_pwa::{Options, Selection, Shrinkage, Specification};
 use fleetfoot_recipe::{Objective, PartitionChoice, PwaSection, Recipe, Tunable, UnseenLabels, seed};
@@ -7,7 +10,7 @@ use fleetfoot_recipe::{Objective, PartitionChoice, PwaSection, Recipe, Tunable, 
 use crate::{
     error::Error,
     folds::smoothed_rows,
-    rollout_choice::{HORIZON, RolloutRule, open_spans},
+    rollout_choice::{RolloutRule, USUAL_HORIZON, open_spans},
 };
 
 /// How a piecewise-affine model is found.
@@ -42,7 +45,8 @@ impl PwaOptions {
     pub fn new(recipe: &Recipe) -> Result<Self, Error> {
         if let Some(name) = recipe.constraints.keys().next() {
             return Err(Error::conflict(format!(
-                "[constraints] {name}: `fit sindy`, `fit sparse` and `fit parameters` keep constraints; leave [constraints] away, or bound the maps of regions by --stable and --passive"
+                "{entry}: {FIT_SINDY}, {FIT_SPARSE} and {FIT_PARAMETERS} keep constraints; leave {CONSTRAINTS} away, or bound the maps of regions by {STABLE} and {PASSIVE}",
+                entry = CONSTRAINTS.entry(name)
             )));
         }
         let section = &recipe.pwa;
@@ -76,17 +80,20 @@ impl PwaOptions {
         let simulated = section.objective.filter(|objective| *objective != Objective::OneStep);
         if let (true, Some(objective)) = (options.continuous, simulated) {
             return Err(Error::conflict(format!(
-                "--continuous with --objective {objective}: simulations move the maps of regions apart; leave one of them away"
+                "{CONTINUOUS} with {given_objective}: simulations move the maps of regions apart; leave one of them away",
+                given_objective = OBJECTIVE.to(objective)
             )));
         }
         if let (true, Some(ports)) = (options.continuous, &section.passive) {
             return Err(Error::conflict(format!(
-                "--continuous with --passive {ports}: maps that are bounded region by region do not meet at borders; leave one of them away"
+                "{CONTINUOUS} with {given_passive}: maps that are bounded region by region do not meet at borders; leave one of them away",
+                given_passive = PASSIVE.to(ports)
             )));
         }
         if let (true, Some(bound)) = (options.continuous, options.stability) {
             return Err(Error::conflict(format!(
-                "--continuous with --stable={bound}: maps that are bounded region by region do not meet at borders; leave one of them away"
+                "{CONTINUOUS} with {given_stable}: maps that are bounded region by region do not meet at borders; leave one of them away",
+                given_stable = STABLE.to(bound)
             )));
         }
         if let Some(mebibytes) = section.memory {
@@ -129,7 +136,7 @@ pub(super) fn unused(recipe: &Recipe) -> Option<String> {
     let names: Vec<&str> =
         recipe.states.iter().filter(|(_, state)| has(state)).map(|(name, _)| name.as_str()).collect();
     (!names.is_empty()).then(|| {
-        format!("`nominal`, `library` and `fixed` of {} are not used: they are of `fit sindy`", names.join(", "))
+        format!("`nominal`, `library` and `fixed` of {} are not used: they are of {FIT_SINDY}", names.join(", "))
     })
 }
 
@@ -139,11 +146,14 @@ fn rollouts(section: &PwaSection, recipe: &Recipe) -> Result<Option<RolloutRule>
     match (section.horizon, compared) {
         (None, false) => Ok(None),
         (Some(steps), false) => Err(Error::conflict(format!(
-            "[pwa] horizon = {steps} (--horizon {steps}): nothing is chosen by rollouts; add select = \"rollout\" (--select rollout), or leave it away"
+            "{entry} ({given_horizon}): nothing is chosen by rollouts; add select = \"rollout\" ({given_select}), or leave it away",
+            given_horizon = HORIZON.to(steps),
+            given_select = SELECT.to("rollout"),
+            entry = PWA.entry("horizon").is(steps)
         ))),
         (steps, true) => {
             let steps =
-                checked("horizon", steps.map_or(HORIZON, |steps| steps as usize), |&n| n > 0, "steps from 1 on")?;
+                checked("horizon", steps.map_or(USUAL_HORIZON, |steps| steps as usize), |&n| n > 0, "steps from 1 on")?;
             Ok(Some(RolloutRule::new(steps)))
         }
     }
@@ -168,7 +178,7 @@ fn checked<T: std::fmt::Display>(
 }
 
 fn refused(what: &str, value: impl std::fmt::Display, allowed: &str) -> Error {
-    Error::value(format!("[pwa] {what} = {value}: write {allowed}"))
+    Error::value(format!("{entry}: write {allowed}", entry = PWA.entry(what).is(value)))
 }
 
 /// A port of the recipe as the estimator has it.
@@ -220,7 +230,7 @@ mod tests {
     #[test]
     fn rollouts_are_had_by_choice_and_by_an_open_span() {
         let of = |text: &str| options(text).unwrap().rollouts.map(|rule| rule.horizon);
-        assert_eq!(of("[pwa]\nselect = \"rollout\""), Some(HORIZON));
+        assert_eq!(of("[pwa]\nselect = \"rollout\""), Some(USUAL_HORIZON));
         assert_eq!(of("[pwa]\nhorizon = 20\n[states]\nv = { derivative = { over = \"auto\" } }"), Some(20));
         assert_eq!(of("[states]\nv = { derivative = { over = 5 } }"), None);
     }

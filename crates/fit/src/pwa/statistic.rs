@@ -1,6 +1,9 @@
 //! A piecewise-affine model from a `.stats` file: no pass.
 
 use faer::{Mat, MatRef};
+use fleetfoot_data::setting::{
+    CONTINUOUS, FIT_PWA, PARTITION, PHASE, PWA, SCAN, SCORE, SELECT, SINDY, TSQR, UNSEEN_LABELS,
+};
 use fleetfoot_dataset::{EpisodeRecord, StatisticFile};
 use fleetfoot_model::{Partition, UnseenLabel};
 use fleetfoot_pwa::{
@@ -46,20 +49,21 @@ impl Summed {
             partitions.into_iter().map(|one| Ok((one.clone(), part(&one)?))).collect::<Result<Vec<_>, Error>>()?;
         let whole = part(&Specification::Average)?;
         notes.push(
-            "absolute errors and Mahalanobis scores need rows, which a statistic has not: R2 and the loss are told; `fleetfoot score` tells the others on logs".into(),
+            format!("absolute errors and Mahalanobis scores need rows, which a statistic has not: R2 and the loss are told; {SCORE} tells the others on logs"),
         );
         for (one, part) in &parts {
             notes.extend(in_no_region(&one.to_string(), &part.scan, whole.scan.counts().complete));
         }
         if unsaid {
             notes.push(format!(
-                "the statistic has one region: `fleetfoot scan --partition {TRIED}` sums those that are tried on logs"
+                "the statistic has one region: {scan_command} sums those that are tried on logs",
+                scan_command = SCAN.with(PARTITION.to(TRIED))
             ));
         }
         let clustered = parts.iter().any(|(one, _)| one.clusters().is_some());
         let section = &recipe.pwa;
         if clustered && (section.seed.is_some() || section.restarts.is_some() || section.iterations.is_some()) {
-            notes.push("[pwa] seed, restarts and iterations say how logs are clustered; the regions here are those of the scan, with the seed of [sindy]".into());
+            notes.push(format!("{PWA} seed, restarts and iterations say how logs are clustered; the regions here are those of the scan, with the seed of {SINDY}"));
         }
         if clustered && whole.folds.is_some() {
             notes.push(
@@ -99,15 +103,21 @@ impl Summed {
 /// What a statistic cannot answer.
 fn refuse_rows(said: &PwaOptions) -> Result<(), Error> {
     let problem = if said.rollouts.is_some() {
-        "rollouts compare simulations with rows: leave --select rollout away and name the span of a derivative"
+        format!(
+            "rollouts compare simulations with rows: leave {given_select} away and name the span of a derivative",
+            given_select = SELECT.to("rollout")
+        )
     } else if said.phase {
-        "--phase asks rows where they are in their stride: leave it away"
+        format!("{PHASE} asks rows where they are in their stride: leave it away")
     } else if said.identification.tsqr {
-        "--tsqr factors the rows themselves: leave it away"
+        format!("{TSQR} factors the rows themselves: leave it away")
     } else if said.identification.continuous {
-        "--continuous asks rows which regions are neighbours: leave it away"
+        format!("{CONTINUOUS} asks rows which regions are neighbours: leave it away")
     } else if said.identification.unseen == UnseenLabel::Pool {
-        "--unseen-labels pool asks for one more region, which was not summed: leave it away"
+        format!(
+            "{given_unseen_labels} asks for one more region, which was not summed: leave it away",
+            given_unseen_labels = UNSEEN_LABELS.to("pool")
+        )
     } else {
         return Ok(());
     };
@@ -198,10 +208,13 @@ fn folds(scan: &SystemScan, count: u16, purge: Purge) -> Result<Folds, Error> {
 fn unserved(file: &StatisticFile, partition: Option<&str>) -> Error {
     let asked = partition.map_or_else(String::new, |partition| format!(" in the regions of {partition}"));
     Error::other_statistic(format!(
-        "the statistic has no sums for `fit pwa`{asked} with the targets, functions and weights of the recipe; without the logs it serves {}; scan again with \
+        "the statistic has no sums for {FIT_PWA}{asked} with the targets, functions and weights of the recipe; without the logs it serves {}; scan again with \
          that recipe{}, or give the logs",
         served(file).join(", "),
-        partition.map_or_else(String::new, |partition| format!(" and --partition {partition}"))
+        partition.map_or_else(String::new, |partition| format!(
+            " and {given_partition}",
+            given_partition = PARTITION.to(partition)
+        ))
     ))
 }
 

@@ -5,6 +5,7 @@ use std::{
     fmt,
 };
 
+use fleetfoot_data::setting::{DEGREE, INFO_VALUES, LIBRARY, WEAK};
 use fleetfoot_data::{EpisodeId, Progress, Source};
 use fleetfoot_dataset::{Dataset, Logs};
 use fleetfoot_model::{Partition, TrainedEpisode};
@@ -98,7 +99,7 @@ impl Evidence {
         {
             // Nobody asked for windows: where they are too few, rows are there still.
             let note = format!(
-                "noise asks for windows of {} rows in the place of rows (--weak), and {few}: rows are taken as they are, and noise pulls coefficients towards zero",
+                "noise asks for windows of {} rows in the place of rows ({WEAK}), and {few}: rows are taken as they are, and noise pulls coefficients towards zero",
                 weak.rows()
             );
             drop(found);
@@ -238,9 +239,11 @@ impl Evidence {
             windows,
             most + 1,
             format!(
-                "windows of {rows} rows (--weak {rows}): {windows} are complete for {most} candidates, {} reach over the border of their episode and {} lack a value; \
-                 give a smaller number of rows (--weak), name fewer candidates (--library, --degree), or give longer episodes",
-                counts.at_border, counts.incomplete
+                "windows of {rows} rows ({given_weak}): {windows} are complete for {most} candidates, {} reach over the border of their episode and {} lack a value; \
+                 give a smaller number of rows ({WEAK}), name fewer candidates ({LIBRARY}, {DEGREE}), or give longer episodes",
+                counts.at_border,
+                counts.incomplete,
+                given_weak = WEAK.to(rows)
             ),
         ))
     }
@@ -258,7 +261,7 @@ impl Evidence {
                 1,
                 format!(
                     "no rows: {} lack neighbours at the border of their episode, {} lack a value, and the others have the weight 0; \
-                 `fleetfoot info --values` tells which columns have missing values",
+                 {INFO_VALUES} tells which columns have missing values",
                     counts.at_border, counts.incomplete
                 ),
             ));
@@ -267,9 +270,13 @@ impl Evidence {
             None => refuse_constant_targets(&self.task, self.scan.also()),
             Some(few) => {
                 let regions = if self.scan.regions() > 1 { ", or fewer regions" } else { "" };
-                let windows = if self.weak.is_some() { ", or take rows as they are (--weak off)" } else { "" };
+                let windows = if self.weak.is_some() {
+                    format!(", or take rows as they are ({given_weak})", given_weak = WEAK.to("off"))
+                } else {
+                    String::new()
+                };
                 let mend =
-                    format!("{few}; name fewer candidates (--library, --degree){regions}{windows}, or give more data");
+                    format!("{few}; name fewer candidates ({LIBRARY}, {DEGREE}){regions}{windows}, or give more data");
                 Err(Error::too_few_rows(few.rows, few.candidates + 1, mend))
             }
         }
@@ -316,7 +323,7 @@ fn refuse_large(task: &EquationTask, rows: usize) -> Result<(), Error> {
             rows as u64,
             most as u64 + 1,
             format!(
-                "the data have {rows} rows for {most} candidates of one equation; name fewer candidates (--library, --degree), or give more data"
+                "the data have {rows} rows for {most} candidates of one equation; name fewer candidates ({LIBRARY}, {DEGREE}), or give more data"
             ),
         ));
     }

@@ -1,6 +1,7 @@
 //! Bounds of coefficients, and what they cost.
 
 use fleetfoot_data::Progress;
+use fleetfoot_data::setting::{CONSTRAINTS, PARAMETERS};
 use fleetfoot_task::EquationTask;
 
 use super::{
@@ -52,7 +53,7 @@ pub(super) fn tell(evidence: &Evidence, regions: &[Vec<Solved>], free: &[Vec<Sol
         report
             .summary
             .notes
-            .push("numbers inside expressions ([parameters]) were estimated without [constraints]".into());
+            .push(format!("numbers inside expressions ({PARAMETERS}) were estimated without {CONSTRAINTS}"));
     }
 }
 

@@ -1,5 +1,8 @@
 //! How equations are found: the words of `[sindy]`, checked once.
 
+use fleetfoot_data::setting::{
+    self, CONSTRAINTS, FIT_SPARSE, FRONT, GROUPS, INCLUSION, LIBRARY, SINDY, TERMS, THRESHOLD,
+};
 use fleetfoot_recipe::{
     Criterion, GroupRule, Normalize, Objective, Recipe, SindyOptimizer, SindySection, SmoothStates, Tunable, seed,
 };
@@ -62,7 +65,7 @@ pub struct SindyOptions {
 const RIDGE: f64 = 0.05;
 
 /// Share of the members of an ensemble that must have a term, when none is given.
-const INCLUSION: f64 = 0.6;
+const USUAL_INCLUSION: f64 = 0.6;
 
 impl SindyOptions {
     /// Reads the words of a recipe's `[sindy]`.
@@ -90,14 +93,15 @@ impl SindyOptions {
         let groups = groups(section, optimizer)?;
         if let (Some(value), false) = (threshold, optimizer.thresholds()) {
             return Err(Error::conflict(format!(
-                "[sindy] threshold = {value}: {} has no threshold; take stlsq or sr3, or say how many terms (`terms`)",
-                optimizer.name()
+                "{entry}: {} has no threshold; take stlsq or sr3, or say how many terms (`terms`)",
+                optimizer.name(),
+                entry = SINDY.entry("threshold").is(value)
             )));
         }
         let terms = section.terms;
         if let (Some(_), Some(count)) = (threshold, terms) {
             return Err(Error::conflict(format!(
-                "[sindy] has both `threshold` and `terms = {count}`; each says how many terms an equation has, so leave one of them away"
+                "{SINDY} has both `threshold` and `terms = {count}`; each says how many terms an equation has, so leave one of them away"
             )));
         }
         if terms == Some(0) {
@@ -107,13 +111,14 @@ impl SindyOptions {
         if !(ridge >= 0.0 && ridge.is_finite()) {
             return Err(refused("ridge", ridge, "a weight of zero or more"));
         }
-        let inclusion = section.inclusion.unwrap_or(INCLUSION);
+        let inclusion = section.inclusion.unwrap_or(USUAL_INCLUSION);
         if !(inclusion > 0.0 && inclusion <= 1.0) {
             return Err(refused("inclusion", inclusion, "a share of the members above 0, at most 1"));
         }
         if let (Some(value), None) = (section.inclusion, &section.ensemble) {
             return Err(Error::conflict(format!(
-                "[sindy] inclusion = {value}: there is no ensemble whose members could agree; add `ensemble = \"chunks:100\"`"
+                "{entry}: there is no ensemble whose members could agree; add `ensemble = \"chunks:100\"`",
+                entry = SINDY.entry("inclusion").is(value)
             )));
         }
         let folds = section.folds.as_deref().unwrap_or("auto");
@@ -145,8 +150,12 @@ impl SindyOptions {
     /// What cannot keep them.
     pub(super) fn within(mut self, recipe: &Recipe) -> Result<Self, Error> {
         let Some(name) = recipe.constraints.keys().next() else { return Ok(self) };
-        let refused =
-            |what: String| Err(Error::conflict(format!("[constraints] {name}, and {what}; leave one of them away")));
+        let refused = |what: String| {
+            Err(Error::conflict(format!(
+                "{entry}, and {what}; leave one of them away",
+                entry = CONSTRAINTS.entry(name)
+            )))
+        };
         match self.optimizer {
             SindyOptimizer::Auto | SindyOptimizer::Stlsq | SindyOptimizer::Ssr | SindyOptimizer::LeastSquares => {}
             other => {
@@ -224,16 +233,20 @@ impl SindyOptions {
     }
 
     /// What to do about an equation that has no term, for people: options that this fit has.
-    pub(super) fn mend_of_no_terms(&self) -> &'static str {
+    pub(super) fn mend_of_no_terms(&self) -> String {
         match (self.threshold, self.terms, self.ensemble) {
-            (Some(_), ..) => "lower the threshold (--threshold), or offer other candidates (--library)",
-            (None, Some(_), _) => "allow more terms (--terms), or offer other candidates (--library)",
+            (Some(_), ..) => format!("lower the threshold ({THRESHOLD}), or offer other candidates ({LIBRARY})"),
+            (None, Some(_), _) => format!("allow more terms ({TERMS}), or offer other candidates ({LIBRARY})"),
             (None, None, Some(_)) => {
-                "too few members of the ensemble agree on any: lower --inclusion, or offer other candidates (--library)"
+                format!(
+                    "too few members of the ensemble agree on any: lower {INCLUSION}, or offer other candidates ({LIBRARY})"
+                )
             }
             (None, None, None) => {
-                "by the rule of the choice no candidate is worth its place (--front shows the models of other sizes): offer others (--library), or say how \
-                 many terms there may be (--terms)"
+                format!(
+                    "by the rule of the choice no candidate is worth its place ({FRONT} shows the models of other sizes): offer others ({LIBRARY}), or say how \
+                 many terms there may be ({TERMS})"
+                )
             }
         }
     }
@@ -253,7 +266,11 @@ impl SindyOptions {
 fn scaling(normalize: Option<&Normalize>, automatic: bool) -> Result<Scaling, Error> {
     match normalize {
         Some(Normalize::Word(word)) if word == "length" => Ok(Scaling::Length),
-        Some(Normalize::Word(word)) => Err(refused("normalize", word, "true, false or \"length\"")),
+        Some(Normalize::Word(word)) => Err(refused(
+            "normalize",
+            word,
+            &format!("{}, {} or {}", setting::value("true"), setting::value("false"), setting::value("\"length\"")),
+        )),
         Some(Normalize::Choice(share)) => Ok(if *share { Scaling::Share } else { Scaling::Physical }),
         None => Ok(if automatic { Scaling::Share } else { Scaling::Physical }),
     }
@@ -265,8 +282,9 @@ fn max_iterations(section: &SindySection, optimizer: SindyOptimizer) -> Result<u
         Some(0) => Err(refused("max_iterations", 0, "a number from 1 on")),
         Some(most) if optimizer == SindyOptimizer::Stlsq => Ok(most),
         Some(most) => Err(Error::conflict(format!(
-            "[sindy] max_iterations = {most}: these are the regressions of stlsq, and the optimizer is {}; leave it away",
-            optimizer.name()
+            "{entry}: these are the regressions of stlsq, and the optimizer is {}; leave it away",
+            optimizer.name(),
+            entry = SINDY.entry("max_iterations").is(most)
         ))),
     }
 }
@@ -275,8 +293,9 @@ fn kappa(section: &SindySection, optimizer: SindyOptimizer) -> Result<Option<f64
     match section.kappa {
         Some(kappa) if !(kappa >= 0.0 && kappa.is_finite()) => Err(refused("kappa", kappa, "a weight of zero or more")),
         Some(kappa) if optimizer != SindyOptimizer::Frols => Err(Error::conflict(format!(
-            "[sindy] kappa = {kappa}: it weighs the terms of frols, and the optimizer is {}; leave it away",
-            optimizer.name()
+            "{entry}: it weighs the terms of frols, and the optimizer is {}; leave it away",
+            optimizer.name(),
+            entry = SINDY.entry("kappa").is(kappa)
         ))),
         kappa => Ok(kappa),
     }
@@ -287,8 +306,9 @@ fn groups(section: &SindySection, optimizer: SindyOptimizer) -> Result<GroupRule
     let given = [("groups", section.groups.is_some()), ("l1_ratio", section.l1_ratio.is_some())];
     if let Some((what, _)) = given.iter().find(|(_, given)| *given && optimizer != SindyOptimizer::GroupLasso) {
         return Err(Error::conflict(format!(
-            "[sindy] {what}: it is that of group-lasso, and the optimizer is {}; leave it away",
-            optimizer.name()
+            "{entry}: it is that of group-lasso, and the optimizer is {}; leave it away",
+            optimizer.name(),
+            entry = SINDY.entry(what)
         )));
     }
     if let Some(value) = section.l1_ratio.filter(|value| !(0.0..=1.0).contains(value)) {
@@ -296,17 +316,18 @@ fn groups(section: &SindySection, optimizer: SindyOptimizer) -> Result<GroupRule
     }
     match section.groups.as_ref().map(|words| GroupRule::new(words, "sindy")).transpose()? {
         None => Ok(GroupRule::Signal),
-        Some(GroupRule::Term) => Err(Error::value(
-            "[sindy] groups = term: every equation finds its terms alone; `fit sparse --groups term` fits all equations together, \
-             so that a function is in all of them or in none"
-                .into(),
-        )),
+        Some(GroupRule::Term) => Err(Error::value(format!(
+            "{entry}: every equation finds its terms alone; {fit_sparse_command} fits all equations together, \
+             so that a function is in all of them or in none",
+            fit_sparse_command = FIT_SPARSE.with(GROUPS.to("term")),
+            entry = SINDY.entry("groups").is("term")
+        ))),
         Some(groups) => Ok(groups),
     }
 }
 
 fn refused(what: &str, value: impl std::fmt::Display, allowed: &str) -> Error {
-    Error::value(format!("[sindy] {what} = {value}: write {allowed}"))
+    Error::value(format!("{entry}: write {allowed}", entry = SINDY.entry(what).is(value)))
 }
 
 fn ensemble(text: &str) -> Result<(Ensemble, usize), Error> {
@@ -322,8 +343,9 @@ fn ensemble(text: &str) -> Result<(Ensemble, usize), Error> {
         "library" => Ensemble::Library,
         "rows" => {
             return Err(Error::value(format!(
-                "[sindy] ensemble = {text}: neighbouring rows of a log are not independent, and a resample of rows would need a pass each; \
-                 resample `chunks` or `episodes`"
+                "{entry}: neighbouring rows of a log are not independent, and a resample of rows would need a pass each; \
+                 resample `chunks` or `episodes`",
+                entry = SINDY.entry("ensemble").is(text)
             )));
         }
         _ => return Err(refused("ensemble", text, allowed)),
@@ -341,7 +363,8 @@ fn smooth_states(section: &SindySection) -> Result<SmoothStates, Error> {
         None => Ok(asked),
         Some(_) if asked == SmoothStates::Auto => Ok(SmoothStates::Off),
         Some(what) if asked == SmoothStates::On => Err(Error::conflict(format!(
-            "[sindy] smooth_states = on, and {what}: terms are looked for with the states, by what they leave of the measurements; leave one of them away"
+            "{entry}, and {what}: terms are looked for with the states, by what they leave of the measurements; leave one of them away",
+            entry = SINDY.entry("smooth_states").is("on")
         ))),
         Some(_) => Ok(asked),
     }

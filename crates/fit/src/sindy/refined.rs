@@ -5,13 +5,12 @@ use fleetfoot_model::Model;
 use fleetfoot_task::EquationTask;
 
 use super::{SindyReport, report};
-use crate::objective::coefficient;
+use crate::objective::Coefficients;
 
 /// The coefficients of a model of a task, region by region (candidates x equations).
 pub(crate) fn coefficients_of(model: &Model, task: &EquationTask, regions: usize) -> Vec<Mat<f64>> {
-    let value = |region: usize, j: usize, t: usize| {
-        coefficient(model, &task.fitted[t].latent, region, &task.candidate(j)).unwrap_or(0.0)
-    };
+    let places: Vec<Coefficients> = (0..task.fitted.len()).map(|t| Coefficients::new(task, model, t)).collect();
+    let value = |region: usize, j: usize, t: usize| places[t].of(region, j).unwrap_or(0.0);
     (0..regions).map(|region| Mat::from_fn(task.candidates(), task.fitted.len(), |j, t| value(region, j, t))).collect()
 }
 
@@ -21,10 +20,11 @@ impl SindyReport {
         let Some(refinement) = self.summary.refinement.as_ref().filter(|found| found.written) else { return };
         // What a region errs by is not told apart.
         let whole = self.regions.len() == 1;
+        let places: Vec<Coefficients> = (0..task.fitted.len()).map(|t| Coefficients::new(task, model, t)).collect();
         for (at, region) in self.regions.iter_mut().enumerate() {
             for (target, equation) in region.equations.iter_mut().enumerate() {
                 for term in &mut equation.terms {
-                    let own = coefficient(model, &task.fitted[target].latent, at, &term.function);
+                    let own = places[target].of(at, term.candidate);
                     (term.coefficient, term.standard_error) = (own.unwrap_or(0.0), f64::NAN);
                 }
                 equation.right = report::right(task, target, &equation.terms);

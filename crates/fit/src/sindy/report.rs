@@ -111,6 +111,9 @@ pub struct EquationReport {
 pub struct TermReport {
     /// The function; `1` for the constant.
     pub function: String,
+    /// Its index among the candidates.
+    #[serde(skip)]
+    pub candidate: usize,
     /// Its coefficient.
     pub coefficient: f64,
     /// Unit of the coefficient, where those of the left side and of the function are known.
@@ -191,6 +194,7 @@ pub(super) fn equation(
         .iter()
         .map(|&j| TermReport {
             function: task.candidate(j),
+            candidate: j,
             coefficient: step.coefficients[j],
             unit: task.coefficient_unit(target, j),
             standard_error: error(j),

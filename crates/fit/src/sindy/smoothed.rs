@@ -3,6 +3,7 @@
 mod search;
 
 use faer::Mat;
+use fleetfoot_data::setting::{PARAMETERS, PARTITION, SINDY, SMOOTH_STATES, TIME_SECTION};
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_dynamics::Coefficient;
 use fleetfoot_estimate::{SmoothingOptions, StateSmoother};
@@ -42,9 +43,10 @@ fn applies(asked: SmoothStates, evidence: &Evidence, recipe: &Recipe) -> Result<
     let task = &evidence.task;
     let estimated = !evidence.parameters.is_empty();
     match (asked, obstacle(task, recipe, estimated, evidence.partition.is_some())) {
-        (SmoothStates::On, Some(what)) => {
-            Err(Error::conflict(format!("[sindy] smooth_states = on, and {what}: leave one of them away")))
-        }
+        (SmoothStates::On, Some(what)) => Err(Error::conflict(format!(
+            "{entry}, and {what}: leave one of them away",
+            entry = SINDY.entry("smooth_states").is("on")
+        ))),
         (SmoothStates::On, None) => Ok(true),
         (_, Some(_)) => Ok(false),
         (_, None) => Ok(task.windows.as_ref().is_some_and(Windows::noisy)),
@@ -62,20 +64,20 @@ pub(super) fn may_apply(asked: SmoothStates, task: &EquationTask, recipe: &Recip
 }
 
 /// What keeps states from being smoothed.
-fn obstacle(task: &EquationTask, recipe: &Recipe, estimated: bool, regions: bool) -> Option<&'static str> {
-    if !task.parameters.is_empty() || estimated {
-        Some("numbers inside expressions are estimated ([parameters])")
+fn obstacle(task: &EquationTask, recipe: &Recipe, estimated: bool, regions: bool) -> Option<String> {
+    Some(if !task.parameters.is_empty() || estimated {
+        format!("numbers inside expressions are estimated ({PARAMETERS})")
     } else if regions {
-        Some("there are regions (--partition)")
+        format!("there are regions ({PARTITION})")
     } else if task.weight.is_some() {
-        Some("rows have weights")
+        "rows have weights".to_owned()
     } else if recipe.time.smoothed.is_some() {
-        Some("the logs were smoothed before ([time] smoothed)")
+        format!("the logs were smoothed before ({})", TIME_SECTION.entry("smoothed"))
     } else if task.fitted.iter().any(|equation| equation.central.is_none()) {
-        Some("not every equation is of a derivative by central differences")
+        "not every equation is of a derivative by central differences".to_owned()
     } else {
-        None
-    }
+        return None;
+    })
 }
 
 /// Finds equations in turn with the states, where that is asked for; from the coefficients of a fit (candidates x equations).
@@ -109,7 +111,7 @@ pub(super) fn smoothed(
         && let Some(rows) = evidence.rows_read.filter(|rows| *rows > UNASKED)
     {
         notes.push(format!(
-            "{rows} rows are more than the {UNASKED} whose states are smoothed by themselves; --smooth-states on does so for more"
+            "{rows} rows are more than the {UNASKED} whose states are smoothed by themselves; {given_smooth_states} does so for more", given_smooth_states = SMOOTH_STATES.to("on")
         ));
         return Ok(None);
     }
@@ -220,7 +222,7 @@ impl<'a> Alternation<'a> {
     fn held_out(&self, open: &Model, found: &Found, view: &dyn Source, progress: &dyn Progress) -> Result<Held, Error> {
         let rule = RolloutRule { folds: FOLDS, ..RolloutRule::new(1) };
         let smoothed = smoothed_rows(self.recipe.time.smoothed, self.evidence.step);
-        let held = HeldOut::new((view, smoothed), rule, "--smooth-states")?;
+        let held = HeldOut::new((view, smoothed), rule, SMOOTH_STATES.to_string())?;
         let targets = self.task().fitted.len();
         let (mut costs, mut measured) = ([0.0; 2], 0.0);
         let mut sums = vec![[0.0; 2]; targets];
@@ -293,6 +295,7 @@ impl Smoothed {
                 .filter(|&j| self.coefficients[(j, t)] != 0.0)
                 .map(|j| report::TermReport {
                     function: task.candidate(j),
+                    candidate: j,
                     coefficient: self.coefficients[(j, t)],
                     unit: task.coefficient_unit(t, j),
                     standard_error: self.errors[(j, t)],

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use faer::Mat;
 use fleetfoot_data::Progress;
+use fleetfoot_data::setting::SINDY;
 use fleetfoot_library::Expr;
 use fleetfoot_recipe::{Criterion, SindyOptimizer};
 use fleetfoot_sparse::{
@@ -269,8 +270,9 @@ impl<'a> Solver<'a> {
             Optimizer::Sr3(sr3) => Ok(Optimizer::Sr3(Sr3 { lambda: step.parameter, ..sr3 })),
             Optimizer::Frols(frols) => Ok(Optimizer::Frols(Frols { max_terms: step.terms().max(1), ..frols })),
             _ => Err(Error::conflict(format!(
-                "[sindy] ensemble: the members of an ensemble are made by stlsq, sr3 or frols, not {}; take one of these, or leave the ensemble away",
-                self.options.optimizer.name()
+                "{entry}: the members of an ensemble are made by stlsq, sr3 or frols, not {}; take one of these, or leave the ensemble away",
+                self.options.optimizer.name(),
+                entry = SINDY.entry("ensemble")
             ))),
         }
     }

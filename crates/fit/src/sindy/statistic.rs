@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use fleetfoot_data::setting::{DEGREE, FIT_SINDY, FIT_SPARSE, LIBRARY, PARAMETERS, SCAN};
 use fleetfoot_dataset::{EquationGroup, EquationStatistic, StatisticFile};
 use fleetfoot_library::Expr;
 use fleetfoot_recipe::Recipe;
@@ -45,10 +46,10 @@ impl Evidence {
 fn unserved(file: &StatisticFile, recipe: &Recipe) -> Error {
     let reason = match EquationStatistic::tasks(recipe, &file.fields) {
         Err(error) => error.to_string(),
-        Ok(_) => "its plan sums the tasks of `fit sparse` alone, because columns of the equations are texts".to_owned(),
+        Ok(_) => format!("its plan sums the tasks of {FIT_SPARSE} alone, because columns of the equations are texts"),
     };
     Error::other_statistic(format!(
-        "the statistic has no sums of equations for `fit sindy`: {reason}; give the logs, or `fleetfoot scan` them again with a recipe whose equations can be summed"
+        "the statistic has no sums of equations for {FIT_SINDY}: {reason}; give the logs, or {SCAN} them again with a recipe whose equations can be summed"
     ))
 }
 
@@ -58,7 +59,8 @@ fn refuse_rows(recipe: &Recipe) -> Result<(), Error> {
     match recipe.parameters.keys().next() {
         None => Ok(()),
         Some(name) => Err(Error::needs_rows(format!(
-            "[parameters] {name}: an estimate inside expressions needs the rows, which a statistic has not; give the logs instead"
+            "{entry}: an estimate inside expressions needs the rows, which a statistic has not; give the logs instead",
+            entry = PARAMETERS.entry(name)
         ))),
     }
 }
@@ -94,7 +96,7 @@ fn over(mut task: EquationTask, scanned: &System) -> Result<EquationTask, Error>
     for function in &task.functions {
         let place = scanned.functions.iter().position(|known| known == function).ok_or_else(|| {
             Error::other_statistic(format!(
-                "the statistic has no candidate `{function}`; name candidates that were scanned (there are {}), scan again with the --library or --degree that has it, \
+                "the statistic has no candidate `{function}`; name candidates that were scanned (there are {}), scan again with the {LIBRARY} or {DEGREE} that has it, \
                  or give the logs",
                 scanned.functions.len()
             ))

@@ -1,6 +1,7 @@
 //! How much work the models of a fit of equations are: told beforehand, as a large library takes minutes.
 
 use fleetfoot_data::Work;
+use fleetfoot_data::setting::FOLDS;
 use fleetfoot_recipe::SindyOptimizer;
 use fleetfoot_sparse::threshold::Rivals;
 
@@ -32,6 +33,9 @@ pub(super) fn work(options: &SindyOptions, candidates: usize, targets: usize, re
     Work {
         operations: (path + backward + held_out + members) * (targets * regions) as f64,
         parts: targets.max(1),
-        mend: "fewer functions in the library or fewer folds (--folds 2) make it shorter",
+        mend: format!(
+            "fewer functions in the library or fewer folds ({given_folds}) make it shorter",
+            given_folds = FOLDS.to(2)
+        ),
     }
 }

@@ -1,6 +1,7 @@
 //! The choice of lambda.
 
 use fleetfoot_data::Progress;
+use fleetfoot_data::setting::{L1_RATIO, LAMBDA, SELECT};
 use fleetfoot_recipe::Criterion;
 use fleetfoot_sparse::{
     SparseError,
@@ -63,8 +64,10 @@ pub(super) fn folds(
                 error,
                 SelectError::EmptyFold { .. } | SelectError::TooFew { .. } | SelectError::Folds(FoldError::Rows { .. })
             );
-            let message =
-                format!("{error}; without folds lambda can be given (`--lambda`), or chosen by `--select bic`");
+            let message = format!(
+                "{error}; without folds lambda can be given ({LAMBDA}), or chosen by {given_select}",
+                given_select = SELECT.to("bic")
+            );
             let found = problem.rows() as u64;
             Err(if few { Error::too_few_rows(found, found + 1, message) } else { Error::undetermined(message) })
         }
@@ -142,7 +145,7 @@ fn validated(
     };
     if validation.best + 1 == validation.lambdas.len() {
         notes.push(
-            "the least held-out error is at the smallest lambda that was tried: less penalty may be better still, give `--lambda`".into(),
+            format!("the least held-out error is at the smallest lambda that was tried: less penalty may be better still, give {LAMBDA}"),
         );
     }
     if !validation.inexact.is_empty() {
@@ -165,7 +168,8 @@ fn validate(
     found.map_err(|error| match error {
         SelectError::Cancelled(cancelled) => cancelled.into(),
         error => Error::undetermined(format!(
-            "held-out errors: {error}; lambda can be given (`--lambda`), or chosen by `--select bic`"
+            "held-out errors: {error}; lambda can be given ({LAMBDA}), or chosen by {given_select}",
+            given_select = SELECT.to("bic")
         )),
     })
 }
@@ -173,9 +177,10 @@ fn validate(
 /// By an information criterion at the knots of the path.
 fn by_criterion(problem: &Problem<'_>, options: &SparseOptions, criterion: Criterion) -> Result<(f64, String), Error> {
     if options.l1_ratio < 1.0 && options.groups.is_none() {
-        return Err(Error::conflict(
-            "information criteria compare the knots of the lasso's path, and an elastic net has none; use `--select cv`, or leave --l1-ratio away".into(),
-        ));
+        return Err(Error::conflict(format!(
+            "information criteria compare the knots of the lasso's path, and an elastic net has none; use {given_select}, or leave {L1_RATIO} away",
+            given_select = SELECT.to("cv")
+        )));
     }
     let assembled = &problem.assembled;
     let path = problem.estimator.path(&assembled.problem, &assembled.penalty, &Stop::default())?;

@@ -1,5 +1,6 @@
 //! Fits that keep the limits of a recipe at every row.
 
+use fleetfoot_data::setting::LAMBDA;
 use fleetfoot_data::{Progress, Silent, Source};
 use fleetfoot_sparse::{
     Penalty, Strength,
@@ -52,7 +53,7 @@ pub(super) fn within_limits<'a>(
             // Of all columns, the constraints may contradict each other by themselves.
             of(&(0..problem.assembled.scale.len()).collect::<Vec<usize>>())?;
             return Err(Error::undetermined(format!(
-                "the functions that were selected cannot keep {}: one that is needed for it was left out; give the latents that it is about `penalty = 0.0`, or a smaller --lambda",
+                "the functions that were selected cannot keep {}: one that is needed for it was left out; give the latents that it is about `penalty = 0.0`, or a smaller {LAMBDA}",
                 constraints.join(", ")
             )));
         }

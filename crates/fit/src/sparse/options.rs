@@ -1,6 +1,7 @@
 //! How a sparse regression goes: the words of `[sparse]`, checked once.
 
 use fleetfoot_data::Work;
+use fleetfoot_data::setting::{BOLASSO, FOLDS, SPARSE, STABILITY};
 use fleetfoot_recipe::{Criterion, GroupRule, SparseSection, seed};
 use fleetfoot_sparse::bolasso::BootstrapUnit;
 
@@ -71,7 +72,7 @@ impl SparseOptions {
         Work {
             operations: (OF_PATH * paths as f64 + replicates as f64) * (coefficients as f64).powi(3),
             parts: folds.max(1),
-            mend: "fewer functions or fewer folds (--folds 2) make it shorter",
+            mend: format!("fewer functions or fewer folds ({given_folds}) make it shorter", given_folds = FOLDS.to(2)),
         }
     }
 
@@ -101,19 +102,21 @@ impl SparseOptions {
         let bolasso = section.bolasso.as_deref().map(resampled).transpose()?;
         let stability = section.stability.unwrap_or(false);
         if stability && bolasso.is_some() {
-            return Err(Error::conflict(
-                "[sparse] has both `bolasso` and `stability`; both choose the columns, so take one of them".into(),
-            ));
+            return Err(Error::conflict(format!(
+                "{SPARSE} has both `bolasso` and `stability`; both choose the columns, so take one of them"
+            )));
         }
         if groups.is_some() && (bolasso.is_some() || stability) {
-            return Err(Error::conflict(
-                "[sparse] groups with a bolasso or stability selection: their replicates are lassos; leave one of them away".into(),
-            ));
+            return Err(Error::conflict(format!(
+                "{} with a bolasso or stability selection: their replicates are lassos; leave one of them away",
+                SPARSE.entry("groups")
+            )));
         }
         if l1_ratio < 1.0 && (bolasso.is_some() || stability) {
-            return Err(Error::conflict(
-                "[sparse] l1_ratio below 1 with a bolasso or stability selection: their replicates are lassos; leave one of them away".into(),
-            ));
+            return Err(Error::conflict(format!(
+                "{} below 1 with a bolasso or stability selection: their replicates are lassos; leave one of them away",
+                SPARSE.entry("l1_ratio")
+            )));
         }
         let folds = section.folds.as_deref().unwrap_or("auto");
         Ok(Self {
@@ -138,16 +141,16 @@ pub(super) fn unused(section: &SparseSection, options: &SparseOptions) -> Vec<St
     let replicates = options.bolasso.is_some() || options.stability;
     let threshold = options.threshold.filter(|_| !replicates).map(|share| {
         format!(
-            "[sparse] threshold = {share} is not used: it is the share of replicates that select a function, which a bolasso or stability selection makes (--bolasso, --stability)"
+            "{entry} is not used: it is the share of replicates that select a function, which a bolasso or stability selection makes ({BOLASSO}, {STABILITY})", entry = SPARSE.entry("threshold").is(share)
         )
     });
     let given = options.lambda != LambdaRule::Auto && section.select.is_some();
-    let select = given.then(|| "[sparse] select is not used: lambda is given".to_owned());
+    let select = given.then(|| format!("{} is not used: lambda is given", SPARSE.entry("select")));
     threshold.into_iter().chain(select).collect()
 }
 
 fn refused(what: &str, value: impl std::fmt::Display, allowed: &str) -> Error {
-    Error::value(format!("[sparse] {what} = {value}: write {allowed}"))
+    Error::value(format!("{entry}: write {allowed}", entry = SPARSE.entry(what).is(value)))
 }
 
 fn lambda(text: &str) -> Result<LambdaRule, Error> {

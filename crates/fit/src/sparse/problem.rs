@@ -1,5 +1,6 @@
 //! The assembled problem of a statistic: weights of the tasks, penalty factors, signs.
 
+use fleetfoot_data::setting::{INFO_VALUES, TASKS};
 use fleetfoot_dataset::StatisticFile;
 use fleetfoot_library::Expr;
 use fleetfoot_sparse::{
@@ -45,7 +46,9 @@ impl<'a> Problem<'a> {
             return Err(Error::too_few_rows(
                 0,
                 1,
-                "no rows: every row lacks a value, or has the weight 0; `fleetfoot info --values` tells which columns have missing values".into(),
+                format!(
+                    "no rows: every row lacks a value, or has the weight 0; {INFO_VALUES} tells which columns have missing values"
+                ),
             ));
         }
         let mut scales = Vec::with_capacity(roots.len());
@@ -114,9 +117,10 @@ fn scale(task: &StructuredTask, index: usize, root: &SquareRoot) -> Result<f64, 
     // A rate that is constant is that of a state that varies.
     if is_constant && root.rows > 1 && mean != 0.0 && !found.prior && !found.target.reads_clock() {
         return Err(Error::undetermined(format!(
-            "[tasks] {}: the target `{}` has the same value {mean} in all rows: there is nothing to predict; leave it out, check its column, or add `scale`, the \
+            "{}: the target `{}` has the same value {mean} in all rows: there is nothing to predict; leave it out, check its column, or add `scale`, the \
              error that counts as one, in its units",
-            found.name, found.target
+            TASKS.entry(&found.name),
+            found.target
         )));
     }
     let scale = if found.prior || is_constant { size } else { variance.sqrt() };
@@ -127,8 +131,9 @@ fn scale(task: &StructuredTask, index: usize, root: &SquareRoot) -> Result<f64, 
         format!("{}: `{}` is zero or not finite everywhere in the data; give `prior_scale`", found.name, found.target)
     } else {
         format!(
-            "[tasks] {}: the target `{}` is zero or not finite everywhere in the data; add `scale`, the error that counts as one, in its units",
-            found.name, found.target
+            "{}: the target `{}` is zero or not finite everywhere in the data; add `scale`, the error that counts as one, in its units",
+            TASKS.entry(&found.name),
+            found.target
         )
     }))
 }

@@ -1,5 +1,6 @@
 //! One solve of a statistic: coefficients at a penalty that is given. Nothing is chosen, held out, selected or refitted.
 
+use fleetfoot_data::setting::CONSTRAINTS;
 use fleetfoot_dataset::StatisticFile;
 use fleetfoot_model::Model;
 use fleetfoot_recipe::Recipe;
@@ -61,7 +62,7 @@ pub fn solve_statistic(file: &StatisticFile, recipe: Option<&Recipe>, method: So
     (options.l1_ratio, options.groups) = (l1_ratio, None);
     let mut notes = Vec::new();
     if !task.limits.is_empty() || !task.coefficients.is_empty() {
-        notes.push("what is kept at every row ([constraints], at_least, at_most) was not used".to_owned());
+        notes.push(format!("what is kept at every row ({CONSTRAINTS}, at_least, at_most) was not used"));
     }
     let problem = Problem::new(&task, file, &options, |_| true)?;
     let (coefficients, errors) = if lambda == 0.0 {

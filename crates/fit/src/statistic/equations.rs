@@ -1,5 +1,6 @@
 //! What a scan freezes and sums of a recipe's equations, and what it costs.
 
+use fleetfoot_data::setting::{FIT_NARX, FIT_SINDY};
 use fleetfoot_data::{Column, Progress};
 use fleetfoot_dataset::{Dataset, StatisticFile, covers, once, text::text_among};
 use fleetfoot_pwa::Options;
@@ -71,7 +72,7 @@ pub(super) fn freeze(
             Ok(Some(summed)) => summed,
             Ok(None) => break,
             Err(error) => {
-                notes.push(format!("`fit narx` will need the logs, the statistic has no sums for it: {error}"));
+                notes.push(format!("{FIT_NARX} will need the logs, the statistic has no sums for it: {error}"));
                 break;
             }
         };
@@ -164,5 +165,5 @@ fn finds_alike(one: &Options, other: &Options) -> bool {
 
 /// Why the equations of a recipe are not summed, for people.
 pub(super) fn unserved(error: &dyn std::fmt::Display) -> String {
-    format!("`fit sindy` will need the logs, the statistic has no sums for it: {error}")
+    format!("{FIT_SINDY} will need the logs, the statistic has no sums for it: {error}")
 }

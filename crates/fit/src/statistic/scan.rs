@@ -6,6 +6,7 @@ use std::{
     path::Path,
 };
 
+use fleetfoot_data::setting::INFO_VALUES;
 use fleetfoot_data::{Column, Episode, Progress, Source, Work, until_stopped};
 use fleetfoot_dataset::{
     ContentHash, Dataset, EquationStatistic, FileRecord, Logs, StatisticFile,
@@ -331,7 +332,7 @@ impl<'a> Scan<'a> {
                 1,
                 format!(
                     "no row can be used: {} lack neighbours at the border of their episode, {} have a missing value; look at the columns with \
-                 `fleetfoot info --values`, or give other files{reasons}",
+                 {INFO_VALUES}, or give other files{reasons}",
                     counts.at_border, counts.incomplete
                 ),
             ));

@@ -1,5 +1,6 @@
 //! What a statistic can be asked for.
 
+use fleetfoot_data::setting::PARTITION;
 use fleetfoot_dataset::StatisticFile;
 
 use crate::{narx, pwa};
@@ -9,7 +10,7 @@ pub fn serves(file: &StatisticFile) -> Vec<String> {
     let mut methods = vec!["fit sparse".to_owned()];
     let mut add = |method: &str, regions: Vec<String>| {
         if !regions.is_empty() {
-            methods.push(format!("fit {method} (--partition {})", regions.join(" | ")));
+            methods.push(format!("fit {method} ({})", PARTITION.to(regions.join(" | "))));
         }
     };
     let groups = file.equations.iter().flat_map(|equations| &equations.groups);

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use fleetfoot_data::setting::TIME_UNIT;
 use fleetfoot_data::{Column, ColumnKind, Progress};
 use fleetfoot_message::{Extract, FieldInfo, FieldKind, FieldPath, MISSING, SchemaError, Step};
 
@@ -311,7 +312,7 @@ impl Builder<'_> {
             || (0..self.used.len()).find_map(|used| clock::unit_of(slots[used].map(|_| &self.samples[used])?, &field));
         let Some(taken) = unit.or_else(told) else {
             let problem = format!(
-                "`{field}` does not go on as the log's clock does: give its unit (--time-unit), or another clock"
+                "`{field}` does not go on as the log's clock does: give its unit ({TIME_UNIT}), or another clock"
             );
             return Err(refuse(self, 0, problem));
         };

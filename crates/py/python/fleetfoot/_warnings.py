@@ -8,8 +8,6 @@ import re
 import warnings
 from collections.abc import Iterable
 
-from ._words import of_python
-
 
 class FleetfootWarning(UserWarning):
     """Something about the data or a fit that its user should know; the answer stands all the same."""
@@ -48,7 +46,7 @@ def warn(message: str) -> None:
 
 def tell_all(messages: Iterable[str]) -> list[str]:
     """A warning for every message, but a line of the log ``fleetfoot`` for what is as usual; the messages as told."""
-    told = [of_python(message) for message in messages]
+    told = list(messages)
     for message in told:
         if _ROUTINE.search(message):
             _LOG.info(message)

@@ -35,8 +35,8 @@ FOREIGN = re.compile(r"(?<!\w)--[a-z]|\[(pwa|sindy|sparse|narx|model|states|inpu
         (lambda: ff.SINDy(optimizer="frols", threshold=0.1), "threshold=0.1"),
         (lambda: ff.SINDy(max_iterations=3, optimizer="frols"), "max_iterations=3"),
         (lambda: ff.SINDy(inclusion=0.5), "inclusion=0.5"),
-        (lambda: ff.SINDy(groups="term", optimizer="group-lasso"), "BlockSparse groups='term'"),
-        (lambda: ff.SINDy(folds="many"), "folds=many"),
+        (lambda: ff.SINDy(groups="term", optimizer="group-lasso"), r"BlockSparse\(groups='term'\)"),
+        (lambda: ff.SINDy(folds="many"), "folds='many'"),
         (lambda: ff.NARX(lags_in=2), r"inputs="),
         (lambda: ff.NARX(0, 0), "lags_out=0"),
         (lambda: ff.NARX(2, terms=0), "terms=0"),
@@ -57,20 +57,12 @@ def test_errors_name_arguments(estimator, words):
 @pytest.mark.parametrize(
     ("said", "wanted"),
     [
-        ("choose fewer --folds, or a `--decimate`", "choose fewer folds=, or a decimate="),
-        ("--partition kmeans:2,5: name one of --select bic", "partition='kmeans:2,5': name one of select='bic'"),
-        ("give --force", "give force=True"),
-        ("[states] x: it has no column", "states['x']: it has no column"),
-        ("[sparse] lambda = big: write auto", "lam=big: write auto"),
-        ("folds (--folds 0 for none)", "folds (folds=0 for none)"),
         ("the recipe: unknown field at line 1 column 12", "the recipe: unknown field"),
-        ("`fit sparse --groups term` does", "BlockSparse groups='term' does"),
         ("`mcap convert --fast a.bag` helps", "`mcap convert --fast a.bag` helps"),
         ("runs/a--b.csv is cut", "runs/a--b.csv is cut"),
-        ("3 rows - 2 -- and no more", "3 rows - 2 -- and no more"),
     ],
 )
-def test_words_are_translated_once(said, wanted):
+def test_only_places_in_json_are_left_out(said, wanted):
     assert _words.of_python(said) == wanted
     assert _words.of_python(wanted) == wanted
 
@@ -89,8 +81,8 @@ HUGE = 10**200
         (lambda m: ff.PWA(objective="steps:0").fit(X, T), "objective='steps:0': write one-step, free-run, or steps:N"),
         (lambda m: ff.PWA(2, phase="foo").fit(X, T), "phase='foo': in `foo`, character 1: unknown column"),
         (lambda m: ff.PWA(lags="foo").fit(X, T), "lags='foo': `foo` is no number of rows"),
-        (lambda m: ff.SINDy(library=["x0^"]).fit(X, T), "library=\"x0^\": in `x0^`, character 4"),
-        (lambda m: ff.SINDy(normalize="foo").fit(X, T), "normalize=foo: write True, False or 'length'"),
+        (lambda m: ff.SINDy(library=["x0^"]).fit(X, T), "library='x0^': in `x0^`, character 4"),
+        (lambda m: ff.SINDy(normalize="foo").fit(X, T), "normalize='foo': write True, False or 'length'"),
         (lambda m: ff.SINDy(constraints={"a": {"foo": 1}}).fit(X, T), "there is no 'foo'; give 'of', 'coefficients'"),
         (lambda m: ff.PWA(recipe={"pwa": {"folds": "x"}}).fit(X, T), "recipe: folds='x': give a whole number of 0 or more"),
         (lambda m: ff.PWA(recipe={"foo": {}}).fit(X, T), "recipe: there is no 'foo'; give 'columns'"),

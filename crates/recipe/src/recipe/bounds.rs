@@ -3,6 +3,7 @@
 use std::ops::RangeInclusive;
 
 use clap::{Command, builder::RangedU64ValueParser, error::ErrorKind};
+use fleetfoot_data::setting::Section;
 
 use super::{Recipe, settings::Settings};
 
@@ -39,7 +40,7 @@ fn check<S: Settings>(place: &str, section: &S) -> Result<(), String> {
             && refused.kind() == ErrorKind::ValueValidation
         {
             let reason = std::error::Error::source(&refused).map_or_else(String::new, |reason| format!(": {reason}"));
-            return Err(format!("[{place}] {entry} = {number}{reason}"));
+            return Err(format!("{}{reason}", Section(place).entry(entry).is(number)));
         }
     }
     Ok(())

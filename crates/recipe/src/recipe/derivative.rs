@@ -1,5 +1,6 @@
 //! How the derivative of a state is measured.
 
+use fleetfoot_data::setting::{FIT_PWA, FIT_SINDY};
 use fleetfoot_library::{CentralDifference, Expr, Spacing, central_difference, mean_slope};
 use serde::{Deserialize, Serialize};
 
@@ -97,7 +98,7 @@ impl SpanDerivative {
                 "{place} derivative = {{ over = {rows} }}: write 1 to {MOST_ROWS} rows, or \"auto\""
             ))),
             Over::Word(word) if word == "auto" => Err(Error::value(format!(
-                "{place} derivative = {{ over = \"auto\" }}: `fit pwa` and `fit sindy` choose a span, from logs; write a number of rows here"
+                "{place} derivative = {{ over = \"auto\" }}: {FIT_PWA} and {FIT_SINDY} choose a span, from logs; write a number of rows here"
             ))),
             Over::Word(word) => Err(Error::value(format!(
                 "{place} derivative = {{ over = \"{word}\" }}: write a number of rows, or \"auto\""

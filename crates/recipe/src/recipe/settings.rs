@@ -2,6 +2,7 @@
 //!
 //! What is said explicitly (a flag, an argument) stands above the recipe, and the recipe above the default, entry by entry: [`Recipe::say`] is that rule.
 
+use fleetfoot_data::setting::Section;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use super::Recipe;
@@ -95,7 +96,9 @@ pub(crate) use settings;
 pub fn seed(section: &str, seed: Option<u64>) -> Result<u64, Error> {
     match seed.unwrap_or(0) {
         seed if i64::try_from(seed).is_ok() => Ok(seed),
-        seed => Err(Error::value(format!("[{section}] seed = {seed}: write a number up to {}", i64::MAX))),
+        seed => {
+            Err(Error::value(format!("{}: write a number up to {}", Section(section).entry("seed").is(seed), i64::MAX)))
+        }
     }
 }
 

@@ -6,6 +6,7 @@ use fleetfoot_control::{
     controller::{Controller, Regulator},
     design::{LqrRegion, SetPoint},
 };
+use fleetfoot_data::setting::CONTROL_LQR;
 use fleetfoot_fit::Error;
 use fleetfoot_model::Model;
 use fleetfoot_output::write_atomic;
@@ -160,12 +161,12 @@ impl ControllerFile {
         }
         let refused = |problem: String| Error::value(format!("controller {name}: {problem}"));
         let syntax = |error: serde_json::Error| {
-            refused(format!("not a fleetfoot controller: {error}; make it again with `fleetfoot control lqr`"))
+            refused(format!("not a fleetfoot controller: {error}; make it again with {CONTROL_LQR}"))
         };
         let head: Head = serde_json::from_str(text).map_err(syntax)?;
         if head.fleetfoot_controller != FORMAT {
             return Err(refused(format!(
-                "controller format {}, this version reads format {FORMAT}; make it again with `fleetfoot control lqr`",
+                "controller format {}, this version reads format {FORMAT}; make it again with {CONTROL_LQR}",
                 head.fleetfoot_controller
             )));
         }

@@ -1,6 +1,7 @@
 //! What is asked of a filter, and where the logs have it.
 
 use fleetfoot_control::filter::{FilterOptions, Measured, NoiseColour, ProcessFactor, SwitchedFilter, Switching};
+use fleetfoot_data::setting::{FILTER_SECTION, INITIAL, MEASURED};
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_dataset::{Dataset, Logs};
 use fleetfoot_dynamics::Stepper;
@@ -44,8 +45,10 @@ pub fn filter_of(model: &Model, said: &FilterSection) -> Result<SwitchedFilter, 
     let measured = measured(settings.measured.as_deref())?;
     if let Some(open) = measured.iter().find(|sensor| sensor.deviation.is_none()) {
         return Err(Error::missing(format!(
-            "[filter] measured: {} has no standard deviation, and a filter by itself has no log to find it in: write measured = \"{}=0.01\"",
-            open.state, open.state
+            "{entry}: {} has no standard deviation, and a filter by itself has no log to find it in: write measured = \"{}=0.01\"",
+            open.state,
+            open.state,
+            entry = FILTER_SECTION.entry("measured")
         )));
     }
     Ok(SwitchedFilter::new(model, &options(&settings, measured)?)?)
@@ -82,8 +85,11 @@ impl<'a> Said<'a> {
             .chain(said.truth.iter().map(|own| ("truth", &own.0)));
         for (of, state) in all {
             if !states.contains(state) {
-                let problem =
-                    format!("[filter] {of}: the model has no state `{state}`; there is {}", states.join(", "));
+                let problem = format!(
+                    "{entry}: the model has no state `{state}`; there is {}",
+                    states.join(", "),
+                    entry = FILTER_SECTION.entry(of)
+                );
                 return Err(Error::unknown(state, problem));
             }
         }
@@ -200,9 +206,9 @@ fn notes(filter: &SwitchedFilter, sensors: &[Measured], readings: &Reading) -> V
     let found = names(&|k| readings.deviations[k].is_none() && sensors[k].deviation.is_none());
     if !found.is_empty() {
         notes.push(format!(
-            "the deviations of {} are found from the innovations so far; say them where they are known (--measured {}=0.01)",
+            "the deviations of {} are found from the innovations so far; say them where they are known ({})",
             found.join(", "),
-            found[0]
+            MEASURED.to(format_args!("{}=0.01", found[0]))
         ));
     }
     let open = |&s: &usize| !filter.has_mean(s) && filter.measured().all(|state| state != s);
@@ -210,8 +216,8 @@ fn notes(filter: &SwitchedFilter, sensors: &[Measured], readings: &Reading) -> V
     if !open.is_empty() {
         let list = open.join(", ");
         notes.push(format!(
-            "{list} begin at 0, as neither a measurement nor the training says where: --initial {}=MEAN:DEVIATION",
-            open[0]
+            "{list} begin at 0, as neither a measurement nor the training says where: {}",
+            INITIAL.to(format_args!("{}=MEAN:DEVIATION", open[0]))
         ));
     }
     notes
@@ -224,7 +230,10 @@ fn options(settings: &FilterSection, measured: Vec<Measured>) -> Result<FilterOp
             Some((name.trim().to_owned(), mean.trim().parse().ok()?, deviation.trim().parse().ok()?))
         });
         parsed.ok_or_else(|| {
-            Error::value(format!("[filter] initial = {item}: write STATE=MEAN:DEVIATION, several separated by commas"))
+            Error::value(format!(
+                "{entry}: write STATE=MEAN:DEVIATION, several separated by commas",
+                entry = FILTER_SECTION.entry("initial").is(item)
+            ))
         })
     });
     Ok(FilterOptions {
@@ -234,7 +243,12 @@ fn options(settings: &FilterSection, measured: Vec<Measured>) -> Result<FilterOp
             None => ProcessFactor::default(),
             Some(Tunable::Number(factor)) => ProcessFactor::Given(*factor),
             Some(Tunable::Word(word)) if word == "auto" => ProcessFactor::Found,
-            Some(word) => return Err(Error::value(format!("[filter] process = {word}: write a number, or \"auto\""))),
+            Some(word) => {
+                return Err(Error::value(format!(
+                    "{entry}: write a number, or \"auto\"",
+                    entry = FILTER_SECTION.entry("process").is(word)
+                )));
+            }
         },
         noise: match settings.noise.unwrap_or_default() {
             FilterNoise::Auto => NoiseColour::Found,
@@ -258,7 +272,7 @@ fn measured(text: Option<&str>) -> Result<Vec<Measured>, Error> {
     let one = |item: String| match item.split_once('=') {
         None => Ok(Measured { state: item.trim().to_owned(), deviation: None }),
         Some(_) => {
-            let (state, deviation) = crate::control::pair("[filter] measured", &item)?;
+            let (state, deviation) = crate::control::pair(&FILTER_SECTION.entry("measured").to_string(), &item)?;
             Ok(Measured { state, deviation: Some(deviation) })
         }
     };
@@ -269,7 +283,10 @@ fn measured(text: Option<&str>) -> Result<Vec<Measured>, Error> {
 fn named(entry: &str, text: Option<&str>) -> Result<Vec<(String, String)>, Error> {
     let one = |item: String| match item.split_once('=') {
         Some((state, field)) => Ok((state.trim().to_owned(), field.trim().to_owned())),
-        None => Err(Error::value(format!("[filter] {entry} = {item}: write STATE=FIELD, several separated by commas"))),
+        None => Err(Error::value(format!(
+            "{entry}: write STATE=FIELD, several separated by commas",
+            entry = FILTER_SECTION.entry(entry).is(item)
+        ))),
     };
     list(text).into_iter().map(one).collect()
 }

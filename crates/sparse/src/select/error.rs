@@ -1,6 +1,7 @@
 //! What can be wrong with a choice of lambda.
 
 use fleetfoot_data::Cancelled;
+use fleetfoot_data::setting::{CHUNK_ROWS, FOLDS};
 
 use crate::SparseError;
 
@@ -15,7 +16,7 @@ pub enum SelectError {
         count: usize,
     },
     /// Too little to make folds of.
-    #[error("{found} {what} cannot make {needed} folds: ask for fewer folds (`--folds`), or give more data")]
+    #[error("{found} {what} cannot make {needed} folds: ask for fewer folds ({FOLDS}), or give more data")]
     TooFew {
         /// Chunks, episodes or groups.
         what: &'static str,
@@ -32,7 +33,7 @@ pub enum SelectError {
     },
     /// A fold that has no rows on one side.
     #[error(
-        "fold {} has no rows to {side}: ask for fewer folds (`--folds`), give more data, or, of a statistic, scan with shorter chunks (`--chunk-rows`)",
+        "fold {} has no rows to {side}: ask for fewer folds ({FOLDS}), give more data, or, of a statistic, scan with shorter chunks ({CHUNK_ROWS})",
         fold + 1
     )]
     EmptyFold {

@@ -1,5 +1,6 @@
 //! A latent of a recipe: its candidate functions, penalty, signs, bounds and prior.
 
+use fleetfoot_data::setting::LATENTS;
 use fleetfoot_library::{Expr, Library};
 use fleetfoot_recipe::{Aliases, Error, LatentSection, Recipe};
 use fleetfoot_sparse::Sign;
@@ -38,9 +39,11 @@ impl Latent {
         latents: &[String],
         aliases: &mut Aliases<'_>,
     ) -> Result<Self, Error> {
-        let place = format!("[latents] {name}");
+        let place = LATENTS.entry(name).to_string();
         if name.trim().is_empty() {
-            return Err(Error::missing("[latents]: a latent without a name; equations speak of it by its name".into()));
+            return Err(Error::missing(format!(
+                "{LATENTS}: a latent without a name; equations speak of it by its name"
+            )));
         }
         let functions = functions(section, latents, &place, aliases)?;
         let penalty = section.penalty.unwrap_or(1.0);
@@ -136,7 +139,7 @@ pub(super) fn prior(
     latents: &[String],
     aliases: &mut Aliases<'_>,
 ) -> Result<Option<Prior>, Error> {
-    let place = format!("[latents] {name}");
+    let place = LATENTS.entry(name).to_string();
     let Some(text) = &section.prior else {
         if let Some(which) = [("prior_strength", section.prior_strength), ("prior_scale", section.prior_scale)]
             .iter()

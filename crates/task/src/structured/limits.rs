@@ -1,5 +1,6 @@
 //! What a fit keeps at every row: bounds of latents, and what latents keep together.
 
+use fleetfoot_data::setting::CONSTRAINTS;
 use fleetfoot_library::Expr;
 use fleetfoot_recipe::{Aliases, ConstraintSection, Error, Recipe};
 use fleetfoot_sparse::constrained::{Form, Limit, RowLimit};
@@ -25,7 +26,7 @@ pub(crate) fn together(
 ) -> Result<Vec<RowLimit>, Error> {
     let mut limits = Vec::new();
     for (name, section) in recipe.constraints.iter().filter(|(_, section)| section.coefficients.is_empty()) {
-        let place = format!("[constraints] {name}");
+        let place = CONSTRAINTS.entry(name).to_string();
         let forms = forms(section, (latents, kind), &place, aliases)?;
         if forms.iter().all(|form| form.terms.is_empty()) {
             let latents = latents.join(", ");

@@ -1,5 +1,6 @@
 //! Right sides that are linear in the latents.
 
+use fleetfoot_data::setting::COLUMNS;
 use fleetfoot_library::{Binary, Expr, Node, Unary};
 use fleetfoot_recipe::Error;
 use fleetfoot_sparse::constrained::Form;
@@ -63,7 +64,7 @@ pub(super) fn without_latents(expression: &Expr, latents: &[String], place: &str
     match expression.columns().iter().find(|column| latents.iter().any(|latent| **latent == ***column)) {
         None => Ok(()),
         Some(name) => Err(Error::value(format!(
-            "{place}: `{expression}` speaks of the latent `{name}`; it is made of columns only (a field of this name needs another alias in [columns])"
+            "{place}: `{expression}` speaks of the latent `{name}`; it is made of columns only (a field of this name needs another alias in {COLUMNS})"
         ))),
     }
 }

@@ -12,6 +12,7 @@
 use std::collections::BTreeSet;
 
 use fleetfoot_data::Progress;
+use fleetfoot_data::setting::SMOOTH_STATES;
 use fleetfoot_estimate::{Settled, StateSmoother, Tracks, Variances};
 use fleetfoot_sparse::threshold::{Optimizer, Removal, Scaling, Ssr, Terms, optimize};
 use fleetfoot_stats::Compressed;
@@ -98,7 +99,7 @@ impl Search<'_> {
             best = Some((likelihood, place, variances, share));
         }
         let Some((_, place, variances, share)) = best else {
-            return Err(Error::undetermined("--smooth-states: no variances were found".into()));
+            return Err(Error::undetermined(format!("{SMOOTH_STATES}: no variances were found")));
         };
         let before = match self.settle((&place.settled.tracks, coefficients), begun, &variances, ROUGH) {
             Ok(before) => self.value(&before),
