@@ -1,5 +1,6 @@
 //! Which candidates the effort bears: by counts of work, never by seconds, so that the same rows have the same candidates on every machine.
 
+use fleetfoot_data::setting::EFFORT;
 use fleetfoot_data::{Silent, Work};
 use fleetfoot_dataset::Logs;
 use fleetfoot_fit::{FitRequest, Narx, Sindy, plan};
@@ -42,13 +43,17 @@ impl Budget {
         Work {
             operations: borne.map(|(own, _)| own).sum(),
             parts: 2,
-            mend: "--effort low makes it shorter; Ctrl-C writes the best so far",
+            mend: format!(
+                "{given_effort} makes it shorter; Ctrl-C writes the best so far",
+                given_effort = EFFORT.to("low")
+            ),
         }
     }
 
     /// Why a candidate is not tried; `None` where it is.
     pub(crate) fn refusal(&self, at: usize) -> Option<String> {
-        (!self.borne[at]).then(|| format!("not tried: {:.0e} operations; --effort high tries it", self.operations[at]))
+        (!self.borne[at])
+            .then(|| format!("not tried: {:.0e} operations; {} tries it", self.operations[at], EFFORT.to("high")))
     }
 }
 

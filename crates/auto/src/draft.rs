@@ -1,6 +1,7 @@
 //! What is missing of a recipe: states, inputs and angles by the names of columns and by their motion.
 
 use fleetfoot_check::name_words;
+use fleetfoot_data::setting::{INFO, INPUTS, STATES};
 use fleetfoot_data::{ColumnKind, Halo, Progress, Source};
 use fleetfoot_dataset::{Dataset, Logs};
 use fleetfoot_fit::Error;
@@ -11,7 +12,7 @@ use fleetfoot_recipe::{Input, InputTable, Kind, Recipe, State, draft_of_topics, 
 const ROWS: usize = 20_000;
 const EPISODES: usize = 8;
 /// Words in the names of inputs.
-const INPUTS: [&str; 36] = [
+const INPUT_NAMES: [&str; 36] = [
     "u",
     "in",
     "input",
@@ -104,16 +105,16 @@ pub(crate) fn drafted(
     };
     draft.cache.clone_from(&recipe.cache);
     if draft.states.is_empty() {
-        return Err(Error::missing(
-            "no column of these logs looks like a state; name the states with --states, or in a recipe (-c): `fleetfoot info` lists the columns".into(),
-        ));
+        return Err(Error::missing(format!(
+            "no column of these logs looks like a state; name the states with {STATES}, or in a recipe (-c): {INFO} lists the columns"
+        )));
     }
     let names = |names: Vec<&String>| names.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
     notes
-        .push(format!("states by names and motion: {}; --states chooses others", names(draft.states.keys().collect())));
+        .push(format!("states by names and motion: {}; {STATES} chooses others", names(draft.states.keys().collect())));
     notes.push(match draft.inputs.is_empty() {
-        true => "no input was found: the model moves by itself; --inputs names what drives the machine".to_owned(),
-        false => format!("inputs: {}; --inputs chooses others", names(draft.inputs.keys().collect())),
+        true => format!("no input was found: the model moves by itself; {INPUTS} names what drives the machine"),
+        false => format!("inputs: {}; {INPUTS} chooses others", names(draft.inputs.keys().collect())),
     });
     Ok(draft)
 }
@@ -207,7 +208,7 @@ pub(crate) fn part(name: &str, whole: bool, episodes: &[Vec<f64>]) -> Part {
         return Part::LeftOut("a clock or a counter: it grows evenly");
     }
     let numbered_motor = words.first().is_some_and(|word| word == "m") && words.len() == 2;
-    if has(&COMMANDS) || (has(&INPUTS) || numbered_motor) && !has(&MEASURED) {
+    if has(&COMMANDS) || (has(&INPUT_NAMES) || numbered_motor) && !has(&MEASURED) {
         return Part::Input;
     }
     let total = steps.len().max(1) as f64;

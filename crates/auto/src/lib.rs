@@ -18,6 +18,7 @@ mod writer;
 
 use candidates::{LINEAR, MEAN, Rows};
 use fleetfoot_check::{Checked, check};
+use fleetfoot_data::setting::FIT_SINDY;
 use fleetfoot_data::{Cancelled, Progress, Silent, Source, unstoppable};
 use fleetfoot_dataset::{Dataset, Logs, Part};
 use fleetfoot_dynamics::Estimate;
@@ -135,9 +136,9 @@ pub fn auto(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) -> 
     let mut notes = Vec::new();
     let mut recipe = draft::drafted(recipe, logs, &mut notes, progress)?;
     if is_known(&recipe) && recipe.parameters.is_empty() {
-        return Err(Error::conflict(
-            "all states of the recipe are given: nothing is to be fitted; `fleetfoot fit sindy` writes the model as it is".into(),
-        ));
+        return Err(Error::conflict(format!(
+            "all states of the recipe are given: nothing is to be fitted; {FIT_SINDY} writes the model as it is"
+        )));
     }
     progress.stage("check");
     let checked = check(&recipe, logs, progress)?;

@@ -2,6 +2,7 @@
 
 use fleetfoot_check::{Checked, Fault};
 use fleetfoot_data::Progress;
+use fleetfoot_data::setting::RATE;
 use fleetfoot_dataset::{Dataset, Logs};
 use fleetfoot_fit::Error;
 use fleetfoot_recipe::Recipe;
@@ -39,7 +40,7 @@ pub(crate) fn evened(
     };
     let rate = three_digits(rate);
     recipe.time.rate = Some(rate);
-    notes.push(format!("{}: rows are made at {rate} Hz; --rate chooses another", finding.what));
+    notes.push(format!("{}: rows are made at {rate} Hz; {RATE} chooses another", finding.what));
     Ok(())
 }
 

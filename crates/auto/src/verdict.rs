@@ -1,5 +1,6 @@
 //! The five sentences: what was fitted, how good it is, from when to when, what is weak, what to record next.
 
+use fleetfoot_data::setting::{INPUTS, STATES};
 use fleetfoot_report::words::{count, number, ratio, seconds};
 
 use crate::{
@@ -23,7 +24,7 @@ const EXACT: f64 = 1e-6;
 pub(crate) fn warning(found: &Auto, unbeaten: Option<&str>) -> Option<String> {
     if let Some(unbeaten) = unbeaten {
         return Some(format!(
-            "no model beats {unbeaten} on held-out rows beyond the standard error: the model that is written predicts no more than that; record more motion, or name other states and inputs (--states, --inputs)"
+            "no model beats {unbeaten} on held-out rows beyond the standard error: the model that is written predicts no more than that; record more motion, or name other states and inputs ({STATES}, {INPUTS})"
         ));
     }
     // Of what is exact but for rounding, ratios tell nothing.

@@ -7,6 +7,7 @@ use std::{
 
 use fleetfoot_codegen::{ExportOptions, Target};
 use fleetfoot_data::Progress;
+use fleetfoot_data::setting::FORCE;
 use fleetfoot_dataset::{Error as DatasetError, Logs, Part};
 use fleetfoot_fit::{Error, write_model};
 use fleetfoot_output::write_atomic;
@@ -56,7 +57,7 @@ impl AutoOutput {
         };
         if !self.force {
             return Err(Error::output(format!(
-                "{folder}: there is a folder already; name another one (-o), or replace it with --force"
+                "{folder}: there is a folder already; name another one (-o), or replace it with {FORCE}"
             )));
         }
         for entry in entries {
@@ -64,7 +65,7 @@ impl AutoOutput {
             let name = entry.file_name().to_string_lossy().into_owned();
             if name != CODE && !FILES.contains(&name.as_str()) {
                 return Err(Error::output(format!(
-                    "{folder}: --force replaces the folder of an earlier `auto`, and {name} is none of its files; name another folder (-o)"
+                    "{folder}: {FORCE} replaces the folder of an earlier `auto`, and {name} is none of its files; name another folder (-o)"
                 )));
             }
         }

@@ -302,7 +302,7 @@ settings! {
 }
 
 named! { Section Section<'static>:
-    CLOCKS "clocks" CONSTRAINTS "constraints" COLUMNS "columns" CONTROL "control" EPISODES "[episodes]" ESTIMATE "estimate" FILES "files" FILTER_SECTION "filter"
+    AUTO "auto" CLOCKS "clocks" CONSTRAINTS "constraints" COLUMNS "columns" CONTROL "control" EPISODES "[episodes]" ESTIMATE "estimate" FILES "files" FILTER_SECTION "filter"
     INPUTS_SECTION "inputs" JOIN "join" LATENTS "latents" LIBRARY_SECTION "library" MODEL "model" NARX "narx" PARAMETERS "parameters" PREPARE_SECTION "prepare"
     PWA "pwa" RESIMULATE_SECTION "resimulate" SINDY "sindy" SPARSE "sparse" STATES_SECTION "states" TASKS "tasks" TIME_SECTION "time"
 }

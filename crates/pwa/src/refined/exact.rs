@@ -456,7 +456,7 @@ mod tests {
     #[test]
     fn a_row_that_no_step_moves_does_not_pass() {
         let examples = rows_of(&waves(168));
-        let table = vec![2.7579634409923792, -2.103920767363529, 0.0, -2.6265179614664587, 0.6167634672702993];
+        let table = [2.7579634409923792, -2.103920767363529, 0.0, -2.6265179614664587, 0.6167634672702993];
         let rest = [-1.8092079364231335, -0.32889448789607145, -1.7533015107123253, 0.0];
         let state = State::of(&examples, separators([&table[..], &rest].concat()));
         let (found, _) = state.near(&examples).searched(state.look.separators.clone());
