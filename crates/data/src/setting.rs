@@ -25,6 +25,8 @@ pub trait Wording: Send + Sync {
     fn section(&self, section: &str, entry: Option<&str>, value: Option<&str>) -> String;
     /// A place, worded already, with the text that stands there.
     fn assigned(&self, place: &str, text: &str) -> String;
+    /// How a clock and the unit of its numbers are named.
+    fn clock(&self, column: &str, unit: &str) -> String;
     /// A value of a recipe.
     fn value(&self, value: &str) -> String;
     /// A command, with a setting that is worded already.
@@ -61,6 +63,11 @@ impl Wording for Flags {
         format!("{place} = \"{text}\"")
     }
 
+    fn clock(&self, column: &str, unit: &str) -> String {
+        let entry = TIME_SECTION.entry("column").is(format_args!("{column:?}"));
+        format!("{} {}; in a recipe {entry}, unit = \"{unit}\"", TIME.to(column), TIME_UNIT.to(unit))
+    }
+
     fn value(&self, value: &str) -> String {
         value.to_owned()
     }
@@ -73,6 +80,11 @@ impl Wording for Flags {
 /// A place, worded already, with the text that stands there: `--phase = "foo"`.
 pub fn assigned(place: &str, text: &str) -> String {
     wording().assigned(place, text)
+}
+
+/// How a clock and the unit of its numbers are named: `--time t --time-unit ms`.
+pub fn clock(column: &str, unit: &str) -> String {
+    wording().clock(column, unit)
 }
 
 /// A value as a recipe has it: `true`, `"length"`.

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use fleetfoot_data::Cancelled;
-use fleetfoot_data::setting::{DT, FILES, INFO, INFO_VALUES, JOIN, RATE, RENAME, TIME, TIME_SECTION, TIME_UNIT};
+use fleetfoot_data::setting::{self, DT, FILES, INFO, INFO_VALUES, JOIN, RATE, RENAME, TIME, TIME_SECTION};
 
 /// What is readable, for messages.
 pub(crate) const KNOWN: &str =
@@ -157,10 +157,10 @@ pub enum Error {
     },
     /// Stamps whose numbers fit several units of time, or none.
     #[error(
-        "{}: the numbers of `{column}` {}: name the unit ({} {}; in a recipe {entry} = {column:?}, unit = \"{unit}\")",
+        "{}: the numbers of `{column}` {}: name the unit ({})",
         path.display(),
         if readings.is_empty() { "fit no unit of time".to_owned() } else { format!("could be {readings}") },
-        TIME.to(column), TIME_UNIT.to(unit), entry = TIME_SECTION.entry("column")
+        setting::clock(column, unit)
     )]
     UnknownTimeUnit {
         /// The file.

@@ -16,8 +16,9 @@ impl Wording for Arguments {
     }
 
     fn section(&self, section: &str, entry: Option<&str>, value: Option<&str>) -> String {
-        let section = section.trim_matches(['[', ']']);
-        let Some(entry) = entry else { return section.to_owned() };
+        let Some(entry) = entry else {
+            return if OF_RECIPES.contains(&section) { format!("[{section}]") } else { section.to_owned() };
+        };
         let name =
             if named_by_user(section) { format!("{section}[{}]", literal(entry)) } else { argument(entry).to_owned() };
         value.map_or_else(|| name.clone(), |value| format!("{name}={}", literal(value)))
@@ -25,6 +26,10 @@ impl Wording for Arguments {
 
     fn assigned(&self, place: &str, text: &str) -> String {
         format!("{}={}", place.trim_end_matches('='), literal(&format!("\"{text}\"")))
+    }
+
+    fn clock(&self, column: &str, unit: &str) -> String {
+        format!("recipe={{\"time\": {{\"column\": \"{column}\", \"unit\": \"{unit}\"}}}}")
     }
 
     fn value(&self, value: &str) -> String {
@@ -56,6 +61,9 @@ impl Wording for Arguments {
 fn call(name: &str, setting: Option<&str>) -> String {
     setting.map_or_else(|| name.to_owned(), |setting| format!("{name}({setting})"))
 }
+
+/// Sections that are no argument of any call: they stand in a recipe.
+const OF_RECIPES: [&str; 5] = ["clocks", "[episodes]", "files", "join", "prepare"];
 
 /// Whether the entries of a section have the names that a user gives: of states, of constraints.
 fn named_by_user(section: &str) -> bool {

@@ -11,7 +11,7 @@ from . import _core, _recipe
 from ._data import open as open_data
 from ._model import Model
 from ._progress import Progress, reporting
-from ._warnings import of_python, warn
+from ._warnings import warn
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ def auto(
         warn(told["warning"])
     names = ("sentences", "warning", "chosen", "candidates", "tested", "horizon", "split", "findings", "outside", "diverged")
     return Auto(
-        notes=[of_python(note) for note in told["notes"]],
+        notes=told["notes"],
         model=Model(model),
         linear=None if linear is None else Model(linear),
         recipe=text,

@@ -129,8 +129,8 @@ class _Value:
 
     @property
     def serves(self) -> list[str]:
-        """The methods that need no logs, each with the regions that were summed for it: ``"fit pwa (--partition average
-        | kmeans:5)"``."""
+        """The methods that need no logs, each with the regions that were summed for it: ``"fit pwa (partition='average'
+        | 'kmeans:5')"``."""
         return self._core.serves
 
 

@@ -1,0 +1,59 @@
+"""A default stands once: what an estimator does without an argument is what the command's help says of the flag."""
+
+from __future__ import annotations
+
+import inspect
+import os
+import re
+import subprocess
+
+import pytest
+
+import fleetfoot as ff
+
+COMMAND = os.environ.get("FLEETFOOT_BIN")
+#: Arguments whose flag has another name.
+FLAGS = {"lam": "lambda", "target": "predict", "t": "time"}
+#: Arguments that count in bytes what their flag counts in MiB.
+MEBIBYTES = {"memory"}
+
+
+def helped(command: str) -> dict[str, str]:
+    """The flags of a command, each with what its help says of the default."""
+    assert COMMAND is not None
+    text = subprocess.run([COMMAND, "fit", command, "--help"], capture_output=True, text=True, check=True).stdout
+    found = {}
+    for part in re.split(r"\n(?=  (?:-\w, |    )--)", text):
+        flag = re.search(r"--([a-z][\w-]*)", part)
+        default = re.search(r"\(default: ([^()]*)", " ".join(part.split()))
+        if flag and default:
+            found[flag[1].replace("-", "_")] = default[1]
+    return found
+
+
+def worded(name: str, default: object) -> str:
+    if isinstance(default, bool):
+        return str(default).lower()
+    if name in MEBIBYTES and isinstance(default, int):
+        return str(default // 2**20)
+    return f"{default:g}" if isinstance(default, float) else str(default)
+
+
+@pytest.mark.skipif(COMMAND is None, reason="FLEETFOOT_BIN names no command")
+@pytest.mark.parametrize(
+    ("command", "estimator"),
+    [("pwa", ff.PWA), ("sindy", ff.SINDy), ("narx", ff.NARX), ("sparse", ff.BlockSparse), ("parameters", ff.Parameters)],
+)
+def test_defaults_are_those_of_the_command(command, estimator):
+    flags = helped(command)
+    compared, wrong = 0, []
+    for name, argument in inspect.signature(estimator).parameters.items():
+        said = flags.get(FLAGS.get(name, name))
+        if said is None or argument.default in (None, (), inspect.Parameter.empty):
+            continue
+        compared += 1
+        own = worded(name, argument.default)
+        if not re.match(re.escape(own) + r"(?![\w.-])", said):
+            wrong.append(f"{name}={argument.default!r}, and --{FLAGS.get(name, name)} says `{said}`")
+    assert compared >= 2, flags
+    assert not wrong, "\n".join(wrong)
