@@ -2,8 +2,9 @@
 
 use fleetfoot_recipe::{
     AutoSection, Derivative, Effort, GivenAs, Lags, ModelSection, NarxSection, PwaSection, Recipe, SmoothStates,
-    Tunable, items,
 };
+
+use crate::late::Moved;
 
 /// The method of a candidate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -62,7 +63,7 @@ fn most_functions(effort: Effort) -> usize {
 }
 
 /// The list of what is tried.
-pub(crate) fn candidates(recipe: &Recipe, late: Option<&(Recipe, Vec<(String, usize)>)>, rows: &Rows) -> Vec<Trial> {
+pub(crate) fn candidates(recipe: &Recipe, late: Option<&Moved>, rows: &Rows) -> Vec<Trial> {
     let base = bare(recipe);
     let list = List { base: &base, rows: *rows, effort: rows.effort, every: 1, prefix: String::new() };
     let mut found = vec![list.pwa(MEAN, "next", "null", 0, None), list.pwa(DRIFT, "delta", "null", 0, None)];
@@ -137,10 +138,6 @@ impl List<'_> {
             recipe.model.predict = Some(predict.into());
             recipe.model.partition = Some(partition.into());
             recipe.model.lags = (lags > 0).then(|| Lags::rows(lags));
-            recipe.pwa.shrinkage = match items(partition).as_slice() {
-                [one] if one == "average" || one == "null" => None,
-                _ => recipe.pwa.shrinkage.take().or_else(|| Some(Tunable::Word("auto".into()))),
-            };
             recipe.pwa.folds.get_or_insert(5);
             mean_slopes(recipe, over);
         })

@@ -101,6 +101,11 @@ pub(crate) fn drafted(
     let infos = inspect_together(&logs.files(), false, progress).map_err(fleetfoot_dataset::Error::from)?;
     let mut draft = match infos.first().and_then(|info| draft_of_topics(recipe, info)) {
         Some(draft) => merged(recipe, draft),
+        None if infos.iter().any(|info| !info.topics.is_empty()) => {
+            return Err(Error::missing(
+                "these logs have no odometry, joints or attitude that a draft knows: `fleetfoot init LOG -o robot.toml` lists their fields; name states and inputs there (-c), or with --states and --inputs".into(),
+            ));
+        }
         None => of_table(recipe, logs, &infos, notes, progress)?,
     };
     draft.cache.clone_from(&recipe.cache);

@@ -14,11 +14,14 @@ const LARGER: f64 = 1.2;
 /// Rows that are looked at.
 const ROWS: usize = 50_000;
 
+/// A recipe whose late inputs are moved, and the delays in rows by the name of the input.
+pub(crate) type Moved = (Recipe, Vec<(String, usize)>);
+
 /// The recipe with its late inputs moved, and the delays in rows by the name of the input; `None` where none is late.
 ///
 /// # Errors
 /// Those of reading.
-pub(crate) fn moved(recipe: &Recipe, rows: &dyn Source) -> Result<Option<(Recipe, Vec<(String, usize)>)>, Error> {
+pub(crate) fn moved(recipe: &Recipe, rows: &dyn Source) -> Result<Option<Moved>, Error> {
     let place = |name: &String| rows.columns().iter().position(|column| column.name == *name);
     let states: Vec<usize> = recipe.states.keys().filter_map(place).collect();
     let mut late: Vec<(String, usize)> = Vec::new();

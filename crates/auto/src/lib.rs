@@ -23,6 +23,7 @@ use fleetfoot_data::{Cancelled, Progress, Silent, Source, unstoppable};
 use fleetfoot_dataset::{Dataset, Logs, Part};
 use fleetfoot_dynamics::Estimate;
 use fleetfoot_fit::{Error, RolloutRule, fold_room, is_known};
+use fleetfoot_log::Cache;
 use fleetfoot_model::Model;
 use fleetfoot_recipe::{Kind, Recipe};
 use ranking::Ranking;
@@ -143,8 +144,17 @@ pub fn auto(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) -> 
     progress.stage("check");
     let checked = check(&recipe, logs, progress)?;
     stamps::evened(&mut recipe, &checked, logs, &mut notes, progress)?;
+    // Messages are decoded once: every candidate opens the logs.
+    let own = recipe.cache.clone();
+    let decoded =
+        tempfile::tempdir().map_err(|source| fleetfoot_dataset::Error::Write { path: std::env::temp_dir(), source })?;
+    if own.as_ref().is_none_or(|cache| cache.least_bytes > 0) {
+        recipe.cache = Some(Cache { folder: decoded.path().to_owned(), least_bytes: 0 });
+    }
     let found = Search { recipe: &recipe, logs, notes, checked };
-    found.run(progress)
+    let mut found = found.run(progress)?;
+    found.recipe.cache = own;
+    Ok(found)
 }
 
 /// What the training rows say before the first fit.
@@ -152,7 +162,7 @@ struct Looked {
     horizon: HorizonChoice,
     rows: Rows,
     /// The recipe with inputs that act late moved, and by how many rows.
-    late: Option<(Recipe, Vec<(String, usize)>)>,
+    late: Option<late::Moved>,
 }
 
 struct Search<'a> {

@@ -109,8 +109,11 @@ impl Ranking {
         let usable: Vec<usize> = (0..self.candidates.len()).filter(|&at| self.candidates[at].error.is_some()).collect();
         let error = |at: usize| self.candidates[at].error.unwrap_or(f64::INFINITY);
         let best = usable.iter().copied().min_by(|&a, &b| error(a).total_cmp(&error(b)))?;
+        let within = error(best) + self.candidates[best].standard_error.unwrap_or(0.0);
         let alike = |&at: &usize| {
-            !is_better(&self.candidates[best].folds, &self.candidates[at].folds) || error(at) <= ALIKE * error(best)
+            let surely_worse = is_better(&self.candidates[best].folds, &self.candidates[at].folds);
+            // A model whose errors scatter is hardly ever surely worse: its mean must be near, too.
+            !surely_worse && error(at) <= within || error(at) <= ALIKE * error(best)
         };
         let key = |at: usize| (self.candidates[at].coefficients, error(at));
         usable.into_iter().filter(alike).min_by(|&a, &b| {
@@ -232,6 +235,9 @@ mod tests {
             (found.chosen(), found.unbeaten(0), found.unbeaten(1)),
             (Some(0), Some("the mean"), Some("the mean"))
         );
+        let found =
+            ranking(vec![candidate("linear", 4, &[0.6, 1.9, 0.5]), candidate("regions", 20, &[0.5, 0.52, 0.51])]);
+        assert_eq!(found.chosen(), Some(1), "errors that scatter are not near");
         let found = ranking(vec![candidate("linear", 4, &[1.1, 0.9, 1.2])]);
         assert_eq!((found.chosen(), found.unbeaten(0)), (Some(0), Some("persistence")));
         assert_eq!(ranking(vec![candidate("a", 1, &[f64::INFINITY; 2])]).chosen(), None);

@@ -23,7 +23,7 @@ pub(crate) struct Auto {
     pub(crate) recipe: RecipeArgs,
     #[command(flatten)]
     pub(crate) auto: AutoSection,
-    /// Write the model in another language, too.
+    /// Write the model in another language, too (default: the model alone).
     #[arg(long, value_enum, value_name = "LANGUAGE")]
     pub(crate) export: Option<AutoExport>,
     /// The folder to write: model.json, recipe.toml, report.html, auto.json.
