@@ -6,12 +6,13 @@ use std::{
 };
 
 use fleetfoot_data::{Progress, Source};
-use fleetfoot_dataset::{Dataset, Logs, StatisticFile};
+use fleetfoot_dataset::{Dataset, Logs, StatisticFile, json::report};
 use fleetfoot_library::Expr;
 use fleetfoot_model::Model;
 use fleetfoot_output::together;
 use fleetfoot_recipe::{Objective, Recipe};
 use fleetfoot_stats::Concentration;
+use serde::Serialize;
 use serde_json::Value;
 
 use crate::{
@@ -156,12 +157,14 @@ pub struct Opened<T> {
 }
 
 /// What a fit says of itself.
-pub trait FitReport: Send {
+pub trait FitReport: Serialize + Send + Sized {
     /// What the reports of all methods say.
     fn summary(&self) -> &FitSummary;
 
     /// The report for programs.
-    fn to_json(&self) -> Value;
+    fn to_json(&self) -> Value {
+        report(self)
+    }
 }
 
 /// What is to be known of the rows of a fit.

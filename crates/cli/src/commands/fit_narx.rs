@@ -66,7 +66,7 @@ fn to_text(report: &NarxReport, tried: bool) -> String {
         text.push_str(&format!("\n{}\n", search_text(search)));
     }
     if let Some(held_out) = &report.held_out {
-        text.push_str(&format!("\n{}\n", held_out_text(held_out, report.linear())));
+        text.push_str(&format!("\n{}\n", held_out_text(held_out, report.linear.as_ref())));
     }
     if !report.tried.is_empty() {
         text.push_str(&format!("\n{}\n", tried_table(&report.tried, if tried { usize::MAX } else { BEST })));

@@ -4,14 +4,13 @@ use std::collections::BTreeMap;
 
 use fleetfoot_dataset::json::value;
 use fleetfoot_dynamics::{FreeRunOutcome, OutputErrors, TargetScore};
-use fleetfoot_sparse::narx::OrderScore;
+use fleetfoot_sparse::narx::{NarxOrder, OrderScore, OrderSearch};
 use serde::{Serialize, Serializer};
 use serde_json::Value;
 
-use super::report;
 use crate::{
     method::FitReport,
-    narx::{FileRuns, MeanRun, NarxCandidate, NarxRegion, NarxReport, NarxScores, NarxSearch, NarxStage},
+    narx::{FileRuns, NarxReport, NarxScores},
     serialize::Order,
     summary::FitSummary,
 };
@@ -20,48 +19,27 @@ impl FitReport for NarxReport {
     fn summary(&self) -> &FitSummary {
         &self.summary
     }
-
-    fn to_json(&self) -> Value {
-        report(Told {
-            rows: self.rows,
-            order: self.order.into(),
-            direct: self.direct,
-            candidates: self.candidates,
-            partition: &self.partition,
-            choice: self.choice.as_deref(),
-            held_out: self.held_out.as_ref(),
-            linear_of_the_same_lags: self.linear(),
-            search: self.search.as_ref(),
-            tried: &self.tried,
-            orders: self.orders.iter().flat_map(|search| &search.scores).map(Compared::from).collect(),
-            regions: &self.regions,
-            train: self.train.as_ref(),
-            test: self.test.as_ref(),
-            files: self.files.as_ref(),
-            summary: &self.summary,
-        })
-    }
 }
 
-#[derive(Serialize)]
-struct Told<'a> {
-    rows: u64,
-    order: Order,
-    direct: bool,
-    candidates: usize,
-    partition: &'a str,
-    choice: Option<&'a str>,
-    held_out: Option<&'a NarxCandidate>,
-    linear_of_the_same_lags: Option<&'a NarxCandidate>,
-    search: Option<&'a NarxSearch>,
-    tried: &'a [NarxCandidate],
-    orders: Vec<Compared<'a>>,
-    regions: &'a [NarxRegion],
-    train: Option<&'a NarxScores>,
-    test: Option<&'a NarxScores>,
-    files: Option<&'a FileRuns>,
-    #[serde(flatten)]
-    summary: &'a FitSummary,
+/// Lags and degree.
+pub(crate) fn order<S: Serializer>(order: &NarxOrder, serializer: S) -> Result<S::Ok, S::Error> {
+    Order::from(*order).serialize(serializer)
+}
+
+/// Orders that were compared by one-step errors; none where they were not.
+pub(crate) fn orders<S: Serializer>(orders: &Option<OrderSearch>, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_seq(orders.iter().flat_map(|search| &search.scores).map(Compared::from))
+}
+
+/// Orders, each with whether inputs act at once.
+pub(crate) fn cut<S: Serializer>(orders: &[NarxOrder], serializer: S) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct Cut {
+        #[serde(flatten)]
+        order: Order,
+        direct: bool,
+    }
+    serializer.collect_seq(orders.iter().map(|&order| Cut { order: order.into(), direct: order.direct }))
 }
 
 /// An order that was compared by one-step errors.
@@ -88,57 +66,10 @@ impl<'a> From<&'a OrderScore> for Compared<'a> {
     }
 }
 
-impl Serialize for NarxSearch {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        #[derive(Serialize)]
-        struct Search<'a> {
-            effort: &'static str,
-            limit: u64,
-            spent: u64,
-            stages: &'a [NarxStage],
-            cut: Vec<Cut>,
-        }
-        #[derive(Serialize)]
-        struct Cut {
-            #[serde(flatten)]
-            order: Order,
-            direct: bool,
-        }
-        let cut = self.cut.iter().map(|&order| Cut { order: order.into(), direct: order.direct });
-        Search {
-            effort: self.effort.word(),
-            limit: self.limit,
-            spent: self.spent,
-            stages: &self.stages,
-            cut: cut.collect(),
-        }
-        .serialize(serializer)
-    }
-}
-
 impl FileRuns {
     /// The runs of every file, and their mean, for programs.
     pub fn to_json(&self) -> Value {
         value(self)
-    }
-}
-
-impl Serialize for FileRuns {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        #[derive(Serialize)]
-        struct Runs<'a> {
-            by_file: Vec<Run<'a>>,
-            mean: &'a [MeanRun],
-            skipped: &'a [String],
-        }
-        #[derive(Serialize)]
-        struct Run<'a> {
-            file: &'a str,
-            #[serde(flatten)]
-            scores: &'a NarxScores,
-        }
-        let by_file = self.files.iter().map(|run| Run { file: &run.file, scores: &run.scores });
-        Runs { by_file: by_file.collect(), mean: &self.mean, skipped: &self.skipped }.serialize(serializer)
     }
 }
 

@@ -1,10 +1,8 @@
 //! The report of estimated parameters.
 
 use fleetfoot_recipe::EstimateMethod;
-use serde::Serialize;
-use serde_json::Value;
+use serde::{Serialize, Serializer};
 
-use super::report;
 use crate::{
     limit_report::LimitReport,
     method::FitReport,
@@ -16,9 +14,11 @@ impl FitReport for ParametersReport {
     fn summary(&self) -> &FitSummary {
         &self.summary
     }
+}
 
-    fn to_json(&self) -> Value {
-        report(Told {
+impl Serialize for ParametersReport {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        Told {
             method: self.method,
             rows: self.rows,
             files: self.summary.files,
@@ -53,7 +53,8 @@ impl FitReport for ParametersReport {
             equations: &self.equations,
             warnings: self.warnings(),
             summary: &self.summary,
-        })
+        }
+        .serialize(serializer)
     }
 }
 

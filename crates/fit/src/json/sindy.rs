@@ -1,13 +1,11 @@
 //! The report of a fit of equations.
 
-use serde::Serialize;
-use serde_json::Value;
+use serde::{Serialize, Serializer};
 
-use super::report;
 use crate::{
     method::FitReport,
     serialize::{Along, functions},
-    sindy::{EquationReport, SindyReport},
+    sindy::{EquationReport, RegionReport, SindyReport},
     summary::FitSummary,
 };
 
@@ -15,21 +13,18 @@ impl FitReport for SindyReport {
     fn summary(&self) -> &FitSummary {
         &self.summary
     }
-
-    fn to_json(&self) -> Value {
-        let paths = self
-            .regions
-            .iter()
-            .flat_map(|region| region.equations.iter().map(|equation| EquationPath::new(&region.name, equation)));
-        report(Told { found: self, path: paths.collect() })
-    }
 }
 
-#[derive(Serialize)]
-struct Told<'a> {
-    #[serde(flatten)]
-    found: &'a SindyReport,
-    path: Vec<EquationPath<'a>>,
+/// Regions, and beside them the paths of all their equations.
+pub(crate) fn with_paths<S: Serializer>(regions: &[RegionReport], serializer: S) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct Told<'a> {
+        regions: &'a [RegionReport],
+        path: Vec<EquationPath<'a>>,
+    }
+    let equations = regions.iter().flat_map(|region| region.equations.iter().map(move |own| (&region.name, own)));
+    let path = equations.map(|(region, equation)| EquationPath::new(region, equation)).collect();
+    Told { regions, path }.serialize(serializer)
 }
 
 /// What the functions of an equation contribute to its models of so many terms.

@@ -1,9 +1,7 @@
 //! The report of a structured sparse fit.
 
 use serde::{Serialize, Serializer};
-use serde_json::Value;
 
-use super::report;
 use crate::{
     method::FitReport,
     sparse::{LambdaChoice, SparseReport},
@@ -13,10 +11,6 @@ use crate::{
 impl FitReport for SparseReport {
     fn summary(&self) -> &FitSummary {
         &self.summary
-    }
-
-    fn to_json(&self) -> Value {
-        report(self)
     }
 }
 

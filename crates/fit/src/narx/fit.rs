@@ -311,6 +311,7 @@ impl Method for Narx {
             candidates: chosen.candidates,
             partition: partition.map_or_else(|| "average".into(), |partition| partition.specification.clone()),
             choice: how.text,
+            linear: super::report::linear(how.held_out.as_ref(), &how.tried),
             held_out: how.held_out,
             search: how.search,
             tried: how.tried,

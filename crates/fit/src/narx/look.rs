@@ -27,7 +27,7 @@ const PRODUCTS: u64 = 100;
 const ROWS_PER_CANDIDATE: usize = 5;
 
 /// What was looked at, and what was not.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct NarxSearch {
     /// The effort.
@@ -39,6 +39,7 @@ pub struct NarxSearch {
     /// The stages, in their order.
     pub stages: Vec<NarxStage>,
     /// Orders that the limit cut, the cheapest first.
+    #[serde(serialize_with = "crate::json::narx::cut")]
     pub cut: Vec<NarxOrder>,
 }
 

@@ -7,12 +7,13 @@ use super::{FileRuns, NarxCandidate, NarxScores, NarxSearch};
 use crate::summary::FitSummary;
 
 /// What a fit of an autoregression found.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct NarxReport {
     /// Rows that trained.
     pub rows: u64,
     /// Lags and degree of the model.
+    #[serde(serialize_with = "crate::json::narx::order")]
     pub order: NarxOrder,
     /// Whether inputs act at once.
     pub direct: bool,
@@ -24,11 +25,15 @@ pub struct NarxReport {
     pub choice: Option<String>,
     /// The model that is written, among those that were simulated: its terms, refitted on the other spans of every fold.
     pub held_out: Option<NarxCandidate>,
+    /// The best linear model with all terms of the same lags, among those that were tried.
+    #[serde(rename = "linear_of_the_same_lags")]
+    pub linear: Option<NarxCandidate>,
     /// What was looked at where the order was looked for, and what the effort cut.
     pub search: Option<NarxSearch>,
     /// Models that were simulated to choose one, in the order in which they were tried.
     pub tried: Vec<NarxCandidate>,
     /// Orders that were compared by one-step errors, where they were.
+    #[serde(serialize_with = "crate::json::narx::orders")]
     pub orders: Option<OrderSearch>,
     /// The regions.
     pub regions: Vec<NarxRegion>,
@@ -39,18 +44,16 @@ pub struct NarxReport {
     /// On other files, one by one.
     pub files: Option<FileRuns>,
     /// What the reports of all methods say.
+    #[serde(flatten)]
     pub summary: FitSummary,
 }
 
-impl NarxReport {
-    /// The best linear model with all terms of the same lags, among those that were tried; `None` where none was.
-    pub fn linear(&self) -> Option<&NarxCandidate> {
-        let own = self.held_out.as_ref()?;
-        let same = |c: &&NarxCandidate| {
-            c.order == fleetfoot_sparse::narx::NarxOrder { degree: 1, ..own.order } && c.partition == own.partition
-        };
-        self.tried.iter().filter(same).max_by_key(|candidate| candidate.terms)
-    }
+/// The best linear model with all terms of the lags of a candidate, among those that were tried; `None` where none was.
+pub(super) fn linear(own: Option<&NarxCandidate>, tried: &[NarxCandidate]) -> Option<NarxCandidate> {
+    let own = own?;
+    let order = NarxOrder { degree: 1, ..own.order };
+    let same = |other: &&NarxCandidate| other.order == order && other.partition == own.partition;
+    tried.iter().filter(same).max_by_key(|candidate| candidate.terms).cloned()
 }
 
 /// The equations of a region.

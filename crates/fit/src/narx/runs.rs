@@ -11,10 +11,11 @@ use super::{NarxScores, scores::scores};
 use crate::{error::Error, spans::Spans};
 
 /// Free runs of files.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct FileRuns {
     /// Those that a run could begin in, in the order in which they were given.
+    #[serde(rename = "by_file")]
     pub files: Vec<FileRun>,
     /// The mean over these files, output by output: every file counts as much, whatever its length.
     pub mean: Vec<MeanRun>,
@@ -23,12 +24,13 @@ pub struct FileRuns {
 }
 
 /// The free run of a file.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct FileRun {
     /// Its path; the name of a table in memory.
     pub file: String,
     /// Its scores.
+    #[serde(flatten)]
     pub scores: NarxScores,
 }
 

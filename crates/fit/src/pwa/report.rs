@@ -1,9 +1,7 @@
 //! What a piecewise-affine fit found, for people and for programs.
 
-use fleetfoot_dataset::json::report;
 use fleetfoot_pwa::{Continuity, Identification, Score};
-use serde::Serialize;
-use serde_json::Value;
+use serde::{Serialize, Serializer};
 
 use crate::{
     bounded_maps::BoundedMaps, interval::Interval, method::FitReport, summary::FitSummary, words::interval_in_words,
@@ -23,10 +21,12 @@ impl FitReport for PwaReport {
     fn summary(&self) -> &FitSummary {
         &self.summary
     }
+}
 
-    fn to_json(&self) -> Value {
+impl Serialize for PwaReport {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let found = &self.identification;
-        report(PwaFields {
+        PwaFields {
             hash: found.model.hash(),
             rows: found.rows,
             files: self.summary.files,
@@ -44,7 +44,8 @@ impl FitReport for PwaReport {
                 .map(|(at, own)| Candidate { chosen: at == found.chosen, ..Candidate::from(own) })
                 .collect(),
             summary: &self.summary,
-        })
+        }
+        .serialize(serializer)
     }
 }
 

@@ -36,6 +36,7 @@ pub struct SindyReport {
     /// Candidate functions of any equation, the constant among them.
     pub candidates: Vec<String>,
     /// The regions; one where there is no partition.
+    #[serde(flatten, serialize_with = "crate::json::sindy::with_paths")]
     pub regions: Vec<RegionReport>,
     /// The equations that were found in turn with smoothed states, where that was done.
     #[serde(rename = "smooth_states", skip_serializing_if = "Option::is_none")]
