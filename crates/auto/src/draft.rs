@@ -1,7 +1,7 @@
 //! What is missing of a recipe: states, inputs and angles by the names of columns and by their motion.
 
 use fleetfoot_check::name_words;
-use fleetfoot_data::setting::{INFO, INPUTS, STATES};
+use fleetfoot_data::setting::{INFO, INIT, INPUTS, STATES};
 use fleetfoot_data::{ColumnKind, Halo, Progress, Source};
 use fleetfoot_dataset::{Dataset, Logs};
 use fleetfoot_fit::Error;
@@ -102,9 +102,9 @@ pub(crate) fn drafted(
     let mut draft = match infos.first().and_then(|info| draft_of_topics(recipe, info)) {
         Some(draft) => merged(recipe, draft),
         None if infos.iter().any(|info| !info.topics.is_empty()) => {
-            return Err(Error::missing(
-                "these logs have no odometry, joints or attitude that a draft knows: `fleetfoot init LOG -o robot.toml` lists their fields; name states and inputs there (-c), or with --states and --inputs".into(),
-            ));
+            return Err(Error::missing(format!(
+                "these logs have no odometry, joints or attitude that a draft knows: {INIT} lists their fields; name states and inputs there (-c), or with {STATES} and {INPUTS}"
+            )));
         }
         None => of_table(recipe, logs, &infos, notes, progress)?,
     };
