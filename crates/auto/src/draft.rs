@@ -6,7 +6,7 @@ use fleetfoot_data::{ColumnKind, Halo, Progress, Source};
 use fleetfoot_dataset::{Dataset, Logs};
 use fleetfoot_fit::Error;
 use fleetfoot_log::{FileInfo, inspect_together};
-use fleetfoot_recipe::{Input, InputTable, Kind, Recipe, State, draft_of_topics, is_named_angle};
+use fleetfoot_recipe::{Input, InputTable, Kind, Recipe, State, draft_of_odometry, draft_of_topics, is_named_angle};
 
 /// Rows of an episode, and episodes, that are looked at.
 const ROWS: usize = 20_000;
@@ -99,7 +99,10 @@ pub(crate) fn drafted(
         return Ok(recipe.clone());
     }
     let infos = inspect_together(&logs.files(), false, progress).map_err(fleetfoot_dataset::Error::from)?;
-    let mut draft = match infos.first().and_then(|info| draft_of_topics(recipe, info)) {
+    let mut draft = match infos
+        .first()
+        .and_then(|info| draft_of_topics(recipe, info).or_else(|| draft_of_odometry(info)))
+    {
         Some(draft) => merged(recipe, draft),
         None if infos.iter().any(|info| !info.topics.is_empty()) => {
             return Err(Error::missing(format!(

@@ -25,12 +25,7 @@ const ANGLES: [&str; 8] = ["yaw", "pitch", "roll", "theta", "psi", "heading", "a
 ///
 /// It is valid TOML as it stands, and is completed by uncommenting.
 pub fn starter_recipe(info: &FileInfo) -> String {
-    let columns: Vec<Column> = info
-        .columns
-        .iter()
-        .filter(|column| column.unsupported.is_none())
-        .map(|column| Column { name: column.name.clone(), unit: column.unit.clone(), kind: column.kind.clone() })
-        .collect();
+    let columns = listed(info);
     let file = info.path.file_name().unwrap_or_default().to_string_lossy();
     if info.topics.is_empty() {
         table_recipe(&file, &columns, info.clock.as_ref())
@@ -51,6 +46,19 @@ pub fn draft_of_topics(recipe: &Recipe, info: &FileInfo) -> Option<Recipe> {
     }
     (draft.time, draft.rename) = (recipe.time.clone(), recipe.rename.clone());
     Some(draft)
+}
+
+/// States of a robot's odometry and the commands that it gets; `None` of tables, and of logs without an odometry.
+pub fn draft_of_odometry(info: &FileInfo) -> Option<Recipe> {
+    channels::of_odometry(&listed(info), &info.topics)
+}
+
+/// The columns of a file that can be read.
+fn listed(info: &FileInfo) -> Vec<Column> {
+    let readable = info.columns.iter().filter(|column| column.unsupported.is_none());
+    readable
+        .map(|column| Column { name: column.name.clone(), unit: column.unit.clone(), kind: column.kind.clone() })
+        .collect()
 }
 
 /// Whether a name usually stands for an angle in radians.

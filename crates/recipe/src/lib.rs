@@ -28,7 +28,7 @@ pub use aliases::{Aliases, aliases_of_model};
 pub use attitude::named_rotations;
 pub use error::Error;
 pub use groups::{GroupRule, GroupWords};
-pub use init::{draft_of_topics, is_named_angle, starter_recipe, starter_recipe_of_runs};
+pub use init::{draft_of_odometry, draft_of_topics, is_named_angle, starter_recipe, starter_recipe_of_runs};
 pub use list::items;
 pub use recipe::{
     AttitudeForm, AutoSection, BodySection, ClockSection, ConstraintSection, ControlSchedule, ControlSection,

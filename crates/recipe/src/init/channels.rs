@@ -9,6 +9,8 @@ use fleetfoot_data::{Column, ColumnKind};
 use fleetfoot_library::Expr;
 use fleetfoot_log::TopicInfo;
 
+use crate::recipe::{Input, Recipe};
+
 use super::{
     columns_heading, episodes_section, heading, key, method_section, model_section, names::Names, quaternions,
     short::short_names, states_heading, text,
@@ -82,6 +84,46 @@ pub(crate) fn recipe(file: &str, columns: &[Column], topics: &[TopicInfo]) -> St
     method_section(&mut out);
     episodes_section(&mut out);
     out
+}
+
+/// Messages of a topic below which it is no signal.
+const FEW_MESSAGES: u64 = 20;
+
+/// States of the first odometry of a robot's log that is measured, where it has one: the pose follows from speeds and heading, the speeds are fitted. Inputs are the
+/// commanded speed and turn, of other commands all fields.
+pub(super) fn of_odometry(columns: &[Column], topics: &[TopicInfo]) -> Option<Recipe> {
+    let moves = |topic: &&TopicInfo| topic.messages.is_none_or(|count| count >= FEW_MESSAGES);
+    let odometries = || topics.iter().filter(|topic| is_odometry(topic)).filter(moves);
+    let topic = odometries().find(|topic| !topic.name.contains("truth")).or_else(|| odometries().next())?;
+    let own = Odometry::new(&topic.name, &mut Names::default());
+    let mut found = Recipe::default();
+    let has = |field: &str| columns.iter().any(|column| column.name.starts_with(field));
+    for (name, end) in ODOMETRY {
+        let field = format!("{}.{end}", topic.name);
+        if !has(&field) {
+            return None;
+        }
+        let field = if name == "yaw" { format!("yaw({field})") } else { field };
+        found.columns.insert(name.to_owned(), field);
+    }
+    let mut states = String::from("[states]\n");
+    own.states(&mut states);
+    found.states = Recipe::parse(&states.replace("# of ", "#").replace("\n# ", "\n"), "the draft").ok()?.states;
+    let commands = topics.iter().filter(|own| own.name.contains("cmd") || own.name.contains("command")).filter(moves);
+    for topic in commands.filter(|own| own.name.contains("truth") == topic.name.contains("truth")) {
+        let fields = columns.iter().filter(|column| is_signal(column) && of_topic(&topic.name, &column.name));
+        let fields: Vec<&str> = fields.map(|column| column.name.as_str()).collect();
+        let of_twist = |field: &&&str| field.ends_with("linear.x") || field.ends_with("angular.z");
+        let wanted: Vec<&&str> = match fields.iter().any(|field| field.ends_with("linear.x")) {
+            true => fields.iter().filter(of_twist).collect(),
+            false => fields.iter().collect(),
+        };
+        for field in wanted {
+            let name = format!("u{}", found.inputs.len());
+            found.inputs.insert(name, Input::Text((*field).to_owned()));
+        }
+    }
+    Some(found)
 }
 
 /// The names of the states and of the inputs that are proposed.
@@ -347,7 +389,6 @@ fn is_signal(column: &Column) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recipe::Recipe;
 
     #[test]
     fn an_odometry_is_ready_to_be_uncommented() {
@@ -373,6 +414,17 @@ mod tests {
         assert_eq!(recipe.columns["v"], "/odom.twist.twist.linear.x");
         assert_eq!(recipe.columns["yaw"], "yaw(/odom.pose.pose.orientation)");
         assert!(!out.contains("covariance"));
+        // The same without a person.
+        let mut command = TopicInfo::default();
+        (command.name, command.type_name, command.messages) =
+            ("/cmd_vel".into(), "geometry_msgs/msg/Twist".into(), None);
+        columns.extend(["linear.x", "linear.y", "angular.z"].map(|end| Column::float(format!("/cmd_vel.{end}"))));
+        let mut topic = TopicInfo::default();
+        (topic.name, topic.type_name, topic.messages) = ("/odom".into(), "nav_msgs/msg/Odometry".into(), Some(900));
+        let drafted = of_odometry(&columns, &[topic, command]).unwrap();
+        assert_eq!((&drafted.states, &drafted.columns["yaw"]), (&recipe.states, &recipe.columns["yaw"]));
+        let inputs: Vec<Option<String>> = drafted.inputs.values().map(|input| input.table().column).collect();
+        assert_eq!(inputs, [Some("/cmd_vel.linear.x".into()), Some("/cmd_vel.angular.z".into())]);
     }
 
     #[test]
