@@ -2,6 +2,7 @@
 
 mod auto;
 mod bad_input;
+mod browser;
 mod check;
 mod clocks;
 mod closed_loop;
@@ -10,6 +11,7 @@ mod demo;
 mod derivatives;
 mod docs;
 mod filter;
+mod flight;
 mod folds;
 mod fusion;
 mod generate;
@@ -36,6 +38,7 @@ mod rotations;
 mod run_files;
 mod runner;
 mod settings;
+mod signs;
 mod sindy;
 mod smoothed;
 mod sparse;
