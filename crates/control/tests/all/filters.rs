@@ -15,14 +15,14 @@ use fleetfoot_model::{Model, Partition, Prediction, ResidualCorrelation, Role, R
 use proptest::prelude::*;
 
 /// A standard normal number from a key.
-fn normal(key: u64) -> f64 {
+pub(crate) fn normal(key: u64) -> f64 {
     let uniform = |k: u64| 0.5 * (noise(k) + 1.0);
     let (u, v) = (1.0 - uniform(2 * key), uniform(2 * key + 1));
     (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
 }
 
 /// Options that measure these states.
-fn measured(states: &[(&str, f64)]) -> FilterOptions {
+pub(crate) fn measured(states: &[(&str, f64)]) -> FilterOptions {
     let one = |&(state, deviation): &(&str, f64)| Measured { state: state.into(), deviation: Some(deviation) };
     FilterOptions { measured: states.iter().map(one).collect(), ..FilterOptions::default() }
 }
@@ -255,7 +255,7 @@ fn noise_that_hangs_on_the_rows_before_is_conditioned_as_all_of_it_at_once() {
 }
 
 /// A walk in two regions, left and right of `x = border`, that pull to -1 and 1 and tell v what to do.
-fn jumping(border: f64, q: f64) -> Model {
+pub(crate) fn jumping(border: f64, q: f64) -> Model {
     let columns =
         vec![column("x", Role::State, false), column("v", Role::State, false), column("u", Role::Input, false)];
     // argmax(-(x - border), x - border).
@@ -296,7 +296,13 @@ fn a_region_without_mass_changes_no_bit() {
 }
 
 /// States of a model with its own noise, from a point: rows x states.
-fn simulated(model: &Model, start: &[f64], inputs: &[Vec<f64>], deviations: &[f64], seed: u64) -> Vec<Vec<f64>> {
+pub(crate) fn simulated(
+    model: &Model,
+    start: &[f64],
+    inputs: &[Vec<f64>],
+    deviations: &[f64],
+    seed: u64,
+) -> Vec<Vec<f64>> {
     let stepper = Stepper::new(model).unwrap();
     let (mut points, mut workspace) = (stepper.points(1), StepperWorkspace::default());
     let mut states = vec![start.to_vec()];
@@ -414,78 +420,6 @@ fn errors_of_noise_that_hangs_on_the_rows_before_are_as_large_as_they_are_said_t
     let (nis, nees) = mean(NoiseColour::White);
     println!("white: {nis:?} {nees:?}");
     assert!(nis.mean > 1.1 && nees.mean > 2.0, "{nis:?} {nees:?}");
-}
-
-#[test]
-fn process_noise_is_found_from_innovations_so_far() {
-    // The model knows a quarter of the noise.
-    let (model, own) = (jumping(0.0, 0.1), jumping(0.0, 0.05));
-    let filter = |process| SwitchedFilter::new(&own, &FilterOptions { process, ..measured(&[("x", 0.1)]) }).unwrap();
-    let inputs: Vec<Vec<f64>> = (0..4000).map(|row| vec![(0.05 * f64::from(row)).sin()]).collect();
-    let truth = simulated(&model, &[0.0, 0.0], &inputs, &[0.1, 0.1], 5);
-    let reading = |row: usize| [truth[row][0] + 0.1 * normal(row as u64 + (1 << 42))];
-    let run = |filter: &SwitchedFilter| {
-        let mut track = filter.start(&reading(0), &[f64::NAN]);
-        let mut likelihood = 0.0;
-        for row in 1..=4000 {
-            filter.step(&mut track, &inputs[row - 1], 0.01, &reading(row), &[f64::NAN]);
-            likelihood += track.log_likelihood();
-        }
-        (track.process(), likelihood)
-    };
-    let (factor, likelihood) = run(&filter(ProcessFactor::Found));
-    assert!((factor / 4.0 - 1.0).abs() < 0.15, "{factor}");
-    assert!(likelihood > run(&filter(ProcessFactor::default())).1);
-}
-
-#[test]
-fn noise_of_sensors_is_found_from_innovations_so_far() {
-    let model = jumping(0.0, 0.05);
-    let options =
-        FilterOptions { measured: vec![Measured { state: "x".into(), deviation: None }], ..FilterOptions::default() };
-    let filter = SwitchedFilter::new(&model, &options).unwrap();
-    let inputs: Vec<Vec<f64>> = (0..4000).map(|row| vec![(0.05 * f64::from(row)).sin()]).collect();
-    let truth = simulated(&model, &[0.0, 0.0], &inputs, &[0.05, 0.05], 3);
-    let reading = |row: usize| [truth[row][0] + 0.2 * normal(row as u64 + (1 << 41))];
-    let mut track = filter.start(&reading(0), &[f64::NAN]);
-    for row in 1..=4000 {
-        filter.step(&mut track, &inputs[row - 1], 0.01, &reading(row), &[f64::NAN]);
-    }
-    let found = track.found_deviation(&filter, 0);
-    assert!((found / 0.2 - 1.0).abs() < 0.06, "{found}");
-}
-
-/// A sensor that is far quieter than what is known of the states at first: rows before which the velocity was unknown are no measure of its noise.
-#[test]
-fn noise_of_a_quiet_sensor_is_found_though_states_begin_unknown() {
-    let columns = ["x", "v"].map(|name| column(name, Role::State, false));
-    let fitted = vec![
-        ("x", Prediction::Next, "lead(x, 1)", vec![(0.0, vec![1.0, 0.01])]),
-        ("v", Prediction::Next, "lead(v, 1)", vec![(0.0, vec![-0.2, 0.98])]),
-    ];
-    let mut model = model(columns.to_vec(), &["x", "v"], Partition::whole(), fitted, &[]);
-    let process = [1e-4, 1e-3];
-    model.summaries[0].regions[0].residual_covariance = vec![1e-8, 0.0, 1e-6];
-    for (deviation, seed) in [(5e-4, 1), (5e-3, 2), (5e-2, 3)] {
-        let options = FilterOptions {
-            measured: vec![Measured { state: "x".into(), deviation: None }],
-            ..FilterOptions::default()
-        };
-        let filter = SwitchedFilter::new(&model, &options).unwrap();
-        let truth = simulated(&model, &[0.3, -1.0], &vec![Vec::new(); 4000], &process, seed);
-        let reading = |row: usize| [truth[row][0] + deviation * normal(row as u64 + (seed << 41))];
-        let mut track = filter.start(&reading(0), &[f64::NAN]);
-        let mut squares = 0.0;
-        for row in 1..=4000 {
-            filter.step(&mut track, &[], 0.01, &reading(row), &[f64::NAN]);
-            squares += track.nis().0;
-        }
-        // 4000 squares tell a deviation to 1.1 %, and somewhat less where it is a small share of the innovations.
-        let found = track.found_deviation(&filter, 0);
-        assert!((found / deviation - 1.0).abs() < 0.06, "{deviation}: {found}");
-        // The guess of the first rows is too large for the quietest one.
-        assert!((0.7..1.1).contains(&(squares / 4000.0)), "{deviation}: {squares}");
-    }
 }
 
 /// The hybrid robot (`hybrid-diff-drive`): x' = xd + f1, phi' = phid + f2, with (f1, f2) = (-1, 1) where xd > 0.

@@ -4,5 +4,6 @@
 mod common;
 mod controllers;
 mod filters;
+mod found_noise;
 mod regulated_rotations;
 mod regulators;
