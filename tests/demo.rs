@@ -34,8 +34,11 @@ fn finer_models_predict_better_and_the_commands_repeat_it_all() {
     let demo = folder.path().join("the demo");
     // The full size is that of the other sweeps (`make test-all`).
     let minutes = if std::env::var_os("FLEETFOOT_SWEEPS").is_some_and(|size| size == "full") { "1.2" } else { "0.6" };
-    let said =
-        fleetfoot(folder.path(), &["demo", "--minutes", minutes, "-o", "the demo", "--json", "--threads", "1"]).ok();
+    let said = fleetfoot(
+        folder.path(),
+        &["demo", "--paper", "--minutes", minutes, "-o", "the demo", "--json", "--threads", "1"],
+    )
+    .ok();
     let told = said.json();
     crate::keys::told_of(&told, false, "demo");
 
@@ -113,12 +116,13 @@ fn finer_models_predict_better_and_the_commands_repeat_it_all() {
 }
 
 #[test]
-fn the_demo_is_told_for_people() {
+fn the_paper_is_told_for_people() {
     let folder = tempfile::tempdir().unwrap();
-    let said = fleetfoot(folder.path(), &["demo", "--minutes", "0.4", "--seed", "3"]).ok();
+    let said = fleetfoot(folder.path(), &["demo", "--paper", "--minutes", "0.4", "--seed", "3"]).ok();
     for words in [
         "Table I.",
-        "d(alpha_r_rate)/dt",
+        "alpha_r_rate'",
+        "kmeans:50 is below kmeans:10 in all of them",
         "rad/s^2",
         "Fig. 5.",
         "Fig. 8, closed loop",
@@ -132,6 +136,46 @@ fn the_demo_is_told_for_people() {
     assert!(folder.path().join("fleetfoot-demo/differential_drive.json").exists());
     // A second one replaces the first one's logs; a folder of other logs is left alone.
     fs::write(folder.path().join("fleetfoot-demo/test/my_own.mcap"), "precious").unwrap();
-    fleetfoot(folder.path(), &["demo", "--minutes", "0.4"]).fails(&["my_own.mcap"]);
-    fleetfoot(folder.path(), &["demo", "--minutes=-1"]).fails(&["--minutes", "above 0"]);
+    fleetfoot(folder.path(), &["demo", "--paper", "--minutes", "0.4"]).fails(&["my_own.mcap"]);
+    fleetfoot(folder.path(), &["demo", "--paper", "--minutes=-1"]).fails(&["--minutes", "above 0"]);
+}
+
+/// The log, its faults, equations with the machine's mass and friction, simulations of another run, and code that has the model's values; pasted, the short commands make the same files.
+#[test]
+fn a_minute_shows_the_equations_of_a_machine() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = fleetfoot(folder.path(), &["demo"]).ok();
+    for words in [
+        "Nothing wrong was found.",
+        "<- chosen",
+        "d(q)/dt = qd  (given)",
+        "dry friction of",
+        "measured (.) and simulated from its first value (o)",
+        "better than persistence at every step, to 2.000 s",
+    ] {
+        assert!(said.out.contains(words), "`{words}` is missing from\n{}", said.out);
+    }
+    if Command::new("cc").arg("--version").output().is_ok() {
+        assert!(said.out.contains("the C code has the model's values at 32 points"), "{}", said.out);
+    }
+    // The machine that was simulated has 95.1 kg and 20.39 N.
+    let line = said.out.lines().find(|line| line.contains("dry friction of")).unwrap();
+    let after = |words: &str| -> f64 {
+        line.split(words).nth(1).and_then(|rest| rest.split_whitespace().next()).and_then(|n| n.parse().ok()).unwrap()
+    };
+    assert!(
+        (after("a mass of ") / 95.1 - 1.0).abs() < 0.02 && (after("dry friction of ") / 20.39 - 1.0).abs() < 0.04,
+        "{line}"
+    );
+    let demo = folder.path().join("fleetfoot-demo");
+    assert!(demo.join("model/report.html").exists() && demo.join("model/c/model.c").exists());
+    let before = contents(&demo);
+    let commands: Vec<&str> = said.err.lines().filter_map(|line| line.strip_prefix("$ ")).collect();
+    assert_eq!(commands.len(), 5, "{}", said.err);
+    for command in commands.iter().filter(|command| !command.contains("-std=c99") && !command.contains(" auto ")) {
+        let done = Command::new("sh").arg("-c").arg(command).current_dir(folder.path()).output().unwrap();
+        assert!(done.status.success(), "{command}: {}", String::from_utf8_lossy(&done.stderr));
+    }
+    let after = contents(&demo);
+    assert!(before == after, "{:?} {:?}", before.keys(), after.keys());
 }

@@ -155,8 +155,11 @@ pub(crate) struct Demo {
     /// Seed of everything random.
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
-    /// Simulated time of all runs together.
-    #[arg(long, value_name = "MINUTES", default_value_t = 10.0)]
+    /// Repeat the tables and figures of the running robot's paper on a simulated hexapod: a quarter of an hour.
+    #[arg(long)]
+    pub(crate) paper: bool,
+    /// Simulated time of all runs of the paper together.
+    #[arg(long, value_name = "MINUTES", default_value_t = 10.0, requires = "paper", allow_negative_numbers = true)]
     pub(crate) minutes: f64,
 }
 

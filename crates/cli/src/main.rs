@@ -4,6 +4,7 @@
 
 mod args;
 mod commands;
+mod curve;
 mod heatmap;
 mod progress;
 #[cfg(test)]

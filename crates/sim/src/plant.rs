@@ -4,4 +4,5 @@ pub mod aircraft;
 pub mod atmosphere;
 pub mod integrator;
 pub mod quadrotor;
+pub mod stage;
 pub mod wind;

@@ -342,3 +342,20 @@ pub(super) const QUADROTOR: RecipeParts = RecipeParts {
     partition_on: &[],
     sparse: "",
 };
+
+/// The positioning stage: its speed alone is fitted.
+pub(super) const STAGE: RecipeParts = RecipeParts {
+    about: "A positioning stage with dry friction: the position follows from the speed; how this changes is fitted.",
+    fields: &[
+        ("q", "/truth/joint_states.position[carriage]"),
+        ("qd", "/truth/joint_states.velocity[carriage]"),
+        ("u", "/stage/voltage.data"),
+    ],
+    aliases: &[],
+    states: &[("q", Details::Integrated("qd")), ("qd", Details::Fitted)],
+    inputs: &["u"],
+    base: "/truth/joint_states",
+    stamp: "log",
+    partition_on: &[],
+    sparse: "",
+};

@@ -8,6 +8,7 @@ use fleetfoot_sim::{
     plant::{
         aircraft::{AircraftClimb, ClimbScenario},
         quadrotor::{QuadrotorFlight, QuadrotorScenario},
+        stage::{Stage, StageScenario},
     },
 };
 
@@ -17,7 +18,7 @@ use super::{
 };
 
 /// All robots, in the order in which they are told.
-pub(super) static ROBOTS: &[&dyn Robot] = &[&HEXAPOD, &DIFFDRIVE, &AIRCRAFT, &QUADROTOR];
+pub(super) static ROBOTS: &[&dyn Robot] = &[&HEXAPOD, &DIFFDRIVE, &AIRCRAFT, &QUADROTOR, &STAGE];
 
 static HEXAPOD: Kind<HexapodTreadmill> = Kind {
     name: "hexapod",
@@ -80,4 +81,15 @@ static QUADROTOR: Kind<QuadrotorFlight> = Kind {
     seconds: 60.0,
     recipe: recipes::QUADROTOR,
     scenario: |world| Ok(Box::new(QuadrotorScenario::new(&world)?)),
+};
+
+static STAGE: Kind<Stage> = Kind {
+    name: "stage",
+    speed: None,
+    excite: None,
+    spread: &[("q", Axis { low: -0.12, high: 0.12, bins: 12 }), ("qd", Axis { low: -0.5, high: 0.5, bins: 20 })],
+    tables: false,
+    seconds: 20.0,
+    recipe: recipes::STAGE,
+    scenario: |world| Ok(Box::new(StageScenario::new(&world)?)),
 };

@@ -2,7 +2,8 @@
 
 pub(crate) const OVERVIEW: &str = "\
 From a log to a model:
-  fleetfoot demo                                  a simulated hexapod, from its logs to scored models
+  fleetfoot demo                                  from a log to equations and code, in a minute
+  fleetfoot auto run.mcap -o model/               a model of your own log, and what it is worth
   fleetfoot info run.mcap                         what the log holds
   fleetfoot init run.mcap -o robot.toml           a commented recipe, to be edited
   fleetfoot fit pwa -c robot.toml runs/           a model, in model.json
@@ -13,7 +14,7 @@ From a log to a model:
 pub(crate) const DEMO: &str = "\
 Examples:
   fleetfoot demo
-  fleetfoot demo --minutes 2 --seed 3 -o /tmp/demo";
+  fleetfoot demo --paper --minutes 2 --seed 3 -o /tmp/demo";
 
 pub(crate) const INFO: &str = "\
 Examples:

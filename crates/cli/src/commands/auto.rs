@@ -34,14 +34,15 @@ pub(crate) fn auto(arguments: &Arguments, context: &Context) -> Result<(), Error
         context.say(format!("note: stopped after {}: the best of them is written", count(done, "candidate")));
     }
     context.notes(&found.notes);
-    context.print(found.to_json(), || to_text(&found));
+    context.print(found.to_json(), || to_text(&found, usize::MAX));
     for path in &written {
         context.say(format!("wrote {}", path.display()));
     }
     Ok(())
 }
 
-fn to_text(found: &Auto) -> String {
+/// The result for people, with so many of the best candidates beside those that all are compared with.
+pub(crate) fn to_text(found: &Auto, best: usize) -> String {
     let mut text = found.warning.as_ref().map(|warning| format!("WARNING: {warning}\n\n")).unwrap_or_default();
     for Finding { place, what, .. } in found.checked.iter().flat_map(|checked| &checked.findings) {
         text.push_str(&format!("check: {place}: {what}\n"));
@@ -51,8 +52,18 @@ fn to_text(found: &Auto) -> String {
         "candidates: error of simulations of {} on rows that did not train, over that of persistence; mean and standard error of {folds} folds\n",
         count(found.horizon.steps, "step")
     ));
-    let rows = found.candidates.iter().enumerate().map(|(at, own)| row(own, at == found.chosen));
+    let mut ranked: Vec<usize> = (0..found.candidates.len()).collect();
+    let error = |&at: &usize| found.candidates[at].error.unwrap_or(f64::INFINITY);
+    ranked.sort_by(|a, b| error(a).total_cmp(&error(b)));
+    ranked.truncate(best);
+    let is_shown = |at: &usize| *at == found.chosen || found.candidates[*at].coefficients == 0 || ranked.contains(at);
+    let shown: Vec<usize> = (0..found.candidates.len()).filter(|at| best == usize::MAX || is_shown(at)).collect();
+    let rows = shown.iter().map(|&at| row(&found.candidates[at], at == found.chosen));
     text.push_str(&table(&["candidate", "coefficients", "error", "+-", ""], rows.collect()));
+    match found.candidates.len() - shown.len() {
+        0 => {}
+        left => text.push_str(&format!("\n  and {} more, with larger errors", count(left, "candidate"))),
+    }
     text.push_str("\n\ntest: error of simulations on rows that neither fits nor the choice saw (root of the mean square; 95 % interval)\n");
     text.push_str(&tested(found));
     text.push_str(&equations(found));

@@ -27,7 +27,7 @@ pub(crate) fn run(arguments: &Check, context: &Context) -> Result<(), Error> {
     }
 }
 
-fn to_text(found: &Checked) -> String {
+pub(crate) fn to_text(found: &Checked) -> String {
     let rate = if found.period > 0.0 { format!(", {} Hz", number(1.0 / found.period)) } else { String::new() };
     let mut text = format!(
         "{}, {}, {} rows{rate}; {} looked at\n",
