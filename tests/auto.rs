@@ -100,6 +100,8 @@ fn stamps_that_jitter_are_made_even_and_the_recipe_says_so() {
     let recipe = fs::read_to_string(path.join("model/recipe.toml")).unwrap();
     assert!(recipe.contains("rate = 50"), "{recipe}");
     assert!(found["tested"][0]["rmse"][0].as_f64() < found["tested"][0]["persistence"].as_f64());
+    // These rows are even, and their stamps are not.
+    assert!(found["chosen"].as_str().unwrap().starts_with("rows as they come"), "{}", found["chosen"]);
 }
 
 #[test]

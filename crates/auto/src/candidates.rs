@@ -85,6 +85,13 @@ pub(crate) fn candidates(recipe: &Recipe, late: Option<&Moved>, rows: &Rows) -> 
         let prefix = format!("every {every} rows: ");
         found.extend(List { base: &base, rows, effort: rows.effort, every, prefix }.some());
     }
+    if base.time.rate.is_some() && base.time.base.is_none() {
+        // Stamps may be those of arrival, and the rows even as they are.
+        let mut base = base.clone();
+        base.time.rate = None;
+        let prefix = "rows as they come: ".to_owned();
+        found.extend(List { base: &base, rows: *rows, effort: rows.effort, every: 1, prefix }.some());
+    }
     if let Some((moved, delays)) = late {
         let told: Vec<String> = delays.iter().map(|(name, rows)| format!("{name} {rows}")).collect();
         let prefix = format!("late by rows ({}): ", told.join(", "));
@@ -275,7 +282,7 @@ impl List<'_> {
         found
     }
 
-    /// What is tried at a longer step, and of late inputs.
+    /// What is tried at a longer step, of late inputs, and of rows as they come.
     fn some(&self) -> Vec<Trial> {
         let mut found = vec![self.pwa(LINEAR, "delta", "average", 0, None)];
         let lagged = |lags: u32| self.pwa(format!("linear, {lags} lags"), "delta", "average", lags, None);
