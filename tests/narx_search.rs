@@ -56,6 +56,21 @@ fn an_input_that_acts_late_is_found() {
     assert!(number(&found, "/files/by_file/0/free_run/0/rrse") < 0.01);
 }
 
+#[test]
+fn models_that_are_worth_no_more_than_the_mean_say_so() {
+    let mut text = String::from("t,y,u\n");
+    for row in 0..400 {
+        writeln!(text, "{},{},{}", row as f64 * 0.1, noise(1, row), noise(2, row / 9)).unwrap();
+    }
+    let folder = folder(&[("noise.csv", text)]);
+    let words = "rows that did not train are";
+    let said = fit(folder.path(), &[&["noise.csv", "--effort", "low", "-o", "n.json"][..], &COLUMNS].concat()).ok();
+    assert!(said.err.contains(&format!("{words} simulated no better than by their mean: next(y)")), "{}", said.err);
+    let given = ["fit", "sindy", "--states", "y", "--inputs", "u", "--time", "t", "--degree", "1", "--predict", "next"];
+    let said = fleetfoot(folder.path(), &[&given[..], &["-o", "s.json", "noise.csv"]].concat()).ok();
+    assert!(said.err.contains(&format!("{words} predicted no better than by their mean: next(y)")), "{}", said.err);
+}
+
 /// Functions with a coefficient that is more than rounding, in the order of their names.
 fn functions(found: &serde_json::Value) -> Vec<String> {
     let terms = found["regions"][0]["equations"][0]["terms"].as_array().unwrap();

@@ -41,6 +41,7 @@ mod subset;
 mod summary;
 mod text_table;
 mod words;
+mod worth;
 
 pub use bounded_maps::{BoundedCandidate, BoundedMaps, PassiveMaps, PassivePort, unexplained};
 pub use error::Error;

@@ -52,6 +52,7 @@ use crate::{
     radial,
     rollout_choice::{RolloutRule, USUAL_HORIZON, open_spans},
     summary::FitSummary,
+    worth::no_better,
 };
 
 /// Episodes from which on they are the clusters of the standard errors; with fewer, chunks are.
@@ -320,6 +321,10 @@ impl Method for Sindy {
             report.smoothing = Some(smoothed.told.clone());
         }
         report.refine(&evidence.task, &found.model);
+        let shares = report.regions.iter().flat_map(|region| &region.equations);
+        let shares = shares.map(|equation| (equation.label.clone(), 1.0 - equation.held_out_r2));
+        let poor = no_better("predicted", shares.collect::<Vec<_>>());
+        report.summary.notes.extend(poor);
         let rivals = match (self.front, found.regions.as_slice()) {
             (true, [region]) => front_models(evidence, region, &found.provenance),
             _ => Vec::new(),

@@ -36,6 +36,7 @@ use crate::{
     sindy::coefficients_of,
     spans::Spans,
     summary::FitSummary,
+    worth::no_better,
 };
 
 /// `fit narx`: one scan for all orders, one more a partition, and simulations. To a statistic: no pass, and no simulation of what trained.
@@ -304,6 +305,10 @@ impl Method for Narx {
             ));
         }
         let how = chosen.how;
+        if let Some(held_out) = &how.held_out {
+            let outputs: Vec<String> = chosen.task.fitted.iter().map(|own| own.label.clone()).collect();
+            summary.notes.extend(no_better("simulated", [(outputs.join(", "), held_out.rrse * held_out.rrse)]));
+        }
         let report = NarxReport {
             rows: chosen.whole.counts().complete,
             order: chosen.order,
