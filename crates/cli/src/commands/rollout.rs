@@ -79,7 +79,7 @@ fn against_divergence(rolled: &RolledOut, model: &Model) -> Option<String> {
         .is_ok_and(|own| own.pwa.stable.is_some() || own.pwa.passive.is_some());
     (several && !bounded && diverged > 0 && 100 * diverged >= all).then(|| {
         format!(
-            "{diverged} of {all} rollouts diverged: what stays in a region whose map grows runs away. `fit pwa --stable` bounds the maps of all regions, and regions that fit the dynamics (--partition refined:10, tree:4) simulate more truly than clusters"
+            "{diverged} of {all} rollouts diverged: what stays in a region whose map grows runs away. `fit pwa --stable` bounds the maps of all regions, and regions that fit the dynamics (--partition refined:10, tree:4) simulate more truly than clusters; `--outside hold` keeps regressors within what their region saw"
         )
     })
 }
