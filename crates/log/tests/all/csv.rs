@@ -384,7 +384,7 @@ fn a_clock_without_stamps_in_its_first_rows_is_no_guess() {
     assert!(text.contains("`time` could be s or ms or us or ns") && text.contains("--time-unit"), "{text}");
     let named = Selection { time: TimeSpec::Column { name: "my clock".into(), unit: None }, ..Selection::new(["x"]) };
     let text = open(&[folder.file("n.csv", rows("my clock", ["0", "10", "20"]))], &named).unwrap_err().to_string();
-    assert!(text.contains("--time 'my clock' --time-unit ns") && text.contains("column = \"my clock\""), "{text}");
+    assert!(text.contains("--time \"my clock\" --time-unit ns") && text.contains("column = \"my clock\""), "{text}");
     let recording = open_one(&folder.file("b.csv", rows("time_ms", ["0", "10", "20"])), &["x"]).unwrap();
     assert_eq!(recording.episodes()[0].end, 20_000_000);
     // Dates whose order of day and month only a guess would tell.
