@@ -4,8 +4,6 @@ use fleetfoot_data::{Halo, Source};
 use fleetfoot_dataset::Error;
 use fleetfoot_recipe::{Input, InputTable, Recipe};
 
-/// The largest delay that is looked for, rows.
-const MOST: usize = 100;
 /// Delays that the models of every candidate have already.
 const USUAL: usize = 2;
 /// The least correlation of a late input, and how much larger it must be than that of one in time.
@@ -17,17 +15,17 @@ const ROWS: usize = 50_000;
 /// A recipe whose late inputs are moved, and the delays in rows by the name of the input.
 pub(crate) type Moved = (Recipe, Vec<(String, usize)>);
 
-/// The recipe with its late inputs moved, and the delays in rows by the name of the input; `None` where none is late.
+/// The recipe with its late inputs moved, and the delays in rows by the name of the input, `most` rows at most: those in front of every simulation. `None` where none is late.
 ///
 /// # Errors
 /// Those of reading.
-pub(crate) fn moved(recipe: &Recipe, rows: &dyn Source) -> Result<Option<Moved>, Error> {
+pub(crate) fn moved(recipe: &Recipe, rows: &dyn Source, most: usize) -> Result<Option<Moved>, Error> {
     let place = |name: &String| rows.columns().iter().position(|column| column.name == *name);
     let states: Vec<usize> = recipe.states.keys().filter_map(place).collect();
     let mut late: Vec<(String, usize)> = Vec::new();
     for name in recipe.inputs.keys() {
         let Some(input) = place(name) else { continue };
-        let delays = states.iter().map(|&state| delay(rows, state, input)).collect::<Result<Vec<_>, _>>()?;
+        let delays = states.iter().map(|&state| delay(rows, [state, input], most)).collect::<Result<Vec<_>, _>>()?;
         // That of the state which the input moves most.
         let strongest = delays.into_iter().flatten().max_by(|a, b| a.1.total_cmp(&b.1));
         late.extend(strongest.filter(|(rows, _)| *rows > USUAL).map(|(rows, _)| (name.clone(), rows)));
@@ -48,9 +46,9 @@ pub(crate) fn moved(recipe: &Recipe, rows: &dyn Source) -> Result<Option<Moved>,
 }
 
 /// By how many rows a state follows an input late, and the correlation there; `None` where it is in time, or does not follow.
-fn delay(rows: &dyn Source, state: usize, input: usize) -> Result<Option<(usize, f64)>, Error> {
+fn delay(rows: &dyn Source, [state, input]: [usize; 2], most: usize) -> Result<Option<(usize, f64)>, Error> {
     // Sums over rows of the correlation at every delay: rows, u, e, u^2, e^2, u e.
-    let mut sums = vec![[0.0f64; 6]; MOST + 1];
+    let mut sums = vec![[0.0f64; 6]; most + 2];
     let mut left = ROWS;
     for (at, episode) in rows.episodes().iter().enumerate() {
         let count = episode.rows.min(left);
@@ -72,9 +70,10 @@ fn delay(rows: &dyn Source, state: usize, input: usize) -> Result<Option<(usize,
         if both > 0.0 { ((ue / n - u / n * (e / n)) / both.sqrt()).abs() } else { 0.0 }
     };
     let found: Vec<f64> = sums.into_iter().map(correlation).collect();
-    let usual = found[..=USUAL].iter().copied().fold(0.0, f64::max);
+    let usual = found.iter().take(USUAL + 1).copied().fold(0.0, f64::max);
     let best = (0..found.len()).max_by(|&a, &b| found[a].total_cmp(&found[b]).then(b.cmp(&a))).unwrap_or(0);
-    Ok((found[best] > LEAST && found[best] > LARGER * usual).then_some((best, found[best])))
+    // At the end of the list there is no peak: a tone has one every period.
+    Ok((best <= most && found[best] > LEAST && found[best] > LARGER * usual).then_some((best, found[best])))
 }
 
 /// What the two rows before do not tell of a row, by least squares; NaN of the first two.
@@ -118,7 +117,7 @@ mod tests {
         let mut source = MemorySource::new(vec![Column::float("y"), Column::float("u")]);
         source.push_uniform("a", 0.01, vec![y, u]);
         let recipe = Recipe::parse("[states]\ny = {}\n[inputs]\nu = {}\n", "test").unwrap();
-        let (moved, late) = moved(&recipe, &source).unwrap()?;
+        let (moved, late) = moved(&recipe, &source, 30).unwrap()?;
         let (rows, column) = (late[0].1, moved.inputs["u_late"].table().column);
         assert_eq!(column, Some(format!("lag(`u`, {})", rows - 1)));
         Some(late)

@@ -222,7 +222,7 @@ impl Search<'_> {
             horizon: horizon.steps,
             effort: self.recipe.auto.effort.unwrap_or_default(),
         };
-        let late = late::moved(self.recipe, &view)?;
+        let late = late::moved(self.recipe, &view, horizon.before)?;
         Ok(Looked { horizon, rows, late })
     }
 
