@@ -11,7 +11,7 @@ use fleetfoot::{
     Silent,
     codegen::{ExportOptions, StepMethod, Target, export},
     data::{Column as Field, MemorySource, mix},
-    dynamics::{RolloutOptions, Simulator, Start, Step},
+    dynamics::{Method, RolloutOptions, Simulator, Start, Step},
     library::{Expr, Library},
     model::{AffineMap, Column, Equation, Latent, Model, Partition, Prediction, RegionSummary, Role, Rule, Training},
     with_threads,
@@ -138,6 +138,7 @@ fn engine(model: &Model) -> Result<(f64, Vec<f64>), Box<dyn Error>> {
     source.push_uniform("run", DT, (0..model.columns.len()).map(|column| vec![value(column); rows]).collect());
     let starts = vec![Start { episode: 0, row: 1 }; STARTS];
     let mut options = RolloutOptions::new(STEPS);
+    options.method = Method::Euler;
     options.step = Step::Seconds(DT);
     let mut best = f64::INFINITY;
     let mut last = Vec::new();

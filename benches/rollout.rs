@@ -16,7 +16,7 @@ use fleetfoot_benches::{
     peak_rss_mib, peer, product_rate, read_f64, write_f64,
 };
 use fleetfoot_data::{MemorySource, Silent, Source, thread_count, with_threads};
-use fleetfoot_dynamics::{RolloutOptions, Simulator, Start, Starts, Step, Trajectory};
+use fleetfoot_dynamics::{Method, RolloutOptions, Simulator, Start, Starts, Step, Trajectory};
 use fleetfoot_model::{Model, Rule};
 
 const STARTS: usize = 1_000;
@@ -46,6 +46,7 @@ fn case(name: &str, hertz: f64) -> Result<(), Box<dyn Error>> {
     let simulator = Simulator::new(&model)?;
     assert!(simulator.is_affine());
     let mut options = RolloutOptions::new(STEPS);
+    options.method = Method::Euler;
     options.step = Step::Seconds(DT);
     let needed = simulator.needed_rows(STEPS);
     let starts = Starts::Random { count: STARTS, seed: 7 }.choose(&source, STEPS, needed.before, needed.after)?;

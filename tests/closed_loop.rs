@@ -42,8 +42,9 @@ pub(crate) fn fitted() -> tempfile::TempDir {
 fn a_fitted_model_runs_in_the_treadmills_loop() {
     let folder = fitted();
     let run = |more: &[&str]| {
+        // The recording was made by Euler's steps.
         let arguments = ["rollout", "model.json", "run_2.csv", "--starts", "40", "--horizon", "1000", "--json"];
-        fleetfoot(folder.path(), &[&arguments[..], more].concat())
+        fleetfoot(folder.path(), &[&arguments[..], &["--method", "euler"], more].concat())
     };
     let open = run(&[]).ok().json();
     assert_eq!(open["driven_inputs"], serde_json::json!([]));

@@ -147,6 +147,9 @@ fn from_a_robots_log_to_messages_drawn_over_it() {
         "40",
         "--starts",
         "20",
+        // As the recording was made.
+        "--method",
+        "euler",
         "-o",
         "rollout.mcap",
         "--json",

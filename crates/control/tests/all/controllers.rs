@@ -48,6 +48,7 @@ fn recording(rows: usize) -> MemorySource {
 
 fn options(horizon: usize) -> RolloutOptions {
     let mut options = RolloutOptions::new(horizon);
+    options.method = Method::Euler;
     options.step = Step::Seconds(DT);
     options
 }
