@@ -136,7 +136,11 @@ class Identifier(Fitted, BaseEstimator):
     def _real(self, name: str, *words: str) -> float | str | None:
         """A number, or one of some words, that an argument says."""
         value = self._said(name)
-        return value if value is None or (isinstance(value, str) and value in words) else number(name, value)
+        if value is None or (isinstance(value, str) and value in words):
+            return value
+        if isinstance(value, str) and words:
+            raise RequestError(f"{name}={value!r}: give a number, or one of {', '.join(map(repr, words))}")
+        return number(name, value)
 
     def _text(self, name: str) -> str | None:
         """What an argument says, as a text."""

@@ -325,7 +325,7 @@ def test_bad_data_are_refused_by_name(arguments, keywords, error, words):
         (lambda: ff.PWA("kmeens:3"), "kmeens"),
         (lambda: ff.PWA(folds=-1), "folds=-1"),
         (lambda: ff.PWA(select="best"), "select"),
-        (lambda: ff.PWA(shrinkage="much"), "shrinkage='much'"),
+        (lambda: ff.PWA(shrinkage="much"), "shrinkage='much': give a number, or one of 'auto', 'none'"),
         (lambda: ff.PWA(angles=["yaw"]), "yaw"),
         (lambda: ff.PWA(known={"z": "1"}), "'z' is not a state"),
         (lambda: ff.SINDy(optimizer="stlqs"), "stlqs"),
