@@ -1,4 +1,4 @@
-//! Which candidates the effort bears: by counts of work, never by seconds, so that the same rows have the same candidates on every machine.
+//! The candidates that an effort allows. Work is counted in operations and never in seconds: the same rows have the same candidates on every machine.
 
 use fleetfoot_data::setting::EFFORT;
 use fleetfoot_data::{Silent, Work};
@@ -37,7 +37,7 @@ impl Budget {
         Self { borne: borne.collect(), operations }
     }
 
-    /// What lies ahead.
+    /// The operations of the candidates that will be tried.
     pub(crate) fn work(&self) -> Work {
         let borne = self.operations.iter().zip(&self.borne).filter(|(_, borne)| **borne);
         Work {

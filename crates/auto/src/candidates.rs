@@ -32,7 +32,7 @@ pub(crate) const DRIFT: &str = "mean rate";
 /// The name of the linear model, whose errors stand beside those of the chosen one.
 pub(crate) const LINEAR: &str = "linear";
 
-/// What is known of the rows.
+/// Numbers of the training rows that decide which candidates are tried.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Rows {
     /// Rows that train.
@@ -41,7 +41,7 @@ pub(crate) struct Rows {
     pub(crate) columns: usize,
     /// Rows in front of every simulation.
     pub(crate) before: usize,
-    /// Whether the rows have a clock.
+    /// Whether rows have stamps, so that derivatives can be measured.
     pub(crate) clock: bool,
     /// Rows a second, where they can be made anew; `None` where they cannot.
     pub(crate) rate: Option<f64>,
@@ -49,7 +49,7 @@ pub(crate) struct Rows {
     pub(crate) room: usize,
     /// Steps of the simulations.
     pub(crate) horizon: usize,
-    /// How many kinds of models are tried.
+    /// The effort: it sets the number of candidates.
     pub(crate) effort: Effort,
 }
 
@@ -129,7 +129,7 @@ struct List<'a> {
     rows: Rows,
     effort: Effort,
     every: usize,
-    /// What stands in front of the names.
+    /// Prefix of the names of the candidates.
     prefix: String,
 }
 
@@ -282,7 +282,7 @@ impl List<'_> {
         found
     }
 
-    /// What is tried at a longer step, of late inputs, and of rows as they come.
+    /// The candidates at a longer step, with delayed inputs, and of rows at their recorded stamps.
     fn some(&self) -> Vec<Trial> {
         let mut found = vec![self.pwa(LINEAR, "delta", "average", 0, None)];
         let lagged = |lags: u32| self.pwa(format!("linear, {lags} lags"), "delta", "average", lags, None);

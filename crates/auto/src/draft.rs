@@ -1,4 +1,4 @@
-//! What is missing of a recipe: states, inputs and angles by the names of columns and by their motion.
+//! States, inputs and angles that a recipe does not name, found by the names of columns and by their motion.
 
 use fleetfoot_check::name_words;
 use fleetfoot_data::setting::{INFO, INIT, INPUTS, STATES};
@@ -77,7 +77,7 @@ const STEP: f64 = 0.05;
 /// A column of whole numbers with fewer values is a label.
 const VALUES: usize = 10;
 
-/// What a column is.
+/// The part that a column plays in a model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Part {
     State { angle: bool },
@@ -189,7 +189,7 @@ fn of_table(
     Ok(found)
 }
 
-/// What a column is, by its name and its values, episode by episode.
+/// The part of a column, by its name and its values in every episode.
 pub(crate) fn part(name: &str, whole: bool, episodes: &[Vec<f64>]) -> Part {
     let values = || episodes.iter().flatten().copied().filter(|value| value.is_finite());
     let count = values().count() as f64;

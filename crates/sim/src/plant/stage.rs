@@ -93,6 +93,10 @@ impl Stage {
         ];
         numbers.iter().try_for_each(|&(name, value)| positive(name, value))?;
         not_negative("speed_noise", self.speed_noise)?;
+        // A stroke that is over within a row would never be.
+        if self.durations[0] < self.row_period {
+            return Err(ParameterError::new("durations", self.durations[0], "at least the seconds between rows"));
+        }
         for (name, value) in [("viscous", self.viscous), ("dry", self.dry), ("offset", self.offset)] {
             finite(name, value)?;
         }
@@ -262,5 +266,7 @@ mod tests {
         assert!(moving(1.0) > 500 && moving(-1.0) > 500);
         let error = StageScenario::new(&Stage { mass: 0.0, ..Stage::default() }).unwrap_err();
         assert!(error.to_string().contains("mass"), "{error}");
+        let short = Stage { durations: [1e-300, 1.0], ..Stage::default() };
+        assert!(StageScenario::new(&short).unwrap_err().to_string().contains("durations"));
     }
 }
