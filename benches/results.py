@@ -1,6 +1,7 @@
 """Makes the tables of docs/results/ that depend on folds and choices again: `python3 benches/results.py --fleetfoot target/release/fleetfoot --data FOLDER`.
 
 Each table stands between two comments of a page and is replaced by the result of this run; commit and machine stand below it.
+A page may show an extract of its table further up, which is changed by hand.
 """
 
 import argparse
