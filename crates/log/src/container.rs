@@ -136,6 +136,20 @@ impl Topic {
     pub(crate) fn schema(&self) -> Option<(&str, &str, &[u8])> {
         self.schema.as_ref().map(|schema| (schema.name.as_str(), schema.encoding.as_str(), &schema.data[..]))
     }
+
+    /// Why messages of another encoding or schema cannot belong to the topic; `None` where they can.
+    pub(crate) fn contradiction(&self, encoding: &str, schema: Option<&SchemaRecord>) -> Option<String> {
+        let name = |schema: Option<&SchemaRecord>| schema.map_or("no type", |schema| schema.name.as_str()).to_owned();
+        if self.message_encoding != encoding {
+            Some(format!("its messages are encoded as `{}` and as `{encoding}`", self.message_encoding))
+        } else if self.schema.as_ref() != schema {
+            let (first, second) = (name(self.schema.as_ref()), name(schema));
+            let differ = if first == second { "in two definitions" } else { "in two types" };
+            Some(format!("its messages come {differ}, `{first}` and `{second}`"))
+        } else {
+            None
+        }
+    }
 }
 
 /// What describes a message type.

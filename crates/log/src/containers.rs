@@ -28,15 +28,16 @@ pub(crate) fn open(
     let files = std::iter::once(path).chain(further.iter().map(PathBuf::as_path));
     Ok(match format {
         Format::Mcap(compression) => {
-            let files: Vec<_> = files.map(|file| (file.to_path_buf(), compression)).collect();
-            Box::new(McapContainer::open(path, &files, progress)?)
+            joined(path, files, |path| Ok(Box::new(McapContainer::open(path, compression, progress)?)))?
         }
-        Format::Rosbag2 => match rosbag2::files(path)? {
-            rosbag2::Files::Mcap(files) => Box::new(McapContainer::open(path, &files, progress)?),
-            rosbag2::Files::Databases(files) => joined(path, files.iter(), |(path, compression)| {
-                Ok(Box::new(DatabaseContainer::open(path, *compression, progress)?))
-            })?,
-        },
+        Format::Rosbag2 => joined(path, rosbag2::files(path)?.iter(), |(path, storage)| {
+            Ok(match *storage {
+                rosbag2::Storage::Mcap(compression) => Box::new(McapContainer::open(path, compression, progress)?),
+                rosbag2::Storage::Database(compression) => {
+                    Box::new(DatabaseContainer::open(path, compression, progress)?)
+                }
+            })
+        })?,
         Format::Ulog(compression) => Box::new(UlogContainer::open(path, compression, progress)?),
         Format::Bag(compression) => {
             joined(path, files, |path| Ok(Box::new(BagContainer::open(path, compression, progress)?)))?

@@ -119,15 +119,15 @@ impl Information {
     }
 }
 
-/// Files of a recording in the order of its metadata, with how each is compressed.
-#[derive(Debug)]
-pub(crate) enum Files {
-    Mcap(Vec<(PathBuf, Compression)>),
-    Databases(Vec<(PathBuf, Compression)>),
+/// Storage of a file of a recording, with how the file is compressed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Storage {
+    Mcap(Compression),
+    Database(Compression),
 }
 
-/// The files of a rosbag2 folder.
-pub(crate) fn files(folder: &Path) -> Result<Files, Error> {
+/// The files of a rosbag2 folder, in the order of its metadata.
+pub(crate) fn files(folder: &Path) -> Result<Vec<(PathBuf, Storage)>, Error> {
     let path = folder.join(BAG_METADATA);
     let damaged =
         |place: &str, problem: String, mend| Error::Damaged { path: path.clone(), place: place.into(), problem, mend };
@@ -166,31 +166,14 @@ pub(crate) fn files(folder: &Path) -> Result<Files, Error> {
             let problem = format!("{name} does not exist");
             damaged("relative_file_paths", problem, "copy the file beside it, or remove its line from the list")
         })?;
-        let format = Format::of(&file).filter(|format| matches!(format, Format::Mcap(_) | Format::Db3(_)));
-        files.push((format.ok_or_else(|| Error::UnknownFormat { path: file.clone() })?, file));
+        let storage = match Format::of(&file) {
+            Some(Format::Mcap(compression)) => Storage::Mcap(compression),
+            Some(Format::Db3(compression)) => Storage::Database(compression),
+            _ => return Err(Error::UnknownFormat { path: file }),
+        };
+        files.push((file, storage));
     }
-    let mcap: Vec<_> = files
-        .iter()
-        .filter_map(|(format, path)| match format {
-            Format::Mcap(compression) => Some((path.clone(), *compression)),
-            _ => None,
-        })
-        .collect();
-    let databases: Vec<_> = files
-        .iter()
-        .filter_map(|(format, path)| match format {
-            Format::Db3(compression) => Some((path.clone(), *compression)),
-            _ => None,
-        })
-        .collect();
-    match (mcap.is_empty(), databases.is_empty()) {
-        (false, false) => {
-            let problem = "it names MCAP files and databases, which no recorder writes together".into();
-            Err(damaged("relative_file_paths", problem, "give each kind a folder and a list"))
-        }
-        (true, _) => Ok(Files::Databases(databases)),
-        _ => Ok(Files::Mcap(mcap)),
-    }
+    Ok(files)
 }
 
 /// Finds a file of the list. The first versions of rosbag2 put the folder's own name before it; and a file may have been compressed or
@@ -229,11 +212,11 @@ mod tests {
         let information = "  storage_identifier: mcap\n  relative_file_paths:\n    - run/b_1.mcap\n    - a_0.mcap.zstd\n    - c.mcap\n  \
                            compression_format: zstd\n  compression_mode: FILE\n  topics_with_message_count: []\n";
         let folder = bag(&["a_0.mcap.zstd", "b_1.mcap", "c.mcap.zstd", "unlisted.mcap"], information);
-        let Files::Mcap(files) = files(folder.path()).unwrap() else { panic!("no MCAP") };
+        let files = files(folder.path()).unwrap();
         let names: Vec<_> = files.into_iter().map(|(path, how)| (path.file_name().unwrap().to_owned(), how)).collect();
         let expected =
             [("b_1.mcap", Compression::None), ("a_0.mcap.zstd", Compression::Zstd), ("c.mcap.zstd", Compression::Zstd)];
-        assert_eq!(names, expected.map(|(name, how)| (name.into(), how)));
+        assert_eq!(names, expected.map(|(name, how)| (name.into(), Storage::Mcap(how))));
         assert_eq!(Format::of(folder.path()), Some(Format::Rosbag2));
     }
 
@@ -242,8 +225,6 @@ mod tests {
         let folder = bag(&["a.db3"], "  storage_identifier: tape\n  relative_file_paths: [a.db3]\n");
         let text = message(&folder);
         assert!(text.contains("tape") && text.contains("ros2 bag convert"), "{text}");
-        let both = "  storage_identifier: sqlite3\n  relative_file_paths: [a.db3, a.mcap]\n";
-        assert!(message(&bag(&["a.db3", "a.mcap"], both)).contains("no recorder writes together"));
         let folder = bag(&[], "  storage_identifier: mcap\n  relative_file_paths: [a.mcap]\n");
         let text = message(&folder);
         assert!(text.contains("metadata.yaml") && text.contains("a.mcap does not exist"), "{text}");
@@ -264,7 +245,7 @@ mod tests {
         assert!(matches!(files(bag(&[], &deep).path()), Err(Error::Damaged { .. })));
         let elsewhere =
             "  topics: [{storage_identifier: db, relative_file_paths: x}]\n  relative_file_paths: [a.mcap]\n";
-        assert!(matches!(files(bag(&["a.mcap"], elsewhere).path()), Ok(Files::Mcap(files)) if files.len() == 1));
+        assert!(matches!(files(bag(&["a.mcap"], elsewhere).path()), Ok(files) if files.len() == 1));
         for broken in ["  relative_file_paths: [a\n", "  relative_file_paths: {a: 1}\n", "\t- x", "  a: *b\n"] {
             assert!(matches!(files(bag(&[], broken).path()), Err(Error::Damaged { .. })), "{broken}");
         }

@@ -18,6 +18,8 @@ pub(crate) struct Several {
     topic_of: Vec<Vec<usize>>,
     /// For each piece, its file and its place among that file's pieces.
     pieces: Vec<(usize, usize)>,
+    /// Breaks of all files, sorted.
+    breaks: Vec<i64>,
 }
 
 impl Several {
@@ -29,7 +31,9 @@ impl Several {
         let topic_of = files.iter().map(|file| file.topics().iter().map(place).collect()).collect();
         let pieces = files.iter().enumerate().flat_map(|(file, own)| (0..own.pieces()).map(move |piece| (file, piece)));
         let pieces = pieces.collect();
-        Self { path: path.into(), files, topics, topic_of, pieces }
+        let mut breaks: Vec<i64> = files.iter().flat_map(|file| file.breaks()).copied().collect();
+        breaks.sort_unstable();
+        Self { path: path.into(), files, topics, topic_of, pieces, breaks }
     }
 
     /// The file of a piece, its place there, and the places of that file's topics among all.
@@ -45,16 +49,8 @@ fn joined(files: &[Box<dyn Container>], name: &str) -> Option<Topic> {
     let mut all = own.next()?.clone();
     for topic in own {
         all.count = all.count.zip(topic.count).map(|(sum, count)| sum.saturating_add(count));
-        let (a, b) = (&all.type_name, &topic.type_name);
-        let problem = if a != b {
-            Some(format!("its messages come in two types, `{a}` and `{b}`"))
-        } else if all.message_encoding != topic.message_encoding {
-            Some(format!("its messages are encoded as `{}` and as `{}`", all.message_encoding, topic.message_encoding))
-        } else if all.schema != topic.schema {
-            Some(format!("its messages come in two definitions of `{a}`"))
-        } else {
-            topic.problem.clone()
-        };
+        let problem =
+            topic.problem.clone().or_else(|| all.contradiction(&topic.message_encoding, topic.schema.as_ref()));
         all.problem = all.problem.take().or(problem);
     }
     Some(all)
@@ -112,6 +108,15 @@ impl Container for Several {
     fn indexed_spans(&self, piece: usize) -> Option<BTreeMap<usize, Span>> {
         let (file, own, places) = self.piece(piece)?;
         Some(renamed(file.indexed_spans(own)?, places))
+    }
+
+    fn breaks(&self) -> &[i64] {
+        &self.breaks
+    }
+
+    fn topics_of(&self, piece: usize) -> Option<Vec<usize>> {
+        let (file, own, places) = self.piece(piece)?;
+        Some(file.topics_of(own)?.into_iter().filter_map(|topic| places.get(topic).copied()).collect())
     }
 
     fn metadata(&self) -> BTreeMap<String, String> {

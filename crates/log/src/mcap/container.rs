@@ -1,4 +1,4 @@
-//! A recording of one or several MCAP files, by topic and by piece.
+//! A recording of one MCAP file, by topic and by piece.
 
 use std::{
     collections::{BTreeMap, HashSet},
@@ -18,73 +18,43 @@ use super::{
 };
 use crate::{
     Compression, Error,
-    container::{Container, Damage, Each, Lost, SchemaRecord, Span, Topic},
+    container::{Container, Damage, Each, Lost, Span, Topic},
 };
 
-/// A recording: one file, or the files of a rosbag2 folder in their order.
+/// An open file.
 #[derive(Debug)]
 pub(crate) struct McapContainer {
-    path: PathBuf,
-    pub(super) files: Vec<McapFile>,
+    pub(super) file: McapFile,
     topics: Vec<Topic>,
-    /// For each file, the topic of each channel id.
-    pub(super) topic_of: Vec<BTreeMap<u16, usize>>,
-    pub(super) pieces: Vec<PieceInfo>,
+    /// The topic of each channel id.
+    pub(super) topic_of: BTreeMap<u16, usize>,
     /// What reading has lost, by piece, so that a second reading counts nothing twice.
     lost: Mutex<BTreeMap<usize, Damage>>,
 }
 
-/// Where a piece is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct PieceInfo {
-    /// The file that it is in.
-    pub(super) file: usize,
-    /// Its place among the pieces of that file.
-    pub(super) place: usize,
-}
-
 impl McapContainer {
-    /// Opens the files of a recording, each with how it is compressed: maps them, finds their pieces and channels.
+    /// Opens a file: maps it, finds its pieces and channels.
     ///
     /// # Errors
-    /// Files that are not there or are not MCAP, compressions that are not known, a user who stops. Damage inside a file is no error.
-    pub(crate) fn open(path: &Path, files: &[(PathBuf, Compression)], progress: &dyn Progress) -> Result<Self, Error> {
-        // One after the other: each may use all threads to look for channels.
-        let files: Vec<McapFile> = files
-            .iter()
-            .map(|(path, compression)| McapFile::open(path, *compression, progress))
-            .collect::<Result<_, _>>()?;
-        let mut topic_of = vec![BTreeMap::new(); files.len()];
-        let mut topics = Vec::new();
-        for (place, (topic, channels)) in carried(&files).into_iter().enumerate() {
-            for (own, channels) in topic_of.iter_mut().zip(channels) {
-                own.extend(channels.into_iter().map(|channel| (channel, place)));
-            }
-            topics.push(topic);
-        }
-        let pieces = files.iter().enumerate().flat_map(|(file, own)| {
-            let places = 0..own.pieces.len();
-            places.map(move |place| PieceInfo { file, place })
-        });
-        let pieces = pieces.collect();
-        Ok(Self { path: path.into(), files, topics, topic_of, pieces, lost: Mutex::default() })
+    /// A file that is not there or is not MCAP, compressions that are not known, a user who stops. Damage inside the file is no error.
+    pub(crate) fn open(path: &Path, compression: Compression, progress: &dyn Progress) -> Result<Self, Error> {
+        let file = McapFile::open(path, compression, progress)?;
+        let (topics, topic_of) = carried(&file);
+        Ok(Self { file, topics, topic_of, lost: Mutex::default() })
     }
 
-    /// A piece with its file and the topics of that file's channels.
-    fn piece(&self, piece: usize) -> Option<(&McapFile, &Piece, &BTreeMap<u16, usize>)> {
-        let info = self.pieces.get(piece)?;
-        let file = self.files.get(info.file)?;
-        Some((file, file.pieces.get(info.place)?, self.topic_of.get(info.file)?))
+    fn piece(&self, piece: usize) -> Option<&Piece> {
+        self.file.pieces.get(piece)
     }
 }
 
 impl Container for McapContainer {
     fn path(&self) -> &Path {
-        &self.path
+        &self.file.path
     }
 
     fn files(&self) -> Vec<PathBuf> {
-        self.files.iter().map(|file| file.path.clone()).collect()
+        vec![self.file.path.clone()]
     }
 
     fn topics(&self) -> &[Topic] {
@@ -92,38 +62,41 @@ impl Container for McapContainer {
     }
 
     fn pieces(&self) -> usize {
-        self.pieces.len()
+        self.file.pieces.len()
     }
 
     fn messages(&self, piece: usize) -> Option<u64> {
-        self.piece(piece)?.1.messages()
+        self.piece(piece)?.messages()
     }
 
     fn wanted_messages(&self, piece: usize, wanted: &[usize]) -> Option<u64> {
-        let (_, own, topic_of) = self.piece(piece)?;
-        let counts = own.counts.as_ref()?.iter();
+        let counts = self.piece(piece)?.counts.as_ref()?.iter();
         // Of one topic, which is asked most, and of many.
         let several: HashSet<usize> = if wanted.len() > 1 { wanted.iter().copied().collect() } else { HashSet::new() };
         let is_wanted = |topic: &usize| if let [one] = wanted { topic == one } else { several.contains(topic) };
-        Some(counts.filter(|(channel, _)| topic_of.get(channel).is_some_and(is_wanted)).map(|(_, count)| count).sum())
+        Some(
+            counts
+                .filter(|(channel, _)| self.topic_of.get(channel).is_some_and(is_wanted))
+                .map(|(_, count)| count)
+                .sum(),
+        )
     }
 
     fn topics_of(&self, piece: usize) -> Option<Vec<usize>> {
-        let (_, own, topic_of) = self.piece(piece)?;
-        let some = own.counts.as_ref()?.iter().filter(|(_, count)| *count > 0);
-        Some(some.filter_map(|(channel, _)| topic_of.get(channel).copied()).collect())
+        let some = self.piece(piece)?.counts.as_ref()?.iter().filter(|(_, count)| *count > 0);
+        Some(some.filter_map(|(channel, _)| self.topic_of.get(channel).copied()).collect())
     }
 
     fn read_piece(&self, piece: usize, wanted: &[usize], each: &mut Each<'_>) -> Result<(), Error> {
-        let Some((file, own, topic_of)) = self.piece(piece) else { return Ok(()) };
+        let Some(own) = self.piece(piece) else { return Ok(()) };
         // It need not be decompressed.
         if self.wanted_messages(piece, wanted) == Some(0) {
             return Ok(());
         }
         let mut damage = Damage::default();
-        let mut reader = Reader { route: Route::new(topic_of, wanted), seen: 0, late: 0, unknown: 0 };
+        let mut reader = Reader { route: Route::new(&self.topic_of, wanted), seen: 0, late: 0, unknown: 0 };
         let start = own.bytes.start;
-        match chunk::with_records(&file.map, own, |records| reader.read(records, each)) {
+        match chunk::with_records(&self.file.map, own, |records| reader.read(records, each)) {
             Ok(torn) => {
                 if let Some((rest, why)) = torn? {
                     let messages = own.messages().map(|all| all.saturating_sub(reader.seen));
@@ -137,7 +110,7 @@ impl Container for McapContainer {
                 damage.add(start, &why, lost);
             }
         }
-        file.map.release(own.bytes.clone());
+        self.file.map.release(own.bytes.clone());
         reader.tell(start, &mut damage);
         if !damage.is_empty() {
             self.lost.lock().unwrap_or_else(PoisonError::into_inner).insert(piece, damage);
@@ -154,29 +127,22 @@ impl Container for McapContainer {
     }
 
     fn metadata(&self) -> BTreeMap<String, String> {
-        let bodies =
-            self.files.iter().flat_map(|file| file.metadata.iter().filter_map(|body| file.map.get(body.clone())));
+        let bodies = self.file.metadata.iter().filter_map(|body| self.file.map.get(body.clone()));
         bodies.filter_map(|body| pairs(body, METADATA_RECORD)).flatten().collect()
     }
 
     fn damage(&self) -> Damage {
-        let mut damage = Damage::default();
-        self.files.iter().for_each(|file| damage.merge(&file.damage));
+        let mut damage = self.file.damage.clone();
         self.lost.lock().unwrap_or_else(PoisonError::into_inner).values().for_each(|lost| damage.merge(lost));
         damage
     }
 
     fn notes(&self) -> Vec<String> {
-        let several = self.files.len() > 1;
-        let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let told = |file: &McapFile, note: &String| {
-            if several { format!("{}: {note}", name(&file.path)) } else { note.clone() }
-        };
-        self.files.iter().flat_map(|file| file.notes.iter().map(move |note| told(file, note))).collect()
+        self.file.notes.clone()
     }
 
     fn release(&self) {
-        self.files.iter().for_each(|file| file.map.release(0..file.map.len()));
+        self.file.map.release(0..self.file.map.len());
     }
 }
 
@@ -256,54 +222,36 @@ impl Reader {
     }
 }
 
-/// A topic, and its channel ids in each file.
-type Carried = (Topic, Vec<Vec<u16>>);
-
-/// Matches the channels of all files by topic.
-fn carried(files: &[McapFile]) -> Vec<Carried> {
-    let mut topics: BTreeMap<&str, Carried> = BTreeMap::new();
-    for (f, file) in files.iter().enumerate() {
-        for (&id, channel) in &file.definitions.channels {
-            let schema = file.definitions.schemas.get(&channel.schema).filter(|_| channel.schema != 0);
-            let (topic, channels) = topics.entry(&channel.topic).or_insert_with(|| {
-                let topic = Topic {
-                    name: channel.topic.clone(),
-                    type_name: schema.map(|schema| schema.name.clone()).unwrap_or_default(),
-                    message_encoding: channel.encoding.clone(),
-                    schema: schema.cloned(),
-                    count: Some(0),
-                    problem: None,
-                };
-                (topic, vec![Vec::new(); files.len()])
-            });
-            let name =
-                |schema: Option<&SchemaRecord>| schema.map_or("no type", |schema| schema.name.as_str()).to_owned();
-            let problem = if channel.schema != 0 && schema.is_none() {
-                Some(format!("its channel names schema {}, which is not in the file", channel.schema))
-            } else if topic.message_encoding != channel.encoding {
-                Some(format!("its messages are encoded as `{}` and as `{}`", topic.message_encoding, channel.encoding))
-            } else if topic.schema.as_ref() != schema {
-                let (first, second) = (name(topic.schema.as_ref()), name(schema));
-                let differ = if first == second { "in two definitions" } else { "in two types" };
-                Some(format!("its messages come {differ}, `{first}` and `{second}`"))
-            } else {
-                None
+/// The topics, sorted by name, and the place of each channel among them.
+fn carried(file: &McapFile) -> (Vec<Topic>, BTreeMap<u16, usize>) {
+    let mut topics: BTreeMap<&str, (Topic, Vec<u16>)> = BTreeMap::new();
+    for (&id, channel) in &file.definitions.channels {
+        let schema = file.definitions.schemas.get(&channel.schema).filter(|_| channel.schema != 0);
+        let (topic, channels) = topics.entry(&channel.topic).or_insert_with(|| {
+            let topic = Topic {
+                name: channel.topic.clone(),
+                type_name: schema.map(|schema| schema.name.clone()).unwrap_or_default(),
+                message_encoding: channel.encoding.clone(),
+                schema: schema.cloned(),
+                count: Some(0),
+                problem: None,
             };
-            topic.problem = topic.problem.take().or(problem);
-            if let Some(channels) = channels.get_mut(f) {
-                channels.push(id);
-            }
-            let own = file.counts.as_ref().map(|counts| counts.get(&id).copied().unwrap_or(0));
-            topic.count = topic.count.zip(own).map(|(sum, own)| sum.saturating_add(own));
-        }
+            (topic, Vec::new())
+        });
+        let problem = if channel.schema != 0 && schema.is_none() {
+            Some(format!("its channel names schema {}, which is not in the file", channel.schema))
+        } else {
+            topic.contradiction(&channel.encoding, schema)
+        };
+        topic.problem = topic.problem.take().or(problem);
+        channels.push(id);
+        let own = file.counts.as_ref().map(|counts| counts.get(&id).copied().unwrap_or(0));
+        topic.count = topic.count.zip(own).map(|(sum, own)| sum.saturating_add(own));
     }
-    let mut topics: Vec<Carried> = topics.into_values().collect();
-    for (topic, channels) in &mut topics {
-        // A file without this topic adds nothing, but only if it is known to be whole.
-        let told = |(file, channels): (&McapFile, &Vec<u16>)| file.counts.is_some() || !channels.is_empty();
-        if !files.iter().zip(channels.iter()).all(told) {
-            topic.count = None;
-        }
-    }
-    topics
+    let mut topic_of = BTreeMap::new();
+    let topics = topics.into_values().enumerate().map(|(place, (topic, channels))| {
+        topic_of.extend(channels.into_iter().map(|channel| (channel, place)));
+        topic
+    });
+    (topics.collect(), topic_of)
 }

@@ -22,9 +22,8 @@ pub(super) struct Indexed<'a> {
 impl McapContainer {
     /// The index of a piece that has one.
     pub(super) fn indexed(&self, place: usize) -> Option<Indexed<'_>> {
-        let info = self.pieces.get(place)?;
-        let (file, topic_of) = (self.files.get(info.file)?, self.topic_of.get(info.file)?);
-        let piece = file.pieces.get(info.place)?;
+        let (file, topic_of) = (&self.file, &self.topic_of);
+        let piece = file.pieces.get(place)?;
         if piece.kind == PieceKind::Records || piece.counts.is_none() {
             return None;
         }

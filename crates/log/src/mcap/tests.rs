@@ -14,7 +14,6 @@ use super::*;
 use crate::{
     Compression, Error, Format,
     container::{Container, summary},
-    rosbag2,
 };
 
 mod damaged;
@@ -90,14 +89,8 @@ fn write(options: WriteOptions, count: u64) -> Vec<u8> {
 }
 
 fn open(path: &Path) -> Result<McapContainer, Error> {
-    let files = match Format::of(path).expect("a known extension") {
-        Format::Mcap(compression) => vec![(path.to_path_buf(), compression)],
-        _ => match rosbag2::files(path)? {
-            rosbag2::Files::Mcap(files) => files,
-            rosbag2::Files::Databases(_) => panic!("{} has databases", path.display()),
-        },
-    };
-    McapContainer::open(path, &files, &Silent)
+    let Some(Format::Mcap(compression)) = Format::of(path) else { panic!("{} is no MCAP file", path.display()) };
+    McapContainer::open(path, compression, &Silent)
 }
 
 /// A file in a folder of its own.
@@ -120,7 +113,7 @@ impl Scrap {
     }
 }
 
-fn read(container: &McapContainer, wanted: &[usize]) -> Messages {
+fn read(container: &dyn Container, wanted: &[usize]) -> Messages {
     let mut messages = Messages::new();
     for piece in 0..container.pieces() {
         container
@@ -134,7 +127,7 @@ fn read(container: &McapContainer, wanted: &[usize]) -> Messages {
     messages
 }
 
-fn read_all(container: &McapContainer) -> Messages {
+fn read_all(container: &dyn Container) -> Messages {
     read(container, &(0..container.topics().len()).collect::<Vec<_>>())
 }
 
@@ -210,7 +203,7 @@ fn a_piece_without_a_wanted_topic_is_not_decompressed() {
     let skipped = (0..pieces).filter(|&piece| container.wanted_messages(piece, &[late]) == Some(0)).count();
     assert!(skipped > 1 && skipped < pieces, "{skipped} of {pieces}");
     // Damage in a piece that is skipped costs nothing, and is counted once by whoever reads it.
-    let first = container.files[0].pieces[0].bytes.end - 10;
+    let first = container.file.pieces[0].bytes.end - 10;
     bytes[first] ^= 0xff;
     let container = scrap.open(&bytes).unwrap();
     assert_eq!(read(&container, &[late])["/late"].len(), 200);
@@ -240,12 +233,12 @@ fn a_folder_of_rosbag2_is_one_recording() {
         crate::paths([folder.path().parent().unwrap().join(folder.path().file_name().unwrap())]).unwrap().len(),
         1
     );
-    let container = open(folder.path()).unwrap();
+    let container = crate::containers::open(folder.path(), Format::Rosbag2, &[], &Silent).unwrap();
     let mut both = truth(300);
     for (topic, messages) in truth(500) {
         both.get_mut(&topic).unwrap().extend(messages);
     }
-    assert_eq!(read_all(&container), both);
+    assert_eq!(read_all(container.as_ref()), both);
     assert_eq!(
         container.topic("/imu").map(|topic| container.topics()[topic].count).unwrap(),
         Some(both["/imu"].len() as u64)
@@ -272,7 +265,7 @@ fn topics_that_contradict_themselves_are_refused_only_when_used() {
     let scrap = Scrap::new();
     let container = scrap.open(&writer.into_inner().into_inner()).unwrap();
     let same = container.topic("/same").unwrap();
-    let channels = container.topic_of[0].iter().filter(|(_, topic)| **topic == same).map(|(channel, _)| *channel);
+    let channels = container.topic_of.iter().filter(|(_, topic)| **topic == same).map(|(channel, _)| *channel);
     assert_eq!(channels.collect::<Vec<_>>(), [1, 2]);
     assert_eq!(read(&container, &[same])["/same"].len(), 2);
     let message = container.topic("/differs").unwrap_err().to_string();
