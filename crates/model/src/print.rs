@@ -105,6 +105,9 @@ fn describe_partition(out: &mut String, model: &Model, index: usize, limit: usiz
         let columns: Vec<String> = partition.columns.iter().map(ToString::to_string).collect();
         let _ = writeln!(out, "  on {}", columns.join(", "));
     }
+    if let Some(how) = model.outside_in_words(index) {
+        let _ = writeln!(out, "  outside the training ranges of a region {how}");
+    }
     if let Some(lattice) = &partition.lattice {
         describe_joins(out, partition, lattice);
     }

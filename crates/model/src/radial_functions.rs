@@ -97,6 +97,8 @@ impl RadialFunctions {
                     row.resize(functions.len(), 0.0);
                 }
                 latent.map = BasisMap { affine, basis: Basis::Gaussian(gaussian.clone()), weights }.into();
+                // Functions that decay hold themselves, and their slopes have no place among those of the library.
+                latent.beyond.clear();
             }
             for (at, summary) in model.summaries.iter_mut().enumerate() {
                 let first = model.latents.iter().find(|latent| latent.partition == at);

@@ -165,6 +165,7 @@ mod tests {
         let temperature = Expr::column("T");
         model.libraries.push(vec![temperature.clone(), temperature.clone().powi(2)]);
         model.latents.push(Latent {
+            beyond: Vec::new(),
             name: "f_T".into(),
             library: 0,
             partition: 0,

@@ -20,6 +20,9 @@ pub(super) struct LatentText {
     radial: Option<RadialText>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     network: Option<NetworkText>,
+    /// Coefficients outside of a region's training ranges; empty where the map is followed everywhere.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    beyond: Reals,
 }
 
 /// Radial functions with their weights, one row a region.
@@ -108,6 +111,7 @@ impl From<&Latent> for LatentText {
             coefficients: rows(&map.coefficients),
             radial,
             network,
+            beyond: reals(&l.beyond),
         }
     }
 }
@@ -125,7 +129,13 @@ impl LatentText {
             }
             (Some(_), Some(_)) => return Err(format!("{}: radial functions and a network in one latent", self.name)),
         };
-        Ok(Latent { name: self.name, library: self.library, partition: self.partition, map })
+        Ok(Latent {
+            name: self.name,
+            library: self.library,
+            partition: self.partition,
+            map,
+            beyond: floats(self.beyond),
+        })
     }
 }
 

@@ -117,6 +117,7 @@ impl Maker {
         }
         let constants = self.draw.values(regions);
         self.model.latents.push(Latent {
+            beyond: Vec::new(),
             name: name.into(),
             library,
             partition,

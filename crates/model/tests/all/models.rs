@@ -33,6 +33,7 @@ pub(crate) fn all() -> Vec<(&'static str, Model)> {
         ("hostile", hostile()),
         ("constant", constant()),
         ("lagged_regression", lagged_regression()),
+        ("beyond", beyond()),
         ("radial", radial()),
         ("radial_regions", radial_regions()),
         ("network", network(Activation::Tanh)),
@@ -144,6 +145,21 @@ pub(crate) fn pwa(regions: usize, seed: u64) -> Model {
     }
     maker.equation("yaw", Prediction::Derivative, "3*w");
     maker.finish()
+}
+
+/// The same with other slopes outside of narrow ranges, which most points leave.
+pub(crate) fn beyond() -> Model {
+    let mut model = pwa(4, 17);
+    for range in model.summaries.iter_mut().flat_map(|summary| &mut summary.regions).flat_map(|own| &mut own.range) {
+        let (centre, half) = ((range[0] + range[1]) / 2.0, (range[1] - range[0]) / 8.0);
+        *range = [centre - half, centre + half];
+    }
+    for (at, latent) in model.latents.iter_mut().enumerate() {
+        // One function counts outside of the ranges alone.
+        latent.beyond = (0..latent.map.features()).map(|j| 0.3 * j as f64 - 0.2 * at as f64).collect();
+    }
+    model.validate().unwrap_or_else(|problem| panic!("{problem}"));
+    model
 }
 
 /// The z-score ball, next values.
