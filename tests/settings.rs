@@ -16,6 +16,7 @@ const METHODS: [(&str, &[&str], &str); 8] = [
             "--purge=0.05",
             "--shrinkage=5",
             "--unseen-labels=pool",
+            "--outside=hold",
             "--seed=3",
             "--restarts=2",
             "--iterations=20",
@@ -24,7 +25,7 @@ const METHODS: [(&str, &[&str], &str); 8] = [
             "--objective=one-step",
             "--phase=wrap(3*v):5",
         ],
-        "[model]\npartition = \"null\"\n[pwa]\nselect = \"cv\"\nfolds = 8\npurge = 0.2\nshrinkage = \"auto\"\nunseen_labels = \"refuse\"\nseed = 1\n\
+        "[model]\npartition = \"null\"\n[pwa]\nselect = \"cv\"\nfolds = 8\npurge = 0.2\nshrinkage = \"auto\"\nunseen_labels = \"refuse\"\noutside = \"extrapolate\"\nseed = 1\n\
          restarts = 1\niterations = 2\nmemory = 64.0\ntsqr = true\nobjective = \"steps:3\"\nphase = \"wrap(v):8\"\n",
     ),
     ("pwa", &["--partition=kmeans:3", "--stable=0.9"], "[pwa]\nstable = 0.5\n"),

@@ -54,6 +54,8 @@ pub(crate) struct Group {
     pub(crate) basis: Option<(Basis, Vec<usize>)>,
     /// Regions x functions: smallest and largest value in training.
     pub(crate) ranges: Option<Vec<[f64; 2]>>,
+    /// Latents x functions: coefficients outside of the ranges of a region. `None` where a region's own hold everywhere.
+    pub(crate) beyond: Option<Vec<f64>>,
 }
 
 impl Group {
@@ -81,6 +83,7 @@ impl Group {
             names: latents.iter().map(|&latent| model.latents[latent].name.clone()).collect(),
             basis: basis.clone().map(|basis| (basis, group.inputs())),
             ranges: ranges(model, *library, *partition, functions),
+            beyond: beyond(model, latents, functions),
             constants,
             coefficients,
         }
@@ -108,6 +111,7 @@ impl Group {
     /// Whether so many coefficients are zero that storing the others with their places is shorter.
     pub(crate) fn is_sparse(&self) -> bool {
         self.basis.is_none()
+            && self.beyond.is_none()
             && 2 * self.coefficients.iter().filter(|&&coefficient| coefficient != 0.0).count() < self.coefficients.len()
     }
 }
@@ -187,6 +191,15 @@ impl Evaluation {
 
 pub(crate) fn program(expressions: &[Expr], names: &[&str]) -> Result<StraightLine, UnknownColumn> {
     Ok(Program::compile(expressions, names)?.straight_line())
+}
+
+/// The coefficients of some latents outside of the ranges of their regions, where they have any.
+fn beyond(model: &Model, latents: &[usize], kept: &[usize]) -> Option<Vec<f64>> {
+    let has = latents.iter().any(|&latent| !model.latents[latent].beyond.is_empty()) && !kept.is_empty();
+    let of = |&latent: &usize| {
+        kept.iter().map(move |&j| model.latents[latent].beyond.get(j).copied().unwrap_or(0.0)).collect::<Vec<_>>()
+    };
+    has.then(|| latents.iter().flat_map(of).collect())
 }
 
 /// The training ranges of some functions; `None` where the partition does not describe this library.

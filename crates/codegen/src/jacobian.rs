@@ -4,9 +4,9 @@ use fleetfoot_library::{Expr, UnknownColumn};
 use fleetfoot_model::Prediction;
 
 use crate::{
-    code::{Function, Index, Kind, Outcome, Parameter, Place, Real, Statement, TABLE, Values},
+    code::{Condition, Function, Index, Kind, Outcome, Parameter, Place, Real, Statement, TABLE, Values},
     evaluation::{Group, program},
-    lower::{Lowering, straight},
+    lower::{Lowering, excess_name, straight},
     plan::{Plan, Source},
 };
 
@@ -152,7 +152,19 @@ impl Lowering<'_> {
             let entry = || Index::local("e");
             let at = row.times(group.width()).plus(Index::table(&function, entry()));
             let value = Real::at(&format!("{TABLE}{}coefficients{index}", self.tag), at).times(slope(entry()));
-            Statement::each("e", entries.len(), vec![Statement::Add(target(entry()), value)])
+            let within = Statement::Add(target(entry()), value);
+            let each = match &group.beyond {
+                None => within,
+                Some(_) => {
+                    let at = Index::table(&function, entry());
+                    let excess = Real::at(&excess_name(index), at.clone());
+                    let at = Index::local("i").times(group.width()).plus(at);
+                    let slope_beyond = Real::at(&format!("{TABLE}{}slopes_beyond{index}", self.tag), at);
+                    let beyond = Statement::Add(target(entry()), slope_beyond.times(slope(entry())));
+                    Statement::If(Condition::Equal(excess, Real::Number(0.0)), vec![within], vec![beyond])
+                }
+            };
+            Statement::each("e", entries.len(), vec![each])
         };
         vec![Statement::each("i", latents, vec![inner])]
     }

@@ -260,7 +260,8 @@ impl Lowering<'_> {
         let value = Real::at("q", Index::local("j").plus(group.first));
         let refuse =
             Statement::If(Condition::NotFinite(value.clone()), vec![Statement::Return(Outcome::NotFinite)], Vec::new());
-        let Some(ranges) = group.ranges.as_ref().filter(|_| self.domain) else {
+        let goes_on = group.beyond.is_some();
+        let Some(ranges) = group.ranges.as_ref().filter(|_| self.domain || goes_on) else {
             return vec![Statement::each("j", functions, vec![refuse])];
         };
         let bounds = |end: usize| ranges.iter().map(|range| self.precision.bound(range[end], end == 1)).collect();
@@ -269,9 +270,30 @@ impl Lowering<'_> {
         let low = self.reals("low", index, &format!("Training domain of {names}: smallest values."), functions, low);
         let high = self.reals("high", index, &format!("Training domain of {names}: largest values."), functions, high);
         let at = Self::group_region(group).times(functions).plus(Index::local("j"));
-        let outside = Condition::Outside(value, Real::at(&low, at.clone()), Real::at(&high, at));
-        let left = vec![refuse, Statement::SetCounter("outside".into(), 1.into())];
-        vec![Statement::each("j", functions, vec![Statement::If(outside, left, Vec::new())])]
+        let (low, high) = (Real::at(&low, at.clone()), Real::at(&high, at));
+        let outside = Condition::Outside(value.clone(), low.clone(), high.clone());
+        let mut left = vec![refuse];
+        if self.domain {
+            left.push(Statement::SetCounter("outside".into(), 1.into()));
+        }
+        if !goes_on {
+            return vec![Statement::each("j", functions, vec![Statement::If(outside, left, Vec::new())])];
+        }
+        // What is left of a function beside the border of its range; the function itself is held there.
+        let excess = excess_name(index);
+        let hold = |border: Real| {
+            vec![
+                Statement::set(&excess, Index::local("j"), value.clone().minus(border.clone())),
+                Statement::set("q", Index::local("j").plus(group.first), border),
+            ]
+        };
+        let side = Statement::If(Condition::Less(value.clone(), low.clone()), hold(low.clone()), hold(high.clone()));
+        // The range of a region without rows is empty, and holds nothing.
+        left.push(Statement::If(Condition::AtLeast(high, low), vec![side], Vec::new()));
+        vec![
+            Statement::Array(excess, functions),
+            Statement::each("j", functions, vec![Statement::If(outside, left, Vec::new())]),
+        ]
     }
 
     /// The latents of a group.
@@ -308,6 +330,13 @@ impl Lowering<'_> {
             let table = self.reals("coefficients", index, &comment, functions, group.coefficients.clone());
             let at = row.times(functions).plus(Index::local("j"));
             body.push(Statement::each("j", functions, vec![add(Real::at(&table, at), Index::local("j"))]));
+        }
+        if let Some(beyond) = &group.beyond {
+            let comment = format!("Coefficients of {names} outside of the training domain: latents x functions.");
+            let slopes = self.reals("slopes_beyond", index, &comment, functions, beyond.clone());
+            let slope = Real::at(&slopes, Index::local("i").times(functions).plus(Index::local("j")));
+            let more = slope.times(Real::at(&excess_name(index), Index::local("j")));
+            body.push(Statement::each("j", functions, vec![Statement::Add(Place::Local("sum".into()), more)]));
         }
         body.push(Statement::set("l", Index::local("i").plus(group.slot), Real::local("sum")));
         vec![Statement::each("i", latents, body)]
@@ -386,6 +415,11 @@ impl SparseTable {
 
 /// The inputs of the next row.
 pub(crate) const NEXT_INPUTS: &str = "u_next";
+
+/// The array of what is left of the functions of a group beside the border of their ranges.
+pub(crate) fn excess_name(index: usize) -> String {
+    format!("beyond{index}")
+}
 
 pub(crate) fn region_name(index: usize) -> String {
     format!("region{index}")

@@ -13,7 +13,7 @@ use crate::{
 /// The file `prefix.npz`.
 ///
 /// Per latent `latent/NAME/constants` (regions) and `latent/NAME/coefficients` (regions x functions) with the functions' texts in
-/// `latent/NAME/functions` and the number of its partition; per partition `partition/N/...` its columns, centres, scales and weights, per
+/// `latent/NAME/functions`, the number of its partition, and in `latent/NAME/beyond` the coefficients outside of training ranges, where it has any; per partition `partition/N/...` its columns, centres, scales and weights, per
 /// label where it has labels; of a tree the cuts' columns and thresholds, and what follows below and above: a cut, or `-1 - region`; where transitions were counted
 /// `partition/N/transitions/count` and `.../probability` (regions x regions, from the row to the column) and `.../dwell` (rows); along a phase `partition/N/phase/rows` and
 /// `.../share` (bins x regions) and `.../transition_count` (bins x regions x regions), from stride to stride `partition/N/stride/count` and `.../probability`, and
@@ -44,7 +44,10 @@ pub(crate) fn file(model: &Model, options: &ExportOptions) -> ExportedFile {
         let functions = &model.libraries[latent.library];
         let name = |what: &str| format!("latent/{index}/{what}");
         for array in latent.map.arrays() {
-            arrays.reals(&name(array.name), &array.values, &array.shape);
+            arrays.reals(&name(&array.name), &array.values, &array.shape);
+        }
+        if !latent.beyond.is_empty() {
+            arrays.reals(&name("beyond"), &latent.beyond, &[latent.beyond.len()]);
         }
         arrays.strings(&name("functions"), &texts(functions.iter().map(ToString::to_string).collect()));
         arrays.integers(&name("partition"), &[latent.partition as i64], &[]);

@@ -177,6 +177,8 @@ fn submodel(model: &Model, partition: usize, region: usize) -> Model {
     let mut own = model.clone();
     for latent in own.latents.iter_mut().filter(|latent| latent.partition == partition) {
         latent.map.keep_region(region);
+        // The submodel holds wherever the filter or the regulator is: its linear algebra has no borders.
+        latent.beyond.clear();
     }
     let regions = model.summaries[partition].regions[region].clone();
     own.partitions[partition] = Partition::whole();

@@ -11,7 +11,7 @@ use pulp::Simd;
 
 use crate::{
     End, Method, Simulator, Trajectory,
-    affine_kernel::AffineKernel,
+    affine_kernel::{AffineKernel, Side},
     aligned::Aligned,
     angle::wrap,
     cell::Cell,
@@ -36,7 +36,7 @@ impl AffineKernel {
             let fresh = runs.iter().zip(cells.drain(..));
             let mut tracks: Vec<Track<'_>> =
                 fresh.map(|(run, cell)| Track::new(self, simulator, run, cell.anew())).collect();
-            fleetfoot_data::arch().dispatch(Advancing { kernel: self, tracks: &mut tracks, method });
+            fleetfoot_data::arch().dispatch(Advancing { kernel: self, simulator, tracks: &mut tracks, method });
             for track in tracks {
                 let (trajectory, cell) = track.finish(self.states);
                 done.push(trajectory);
@@ -47,7 +47,7 @@ impl AffineKernel {
     }
 
     #[inline(always)]
-    fn advance<S: Simd>(&self, simd: S, tracks: &mut [Track<'_>], method: Method) {
+    fn advance<S: Simd>(&self, simd: S, simulator: &Simulator, tracks: &mut [Track<'_>], method: Method) {
         let horizon = tracks.iter().map(|track| track.run.horizon).max().unwrap_or(0);
         let mut scratch = Scratch::new(self, tracks.len());
         let mut live: Vec<usize> = (0..tracks.len()).collect();
@@ -81,8 +81,14 @@ impl AffineKernel {
                 live.retain(|&b| tracks[b].end == End::Horizon);
             }
             self.slopes(simd, tracks, &live, &mut scratch.slopes);
+            if self.beyond.is_some() {
+                for &b in live.iter().filter(|&&b| tracks[b].outside) {
+                    let (out, track) = (&mut scratch.slopes[b * self.width..][..self.width], &tracks[b]);
+                    self.slope_beyond(simulator, track.region, &track.slots, &mut scratch.beyond, out);
+                }
+            }
             for &b in &live {
-                ended |= !self.step(simd, &mut tracks[b], (k, b), method, &mut scratch);
+                ended |= !self.step(simd, simulator, &mut tracks[b], (k, b), method, &mut scratch);
             }
             if ended {
                 live.retain(|&b| tracks[b].end == End::Horizon);
@@ -98,10 +104,9 @@ impl AffineKernel {
             return false;
         };
         track.region = region;
-        if track.left.is_none() {
-            let at = region * self.slots;
-            let (low, high) = (&self.low[at..at + self.slots], &self.high[at..at + self.slots]);
-            if !within(simd, &track.slots, low, high) {
+        if track.left.is_none() || self.beyond.is_some() {
+            track.outside = self.is_outside(simd, region, &track.slots);
+            if track.outside && track.left.is_none() {
                 track.left = Some(k);
                 if track.run.ends_outside {
                     track.end = End::LeftDomain;
@@ -110,6 +115,40 @@ impl AffineKernel {
             }
         }
         true
+    }
+
+    /// Whether a slot is outside of the ranges of a region.
+    #[inline(always)]
+    fn is_outside<S: Simd>(&self, simd: S, region: usize, slots: &[f64]) -> bool {
+        let at = region * self.slots;
+        !within(simd, slots, &self.low[at..at + self.slots], &self.high[at..at + self.slots])
+    }
+
+    /// The right sides of a model that goes on otherwise outside of the ranges, as the general path evaluates them.
+    fn slope_beyond(
+        &self,
+        simulator: &Simulator,
+        region: usize,
+        slots: &[f64],
+        (functions, excess, latents): &mut (Vec<f64>, Vec<f64>, Vec<Vec<f64>>),
+        out: &mut [f64],
+    ) {
+        let Some(beyond) = &self.beyond else { return };
+        latents.resize(beyond.functions.len(), Vec::new());
+        for ((group, own), latents) in simulator.compiled.groups.iter().zip(&beyond.functions).zip(&mut *latents) {
+            functions.clear();
+            functions.extend(own.iter().map(|&slot| slots[slot]));
+            excess.resize(functions.len(), 0.0);
+            latents.resize(group.width, 0.0);
+            group.affine(region, functions, excess, latents);
+        }
+        for (out, side) in out.iter_mut().zip(&beyond.sides) {
+            *out = match *side {
+                Side::Number(value) => value,
+                Side::Slot(slot) => slots[slot],
+                Side::Latent { group, column } => latents[group][column],
+            };
+        }
     }
 
     /// The right sides of some trajectories, each in its region: a row of the padded width a track.
@@ -185,6 +224,7 @@ impl AffineKernel {
     fn step<S: Simd>(
         &self,
         simd: S,
+        simulator: &Simulator,
         track: &mut Track<'_>,
         (k, b): (usize, usize),
         method: Method,
@@ -192,7 +232,7 @@ impl AffineKernel {
     ) -> bool {
         let seconds = track.run.step(k);
         if method == Method::Rk4 {
-            self.refine(simd, track, seconds, b, scratch);
+            self.refine(simd, simulator, track, seconds, b, scratch);
         }
         let slopes = &scratch.slopes[b * self.width..][..self.width];
         if !self.move_on(simd, track, seconds, slopes) {
@@ -286,8 +326,16 @@ impl AffineKernel {
 
     /// Replaces the slopes of the continuous states by the mean of the four Runge-Kutta stages.
     #[inline(always)]
-    fn refine<S: Simd>(&self, simd: S, track: &mut Track<'_>, seconds: f64, b: usize, scratch: &mut Scratch) {
-        let Scratch { slopes, stages, slots } = scratch;
+    fn refine<S: Simd>(
+        &self,
+        simd: S,
+        simulator: &Simulator,
+        track: &mut Track<'_>,
+        seconds: f64,
+        b: usize,
+        scratch: &mut Scratch,
+    ) {
+        let Scratch { slopes, stages, slots, beyond } = scratch;
         let slope = &mut slopes[b * self.width..][..self.width];
         copy::<S>(slope, &mut stages[0]);
         for stage in 1..4 {
@@ -307,6 +355,9 @@ impl AffineKernel {
                 self.cells.search(simd, &mut track.cell, slots);
             }
             match self.cells.region(&track.cell) {
+                Some(region) if self.beyond.is_some() && self.is_outside(simd, region, slots) => {
+                    self.slope_beyond(simulator, region, slots, beyond, &mut stages[stage]);
+                }
                 Some(region) => self.slope(region, slots, &mut stages[stage]),
                 None => stages[stage].fill(f64::NAN),
             }
@@ -333,6 +384,7 @@ fn append<T: Copy, const N: usize>(to: &mut Vec<T>, values: [T; N]) {
 /// [`AffineKernel::advance`] with the widest vectors of the machine.
 struct Advancing<'a, 'b> {
     kernel: &'a AffineKernel,
+    simulator: &'a Simulator,
     tracks: &'a mut [Track<'b>],
     method: Method,
 }
@@ -342,7 +394,7 @@ impl pulp::WithSimd for Advancing<'_, '_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        self.kernel.advance(simd, self.tracks, self.method);
+        self.kernel.advance(simd, self.simulator, self.tracks, self.method);
     }
 }
 
@@ -352,6 +404,8 @@ struct Scratch {
     slopes: Aligned,
     stages: [Aligned; 4],
     slots: Aligned,
+    /// Functions, what is left of them beside the ranges, and latents by group ([`AffineKernel::slope_beyond`]).
+    beyond: (Vec<f64>, Vec<f64>, Vec<Vec<f64>>),
 }
 
 impl Scratch {
@@ -360,6 +414,7 @@ impl Scratch {
             slopes: Aligned::new(tracks * kernel.width, 0.0),
             stages: std::array::from_fn(|_| Aligned::new(kernel.width, 0.0)),
             slots: Aligned::new(kernel.slots, 0.0),
+            beyond: Default::default(),
         }
     }
 }
@@ -374,6 +429,8 @@ struct Track<'a> {
     cell: Cell,
     /// The region of the present step.
     region: usize,
+    /// Whether it is outside of the ranges of its region; kept up after it left them first where that counts.
+    outside: bool,
     recorded: Vec<&'a [f64]>,
     drive: Option<Drive<'a>>,
     /// Slots of driven inputs, and which.
@@ -404,6 +461,7 @@ impl<'a> Track<'a> {
             limit,
             cell,
             region: 0,
+            outside: false,
             recorded: kernel
                 .recorded
                 .iter()

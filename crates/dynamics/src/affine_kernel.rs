@@ -31,4 +31,22 @@ pub(crate) struct AffineKernel {
     /// Per region: ranges by slot.
     pub(crate) low: Aligned,
     pub(crate) high: Aligned,
+    /// Of a model that goes on otherwise outside of the ranges: how. `None` where a region's map holds everywhere.
+    pub(crate) beyond: Option<Beyond>,
+}
+
+/// How right sides are evaluated outside of the ranges: from the groups of latents themselves, as the general path does it.
+pub(crate) struct Beyond {
+    /// Per group of latents: the slots of its functions.
+    pub(crate) functions: Vec<Vec<usize>>,
+    /// Per state.
+    pub(crate) sides: Vec<Side>,
+}
+
+/// The right side of an equation.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Side {
+    Number(f64),
+    Slot(usize),
+    Latent { group: usize, column: usize },
 }

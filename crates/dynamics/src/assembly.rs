@@ -13,8 +13,6 @@ use crate::{
     controller::{Controller, Driver},
     geometry::Geometry,
     integrate::typical_period,
-    kernel::padded,
-    ranges::Ranges,
     state::{State, advanced_states},
 };
 
@@ -50,7 +48,6 @@ impl Simulator {
         equations.extend(lags.iter().map(|lag| &lag.equation));
         let columns: Vec<&str> = model.columns.iter().map(|column| column.name.as_str()).collect();
         let compiled = Compiled::new(model, &columns, &equations, None)?;
-        let ranges = (0..compiled.groups.len()).filter_map(|group| ranges(model, &compiled, group)).collect();
         let first = model.latents.first().and_then(|latent| {
             let partition = |group: &Latents| compiled.partitions[group.regions].partition;
             compiled.groups.iter().find(|group| group.library == latent.library && partition(group) == latent.partition)
@@ -67,7 +64,6 @@ impl Simulator {
             ahead: 0,
             kernel: None,
             driver: None,
-            ranges,
             reported,
             geometry: Geometry::new(model, &states.iter().map(|state| state.column).collect::<Vec<_>>()),
             states,
@@ -126,25 +122,4 @@ impl Simulator {
         simulator.driver = Some(Driver::bind(controller, &mut simulator)?);
         Ok(simulator)
     }
-}
-
-/// The ranges of the regressors of a group of latents; `None` where its partition has no statistics of them.
-fn ranges(model: &Model, compiled: &Compiled, group: usize) -> Option<Ranges> {
-    let partition = compiled.partitions[compiled.groups[group].regions].partition;
-    let functions = model.libraries[compiled.groups[group].library].len();
-    if model.summaries[partition].regions.iter().any(|region| region.range.len() != functions) {
-        return None;
-    }
-    let kept = &compiled.groups[group].kept;
-    let width = padded(kept.len());
-    let bounds = |end: usize, pad: f64| -> Vec<f64> {
-        let regions = &model.summaries[partition].regions;
-        regions
-            .iter()
-            .flat_map(|region| {
-                kept.iter().map(|&j| region.range[j][end]).chain(std::iter::repeat(pad)).take(width).collect::<Vec<_>>()
-            })
-            .collect()
-    };
-    Some(Ranges { group, width, low: bounds(0, f64::NEG_INFINITY), high: bounds(1, f64::INFINITY) })
 }

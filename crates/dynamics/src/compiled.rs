@@ -56,6 +56,10 @@ pub(crate) struct Latents {
     pub(crate) matrices: Vec<f64>,
     /// Per region: width.
     pub(crate) constants: Vec<f64>,
+    /// Of the functions in use in training, where the partition has statistics of them.
+    pub(crate) ranges: Option<Ranges>,
+    /// Functions in use x width: the coefficients outside of a region's ranges ([`fleetfoot_model::Latent::beyond`]). `None` where a region's own hold everywhere.
+    pub(crate) beyond: Option<Vec<f64>>,
 }
 
 /// Memory of [`Compiled::evaluate`], reused from call to call. Column-major with `stride` values a column.
@@ -72,6 +76,7 @@ pub(crate) struct Workspace {
     features: Vec<f64>,
     inputs: Vec<f64>,
     row: Vec<f64>,
+    excess: Vec<f64>,
     scratch: Scratch,
 }
 
@@ -131,20 +136,20 @@ impl Compiled {
         })
     }
 
-    /// [`Self::evaluate_within`] no ranges.
+    /// [`Self::evaluate_within`] no ranges but those that the model keeps.
     pub(crate) fn evaluate<'a>(&self, rows: usize, leaf: &dyn Fn(Leaf) -> &'a [f64], workspace: &mut Workspace) {
-        self.evaluate_within(rows, leaf, &[], workspace);
+        self.evaluate_within(rows, leaf, false, workspace);
     }
 
     /// Evaluates `rows` rows; `leaf` gives a column (with its lag) or time as a slice of at least that many values.
     ///
-    /// The right sides' values are in `workspace.outputs`; they are NaN where a row has no region. The affine maps of groups that have ranges in `held` take a
-    /// function that is outside of its region's range at the border of it.
+    /// The right sides' values are in `workspace.outputs`; they are NaN where a row has no region. With `hold` every affine map
+    /// takes a function that is outside of its region's range at the border of it.
     pub(crate) fn evaluate_within<'a>(
         &self,
         rows: usize,
         leaf: &dyn Fn(Leaf) -> &'a [f64],
-        held: &[Ranges],
+        hold: bool,
         workspace: &mut Workspace,
     ) {
         // Columns that are a power of two apart would fall on the same cache lines.
@@ -156,9 +161,8 @@ impl Compiled {
         let leaves: Vec<&[f64]> = self.functions.leaves().iter().map(|&l| leaf(l)).collect();
         self.functions.evaluate(&leaves, rows, &mut workspace.values, stride, &mut workspace.scratch);
         self.assign(rows, workspace);
-        for (at, group) in self.groups.iter().enumerate() {
-            let held = held.iter().find(|ranges| ranges.group == at);
-            fleetfoot_data::arch().dispatch(EvaluateLatents { group, rows, held, workspace });
+        for group in &self.groups {
+            fleetfoot_data::arch().dispatch(EvaluateLatents { group, rows, hold, workspace });
         }
         let leaves: Vec<&[f64]> = self
             .rights
@@ -215,7 +219,7 @@ impl Compiled {
 struct EvaluateLatents<'a> {
     group: &'a Latents,
     rows: usize,
-    held: Option<&'a Ranges>,
+    hold: bool,
     workspace: &'a mut Workspace,
 }
 
@@ -224,7 +228,7 @@ impl pulp::WithSimd for EvaluateLatents<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
-        self.group.evaluate(self.rows, self.held, self.workspace);
+        self.group.evaluate(self.rows, self.hold, self.workspace);
     }
 }
 
@@ -256,8 +260,13 @@ impl Latents {
             return;
         };
         out.copy_from_slice(&matrix[..functions * width]);
-        let Some((basis, places)) = &self.basis else { return };
         let value = |column: usize| workspace.values[column * workspace.stride + row];
+        if let (Some(beyond), Some(ranges)) = (&self.beyond, &self.ranges) {
+            for j in (0..functions).filter(|&j| ranges.is_outside(region, j, value(self.first + j))) {
+                out[j * width..][..width].copy_from_slice(&beyond[j * width..][..width]);
+            }
+        }
+        let Some((basis, places)) = &self.basis else { return };
         let inputs: Vec<f64> = places.iter().map(|&place| value(self.first + place)).collect();
         let values: Vec<f64> = (0..basis.count()).map(|own| value(self.basis_first + own)).collect();
         let mut slopes = vec![0.0; inputs.len()];
@@ -270,13 +279,38 @@ impl Latents {
         }
     }
 
+    /// The latents of affine maps in a region, from the functions in use; these are moved to the border of the ranges where the model goes on from there.
     #[inline(always)]
-    fn evaluate(&self, rows: usize, held: Option<&Ranges>, workspace: &mut Workspace) {
-        let Workspace { stride, values, regions, latents, features, inputs, row: out, .. } = workspace;
+    pub(crate) fn affine(&self, region: usize, functions: &mut [f64], excess: &mut [f64], out: &mut [f64]) {
+        let beyond = match (&self.beyond, &self.ranges) {
+            (Some(beyond), Some(ranges)) => ranges.split(region, functions, excess).then_some(beyond),
+            _ => None,
+        };
+        let length = functions.len() * self.width;
+        let constants = &self.constants[region * self.width..][..self.width];
+        affine(&self.matrices[region * length..][..length], constants, functions, out);
+        for (slopes, &excess) in beyond.into_iter().flat_map(|beyond| beyond.chunks_exact(self.width)).zip(&*excess) {
+            out.iter_mut().zip(slopes).for_each(|(out, slope)| *out = slope.mul_add(excess, *out));
+        }
+    }
+
+    /// The value of a feature of a row as the maps of its region take it, after [`Compiled::evaluate`].
+    pub(crate) fn feature(&self, (region, feature): (usize, usize), row: usize, workspace: &Workspace) -> f64 {
+        let value = workspace.values[self.column(feature) * workspace.stride + row];
+        match &self.ranges {
+            Some(ranges) if self.beyond.is_some() => ranges.held(region, feature, value),
+            _ => value,
+        }
+    }
+
+    #[inline(always)]
+    fn evaluate(&self, rows: usize, hold: bool, workspace: &mut Workspace) {
+        let Workspace { stride, values, regions, latents, features, inputs, row: out, excess, .. } = workspace;
         let (stride, count) = (*stride, self.features.len());
         features.resize(count, 0.0);
         inputs.resize(self.inputs().len(), 0.0);
         out.resize(self.width, 0.0);
+        excess.resize(self.kept.len(), 0.0);
         for row in 0..rows {
             let region = regions[self.regions][row] as usize;
             if region * self.width >= self.constants.len() {
@@ -289,8 +323,12 @@ impl Latents {
             for (j, feature) in functions.iter_mut().enumerate() {
                 *feature = values[(self.first + j) * stride + row];
             }
-            if let Some(ranges) = held {
+            if let (true, Some(ranges)) = (hold, &self.ranges) {
                 ranges.hold(region, functions);
+            } else if self.beyond.is_some() {
+                self.affine(region, functions, excess, out);
+                self.slots.iter().zip(&*out).for_each(|(&slot, &value)| latents[slot * stride + row] = value);
+                continue;
             }
             if let Some((basis, places)) = &self.basis {
                 inputs.iter_mut().zip(places).for_each(|(input, &place)| *input = functions[place]);
@@ -311,7 +349,7 @@ impl Latents {
 impl Latents {
     /// The affine maps of a group, whose functions begin at `first` among the outputs; `regions` is the place of its partition among those in use.
     fn new(model: &Model, group: LatentGroup, regions: usize, first: usize) -> Self {
-        let inputs = group.inputs();
+        let (inputs, ranges) = (group.inputs(), Ranges::new(model, &group));
         let LatentGroup { library, partition, latents: slots, functions: kept, basis } = group;
         let functions = model.libraries[library].len();
         let own = functions..functions + basis.as_ref().map_or(0, Basis::count);
@@ -329,7 +367,27 @@ impl Latents {
                 }
             }
         }
+        let goes_on = slots.iter().any(|&slot| !model.latents[slot].beyond.is_empty());
+        let slopes = |j: &usize| {
+            let own = slots.iter().map(|&slot| model.latents[slot].beyond.get(*j).copied().unwrap_or(0.0));
+            own.chain(std::iter::repeat(0.0)).take(width).collect::<Vec<_>>()
+        };
+        let beyond = goes_on.then(|| kept.iter().flat_map(slopes).collect());
         let basis = basis.map(|basis| (basis, inputs));
-        Self { regions, library, first, kept, features, basis, basis_first: 0, slots, width, matrices, constants }
+        Self {
+            regions,
+            library,
+            first,
+            kept,
+            features,
+            basis,
+            basis_first: 0,
+            slots,
+            width,
+            matrices,
+            constants,
+            ranges,
+            beyond,
+        }
     }
 }

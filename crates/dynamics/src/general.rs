@@ -4,7 +4,7 @@ use fleetfoot_library::Leaf;
 
 use crate::{
     End, Method, Outside, RolloutOptions, Simulator, Trajectory, compiled::Workspace, controller::Drive,
-    integrate::runge_kutta_mean, kernel::within, ranges::Ranges, run::Run,
+    integrate::runge_kutta_mean, kernel::within, run::Run,
 };
 
 /// The columns of a batch over time: row `history + k` holds the values at step k, one a trajectory.
@@ -56,8 +56,8 @@ struct Batch<'a> {
     regions: Vec<u32>,
     /// The controllers of a closed loop, one a trajectory; none in an open loop.
     drives: Vec<Drive<'a>>,
-    /// The ranges that regressors are held within; none where they are not.
-    held: &'a [Ranges],
+    /// Whether regressors are held within the ranges of training.
+    hold: bool,
 }
 
 /// Simulates a batch of complete windows.
@@ -143,13 +143,13 @@ impl<'a> Batch<'a> {
             uncorrected: vec![Vec::new(); count],
             regions: Vec::with_capacity(horizon * count),
             drives,
-            held: if options.outside == Outside::Hold { &simulator.ranges } else { &[] },
+            hold: options.outside == Outside::Hold,
         }
     }
 
     /// Right sides at a stage: states x trajectories.
     fn slopes(&mut self, stage: &Stage<'_>) -> Vec<f64> {
-        let Self { simulator, columns, workspace, time_lags, held, .. } = self;
+        let Self { simulator, columns, workspace, time_lags, hold, .. } = self;
         let (count, step) = (columns.count, stage.step as i64);
         let times: Vec<Vec<f64>> = time_lags
             .iter()
@@ -170,7 +170,7 @@ impl<'a> Batch<'a> {
                 }
             }
         };
-        simulator.compiled.evaluate_within(count, &leaf, held, workspace);
+        simulator.compiled.evaluate_within(count, &leaf, *hold, workspace);
         let mut slopes = vec![0.0; simulator.states.len() * count];
         for (slope, output) in slopes.chunks_exact_mut(count).zip(workspace.outputs.chunks_exact(workspace.stride)) {
             slope.copy_from_slice(&output[..count]);
@@ -276,8 +276,8 @@ impl<'a> Batch<'a> {
 
     /// Whether the regressors of every latent are within the ranges of their region.
     fn inside(&self, b: usize) -> bool {
-        self.simulator.ranges.iter().all(|ranges| {
-            let group = &self.simulator.compiled.groups[ranges.group];
+        self.simulator.compiled.groups.iter().all(|group| {
+            let Some(ranges) = &group.ranges else { return true };
             let region = self.workspace.regions.get(group.regions).map_or(0, |regions| regions[b]);
             let mut features = vec![0.0; ranges.width];
             for (j, feature) in features[..group.kept.len()].iter_mut().enumerate() {

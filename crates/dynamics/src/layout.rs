@@ -5,7 +5,7 @@ use fleetfoot_model::{Equation, Model};
 
 use crate::{
     Simulator,
-    affine_kernel::AffineKernel,
+    affine_kernel::{AffineKernel, Beyond, Side},
     aligned::Aligned,
     cell::Cells,
     compiled::Latents,
@@ -95,6 +95,7 @@ impl AffineKernel {
             angles: (0..states).filter(|&s| simulator.states[s].advance.angle).collect(),
             low: Aligned::new(cells.count() * slot_count, f64::NEG_INFINITY),
             high: Aligned::new(cells.count() * slot_count, f64::INFINITY),
+            beyond: terms.beyond(simulator),
             cells,
         };
         for (i, slot) in slots.others.clone().into_iter().enumerate() {
@@ -142,9 +143,10 @@ impl AffineKernel {
 
     /// Lays out a region's training ranges by slot.
     fn fill_ranges(&mut self, simulator: &Simulator, terms: &Terms, region: usize) {
-        for ranges in &simulator.ranges {
-            for j in 0..simulator.compiled.groups[ranges.group].kept.len() {
-                let to = region * self.slots + terms.slots[terms.first[ranges.group] + j];
+        for (group, &first) in simulator.compiled.groups.iter().zip(&terms.first) {
+            let Some(ranges) = &group.ranges else { continue };
+            for j in 0..group.kept.len() {
+                let to = region * self.slots + terms.slots[first + j];
                 self.low[to] = self.low[to].max(ranges.low[region * ranges.width + j]);
                 self.high[to] = self.high[to].min(ranges.high[region * ranges.width + j]);
             }
@@ -189,17 +191,20 @@ impl Terms {
         Some(Self { slots: terms, first, sides, dense, rows })
     }
 
+    /// Where its values are found outside of the ranges, of a model that goes on otherwise there.
+    fn beyond(&self, simulator: &Simulator) -> Option<Beyond> {
+        let groups = &simulator.compiled.groups;
+        let slots = |(group, &first): (&Latents, &usize)| self.slots[first..first + group.kept.len()].to_vec();
+        groups.iter().any(|group| group.beyond.is_some()).then(|| Beyond {
+            functions: groups.iter().zip(&self.first).map(slots).collect(),
+            sides: self.sides.clone(),
+        })
+    }
+
     /// The matrix row of a term.
     fn row(&self, term: usize) -> usize {
         if self.dense { self.slots[term] } else { term }
     }
-}
-
-/// The right side of an equation.
-enum Side {
-    Number(f64),
-    Slot(usize),
-    Latent { group: usize, column: usize },
 }
 
 fn right_sides(

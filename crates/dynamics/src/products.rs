@@ -314,8 +314,7 @@ impl Along<'_> {
             };
             features.clear();
             features.push(1.0);
-            features
-                .extend((0..group.features.len()).map(|j| workspace.values[group.column(j) * workspace.stride + k]));
+            features.extend((0..group.features.len()).map(|j| group.feature((region, j), k, workspace)));
             let met = Met { numbers, width: group.width, features };
             for &(row, slot) in &self.places.readers {
                 let Some(latent) = group.slots.iter().position(|&own| own == slot) else { continue };

@@ -177,14 +177,15 @@ impl<'a> Recursion<'a> {
     /// What the right sides change by the coefficients themselves.
     fn sources(&mut self, stage: &Stage, k: usize) {
         let (states, width, compiled) = (self.simulator.states.len(), self.width, &self.simulator.compiled);
-        let Workspace { stride, values, regions, .. } = &stage.workspace;
+        let regions = &stage.workspace.regions;
         let latents = stage.slopes.by_latents.len() / (stage.offset.len() * states).max(1);
         for (group, columns) in compiled.groups.iter().zip(&self.columns) {
             let region = regions.get(group.regions).map_or(0, |regions| regions[k] as usize);
             let Some(Some(columns)) = columns.get(region) else { continue };
             self.features.clear();
             self.features.push(1.0);
-            self.features.extend((0..group.features.len()).map(|j| values[group.column(j) * stride + k]));
+            let feature = |j| group.feature((region, j), k, &stage.workspace);
+            self.features.extend((0..group.features.len()).map(feature));
             let count = self.features.len();
             for &(row, slot) in &self.places.readers {
                 let Some(latent) = group.slots.iter().position(|&own| own == slot) else { continue };

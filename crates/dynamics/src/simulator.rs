@@ -6,7 +6,7 @@ use fleetfoot_model::Model;
 
 use crate::{
     Error, RolloutOptions, affine_kernel::AffineKernel, compiled::Compiled, controller::Driver, geometry::Geometry,
-    ranges::Ranges, run::Run, state::State, window::Window,
+    run::Run, state::State, window::Window,
 };
 
 /// A model compiled for rollouts.
@@ -26,8 +26,6 @@ pub struct Simulator {
     /// Columns that are computed, over the others.
     pub(crate) computed: Vec<(String, Expr)>,
     pub(crate) compiled: Compiled,
-    /// Of every group of latents that has statistics.
-    pub(crate) ranges: Vec<Ranges>,
     /// Index among the compiled partitions of the one whose regions are reported.
     pub(crate) reported: usize,
     /// Columns that are recorded and used, with the lags at which they are used: `(column, most, least)`.

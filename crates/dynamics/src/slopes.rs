@@ -122,8 +122,9 @@ impl Slopes {
         let mut out =
             SlopeRows { total: vec![0.0; rows * sides * width], by_latents: vec![0.0; rows * sides * latents] };
         let mut of_latents = vec![0.0; latents * width];
-        // Of a group with a basis, which change from row to row; the others are those of the matrix. A row without a region has no derivatives.
-        let functions = |group: &Latents| (!group.is_affine()).then(|| vec![0.0; group.kept.len() * group.width]);
+        // Of a group with a basis, or with slopes outside of ranges, which change from row to row; the others are those of the matrix. A row without a region has no derivatives.
+        let changes = |group: &Latents| !group.is_affine() || group.beyond.is_some();
+        let functions = |group: &Latents| changes(group).then(|| vec![0.0; group.kept.len() * group.width]);
         let mut by_functions: Vec<Option<Vec<f64>>> = compiled.groups.iter().map(functions).collect();
         let region =
             |group: &Latents, b: usize| workspace.regions.get(group.regions).map_or(0, |regions| regions[b] as usize);

@@ -408,6 +408,7 @@ fn with_parameters(model: &Model, parameters: &[Parameter]) -> Model {
     let partition = model.add_partition(Partition::whole(), vec![region]);
     let library = model.libraries.len() - 1;
     model.latents.extend(parameters.iter().map(|parameter| Latent {
+        beyond: Vec::new(),
         name: parameter.name.clone(),
         library,
         partition,

@@ -278,7 +278,7 @@ impl<'a> Closing<'a> {
 
 /// Whether any latent depends on a function.
 fn is_used(model: &Model, library: usize, function: usize) -> bool {
-    model.latents.iter().any(|latent| latent.library == library && latent.map.reads(function))
+    model.latents.iter().any(|latent| latent.library == library && latent.reads(function))
 }
 
 /// The seconds of a filter.

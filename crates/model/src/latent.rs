@@ -13,16 +13,26 @@ pub struct Latent {
     pub partition: usize,
     /// How its value follows from the functions, region by region.
     pub map: Map,
+    /// Coefficients of the functions outside of what a region saw in training; empty where the region's map is followed everywhere.
+    ///
+    /// With them the value is `map(h) + beyond'(f - h)`, where h are the functions' values f, held within the training ranges of the region
+    /// ([`RegionSummary::range`](crate::RegionSummary::range)): the region's map within them, and on from their border by slopes that all regions share.
+    pub beyond: Vec<f64>,
 }
 
 impl Latent {
+    /// Whether its value depends on a function of the library.
+    pub fn reads(&self, function: usize) -> bool {
+        self.map.reads(function) || self.beyond.get(function).is_some_and(|slope| *slope != 0.0)
+    }
+
     /// The constants and coefficients of a latent that is affine in its functions; `None` for another kind.
     ///
     /// Only what is about coefficients and nothing else asks for them: refits, bounds on linear maps, tables. Everything else reads [`Latent::map`].
     pub fn affine(&self) -> Option<&AffineMap> {
         match &self.map {
             Map::Affine(map) => Some(map),
-            Map::Radial(_) => None,
+            Map::Basis(_) => None,
         }
     }
 
@@ -30,7 +40,7 @@ impl Latent {
     pub fn affine_mut(&mut self) -> Option<&mut AffineMap> {
         match &mut self.map {
             Map::Affine(map) => Some(map),
-            Map::Radial(_) => None,
+            Map::Basis(_) => None,
         }
     }
 }

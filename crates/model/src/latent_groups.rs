@@ -67,7 +67,7 @@ impl Model {
             members.entry((latent.library, latent.partition, basis)).or_default().push(at);
         }
         let group = |((library, partition, basis), latents): ((_, _, usize), Vec<usize>)| {
-            let in_use = |&j: &usize| whole == Some(library) || latents.iter().any(|&at| self.latents[at].map.reads(j));
+            let in_use = |&j: &usize| whole == Some(library) || latents.iter().any(|&at| self.latents[at].reads(j));
             let functions: Vec<usize> = (0..self.libraries[library].len()).filter(in_use).collect();
             // A basis without weights is not computed.
             let is_read = |basis: &Basis| basis.inputs().iter().all(|input| functions.contains(input));

@@ -29,6 +29,7 @@
 
 mod affine_map;
 mod basis;
+mod basis_map;
 mod canonical;
 mod closed;
 mod column;
@@ -39,12 +40,13 @@ mod latent;
 mod latent_groups;
 mod lattice;
 mod map;
+mod map_array;
 mod map_kind;
+mod network;
 mod partition;
 mod phases;
 mod print;
 mod radial_functions;
-mod radial_map;
 mod region_pair;
 mod residual_correlation;
 mod rotation;
@@ -58,6 +60,7 @@ mod validate;
 
 pub use affine_map::AffineMap;
 pub use basis::{Basis, Definition};
+pub use basis_map::BasisMap;
 pub use closed::{Closed, ClosedError, FirstOrderLag, auxiliary_columns, check_simulated};
 pub use column::{Column, Role};
 pub use equation::{Equation, Prediction};
@@ -67,12 +70,13 @@ pub use latent::Latent;
 pub use latent_groups::{LaggedLatent, LatentGroup, partitions_in_use};
 pub use lattice::{Join, Lattice, Level};
 pub use map::Map;
-pub use map_kind::{MapArray, MapKind};
+pub use map_array::MapArray;
+pub use map_kind::MapKind;
+pub use network::{Activation, DenseLayer, Network};
 pub use partition::{Partition, Rule, UnseenLabel, join};
 pub use phases::{Passage, PhaseBins, Phases};
 pub use print::{describe, describe_transitions, factor};
 pub use radial_functions::RadialFunctions;
-pub use radial_map::RadialMap;
 pub use region_pair::{RegionPair, holm};
 pub use residual_correlation::ResidualCorrelation;
 pub use rotation::{RotationKind, RotationPart};
@@ -159,6 +163,15 @@ impl Model {
     /// The equations whose right side was fitted.
     pub fn fitted(&self) -> impl Iterator<Item = &Equation> {
         self.equations.iter().filter(|equation| equation.target.is_some())
+    }
+
+    /// How the maps of a partition go on outside of the training ranges of a region, for people, where it is not by themselves.
+    pub fn outside_in_words(&self, partition: usize) -> Option<&'static str> {
+        let latent = self.latents.iter().find(|own| own.partition == partition && !own.beyond.is_empty())?;
+        Some(match latent.beyond.iter().all(|slope| *slope == 0.0) {
+            true => "its map keeps the value at their border",
+            false => "its map goes on from their border with the slopes of the one-region model",
+        })
     }
 
     /// Whether any equation advances time by one sample instead of integrating a derivative.

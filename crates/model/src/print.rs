@@ -105,6 +105,9 @@ fn describe_partition(out: &mut String, model: &Model, index: usize, limit: usiz
         let columns: Vec<String> = partition.columns.iter().map(ToString::to_string).collect();
         let _ = writeln!(out, "  on {}", columns.join(", "));
     }
+    if let Some(how) = model.outside_in_words(index) {
+        let _ = writeln!(out, "  outside the training ranges of a region {how}");
+    }
     if let Some(lattice) = &partition.lattice {
         describe_joins(out, partition, lattice);
     }
@@ -233,7 +236,7 @@ fn describe_level(out: &mut String, level: &Level, own: bool) {
 
 fn terms(model: &Model, latent: &Latent, region: usize) -> String {
     let constant = latent.map.constant(region);
-    let used: Vec<(Expr, f64)> = (model.terms(latent, region).into_iter())
+    let used: Vec<(Expr, f64)> = (model.terms_for_people(latent, region).into_iter())
         .filter_map(|(function, value)| function.filter(|_| value != 0.0).map(|function| (function, value)))
         .collect();
     let mut text = if constant != 0.0 || used.is_empty() { short(constant) } else { String::new() };

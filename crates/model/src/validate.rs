@@ -1,6 +1,6 @@
 //! A model's parts must fit together before anybody computes with it.
 
-use crate::{Join, Model, Partition, Prediction, RegionSummary, Role, Rule, Summary};
+use crate::{Join, Latent, Model, Partition, Prediction, RegionSummary, Role, Rule, Summary};
 
 impl Model {
     /// Checks that indices, lengths and names agree; the message says what does not.
@@ -32,6 +32,7 @@ impl Model {
                 .ok_or_else(|| format!("{name}: no partition {}", latent.partition))?;
             let regions = partition.rule.count();
             latent.map.check(library.len(), regions).map_err(|problem| format!("{name}: {problem}"))?;
+            self.check_beyond(latent, library.len()).map_err(|problem| format!("{name}: {problem}"))?;
         }
         for equation in &self.equations {
             let subject = &equation.subject;
@@ -76,6 +77,25 @@ impl Model {
             }
         }
         Ok(())
+    }
+
+    /// Slopes outside of training ranges need ranges, and hold for all latents of a partition or for none.
+    fn check_beyond(&self, latent: &Latent, functions: usize) -> Result<(), String> {
+        let owner = self.latents.iter().find(|own| own.partition == latent.partition);
+        match latent.beyond.len() {
+            length if owner.is_some_and(|own| own.beyond.len() != length) => {
+                Err("the latents of one partition differ in what holds outside of training".to_owned())
+            }
+            0 => Ok(()),
+            length if length != functions => {
+                Err(format!("{length} slopes outside of training for {functions} functions"))
+            }
+            _ if latent.affine().is_none() => Err("slopes outside of training for a map that is not affine".to_owned()),
+            _ if self.summaries[latent.partition].regions.iter().any(|region| region.range.len() != functions) => {
+                Err("slopes outside of training without the training ranges of the regions".to_owned())
+            }
+            _ => Ok(()),
+        }
     }
 
     /// The first coefficient or constant that is NaN or infinite, in words; `None` for a model that can be used.

@@ -8,13 +8,14 @@ use fleetfoot_model::{AffineMap, Latent, Model, Partition, RegionSummary, Traine
 use fleetfoot_stats::SquareRoot;
 
 use crate::{
-    Problem, Specification, complete::Fit, errors::Errors, region_model::RegionModel, residual::Scatter, select::Order,
+    Options, Outside, Problem, Specification, complete::Fit, errors::Errors, region_model::RegionModel,
+    residual::Scatter, select::Order,
 };
 
 impl Fit<'_> {
     /// Assembles the model of a candidate.
     ///
-    /// `scatter` is that of its residuals by region, where no statistic tells it, `roots` the square-root form of each region's rows.
+    /// `scatter` is that of its residuals by region, where no statistic tells it, `roots` the square-root form of each region's rows, `average` the one-region model.
     pub(crate) fn model(
         &self,
         order: &Order,
@@ -22,7 +23,7 @@ impl Fit<'_> {
         errors: &Errors,
         scatter: Option<&Scatter>,
         source: &dyn Source,
-        roots: &BTreeMap<u32, SquareRoot>,
+        (roots, average): (&BTreeMap<u32, SquareRoot>, &RegionModel),
     ) -> Model {
         let statistic = self.statistic(candidate);
         let candidate = &self.segmentation.candidates[candidate];
@@ -73,6 +74,7 @@ impl Fit<'_> {
             ..Training::default()
         };
         let mut model = assembled(self.problem, (partition, regions), library, &order.full, training);
+        go_on_outside(&mut model, average, self.options);
         if order.continuity.is_some() {
             model.method.push_str(", continuous");
         }
@@ -96,6 +98,7 @@ pub(crate) fn assembled(
         .filter(|equation| equation.target.is_some())
         .enumerate()
         .map(|(t, equation)| Latent {
+            beyond: Vec::new(),
             // Its plain name, without the backticks that an odd one has within expressions.
             name: equation.right.as_column().map_or_else(|| equation.right.to_string(), str::to_owned),
             library: 0,
@@ -114,6 +117,22 @@ pub(crate) fn assembled(
     model.add_partition(partition, regions);
     model.equations = problem.equations.clone();
     model
+}
+
+/// Gives a model of several regions what holds outside of their training ranges.
+pub(crate) fn go_on_outside(model: &mut Model, average: &RegionModel, options: &Options) {
+    let bounded = options.continuous || options.stability.is_some() || !options.ports.is_empty();
+    let several = model.partitions.first().is_some_and(|partition| partition.rule.count() > 1);
+    if bounded || !several || options.outside == Outside::Extrapolate {
+        return;
+    }
+    let slopes = |t: usize| average.coefficients.col(t).iter().copied();
+    for (t, latent) in model.latents.iter_mut().enumerate() {
+        latent.beyond = match options.outside {
+            Outside::Average => slopes(t).collect(),
+            _ => vec![0.0; average.coefficients.nrows()],
+        };
+    }
 }
 
 /// A region as its rows were; `regressors` is 0 for a null model, which has none.

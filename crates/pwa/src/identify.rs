@@ -139,7 +139,10 @@ impl Fit<'_> {
         let mut models: Vec<Model> = kept
             .iter()
             .zip(errors.residuals.iter().zip(&roots))
-            .map(|(&kept, (scatter, roots))| self.model(&orders[kept], kept, &errors, scatter.as_ref(), source, roots))
+            .map(|(&kept, (scatter, roots))| {
+                let own = (roots, &base.average);
+                self.model(&orders[kept], kept, &errors, scatter.as_ref(), source, own)
+            })
             .collect();
         for (((model, walks), &kept), roots) in models.iter_mut().zip(errors.walks).zip(&kept).zip(&roots) {
             if let (Some(partition), Some(walks)) = (model.partitions.first_mut(), walks) {

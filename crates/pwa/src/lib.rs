@@ -80,7 +80,7 @@ pub use partition_note::{Finding, PartitionNote, SampleMethod};
 pub use phase::{Phase, PhaseKind};
 pub use plans::system;
 pub use port::Port;
-pub use problem::{Options, Problem, Selection, Shrinkage};
+pub use problem::{Options, Outside, Problem, Selection, Shrinkage};
 pub use specification::{Specification, SpecificationError, Within};
 pub use stable::{Contracting, PassiveRegion, Passivity, RegionWeight, Stability, StableRegion};
 pub use summed::{Summed, SummedPartition, SummedRows, identify_summed};

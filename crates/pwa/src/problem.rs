@@ -62,6 +62,8 @@ pub struct Options {
     pub continuous: bool,
     /// A phase along which regions are counted, and from stride to stride; rows without it do not train.
     pub phase: Option<Phase>,
+    /// Outside of what a region saw in training.
+    pub outside: Outside,
     /// Bytes for the rows that k-means keeps; beyond it a hashed sample is clustered.
     pub memory: usize,
 }
@@ -86,6 +88,7 @@ impl Default for Options {
             keep_all: false,
             continuous: false,
             phase: None,
+            outside: Outside::Extrapolate,
             memory: 512 << 20,
         }
     }
@@ -100,6 +103,20 @@ impl Options {
             Some(rows) => Purge::Exactly(rows.max(shared)),
         }
     }
+}
+
+/// How a model of several regions goes on where a regressor leaves the range that its region saw in training.
+///
+/// Maps that meet at borders, and maps that are bounded, are followed everywhere: what they promise holds of the maps themselves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Outside {
+    /// From the border of the range on by the slopes of the one-region model.
+    Average,
+    /// As at the border of the range.
+    Hold,
+    /// By the map of the region.
+    #[default]
+    Extrapolate,
 }
 
 /// How one of several partitions is chosen.

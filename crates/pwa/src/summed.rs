@@ -12,7 +12,7 @@ use fleetfoot_stats::{Basis, Estimate, Gram, SquareRoot};
 
 use crate::{
     Error, Identification, Options, Problem, Score, Specification,
-    assemble::{assembled, described},
+    assemble::{assembled, described, go_on_outside},
     fit::Roots,
     identification::{coefficients, mark},
     notes::{confounded, no_better},
@@ -93,7 +93,11 @@ pub fn identify_summed(
     let (chosen, rule) = choose(options.selection, &specifications, &orders);
     let q = base.root.targets();
     let sigma: Vec<f64> = (0..q).map(|t| (rows.scales.get(t, t) / rows.scales.weight).sqrt()).collect();
-    let model = |at: usize| sums.model((problem, options), &partitions[at], &orders[at], &candidates[at], rows);
+    let model = |at: usize| {
+        let mut model = sums.model((problem, options), &partitions[at], &orders[at], &candidates[at], rows);
+        go_on_outside(&mut model, &base.average, options);
+        model
+    };
     let models = if options.keep_all { (0..orders.len()).map(model).collect() } else { Vec::new() };
     let (model, roots) = (model(chosen), sums.training(candidates[chosen].full, None));
     let mut notes = Vec::new();

@@ -35,9 +35,9 @@ pub use recipe::{
     Criterion, Derivative, Effort, EpisodeRule, EstimateKind, EstimateMethod, EstimateSection, FilterNoise,
     FilterSection, FilterSwitching, Frame, Gap, GivenAs, Gravity, Input, InputTable, Join, JoinTable, JointSection,
     Kind, Lags, LatentSection, LibrarySection, Limits, MOST_STEPS, ModelSection, Mounting, NarxSection, NarxSelection,
-    NarxTerms, Normalize, Objective, Over, ParameterSection, PartitionChoice, PhaseColumn, Port, PortList,
-    PrepareMethod, PrepareSection, PwaSection, Recipe, ResimulateSection, SensorKind, SensorSection, Settings,
-    SindyOptimizer, SindySection, SmoothStates, SpanDerivative, SparseSection, State, TaskSection, Time, Tunable,
-    UnseenLabels, seed, whole,
+    NarxTerms, Normalize, Objective, OutsideRanges, Over, ParameterSection, PartitionChoice, PhaseColumn, Port,
+    PortList, PrepareMethod, PrepareSection, PwaSection, Recipe, ResimulateSection, SensorKind, SensorSection,
+    Settings, SindyOptimizer, SindySection, SmoothStates, SpanDerivative, SparseSection, State, TaskSection, Time,
+    Tunable, UnseenLabels, seed, whole,
 };
 pub use request::{Cause, RequestError};

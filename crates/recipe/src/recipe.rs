@@ -43,7 +43,7 @@ pub use objective::{MOST_STEPS, Objective};
 pub use phase::PhaseColumn;
 pub use ports::{Port, PortList};
 pub use prepare::{Limits, PrepareMethod, PrepareSection};
-pub use pwa::{PartitionChoice, PwaSection, UnseenLabels};
+pub use pwa::{OutsideRanges, PartitionChoice, PwaSection, UnseenLabels};
 pub use resimulate::ResimulateSection;
 use serde::{Deserialize, Serialize};
 pub use settings::{Settings, Tunable, seed};

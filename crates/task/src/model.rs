@@ -131,6 +131,7 @@ impl EquationTask {
             .map(|(region, b)| describe(region, partition.region_name(region), &used, b));
         let regions = regions.collect();
         let latents = self.fitted.iter().enumerate().map(|(t, equation)| Latent {
+            beyond: Vec::new(),
             name: equation.latent.clone(),
             library: 0,
             partition: 0,

@@ -117,6 +117,7 @@ impl Regulator {
             row
         };
         let latent = |name: &String, j: usize, grown: bool| Latent {
+            beyond: Vec::new(),
             name: name.clone(),
             library: 0,
             partition: 0,

@@ -15,6 +15,7 @@ fn model(b: [f64; 4]) -> Model {
     model.libraries = vec![vec![y.clone(), y.shifted(1), u]];
     model.add_partition(Partition::whole(), Vec::new());
     model.latents = vec![Latent {
+        beyond: Vec::new(),
         name: "f_y".into(),
         library: 0,
         partition: 0,

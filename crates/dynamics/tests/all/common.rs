@@ -7,8 +7,8 @@ use std::sync::Arc;
 use fleetfoot_data::{Column as DataColumn, MemorySource, packed};
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_model::{
-    AffineMap, Column, Equation, Gaussian, Latent, Model, Partition, Prediction, RadialMap, RegionSummary, Role, Rule,
-    Training,
+    AffineMap, Basis, BasisMap, Column, Equation, Gaussian, Latent, Model, Partition, Prediction, RegionSummary, Role,
+    Rule, Training,
 };
 
 /// A column of a model.
@@ -91,6 +91,7 @@ pub(crate) fn model(
         });
         let (constants, coefficients) = maps.into_iter().unzip();
         model.latents.push(Latent {
+            beyond: Vec::new(),
             name,
             library: 0,
             partition: 0,
@@ -124,7 +125,20 @@ pub(crate) fn with_radial(mut model: Model, inputs: &[usize], seed: u64) -> Mode
         let affine = latent.affine().unwrap().clone();
         let row = |region: usize| (0..4).map(|k| 0.3 * number(100 + 40 * at + 4 * region + k)).collect();
         let weights = (0..latent.map.regions()).map(row).collect();
-        latent.map = RadialMap { affine, radial: radial.clone(), weights }.into();
+        latent.map = BasisMap { affine, basis: Basis::Gaussian(radial.clone()), weights }.into();
+    }
+    model.validate().unwrap();
+    model
+}
+
+/// A model that goes on by other slopes outside of these ranges of all functions and regions; slopes from the seed.
+pub(crate) fn with_beyond(mut model: Model, range: [f64; 2], seed: u64) -> Model {
+    for region in model.summaries.iter_mut().flat_map(|summary| &mut summary.regions) {
+        region.range.fill(range);
+    }
+    for (at, latent) in model.latents.iter_mut().enumerate() {
+        let slope = |j: usize| 0.5 * noise(seed + 7000 + 50 * at as u64 + j as u64);
+        latent.beyond = (0..latent.map.features()).map(slope).collect();
     }
     model.validate().unwrap();
     model

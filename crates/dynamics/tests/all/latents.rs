@@ -28,6 +28,7 @@ fn shared() -> Model {
     for (name, constant, coefficients) in [("T", 2.0, vec![3.0, -1.0]), ("D", 0.0, vec![0.0, 0.5, 0.0])] {
         let index = model.add_partition(Partition::whole(), vec![region("all", coefficients.len(), 3)]);
         model.latents.push(Latent {
+            beyond: Vec::new(),
             name: name.into(),
             library: index,
             partition: index,

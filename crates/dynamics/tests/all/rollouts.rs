@@ -432,11 +432,14 @@ proptest! {
         (range, divergence) in (0.3f64..2.5, 0.2f64..4.0),
         outside in prop::sample::select(vec![Outside::Tell, Outside::End, Outside::Hold]),
         method in prop::sample::select(vec![Method::Euler, Method::Rk4]),
-        (horizon, stamps) in (1usize..50, any::<bool>()),
+        (horizon, stamps, beyond) in (1usize..50, any::<bool>(), any::<bool>()),
         count in 1usize..45,
     ) {
         let rows = 100;
         let (mut model, source) = random_hybrid(states, inputs, regions, rows);
+        if beyond {
+            model = with_beyond(model, [-range, range], 3);
+        }
         for (number, region) in model.summaries[0].regions.iter_mut().enumerate() {
             region.range = vec![[-range, range + 0.1 * number as f64]; states + inputs];
         }
@@ -559,6 +562,40 @@ fn what_leaves_the_training_domain_is_told_ended_or_held() {
             assert!((told.state(6)[0] / told.state(5)[0] - growth).abs() < 1e-14);
         }
     }
+}
+
+/// x' = 3 x seen from -1 to 2, and 0.5 x beyond: from the border on the slope is the other one, and by 0 the value is held.
+#[test]
+fn a_map_goes_on_from_the_border_by_other_slopes() {
+    let columns = vec![column("x", Role::State, false)];
+    let rule = Rule::voronoi(vec![vec![-10.0], vec![10.0]]);
+    let maps = vec![(0.0, vec![3.0]), (0.0, vec![3.0])];
+    let fitted = vec![("x", Prediction::Derivative, "1", maps)];
+    let mut model = model(columns, &["x"], partition(&["x"], &[0.0], &[1.0], rule), fitted, &[]);
+    model.summaries[0].regions.iter_mut().for_each(|region| region.range = vec![[-1.0, 2.0]]);
+    let source = source(&["x"], 0.5, vec![vec![vec![1.5; 9]]]);
+    for (slope, method) in [(0.5, Method::Euler), (0.0, Method::Euler), (0.5, Method::Rk4), (0.0, Method::Rk4)] {
+        model.latents[0].beyond = vec![slope];
+        let simulator = Simulator::new(&model).unwrap();
+        assert!(simulator.is_affine());
+        let found = one(&simulator, &source, 1, &options(6, method));
+        assert_eq!(found, one(&simulator.general(), &source, 1, &options(6, method)));
+        assert_eq!(found.left_domain, Some(1));
+        if method == Method::Euler {
+            for k in 1..6 {
+                let x = found.state(k)[0];
+                let expected = x + 0.5 * (3.0 * 2.0 + slope * (x - 2.0));
+                assert!((found.state(k + 1)[0] - expected).abs() < 1e-12, "{slope} {k}");
+            }
+        }
+    }
+    // A region without rows has no range, and its map holds everywhere.
+    model.summaries[0].regions[1].range = vec![[f64::INFINITY, f64::NEG_INFINITY]];
+    let found = one(&Simulator::new(&model).unwrap(), &source, 1, &options(3, Method::Euler));
+    assert!((found.state(3)[0] / found.state(2)[0] - 2.5).abs() < 1e-12);
+    // Half of the latents of a partition would be two maps in one.
+    model.latents[0].beyond = vec![0.5, 0.5];
+    assert!(model.validate().unwrap_err().contains("2 slopes outside of training for 1 functions"));
 }
 
 /// A region's own range holds its own map; what is given, and what is not a number, is not held.

@@ -71,6 +71,8 @@ fn tangled(seed: u64, prediction: Prediction, regions: usize) -> (Model, MemoryS
     // Every other model has radial functions too, of a function of earlier rows among others.
     if seed.is_multiple_of(2) {
         model = with_radial(model, &[5, 1, 3], seed);
+    } else if seed % 4 == 1 {
+        model = with_beyond(model, [-0.4, 0.5], seed);
     }
     let values = |shift: f64| (0..60).map(|k| (0.13 * k as f64 + shift).sin()).collect::<Vec<f64>>();
     let source = source(

@@ -119,6 +119,7 @@ fn right_sides_that_jump_come_to_an_end() {
     model.add_partition(partition, vec![region("0", 1, 1), region("1", 1, 1)]);
     let (constants, coefficients) = (vec![-1.0, 1.0], vec![vec![0.0], vec![0.0]]);
     model.latents.push(Latent {
+        beyond: Vec::new(),
         name: "f".into(),
         library: 0,
         partition: 0,

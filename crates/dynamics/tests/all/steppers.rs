@@ -1,6 +1,6 @@
 //! Models on values at hand: the bits of rollouts on a recording, and derivatives by finite differences.
 
-use crate::common::{column, identity, parse, region, source, with_radial};
+use crate::common::{column, identity, parse, region, source, with_beyond, with_radial};
 use fleetfoot_data::Silent;
 use fleetfoot_dynamics::{
     Course, Error, InputSequence, Integration, Method, Points, RolloutOptions, Simulator, Start, Step, Stepper,
@@ -37,6 +37,7 @@ fn model(prediction: [Prediction; 3]) -> Model {
         ("g", vec![0.1, 0.2], vec![vec![0.3, -0.6, 0.0, 0.0], vec![0.2, 0.5, 0.0, 0.1]]),
     ] {
         model.latents.push(Latent {
+            beyond: Vec::new(),
             name: name.into(),
             library: 0,
             partition: 0,
@@ -98,9 +99,9 @@ fn what_is_given_and_what_is_advanced() {
     assert!(matches!(Stepper::looking_ahead(&ahead), Err(Error::FutureState { state, ahead: 1 }) if state == "v"));
 }
 
-/// The model, and the same with radial functions of three of its four functions.
-fn both(kind: [Prediction; 3]) -> [Model; 2] {
-    [model(kind), with_radial(model(kind), &[3, 0, 1], 8)]
+/// The model, the same with radial functions of three of its four functions, and the same with other slopes outside of ranges that are left in most rows.
+fn both(kind: [Prediction; 3]) -> [Model; 3] {
+    [model(kind), with_radial(model(kind), &[3, 0, 1], 8), with_beyond(model(kind), [-0.2, 0.3], 9)]
 }
 
 #[test]

@@ -68,6 +68,7 @@ pub(crate) fn model(
             unit: None,
         });
         model.latents.push(Latent {
+            beyond: Vec::new(),
             name,
             library: 0,
             partition: 0,

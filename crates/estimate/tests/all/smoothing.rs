@@ -23,6 +23,7 @@ fn model(states: &[(&str, &str)], inputs: &[&str], functions: &[&str], period: f
     model.latents = states
         .iter()
         .map(|(name, _)| Latent {
+            beyond: Vec::new(),
             name: latent(name),
             library: 0,
             partition: 0,

@@ -4,8 +4,8 @@ use fleetfoot_data::setting::{
     CONSTRAINTS, CONTINUOUS, FIT_PARAMETERS, FIT_SINDY, FIT_SPARSE, HORIZON, OBJECTIVE, PASSIVE, PWA, SELECT, STABLE,
 };
 use fleetfoot_model::UnseenLabel;
-use fleetfoot_pwa::{Options, Selection, Shrinkage, Specification};
-use fleetfoot_recipe::{Objective, PartitionChoice, PwaSection, Recipe, Tunable, UnseenLabels, seed};
+use fleetfoot_pwa::{Options, Outside, Selection, Shrinkage, Specification};
+use fleetfoot_recipe::{Objective, OutsideRanges, PartitionChoice, PwaSection, Recipe, Tunable, UnseenLabels, seed};
 
 use crate::{
     error::Error,
@@ -68,6 +68,11 @@ impl PwaOptions {
         options.unseen = match section.unseen_labels {
             None | Some(UnseenLabels::Refuse) => UnseenLabel::Refuse,
             Some(UnseenLabels::Pool) => UnseenLabel::Pool,
+        };
+        options.outside = match section.outside {
+            None | Some(OutsideRanges::Average) => Outside::Average,
+            Some(OutsideRanges::Hold) => Outside::Hold,
+            Some(OutsideRanges::Extrapolate) => Outside::Extrapolate,
         };
         options.seed = seed("pwa", section.seed)?;
         let from_one = |what, number: Option<usize>, default| {

@@ -56,6 +56,7 @@ pub(super) fn model(
         let region = region(&spread, &within, range_of_kept, &residuals, &model.training);
         model.add_partition(Partition::whole(), vec![region]);
         model.latents.push(Latent {
+            beyond: Vec::new(),
             name: candidates.name.clone(),
             library: index,
             partition: index,

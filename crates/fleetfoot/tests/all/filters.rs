@@ -177,6 +177,7 @@ fn piecewise(prediction: Prediction) -> Model {
             0.4 * noise(region * 100 + i * 10 + j) + if i == j { if next { 0.7 } else { -1.0 } } else { 0.0 }
         };
         model.latents.push(Latent {
+            beyond: Vec::new(),
             name: name.clone(),
             library: 0,
             partition: 0,

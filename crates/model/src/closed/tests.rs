@@ -32,6 +32,7 @@ fn model(texts: &[&str], advanced: &[(&str, &str)], library: &[&str], partition:
     whole.columns = partition.iter().map(|text| parse(text)).collect();
     model.add_partition(whole, Vec::new());
     model.latents = vec![Latent {
+        beyond: Vec::new(),
         name: "f".into(),
         library: 0,
         partition: 0,

@@ -85,6 +85,7 @@ fn model(numbers: &[f64; 12]) -> Model {
     }];
     model.summaries = vec![(0..5).map(region).collect::<Vec<_>>().into()];
     model.latents = vec![Latent {
+        beyond: Vec::new(),
         name: "f_x".into(),
         library: 0,
         partition: 0,

@@ -1,7 +1,7 @@
 //! Models of all kinds for the tests of export, made from seeds.
 
 use fleetfoot_library::Expr;
-use fleetfoot_model::{Branch, Cut, Model, Prediction, Role, Rule, Tree, UnseenLabel};
+use fleetfoot_model::{Activation, Branch, Cut, Model, Prediction, Role, Rule, Tree, UnseenLabel};
 
 #[path = "maker.rs"]
 mod maker;
@@ -33,8 +33,13 @@ pub(crate) fn all() -> Vec<(&'static str, Model)> {
         ("hostile", hostile()),
         ("constant", constant()),
         ("lagged_regression", lagged_regression()),
+        ("beyond", beyond()),
         ("radial", radial()),
         ("radial_regions", radial_regions()),
+        ("network", network(Activation::Tanh)),
+        ("relu_network", network(Activation::Relu)),
+        ("softplus_network", network(Activation::Softplus)),
+        ("network_regions", network_regions()),
     ]
 }
 
@@ -60,6 +65,33 @@ pub(crate) fn radial_regions() -> Model {
     maker.latent("f_x", library, partition, 2.0);
     maker.latent("f_y", library, partition, 0.5);
     maker.radial(&[0, 1, 3], 5);
+    maker.equation("x", Prediction::Next, "f_x");
+    maker.equation("y", Prediction::Difference, "0.1*f_y");
+    maker.finish()
+}
+
+/// A network of two layers over two of three functions beside affine terms.
+pub(crate) fn network(activation: Activation) -> Model {
+    let mut maker = Maker::new(33, "network 5-3", &[("x", STATE), ("~a", STATE), ("u", INPUT)]);
+    let library = maker.library(&["x", "sin(a)", "u"]);
+    let partition = maker.partition("average", &[], Rule::Whole);
+    maker.latent("f_x", library, partition, 2.0);
+    maker.latent("f_a", library, partition, 2.0);
+    maker.network(&[1, 0], &[5, 3], activation);
+    maker.equation("x", Prediction::Derivative, "f_x - 0.1*x");
+    maker.equation("a", Prediction::Derivative, "f_a");
+    maker.finish()
+}
+
+/// One layer with weights of three regions, over a lagged function too.
+pub(crate) fn network_regions() -> Model {
+    let mut maker = Maker::new(34, "network 6", &[("x", STATE), ("y", STATE), ("u", INPUT)]);
+    let library = maker.library(&["x", "y", "u", "lag(x, 1)*u"]);
+    let rule = maker.voronoi(3, 2);
+    let partition = maker.partition("kmeans:3", &["x", "y"], rule);
+    maker.latent("f_x", library, partition, 2.0);
+    maker.latent("f_y", library, partition, 0.5);
+    maker.network(&[0, 1, 3], &[6], Activation::Tanh);
     maker.equation("x", Prediction::Next, "f_x");
     maker.equation("y", Prediction::Difference, "0.1*f_y");
     maker.finish()
@@ -113,6 +145,21 @@ pub(crate) fn pwa(regions: usize, seed: u64) -> Model {
     }
     maker.equation("yaw", Prediction::Derivative, "3*w");
     maker.finish()
+}
+
+/// The same with other slopes outside of narrow ranges, which most points leave.
+pub(crate) fn beyond() -> Model {
+    let mut model = pwa(4, 17);
+    for range in model.summaries.iter_mut().flat_map(|summary| &mut summary.regions).flat_map(|own| &mut own.range) {
+        let (centre, half) = ((range[0] + range[1]) / 2.0, (range[1] - range[0]) / 8.0);
+        *range = [centre - half, centre + half];
+    }
+    for (at, latent) in model.latents.iter_mut().enumerate() {
+        // One function counts outside of the ranges alone.
+        latent.beyond = (0..latent.map.features()).map(|j| 0.3 * j as f64 - 0.2 * at as f64).collect();
+    }
+    model.validate().unwrap_or_else(|problem| panic!("{problem}"));
+    model
 }
 
 /// The z-score ball, next values.

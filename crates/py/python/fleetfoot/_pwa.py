@@ -73,6 +73,10 @@ class PWA(Identifier):
         ``fleetfoot show --transitions`` tells them.
     unseen_labels : {"refuse", "pool"}, default="refuse"
         What happens to labels that training did not see: an error, or a model fitted on all rows.
+    outside : {"average", "hold", "extrapolate"}, default="average"
+        How a model of several regions goes on where a regressor leaves the range that its region saw in training: by
+        the slopes of the one-region model from the border of the range on, with the value there, or by the map of the
+        region. Maps that are bounded, or meet at borders, always extrapolate.
     seed, restarts, iterations : int, default=0, 1, 100
         Of k-means.
     tsqr : bool, default=False
@@ -125,6 +129,7 @@ class PWA(Identifier):
         passive: str | Mapping[str, str] | None = None,
         phase: str | None = None,
         unseen_labels: Literal["refuse", "pool"] = "refuse",
+        outside: Literal["average", "hold", "extrapolate"] = "average",
         seed: int = 0,
         restarts: int = 1,
         iterations: int = 100,
@@ -159,6 +164,7 @@ class PWA(Identifier):
         self.passive = passive
         self.phase = phase
         self.unseen_labels = unseen_labels
+        self.outside = outside
         self.seed = seed
         self.restarts = restarts
         self.iterations = iterations
@@ -192,6 +198,7 @@ class PWA(Identifier):
             passive=self._ports(),
             phase=self._said("phase"),
             unseen_labels=self._said("unseen_labels"),
+            outside=self._said("outside"),
             # The recipe has MiB.
             memory=None if memory is None else memory / 2**20,
             tsqr=self._said("tsqr"),

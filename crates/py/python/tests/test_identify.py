@@ -363,6 +363,7 @@ def test_autoregressions_range_over_gleaned_rows():
 WORDS = {
     "select": ("bic", "cv"),
     "unseen_labels": ("pool", "refuse"),
+    "outside": ("hold", "average"),
     "order": ("auto", "fixed"),
     "effort": ("low", "high"),
     "ensemble": ("chunks:5", "library:5"),

@@ -32,6 +32,18 @@ pub enum UnseenLabels {
     Pool,
 }
 
+/// How a model of several regions goes on outside of the ranges that they saw in training.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum OutsideRanges {
+    /// From the border of the range on by the slopes of the one-region model.
+    Average,
+    /// With the value at the border of the range.
+    Hold,
+    /// By the map of the region, however far.
+    Extrapolate,
+}
+
 settings! {
     pwa, |_, _| {};
     /// How a piecewise-affine model is found. Every entry is the flag of `fit pwa` of the same name.
@@ -72,6 +84,10 @@ settings! {
         /// What happens to labels that were not seen in training (default: refuse).
         #[arg(long, value_enum, value_name = "WHAT")]
         pub unseen_labels: UnseenLabels,
+        /// How a model of several regions goes on where a regressor leaves the range that its region saw in training; maps that are bounded or meet at borders always
+        /// extrapolate (default: average).
+        #[arg(long, value_enum, value_name = "WHAT")]
+        pub outside: OutsideRanges,
         /// Seed of k-means++ (default: 0).
         #[arg(long, value_name = "SEED")]
         pub seed: u64,
