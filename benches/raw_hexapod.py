@@ -1,4 +1,4 @@
-"""The tables `raw_hexapod` and `raw_models` of docs/results.md: the simulated hexapod's raw logs, of three computers, jittered and with gross errors, against the truth.
+"""The tables `raw_hexapod` and `raw_models` of docs/results/hexapod-raw-logs.md: the simulated hexapod's raw logs, of three computers, jittered and with gross errors, against the truth.
 
 Runs of 120 s, ten unless `results.py --seeds` says otherwise, and models of a fleet of runs. `fleetfoot prepare` has what a real robot would log; the rows of truth are those of the same seed, written as Parquet.
 """
@@ -362,7 +362,7 @@ WORLD = {
     "walk of the force's bias, m/s^3/sqrt(Hz)": (1e-3, lambda body: one(body, "imu_walk", 1)),
     "position, m": (27e-6, lambda body: one(body, "pose_noise", 0)),
     "attitude, rad": (0.0026, lambda body: one(body, "pose_noise", 1)),
-    "what rates miss where they jump": (None, lambda body: one(body, "imu_missed", 0)),
+    "turn missed by rates where they jump": (None, lambda body: one(body, "imu_missed", 0)),
 }
 
 
@@ -379,7 +379,7 @@ def one(body, key, which):
 
 def noise_table(runs):
     bodies = [found["smoother"][0]["body"] for found in runs.values()]
-    yield "| noise | world file | told, least to greatest of the seeds | stated deviation, greatest | error, root of the mean square of the seeds | seeds within 1.96 deviations | within 10 % |"
+    yield "| noise | world file | estimate, least to greatest of the seeds | stated deviation, greatest | error, root of the mean square of the seeds | seeds within 1.96 deviations | within 10 % |"
     yield "|---|---:|---:|---:|---:|---:|---|"
     for name, (truth, of) in WORLD.items():
         told, stated = np.array([of(body) for body in bodies]).T
@@ -391,7 +391,7 @@ def noise_table(runs):
         inside, near = (int(np.sum(np.abs(off) < bound)) for bound in (1.96 * stated, 0.1))
         yield f"{row} {np.sqrt(np.mean(off**2)):.1%} | {inside} of {len(bodies)} | {near} of {len(bodies)} |"
     missing = np.sqrt(np.mean([found["truth"].missed ** 2 for found in runs.values()], axis=0))
-    yield f"| what rates at 1 kHz miss of the turn, in the truth, without any noise: all axes; roll, pitch, yaw | {np.sqrt(np.mean(missing**2)):.3g}; {', '.join(f'{own:.3g}' for own in missing)} | | | | | |"
+    yield f"| turn missed by true rates at 1 kHz, without noise: all axes; roll, pitch, yaw | {np.sqrt(np.mean(missing**2)):.3g}; {', '.join(f'{own:.3g}' for own in missing)} | | | | | |"
 
 
 def tables(runs):

@@ -1,6 +1,7 @@
-"""Makes the tables of docs/results.md that hang on folds and choices again: `python3 benches/results.py --fleetfoot target/release/fleetfoot --data FOLDER`.
+"""Makes the tables of docs/results/ that depend on folds and choices again: `python3 benches/results.py --fleetfoot target/release/fleetfoot --data FOLDER`.
 
-Each table stands between two comments of the page and is replaced by what this run found; commit and machine stand below it.
+Each table stands between two comments of a page and is replaced by the result of this run; commit and machine stand below it.
+A page may show an extract of its table further up, which is changed by hand.
 """
 
 import argparse
@@ -14,12 +15,13 @@ import resource
 import statistics
 import subprocess
 import tempfile
+import textwrap
 from pathlib import Path
 
 import raw_hexapod
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGE = ROOT / "docs" / "results.md"
+PAGES = ROOT / "docs" / "results"
 
 
 class Bench:
@@ -63,7 +65,7 @@ def over_baseline(score):
     for target in score["targets"]:
         best = min(target["baselines"], key=lambda row: row["mae"] / row["model_mae"])
         ratios.append(f"{best['mae'] / best['model_mae']:.1f} ({best['name']})")
-    return f"error of the best baseline over its own: {', '.join(ratios)}"
+    return f"error of the best baseline over the model's: {', '.join(ratios)}"
 
 
 def free_run(rollout):
@@ -94,7 +96,7 @@ def quadrotor_in_wind(bench, data):
         score = bench.run("score", "model.json", *test)
         rollout = bench.run("rollout", "model.json", *test, "--horizon", 50, "--starts", 500)
         outside = score["rows_outside_training"] / max(score["rows"], 1)
-        yield f"quadrotor (`neural-fly`), {label}", f"velocities, thrust vector; {chosen(fit)}", f"MAE over null {over_null(score)}; {outside:.0%} of the rows outside of the training", free_run(rollout)
+        yield f"quadrotor (`neural-fly`), {label}", f"velocities, thrust vector; {chosen(fit)}", f"MAE over null {over_null(score)}; {outside:.0%} of the rows outside of the training range", free_run(rollout)
 
 
 def positioning(bench, data):
@@ -132,7 +134,7 @@ def airliner(bench, data):
     score = bench.run("score", "model.json", "test.csv")
     rollout = bench.run("rollout", "model.json", "test.csv", "--horizon", 60, "--starts", 100)
     outside = score["rows_outside_training"] / max(score["rows"], 1)
-    yield "airliner (`a320-flight`), last fifth: a descent never seen in training", f"altitude, speed, weight; {chosen(fit)}", f"MAE over null {over_null(score)}; {outside:.0%} of the rows outside of the training", free_run(rollout)
+    yield "airliner (`a320-flight`), last fifth: a descent never seen in training", f"altitude, speed, weight; {chosen(fit)}", f"MAE over null {over_null(score)}; {outside:.0%} of the rows outside of the training range", free_run(rollout)
 
 
 def recordings(fleetfoot, data):
@@ -359,15 +361,21 @@ def commit():
     return subprocess.run(["git", "describe", "--always", "--dirty=+"], cwd=ROOT, capture_output=True, text=True).stdout.strip()
 
 
+def folded(text):
+    """Lines of prose at most 118 characters long; lines of tables stay."""
+    lines = text.split("\n")
+    return "\n".join(line if line.startswith("|") else textwrap.fill(line, 118) for line in lines)
+
+
 def fill(name, text):
-    """Replaces what stands between a table's two comments."""
+    """Replaces the text between a table's two comments, on the page that has them."""
     begin, end = f"<!-- begin {name} -->", f"<!-- end {name} -->"
-    page = PAGE.read_text()
-    if begin not in page or end not in page:
-        raise SystemExit(f"{PAGE} has no place for {name}")
-    before, rest = page.split(begin, 1)
+    pages = [page for page in sorted(PAGES.glob("*.md")) if begin in page.read_text()]
+    if len(pages) != 1 or end not in pages[0].read_text():
+        raise SystemExit(f"{PAGES} has no place for {name}")
+    before, rest = pages[0].read_text().split(begin, 1)
     after = rest.split(end, 1)[1]
-    PAGE.write_text(f"{before}{begin}\n\n{text}\n\nMade by `benches/results.py` at {commit()} on {machine()}.\n\n{end}{after}")
+    pages[0].write_text(f"{before}{begin}\n\n{folded(text)}\n\nMade by `benches/results.py` at {commit()} on {machine()}.\n\n{end}{after}")
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ mod words;
 use std::{collections::BTreeSet, fs, path::Path, process::Command};
 
 /// Crate, and the crates of the workspace that it may use.
-const ARROWS: [(&str, &[&str]); 31] = [
+const ARROWS: [(&str, &[&str]); 32] = [
     // No code: the features of third-party crates.
     ("fleetfoot-features", &[]),
     ("fleetfoot-data", &["features"]),
@@ -19,6 +19,8 @@ const ARROWS: [(&str, &[&str]); 31] = [
     ("fleetfoot-codegen", &["data", "library", "stats", "model", "control"]),
     ("fleetfoot-message", &["data"]),
     ("fleetfoot-signal", &["data"]),
+    // Networks of numbers: of models it knows nothing.
+    ("fleetfoot-learn", &["data"]),
     ("fleetfoot-output", &["message"]),
     // The metadata that a writer puts into a file.
     ("fleetfoot-log", &["data", "message", "output"]),
@@ -79,7 +81,7 @@ const ARROWS: [(&str, &[&str]); 31] = [
         "fleetfoot",
         &[
             "data", "library", "stats", "model", "dynamics", "control", "codegen", "message", "signal", "output",
-            "log", "sums", "pwa", "sparse", "estimate", "sim", "report", "recipe", "task", "dataset", "check",
+            "log", "sums", "pwa", "sparse", "estimate", "learn", "sim", "report", "recipe", "task", "dataset", "check",
             "prepare", "fit", "run", "page", "auto", "synth",
         ],
     ),

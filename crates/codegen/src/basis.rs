@@ -1,7 +1,7 @@
 //! Basis functions in code: loops over constant tables.
 
-use fleetfoot_library::Unary;
-use fleetfoot_model::{Basis, Gaussian};
+use fleetfoot_library::{Binary, Unary};
+use fleetfoot_model::{Activation, Basis, DenseLayer, Gaussian, Network};
 
 use crate::{
     code::{Index, Place, Real, Statement, TABLE, Values},
@@ -23,6 +23,7 @@ impl Lowering<'_> {
         match &group.basis {
             None => Vec::new(),
             Some((Basis::Gaussian(own), inputs)) => self.radial(index, group, own, inputs),
+            Some((Basis::Network(own), inputs)) => self.network(index, group, own, inputs),
         }
     }
 
@@ -39,6 +40,9 @@ impl Lowering<'_> {
             None => Vec::new(),
             Some((Basis::Gaussian(own), inputs)) => {
                 self.radial_slopes((index, group), (own, inputs), entries, variables)
+            }
+            Some((Basis::Network(own), inputs)) => {
+                self.network_slopes((index, group), (own, inputs), entries, variables)
             }
         }
     }
@@ -81,6 +85,116 @@ impl Lowering<'_> {
             Statement::set("q", Index::local("i").plus(group.first + group.functions), value),
         ];
         vec![Statement::each("i", own.count(), body)]
+    }
+
+    /// Tables of a layer: weights, one row a unit, and biases.
+    fn layer_tables(&mut self, index: usize, at: usize, layer: &DenseLayer) -> [String; 2] {
+        let weights = layer.weights.iter().flatten().copied().collect();
+        let before = layer.weights.first().map_or(1, Vec::len);
+        let what = |what: &str| format!("layer{}_{what}", at + 1);
+        [
+            self.reals(&what("weights"), index, "Weights of a hidden layer, one row a unit.", before, weights),
+            self.reals(&what("biases"), index, "Biases of its units.", 8, layer.biases.clone()),
+        ]
+    }
+
+    /// Units of all hidden layers: those of the last one among the features, the others in arrays.
+    fn network(&mut self, index: usize, group: &Group, own: &Network, inputs: &[usize]) -> Vec<Statement> {
+        let places = Values::Indices(inputs.to_vec());
+        let places = self.table("inputs", index, "Inputs of the network.", 12, places);
+        let centre = self.reals("input_centre", index, "Centre of each input of the network.", 8, own.centre.clone());
+        let inverse = own.scale.iter().map(|scale| 1.0 / scale).collect();
+        let inverse = self.reals("input_inverse_scale", index, "One over the scale of each.", 8, inverse);
+        let j = || Index::local("j");
+        let x = Real::at("q", Index::table(&places, j()).plus(group.first));
+        let standardised = x.minus(Real::at(&centre, j())).times(Real::at(&inverse, j()));
+        let mut before = format!("units{index}_0");
+        let mut body = vec![
+            Statement::Array(before.clone(), inputs.len()),
+            Statement::each("j", inputs.len(), vec![Statement::set(&before, j(), standardised)]),
+        ];
+        for (at, layer) in own.layers.iter().enumerate() {
+            let [weights, biases] = self.layer_tables(index, at, layer);
+            let (units, width) = (layer.biases.len(), layer.weights.first().map_or(0, Vec::len));
+            let i = || Index::local("i");
+            let term = Real::at(&weights, i().times(width).plus(j())).times(Real::at(&before, j()));
+            let value = activated(own.activation, Real::local("sum"));
+            let is_last = at + 1 == own.layers.len();
+            let name = format!("units{index}_{}", at + 1);
+            let set = match is_last {
+                true => Statement::set("q", i().plus(group.first + group.functions), value),
+                false => Statement::set(&name, i(), value),
+            };
+            if !is_last {
+                body.push(Statement::Array(name.clone(), units));
+            }
+            let unit = vec![
+                Statement::Variable("sum".into(), Real::at(&biases, i())),
+                Statement::each("j", width, vec![Statement::Add(Place::Local("sum".into()), term)]),
+                set,
+            ];
+            body.push(Statement::each("i", units, unit));
+            before = name;
+        }
+        body
+    }
+
+    fn network_slopes(
+        &mut self,
+        (index, group): (usize, &Group),
+        (own, inputs): (&Network, &[usize]),
+        (entries, first): (&[(usize, usize)], usize),
+        variables: usize,
+    ) -> Vec<Statement> {
+        let place = |&(function, _): &(usize, usize)| inputs.iter().position(|&input| input == function);
+        let used: Vec<(usize, usize, usize)> =
+            (entries.iter().enumerate()).filter_map(|(at, entry)| Some((first + at, place(entry)?, entry.1))).collect();
+        if used.is_empty() {
+            return Vec::new();
+        }
+        let mut table = |what: &str, comment: &str, of: fn(&(usize, usize, usize)) -> usize| {
+            self.table(what, index, comment, 12, Values::Indices(used.iter().map(of).collect()))
+        };
+        let slope = table("network_slope", "Slopes of the inputs of the network.", |used| used.0);
+        let input = table("network_input", "Input of each of them.", |used| used.1);
+        let variable = table("network_variable", "Variable of each of them.", |used| used.2);
+        let inverse = own.scale.iter().map(|scale| 1.0 / scale).collect();
+        let inverse = self.reals("input_inverse_scale", index, "One over the scale of each.", 8, inverse);
+        let (i, j) = (|| Index::local("i"), || Index::local("j"));
+        let row = Self::group_region(group).times(group.latents()).plus(Index::local("n"));
+        let coefficient = row.times(group.width()).plus(i()).plus(group.functions);
+        let coefficients = format!("{TABLE}{}coefficients{index}", self.tag);
+        let by = |layer: usize| format!("by_units{index}_{layer}");
+        let unit = |layer: usize| match layer == own.layers.len() {
+            true => Real::at("q", i().plus(group.first + group.functions)),
+            false => Real::at(&format!("units{index}_{layer}"), i()),
+        };
+        let count = own.layers.len();
+        let last = Real::at(&coefficients, coefficient).times(slope_of(own.activation, unit(count)));
+        let mut body = vec![
+            Statement::Array(by(count), own.count()),
+            Statement::each("i", own.count(), vec![Statement::set(&by(count), i(), last)]),
+        ];
+        for (at, layer) in own.layers.iter().enumerate().rev() {
+            let [weights, _] = self.layer_tables(index, at, layer);
+            let (units, width) = (layer.biases.len(), layer.weights.first().map_or(0, Vec::len));
+            let term = Real::at(&weights, i().times(width).plus(j())).times(Real::at(&by(at + 1), i()));
+            body.push(Statement::Array(by(at), width));
+            let each = vec![Statement::add(&by(at), j(), term)];
+            body.push(Statement::each("i", units, vec![Statement::each("j", width, each)]));
+            if at > 0 {
+                let chained = Real::at(&by(at), i()).times(slope_of(own.activation, unit(at)));
+                body.push(Statement::each("i", width, vec![Statement::set(&by(at), i(), chained)]));
+            }
+        }
+        let at = Index::table(&input, Index::local("e"));
+        let value = Real::at(&by(0), at.clone())
+            .times(Real::at(&inverse, at))
+            .times(Real::at("d", Index::table(&slope, Index::local("e"))));
+        let to = Index::local("n").times(variables).plus(group.slot * variables);
+        let to = to.plus(Index::table(&variable, Index::local("e")));
+        body.push(Statement::each("e", used.len(), vec![Statement::Add(Place::at("g", to), value)]));
+        vec![Statement::each("n", group.latents(), body)]
     }
 
     fn radial_slopes(
@@ -132,4 +246,26 @@ fn part_of(group: &Group, tables: &RadialTables, inputs: usize, j: &Index) -> Re
     let x = Real::at("q", Index::table(&tables.inputs, j.clone()).plus(group.first));
     let centre = Real::at(&tables.centres, Index::local("i").times(inputs).plus(j.clone()));
     x.minus(centre).times(Real::at(&tables.scale, j.clone()))
+}
+
+/// The value of a unit from its sum.
+fn activated(activation: Activation, sum: Real) -> Real {
+    match activation {
+        Activation::Tanh => Real::unary(Unary::Tanh, sum),
+        Activation::Relu => Real::binary(Binary::Max, sum, Real::Number(0.0)),
+        Activation::Softplus => {
+            let tail = Real::unary(Unary::Exp, Real::unary(Unary::Neg, Real::unary(Unary::Abs, sum.clone())));
+            let tail = Real::unary(Unary::Log, Real::Number(1.0).plus(tail));
+            Real::binary(Binary::Max, sum, Real::Number(0.0)).plus(tail)
+        }
+    }
+}
+
+/// The derivative of a unit by its sum, from its value.
+fn slope_of(activation: Activation, value: Real) -> Real {
+    match activation {
+        Activation::Tanh => Real::Number(1.0).minus(value.clone().times(value)),
+        Activation::Relu => Real::unary(Unary::Step, value),
+        Activation::Softplus => Real::Number(1.0).minus(Real::unary(Unary::Exp, Real::unary(Unary::Neg, value))),
+    }
 }

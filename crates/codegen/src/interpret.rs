@@ -251,6 +251,11 @@ impl<'a> Interpreter<'a> {
                 if *function == Binary::Atan2 && b.value < 0.0 && self.near(a, Bounded::default()) {
                     self.ambiguous = true;
                 }
+                if matches!(function, Binary::Min | Binary::Max) && !self.near(a, b) {
+                    // Rounding does not change which of the two it is: a unit of a network that is not active is zero, without an error.
+                    let value = function.apply(a.value, b.value);
+                    return if value == b.value { b } else { Bounded { value, ..a } };
+                }
                 binary(*function, a, b)
             }
             Real::Sum(terms) => {

@@ -44,7 +44,7 @@ pub(crate) fn file(model: &Model, options: &ExportOptions) -> ExportedFile {
         let functions = &model.libraries[latent.library];
         let name = |what: &str| format!("latent/{index}/{what}");
         for array in latent.map.arrays() {
-            arrays.reals(&name(array.name), &array.values, &array.shape);
+            arrays.reals(&name(&array.name), &array.values, &array.shape);
         }
         arrays.strings(&name("functions"), &texts(functions.iter().map(ToString::to_string).collect()));
         arrays.integers(&name("partition"), &[latent.partition as i64], &[]);

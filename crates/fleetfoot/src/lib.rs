@@ -60,6 +60,7 @@ pub use fleetfoot_dataset as dataset;
 pub use fleetfoot_dynamics as dynamics;
 pub use fleetfoot_estimate as estimate;
 pub use fleetfoot_fit as fit;
+pub use fleetfoot_learn as learn;
 pub use fleetfoot_library as library;
 pub use fleetfoot_log as log;
 pub use fleetfoot_message as message;

@@ -8,7 +8,9 @@
 
 mod damage;
 mod map;
+mod several;
 mod times;
+mod unpacked;
 
 use std::{
     collections::BTreeMap,
@@ -21,7 +23,9 @@ use fleetfoot_data::nearest_one;
 
 pub(crate) use damage::{Damage, Lost};
 pub(crate) use map::{Kind, Map, ULOG};
+pub(crate) use several::Several;
 pub(crate) use times::{Span, piece_spans, summary};
+pub(crate) use unpacked::{Packing, with_unpacked};
 
 use crate::Error;
 

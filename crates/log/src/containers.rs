@@ -4,7 +4,15 @@ use std::path::{Path, PathBuf};
 
 use fleetfoot_data::Progress;
 
-use crate::{Error, Format, container::Container, format::is_bag, mcap::McapContainer, rosbag2, ulog::UlogContainer};
+use crate::{
+    Error, Format,
+    container::{Container, Several},
+    format::is_bag,
+    mcap::McapContainer,
+    rosbag1::BagContainer,
+    rosbag2::{self, DatabaseContainer},
+    ulog::UlogContainer,
+};
 
 /// Opens a recording of messages: finds its pieces and topics. `further`: the files that go on with it.
 ///
@@ -17,16 +25,45 @@ pub(crate) fn open(
     further: &[PathBuf],
     progress: &dyn Progress,
 ) -> Result<Box<dyn Container>, Error> {
+    let files = std::iter::once(path).chain(further.iter().map(PathBuf::as_path));
     Ok(match format {
         Format::Mcap(compression) => {
-            let files = std::iter::once(path).chain(further.iter().map(PathBuf::as_path));
             let files: Vec<_> = files.map(|file| (file.to_path_buf(), compression)).collect();
             Box::new(McapContainer::open(path, &files, progress)?)
         }
-        Format::Rosbag2 => Box::new(McapContainer::open(path, &rosbag2::files(path)?, progress)?),
+        Format::Rosbag2 => match rosbag2::files(path)? {
+            rosbag2::Files::Mcap(files) => Box::new(McapContainer::open(path, &files, progress)?),
+            rosbag2::Files::Databases(files) => joined(path, files.iter(), |(path, compression)| {
+                Ok(Box::new(DatabaseContainer::open(path, *compression, progress)?))
+            })?,
+        },
         Format::Ulog(compression) => Box::new(UlogContainer::open(path, compression, progress)?),
+        Format::Bag(compression) => {
+            joined(path, files, |path| Ok(Box::new(BagContainer::open(path, compression, progress)?)))?
+        }
+        Format::Db3(compression) => {
+            joined(path, files, |path| Ok(Box::new(DatabaseContainer::open(path, compression, progress)?)))?
+        }
         Format::Parquet | Format::Csv(_) => return Err(Error::UnknownFormat { path: path.into() }),
     })
+}
+
+/// Opens the files of a recording, and joins them where there are several.
+fn joined<F>(
+    path: &Path,
+    files: impl Iterator<Item = F>,
+    open: impl Fn(F) -> Result<Box<dyn Container>, Error>,
+) -> Result<Box<dyn Container>, Error> {
+    let mut files: Vec<Box<dyn Container>> = files.map(open).collect::<Result<_, _>>()?;
+    match files.len() {
+        1 => Ok(files.swap_remove(0)),
+        _ => Ok(Box::new(Several::new(path, files))),
+    }
+}
+
+/// Whether files of a format may be parts of one recording, numbered by their recorder; with the packing of the whole file.
+pub(crate) fn is_split(format: Format) -> bool {
+    matches!(format, Format::Mcap(_) | Format::Bag(_) | Format::Db3(_))
 }
 
 /// Whether a folder is one recording, not a place for several: `None` where it is not, else why it cannot be read, if so.

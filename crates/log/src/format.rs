@@ -2,15 +2,6 @@
 
 use std::{fs::File, io::Read, path::Path};
 
-use crate::Error;
-
-/// What to do with a ROS 1 bag.
-pub(crate) const CONVERT_BAG: &str =
-    "convert it: `mcap convert in.bag out.mcap`, or `rosbags-convert --src in.bag --dst out --dst-storage mcap`";
-
-/// What to do with a rosbag2 database.
-pub(crate) const CONVERT_DB3: &str = "convert its folder: `ros2 bag convert -i FOLDER -o out.yaml`, where out.yaml says `output_bags: [{uri: NEW_FOLDER, storage_id: mcap, all: true}]`";
-
 /// The file that makes a folder a rosbag2 recording.
 pub(crate) const BAG_METADATA: &str = "metadata.yaml";
 
@@ -30,7 +21,11 @@ pub enum Format {
     /// A log of PX4. Its topics are `/vehicle_attitude`, and `/sensor_accel.1` for a further instance; fields have the names that pyulog gives
     /// them.
     Ulog(Compression),
-    /// A folder of MCAP files with the `metadata.yaml` of rosbag2: one recording.
+    /// A recording of ROS 1 in one bag.
+    Bag(Compression),
+    /// A recording of rosbag2 in one SQLite database.
+    Db3(Compression),
+    /// A folder of MCAP files or of databases with the `metadata.yaml` of rosbag2: one recording.
     Rosbag2,
 }
 
@@ -63,6 +58,8 @@ impl Format {
             ("csv" | "tsv" | "txt", compression) => Some(Self::Csv(compression)),
             ("mcap", compression) => Some(Self::Mcap(compression)),
             ("ulg", compression) => Some(Self::Ulog(compression)),
+            ("bag", compression) => Some(Self::Bag(compression)),
+            ("db3", compression) => Some(Self::Db3(compression)),
             _ => None,
         }
     }
@@ -70,17 +67,6 @@ impl Format {
     /// Whether it is a robot's log: messages by topic, not rows of a table.
     pub fn is_log(self) -> bool {
         !matches!(self, Self::Parquet | Self::Csv(_))
-    }
-
-    /// Why a robot's log in another format cannot be read, and how to convert it; `None` for all other files.
-    pub(crate) fn foreign(path: &Path) -> Option<Error> {
-        let extension = path.extension()?.to_str()?.to_ascii_lowercase();
-        let (problem, mend) = match extension.as_str() {
-            "bag" => ("ROS 1 bags are not read", CONVERT_BAG),
-            "db3" => ("rosbag2 databases (sqlite3) are not read", CONVERT_DB3),
-            _ => return None,
-        };
-        Some(Error::WrongFormat { path: path.into(), problem: problem.into(), mend })
     }
 
     /// A word for people.
@@ -96,7 +82,13 @@ impl Format {
             Self::Ulog(Compression::None) => "ULog",
             Self::Ulog(Compression::Gzip) => "ULog (gzip)",
             Self::Ulog(Compression::Zstd) => "ULog (zstd)",
-            Self::Rosbag2 => "rosbag2 (MCAP)",
+            Self::Bag(Compression::None) => "ROS 1 bag",
+            Self::Bag(Compression::Gzip) => "ROS 1 bag (gzip)",
+            Self::Bag(Compression::Zstd) => "ROS 1 bag (zstd)",
+            Self::Db3(Compression::None) => "rosbag2 (SQLite)",
+            Self::Db3(Compression::Gzip) => "rosbag2 (SQLite, gzip)",
+            Self::Db3(Compression::Zstd) => "rosbag2 (SQLite, zstd)",
+            Self::Rosbag2 => "rosbag2",
         }
     }
 }

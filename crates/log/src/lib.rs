@@ -1,4 +1,4 @@
-//! Recordings out of files: MCAP, ULog, Parquet, CSV.
+//! Recordings out of files: MCAP, rosbag2, ROS 1 bags, ULog, Parquet, CSV.
 //!
 //! [`paths`] turns arguments (files, globs, folders) into files; [`inspect`] tells what one file holds; [`open`] makes a
 //! [`Recording`], a [`fleetfoot_data::Source`] whose episodes are found from the time stamps and whose rows are read when
@@ -58,11 +58,13 @@ mod parts;
 mod paths;
 mod recording;
 mod resample;
+mod rosbag1;
 mod rosbag2;
 mod row_mask;
 mod run;
 mod selection;
 mod splits;
+mod sqlite;
 mod stamp;
 mod steps;
 mod store;

@@ -24,15 +24,15 @@ pub fn paths<P: AsRef<Path>>(arguments: impl IntoIterator<Item = P>) -> Result<V
     for argument in arguments {
         let argument = argument.as_ref();
         if argument.is_dir() {
-            let mut inside = Found::default();
+            let mut inside = BTreeSet::new();
             collect_folder(argument, 0, &mut inside)?;
-            if inside.files.is_empty() {
-                return Err(inside.foreign.unwrap_or_else(|| Error::EmptyFolder { path: argument.into() }));
+            if inside.is_empty() {
+                return Err(Error::EmptyFolder { path: argument.into() });
             }
-            files.append(&mut inside.files);
+            files.append(&mut inside);
         } else if argument.exists() {
             if Format::of(argument).is_none() {
-                return Err(Format::foreign(argument).unwrap_or_else(|| Error::UnknownFormat { path: argument.into() }));
+                return Err(Error::UnknownFormat { path: argument.into() });
             }
             files.insert(argument.to_path_buf());
         } else {
@@ -51,26 +51,13 @@ pub(crate) fn distinct(files: BTreeSet<PathBuf>) -> Vec<PathBuf> {
     files.into_iter().filter(|path| seen.insert(fs::canonicalize(path).unwrap_or_else(|_| path.clone()))).collect()
 }
 
-/// What a folder holds.
-#[derive(Default)]
-struct Found {
-    files: BTreeSet<PathBuf>,
-    /// The first log in a format that must be converted. A converted copy often lies beside it, so that it is an error only alone.
-    foreign: Option<Error>,
-}
-
-fn collect_folder(folder: &Path, depth: usize, found: &mut Found) -> Result<(), Error> {
+fn collect_folder(folder: &Path, depth: usize, found: &mut BTreeSet<PathBuf>) -> Result<(), Error> {
     if depth > MAX_DEPTH {
         return Ok(());
     }
     if let Some(readable) = containers::folder(folder) {
-        match readable {
-            Err(error @ Error::WrongFormat { .. }) if depth > 0 => found.foreign = found.foreign.take().or(Some(error)),
-            Err(error) => return Err(error),
-            Ok(()) => {
-                found.files.insert(folder.into());
-            }
-        }
+        readable?;
+        found.insert(folder.into());
         return Ok(());
     }
     let error = |source: io::Error| Error::Io { path: folder.into(), action: "list", source };
@@ -83,12 +70,21 @@ fn collect_folder(folder: &Path, depth: usize, found: &mut Found) -> Result<(), 
         if path.is_dir() {
             collect_folder(&path, depth + 1, found)?;
         } else if Format::of(&path).is_some() {
-            found.files.insert(path);
-        } else if found.foreign.is_none() {
-            found.foreign = Format::foreign(&path);
+            found.insert(path);
         }
     }
+    drop_converted(found);
     Ok(())
+}
+
+/// Leaves out recordings beside which a copy lies that was converted to MCAP: the same rows would come twice.
+fn drop_converted(found: &mut BTreeSet<PathBuf>) {
+    let older = |path: &PathBuf| matches!(Format::of(path), Some(Format::Bag(_) | Format::Db3(_)));
+    let copies: Vec<PathBuf> =
+        found.iter().filter(|path| older(path) && found.contains(&path.with_extension("mcap"))).cloned().collect();
+    copies.iter().for_each(|path| {
+        found.remove(path);
+    });
 }
 
 fn collect_pattern(argument: &Path, files: &mut BTreeSet<PathBuf>) -> Result<(), Error> {
@@ -101,26 +97,24 @@ fn collect_pattern(argument: &Path, files: &mut BTreeSet<PathBuf>) -> Result<(),
     let options = glob::MatchOptions { require_literal_leading_dot: true, ..glob::MatchOptions::new() };
     let matches = glob::glob_with(&pattern, options)
         .map_err(|problem| Error::Pattern { pattern: pattern.clone(), problem: problem.to_string() })?;
-    let (mut found, mut unknown) = (Found::default(), None);
+    let (mut found, mut unknown) = (BTreeSet::new(), None);
     for path in matches {
         let path =
             path.map_err(|failure| Error::Io { path: failure.path().into(), action: "list", source: failure.into() })?;
         if path.is_dir() {
             collect_folder(&path, 1, &mut found)?;
         } else if Format::of(&path).is_some() {
-            found.files.insert(path);
+            found.insert(path);
         } else {
-            found.foreign = found.foreign.take().or_else(|| Format::foreign(&path));
             unknown = Some(path);
         }
     }
-    let Found { files: mut found, foreign } = found;
+    drop_converted(&mut found);
     // A pattern such as `runs/*` may catch notes beside the logs; only when it catches nothing else is that an error.
     match (found.is_empty(), unknown) {
         (false, _) => files.append(&mut found),
         (true, unknown) => {
-            let unknown = || unknown.map_or_else(missing, |path| Error::UnknownFormat { path });
-            return Err(foreign.unwrap_or_else(unknown));
+            return Err(unknown.map_or_else(missing, |path| Error::UnknownFormat { path }));
         }
     }
     Ok(())
@@ -174,17 +168,9 @@ mod tests {
     }
 
     #[test]
-    fn a_rosbag2_folder_is_one_recording_and_other_bags_name_the_conversion() {
-        let folder = folder(&[
-            "runs/bag/a.mcap",
-            "runs/bag/b.mcap",
-            "runs/c.mcap",
-            "old/x.bag",
-            "old/y.bag",
-            "db/z.db3",
-            "both/x.bag",
-            "both/x.mcap",
-        ]);
+    fn a_rosbag2_folder_is_one_recording_and_converted_copies_come_once() {
+        let folder =
+            folder(&["runs/bag/a.mcap", "runs/bag/b.mcap", "runs/c.mcap", "old/x.bag", "old/y.bag", "db/z.db3"]);
         let root = folder.path();
         let metadata =
             "rosbag2_bagfile_information:\n  storage_identifier: mcap\n  relative_file_paths: [b.mcap, a.mcap]\n";
@@ -192,20 +178,18 @@ mod tests {
         assert_eq!(paths([root.join("runs")]).unwrap(), [root.join("runs/bag"), root.join("runs/c.mcap")]);
         assert_eq!(paths([root.join("runs/*")]).unwrap(), [root.join("runs/bag"), root.join("runs/c.mcap")]);
         assert_eq!(paths([root.join("runs/bag")]).unwrap(), [root.join("runs/bag")]);
-        assert_eq!(paths([root.join("both")]).unwrap(), [root.join("both/x.mcap")]);
-        for (argument, command) in [
-            ("old", "mcap convert"),
-            ("old/x.bag", "mcap convert"),
-            ("old/*", "mcap convert"),
-            ("db/z.db3", "ros2 bag convert"),
-        ] {
-            let message = paths([root.join(argument)]).unwrap_err().to_string();
-            assert!(message.contains(command), "{argument}: {message}");
+        assert_eq!(paths([root.join("old")]).unwrap(), [root.join("old/x.bag"), root.join("old/y.bag")]);
+        assert_eq!(paths([root.join("db")]).unwrap(), [root.join("db/z.db3")]);
+        fs::write(root.join("old/x.mcap"), "").unwrap();
+        for argument in ["old", "old/*"] {
+            assert_eq!(paths([root.join(argument)]).unwrap(), [root.join("old/x.mcap"), root.join("old/y.bag")]);
         }
+        // One that is named is wanted.
+        assert_eq!(paths([root.join("old/x.bag")]).unwrap(), [root.join("old/x.bag")]);
         let sqlite = "rosbag2_bagfile_information:\n  storage_identifier: sqlite3\n  relative_file_paths: [z.db3]\n";
         fs::write(root.join("db/metadata.yaml"), sqlite).unwrap();
-        assert!(paths([root.join("db")]).unwrap_err().to_string().contains("sqlite3"));
-        // A bag whose file is missing is an error wherever it lies.
+        assert_eq!(paths([root.join("db")]).unwrap(), [root.join("db")]);
+        // A recording whose file is missing is an error wherever it lies.
         fs::remove_file(root.join("runs/bag/b.mcap")).unwrap();
         assert!(paths([root]).unwrap_err().to_string().contains("b.mcap does not exist"));
     }

@@ -10,8 +10,16 @@ use granit_parser::{Event, Parser, ScalarStyle};
 
 use crate::{
     Compression, Error, Format,
-    format::{BAG_KEY, BAG_METADATA, CONVERT_DB3},
+    format::{BAG_KEY, BAG_METADATA},
 };
+
+mod database;
+mod definitions;
+
+pub(crate) use database::DatabaseContainer;
+
+/// How a recording in another storage is brought into one that is read.
+const CONVERT: &str = "convert its folder: `ros2 bag convert -i FOLDER -o out.yaml`, where out.yaml says `output_bags: [{uri: NEW_FOLDER, storage_id: mcap, all: true}]`";
 
 /// Bytes of metadata that are read; real ones have a few kilobytes per topic.
 const MAX_METADATA: u64 = 16 << 20;
@@ -111,8 +119,15 @@ impl Information {
     }
 }
 
-/// The MCAP files of a rosbag2 folder, in the order of its metadata, with how they are compressed.
-pub(crate) fn files(folder: &Path) -> Result<Vec<(PathBuf, Compression)>, Error> {
+/// Files of a recording in the order of its metadata, with how each is compressed.
+#[derive(Debug)]
+pub(crate) enum Files {
+    Mcap(Vec<(PathBuf, Compression)>),
+    Databases(Vec<(PathBuf, Compression)>),
+}
+
+/// The files of a rosbag2 folder.
+pub(crate) fn files(folder: &Path) -> Result<Files, Error> {
     let path = folder.join(BAG_METADATA);
     let damaged =
         |place: &str, problem: String, mend| Error::Damaged { path: path.clone(), place: place.into(), problem, mend };
@@ -123,13 +138,15 @@ pub(crate) fn files(folder: &Path) -> Result<Vec<(PathBuf, Compression)>, Error>
         let mend = "mend it, remove it (the files are then read one by one), or make it anew with `ros2 bag reindex`";
         damaged("the text", problem, mend)
     })?;
-    if !matches!(information.storage_identifier.as_str(), "mcap" | "") {
-        let problem = format!("a rosbag2 recording stored as {}, which is not read", information.storage_identifier);
-        return Err(Error::WrongFormat { path: folder.into(), problem, mend: CONVERT_DB3 });
+    let storage = information.storage_identifier.as_str();
+    if !matches!(storage, "mcap" | "sqlite3" | "") {
+        let problem = format!("a rosbag2 recording stored as {storage}, which is not read");
+        return Err(Error::WrongFormat { path: folder.into(), problem, mend: CONVERT });
     }
-    if information.compression_mode.eq_ignore_ascii_case("message") {
+    // Messages in a database show by their first bytes that each is packed alone.
+    if storage != "sqlite3" && information.compression_mode.eq_ignore_ascii_case("message") {
         let problem = "each of its messages is compressed by itself, which is not read".into();
-        return Err(Error::WrongFormat { path: folder.into(), problem, mend: CONVERT_DB3 });
+        return Err(Error::WrongFormat { path: folder.into(), problem, mend: CONVERT });
     }
     if information.relative_file_paths.is_empty() {
         return Err(damaged(
@@ -138,25 +155,42 @@ pub(crate) fn files(folder: &Path) -> Result<Vec<(PathBuf, Compression)>, Error>
             "make it anew with `ros2 bag reindex`, or remove it",
         ));
     }
-    information
-        .relative_file_paths
+    let mut files = Vec::new();
+    for name in &information.relative_file_paths {
+        let inside = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
+        if !Path::new(name).components().all(inside) {
+            let mend = "copy the file into the folder, and name it without a path in the list";
+            return Err(damaged("relative_file_paths", format!("{name} is not in the folder"), mend));
+        }
+        let file = locate(folder, name).ok_or_else(|| {
+            let problem = format!("{name} does not exist");
+            damaged("relative_file_paths", problem, "copy the file beside it, or remove its line from the list")
+        })?;
+        let format = Format::of(&file).filter(|format| matches!(format, Format::Mcap(_) | Format::Db3(_)));
+        files.push((format.ok_or_else(|| Error::UnknownFormat { path: file.clone() })?, file));
+    }
+    let mcap: Vec<_> = files
         .iter()
-        .map(|name| {
-            let inside = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
-            if !Path::new(name).components().all(inside) {
-                let mend = "copy the file into the folder, and name it without a path in the list";
-                return Err(damaged("relative_file_paths", format!("{name} is not in the folder"), mend));
-            }
-            let file = locate(folder, name).ok_or_else(|| {
-                let problem = format!("{name} does not exist");
-                damaged("relative_file_paths", problem, "copy the file beside it, or remove its line from the list")
-            })?;
-            match Format::of(&file) {
-                Some(Format::Mcap(compression)) => Ok((file, compression)),
-                _ => Err(Format::foreign(&file).unwrap_or(Error::UnknownFormat { path: file })),
-            }
+        .filter_map(|(format, path)| match format {
+            Format::Mcap(compression) => Some((path.clone(), *compression)),
+            _ => None,
         })
-        .collect()
+        .collect();
+    let databases: Vec<_> = files
+        .iter()
+        .filter_map(|(format, path)| match format {
+            Format::Db3(compression) => Some((path.clone(), *compression)),
+            _ => None,
+        })
+        .collect();
+    match (mcap.is_empty(), databases.is_empty()) {
+        (false, false) => {
+            let problem = "it names MCAP files and databases, which no recorder writes together".into();
+            Err(damaged("relative_file_paths", problem, "give each kind a folder and a list"))
+        }
+        (true, _) => Ok(Files::Databases(databases)),
+        _ => Ok(Files::Mcap(mcap)),
+    }
 }
 
 /// Finds a file of the list. The first versions of rosbag2 put the folder's own name before it; and a file may have been compressed or
@@ -195,11 +229,8 @@ mod tests {
         let information = "  storage_identifier: mcap\n  relative_file_paths:\n    - run/b_1.mcap\n    - a_0.mcap.zstd\n    - c.mcap\n  \
                            compression_format: zstd\n  compression_mode: FILE\n  topics_with_message_count: []\n";
         let folder = bag(&["a_0.mcap.zstd", "b_1.mcap", "c.mcap.zstd", "unlisted.mcap"], information);
-        let names: Vec<_> = files(folder.path())
-            .unwrap()
-            .into_iter()
-            .map(|(path, how)| (path.file_name().unwrap().to_owned(), how))
-            .collect();
+        let Files::Mcap(files) = files(folder.path()).unwrap() else { panic!("no MCAP") };
+        let names: Vec<_> = files.into_iter().map(|(path, how)| (path.file_name().unwrap().to_owned(), how)).collect();
         let expected =
             [("b_1.mcap", Compression::None), ("a_0.mcap.zstd", Compression::Zstd), ("c.mcap.zstd", Compression::Zstd)];
         assert_eq!(names, expected.map(|(name, how)| (name.into(), how)));
@@ -208,9 +239,11 @@ mod tests {
 
     #[test]
     fn what_cannot_be_read_is_told_with_the_mend() {
-        let folder = bag(&["a.db3"], "  storage_identifier: sqlite3\n  relative_file_paths: [a.db3]\n");
+        let folder = bag(&["a.db3"], "  storage_identifier: tape\n  relative_file_paths: [a.db3]\n");
         let text = message(&folder);
-        assert!(text.contains("sqlite3") && text.contains("ros2 bag convert"), "{text}");
+        assert!(text.contains("tape") && text.contains("ros2 bag convert"), "{text}");
+        let both = "  storage_identifier: sqlite3\n  relative_file_paths: [a.db3, a.mcap]\n";
+        assert!(message(&bag(&["a.db3", "a.mcap"], both)).contains("no recorder writes together"));
         let folder = bag(&[], "  storage_identifier: mcap\n  relative_file_paths: [a.mcap]\n");
         let text = message(&folder);
         assert!(text.contains("metadata.yaml") && text.contains("a.mcap does not exist"), "{text}");
@@ -231,7 +264,7 @@ mod tests {
         assert!(matches!(files(bag(&[], &deep).path()), Err(Error::Damaged { .. })));
         let elsewhere =
             "  topics: [{storage_identifier: db, relative_file_paths: x}]\n  relative_file_paths: [a.mcap]\n";
-        assert_eq!(files(bag(&["a.mcap"], elsewhere).path()).unwrap().len(), 1);
+        assert!(matches!(files(bag(&["a.mcap"], elsewhere).path()), Ok(Files::Mcap(files)) if files.len() == 1));
         for broken in ["  relative_file_paths: [a\n", "  relative_file_paths: {a: 1}\n", "\t- x", "  a: *b\n"] {
             assert!(matches!(files(bag(&[], broken).path()), Err(Error::Damaged { .. })), "{broken}");
         }

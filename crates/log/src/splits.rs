@@ -8,7 +8,7 @@ use std::{
 use fleetfoot_data::{Progress, parallel_map};
 
 use crate::{
-    Compression, Error, Format, Log,
+    Error, Format, Log,
     container::{Container, Span, piece_spans},
     containers,
 };
@@ -68,9 +68,7 @@ pub(crate) fn joined(logs: Vec<Log>, progress: &dyn Progress) -> Result<Joined, 
 
 /// The number at the end of an MCAP file's name; its folder, and its name before and behind the number.
 fn numbered(path: &Path) -> Option<(u64, (PathBuf, String, String))> {
-    let Some(Format::Mcap(Compression::None | Compression::Gzip | Compression::Zstd)) = Format::of(path) else {
-        return None;
-    };
+    Format::of(path).filter(|format| containers::is_split(*format))?;
     let (stem, rest) = path.file_name()?.to_str()?.rsplit_once('_')?;
     let (digits, ending) = rest.split_once('.')?;
     let number = digits.parse().ok().filter(|_| digits.bytes().all(|byte| byte.is_ascii_digit()))?;

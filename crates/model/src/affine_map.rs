@@ -1,6 +1,6 @@
 //! The first kind of latent function: an affine map a region.
 
-use crate::map_kind::{MapArray, MapKind};
+use crate::{map_array::MapArray, map_kind::MapKind};
 
 /// In every region `constant + sum_j coefficient_j * function_j`, mostly zeros where it was found by sparse regression.
 #[derive(Debug, Clone, PartialEq)]
@@ -61,8 +61,8 @@ impl MapKind for AffineMap {
         let values = self.coefficients.iter().flatten().copied().collect();
         let shape = vec![self.coefficients.len(), self.functions()];
         vec![
-            MapArray { name: "constants", values: self.constants.clone(), shape: vec![self.constants.len()] },
-            MapArray { name: "coefficients", values, shape },
+            MapArray { name: "constants".into(), values: self.constants.clone(), shape: vec![self.constants.len()] },
+            MapArray { name: "coefficients".into(), values, shape },
         ]
     }
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use fleetfoot_library::Expr;
 
-use crate::gaussian::Gaussian;
+use crate::{gaussian::Gaussian, map_array::MapArray, network::Network};
 
 /// What basis functions are, for people: a sentence, and a table of the numbers of each.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,13 +24,51 @@ pub struct Definition {
 pub enum Basis {
     /// Radial functions.
     Gaussian(Arc<Gaussian>),
+    /// Units of the last hidden layer of a network.
+    Network(Arc<Network>),
 }
 
 impl Basis {
+    /// What its functions are called in files: `radial`.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Basis::Gaussian(_) => "radial",
+            Basis::Network(_) => "network",
+        }
+    }
+
+    /// Whether its functions have no meaning one by one: text for people has their weighted sum as one term.
+    pub fn is_summed_up(&self) -> bool {
+        match self {
+            Basis::Gaussian(_) => false,
+            Basis::Network(_) => true,
+        }
+    }
+
+    /// Whether its parts fit together, and to a library of so many functions.
+    ///
+    /// # Errors
+    /// The contradiction, in words.
+    pub fn check(&self, functions: usize) -> Result<(), String> {
+        match self {
+            Basis::Gaussian(own) => own.check(functions),
+            Basis::Network(own) => own.check(functions),
+        }
+    }
+
+    /// Its numbers for a file of arrays.
+    pub fn arrays(&self) -> Vec<MapArray> {
+        match self {
+            Basis::Gaussian(own) => own.arrays(),
+            Basis::Network(own) => own.arrays(),
+        }
+    }
+
     /// Number of basis functions.
     pub fn count(&self) -> usize {
         match self {
             Basis::Gaussian(own) => own.count(),
+            Basis::Network(own) => own.count(),
         }
     }
 
@@ -38,6 +76,7 @@ impl Basis {
     pub fn inputs(&self) -> &[usize] {
         match self {
             Basis::Gaussian(own) => &own.inputs,
+            Basis::Network(own) => &own.inputs,
         }
     }
 
@@ -45,6 +84,7 @@ impl Basis {
     pub fn name(&self, index: usize) -> String {
         match self {
             Basis::Gaussian(_) => Gaussian::name(index),
+            Basis::Network(_) => Network::name(index),
         }
     }
 
@@ -53,6 +93,7 @@ impl Basis {
     pub fn evaluate(&self, inputs: &[f64], values: &mut [f64]) {
         match self {
             Basis::Gaussian(own) => own.evaluate(inputs, values),
+            Basis::Network(own) => own.evaluate(inputs, values),
         }
     }
 
@@ -60,6 +101,7 @@ impl Basis {
     pub fn gradient(&self, inputs: &[f64], values: &[f64], weights: &[f64], slopes: &mut [f64]) {
         match self {
             Basis::Gaussian(own) => own.gradient(inputs, values, weights, slopes),
+            Basis::Network(own) => own.gradient(inputs, values, weights, slopes),
         }
     }
 
@@ -67,6 +109,7 @@ impl Basis {
     pub fn tangent(&self, inputs: &[f64], values: &[f64], change: &[f64], out: &mut [f64]) {
         match self {
             Basis::Gaussian(own) => own.tangent(inputs, values, change, out),
+            Basis::Network(own) => own.tangent(inputs, values, change, out),
         }
     }
 
@@ -75,6 +118,7 @@ impl Basis {
         let inputs: Option<Vec<Expr>> = self.inputs().iter().map(|&input| library.get(input).cloned()).collect();
         match self {
             Basis::Gaussian(own) => Some(own.expression(index, &inputs?)),
+            Basis::Network(own) => Some(own.expression(index, &inputs?)),
         }
     }
 
@@ -99,6 +143,17 @@ impl Basis {
                     head,
                 }
             }
+            Basis::Network(own) => Definition {
+                text: format!(
+                    "network: the weighted sum of {} units, the last of the hidden layers {} ({}) of standardised inputs, {} numbers in them; centre and scale of the inputs",
+                    own.count(),
+                    own.sizes(),
+                    own.activation.name(),
+                    own.numbers()
+                ),
+                rows: vec![("centre".into(), own.centre.clone()), ("scale".into(), own.scale.clone())],
+                head,
+            },
         }
     }
 }

@@ -300,7 +300,7 @@ impl From<&Model> for ModelText {
             columns: model.columns.iter().map(ColumnText::from).collect(),
             libraries: model.libraries.iter().map(|library| library.iter().map(Expr::to_string).collect()).collect(),
             partitions: model.partitions.iter().zip(&model.summaries).map(PartitionText::from).collect(),
-            latents: model.latents.iter().map(LatentText::from).collect(),
+            latents: latent::texts(&model.latents),
             equations: model.equations.iter().map(EquationText::from).collect(),
             training: TrainingText::from(&model.training),
         }
@@ -368,7 +368,7 @@ impl ModelText {
                 })
             })
             .collect::<Result<Vec<_>, String>>()?;
-        let latents = self.latents.into_iter().map(LatentText::into_latent).collect();
+        let latents = latent::latents(self.latents)?;
         let training = self.training.into_training()?;
         Ok(Model {
             method: self.method,

@@ -2,6 +2,8 @@
 
 use fleetfoot_library::Expr;
 
+use crate::map_array::MapArray;
+
 /// Radial functions of some functions x of a library: `phi_k(x) = exp(-sum_i ((x_i - c_ki)/s_i)^2 / (2 w^2))`.
 ///
 /// Centres are in the units of x, the width w in scales s (Broomhead and Lowe, "Multivariable functional interpolation and adaptive networks", Complex Systems 1988).
@@ -78,6 +80,19 @@ impl Gaussian {
         let square = |((x, &c), &s): ((&Expr, &f64), &f64)| ((x - Expr::number(c)) / Expr::number(s)).powi(2);
         let sum = parts.map(square).reduce(|sum, part| sum + part).unwrap_or_else(|| Expr::number(0.0));
         (Expr::number(-self.factor()) * sum).exp()
+    }
+
+    /// Its numbers for a file of arrays.
+    pub fn arrays(&self) -> Vec<MapArray> {
+        let (count, inputs) = (self.count(), self.inputs.len());
+        let array =
+            |name: &'static str, values: Vec<f64>, shape: Vec<usize>| MapArray { name: name.into(), values, shape };
+        vec![
+            array("inputs", self.inputs.iter().map(|&input| input as f64).collect(), vec![inputs]),
+            array("centres", self.centres.iter().flatten().copied().collect(), vec![count, inputs]),
+            array("scale", self.scale.clone(), vec![inputs]),
+            array("width", vec![self.width], vec![1]),
+        ]
     }
 
     /// Whether its parts fit together, and to a library of so many functions.

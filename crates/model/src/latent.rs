@@ -22,7 +22,7 @@ impl Latent {
     pub fn affine(&self) -> Option<&AffineMap> {
         match &self.map {
             Map::Affine(map) => Some(map),
-            Map::Radial(_) => None,
+            Map::Basis(_) => None,
         }
     }
 
@@ -30,7 +30,7 @@ impl Latent {
     pub fn affine_mut(&mut self) -> Option<&mut AffineMap> {
         match &mut self.map {
             Map::Affine(map) => Some(map),
-            Map::Radial(_) => None,
+            Map::Basis(_) => None,
         }
     }
 }

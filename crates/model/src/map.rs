@@ -2,7 +2,7 @@
 
 use std::ops::{Deref, DerefMut};
 
-use crate::{AffineMap, MapKind, RadialMap};
+use crate::{AffineMap, BasisMap, MapKind};
 
 /// How a latent function computes its value: one variant a kind. A [`MapKind`] is what all have in common.
 #[derive(Debug, Clone, PartialEq)]
@@ -10,8 +10,8 @@ use crate::{AffineMap, MapKind, RadialMap};
 pub enum Map {
     /// Affine in the functions of the library, sparse or not.
     Affine(AffineMap),
-    /// Radial functions around given centres beside them.
-    Radial(RadialMap),
+    /// Functions of a basis beside them: radial functions, units of a network.
+    Basis(BasisMap),
 }
 
 impl Deref for Map {
@@ -20,7 +20,7 @@ impl Deref for Map {
     fn deref(&self) -> &Self::Target {
         match self {
             Map::Affine(map) => map,
-            Map::Radial(map) => map,
+            Map::Basis(map) => map,
         }
     }
 }
@@ -29,7 +29,7 @@ impl DerefMut for Map {
     fn deref_mut(&mut self) -> &mut Self::Target {
         match self {
             Map::Affine(map) => map,
-            Map::Radial(map) => map,
+            Map::Basis(map) => map,
         }
     }
 }
@@ -40,8 +40,8 @@ impl From<AffineMap> for Map {
     }
 }
 
-impl From<RadialMap> for Map {
-    fn from(map: RadialMap) -> Self {
-        Map::Radial(map)
+impl From<BasisMap> for Map {
+    fn from(map: BasisMap) -> Self {
+        Map::Basis(map)
     }
 }

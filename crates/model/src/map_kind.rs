@@ -4,18 +4,7 @@ use std::fmt::Debug;
 
 use fleetfoot_library::Expr;
 
-use crate::basis::Basis;
-
-/// Numbers of a map, by name, with their shape: what a file of arrays holds of it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct MapArray {
-    /// Its name within the latent: `coefficients`.
-    pub name: &'static str,
-    /// The numbers, the last dimension fastest.
-    pub values: Vec<f64>,
-    /// Lengths of the dimensions.
-    pub shape: Vec<usize>,
-}
+use crate::{basis::Basis, map_array::MapArray};
 
 /// A kind of latent function: how a value follows from the functions f of a library, in a region r.
 ///

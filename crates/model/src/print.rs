@@ -233,7 +233,7 @@ fn describe_level(out: &mut String, level: &Level, own: bool) {
 
 fn terms(model: &Model, latent: &Latent, region: usize) -> String {
     let constant = latent.map.constant(region);
-    let used: Vec<(Expr, f64)> = (model.terms(latent, region).into_iter())
+    let used: Vec<(Expr, f64)> = (model.terms_for_people(latent, region).into_iter())
         .filter_map(|(function, value)| function.filter(|_| value != 0.0).map(|function| (function, value)))
         .collect();
     let mut text = if constant != 0.0 || used.is_empty() { short(constant) } else { String::new() };

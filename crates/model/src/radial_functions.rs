@@ -5,7 +5,7 @@ use std::sync::Arc;
 use fleetfoot_data::packed;
 use fleetfoot_library::Expr;
 
-use crate::{Gaussian, Map, Model, Partition, RadialMap, RegionSummary, Rule};
+use crate::{Basis, BasisMap, Gaussian, Map, Model, Partition, RegionSummary, Rule};
 
 /// Radial functions of some columns, around given centres: candidates of a regression, which is linear in their weights.
 ///
@@ -96,7 +96,7 @@ impl RadialFunctions {
                     *row = kept.iter().map(|&at| row[at]).collect();
                     row.resize(functions.len(), 0.0);
                 }
-                latent.map = RadialMap { affine, radial: gaussian.clone(), weights }.into();
+                latent.map = BasisMap { affine, basis: Basis::Gaussian(gaussian.clone()), weights }.into();
             }
             for (at, summary) in model.summaries.iter_mut().enumerate() {
                 let first = model.latents.iter().find(|latent| latent.partition == at);

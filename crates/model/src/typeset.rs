@@ -64,6 +64,18 @@ impl Model {
         std::iter::once((None, map.constant(region))).chain(features).collect()
     }
 
+    /// As [`Model::terms`], but for basis functions that mean nothing one by one ([`Basis::is_summed_up`]): their weighted sum is one term, `network_NAME` with the coefficient 1.
+    pub fn terms_for_people(&self, latent: &Latent, region: usize) -> Vec<(Option<Expr>, f64)> {
+        let mut terms = self.terms(latent, region);
+        if let Some(basis) = latent.map.basis().filter(Basis::is_summed_up) {
+            let own = terms.split_off(1 + latent.map.functions());
+            if own.iter().any(|(_, value)| *value != 0.0) {
+                terms.push((Some(Expr::column(format!("{}_{}", basis.kind(), latent.name))), 1.0));
+            }
+        }
+        terms
+    }
+
     /// The bases of the latents, with what each is; of those that several latents have, once.
     pub fn definitions(&self) -> Vec<Definition> {
         let mut known: Vec<(usize, Basis)> = Vec::new();
@@ -100,7 +112,7 @@ pub fn summands(model: &Model, latent: &Latent, region: usize, digits: usize) ->
         let size = Expr::number(rounded(value.abs(), digits));
         (value < 0.0, function.map_or_else(|| size.clone(), |function| size.clone() * function))
     };
-    let terms = model.terms(latent, region).into_iter().filter(|(_, value)| *value != 0.0);
+    let terms = model.terms_for_people(latent, region).into_iter().filter(|(_, value)| *value != 0.0);
     let terms: Vec<(bool, Expr)> = terms.map(term).collect();
     if terms.is_empty() { vec![(false, Expr::number(0.0))] } else { terms }
 }

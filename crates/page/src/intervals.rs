@@ -122,7 +122,7 @@ const HEAD: [&str; 3] = ["term", "coefficient", "told from zero"];
 
 /// The terms of a function in a region with their coefficients, the constant first.
 fn terms(model: &Model, latent: &Latent, region: usize) -> Vec<(String, f64)> {
-    let all = model.terms(latent, region).into_iter();
+    let all = model.terms_for_people(latent, region).into_iter();
     let named = all.map(|(function, value)| (function.map_or_else(|| "1".to_owned(), |own| own.to_string()), value));
     named.filter(|(_, value)| *value != 0.0).collect()
 }

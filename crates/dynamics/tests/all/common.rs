@@ -7,8 +7,8 @@ use std::sync::Arc;
 use fleetfoot_data::{Column as DataColumn, MemorySource, packed};
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_model::{
-    AffineMap, Column, Equation, Gaussian, Latent, Model, Partition, Prediction, RadialMap, RegionSummary, Role, Rule,
-    Training,
+    AffineMap, Basis, BasisMap, Column, Equation, Gaussian, Latent, Model, Partition, Prediction, RegionSummary, Role,
+    Rule, Training,
 };
 
 /// A column of a model.
@@ -124,7 +124,7 @@ pub(crate) fn with_radial(mut model: Model, inputs: &[usize], seed: u64) -> Mode
         let affine = latent.affine().unwrap().clone();
         let row = |region: usize| (0..4).map(|k| 0.3 * number(100 + 40 * at + 4 * region + k)).collect();
         let weights = (0..latent.map.regions()).map(row).collect();
-        latent.map = RadialMap { affine, radial: radial.clone(), weights }.into();
+        latent.map = BasisMap { affine, basis: Basis::Gaussian(radial.clone()), weights }.into();
     }
     model.validate().unwrap();
     model

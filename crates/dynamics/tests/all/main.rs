@@ -4,6 +4,7 @@ mod common;
 mod controllers;
 mod horizons;
 mod latents;
+mod network;
 mod plane;
 mod radial;
 mod replayed;

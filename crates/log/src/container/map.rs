@@ -140,8 +140,8 @@ fn wrong_magic(path: &Path, bytes: &[u8], kind: Kind) -> Error {
     let looks: [(&[u8], &str, &'static str); 9] = [
         (mcap::MAGIC, "MCAP", "give it the extension .mcap"),
         (ULOG, "ULog", "give it the extension .ulg"),
-        (b"#ROSBAG V", "a ROS 1 bag", crate::format::CONVERT_BAG),
-        (b"SQLite format 3\0", "an SQLite database, as rosbag2 writes them", crate::format::CONVERT_DB3),
+        (b"#ROSBAG V", "a ROS 1 bag", "give it the extension .bag"),
+        (b"SQLite format 3\0", "an SQLite database, as rosbag2 writes them", "give it the extension .db3"),
         (b"PAR1", "Parquet", "give it the extension .parquet"),
         (&[0x28, 0xb5, 0x2f, 0xfd], "compressed by zstd", "add .zst to its name"),
         (&[0x1f, 0x8b], "compressed by gzip", "add .gz to its name"),

@@ -92,7 +92,10 @@ fn write(options: WriteOptions, count: u64) -> Vec<u8> {
 fn open(path: &Path) -> Result<McapContainer, Error> {
     let files = match Format::of(path).expect("a known extension") {
         Format::Mcap(compression) => vec![(path.to_path_buf(), compression)],
-        _ => rosbag2::files(path)?,
+        _ => match rosbag2::files(path)? {
+            rosbag2::Files::Mcap(files) => files,
+            rosbag2::Files::Databases(_) => panic!("{} has databases", path.display()),
+        },
     };
     McapContainer::open(path, &files, &Silent)
 }

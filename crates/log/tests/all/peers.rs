@@ -4,6 +4,7 @@
 
 mod hold;
 mod oracle;
+mod rosbags;
 mod ulog;
 
 use std::{

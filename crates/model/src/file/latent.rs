@@ -5,7 +5,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::{Real, Reals, floats, reals, rows};
-use crate::{AffineMap, Gaussian, Latent, Map, RadialMap};
+use crate::{Activation, AffineMap, Basis, BasisMap, DenseLayer, Gaussian, Latent, Map, Network};
 
 /// A latent: constants and coefficients stand in it whatever its kind; what another kind has besides follows them.
 #[derive(Serialize, Deserialize)]
@@ -18,6 +18,8 @@ pub(super) struct LatentText {
     coefficients: Vec<Reals>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     radial: Option<RadialText>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    network: Option<NetworkText>,
 }
 
 /// Radial functions with their weights, one row a region.
@@ -31,11 +33,72 @@ struct RadialText {
     weights: Vec<Reals>,
 }
 
+/// Hidden layers of a network with the weights of its last units, one row a region.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct NetworkText {
+    /// The latent before this one, by its index, that has the same hidden layers; they are not repeated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    of: Option<usize>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    hidden: Option<HiddenText>,
+    weights: Vec<Reals>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct HiddenText {
+    inputs: Vec<usize>,
+    centre: Reals,
+    scale: Reals,
+    activation: String,
+    layers: Vec<LayerText>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LayerText {
+    weights: Vec<Reals>,
+    biases: Reals,
+}
+
+/// The latents of a model.
+pub(super) fn texts(latents: &[Latent]) -> Vec<LatentText> {
+    let of = |(at, latent): (usize, &Latent)| {
+        let mut text = LatentText::from(latent);
+        if let Some(network) = &mut text.network {
+            let basis = latent.map.basis();
+            network.of = latents[..at].iter().position(|before| before.map.basis() == basis);
+            if network.of.is_some() {
+                network.hidden = None;
+            }
+        }
+        text
+    };
+    latents.iter().enumerate().map(of).collect()
+}
+
+/// Reads the latents of a model.
+///
+/// # Errors
+/// A network that refers to none.
+pub(super) fn latents(texts: Vec<LatentText>) -> Result<Vec<Latent>, String> {
+    let mut latents: Vec<Latent> = Vec::with_capacity(texts.len());
+    for text in texts {
+        let latent = text.into_latent(&latents)?;
+        latents.push(latent);
+    }
+    Ok(latents)
+}
+
 impl From<&Latent> for LatentText {
     fn from(l: &Latent) -> Self {
-        let (map, radial) = match &l.map {
-            Map::Affine(map) => (map, None),
-            Map::Radial(map) => (&map.affine, Some(RadialText::from(map))),
+        let (map, radial, network) = match &l.map {
+            Map::Affine(map) => (map, None, None),
+            Map::Basis(map) => match &map.basis {
+                Basis::Gaussian(own) => (&map.affine, Some(RadialText::new(own, &map.weights)), None),
+                Basis::Network(own) => (&map.affine, None, Some(NetworkText::new(own, &map.weights))),
+            },
         };
         Self {
             name: l.name.clone(),
@@ -44,42 +107,95 @@ impl From<&Latent> for LatentText {
             constants: reals(&map.constants),
             coefficients: rows(&map.coefficients),
             radial,
+            network,
         }
     }
 }
 
 impl LatentText {
-    pub(super) fn into_latent(self) -> Latent {
+    /// `before` are the latents before it.
+    fn into_latent(self, before: &[Latent]) -> Result<Latent, String> {
         let (constants, coefficients) = (floats(self.constants), self.coefficients.into_iter().map(floats).collect());
         let affine = AffineMap { constants, coefficients };
-        let map = match self.radial {
-            None => affine.into(),
-            Some(radial) => radial.into_map(affine).into(),
+        let map = match (self.radial, self.network) {
+            (None, None) => affine.into(),
+            (Some(radial), None) => radial.into_map(affine).into(),
+            (None, Some(network)) => {
+                network.into_map(affine, before).map_err(|own| format!("{}: {own}", self.name))?.into()
+            }
+            (Some(_), Some(_)) => return Err(format!("{}: radial functions and a network in one latent", self.name)),
         };
-        Latent { name: self.name, library: self.library, partition: self.partition, map }
-    }
-}
-
-impl From<&RadialMap> for RadialText {
-    fn from(map: &RadialMap) -> Self {
-        Self {
-            inputs: map.radial.inputs.clone(),
-            centres: rows(&map.radial.centres),
-            scale: reals(&map.radial.scale),
-            width: Real(map.radial.width),
-            weights: rows(&map.weights),
-        }
+        Ok(Latent { name: self.name, library: self.library, partition: self.partition, map })
     }
 }
 
 impl RadialText {
-    fn into_map(self, affine: AffineMap) -> RadialMap {
+    fn new(radial: &Gaussian, weights: &[Vec<f64>]) -> Self {
+        Self {
+            inputs: radial.inputs.clone(),
+            centres: rows(&radial.centres),
+            scale: reals(&radial.scale),
+            width: Real(radial.width),
+            weights: rows(weights),
+        }
+    }
+
+    fn into_map(self, affine: AffineMap) -> BasisMap {
         let radial = Gaussian {
             inputs: self.inputs,
             centres: self.centres.into_iter().map(floats).collect(),
             scale: floats(self.scale),
             width: self.width.0,
         };
-        RadialMap { affine, radial: Arc::new(radial), weights: self.weights.into_iter().map(floats).collect() }
+        BasisMap {
+            affine,
+            basis: Basis::Gaussian(Arc::new(radial)),
+            weights: self.weights.into_iter().map(floats).collect(),
+        }
+    }
+}
+
+impl NetworkText {
+    fn new(network: &Network, weights: &[Vec<f64>]) -> Self {
+        let layer = |own: &DenseLayer| LayerText { weights: rows(&own.weights), biases: reals(&own.biases) };
+        let hidden = HiddenText {
+            inputs: network.inputs.clone(),
+            centre: reals(&network.centre),
+            scale: reals(&network.scale),
+            activation: network.activation.name().into(),
+            layers: network.layers.iter().map(layer).collect(),
+        };
+        Self { of: None, hidden: Some(hidden), weights: rows(weights) }
+    }
+
+    fn into_map(self, affine: AffineMap, before: &[Latent]) -> Result<BasisMap, String> {
+        let weights = self.weights.into_iter().map(floats).collect();
+        let basis = match (self.hidden, self.of) {
+            (Some(hidden), None) => Basis::Network(Arc::new(hidden.into_network()?)),
+            (None, Some(of)) => match before.get(of).and_then(|latent| latent.map.basis()) {
+                Some(basis @ Basis::Network(_)) => basis,
+                _ => return Err(format!("its network is that of latent {of}, which has none")),
+            },
+            _ => return Err("a network has hidden layers, or is that of a latent before".into()),
+        };
+        Ok(BasisMap { affine, basis, weights })
+    }
+}
+
+impl HiddenText {
+    fn into_network(self) -> Result<Network, String> {
+        let activation = Activation::ALL.into_iter().find(|own| own.name() == self.activation);
+        let activation = activation.ok_or_else(|| format!("unknown activation `{}`", self.activation))?;
+        let layer = |own: LayerText| DenseLayer {
+            weights: own.weights.into_iter().map(floats).collect(),
+            biases: floats(own.biases),
+        };
+        Ok(Network {
+            inputs: self.inputs,
+            centre: floats(self.centre),
+            scale: floats(self.scale),
+            activation,
+            layers: self.layers.into_iter().map(layer).collect(),
+        })
     }
 }

@@ -3,5 +3,6 @@
 mod counted;
 mod file;
 mod models;
+mod network;
 mod radial;
 mod transitions;

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use fleetfoot_data::mix;
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_model::{
-    AffineMap, Column, Equation, Gaussian, Latent, Model, Partition, Prediction, RadialMap, RegionSummary, Role, Rule,
-    Training,
+    Activation, AffineMap, Basis, BasisMap, Column, DenseLayer, Equation, Gaussian, Latent, Model, Network, Partition,
+    Prediction, RegionSummary, Role, Rule, Training,
 };
 
 /// Numbers by counting.
@@ -135,7 +135,30 @@ impl Maker {
         for latent in &mut self.model.latents {
             let affine = latent.affine().expect("an affine latent").clone();
             let weights = (0..latent.map.regions()).map(|_| self.draw.values(count)).collect();
-            latent.map = RadialMap { affine, radial: radial.clone(), weights }.into();
+            latent.map = BasisMap { affine, basis: Basis::Gaussian(radial.clone()), weights }.into();
+        }
+    }
+
+    /// Gives all latents so far the same network over some functions of their library, with random numbers.
+    pub(crate) fn network(&mut self, inputs: &[usize], hidden: &[usize], activation: Activation) {
+        let mut before = inputs.len();
+        let layers = hidden.iter().map(|&units| {
+            let weights = (0..units).map(|_| self.draw.values(before)).collect();
+            before = units;
+            DenseLayer { weights, biases: self.draw.values(units) }
+        });
+        let network = Network {
+            layers: layers.collect(),
+            inputs: inputs.to_vec(),
+            centre: self.draw.values(inputs.len()),
+            scale: (0..inputs.len()).map(|i| 0.6 + 0.2 * i as f64).collect(),
+            activation,
+        };
+        let basis = Basis::Network(Arc::new(network));
+        for latent in &mut self.model.latents {
+            let affine = latent.affine().expect("an affine latent").clone();
+            let weights = (0..latent.map.regions()).map(|_| self.draw.values(basis.count())).collect();
+            latent.map = BasisMap { affine, basis: basis.clone(), weights }.into();
         }
     }
 

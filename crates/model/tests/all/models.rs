@@ -1,7 +1,7 @@
 //! Models of all kinds for the tests of export, made from seeds.
 
 use fleetfoot_library::Expr;
-use fleetfoot_model::{Branch, Cut, Model, Prediction, Role, Rule, Tree, UnseenLabel};
+use fleetfoot_model::{Activation, Branch, Cut, Model, Prediction, Role, Rule, Tree, UnseenLabel};
 
 #[path = "maker.rs"]
 mod maker;
@@ -35,6 +35,10 @@ pub(crate) fn all() -> Vec<(&'static str, Model)> {
         ("lagged_regression", lagged_regression()),
         ("radial", radial()),
         ("radial_regions", radial_regions()),
+        ("network", network(Activation::Tanh)),
+        ("relu_network", network(Activation::Relu)),
+        ("softplus_network", network(Activation::Softplus)),
+        ("network_regions", network_regions()),
     ]
 }
 
@@ -60,6 +64,33 @@ pub(crate) fn radial_regions() -> Model {
     maker.latent("f_x", library, partition, 2.0);
     maker.latent("f_y", library, partition, 0.5);
     maker.radial(&[0, 1, 3], 5);
+    maker.equation("x", Prediction::Next, "f_x");
+    maker.equation("y", Prediction::Difference, "0.1*f_y");
+    maker.finish()
+}
+
+/// A network of two layers over two of three functions beside affine terms.
+pub(crate) fn network(activation: Activation) -> Model {
+    let mut maker = Maker::new(33, "network 5-3", &[("x", STATE), ("~a", STATE), ("u", INPUT)]);
+    let library = maker.library(&["x", "sin(a)", "u"]);
+    let partition = maker.partition("average", &[], Rule::Whole);
+    maker.latent("f_x", library, partition, 2.0);
+    maker.latent("f_a", library, partition, 2.0);
+    maker.network(&[1, 0], &[5, 3], activation);
+    maker.equation("x", Prediction::Derivative, "f_x - 0.1*x");
+    maker.equation("a", Prediction::Derivative, "f_a");
+    maker.finish()
+}
+
+/// One layer with weights of three regions, over a lagged function too.
+pub(crate) fn network_regions() -> Model {
+    let mut maker = Maker::new(34, "network 6", &[("x", STATE), ("y", STATE), ("u", INPUT)]);
+    let library = maker.library(&["x", "y", "u", "lag(x, 1)*u"]);
+    let rule = maker.voronoi(3, 2);
+    let partition = maker.partition("kmeans:3", &["x", "y"], rule);
+    maker.latent("f_x", library, partition, 2.0);
+    maker.latent("f_y", library, partition, 0.5);
+    maker.network(&[0, 1, 3], &[6], Activation::Tanh);
     maker.equation("x", Prediction::Next, "f_x");
     maker.equation("y", Prediction::Difference, "0.1*f_y");
     maker.finish()

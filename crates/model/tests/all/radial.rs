@@ -4,24 +4,24 @@ use std::sync::Arc;
 
 use fleetfoot_library::{Expr, Scope};
 use fleetfoot_model::{
-    AffineMap, Gaussian, Map, MapKind, Model, Partition, RadialFunctions, RadialMap, Rule, describe,
+    AffineMap, Basis, BasisMap, Gaussian, Map, MapKind, Model, Partition, RadialFunctions, Rule, describe,
 };
 
 use crate::models;
 
 /// Of three functions the radial ones read the third and the first.
-fn map() -> RadialMap {
-    RadialMap {
+fn map() -> BasisMap {
+    BasisMap {
         affine: AffineMap {
             constants: vec![0.5, -1.0],
             coefficients: vec![vec![1.0, -2.0, 0.0], vec![0.0, 0.25, 3.0]],
         },
-        radial: Arc::new(Gaussian {
+        basis: Basis::Gaussian(Arc::new(Gaussian {
             inputs: vec![2, 0],
             centres: vec![vec![0.3, -0.4], vec![1.2, 0.1]],
             scale: vec![2.0, 0.5],
             width: 0.8,
-        }),
+        })),
         weights: vec![vec![4.0, -1.5], vec![0.0, 2.0]],
     }
 }
@@ -141,8 +141,8 @@ fn an_input_that_no_term_has_is_added_to_the_library() {
     model.validate().unwrap();
     let names: Vec<String> = model.libraries[0].iter().map(ToString::to_string).collect();
     assert_eq!(names, ["u", "z", "x"]);
-    let Map::Radial(own) = &model.latents[0].map else { panic!("{:?}", model.latents[0]) };
-    assert_eq!(own.radial.inputs, [2, 1]);
+    let Map::Basis(own) = &model.latents[0].map else { panic!("{:?}", model.latents[0]) };
+    assert_eq!(own.basis.inputs(), [2, 1]);
     let region = &model.summaries[0].regions[0];
     assert!(region.mean[2].is_nan() && region.covariance[5].is_nan() && region.mean[1] == 0.5);
     assert_eq!(region.range[2], [f64::NEG_INFINITY, f64::INFINITY]);
@@ -167,24 +167,31 @@ fn centres_are_those_of_a_partition_and_as_wide_as_they_are_apart() {
     assert_eq!(RadialFunctions::around(&one).unwrap().width, 1.0);
 }
 
+fn gaussian(map: &mut BasisMap) -> &mut Gaussian {
+    match &mut map.basis {
+        Basis::Gaussian(own) => Arc::make_mut(own),
+        other => panic!("{other:?}"),
+    }
+}
+
 #[test]
 fn what_does_not_fit_together_is_refused() {
     let mut model = models::radial();
     let json = |model: &Model| Model::from_json(&model.to_json(), "m.json").map(|_| ()).map_err(|e| e.to_string());
     json(&model).unwrap();
-    let mut change = |change: &dyn Fn(&mut RadialMap), words: &str| {
+    let mut change = |change: &dyn Fn(&mut BasisMap), words: &str| {
         let before = model.latents[0].map.clone();
-        let Map::Radial(own) = &mut model.latents[0].map else { panic!("a radial latent") };
+        let Map::Basis(own) = &mut model.latents[0].map else { panic!("a radial latent") };
         change(own);
         let error = json(&model).unwrap_err();
         assert!(error.contains(words), "{error}");
         model.latents[0].map = before;
     };
     change(&|own| own.weights.clear(), "weights for 0 of 1 regions");
-    change(&|own| own.weights[0].truncate(1), "radial functions each");
-    change(&|own| Arc::make_mut(&mut own.radial).inputs[0] = 7, "does not have");
-    change(&|own| Arc::make_mut(&mut own.radial).width = 0.0, "not positive");
-    change(&|own| Arc::make_mut(&mut own.radial).scale[0] = f64::NAN, "not positive");
-    change(&|own| Arc::make_mut(&mut own.radial).centres[1][0] = f64::INFINITY, "not finite");
-    change(&|own| Arc::make_mut(&mut own.radial).scale.truncate(1), "scales");
+    change(&|own| own.weights[0].truncate(1), "functions of the basis each");
+    change(&|own| gaussian(own).inputs[0] = 7, "does not have");
+    change(&|own| gaussian(own).width = 0.0, "not positive");
+    change(&|own| gaussian(own).scale[0] = f64::NAN, "not positive");
+    change(&|own| gaussian(own).centres[1][0] = f64::INFINITY, "not finite");
+    change(&|own| gaussian(own).scale.truncate(1), "scales");
 }

@@ -77,9 +77,10 @@ fn a_file_that_is_not_what_its_name_says_is_refused() {
         holds(&inspect(at(name)).unwrap_err().to_string(), &[name]);
         assert!(Messages::open(at(name)).is_err());
     }
-    for (name, command) in [("run.bag", "rosbags-convert"), ("run.db3", "ros2 bag convert")] {
-        std::fs::write(at(name), b"#ROSBAG V2.0\n").unwrap();
-        let message = fleetfoot_log::paths(&[at(name)]).map(drop).unwrap_err().to_string();
-        holds(&message, &[name, command]);
+    for (name, word) in [("run.bag", "SQLite"), ("run.db3", "ROS 1 bag")] {
+        let bytes: &[u8] = if name == "run.bag" { b"SQLite format 3\0" } else { b"#ROSBAG V2.0\n" };
+        std::fs::write(at(name), bytes).unwrap();
+        let message = open(&[at(name)], &Selection::new(["x"])).unwrap_err().to_string();
+        holds(&message, &[name, word]);
     }
 }

@@ -1,28 +1,21 @@
-//! The second kind of latent function: radial functions beside those of the library.
+//! The second kind of latent function: functions of a basis beside those of the library.
 
-use std::sync::Arc;
+use crate::{affine_map::AffineMap, basis::Basis, map_array::MapArray, map_kind::MapKind};
 
-use crate::{
-    affine_map::AffineMap,
-    basis::Basis,
-    gaussian::Gaussian,
-    map_kind::{MapArray, MapKind},
-};
-
-/// In every region `constant + sum_j coefficient_j * function_j + sum_k weight_k * phi_k`, with radial functions phi of some functions.
+/// In every region `constant + sum_j coefficient_j * function_j + sum_k weight_k * phi_k`, with the functions phi of a basis.
 #[derive(Debug, Clone, PartialEq)]
-pub struct RadialMap {
+pub struct BasisMap {
     /// Constants, and coefficients of the library's functions.
     pub affine: AffineMap,
-    /// The radial functions; all regions have the same.
-    pub radial: Arc<Gaussian>,
-    /// Their weights, regions x radial functions.
+    /// The basis; all regions have the same.
+    pub basis: Basis,
+    /// Weights of its functions, regions x basis functions.
     pub weights: Vec<Vec<f64>>,
 }
 
-impl MapKind for RadialMap {
+impl MapKind for BasisMap {
     fn name(&self) -> &'static str {
-        "radial"
+        self.basis.kind()
     }
 
     fn regions(&self) -> usize {
@@ -34,7 +27,7 @@ impl MapKind for RadialMap {
     }
 
     fn basis(&self) -> Option<Basis> {
-        Some(Basis::Gaussian(self.radial.clone()))
+        Some(self.basis.clone())
     }
 
     fn constant(&self, region: usize) -> f64 {
@@ -66,27 +59,20 @@ impl MapKind for RadialMap {
 
     fn check(&self, functions: usize, regions: usize) -> Result<(), String> {
         self.affine.check(functions, regions)?;
-        self.radial.check(functions)?;
-        let (count, found) = (self.radial.count(), self.weights.len());
+        self.basis.check(functions)?;
+        let (count, found) = (self.basis.count(), self.weights.len());
         match found == regions && self.weights.iter().all(|row| row.len() == count) {
             true => Ok(()),
-            false => Err(format!("weights for {found} of {regions} regions, of {count} radial functions each")),
+            false => Err(format!("weights for {found} of {regions} regions, of {count} functions of the basis each")),
         }
     }
 
     fn arrays(&self) -> Vec<MapArray> {
-        let (radial, mut arrays) = (&self.radial, self.affine.arrays());
-        let flat = |rows: &[Vec<f64>]| rows.iter().flatten().copied().collect::<Vec<f64>>();
-        let (count, inputs) = (radial.count(), radial.inputs.len());
-        for (name, values, shape) in [
-            ("weights", flat(&self.weights), vec![self.weights.len(), count]),
-            ("inputs", radial.inputs.iter().map(|&input| input as f64).collect(), vec![inputs]),
-            ("centres", flat(&radial.centres), vec![count, inputs]),
-            ("scale", radial.scale.clone(), vec![inputs]),
-            ("width", vec![radial.width], vec![1]),
-        ] {
-            arrays.push(MapArray { name, values, shape });
-        }
+        let mut arrays = self.affine.arrays();
+        let values = self.weights.iter().flatten().copied().collect();
+        let shape = vec![self.weights.len(), self.basis.count()];
+        arrays.push(MapArray { name: "weights".into(), values, shape });
+        arrays.extend(self.basis.arrays());
         arrays
     }
 }

@@ -1,0 +1,88 @@
+//! How large a network is, and where its numbers stand.
+
+use std::ops::Range;
+
+use fleetfoot_data::mix;
+
+use crate::{Activation, Error};
+
+/// The hidden layers of a network.
+///
+/// Its numbers are one list: for each layer the weights (units x inputs, the inputs of a unit together), then the constants of the units.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Shape {
+    /// Number of inputs.
+    pub inputs: usize,
+    /// Units of every hidden layer.
+    pub hidden: Vec<usize>,
+    /// What units do with their sums.
+    pub activation: Activation,
+}
+
+/// One layer: where its numbers stand.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Layer {
+    pub(crate) inputs: usize,
+    pub(crate) units: usize,
+    pub(crate) weights: Range<usize>,
+    pub(crate) constants: Range<usize>,
+}
+
+impl Shape {
+    /// Whether there is anything to train.
+    ///
+    /// # Errors
+    /// No inputs, no layer, a layer without units.
+    pub fn check(&self) -> Result<(), Error> {
+        match self.inputs > 0 && !self.hidden.is_empty() && self.hidden.iter().all(|&units| units > 0) {
+            true => Ok(()),
+            false => Err(Error::Shape(format!(
+                "a network of {} inputs and hidden layers of {:?} units: there is one of each at least",
+                self.inputs, self.hidden
+            ))),
+        }
+    }
+
+    pub(crate) fn layers(&self) -> Vec<Layer> {
+        let (mut inputs, mut at) = (self.inputs, 0);
+        let layer = |&units: &usize| {
+            let weights = at..at + units * inputs;
+            at = weights.end + units;
+            let layer = Layer { inputs, units, constants: weights.end..at, weights };
+            inputs = units;
+            layer
+        };
+        self.hidden.iter().map(layer).collect()
+    }
+
+    /// Units of the last hidden layer: the features of the output layer.
+    pub fn features(&self) -> usize {
+        self.hidden.last().copied().unwrap_or(0)
+    }
+
+    /// How many numbers the hidden layers have.
+    pub fn parameters(&self) -> usize {
+        self.layers().last().map_or(0, |layer| layer.constants.end)
+    }
+
+    /// Weights and constants (units x inputs; units) of every layer.
+    pub fn split<'a>(&self, parameters: &'a [f64]) -> Vec<(&'a [f64], &'a [f64])> {
+        self.layers().into_iter().map(|own| (&parameters[own.weights], &parameters[own.constants])).collect()
+    }
+
+    /// Random numbers to begin with: uniform, with the variance that keeps sums of standardised inputs at 1 (LeCun, Bottou, Orr and Mueller, "Efficient BackProp",
+    /// 1998; twice that for ReLU: He et al. 2015), and constants between -1 and 1, so that units bend at different places.
+    pub fn initial(&self, seed: u64) -> Vec<f64> {
+        let gain = if self.activation == Activation::Relu { 6.0 } else { 3.0 };
+        let mut parameters = vec![0.0; self.parameters()];
+        for (at, layer) in self.layers().into_iter().enumerate() {
+            let key = mix(mix(seed).wrapping_add(at as u64));
+            let bound = (gain / layer.inputs as f64).sqrt();
+            for place in layer.weights.chain(layer.constants.clone()) {
+                let uniform = (mix(key.wrapping_add(place as u64)) >> 11) as f64 * 2f64.powi(-52) - 1.0;
+                parameters[place] = uniform * if layer.constants.contains(&place) { 1.0 } else { bound };
+            }
+        }
+        parameters
+    }
+}
