@@ -138,11 +138,11 @@ pub(crate) enum Fit {
     #[command(after_help = examples::FIT_SINDY)]
     Sindy(Box<FitSindy>),
     /// Autoregression: outputs from past outputs and inputs, polynomial or piecewise (NARX).
-    // What these say is settled by the method: they are refused, with the options that say it.
+    // The method fixes these options: they are refused, with a hint to the right ones.
     #[command(after_help = examples::FIT_NARX, mut_arg("radial", |arg| arg.hide(true)), mut_arg("derivative", |arg| arg.hide(true)), mut_arg("predict", |arg| arg.hide(true)), mut_arg("lags", |arg| arg.conflicts_with_all(["lags_out", "lags_in"])))]
     Narx(Box<FitNarx>),
     /// Parameters of given equations, with intervals, by output error, filter error or equation error.
-    // The equations say what is predicted from what: these are refused.
+    // The equations fix targets and regressors: these options are refused.
     #[command(after_help = examples::FIT_PARAMETERS, mut_arg("radial", |arg| arg.hide(true)), mut_arg("predict", |arg| arg.hide(true)), mut_arg("degree", |arg| arg.hide(true)), mut_arg("lags", |arg| arg.hide(true)), mut_arg("weight", |arg| arg.hide(true)), mut_arg("keep_all", |arg| arg.hide(true)), mut_arg("data", |arg| arg.value_name("DATA").help("Files, globs or folders")))]
     Parameters(Box<FitParameters>),
 }

@@ -1,4 +1,4 @@
-//! `fleetfoot prepare`.
+//! Arguments of `prepare`.
 
 use std::path::PathBuf;
 

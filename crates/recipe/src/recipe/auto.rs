@@ -1,4 +1,4 @@
-//! `[auto]`: how far models of all methods are looked for, and over how many steps they are compared.
+//! `[auto]`: effort of the search for a model, and steps of the simulations that compare models.
 
 use super::{bounds::whole, narx::Effort, settings::settings};
 

@@ -1,4 +1,4 @@
-//! `[body]`, `[joint.NAME]` and `[sensor.NAME]`: sensors of one rigid body and of joints, whose motion `prepare` fuses of them.
+//! `[body]`, `[joint.NAME]` and `[sensor.NAME]`: sensors that `prepare` fuses into the motion of a rigid body or a joint.
 
 use fleetfoot_signal::Estimate;
 use serde::{Deserialize, Serialize};

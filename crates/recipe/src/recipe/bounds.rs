@@ -1,4 +1,4 @@
-//! Bounds of the whole numbers that settings take: the same for a flag, a recipe's entry and an argument of Python.
+//! Bounds of the whole numbers of settings, equal for flags, entries of a recipe and arguments of Python.
 
 use std::ops::RangeInclusive;
 

@@ -1,4 +1,4 @@
-//! `[control]`: what a regulator is to do.
+//! `[control]`: settings of a regulator.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! What is chosen by.
+//! Criteria that choose lambda or the number of terms.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! How the derivative of a state is measured.
+//! Measured derivatives of states.
 
 use fleetfoot_data::setting::{FIT_PWA, FIT_SINDY};
 use fleetfoot_library::{CentralDifference, Expr, Spacing, central_difference, mean_slope};

@@ -1,4 +1,4 @@
-//! `[filter]`: how the states of a recording are filtered.
+//! `[filter]`: settings of a filter of recorded states.
 
 use serde::{Deserialize, Serialize};
 

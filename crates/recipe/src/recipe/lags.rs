@@ -1,4 +1,4 @@
-//! Past rows that stand beside the present one.
+//! Past rows beside the present one.
 
 use std::{fmt, str::FromStr};
 

@@ -1,4 +1,5 @@
-//! `[narx]`: outputs from their own past and that of the inputs. Functions that are to be lagged in the place of outputs and inputs stand in `[library]`.
+//! `[narx]`: autoregressions of outputs on past outputs and inputs. `[library]` has functions to lag in place of outputs
+//! and inputs.
 
 use serde::{Deserialize, Serialize};
 

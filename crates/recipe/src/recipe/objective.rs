@@ -1,4 +1,4 @@
-//! What coefficients are fitted to: one step, or simulations of several.
+//! Objective of the coefficients: one step, or simulations of several steps.
 
 use std::{
     fmt::{self, Display, Formatter},

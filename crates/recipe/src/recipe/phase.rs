@@ -40,7 +40,7 @@ impl FromStr for PhaseColumn {
         if let Some(column) = text.strip_prefix("labels:") {
             return Ok(Self::Labels(named(column)?));
         }
-        // A column may have a colon in its name, but what stands behind it is no number then.
+        // A colon may be part of a column's name if no number follows it.
         match text.rsplit_once(':').and_then(|(column, bins)| Some((column, bins.trim().parse::<i64>().ok()?))) {
             Some((column, bins)) => match usize::try_from(bins) {
                 Ok(bins) if (2..=MOST_BINS).contains(&bins) => Ok(Self::Cyclic { column: named(column)?, bins }),

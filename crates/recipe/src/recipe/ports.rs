@@ -1,4 +1,4 @@
-//! Where a model exchanges energy.
+//! Ports at which a model exchanges energy.
 
 use std::{
     fmt::{self, Display, Formatter},

@@ -1,4 +1,4 @@
-//! `[prepare]`: from measured channels to smooth states and derivatives. `[channels.NAME]` says otherwise of one state or input.
+//! `[prepare]`: smooth states and derivatives from measured channels. `[channels.NAME]` overrides it for one state or input.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! `[pwa]`: piecewise-affine models. Partitions, degree and what is predicted stand in `[model]`.
+//! `[pwa]`: piecewise-affine models. Partitions, degree and target are in `[model]`.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! `[resimulate]`: how recordings are followed by a model.
+//! `[resimulate]`: settings of a resimulation of recordings.
 
 use super::{bounds::whole, settings::settings};
 

@@ -1,6 +1,6 @@
-//! How a method goes, in one type a method: a section of the recipe, the flags of its command, arguments in Python.
+//! Settings of a method, one type per method: a section of the recipe, the flags of its command, arguments in Python.
 //!
-//! What is said explicitly (a flag, an argument) stands above the recipe, and the recipe above the default, entry by entry: [`Recipe::say`] is that rule.
+//! A flag or an argument overrides the recipe, and the recipe the default, entry by entry: [`Recipe::say`] is that rule.
 
 use fleetfoot_data::setting::Section;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
