@@ -48,41 +48,41 @@ pub(crate) use tools::{Completions, Man};
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) command: Command,
-    /// Threads to use, four a core at most (default: all cores). The answer does not depend on it.
+    /// Number of threads, at most four per core; results do not depend on it (default: all cores).
     #[arg(long, global = true, value_name = "N", default_value_t = 0, hide_default_value = true)]
     pub(crate) threads: usize,
     /// Print the result as JSON.
     #[arg(long, global = true)]
     pub(crate) json: bool,
-    /// No progress, no notes: only results and errors. (Without it a terminal has a bar; a pipe gets a line once in a while, of long jobs.)
+    /// Print results and errors only, without progress and notes.
     #[arg(short, long, global = true)]
     pub(crate) quiet: bool,
 }
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Generate a running robot's logs, fit models to them, and show what they are worth.
+    /// Simulate a positioning stage, check its log, find a model by `auto`, and compile the model's C code.
     #[command(after_help = examples::DEMO)]
     Demo(Demo),
-    /// Tell what files hold: columns, rows, rates, gaps.
+    /// Summarise files: columns, rows, rates, gaps.
     #[command(after_help = examples::INFO)]
     Info(Info),
-    /// Find a model of logs: draft the recipe, try all methods, and choose by simulations of held-out rows.
+    /// Find a model of logs: draft the recipe, fit models by all methods, compare their simulations of held-out rows.
     #[command(after_help = examples::AUTO)]
     Auto(Box<Auto>),
-    /// Tell what is wrong with logs before anything is fitted: stamps, dead and stuck channels, units, delays; each with what mends it.
+    /// List the faults of logs before a fit: stamps, dead or stuck channels, units, delays; each with its remedy.
     #[command(after_help = examples::CHECK)]
     Check(Check),
-    /// Write a commented recipe for a file, to be edited.
+    /// Write a commented recipe for a log, to be edited.
     #[command(after_help = examples::INIT)]
     Init(Init),
-    /// Smooth the states of logs: clean episodes with derivatives and standard deviations, and the recipe to fit them.
+    /// Smooth the states of logs: write clean episodes with derivatives, standard deviations, and a recipe to fit them.
     #[command(after_help = examples::PREPARE)]
     Prepare(Box<Prepare>),
     /// Sum logs into a statistic that is fitted later, without the logs.
     #[command(after_help = examples::SCAN, mut_arg("radial", |arg| arg.hide(true)))]
     Scan(Box<Scan>),
-    /// Look at statistics, join them, take episodes out.
+    /// Inspect statistics, merge them, drop episodes.
     #[command(subcommand)]
     Stats(Stats),
     /// Fit a model to logs.
@@ -94,19 +94,19 @@ pub(crate) enum Command {
     /// Score a model's one-step predictions on logs.
     #[command(after_help = examples::SCORE)]
     Score(Score),
-    /// Write a model's prediction, residual, region and distance from the training domain for every row.
+    /// Write a model's prediction, residual, region and distance from the training range for every row.
     #[command(after_help = examples::PREDICT)]
     Predict(Predict),
-    /// Simulate a model from measured states and compare with what happened.
+    /// Simulate a model from measured states and compare with the recording.
     #[command(after_help = examples::ROLLOUT)]
     Rollout(Rollout),
-    /// Estimate a model's states from noisy measurements of some of them, row by row, with a Kalman filter for every region.
+    /// Estimate a model's states from noisy measurements, row by row, with a Kalman filter for every region.
     #[command(after_help = examples::FILTER)]
     Filter(Box<Filter>),
-    /// Find states and inputs that obey a model, stay within bounds and follow a recording as closely as can be.
+    /// Find states and inputs that obey a model, stay within bounds and follow a recording as closely as possible.
     #[command(after_help = examples::RESIMULATE)]
     Resimulate(Box<Resimulate>),
-    /// Write one page that shows models and what they are worth: verdict, equations, regions, errors, simulations.
+    /// Write one page about models: verdict, equations, regions, errors, simulations.
     #[command(after_help = examples::REPORT)]
     Report(Box<Report>),
     /// Print a model's equations and regions, or a controller's set point and gains.
@@ -115,10 +115,10 @@ pub(crate) enum Command {
     /// Write a model as C, Rust, Python, LaTeX or arrays.
     #[command(after_help = examples::EXPORT)]
     Export(Export),
-    /// Simulate a robot and write its logs, with known truth, and the recipe to fit them.
+    /// Simulate a robot; write its logs, with known truth, and the recipe to fit them.
     #[command(after_help = examples::GENERATE)]
     Generate(Box<Generate>),
-    /// Print the completions of a shell: to be kept where the shell looks for them.
+    /// Print completions for a shell, to be saved where the shell looks for them.
     #[command(after_help = examples::COMPLETIONS)]
     Completions(Completions),
     /// Write the manual pages of all commands.
@@ -131,18 +131,18 @@ pub(crate) enum Fit {
     /// A piecewise-affine model.
     #[command(after_help = examples::FIT_PWA)]
     Pwa(Box<FitPwa>),
-    /// Sparse equations over latent functions, shared between equations where the recipe says so.
+    /// Sparse equations over latent functions, which several equations may share.
     #[command(after_help = examples::FIT_SPARSE, mut_arg("radial", |arg| arg.hide(true)), mut_arg("keep_all", |arg| arg.hide(true)))]
     Sparse(Box<FitSparse>),
-    /// Equations: sparse sums of candidate functions (SINDy), beside what is known of the dynamics.
+    /// Sparse sums of candidate functions (SINDy), beside a known part of the dynamics.
     #[command(after_help = examples::FIT_SINDY)]
     Sindy(Box<FitSindy>),
-    /// Outputs from their own past and that of the inputs, polynomial and piecewise where asked for (NARX).
-    // What these say is settled by the method: they are refused, with the options that say it.
+    /// Autoregression: outputs from past outputs and inputs, polynomial or piecewise (NARX).
+    // The method fixes these options: they are refused, with a hint to the right ones.
     #[command(after_help = examples::FIT_NARX, mut_arg("radial", |arg| arg.hide(true)), mut_arg("derivative", |arg| arg.hide(true)), mut_arg("predict", |arg| arg.hide(true)), mut_arg("lags", |arg| arg.conflicts_with_all(["lags_out", "lags_in"])))]
     Narx(Box<FitNarx>),
-    /// Parameters of given equations, by output error, filter error or equation error, with intervals.
-    // The equations say what is predicted from what: these are refused.
+    /// Parameters of given equations, with intervals, by output error, filter error or equation error.
+    // The equations fix targets and regressors: these options are refused.
     #[command(after_help = examples::FIT_PARAMETERS, mut_arg("radial", |arg| arg.hide(true)), mut_arg("predict", |arg| arg.hide(true)), mut_arg("degree", |arg| arg.hide(true)), mut_arg("lags", |arg| arg.hide(true)), mut_arg("weight", |arg| arg.hide(true)), mut_arg("keep_all", |arg| arg.hide(true)), mut_arg("data", |arg| arg.value_name("DATA").help("Files, globs or folders")))]
     Parameters(Box<FitParameters>),
 }
@@ -152,13 +152,13 @@ pub(crate) struct Demo {
     /// Folder for the generated logs and the models.
     #[arg(short, long, value_name = "DIR", default_value = "fleetfoot-demo")]
     pub(crate) output: PathBuf,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
-    /// Repeat the tables and figures of the running robot's paper on a simulated hexapod: a quarter of an hour.
+    /// Repeat the tables and figures of the running robot's paper on a simulated hexapod, in a quarter of an hour.
     #[arg(long)]
     pub(crate) paper: bool,
-    /// Simulated time of all runs of the paper together.
+    /// Simulated time of all runs together, with --paper.
     #[arg(long, value_name = "MINUTES", default_value_t = 10.0, requires = "paper", allow_negative_numbers = true)]
     pub(crate) minutes: f64,
 }
@@ -168,20 +168,20 @@ pub(crate) struct Info {
     /// Files, globs or folders.
     #[arg(required = true, value_name = "DATA")]
     pub(crate) data: Vec<PathBuf>,
-    /// Read all values: minimum, mean, maximum and missing values of every column.
+    /// Minimum, mean, maximum and missing values of every column, from a pass over all values.
     #[arg(long)]
     pub(crate) values: bool,
 }
 
 #[derive(Debug, Args)]
 pub(crate) struct Init {
-    /// A log file; the files or the folder of a run, or of several, which `[files]` of the recipe joins.
+    /// A log, or the files or the folder of one or several runs, which `[files]` of the recipe joins.
     #[arg(required = true, value_name = "DATA")]
     pub(crate) data: Vec<PathBuf>,
     /// Topics of a robot's log to list, separated by commas (default: all).
     #[arg(long, value_name = "TOPICS")]
     pub(crate) topic: Option<List>,
-    /// The recipe to write (default: standard output).
+    /// Recipe to write (default: standard output).
     #[arg(short, long, value_name = "RECIPE")]
     pub(crate) output: Option<PathBuf>,
     /// Overwrite an existing recipe.
@@ -189,7 +189,7 @@ pub(crate) struct Init {
     pub(crate) force: bool,
 }
 
-/// Names or expressions separated by commas; commas within parentheses, brackets and backticks separate nothing.
+/// Names or expressions separated by commas; commas within parentheses, brackets and backticks do not separate.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct List(pub(crate) Vec<String>);
 
@@ -205,10 +205,10 @@ impl std::str::FromStr for List {
     }
 }
 
-/// What the recipe says; a flag overrides it.
+/// Options that override the recipe.
 #[derive(Debug, Args, Default)]
 pub(crate) struct RecipeArgs {
-    /// The recipe (default: none; flags say all).
+    /// Recipe file; flags override its entries (default: none).
     #[arg(short = 'c', long = "recipe", value_name = "RECIPE")]
     pub(crate) recipe: Option<PathBuf>,
     /// States, separated by commas (default: those of the recipe).
@@ -220,29 +220,31 @@ pub(crate) struct RecipeArgs {
     /// States and inputs that are angles, separated by commas (default: those of the recipe).
     #[arg(long, value_name = "COLUMNS")]
     pub(crate) angles: Option<List>,
-    /// A short name for a field or an expression; may be repeated.
+    /// Short name for a field or an expression; may be repeated.
     #[arg(long, value_name = "NAME=EXPRESSION")]
     pub(crate) alias: Vec<String>,
-    /// How the derivative of a state is measured: auto (central differences; fit sindy chooses their order by the data), central, central4, central6 (of
-    /// order 2, 4, 6), forward, backward, a column, an expression, or over:20 (the mean slope to 20 rows ahead); may be repeated.
+    /// Derivative of a state: auto (central difference; fit sindy chooses its order by the data), central, central4,
+    /// central6 (order 2, 4, 6), forward, backward, a column, an expression, or over:20 (mean slope to 20 rows ahead);
+    /// may be repeated.
     #[arg(long, value_name = "STATE=HOW")]
     pub(crate) derivative: Vec<String>,
-    /// What is predicted: derivative, next, delta, or columns separated by commas (plain regression, which needs no time stamps)
-    /// (default: derivative).
+    /// Target: derivative, next, delta, or columns separated by commas; columns need no time stamps (default:
+    /// derivative).
     #[arg(long, value_name = "WHAT")]
     pub(crate) predict: Option<String>,
-    /// Total degree of the polynomial library, 1 is affine (default: 1 of pwa and sparse, 2 of sindy; narx looks for it).
+    /// Total degree of the polynomial library; 1 is affine (default: 1 of pwa and sparse, 2 of sindy; narx searches).
     #[arg(long, value_name = "N")]
     pub(crate) degree: Option<u32>,
-    /// So many radial functions of states and inputs (Gaussians around the centroids of k-means) beside the polynomials, whose degree is 1 then where it is not given; of fit pwa and
-    /// fit sindy (default: none).
+    /// Number of radial functions of states and inputs (Gaussians around k-means centroids) beside the polynomials,
+    /// whose degree is then 1 unless given; for fit pwa and fit sindy (default: none).
     #[arg(long, value_name = "N")]
     pub(crate) radial: Option<usize>,
-    /// Past rows of every state and input beside the present one: the last N, or every K-th of the last L, as L:K (default: 0; narx looks for them).
+    /// Past rows of every state and input beside the present one: the last N, or every K-th of the last L as L:K
+    /// (default: 0; narx searches).
     #[arg(long, value_name = "ROWS")]
     pub(crate) lags: Option<Lags>,
-    /// Non-negative row weights: a column or an expression. Weight w counts a row's squared error w times; the scale of all weights
-    /// says nothing (default: 1 for every row).
+    /// Non-negative row weights, a column or an expression. Weight w counts a squared error w times; only ratios of
+    /// weights matter (default: 1 for every row).
     #[arg(long, value_name = "EXPRESSION")]
     pub(crate) weight: Option<String>,
     #[command(flatten)]
@@ -251,84 +253,84 @@ pub(crate) struct RecipeArgs {
 
 #[derive(Debug, Args, Default)]
 pub(crate) struct TimeArgs {
-    /// The column of the time stamps (default: found by its name).
+    /// Column of the time stamps (default: recognised by its name).
     #[arg(long, value_name = "COLUMN")]
     pub(crate) time: Option<String>,
-    /// The unit of numeric stamps: s, ms, us, ns (default: what name and size of the stamps say).
+    /// Unit of numeric stamps: s, ms, us, ns (default: inferred from name and size of the stamps).
     #[arg(long, value_name = "UNIT", requires = "time")]
     pub(crate) time_unit: Option<String>,
-    /// Rows are this many seconds apart: no time column is read (default: stamps are read).
+    /// Seconds between rows, in place of a time column (default: stamps are read).
     #[arg(long, value_name = "SECONDS", conflicts_with = "time")]
     pub(crate) dt: Option<f64>,
-    /// The gap between stamps that ends an episode: seconds, auto (five median periods) or none (default: auto).
+    /// Gap between stamps that ends an episode: seconds, auto (five median periods) or none (default: auto).
     #[arg(long, value_name = "SECONDS")]
     pub(crate) max_gap: Option<String>,
-    /// Use only rows of which this holds, as in 'armed > 0 and 2 < time() < 60' or "mode == 'auto'"; others end an
-    /// episode (default: all; of a model, what its recipe says).
+    /// Condition on rows, as in 'armed > 0 and 2 < time() < 60' or "mode == 'auto'"; other rows end an episode
+    /// (default: all rows; with a model, the condition of its recipe).
     #[arg(long = "where", value_name = "CONDITION")]
     pub(crate) only: Option<String>,
     #[command(flatten)]
     pub(crate) channels: ChannelArgs,
 }
 
-/// How the channels of a robot's log (MCAP, ULog) become rows.
+/// Conversion of the channels of a robot's log (MCAP, ULog) into rows.
 #[derive(Debug, Args, Default)]
 pub(crate) struct ChannelArgs {
-    /// The clock of a robot's log (default: header where every channel in use has one, else log).
+    /// Clock of a robot's log (default: header where every channel in use has one, else log).
     #[arg(long, value_enum, value_name = "CLOCK")]
     pub(crate) stamp: Option<StampArg>,
-    /// The topic whose messages make the rows; the others are joined to it (default: that of the first state).
+    /// Topic whose messages make the rows; other topics are joined to it (default: that of the first state).
     #[arg(long, value_name = "TOPIC", conflicts_with = "rate")]
     pub(crate) base: Option<String>,
-    /// Even rows, so many a second, of topics and of tables (default: the rows are those of the base topic or of the table).
+    /// Even rows per second, for topics and tables (default: the rows of the base topic or of the table).
     #[arg(long, value_name = "HZ")]
     pub(crate) rate: Option<f64>,
-    /// A topic as the recipe or model calls it, and as these files do; may be repeated.
+    /// Name of a topic in the recipe or model, and in these files; may be repeated.
     #[arg(long, value_name = "/OURS=/FILE")]
     pub(crate) rename: Vec<String>,
-    /// Keep decoded columns as Parquet in this folder, and use what is there (default: `.fleetfoot-cache` beside the model, for
-    /// logs of 64 MiB and more).
+    /// Folder for decoded columns as Parquet; columns that it holds are reused (default: `.fleetfoot-cache` beside the
+    /// model, for logs of 64 MiB and more).
     #[arg(long, value_name = "DIR", conflicts_with = "no_cache")]
     pub(crate) cache: Option<PathBuf>,
-    /// Decode anew, keep nothing.
+    /// Decode the logs anew, and keep no decoded columns.
     #[arg(long)]
     pub(crate) no_cache: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum StampArg {
-    /// When it was measured: the header's stamp in the message.
+    /// Time of measurement: the stamp in the message's header.
     #[value(alias = "header.stamp")]
     Header,
-    /// When it was recorded.
+    /// Time of recording.
     #[value(alias = "log_time")]
     Log,
-    /// When it was published.
+    /// Time of publication.
     #[value(alias = "publish_time")]
     Publish,
 }
 
-/// What is fitted to what.
+/// Data and recipe of a fit.
 #[derive(Debug, Args)]
 pub(crate) struct FitData {
-    /// Files, globs or folders; or one `.stats` file, which needs no pass.
+    /// Files, globs or folders; or one `.stats` file, which needs no pass over logs.
     #[arg(required = true, value_name = "DATA|STATS")]
     pub(crate) data: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) recipe: RecipeArgs,
 }
 
-/// What is written.
+/// Output of a fit.
 #[derive(Debug, Args)]
 pub(crate) struct FitOutput {
-    /// Write the models of the other candidates too, beside the chosen one: those of all partitions (model_kmeans10.json), or of other numbers of terms
-    /// (model_terms3.json).
+    /// Models of the other candidates beside the chosen one: of all partitions (model_kmeans10.json), or of other
+    /// numbers of terms (model_terms3.json).
     #[arg(long, alias = "keep-front")]
     pub(crate) keep_all: bool,
-    /// Tell what the job would read, keep and compute, and stop.
+    /// Print rows, memory and work of the job, then stop.
     #[arg(long)]
     pub(crate) dry_run: bool,
-    /// The model to write.
+    /// Model to write.
     #[arg(short, long, value_name = "MODEL", default_value = "model.json")]
     pub(crate) output: PathBuf,
 }
@@ -337,12 +339,13 @@ pub(crate) struct FitOutput {
 pub(crate) struct FitPwa {
     #[command(flatten)]
     pub(crate) data: FitData,
-    /// Partitions: null, average, zscore:1.5, kmeans:10, refined:5, lattice:5, tree:3, labels:COLUMN, labels:COLUMN+kmeans:5 (refined:5, tree:3). Of several
-    /// (`average,kmeans:2,5,10`, `refined:2..20`, `lattice:2..50`, `tree:1..6`)
-    /// one is chosen (default: those of the recipe, else `average,kmeans:2,5,10`; of a statistic those that were summed).
+    /// Partitions: null, average, zscore:1.5, kmeans:10, refined:5, lattice:5, tree:3, labels:COLUMN,
+    /// labels:COLUMN+kmeans:5 (or +refined:5, +tree:3). From several (`average,kmeans:2,5,10`, `refined:2..20`,
+    /// `lattice:2..50`, `tree:1..6`) one is chosen (default: those of the recipe, else `average,kmeans:2,5,10`; of a
+    /// statistic those that it sums).
     #[arg(short, long, value_name = "PARTITIONS")]
     pub(crate) partition: Option<String>,
-    /// What partitions look at, separated by commas (default: the states).
+    /// Columns that define the regions, separated by commas (default: the states).
     #[arg(long, value_name = "COLUMNS")]
     pub(crate) partition_on: Option<List>,
     #[command(flatten)]
@@ -351,10 +354,10 @@ pub(crate) struct FitPwa {
     pub(crate) output: FitOutput,
 }
 
-/// A model and the logs it is run on.
+/// A model, and the logs to run it on.
 #[derive(Debug, Args)]
 pub(crate) struct ModelData {
-    /// The model.
+    /// Model file.
     #[arg(value_name = "MODEL")]
     pub(crate) model: PathBuf,
     /// Files, globs or folders.
@@ -368,17 +371,17 @@ pub(crate) struct ModelData {
 pub(crate) struct Score {
     #[command(flatten)]
     pub(crate) model: ModelData,
-    /// Show the score of every episode.
+    /// Score of every episode.
     #[arg(long)]
     pub(crate) episodes: bool,
-    /// Two columns or expressions, separated by a comma: show on their plane where the region changes and where the errors are
-    /// (default: no plane).
+    /// Two columns or expressions, separated by a comma: a map of region changes and errors over their plane (default:
+    /// no plane).
     #[arg(long, value_name = "A,B")]
     pub(crate) plane: Option<List>,
     /// Cells of the plane along each axis.
     #[arg(long, value_name = "N", default_value_t = 36, requires = "plane", value_parser = whole::<usize>(0..=1000))]
     pub(crate) bins: usize,
-    /// The file to write the plane's cells to, Parquet or text (`*.csv`) (default: none).
+    /// File for the cells of the plane: Parquet or text (`*.csv`) (default: none).
     #[arg(short, long, value_name = "FILE", requires = "plane")]
     pub(crate) output: Option<PathBuf>,
 }
@@ -387,40 +390,41 @@ pub(crate) struct Score {
 pub(crate) struct Predict {
     #[command(flatten)]
     pub(crate) model: ModelData,
-    /// The file to write: Parquet (`*.parquet`), text (`*.csv`, `*.tsv`) or messages for viewers (`*.mcap`), with layouts
-    /// for Foxglove and PlotJuggler beside them. A log without the targets' columns is predicted all the same; what was not measured is empty.
+    /// File to write: Parquet (`*.parquet`), text (`*.csv`, `*.tsv`) or messages for viewers (`*.mcap`, with layouts
+    /// for Foxglove and PlotJuggler). Logs without the target columns are predicted too; cells without a measurement
+    /// stay empty.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Method {
-    /// Forward Euler, as the paper.
+    /// Forward Euler, as in the paper.
     Euler,
-    /// The classical fourth-order Runge-Kutta method.
+    /// Classical fourth-order Runge-Kutta.
     Rk4,
 }
 
-/// What drives the inputs of simulations.
+/// Source of the inputs of simulations.
 #[derive(Debug, Args)]
 pub(crate) struct ControllerArgs {
-    /// Close the loop: inputs come from this controller, which sees the simulated states: a file of `control lqr`, or treadmill, or a TOML file with
-    /// `kind = "treadmill"` and its settings (default: inputs as recorded).
+    /// Controller that computes the inputs from the simulated states: a file of `control lqr`, treadmill, or a TOML
+    /// file with `kind = "treadmill"` and settings (default: inputs as recorded).
     #[arg(long, value_name = "KIND|FILE")]
     pub(crate) controller: Option<String>,
-    /// Settings of the controller, separated by commas: gains (k_x, k_yaw), limits, period and latency in seconds, and which column is what:
-    /// x=x,yaw=yaw,speed=belt_speed,u_v=u_v,u_w=u_w (`speed` may be a number, m/s); may be repeated.
+    /// Settings of the controller, separated by commas: gains (k_x, k_yaw), limits, period and latency in seconds, and
+    /// column names: x=x,yaw=yaw,speed=belt_speed,u_v=u_v,u_w=u_w (`speed` may be a number, m/s); may be repeated.
     #[arg(long, value_name = "KEY=VALUE", requires = "controller")]
     pub(crate) controller_set: Vec<List>,
 }
 
 impl ControllerArgs {
-    /// The file that it is read from, where it is no kind.
+    /// The controller's argument as a path.
     pub(crate) fn file(&self) -> Option<PathBuf> {
         self.controller.as_ref().map(PathBuf::from)
     }
 
-    /// The controller, where there is one.
+    /// The controller, if one is given.
     pub(crate) fn read(&self) -> Result<Option<Arc<dyn Controller>>, Error> {
         let settings: Vec<String> = self.controller_set.iter().flat_map(|list| list.0.iter().cloned()).collect();
         self.controller.as_ref().map(|what| fleetfoot::controller(what, &settings)).transpose()
@@ -437,62 +441,63 @@ pub(crate) struct Rollout {
     /// Number of trajectories.
     #[arg(long, value_name = "N", default_value = "1000")]
     pub(crate) starts: std::num::NonZeroUsize,
-    /// How derivatives are integrated.
+    /// Integration of derivatives.
     #[arg(long, value_enum, default_value = "rk4")]
     pub(crate) method: Method,
-    /// What becomes of a trajectory where a regressor is outside the range that its region saw in training.
+    /// Rule for a trajectory with a regressor outside the training range of its region.
     #[arg(long, value_enum, default_value = "tell")]
     pub(crate) outside: OutsideArg,
-    /// States whose Euclidean distance from the recording is told too, separated by commas; they share a unit: `x,y` (default: none).
+    /// States whose Euclidean distance from the recording is reported too, separated by commas and of one unit: `x,y`
+    /// (default: none).
     #[arg(long, value_name = "STATES")]
     pub(crate) position: Option<List>,
-    /// Choose the starts at random with this seed (default: evenly spread).
+    /// Seed of random starts (default: starts are evenly spread).
     #[arg(long, value_name = "SEED")]
     pub(crate) seed: Option<u64>,
     #[command(flatten)]
     pub(crate) controller: ControllerArgs,
-    /// The file to write the trajectories to, each state beside what was measured: Parquet (`*.parquet`), text (`*.csv`, `*.tsv`) or messages for
-    /// viewers (`*.mcap`), with layouts for Foxglove and PlotJuggler beside them (default: none).
+    /// File for the trajectories, each state beside its measurement: Parquet (`*.parquet`), text (`*.csv`, `*.tsv`) or
+    /// messages for viewers (`*.mcap`, with layouts for Foxglove and PlotJuggler) (default: none).
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum OutsideArg {
-    /// It goes on, and is counted.
+    /// Count it and continue.
     Tell,
-    /// It ends there.
+    /// End it there.
     End,
-    /// It goes on with the regressor held at the border of the range.
+    /// Continue with the regressor held at the limit of the range.
     Hold,
 }
 
 #[derive(Debug, Args)]
 pub(crate) struct Show {
-    /// The model, or a controller of `control lqr`.
+    /// Model, or controller of `control lqr`.
     #[arg(value_name = "MODEL")]
     pub(crate) model: PathBuf,
-    /// Regions to write out, the largest first.
+    /// Number of regions to print, the largest first.
     #[arg(long, value_name = "N", default_value_t = 10)]
     pub(crate) regions: usize,
-    /// Tell which region follows which, how long a visit lasts, where the regions lie along a phase, and which neighbours have maps of their own: for models of refined
-    /// partitions, lattices and trees, and for those fitted with --phase.
+    /// Sequence of regions, duration of a visit, position along a phase, and neighbours whose maps differ; for models
+    /// of refined partitions, lattices and trees, and those fitted with --phase.
     #[arg(long)]
     pub(crate) transitions: bool,
-    /// Compare all pairs of regions that the model has compared, and not neighbours alone.
+    /// Comparison of all pairs of regions, instead of neighbours only, where the model holds them.
     #[arg(long, requires = "transitions")]
     pub(crate) all_pairs: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum LogFormat {
-    /// What the sensors say, as ROS 2 messages, and the truth.
+    /// Sensor readings as ROS 2 messages, and the truth.
     Mcap,
     /// Rows of truth.
     Parquet,
 }
 
-/// The first and the last run's speed: `A:B`, or one number for all.
+/// Speeds of the first and the last run: `A:B`, or one number for all.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Speed(pub(crate) f64, pub(crate) f64);
 
@@ -518,57 +523,56 @@ fn positive(text: &str) -> Result<f64, String> {
 
 #[derive(Debug, Args)]
 pub(crate) struct Generate {
-    /// The robot.
+    /// Robot to simulate.
     #[arg(value_name = "ROBOT", value_parser = clap::builder::PossibleValuesParser::new(fleetfoot::generate::robots()))]
     pub(crate) robot: String,
-    /// Folder of the logs, without a default; it must hold no other recordings.
+    /// Folder of the logs, which must hold no other recordings (no default).
     #[arg(short, long, value_name = "DIR", required_unless_present = "print_world")]
     pub(crate) output: Option<PathBuf>,
     /// Simulated minutes of all runs together, shared evenly (default: --seconds of each).
     #[arg(long, value_name = "MINUTES", value_parser = positive, conflicts_with = "seconds")]
     pub(crate) minutes: Option<f64>,
-    /// Simulated seconds of each run, if nothing ends it before (default: what suits the robot).
+    /// Simulated seconds of each run, unless it ends earlier (default: depends on the robot).
     #[arg(long, value_name = "SECONDS", value_parser = positive)]
     pub(crate) seconds: Option<f64>,
-    /// Runs; each is a file.
+    /// Number of runs; each is a file.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     pub(crate) runs: u64,
-    /// The number of the first run: run 7 is the same whether it is made with the others or alone.
+    /// Number of the first run: run 7 is the same whether it is made with the others or alone.
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true, value_parser = clap::value_parser!(u64).range(..1_000_000_000))]
     pub(crate) first_run: u64,
-    /// Speed, m/s; of two (A:B), A is the first run's and B the last one's, the others evenly between them (default: what suits
-    /// the robot).
+    /// Speed, m/s; with two (A:B) runs are spread evenly from A to B (default: depends on the robot).
     #[arg(long, value_name = "A:B", allow_hyphen_values = true)]
     pub(crate) speed: Option<Speed>,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
-    /// How logs are kept (default: mcap; parquet for robots that have no messages).
+    /// Format of the logs (default: mcap; parquet for robots without messages).
     #[arg(long, value_enum)]
     pub(crate) format: Option<LogFormat>,
-    /// A TOML file of physical parameters, where what is left out has its default value; or a generated log, for the world that it was made in
-    /// (default: the robot's own).
+    /// TOML file of physical parameters, where missing entries have their defaults; or a generated log, for the world
+    /// that it was made in (default: the robot's own world).
     #[arg(long, value_name = "FILE")]
     pub(crate) world: Option<PathBuf>,
-    /// Sets one physical parameter: its path in the world file and a value; may be repeated.
+    /// Physical parameter to set: its path in the world file and a value; may be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     pub(crate) set: Vec<String>,
-    /// What excites the robot, over ranges that suit it (default: the world's).
+    /// Excitation of the robot, over ranges that suit it (default: the world's).
     #[arg(long, value_name = "KIND", value_parser = clap::builder::PossibleValuesParser::new(fleetfoot::sim::Excitation::KINDS))]
     pub(crate) excitation: Option<String>,
-    /// Let a controller of `control lqr` command the robot in the place of its own (default: its own).
+    /// Controller of `control lqr` that commands the robot (default: the robot's own controller).
     #[arg(long, value_name = "FILE")]
     pub(crate) controller: Option<PathBuf>,
     /// Print all physical parameters with their units as a world file, and stop.
     #[arg(long)]
     pub(crate) print_world: bool,
-    /// Leave the truth out: only what a real robot logs.
+    /// Logs without the truth, as a real robot writes them.
     #[arg(long)]
     pub(crate) no_truth: bool,
-    /// Replace the runs of an earlier command in the folder, and its recipe.
+    /// Replace the runs and the recipe of an earlier command in the folder.
     #[arg(long)]
     pub(crate) force: bool,
-    /// Tell what would be written, and stop.
+    /// Print the files that would be written, then stop.
     #[arg(long)]
     pub(crate) dry_run: bool,
 }

@@ -10,11 +10,11 @@ use crate::args::Cli;
 const HEAD: &str = "\
 # Commands
 
-This page is made from the arguments of the command itself; `fleetfoot COMMAND --help` prints the same. `fleetfoot completions SHELL` prints completions
-for bash, zsh, fish, elvish and PowerShell, and `fleetfoot man` writes manual pages.
+This page lists all commands and options; `fleetfoot COMMAND --help` prints the same text. `fleetfoot completions SHELL`
+prints completions for bash, zsh, fish, elvish and PowerShell, and `fleetfoot man` writes manual pages.
 
-Results go to standard output, talk to standard error. The exit code is 0, 1 (the data or the fit is at fault, and the message says what to do), 2 (usage)
-or 130 (stopped).
+Results go to standard output, progress and notes to standard error. The exit code is 0, 1 (error in the data or the
+fit), 2 (error in the arguments) or 130 (stopped). The [glossary](glossary.md) explains the terms.
 ";
 
 /// The page.

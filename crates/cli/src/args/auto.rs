@@ -7,7 +7,7 @@ use fleetfoot::AutoSection;
 
 use super::RecipeArgs;
 
-/// Languages that a result can be written in beside the model.
+/// Languages of the code beside the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum AutoExport {
     /// C99, in the folder `c`.
@@ -23,10 +23,10 @@ pub(crate) struct Auto {
     pub(crate) recipe: RecipeArgs,
     #[command(flatten)]
     pub(crate) auto: AutoSection,
-    /// Write the model in another language, too (default: the model alone).
+    /// Language of code beside the model (default: no code).
     #[arg(long, value_enum, value_name = "LANGUAGE")]
     pub(crate) export: Option<AutoExport>,
-    /// The folder to write: model.json, recipe.toml, report.html, auto.json.
+    /// Folder to write: model.json, recipe.toml, report.html, auto.json.
     #[arg(short, long, value_name = "DIR", default_value = "model")]
     pub(crate) output: PathBuf,
     /// Replace the folder of an earlier result.

@@ -11,12 +11,13 @@ pub(crate) struct Check {
     /// Files, globs or folders.
     #[arg(required = true, value_name = "DATA")]
     pub(crate) data: Vec<PathBuf>,
-    /// The recipe whose states and inputs are looked at (default: all columns of tables; of robots' logs those that `init` proposes).
+    /// Recipe whose states and inputs are checked (default: all columns of tables; of robots' logs those that `init`
+    /// proposes).
     #[arg(short = 'c', long = "recipe", value_name = "RECIPE")]
     pub(crate) recipe: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) time: TimeArgs,
-    /// End with exit code 1 where anything is wrong.
+    /// Exit code 1 for any fault.
     #[arg(long)]
     pub(crate) strict: bool,
 }

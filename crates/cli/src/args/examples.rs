@@ -1,13 +1,13 @@
-//! What stands at the end of every command's help: lines to copy. A test parses them.
+//! Examples at the end of every command's help: lines to copy. A test parses them.
 
 pub(crate) const OVERVIEW: &str = "\
 From a log to a model:
   fleetfoot demo                                  from a log to equations and code, in a minute
-  fleetfoot auto run.mcap -o model/               a model of your own log, and what it is worth
-  fleetfoot info run.mcap                         what the log holds
+  fleetfoot auto run.mcap -o model/               a model of your own log, with its held-out error
+  fleetfoot info run.mcap                         columns, rows and rates of the log
   fleetfoot init run.mcap -o robot.toml           a commented recipe, to be edited
   fleetfoot fit pwa -c robot.toml runs/           a model, in model.json
-  fleetfoot score model.json held-out.mcap        what it is worth on rows that did not train it
+  fleetfoot score model.json held-out.mcap        its errors on rows that did not train it
   fleetfoot show model.json                       its equations
   fleetfoot export model.json --to c -o src/      its code";
 

@@ -6,34 +6,34 @@ use clap::{Args, ValueEnum};
 
 #[derive(Debug, Args)]
 pub(crate) struct Export {
-    /// The model, or a controller of `control lqr`.
+    /// Model, or controller of `control lqr`.
     #[arg(value_name = "MODEL")]
     pub(crate) model: PathBuf,
-    /// What to write.
+    /// Language or format to write.
     #[arg(long, value_enum)]
     pub(crate) to: ExportTo,
     /// Floating-point numbers of C and Rust: 32 or 64 bits.
     #[arg(long, value_enum, default_value_t = ExportPrecision::Double)]
     pub(crate) precision: ExportPrecision,
-    /// In front of all names, and the files' name: lower-case letters, digits and _.
+    /// Prefix of all names, and name of the files: lower-case letters, digits and _.
     #[arg(long, value_name = "NAME", default_value = "model")]
     pub(crate) prefix: String,
-    /// Make steps of this fixed length of a model of derivatives; without it, every step is given its length.
+    /// Fixed step length of the code, for a model of derivatives; without it, each call takes the length of its step.
     #[arg(long, value_name = "SECONDS")]
     pub(crate) discretize: Option<f64>,
-    /// How derivatives are integrated.
+    /// Integration of derivatives.
     #[arg(long, value_enum, default_value_t = ExportMethod::Rk4)]
     pub(crate) method: ExportMethod,
-    /// Leave the check of the training domain away: two numbers a function and region less.
+    /// Code without the check of the training range: two numbers per function and region less.
     #[arg(long)]
     pub(crate) no_domain: bool,
-    /// Write the model's filter, in place of the model, as the `[filter]` of its recipe says, or of `--recipe`.
+    /// Code of the model's filter instead of the model, by the `[filter]` of its recipe or of `--recipe`.
     #[arg(long)]
     pub(crate) filter: bool,
-    /// A recipe whose `[filter]` stands above the model's (default: none).
+    /// Recipe whose `[filter]` overrides the model's (default: none).
     #[arg(short = 'c', long = "recipe", value_name = "RECIPE", requires = "filter")]
     pub(crate) recipe: Option<PathBuf>,
-    /// The folder to write to.
+    /// Folder to write to.
     #[arg(short, long, value_name = "DIR", default_value = ".")]
     pub(crate) output: PathBuf,
 }

@@ -13,7 +13,8 @@ pub(crate) struct Filter {
     pub(crate) model: ModelData,
     #[command(flatten)]
     pub(crate) how: FilterSection,
-    /// The file to write to: mean and deviation of every state, innovations, probabilities of the regions: Parquet (`*.parquet`), text (`*.csv`, `*.tsv`) or messages (`*.mcap`) (default: none).
+    /// File for mean and deviation of every state, innovations, and probabilities of the regions: Parquet
+    /// (`*.parquet`), text (`*.csv`, `*.tsv`) or messages (`*.mcap`) (default: none).
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
 }

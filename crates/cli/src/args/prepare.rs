@@ -1,4 +1,4 @@
-//! `fleetfoot prepare`.
+//! Arguments of `prepare`.
 
 use std::path::PathBuf;
 
@@ -12,17 +12,17 @@ pub(crate) struct Prepare {
     /// Files, globs or folders.
     #[arg(required = true, value_name = "DATA")]
     pub(crate) data: Vec<PathBuf>,
-    /// The recipe: its states are smoothed, its inputs and other columns go along.
+    /// Recipe: its states are smoothed; its inputs and other columns are written unsmoothed.
     #[arg(short = 'c', long = "recipe", value_name = "RECIPE")]
     pub(crate) recipe: PathBuf,
     #[command(flatten)]
     pub(crate) time: TimeArgs,
     #[command(flatten)]
     pub(crate) prepare: PrepareSection,
-    /// Replace what an earlier preparation wrote into the folder.
+    /// Replace the files of an earlier preparation in the folder.
     #[arg(long)]
     pub(crate) force: bool,
-    /// The folder for the clean episodes and their recipe, `robot.toml`.
+    /// Folder for the clean episodes and their recipe, `robot.toml`.
     #[arg(short, long, value_name = "DIR", default_value = "clean")]
     pub(crate) output: PathBuf,
 }

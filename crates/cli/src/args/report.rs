@@ -8,12 +8,13 @@ use super::{ControllerArgs, List, TimeArgs};
 
 #[derive(Debug, Args)]
 pub(crate) struct Report {
-    /// Models (`*.json`), and the files, globs or folders that they are held against; without these the page shows the models alone.
+    /// Models (`*.json`), and files, globs or folders of logs to compare them with; without logs the page shows the
+    /// models alone.
     #[arg(required = true, value_name = "MODEL|DATA")]
     pub(crate) files: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) time: TimeArgs,
-    /// The title of the page (default: what the models are).
+    /// Title of the page (default: names the models).
     #[arg(long, value_name = "TEXT")]
     pub(crate) title: Option<String>,
     /// Steps of every simulation (default: 200, and at most a quarter of the longest episode).
@@ -24,20 +25,21 @@ pub(crate) struct Report {
     pub(crate) starts: NonZeroUsize,
     #[command(flatten)]
     pub(crate) controller: ControllerArgs,
-    /// Two columns or expressions, separated by a comma: show on their plane where the best model errs and where its regions change (default: the angles of
-    /// a model that has two of them, else no plane).
+    /// Two columns or expressions, separated by a comma: a map of the best model's errors and region changes over their
+    /// plane (default: the angles of a model that has two of them, else no plane).
     #[arg(long, value_name = "A,B")]
     pub(crate) plane: Option<List>,
-    /// Report of the fit of one of the models, as `fit sparse --json` and `fit sindy --json` tell it: the page then shows how the model was chosen (may be repeated; default: none).
+    /// JSON report of the fit of one of the models, from `fit sparse --json` or `fit sindy --json`: the page then shows
+    /// how the model was chosen; may be repeated (default: none).
     #[arg(long, value_name = "FILE")]
     pub(crate) fit: Vec<PathBuf>,
-    /// The page to write.
+    /// Page to write.
     #[arg(short, long, value_name = "FILE", default_value = "report.html")]
     pub(crate) output: PathBuf,
-    /// Folder to write every figure to as SVG, for papers (default: none).
+    /// Folder for every figure as SVG (default: none).
     #[arg(long, value_name = "DIR")]
     pub(crate) svg: Option<PathBuf>,
-    /// Folder to write the numbers of every figure to as CSV (default: none).
+    /// Folder for the numbers of every figure as CSV (default: none).
     #[arg(long, value_name = "DIR")]
     pub(crate) csv: Option<PathBuf>,
 }

@@ -13,11 +13,12 @@ pub(crate) struct Resimulate {
     pub(crate) model: ModelData,
     #[command(flatten)]
     pub(crate) how: ResimulateSection,
-    /// Show the deviations of every episode.
+    /// Deviations of every episode.
     #[arg(long)]
     pub(crate) episodes: bool,
-    /// The file to write states and inputs to, each beside what was measured and what the open loop gives: Parquet (`*.parquet`), text (`*.csv`, `*.tsv`) or messages for
-    /// viewers (`*.mcap`), with layouts for Foxglove and PlotJuggler beside them (default: none).
+    /// File for states and inputs, each beside its measurement and the open-loop simulation: Parquet (`*.parquet`),
+    /// text (`*.csv`, `*.tsv`) or messages for viewers (`*.mcap`, with layouts for Foxglove and PlotJuggler) (default:
+    /// none).
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
 }

@@ -13,13 +13,14 @@ pub(crate) struct FitSindy {
     pub(crate) equations: EquationArgs,
     #[command(flatten)]
     pub(crate) sindy: SindySection,
-    /// Equations in every region of a partition: kmeans:5, refined:5, lattice:5, tree:3, zscore:1.5, labels:COLUMN, labels:COLUMN+kmeans:3 (default: one region).
+    /// Partition with equations for every region: kmeans:5, refined:5, lattice:5, tree:3, zscore:1.5, labels:COLUMN,
+    /// labels:COLUMN+kmeans:3 (default: one region).
     #[arg(short, long, value_name = "PARTITION")]
     pub(crate) partition: Option<String>,
-    /// What the partition looks at, separated by commas (default: the states).
+    /// Columns that define the regions, separated by commas (default: the states).
     #[arg(long, value_name = "COLUMNS")]
     pub(crate) partition_on: Option<List>,
-    /// Show the Pareto front: the error of the best model of every number of terms.
+    /// Pareto front: the error of the best model of every number of terms.
     #[arg(long)]
     pub(crate) front: bool,
     /// Steps of the rollouts that choose the span of `--derivative STATE=over:auto` (default: 50).
@@ -29,20 +30,21 @@ pub(crate) struct FitSindy {
     pub(crate) output: FitOutput,
 }
 
-/// What `[library]`, `[states]` and `[parameters]` of the recipe say; a flag overrides it.
+/// Options that override `[library]`, `[states]` and `[parameters]` of the recipe.
 #[derive(Debug, Args, Default)]
 pub(crate) struct EquationArgs {
     /// Candidate functions, separated by commas: poly(3), sin, fourier(2), poly(1)*sin, past(5, every=2), `V^2*alpha`
-    /// (default: the monomials up to --degree, else poly(2), or poly(1) where that would be more than 500).
+    /// (default: the monomials up to --degree, else poly(2), or poly(1) where poly(2) has more than 500).
     #[arg(long, value_name = "ITEMS")]
     pub(crate) library: Option<List>,
     /// Known part of a state's equation: only the rest is learnt; may be repeated.
     #[arg(long, value_name = "STATE=EXPRESSION")]
     pub(crate) nominal: Vec<String>,
-    /// Terms that a state's equation has in any case, separated by commas; may be repeated.
+    /// Terms that a state's equation always has, separated by commas; may be repeated.
     #[arg(long, value_name = "STATE=ITEMS")]
     pub(crate) fixed: Vec<String>,
-    /// A number inside expressions that is not known, and where its search begins: `tau=0.05`, with bounds `tau=0.05 in 0.01..0.3`; may be repeated.
+    /// Unknown number inside expressions, with the start of its search: `tau=0.05`, with bounds
+    /// `tau=0.05 in 0.01..0.3`; may be repeated.
     #[arg(long, value_name = "NAME=VALUE")]
     pub(crate) parameter: Vec<String>,
 }

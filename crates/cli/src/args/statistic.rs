@@ -13,76 +13,76 @@ pub(crate) struct Scan {
     pub(crate) data: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) recipe: RecipeArgs,
-    /// Candidate functions of the equations, separated by commas, as those of `fit sindy` (default: the monomials up to --degree, else poly(2), or poly(1)
-    /// where that would be more than 500).
+    /// Candidate functions of the equations, separated by commas, as in `fit sindy` (default: the monomials up to
+    /// --degree, else poly(2), or poly(1) where poly(2) has more than 500).
     #[arg(long, value_name = "ITEMS")]
     pub(crate) library: Option<List>,
-    /// Partitions whose regions are summed beside all rows: `kmeans:2,5,10`, zscore:1.5, labels:COLUMN. They are clustered before the pass and frozen
-    /// with the plan (default: those of the recipe).
+    /// Partitions whose regions are summed beside all rows: `kmeans:2,5,10`, zscore:1.5, labels:COLUMN. They are
+    /// clustered before the pass and frozen with the plan (default: those of the recipe).
     #[arg(short, long, value_name = "PARTITIONS")]
     pub(crate) partition: Option<String>,
-    /// What partitions look at, separated by commas (default: the states).
+    /// Columns that define the regions, separated by commas (default: the states).
     #[arg(long, value_name = "COLUMNS")]
     pub(crate) partition_on: Option<List>,
-    /// The statistic to write.
+    /// Statistic to write.
     #[arg(short, long, value_name = "STATS", default_value = "run.stats")]
     pub(crate) output: PathBuf,
-    /// A label of the episodes from their file's path: `aircraft={dir1}`, with {dir1} the folder that holds the file, {dir2} the one above,
-    /// {name} and {stem}; may be repeated.
+    /// Label of the episodes from the path of their file: `aircraft={dir1}`, with {dir1} the folder of the file, {dir2}
+    /// the one above, {name} and {stem}; may be repeated.
     #[arg(long, value_name = "NAME=TEXT")]
     pub(crate) key: Vec<String>,
-    /// Add to the output if it exists, with its plan; logs that it has are skipped.
+    /// Add to the output, with its plan, if it exists; logs that it holds are skipped.
     #[arg(long, conflicts_with_all = ["force", "plan"])]
     pub(crate) append: bool,
-    /// Use the plan of another statistic, so that the two can be merged (default: a plan of its own).
+    /// Statistic whose plan is used, so that the two can be merged (default: a new plan).
     #[arg(long, value_name = "STATS")]
     pub(crate) plan: Option<PathBuf>,
-    /// Rows of a chunk, the smallest part of an episode that is kept apart (default: by the number of rows).
+    /// Rows of a chunk, the smallest part of an episode that is stored separately (default: by the number of rows).
     #[arg(long, value_name = "N")]
     pub(crate) chunk_rows: Option<NonZeroUsize>,
-    /// Replace an existing output, and what another command has left unfinished.
+    /// Replace an existing output, and the unfinished output of another command.
     #[arg(long)]
     pub(crate) force: bool,
-    /// Tell what the job would read and keep, and stop.
+    /// Print files, rows and memory of the job, then stop.
     #[arg(long)]
     pub(crate) dry_run: bool,
 }
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Stats {
-    /// Tell what a statistic holds: tasks, latents, episodes, conditions, sizes.
+    /// Summarise a statistic: tasks, latents, episodes, condition numbers, sizes.
     #[command(after_help = super::examples::STATS_INFO)]
     Info(StatsInfo),
-    /// Join statistics of one plan.
+    /// Merge statistics of one plan.
     #[command(after_help = super::examples::STATS_MERGE)]
     Merge(StatsMerge),
-    /// Take episodes out of a statistic.
+    /// Drop episodes from a statistic.
     #[command(after_help = super::examples::STATS_DROP)]
     Drop(StatsDrop),
-    /// Join the chunks of every episode: a smaller file, without what lies within episodes.
+    /// Merge the chunks of every episode: a smaller file, without detail within episodes.
     #[command(after_help = super::examples::STATS_COMPACT)]
     Compact(StatsCompact),
 }
 
 #[derive(Debug, Args)]
 pub(crate) struct StatsInfo {
-    /// The statistic.
+    /// Statistic file.
     #[arg(value_name = "STATS")]
     pub(crate) file: PathBuf,
-    /// List every episode.
+    /// List of all episodes.
     #[arg(long)]
     pub(crate) episodes: bool,
-    /// Show the plan and the recipe.
+    /// Plan and recipe.
     #[arg(long)]
     pub(crate) recipe: bool,
 }
 
 #[derive(Debug, Args)]
 pub(crate) struct StatsMerge {
-    /// The statistics.
+    /// Statistics to merge.
     #[arg(required = true, num_args = 2.., value_name = "STATS")]
     pub(crate) files: Vec<PathBuf>,
-    /// The statistic to write.
+    /// Statistic to write.
     #[arg(short, long, value_name = "STATS")]
     pub(crate) output: PathBuf,
     /// Replace an existing output.
@@ -93,10 +93,10 @@ pub(crate) struct StatsMerge {
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("what").required(true).multiple(true))]
 pub(crate) struct StatsDrop {
-    /// The statistic.
+    /// Statistic file.
     #[arg(value_name = "STATS")]
     pub(crate) input: PathBuf,
-    /// An episode, by name or identity; may be repeated.
+    /// Episode by name or identity; may be repeated.
     #[arg(long, value_name = "NAME|ID", group = "what")]
     pub(crate) episode: Vec<String>,
     /// All episodes with this value of a label; may be repeated.
@@ -105,7 +105,7 @@ pub(crate) struct StatsDrop {
     /// All episodes of a file; may be repeated.
     #[arg(long, value_name = "NAME", group = "what")]
     pub(crate) file: Vec<String>,
-    /// The statistic to write.
+    /// Statistic to write.
     #[arg(short, long, value_name = "STATS")]
     pub(crate) output: PathBuf,
     /// Replace an existing output.
@@ -115,13 +115,13 @@ pub(crate) struct StatsDrop {
 
 #[derive(Debug, Args)]
 pub(crate) struct StatsCompact {
-    /// The statistic.
+    /// Statistic file.
     #[arg(value_name = "STATS")]
     pub(crate) file: PathBuf,
-    /// What becomes one chunk.
+    /// Rows that become one chunk.
     #[arg(long, value_name = "WHAT", default_value = "episode", value_parser = ["episode"])]
     pub(crate) by: String,
-    /// The statistic to write.
+    /// Statistic to write.
     #[arg(short, long, value_name = "STATS")]
     pub(crate) output: PathBuf,
     /// Replace an existing output.

@@ -1,7 +1,7 @@
-"""The one door of arrays: what a caller gives becomes a plain array of numbers of this machine.
+"""Conversion of a caller's arrays to plain numeric arrays in native byte order.
 
-Order of memory and strides stay as they are. Masked values are missing (NaN, NaT), other byte orders and widths become
-those of this machine, objects that are numbers become ``float64``. Text and complex numbers are refused.
+Memory order and strides are kept. Masked values become missing (NaN, NaT), foreign byte orders and widths native
+ones, numeric objects ``float64``. Text and complex numbers are refused.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def numbers(values: Any, what: str) -> Array:
     Parameters
     ----------
     values : array, masked array, sequence, table or series
-        What the caller gave. The columns of a table lie side by side.
+        Values of the caller; the columns of a table side by side.
     what : str
         Its name, for messages.
 
@@ -31,7 +31,7 @@ def numbers(values: Any, what: str) -> Array:
     DataError
         Text, complex numbers, or an array of another kind.
     TypeError
-        Objects that are no numbers.
+        Objects that are not numbers.
     """
     return of_array(_laid_out(values), what)
 
@@ -42,7 +42,7 @@ def floats(values: Any, what: str) -> Array:
 
 
 def since_first(values: Any, what: str) -> Array:
-    """Stamps in seconds; dates count from the first that is there."""
+    """Stamps in seconds; dates count from the first valid one."""
     array = numbers(values, what)
     if array.dtype.kind != "M":
         return seconds(array)

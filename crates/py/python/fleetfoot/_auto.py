@@ -1,4 +1,4 @@
-"""From a log to a model: what the command ``auto`` does, from Python."""
+"""Search for a model of a log: the command ``auto`` in Python."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from ._warnings import warn
 
 @dataclass(frozen=True)
 class Auto:
-    """What :func:`auto` found.
+    """Result of :func:`auto`.
 
     Attributes
     ----------
     model : Model
         The chosen model.
     linear : Model or None
-        The linear model, where it is another one.
+        The linear model, unless it is the chosen one.
     sentences : list of str
-        What was fitted, how good it is, from when to when, what is weak, what to record next.
+        The fit, its error, its useful horizon, weak points, and recordings to make next.
     warning : str or None
-        Said where the model is no better than persistence, the mean or the linear model.
+        Set if the model is no better than persistence, the mean or the linear model.
     recipe : str
         The recipe (TOML) that gives the same result again.
     chosen : str
         The name of the chosen candidate.
     candidates : list of dict
-        All candidates: ``name``, ``method``, ``coefficients``, ``error`` (over that of persistence, on held-out folds),
+        All candidates: ``name``, ``method``, ``coefficients``, ``error`` (held out, relative to persistence),
         ``standard_error``, ``folds``, ``reason``.
     tested : list of dict
         For each state the errors on the test rows: ``rmse`` (value, low, high), ``linear``, ``persistence``, ``mean``.
@@ -42,11 +42,11 @@ class Auto:
     split : dict
         ``training`` and ``test``: ``rows``, ``episodes``, ``seconds``.
     findings : list of dict
-        What :func:`check` finds.
+        Faults that :func:`check` found.
     outside, diverged : float
-        Shares of the simulations of the test that leave the training range, and that diverge.
+        Shares of the test simulations that leave the training range, and that diverge.
     notes : list of str
-        What was assumed: the columns that became states and inputs, those that were left out.
+        Assumptions: columns that became states and inputs, and columns that were left out.
     """
 
     model: Model
@@ -84,29 +84,29 @@ def auto(
     export_c: bool = False,
     progress: Progress = None,
 ) -> Auto:
-    """Find a model of logs: draft the recipe, try all methods, choose by simulations of held-out rows.
+    """Find a model of logs: draft the recipe, fit models by all methods, compare their simulations of held-out rows.
 
-    The last fifth of every episode (of five episodes and more every fifth one) is kept back for the test, whose errors
-    stand in ``tested``.
+    The last fifth of every episode (of five episodes and more every fifth one) is held out for the test, whose errors
+    are in ``tested``.
 
     Parameters
     ----------
     data : path, list of paths, DataFrame or Dataset
         The logs.
     recipe : path, str or dict, optional
-        What is known of them; what it lacks is drafted by names and motion of the columns.
+        Known entries of the recipe; the rest is drafted from names and motion of the columns.
     states, inputs : list of str, optional
-        Columns that the model advances, and that drive it.
+        Columns that the model advances, and columns that drive it.
     effort : {"low", "normal", "high"}, optional
-        How many kinds of models are tried; ``"normal"`` by default.
+        Search effort, by the number of kinds of models; ``"normal"`` by default.
     horizon : int, optional
         Steps of the simulations; by default the correlation time of the states.
     output : path, optional
-        A folder for model, recipe and page; it must not be there, unless ``force``.
+        New folder for model, recipe and page; with ``force`` it may exist.
     force : bool, optional
         Replace the folder of an earlier result.
     export_c : bool, optional
-        Write the model as C into ``output``, too.
+        Also write the model as C into ``output``.
     progress : bool or callable, optional
         ``True`` for a bar of tqdm, or a function of (stage, done, total).
 

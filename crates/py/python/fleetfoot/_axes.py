@@ -1,4 +1,4 @@
-"""Axes, and the channels of recordings drawn on them: what :mod:`fleetfoot.plot` and ``Dataset.plot`` share."""
+"""Axes and the channels of recordings, for :mod:`fleetfoot.plot` and ``Dataset.plot``."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _LONG = 40
 
 
 def axes_of(ax: Any) -> Any:
-    """The axes that are given, else new ones."""
+    """The given axes, else new ones."""
     return pyplot().subplots(layout="constrained")[1] if ax is None else ax
 
 
@@ -29,7 +29,7 @@ def pyplot() -> Any:
 
 
 def short(name: str) -> str:
-    """A name that has room beside an axis."""
+    """A name shortened to fit beside an axis."""
     return name if len(name) <= _LONG else name[: _LONG - 1] + "…"
 
 
@@ -42,7 +42,7 @@ def channels_of(
     ax: Any = None,
     progress: Progress = None,
 ) -> Any:
-    """Channels over time, one below the other: :func:`fleetfoot.plot.channels` of what is opened."""
+    """Channels of opened data over time, one below the other; see :func:`fleetfoot.plot.channels`."""
     plt = pyplot()
     wanted = None if columns is None else [str(column) for column in columns]
     with reporting(progress) as callback:

@@ -1,9 +1,8 @@
-"""Base classes of the estimators: scikit-learn's (1.6 or newer) where it is installed, else small ones like them.
+"""Base classes of the estimators: those of scikit-learn 1.6 or newer if installed, else small substitutes.
 
-What an estimator here does: `fit` calls :func:`check_params` and :func:`check_xy` (or :func:`check_x`), `predict` and
-`transform` call
-:func:`check_is_fitted` and ``check_x(self, X, reset=False)``. Arrays of `float32` and `float64` come back as they are,
-without a copy.
+Use: `fit` calls :func:`check_params` and :func:`check_xy` (or :func:`check_x`), `predict` and `transform` call
+:func:`check_is_fitted` and ``check_x(self, X, reset=False)``. Arrays of `float32` and `float64` are returned without
+a copy.
 """
 
 from __future__ import annotations
@@ -52,7 +51,7 @@ if not TYPE_CHECKING:
     _Base = BaseEstimator
 
     class BaseEstimator(_Base):
-        """The base of all estimators; a keyword that a constructor does not have is answered with the one that was meant."""
+        """Base of all estimators. The error for an unknown keyword names the right one."""
 
         def __init_subclass__(cls, **options: Any) -> None:
             super().__init_subclass__(**options)
@@ -89,9 +88,9 @@ __all__ = [
 def check_x(estimator: Any, X: Any, *, reset: bool, min_samples: int = 1, sparse: bool = False) -> NDArray[Any]:
     """X as a finite matrix (n_samples, n_features) of `float32` or `float64`.
 
-    Sets `n_features_in_` and `feature_names_in_` when `reset`, else compares with them. A sparse matrix becomes one in
-    compressed rows where `sparse` allows it (that needs scikit-learn), else it is a `TypeError`; anything that is not a
-    matrix of finite numbers is a `ValueError`.
+    With `reset` it sets `n_features_in_` and `feature_names_in_`, else it compares with them. With `sparse` (needs
+    scikit-learn) a sparse matrix becomes compressed rows, else it is a `TypeError`. A matrix with values that are not
+    finite numbers is a `ValueError`.
     """
     X = unmasked(X)
     if HAS_SKLEARN:
@@ -118,8 +117,8 @@ def check_xy(
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """X as :func:`check_x` makes it (`reset`), and y as finite `float32` or `float64` of as many rows.
 
-    y is a vector (n_samples,); with `multi_output` it may be (n_samples, n_targets). Where not `finite`, nobody looks
-    whether X is: :func:`check_finite` does later, where nothing else has shown it.
+    y is a vector (n_samples,); with `multi_output` it may be (n_samples, n_targets). Without `finite` the check that
+    X is finite is left to :func:`check_finite`.
     """
     if y is None:
         raise ValueError(
@@ -144,12 +143,12 @@ def check_xy(
 
 
 def is_sparse(X: Any) -> bool:
-    """Whether X is one of scipy's sparse matrices or arrays."""
+    """True for scipy's sparse matrices and arrays."""
     return hasattr(X, "tocsr") and hasattr(X, "nnz")
 
 
 def as_given(X: Any) -> Any:
-    """X that nobody checks: an array, or compressed rows of a sparse one."""
+    """X without a check: an array, or compressed rows of a sparse matrix."""
     return X.tocsr() if is_sparse(X) else numbers(X, "X")
 
 
@@ -161,7 +160,7 @@ def check_rows(X: Any, owner: str) -> Any:
 
 
 def check_finite(estimator: Any, X: NDArray[Any]) -> None:
-    """Raises the `ValueError` of :func:`check_xy` where X, a matrix that passed it otherwise, is not finite."""
+    """Raises the `ValueError` of :func:`check_xy` if X is not finite."""
     if HAS_SKLEARN:
         _check_array(X, dtype=None, estimator=estimator, input_name="X", accept_sparse=True)
     else:
@@ -169,9 +168,10 @@ def check_finite(estimator: Any, X: NDArray[Any]) -> None:
 
 
 def check_weight(sample_weight: Any, rows: int) -> NDArray[np.float64] | None:
-    """Row weights (n_samples,) as `float64`, a number meaning the same weight everywhere; `None` stays.
+    """Row weights (n_samples,) as `float64`; a number is the weight of every row, `None` stays.
 
-    Raises `ValueError` when a weight is negative or not finite, all are zero, or their number is not that of the rows.
+    Raises `ValueError` if a weight is negative or not finite, all are zero, or their number differs from that of the
+    rows.
     """
     if sample_weight is None:
         return None
@@ -194,11 +194,10 @@ def check_weight(sample_weight: Any, rows: int) -> NDArray[np.float64] | None:
 
 
 def random_seed(random_state: Any) -> int:
-    """The seed that `random_state` stands for.
+    """The seed of `random_state`.
 
-    An integer is one; a `numpy.random.RandomState` or `Generator` gives its next; `None` takes one from numpy's global
-    state
-    (`numpy.random.seed` decides it).
+    An integer is the seed. A `numpy.random.RandomState` or `Generator` draws it, `None` draws it from numpy's global
+    state (set by `numpy.random.seed`).
     """
     if random_state is None or random_state is np.random:
         return int(np.random.randint(np.iinfo(np.int32).max))
@@ -216,9 +215,9 @@ def random_seed(random_state: Any) -> int:
 
 
 def random_numbers(random_state: Any) -> Any:
-    """numpy's random numbers that `random_state` stands for.
+    """numpy's random numbers of `random_state`.
 
-    A seed makes a `RandomState`, `None` means numpy's own, and what is given otherwise stays.
+    A seed makes a `RandomState`, `None` is numpy's global one, and a generator is used as it is.
     """
     if random_state is None or random_state is np.random:
         return np.random

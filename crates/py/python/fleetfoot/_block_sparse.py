@@ -1,4 +1,4 @@
-"""Sparse models of unknown functions that equations share."""
+"""Sparse models of latent functions that equations share."""
 
 from __future__ import annotations
 
@@ -20,40 +20,39 @@ if TYPE_CHECKING:
 
 @documented
 class BlockSparse(Identifier):
-    """Unknown functions, each a sparse sum of its own candidates, found together from all equations in which they
-    stand (block-sparse regression).
+    """Latent functions, each a sparse sum of its candidates, fitted together from all their equations (block-sparse
+    regression).
 
-    The lasso with its path and a choice of lambda; with ``bolasso`` the columns that most resamples select; then
-    least squares on what was
-    selected. Without ``latents`` and ``tasks`` every state has an unknown function of its own over the polynomials.
+    The lasso path and a choice of lambda, or with ``bolasso`` the columns that most resamples select, give the
+    support. Least squares on it gives the coefficients. Without ``latents`` and ``tasks`` every state has a latent
+    function over the polynomials.
 
     Parameters
     ----------
     latents : dict, optional
-        Unknown functions: ``{"T": {"times": "N1", "of": ["rho", "M"], "degree": 4}, "D": {...}}``, as a recipe's
-        ``[latents]``: ``times``, ``of``, ``degree``,
-        ``functions``, ``constant``, ``penalty``, ``signs``, ``at_least``, ``at_most``, ``prior``, ``prior_strength``,
-        ``prior_scale``.
+        Latent functions: ``{"T": {"times": "N1", "of": ["rho", "M"], "degree": 4}, "D": {...}}``, as in ``[latents]``
+        of a recipe: ``times``, ``of``, ``degree``, ``functions``, ``constant``, ``penalty``, ``signs``, ``at_least``,
+        ``at_most``, ``prior``, ``prior_strength``, ``prior_scale``.
     tasks : dict, optional
-        Equations, linear in the unknown functions: ``{"along": {"target": "m*V_dot", "right": "T - D"}}``, with
-        ``scale``, the error that counts as one; a pair
-        of texts is target and right side.
+        Equations, linear in the latent functions: ``{"along": {"target": "m*V_dot", "right": "T - D"}}``, with
+        ``scale``, the error that counts as one. A pair of texts is target and right side.
     constraints : dict, optional
-        What the unknown functions keep at every row, as a recipe's ``[constraints]``: ``{"friction": {"of": "F*v",
-        "at_least": 0.0}}`` takes power and gives none, ``{"inertia": {"matrix": [["M11", "M12"], ["M12", "M22"]],
-        "at_least": 1e-3}}`` has no eigenvalue below the bound. With ``at_most`` too.
+        Limits on the latent functions at every row, as in ``[constraints]`` of a recipe:
+        ``{"friction": {"of": "F*v", "at_least": 0.0}}`` takes power and gives none,
+        ``{"inertia": {"matrix": [["M11", "M12"], ["M12", "M22"]], "at_least": 1e-3}}`` has no eigenvalue below the
+        bound. With ``at_most`` too.
     lam : float or str, default="auto"
         Lambda: ``"auto"``, a number, or ``"L0/sqrt(n)"``.
     select : {"one-se", "cv", "aic", "bic", "ebic"}, default="one-se"
-        What lambda is chosen by.
+        Rule that chooses lambda.
     folds : int or str, default="auto"
         ``"auto"``, a number, ``"episodes"``, or ``"splits:N"``.
     l1_ratio : float, optional
         Share of the absolute values in the penalty: beside squares (the elastic net), or with `groups` beside the
         groups' norms.
     groups : str or dict of str to list of str, optional
-        Group lasso, functions that enter together: ``"signal"`` (a signal with its powers and lags), ``"term"`` (a
-        function in all equations), or lists of signals by the names of the groups.
+        Groups of functions that enter together (group lasso): ``"signal"`` (a signal with its powers and lags),
+        ``"term"`` (a function in all equations), or lists of signals by the names of the groups.
     adaptive : bool, default=False
         Penalty factors from a first fit.
     bolasso : str, optional
@@ -63,33 +62,32 @@ class BlockSparse(Identifier):
     stability : bool, default=False
         Stability selection by half-samples.
     prior_strength : float, default=1
-        Of all priors that name none.
+        Strength of all priors without their own.
     unscaled : bool, default=False
         Penalise coefficients in raw units.
     seed : int, default=0
-        Of everything random.
+        Seed of all random numbers.
     degree : int, optional
-        Degree of the polynomials without ``latents``; 2 when neither it nor a recipe is given.
+        Degree of the polynomials without ``latents``; 2 if neither it nor a recipe is given.
     target : str, optional
-        ``"derivative"``, ``"next"``, ``"delta"``, or a column, without ``tasks``. When not given what the recipe says,
-        else ``"derivative"``.
+        ``"derivative"``, ``"next"``, ``"delta"``, or a column, without ``tasks``. Default: that of the recipe, else
+        ``"derivative"``.
     by : str, optional
-        A label of the episodes: a model for every value of it, ``models_``.
+        Label of the episodes: one model for every value, in ``models_``.
     influence : bool, default=False
-        Leave every episode out once and tell what it does.
+        Influence of every episode on the fit, by leaving it out once.
     COMMON
 
     Attributes
     ----------
     model_ : Model
-        The model; with ``by`` the first.
+        The model; with ``by`` the first one.
     models_ : dict of str to Model
         With ``by`` the models by the label's value.
     report_ : dict
-        ``tasks`` (errors, with constraints those without them too), ``limits`` (what is kept, and where it is nearest
-        to its bound), ``latents`` with their candidates (coefficient, standard error, frequency, interval),
-        ``lambda``, ``certificate``
-        (KKT residual, duality gap), ``confounded``, ``notes``. With ``by`` that of the first.
+        ``tasks`` (errors, also those without constraints), ``limits`` (constraints and their nearest row),
+        ``latents`` with their candidates (coefficient, standard error, frequency, interval), ``lambda``,
+        ``certificate`` (KKT residual, duality gap), ``confounded``, ``notes``. With ``by`` that of the first model.
     reports_ : dict of str to dict
         With ``by`` the reports by the label's value.
 
@@ -207,21 +205,21 @@ class BlockSparse(Identifier):
 
 
     def _candidates(self) -> list[list[str]]:
-        """The candidates of every unknown function."""
+        """Candidates of every latent function."""
         self._found()
         return [[one["function"] for one in latent["functions"]] for latent in self.report_["latents"]]
 
     def get_feature_names(self, latent: str | None = None) -> list[str]:
-        """Names of all candidate functions, where the unknown functions have the same; the model itself keeps those
-        that are used, which ``latent`` names."""
+        """Names of all candidate functions, if the latent functions share them. The model keeps the used ones, which
+        ``latent`` selects."""
         candidates = self._candidates()
         if latent is not None or any(one != candidates[0] for one in candidates):
             return super().get_feature_names(latent)
         return candidates[0]
 
     def coefficients(self, *, latent: str | None = None, region: int | None = None) -> Array:
-        """Coefficients (unknown functions, candidates) in the order of :meth:`get_feature_names`, zeros among them;
-        with ``latent`` those that the model keeps of one."""
+        """Coefficients (latent functions, candidates) in the order of :meth:`get_feature_names`, zeros included; with
+        ``latent`` the non-zero ones of one function."""
         candidates = self._candidates()
         if latent is not None or any(one != candidates[0] for one in candidates):
             return super().coefficients(latent=latent, region=region)

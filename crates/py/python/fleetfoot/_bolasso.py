@@ -24,7 +24,7 @@ _BLOCKS = 200
 
 
 class BolassoRequest(TypedDict):
-    """What the engine resamples, and how."""
+    """Resampling options for the engine."""
 
     alphas: list[float]
     scales: list[float]
@@ -39,37 +39,35 @@ class BolassoRequest(TypedDict):
 class Bolasso(MultiOutputMixin, LinearModel):
     """Features that the lassos of most bootstrap replicates select, and least squares on them.
 
-    The lasso keeps the features that made the target, but also others that are correlated with them; these change from
-    replicate to replicate, and the features that (nearly) all replicates select are the right ones (Bach 2008). Every
-    replicate minimises the objective of :class:`Lasso` with its rows counted as often as they were drawn; the last fit
-    is least squares on the features that at least `threshold` of the replicates select.
+    The lasso keeps the features of the target, but also correlated ones. The latter change from replicate to
+    replicate, and the features that (nearly) all replicates select are the right ones (Bach 2008). Every replicate
+    minimises the objective of :class:`Lasso` with each row weighted by its count of draws. The last fit is least
+    squares on the features that at least `threshold` of the replicates select.
 
-    With ``bootstrap="rows"`` the moments of all replicates are made in one pass over X, whatever their number; blocks
-    and groups need one statistic each. X is never copied. Features count in their own units, as in :class:`Lasso`:
-    scale them where that is not meant.
+    With ``bootstrap="rows"`` one pass over X gives the moments of all replicates; blocks and groups need one
+    statistic each. X is never copied. The penalty applies to unscaled features, as in :class:`Lasso`; scale them if
+    necessary.
 
     Parameters
     ----------
     n_estimators : int, default=128
         Number of bootstrap replicates.
     alpha : float, array-like of shape (n_targets,), "aic", "bic" or "ebic", default="bic"
-        Penalty of the replicates' lassos; a word chooses the knot of the lasso path of all rows with the least value of
-        that criterion, target by target. The bolasso is consistent for penalties that fall like ``n_samples ** -0.5``.
+        Penalty of the replicates' lassos. A word chooses the knot of the lasso path of all rows by that criterion,
+        target by target. The bolasso is consistent for penalties that fall like ``n_samples ** -0.5``.
     threshold : float in (0, 1], default=0.9
         Share of the replicates that must select a feature; 1 keeps the intersection of their supports.
     bootstrap : {"rows", "blocks", "groups"}, default="rows"
-        What is drawn: rows, independently (the counts have the Poisson distribution of mean 1); blocks of neighbouring
-        rows, for recordings whose neighbouring rows are correlated; or whole groups, such as episodes, as many as there
-        are.
+        Units of the resampling: rows, independently (the counts have the Poisson distribution of mean 1); blocks of
+        neighbouring rows, for recordings with correlated rows; or whole groups, such as episodes.
     block_length : int or None, default=None
-        Rows of a block, more than the rows that are correlated; None: the larger of the cube root and a 200th of the
-        rows.
+        Rows of a block, longer than the correlation; None means the larger of the cube root and a 200th of the rows.
     fit_intercept : bool, default=True
-        Whether there is an intercept; it is not penalised.
+        Fit an intercept, which is not penalised.
     positive : bool, default=False
-        Whether coefficients must not be negative.
+        Restrict the coefficients to be non-negative.
     random_state : int, RandomState, Generator or None, default=None
-        Seed of the draws. What is drawn for a row depends on it, the replicate and the row's place alone.
+        Seed of the draws. The draw of a row depends only on the seed, the replicate and the row's index.
 
     Attributes
     ----------
@@ -78,9 +76,9 @@ class Bolasso(MultiOutputMixin, LinearModel):
     selection_sign_ : ndarray of shape (n_features,) or (n_targets, n_features)
         Mean sign of each coefficient over the replicates that select it: 1 or -1 where they agree.
     support_ : ndarray of bool of shape (n_features,) or (n_targets, n_features)
-        The features that are kept.
+        The selected features.
     coef_ : ndarray of shape (n_features,) or (n_targets, n_features)
-        Least squares on them, zero elsewhere.
+        Least squares on the selected features, zero elsewhere.
     intercept_ : float or ndarray of shape (n_targets,)
         Intercept, 0.0 without one.
     alpha_ : float or ndarray of shape (n_targets,)
@@ -94,7 +92,7 @@ class Bolasso(MultiOutputMixin, LinearModel):
     n_features_in_ : int
         Number of features.
     feature_names_in_ : ndarray of shape (n_features,)
-        Names of the features, where X has them.
+        Names of the features, if X has names.
 
     See Also
     --------
@@ -151,16 +149,16 @@ class Bolasso(MultiOutputMixin, LinearModel):
         self.random_state = random_state
 
     def fit(self: _Fitted, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> _Fitted:
-        """Fits the lassos of all replicates, and least squares on what they agree on.
+        """Fits the lassos of all replicates, and least squares on the common features.
 
         Parameters
         ----------
         X : array-like of shape (n_samples, n_features)
-            Regressors, dense; any order of memory.
+            Dense regressors, in any memory order.
         y : array-like of shape (n_samples,) or (n_samples, n_targets)
-            Targets; several share the rows that are drawn, and nothing else.
+            Targets; several targets share only the drawn rows.
         sample_weight : float or array-like of shape (n_samples,), optional
-            Weights of the rows; a row counts its weight times as often as it was drawn.
+            Weights of the rows, multiplied by the count of draws.
         groups : array-like of shape (n_samples,), optional
             Group of every row, for ``bootstrap="groups"``; the rows of a group are neighbours.
 
@@ -171,10 +169,10 @@ class Bolasso(MultiOutputMixin, LinearModel):
         Raises
         ------
         ValueError
-            When a parameter is out of its range, the data are not finite or do not go together, or groups are missing
-            or scattered.
+            A parameter is out of range, the data are not finite or their shapes differ, or groups are missing or
+            scattered.
         TypeError
-            When X is sparse.
+            X is sparse.
         """
         check_params(self, self._rules)
         X, y = check_xy(self, X, y, multi_output=True)
@@ -222,17 +220,18 @@ class Bolasso(MultiOutputMixin, LinearModel):
         return self
 
     def get_support(self, indices: bool = False) -> Any:
-        """The features that are kept.
+        """The selected features.
 
         Parameters
         ----------
         indices : bool, default=False
-            Whether their places are meant, instead of a mask.
+            Return indices instead of a mask.
 
         Returns
         -------
         ndarray of bool of shape (n_features,) or (n_targets, n_features)
-            Whether each feature is kept; with `indices` the places (n_kept,), for several targets a list of them.
+            Mask of the selected features; with `indices` their indices (n_kept,), for several targets a list of
+            these.
         """
         check_is_fitted(self)
         if not indices:
@@ -241,9 +240,9 @@ class Bolasso(MultiOutputMixin, LinearModel):
         return found if self.support_.ndim > 1 else found[0]
 
     def resampling_counts(self) -> NDArray[np.float64]:
-        """How often every replicate of the fit drew every row (n_estimators, n_samples).
+        """Counts of draws of every row in every replicate (n_estimators, n_samples).
 
-        As weights of the rows, a row of it makes the same replicate elsewhere.
+        Used as row weights, one row of the result reproduces a replicate.
         """
         check_is_fitted(self)
         if self.bootstrap == "rows":
@@ -252,7 +251,7 @@ class Bolasso(MultiOutputMixin, LinearModel):
         return np.repeat(counts, self._lengths, axis=1)
 
     def _units(self, rows: int, groups: Any) -> list[int]:
-        """Rows of every unit that is drawn; for rows of the whole."""
+        """Rows of every unit of the resampling."""
         if self.bootstrap != "groups":
             if groups is not None:
                 drawn = f'bootstrap="{self.bootstrap}"'

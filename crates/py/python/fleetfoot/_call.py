@@ -1,4 +1,4 @@
-"""What a call of `fit` or `score` was given, and what it means: arrays and tables, clocks and targets."""
+"""Arguments of `fit` and `score`: arrays and tables, clocks and targets."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ TASKS = "tasks"
 
 @dataclass(frozen=True)
 class Second:
-    """A second argument that was given by position: stamps, as pysindy has them, or targets, as scikit-learn has."""
+    """A second positional argument: stamps, as in pysindy, or targets, as in scikit-learn."""
 
     value: Any
 
 
 def second_by_position(method: Method) -> Method:
-    """Marks the second argument of a method, where it was given by position."""
+    """Marks the second argument of a method if it is positional."""
 
     @functools.wraps(method)
     def call(self: Any, x: Any, *rest: Any, **named: Any) -> Any:
@@ -79,19 +79,19 @@ class Call:
     def understood(
         self, predicts: str, period: float | None, columns_are_named: bool, time: Mapping[str, Any] | None = None
     ) -> Call:
-        """The same with the second argument as what it is, with columns in the place of tables, and with targets as
-        derivatives, columns, or next rows.
+        """The call with a resolved second argument, columns in place of tables, and targets as derivatives, columns,
+        or next rows.
 
         Parameters
         ----------
         predicts : str
             One of :data:`OF_STATES`, or a column.
         period : float, optional
-            Seconds from row to row, where the estimator knows them.
+            Seconds from row to row, if the estimator knows them.
         columns_are_named : bool
-            Whether the columns of tables have roles by their names.
+            Names give the columns of tables their roles.
         time : mapping, optional
-            What a recipe says of the clock.
+            Clock entries of a recipe.
         """
         call = self
         if hasattr(call.x, "toarray") and hasattr(call.x, "nnz"):
@@ -116,7 +116,7 @@ class Call:
         return call if call.y is None else call._with_targets(predicts)
 
     def _with_second(self, predicts: str, period: float | None, tables: list[Frame] | None) -> Call:
-        """The second argument by position: the clock, unless the estimator knows its own or needs none."""
+        """The second positional argument as clock, unless the estimator has a clock or needs none."""
         if not isinstance(self.t, Second):
             return self
         there = {*(self.columns or ()), *(self.feature_names or ())}
@@ -138,7 +138,7 @@ class Call:
         return replace(self, t=None, y=value)
 
     def _refuse_near_words(self, predicts: str, tables: list[Frame] | None) -> None:
-        """Refuses a target that was meant as a word, where the columns are known: it would be taken as the name of one."""
+        """Refuses a misspelt word as target if it is not a known column."""
         if predicts in (*OF_STATES, TASKS) or predicts in {*(self.columns or ()), *(self.feature_names or ())}:
             return
         if tables is None and not is_arrays(self.x) or tables is not None and predicts in tables[0].names:
@@ -157,7 +157,7 @@ class Call:
         return values
 
     def _joined(self, tables: list[Frame], predicts: str) -> Call:
-        """Tables whose columns have names that the recipe knows, with a column of targets."""
+        """Tables with named columns, joined with a column of targets."""
         if self.y is None:
             return self
         if predicts in (*OF_STATES, TASKS):
@@ -175,7 +175,7 @@ class Call:
         return replace(self, x=new if isinstance(self.x, (list, tuple)) else new[0], y=None)
 
     def _of_tables(self, tables: list[Frame], predicts: str, time: Mapping[str, Any]) -> Call:
-        """All numbers of tables as states, but the clock and the target."""
+        """All numeric columns of tables as states, except clock and target."""
         call = self
         if call.t is None and call.dt is None and time.get("column") in tables[0].names:
             call = replace(call, t=time["column"])
@@ -204,7 +204,7 @@ class Call:
         )
 
     def _with_targets(self, predicts: str) -> Call:
-        """Given targets as what they are: derivatives, a column, or the next rows."""
+        """Given targets as derivatives, a column, or the next rows."""
         if predicts == TASKS:
             raise RequestError("y: the tasks name their targets; give these columns by their names, columns={...}")
         if predicts not in OF_STATES:
@@ -219,7 +219,7 @@ class Call:
         return self._by_next_values(predicts)
 
     def _by_next_values(self, predicts: str) -> Call:
-        """Runs that end wherever the next value is not that of the next row: then it is one row more."""
+        """Runs cut where the next value is not that of the next row; that value becomes one more row."""
         xs = [_matrix(one) for one in array_runs(self.x, "x")]
         ys = [_matrix(one) for one in array_runs(self.y, "y")]
         us = [_matrix(one) for one in array_runs(self.u, "u")] if self.u is not None else [x[:, :0] for x in xs]
@@ -247,7 +247,7 @@ class Call:
 
 
 def _are_stamps(value: Any) -> bool:
-    """Whether this rises from row to row by steps that are alike, as stamps do."""
+    """True for values that rise by similar steps, as stamps do."""
     each = value if isinstance(value, (list, tuple)) and any(np.ndim(one) for one in value) else [value]
     for one in each:
         array = numbers(_values(one), "the second argument")
@@ -264,7 +264,7 @@ def _are_stamps(value: Any) -> bool:
 
 
 def _rises(x: Any) -> bool:
-    """Whether a column of x but its clock goes one way from row to row: then a target may do so, too."""
+    """True if a column of x other than the clock is monotonic, so that a target may be monotonic too."""
     tables = frames(x)
     if tables is not None:
         each = [table.matrix([name for name in table.numbers if name not in CLOCKS]) for table in tables]
@@ -275,8 +275,8 @@ def _rises(x: Any) -> bool:
 
 
 def _pieces(x: Array, after: Array, u: Array) -> list[tuple[Array, Array]]:
-    """Rows with the rows after them, cut where these are not the next; each piece ends with what comes after its last
-    row, whose inputs nobody knows."""
+    """Rows with their successors, cut where the successor is not the next row. Each piece ends with a successor
+    without inputs."""
     # Sums are the next rows to rounding.
     near = 1e-12 * np.max(np.abs(x), axis=0, initial=0.0)
     ends = np.flatnonzero((np.abs(after[:-1] - x[1:]) > near).any(axis=1)) + 1
@@ -286,7 +286,7 @@ def _pieces(x: Array, after: Array, u: Array) -> list[tuple[Array, Array]]:
 
 
 def _inputs(tables: list[Frame], call: Call) -> dict[str, Any]:
-    """Inputs of tables as arrays: the columns that are named, else all numbers."""
+    """Inputs of tables as arrays: the named columns, else all numeric ones."""
     given = list(call.input_names or ())
     names = given if given and set(given) <= set(tables[0].names) else tables[0].signals()
     u = [table.matrix(names) for table in tables]
@@ -294,7 +294,7 @@ def _inputs(tables: list[Frame], call: Call) -> dict[str, Any]:
 
 
 def _clock_column(table: Frame, call: Call) -> str | None:
-    """The column of a table, or the name of its index, that is the clock: the one named, else one of a clock's name."""
+    """The clock column of a table, or the name of its index: the given one, else one with a clock's name."""
     if isinstance(call.t, str):
         if call.t not in table.names and (table.clock is None or table.clock[0] != call.t):
             raise DataError(f"t={call.t!r}: the table has no such column; it has {', '.join(table.names)}")
@@ -313,7 +313,7 @@ def _stamps_of(table: Frame, name: str) -> np.ndarray[Any, Any]:
 
 
 def clocks(call: Call) -> list[Any]:
-    """The stamps of runs in memory, where they are at hand."""
+    """The stamps of runs in memory, if available."""
     if call.t is not None and not isinstance(call.t, str):
         if _is_one(call.t):
             return []
@@ -325,7 +325,7 @@ def clocks(call: Call) -> list[Any]:
 
 
 def _clock(t: Any) -> Any:
-    """Stamps as arrays, whatever series they are."""
+    """Stamps as arrays."""
     if isinstance(t, (list, tuple)):
         return [_clock(one) for one in t]
     one = frame(t)
@@ -375,7 +375,7 @@ def _is_vector(y: Any) -> bool:
 
 
 def _is_one(value: Any) -> bool:
-    """Whether this is a number, a name or nothing, and no array."""
+    """True for a number, a name or None, false for an array."""
     return not isinstance(value, (list, tuple)) and np.ndim(value) == 0
 
 
@@ -387,6 +387,6 @@ def _collected(given: Any) -> Any:
 
 
 def _plain_array(given: Any) -> Any:
-    """numpy's array of what is an array of somebody else's."""
+    """A numpy array of another library's array."""
     is_other = hasattr(given, "__array__") and not isinstance(given, (np.ndarray, np.generic))
     return np.asarray(given) if is_other and frame(given) is None else unmasked(given)

@@ -1,4 +1,4 @@
-"""What is wrong with logs before anything is fitted: what the command ``check`` does, from Python."""
+"""Faults of logs before a fit: the command ``check`` in Python."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ class Finding:
     Attributes
     ----------
     fault : str
-        Its kind: ``"jitter"``, ``"dropped"``, ``"dead"``, ``"stuck"``, ``"saturated"``, ``"gross-errors"``, ``"unit"``,
+        Kind: ``"jitter"``, ``"dropped"``, ``"dead"``, ``"stuck"``, ``"saturated"``, ``"gross-errors"``, ``"unit"``,
         ``"delay"``, ...
     place : str
         The channel, topic or file.
     what : str
-        What was measured, in words.
+        The measurement, in words.
     value : float
-        The number that shows it: a share, a ratio, seconds.
+        The measured number: a share, a ratio, seconds.
     mend : str
-        What mends it, as the command is typed.
+        The remedy, as a command.
     """
 
     fault: str
@@ -39,17 +39,17 @@ class Finding:
 
 @dataclass(frozen=True)
 class Checked:
-    """What :func:`check` found.
+    """Result of :func:`check`.
 
     Attributes
     ----------
     findings : list of Finding
-        What is wrong, the most serious first; empty for sound logs.
+        Faults, the most serious first; empty for sound logs.
     channels : list of dict
         For each channel ``name``, ``unit``, ``range``, ``mean``, ``deviation``, and the shares ``missing`` and ``moves``
         of its rows.
     files, episodes, rows : int
-        What was read.
+        Amount of data read.
     period : float
         Seconds between rows; 0 without a clock.
     """
@@ -67,14 +67,14 @@ class Checked:
 
 
 def check(data: Any, *, recipe: Any = None, progress: Progress = None) -> Checked:
-    """What is wrong with logs before anything is fitted: stamps, dead and stuck channels, units, delays.
+    """Finds faults of logs before a fit: stamps, dead and stuck channels, units, delays.
 
     Parameters
     ----------
     data : path, list of paths, DataFrame or Dataset
         The logs.
     recipe : path, str or dict, optional
-        Its states and inputs are looked at; without one all columns of tables, and of robots' logs those that
+        Recipe whose states and inputs are checked. Default: all columns of tables, and of robots' logs those that
         ``fleetfoot init`` proposes.
     progress : bool or callable, optional
         ``True`` for a bar of tqdm, or a function of (stage, done, total).

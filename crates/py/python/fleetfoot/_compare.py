@@ -1,4 +1,4 @@
-"""Models beside each other on the same rows, with intervals for their differences."""
+"""Comparison of models on the same rows, with intervals for their differences."""
 
 from __future__ import annotations
 
@@ -29,30 +29,28 @@ class Comparison:
     models : tuple of str
         Names, the reference first, then the other models, then the baselines ``null`` and ``persistence``.
     reference : str
-        The model that differences are taken against.
+        The reference model of the differences.
     targets : tuple of str
-        What is predicted.
+        Names of the targets.
     units : dict
-        The unit of each target's error; ``None`` where it is not known.
+        Unit of each target's error; ``None`` if unknown.
     groups : tuple of str
         Names of the episodes (or of the recordings, ``by="recording"``) that have rows.
     rows : array of int, shape (groups,)
-        Rows compared in each.
+        Compared rows of each group.
     rmse : dict
-        For each model the root mean square error, shape (groups, targets).
+        For each model the RMSE, shape (groups, targets).
     table : list of dict
         For each model and target: ``model``, ``target``, ``rmse`` (mean over the groups), ``low``, ``high`` (95 %
-        interval of that mean),
-        ``difference`` (mean over the groups of its error minus the reference's in the same group), ``difference_low``,
-        ``difference_high`` and
-        ``better`` (the share of the groups in which it beats the reference). NaN where there are too few groups, and
-        for the reference itself.
+        interval of that mean), ``difference`` (mean over the groups of its error minus the reference's in the same
+        group), ``difference_low``, ``difference_high`` and ``better`` (the share of the groups in which it beats the
+        reference). NaN for too few groups, and for the reference.
     excluded : int
         Rows left out of all models because a target or a prediction of one of them is missing.
     in_sample : dict
-        For each model the groups among its training episodes: there its error is in-sample.
+        For each model the groups of its training episodes, where its error is in-sample.
     notes : list of str
-        How targets are measured, where the models were fitted to different differences of the same states.
+        The measured targets, if the models were fitted to different differences of the same states.
     """
 
     models: tuple[str, ...]
@@ -95,7 +93,7 @@ class Comparison:
         return "\n".join(text + self.notes)
 
     def _below(self) -> str:
-        """The line under the table: which errors these are."""
+        """The caption below the table."""
         rows = int(self.rows.sum())
         return (
             f"one-step RMSE, mean over {len(self.groups)} {self.by}s ({rows} rows; {self.excluded} left out of all) "
@@ -140,7 +138,7 @@ def _tex(text: str) -> str:
 
 
 def _interval(value: float, high: float, between: str, signed: bool) -> str:
-    """A value with half its interval, to the digits that the interval has."""
+    """A value with half its interval, rounded to the interval."""
     if math.isnan(value):
         return ""
     half = high - value
@@ -155,7 +153,7 @@ def _is_model(model: Any) -> bool:
 
 
 def _unwrapped(model: Any) -> Any:
-    """A fitted estimator's model, or the thing itself."""
+    """The model of a fitted estimator, or the argument."""
     inner = getattr(model, "model_", None)
     return inner if inner is not None and _is_model(inner) else model
 
@@ -172,27 +170,25 @@ def compare(
     """Compares models row by row: one-step errors by episode, and paired differences with 95 % intervals across
     episodes.
 
-    Every model is judged on exactly the same rows: those whose targets are measured and for which every model, and
-    persistence, gives a finite
-    prediction. Intervals are Student's t over the episodes, which are taken as independent; rows within one are not.
+    All models are scored on the same rows: those with measured targets and a finite prediction of every model and
+    persistence. Intervals are Student's t over the episodes, which count as independent; rows within an episode do
+    not.
 
     Parameters
     ----------
     models : dict
         Names and models: :class:`fleetfoot.Model`, fitted estimators with ``model_``, or functions ``f(x, u)`` of the
-        states, shape (rows, states), and the
-        inputs, shape (rows, inputs), of an episode's consecutive rows, giving predictions of shape (rows, targets), or
-        (rows,) for one target. At least one
-        is a model: it says what states, inputs and targets are, and how targets are measured.
+        states, shape (rows, states), and the inputs, shape (rows, inputs), of an episode's consecutive rows,
+        returning predictions of shape (rows, targets), or (rows,) for one target. At least one must be a model, which
+        defines states, inputs and targets.
     data : path, table, array, Dataset, ...
-        As in :func:`fleetfoot.open`. Give rows that no model was trained on; episodes that one was trained on are told
-        in ``in_sample``.
+        As in :func:`fleetfoot.open`. Use held-out rows; training episodes are listed in ``in_sample``.
     by : {"episode", "recording"}
-        What is paired and averaged over: episodes, or files and tables with all their episodes.
+        Groups of the pairs and averages: episodes, or files and tables with all their episodes.
     recipe : path, str or mapping, optional
         Changes of clock, topics or labels for these data.
     reference : str, optional
-        The model that differences are taken against; the first when not given.
+        The reference model of the differences; default: the first.
     progress : bool or callable, optional
         ``True`` for a bar of tqdm, or a function of (stage, done, total).
 
@@ -203,12 +199,12 @@ def compare(
     Raises
     ------
     ValueError
-        No model, an unknown reference, models of different targets, a function that gives another shape, no row that
-        all can predict.
+        No model, an unknown reference, models of different targets, a function with a wrong shape, or no row that all
+        can predict.
 
     Notes
     -----
-    The baseline ``null`` predicts the mean of the compared rows; ``persistence`` the target of the row before.
+    The baseline ``null`` predicts the mean of the compared rows; ``persistence`` the target of the previous row.
 
     Examples
     --------
@@ -254,7 +250,7 @@ def compare(
 
 
 def _rows_of(own: dict[str, Any], dataset: Dataset, progress: Progress) -> tuple[dict[str, dict[str, Any]], list[str]]:
-    """What each model says of the rows, all of the same targets; and how targets are measured where the models differ."""
+    """Predictions of each model for the same targets, and the measured targets if the models differ in them."""
     found: dict[str, dict[str, Any]] = {}
     notes: list[str] = []
     for name, model in own.items():
@@ -279,7 +275,7 @@ def _rows_of(own: dict[str, Any], dataset: Dataset, progress: Progress) -> tuple
 
 
 def _agree(rows: dict[str, Any], first: dict[str, Any]) -> bool:
-    """Whether two models measure their targets alike: one that looks further back lacks rows at borders."""
+    """True if two models measure their targets alike, apart from rows at borders."""
     if len(rows["episode"]) != len(first["episode"]):
         return False
     both = np.isfinite(rows["measured"]) & np.isfinite(first["measured"])
@@ -287,8 +283,7 @@ def _agree(rows: dict[str, Any], first: dict[str, Any]) -> bool:
 
 
 def _are_differences(*models: Any) -> bool:
-    """Whether all targets are derivatives of their states by differences between rows: one quantity, measured with more
-    or fewer neighbours."""
+    """True if all targets are differences of their states, with any number of neighbours."""
     for model in models:
         for equation in model.content.fitted():
             words = set(re.findall(r"`[^`]*`|[A-Za-z_]\w*", equation["target"])) - {"lead", "lag", "time"}
@@ -391,7 +386,7 @@ def _mean(values: Array, wrapped: Sequence[bool]) -> Array:
 
 
 def _groups(rows: dict[str, Any], by: str) -> tuple[list[str], Array]:
-    """Names of what is averaged over, and the place of each row's."""
+    """Names of the groups, and the group index of each row."""
     if by == "episode":
         return list(rows["episodes"]), np.asarray(rows["episode"], dtype=np.int64)
     # An episode is called as its recording, with #2 behind when there are several.
@@ -402,7 +397,7 @@ def _groups(rows: dict[str, Any], by: str) -> tuple[list[str], Array]:
 
 
 def _unit(target: str, units: dict[str, str | None]) -> str | None:
-    """The unit of a target: a state's, or that a second for its derivative."""
+    """Unit of a target: the state's, or per second for its derivative."""
     for name, unit in units.items():
         if unit is None:
             continue

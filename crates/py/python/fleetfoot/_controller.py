@@ -17,22 +17,22 @@ if TYPE_CHECKING:
 
 
 class Controller:
-    """A law that keeps a model, or the robot it was made of, at a set point: the result of :meth:`Model.lqr`.
+    """Control law that keeps a model, or its robot, at a set point: the result of :meth:`Model.lqr`.
 
-    :meth:`Model.rollout` closes the loop around a model by it, :func:`fleetfoot.generate` around a simulated robot, and
-    the command line reads its file.
+    :meth:`Model.rollout` uses it to close the loop around a model, :func:`fleetfoot.generate` around a simulated
+    robot. The command line reads its file.
 
     Attributes
     ----------
     states, inputs : tuple of str
-        What is fed back, a rotation as ``"attitude about x"``, ``y`` and ``z``, and what is driven.
+        States that are fed back (a rotation as ``"attitude about x"``, ``y`` and ``z``), and driven inputs.
     setpoint : dict
         ``states`` and ``inputs`` by name, ``region`` (that rests there, or None), ``drift`` and ``at_rest``.
     regions : list of dict
-        For every law ``region``, ``rows``, ``unreached`` (modes that no input reaches, in words), ``radius`` (spectral
-        radius of the closed loop, a sample), ``residual`` (of the Riccati equation, relative), ``rests``, ``borrowed``.
+        For every law ``region``, ``rows``, ``unreached`` (unreachable modes, in words), ``radius`` (spectral radius
+        of the closed loop per sample), ``residual`` (of the Riccati equation, relative), ``rests``, ``borrowed``.
     notes : list of str
-        What a person should know.
+        Notes for the user.
     """
 
     __slots__ = ("_text", "inputs", "law", "notes", "regions", "setpoint", "states")
@@ -55,7 +55,7 @@ class Controller:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Controller:
-        """Reads a controller's file: what :meth:`save` or ``fleetfoot control lqr`` wrote.
+        """Reads the file of a controller, from :meth:`save` or ``fleetfoot control lqr``.
 
         Raises
         ------
@@ -89,19 +89,19 @@ class Controller:
     ) -> list[str]:
         """Writes the law in another language, as :meth:`Model.export` writes a model.
 
-        In the code, ``x`` are the driven inputs and the integrals, ``u`` what is read; a step is a sample, after which
-        the first of ``x`` are the commands. What is missing leaves them as they are.
+        In the code, ``x`` are the driven inputs and the integrals, ``u`` the measurements. A step is one sample,
+        after which the first of ``x`` are the commands. A missing measurement leaves them unchanged.
 
         Parameters
         ----------
         to : {"c", "rust", "python", "latex", "npz"}
             The language.
         folder : path
-            Where the files go; made when needed.
+            Folder of the files, created if necessary.
         prefix : str
-            In front of all names, and the name of the files.
+            Prefix of all names, and name of the files.
         precision : {"double", "float"}
-            Numbers of C and Rust.
+            Floating-point type of C and Rust.
 
         Returns
         -------
@@ -125,7 +125,7 @@ class Controller:
 
 
 def what(controller: Controller | str | os.PathLike[str] | None) -> str | None:
-    """A controller for the engine: the text of its file, or a kind or path as it is."""
+    """A controller for the engine: the text of its file, or a kind or path unchanged."""
     if isinstance(controller, Controller):
         return controller.to_json()
     return None if controller is None else os.fspath(controller)

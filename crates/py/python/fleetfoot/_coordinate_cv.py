@@ -37,7 +37,7 @@ _Fitted = TypeVar("_Fitted", bound="PathCV")
 
 
 class PathCV(LinearModel):
-    """What both classes do: errors of a grid of alphas on held-out rows, and a fit of all rows at the best one."""
+    """Shared code: held-out errors on a grid of alphas, and a fit of all rows at the best one."""
 
     _rules: dict[str, tuple[Rule, ...]] = {
         "eps": (real(0, closed="neither"),),
@@ -85,7 +85,7 @@ class PathCV(LinearModel):
         self.positive = positive
 
     def _accept(self, precompute: Any, copy_X: bool, verbose: bool | int, random_state: Any, selection: str) -> None:
-        """Arguments of scikit-learn's classes that change nothing but what is checked."""
+        """Checks arguments of scikit-learn's classes that have no effect."""
         self.precompute = precompute
         self.copy_X = copy_X
         self.verbose = verbose
@@ -96,7 +96,7 @@ class PathCV(LinearModel):
         return [1.0]
 
     def _estimator(self, ratio: float, features: int) -> _core.Estimator:
-        """What is fitted, with this share of the l1 penalty."""
+        """The estimator with this share of the l1 penalty."""
         return _core.Estimator.elastic_net(ratio, self.max_iter)
 
     def _largest(self, whole: Posed, ratio: float, features: int) -> float:
@@ -108,13 +108,12 @@ class PathCV(LinearModel):
         Parameters
         ----------
         X : array-like or sparse matrix of shape (n_samples, n_features)
-            Regressors; any order of memory. Sparse rows are read block by block, and never made dense as a whole where
-            they are more than the features.
+            Regressors, in any memory order. Sparse rows are read block by block, and never made dense as a whole if
+            there are more rows than features.
         y : array-like of shape (n_samples,)
             Target.
         sample_weight : float or array-like of shape (n_samples,), optional
-            Weights of the rows, in the fits and in the errors of the held-out rows; the mean over the folds is a plain
-            one.
+            Weights of the rows in fits and held-out errors; the mean over the folds is not weighted.
         **params
             For ``cv.split``, with scikit-learn's metadata routing enabled.
 
@@ -125,8 +124,8 @@ class PathCV(LinearModel):
         Raises
         ------
         ValueError
-            When a parameter is out of its range, the data are not finite or do not go together, or a fold has no rows
-            on one side.
+            A parameter is out of range, the data are not finite or their shapes differ, or a fold has no rows on one
+            side.
         """
         if params and not _routing():
             raise ValueError(
@@ -218,7 +217,7 @@ def _checked(alphas: Any) -> NDArray[np.float64]:
 
 
 class SharesCV(PathCV):
-    """The same for several shares of the l1 penalty: the best one is kept."""
+    """Cross-validation over several shares of the l1 penalty."""
 
     l1_ratio: Any
     l1_ratio_: float
@@ -237,43 +236,43 @@ class SharesCV(PathCV):
 class LassoCV(PathCV):
     """The lasso with its strength chosen by cross-validation, as scikit-learn's class of this name.
 
-    The folds' problems and their held-out errors come from statistics of the rows: where every row is held out once, X
-    is read once for all folds together, and every fold follows its exact path.
+    Statistics of the rows give the folds' problems and held-out errors. If every row is held out once, one pass over
+    X serves all folds, and every fold follows its exact path.
 
     Parameters
     ----------
     eps : float, default=1e-3
-        The smallest alpha of the grid over the largest.
+        Ratio of the smallest to the largest alpha of the grid.
     alphas : int or array-like of shape (n_alphas,), default=100
-        The alphas, or their number: then a grid in equal factors, from the least alpha at which all coefficients are
-        zero downwards.
+        The alphas, or the number of points of a logarithmic grid. The grid descends from the least alpha at which all
+        coefficients are zero.
     fit_intercept : bool, default=True
-        Whether there is an intercept; it is not penalised.
+        Fit an intercept, which is not penalised.
     precompute : "auto", bool or array-like of shape (n_features, n_features), default="auto"
-        Accepted and, where it is a Gram matrix, checked; folds need the rows.
+        Accepted without effect; a given Gram matrix is checked. Folds need the rows.
     max_iter : int, default=1000
-        The most sweeps an alpha.
+        Largest number of sweeps per alpha.
     tol : float, default=1e-4
         As for :class:`ElasticNet`.
     copy_X : bool, default=True
-        Accepted; X is never copied and never written.
+        Accepted without effect: X is never copied or written.
     cv : int, splitter, iterable of (train, test) or None, default=None
-        The folds; None is five of neighbouring rows.
+        Folds; None means five spans of neighbouring rows.
     verbose : bool or int, default=False
-        Accepted; nothing is printed.
+        Accepted without effect: nothing is printed.
     n_jobs : int or None, default=None
-        Accepted; see :func:`set_threads`.
+        Accepted without effect; see :func:`set_threads`.
     positive : bool, default=False
-        Whether coefficients must not be negative.
+        Restrict the coefficients to be non-negative.
     random_state, selection
-        Accepted; nothing here is random.
+        Accepted without effect: nothing is random.
 
     Attributes
     ----------
     alpha_ : float
         The alpha with the least mean error over the folds.
     alphas_ : ndarray of shape (n_alphas,)
-        The alphas that were compared, descending.
+        The compared alphas, descending.
     mse_path_ : ndarray of shape (n_alphas, n_folds)
         Mean squared errors on the held-out rows, in the units of the target's square.
     coef_ : ndarray of shape (n_features,)
@@ -281,13 +280,13 @@ class LassoCV(PathCV):
     intercept_ : float
         Its intercept.
     dual_gap_ : float
-        Bound on its objective minus minimum.
+        Upper bound on its objective minus the minimum.
     n_iter_ : int
         Its sweeps.
     n_features_in_ : int
         Number of features.
     feature_names_in_ : ndarray of shape (n_features,)
-        Names of the features, where X has them.
+        Names of the features, if X has names.
 
     See Also
     --------
@@ -334,7 +333,7 @@ class ElasticNetCV(SharesCV):
     Parameters
     ----------
     l1_ratio : float in [0, 1] or list of them, default=0.5
-        The share of the l1 penalty, or those that are compared.
+        Share of the l1 penalty, or list of shares to compare.
     eps, alphas, fit_intercept, precompute, max_iter, tol, cv, copy_X, verbose, n_jobs, positive, random_state, selection
         As for :class:`LassoCV`.
 
@@ -343,9 +342,9 @@ class ElasticNetCV(SharesCV):
     alpha_ : float
         The alpha with the least mean error over the folds.
     l1_ratio_ : float
-        The share that goes with it.
+        The chosen share of the l1 penalty.
     alphas_ : ndarray of shape (n_alphas,) or (n_l1_ratio, n_alphas)
-        The alphas that were compared, descending.
+        The compared alphas, descending.
     mse_path_ : ndarray of shape (n_l1_ratio, n_alphas, n_folds), axes of length 1 left out
         Mean squared errors on the held-out rows.
     coef_, intercept_, dual_gap_, n_iter_

@@ -61,9 +61,9 @@ def enet_path(
 ) -> Any:
     """Elastic net coefficients at many alphas, as scikit-learn's function of this name.
 
-    Minimises ``1 / (2 n) |y - X w|^2 + alpha l1_ratio |w|_1 + alpha (1 - l1_ratio) / 2 |w|^2`` without an intercept, at
-    every alpha in descending order, each solution started from the one before. All solutions are exact up to rounding
-    where the data determine them.
+    Minimises ``1 / (2 n) |y - X w|^2 + alpha l1_ratio |w|_1 + alpha (1 - l1_ratio) / 2 |w|^2`` without an intercept,
+    at every alpha in descending order, each from the previous solution. All solutions are exact up to rounding where
+    the data determine them.
 
     Parameters
     ----------
@@ -75,34 +75,32 @@ def enet_path(
     l1_ratio : float in [0, 1], default=0.5
         Share of the l1 penalty: 1 is the lasso, 0 is ridge.
     eps : float, default=1e-3
-        The smallest alpha of a grid over the largest.
+        Ratio of the smallest to the largest alpha of a grid.
     n_alphas : int, deprecated
         Number of alphas; give `alphas` instead.
     alphas : int or array-like of shape (n_alphas,), default=100
-        The alphas, or their number: then a grid in equal factors, from the least alpha at which all coefficients are
-        zero downwards.
+        The alphas, or the number of points of a logarithmic grid. The grid descends from the least alpha at which all
+        coefficients are zero.
     precompute : "auto", bool or array-like of shape (n_features, n_features), default="auto"
-        The Gram matrix ``X.T @ X`` where it is known. Anything else leaves the choice to the engine, and changes
-        nothing but time.
+        The Gram matrix ``X.T @ X`` if known. With any other value the engine chooses, which affects time only.
     Xy : array-like of shape (n_features,), optional
         ``X.T @ y``, used with a given Gram matrix.
     copy_X : bool, default=True
-        Accepted; X is never copied and never written.
+        Accepted without effect: X is never copied or written.
     coef_init : array-like of shape (n_features,) or (n_targets, n_features), optional
-        Where the first solution starts from. It changes the number of sweeps, not the answer.
+        Start of the first solution. It changes the number of sweeps, not the result.
     verbose : bool or int, default=False
-        Accepted; a path is one call of the engine, and prints nothing.
+        Accepted without effect: nothing is printed.
     return_n_iter : bool, default=False
-        Whether the numbers of sweeps are returned.
+        Return the numbers of sweeps.
     positive : bool, default=False
-        Whether coefficients must not be negative.
+        Restrict the coefficients to be non-negative.
     check_input : bool, default=True
-        Whether X, y and a given Gram matrix are checked.
+        Check X, y and a given Gram matrix.
     **params
-        `max_iter` (default 1000: the most sweeps an alpha) and `tol` (default 1e-4: duality gap, relative to the
-        target's mean square, above which a solution that is not exact is a `ConvergenceWarning`). `selection`,
-        `random_state`, `do_screening`, `X_offset` and `X_scale` are accepted and change nothing: coordinates are
-        visited in the order of the engine.
+        `max_iter` (default 1000: largest number of sweeps per alpha) and `tol` (default 1e-4: relative duality gap
+        above which an inexact solution is a `ConvergenceWarning`; see :class:`ElasticNet`). `selection`,
+        `random_state`, `do_screening`, `X_offset` and `X_scale` are accepted without effect.
 
     Returns
     -------
@@ -111,14 +109,14 @@ def enet_path(
     coefs : ndarray of shape (n_features, n_alphas) or (n_targets, n_features, n_alphas)
         Coefficients, with the precision of X.
     dual_gaps : ndarray of shape (n_alphas,)
-        Bounds on objective minus minimum.
+        Upper bounds on the objective minus its minimum.
     n_iters : list of int
-        Sweeps, where `return_n_iter`.
+        Sweeps, with `return_n_iter`.
 
     Raises
     ------
     ValueError
-        When a parameter is out of its range, or X and y do not go together.
+        A parameter is out of range, or the shapes of X and y differ.
 
     Examples
     --------
@@ -225,9 +223,9 @@ def lasso_path(
     coefs : ndarray of shape (n_features, n_alphas) or (n_targets, n_features, n_alphas)
         Coefficients, with the precision of X.
     dual_gaps : ndarray of shape (n_alphas,)
-        Bounds on objective minus minimum.
+        Upper bounds on the objective minus its minimum.
     n_iters : list of int
-        Sweeps, where `return_n_iter`.
+        Sweeps, with `return_n_iter`.
 
     Raises
     ------
@@ -262,7 +260,7 @@ def lasso_path(
 
 
 def _alphas(n_alphas: Any, alphas: Any) -> Any:
-    """What the two parameters mean together, until the older one is gone."""
+    """The alphas of the current and the deprecated parameter."""
     wanted = alphas
     if not isinstance(n_alphas, str):
         warnings.warn(
@@ -285,7 +283,7 @@ def _alphas(n_alphas: Any, alphas: Any) -> Any:
 
 
 def _solver_options(owner: str, params: dict[str, Any]) -> dict[str, Any]:
-    """`max_iter` and `tol` of the further parameters of a path, and a look at the others."""
+    """`max_iter` and `tol` of the further parameters of a path, with a check of the others."""
     known = {"tol", "max_iter", "random_state", "selection", "do_screening", "X_offset", "X_scale", "sample_weight"}
     unknown = sorted(set(params) - known)
     if unknown:
@@ -313,14 +311,13 @@ def _start(coef_init: Any, features: int) -> NDArray[np.float64] | None:
 class ElasticNet(MultiOutputMixin, LinearModel):
     """Linear regression with an l1 and an l2 penalty, as scikit-learn's class of this name.
 
-    Minimises ``1 / (2 n) sum_i s_i (y_i - x_i w - b)^2 + alpha l1_ratio |w|_1 + alpha (1 - l1_ratio) / 2 |w|^2`` over w
-    and the intercept b, s the weights of the rows and n their sum. Several targets are fitted each on its own, in one
-    pass over X.
+    Minimises ``1 / (2 n) sum_i s_i (y_i - x_i w - b)^2 + alpha l1_ratio |w|_1 + alpha (1 - l1_ratio) / 2 |w|^2`` over
+    w and the intercept b, with row weights s of sum n. Several targets are fitted separately, in one pass over X.
 
-    X is compressed in one pass, in parallel and without a copy; coordinate descent then runs on at most n_features
-    rows, and ends with Newton steps on the support: solutions are exact up to rounding (see `dual_gap_`), whatever
-    `tol` is. More than 512 features of one target, with up to four times as many rows, are not compressed: a copy of the
-    rows is worked on, and products are formed of the features that take part.
+    X is compressed in one pass, in parallel and without a copy. Coordinate descent then runs on at most n_features
+    rows and ends with Newton steps on the support. Solutions are exact up to rounding for any `tol` (see
+    `dual_gap_`). For one target, more than 512 features with up to four times as many rows are not compressed: the
+    solver works on a copy of the rows.
 
     Parameters
     ----------
@@ -329,25 +326,24 @@ class ElasticNet(MultiOutputMixin, LinearModel):
     l1_ratio : float in [0, 1], default=0.5
         Share of the l1 penalty: 1 is the lasso, 0 is ridge.
     fit_intercept : bool, default=True
-        Whether there is an intercept; it is not penalised.
+        Fit an intercept, which is not penalised.
     precompute : bool or array-like of shape (n_features, n_features), default=False
-        The Gram matrix of the (centred, weighted) features where it is known. True and False both leave the choice to
-        the engine.
+        The Gram matrix of the (centred, weighted) features if known. With True and False the engine chooses.
     max_iter : int, default=1000
-        The most sweeps over the coordinates.
+        Largest number of sweeps over the coordinates.
     copy_X : bool, default=True
-        Accepted; X is never copied and never written.
+        Accepted without effect: X is never copied or written.
     tol : float, default=1e-4
-        A solution that is not exact when the sweeps are used up is a `ConvergenceWarning` if its duality gap is above
-        `tol` times the target's mean square.
+        Tolerance of the duality gap, relative to the target's mean square. An inexact solution after `max_iter`
+        sweeps with a larger gap is a `ConvergenceWarning`.
     warm_start : bool, default=False
-        Whether `fit` starts from `coef_` of the fit before. It changes the number of sweeps, not the answer.
+        Start from `coef_` of the previous fit. This changes the number of sweeps, not the result.
     positive : bool, default=False
-        Whether coefficients must not be negative.
+        Restrict the coefficients to be non-negative.
     random_state : int, RandomState or None, default=None
-        Accepted; nothing here is random.
+        Accepted without effect: nothing is random.
     selection : {"cyclic", "random"}, default="cyclic"
-        Accepted; coordinates are visited in turn, and the answer does not depend on their order.
+        Accepted without effect: the result does not depend on the order of coordinates.
 
     Attributes
     ----------
@@ -356,15 +352,15 @@ class ElasticNet(MultiOutputMixin, LinearModel):
     intercept_ : float or ndarray of shape (n_targets,)
         Intercept, 0.0 without one.
     dual_gap_ : float or ndarray of shape (n_targets,)
-        Bound on objective minus minimum, in the units of the target's square.
+        Upper bound on the objective minus its minimum, in the units of the target's square.
     n_iter_ : int or list of int
-        Sweeps over the coordinates; 0 where the start was the solution.
+        Sweeps over the coordinates; 0 if the start was the solution.
     sparse_coef_ : scipy sparse matrix of shape (1, n_features) or (n_targets, n_features)
         `coef_` without its zeros; needs scipy.
     n_features_in_ : int
         Number of features.
     feature_names_in_ : ndarray of shape (n_features,)
-        Names of the features, where X has them.
+        Names of the features, if X has names.
 
     See Also
     --------
@@ -437,14 +433,14 @@ class ElasticNet(MultiOutputMixin, LinearModel):
         Parameters
         ----------
         X : array-like or sparse matrix of shape (n_samples, n_features)
-            Regressors; any order of memory. Sparse rows are read block by block, and never made dense as a whole where
-            they are more than the features.
+            Regressors, in any memory order. Sparse rows are read block by block, and never made dense as a whole if
+            there are more rows than features.
         y : array-like of shape (n_samples,) or (n_samples, n_targets)
             Targets.
         sample_weight : float or array-like of shape (n_samples,), optional
-            Weights of the rows, not negative; only their ratios count.
+            Non-negative weights of the rows; only their ratios matter.
         check_input : bool, default=True
-            Whether X and y are checked; without, they must be finite arrays of `float32` or `float64`.
+            Check X and y; otherwise they must be finite arrays of `float32` or `float64`.
 
         Returns
         -------
@@ -453,7 +449,7 @@ class ElasticNet(MultiOutputMixin, LinearModel):
         Raises
         ------
         ValueError
-            When a parameter is out of its range, or the data are not finite or do not go together.
+            A parameter is out of range, or the data are not finite or their shapes differ.
         """
         check_params(self, self._rules)
         if check_input:
@@ -506,13 +502,13 @@ class ElasticNet(MultiOutputMixin, LinearModel):
 class Lasso(ElasticNet):
     """Linear regression with an l1 penalty, as scikit-learn's class of this name.
 
-    Minimises ``1 / (2 n) sum_i s_i (y_i - x_i w - b)^2 + alpha |w|_1`` over w and the intercept b, s the weights of the
-    rows and n their sum: :class:`ElasticNet` with ``l1_ratio=1``, whose notes hold.
+    Minimises ``1 / (2 n) sum_i s_i (y_i - x_i w - b)^2 + alpha |w|_1`` over w and the intercept b, with row weights s
+    of sum n. See :class:`ElasticNet` with ``l1_ratio=1``.
 
     Parameters
     ----------
     alpha : float, default=1.0
-        Strength of the penalty, in the units of the target times those of the features; 0 is least squares.
+        Strength of the penalty, in units of the target times those of the features; 0 is least squares.
     fit_intercept, precompute, copy_X, max_iter, tol, warm_start, positive, random_state, selection
         As for :class:`ElasticNet`.
 

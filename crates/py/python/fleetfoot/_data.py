@@ -1,4 +1,4 @@
-"""What fits, scans and scores read: files, Arrow tables, numpy arrays, opened as one thing."""
+"""Data sets for fits, scans and scores: files, Arrow tables and numpy arrays."""
 
 from __future__ import annotations
 
@@ -21,22 +21,21 @@ from ._warnings import warn
 
 
 class Dataset:
-    """Recordings, and what they mean. Made by :func:`fleetfoot.open`.
+    """Recordings with a recipe, made by :func:`fleetfoot.open`.
 
-    Nothing is read until a fit, a scan or a score asks for rows: files stream, arrays and Arrow tables stay where they
-    are.
+    Rows are read on demand by a fit, a scan or a score. Files stream; arrays and Arrow tables are not copied.
 
     Parameters
     ----------
     core : _core.Data
         What is read.
     recipe : str
-        The recipe as TOML; empty when there is none.
+        The recipe as TOML, or an empty text.
 
     Attributes
     ----------
     recipe : str
-        The recipe as TOML; may be empty.
+        The recipe as TOML, or an empty text.
     """
 
     def __init__(self, core: _core.Data, recipe: str = "", opened: tuple[Any, dict[str, Any]] | None = None) -> None:
@@ -51,7 +50,7 @@ class Dataset:
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """As it was opened: files by their paths, tables and arrays by their values."""
+        """The opened sources: files by path, tables and arrays by value."""
         if self._opened is None:
             raise TypeError("this Dataset was not opened by fleetfoot.open, and cannot be pickled")
         return _reopened, self._opened
@@ -78,14 +77,14 @@ class Dataset:
         Returns
         -------
         array of matplotlib.axes.Axes
-            One a channel.
+            One per channel.
         """
         recipe = options.pop("recipe", None)
         data = self if recipe is None else open(self, recipe=recipe)
         return channels_of(data._core, data.recipe, columns, **options)
 
     def __add__(self, other: Dataset) -> Dataset:
-        """Both as one; they are read by one recipe."""
+        """Both data sets as one, with one recipe."""
         if not isinstance(other, Dataset):
             return NotImplemented
         if self.recipe and other.recipe and self.recipe != other.recipe:
@@ -119,30 +118,29 @@ def open(  # noqa: A001
     source : path, table, array, mapping, list or iterator
         - A path, a glob pattern or a folder, or a list of them: MCAP, rosbag2, ULog, Parquet and CSV files, or a statistic
           (``.stats``). They stream.
-        - An Arrow table: anything with ``__arrow_c_stream__`` or ``__arrow_c_array__`` (polars, pyarrow, pandas 2.2 and
-          later, duckdb).
-          Columns of ``float64`` without nulls in one chunk are read where they are.
+        - An Arrow table: anything with ``__arrow_c_stream__`` or ``__arrow_c_array__`` (polars, pyarrow, pandas 2.2
+          and later, duckdb). Columns of ``float64`` without nulls in one chunk are not copied.
         - A mapping from names to arrays of shape (rows,), or of shape (rows, k), whose columns are called ``name0``,
-          ``name1``, ... (a tuple of
-          k names as the key names them). numpy arrays of any number type, order and strides are read where they are.
+          ``name1``, ... (a tuple of k names as the key names them). numpy arrays of any numeric type, order and
+          strides are not copied.
         - An array of shape (rows, k): its columns are called ``x0``, ``x1``, ...
-        - A lazy table of polars: it is computed block by block into a file in the folder of temporary files, and read
-          from there, however many rows it has.
+        - A lazy table of polars, of any number of rows: it is computed block by block into a temporary file and read
+          from there.
         - A list of tables, mappings or arrays: one run each.
-        - An iterator of record batches or tables of one schema: one run. Fits read rows more than once, so the batches
-          are gathered and kept.
+        - An iterator of record batches or tables of one schema: one run. The batches are kept, as fits read rows more
+          than once.
     recipe : path, str or mapping, optional
-        Which fields are what: a TOML file, TOML text, or the same as a mapping.
+        The recipe: a TOML file, TOML text, or a mapping.
     name : str or list of str, optional
-        Names of the runs in memory; ``"run"``, or ``"run 0"``, ``"run 1"``, ... when not given.
+        Names of the runs in memory; ``"run"``, or ``"run 0"``, ``"run 1"``, ... by default.
     t : str, array or list of arrays, optional
         The clock: the name of its column; or stamps of each run in memory, shape (rows,), in seconds (or
         ``datetime64``).
     dt : float, optional
         Seconds from row to row, for recordings without a clock.
     where : str, optional
-        The rows to use: comparisons between expressions over columns and fields, joined by ``and``, as in
-        ``"armed > 0 and 2 < time() < 60"``; all rows when not given. Models carry it; ``"all"`` takes it back.
+        Condition on rows: comparisons between expressions over columns and fields, joined by ``and``, as in
+        ``"armed > 0 and 2 < time() < 60"``. Default: all rows. Models carry it; ``"all"`` removes it.
 
     Returns
     -------
@@ -155,7 +153,7 @@ def open(  # noqa: A001
     DataError
         No file is found; an array or a table cannot be read.
     TypeError
-        ``source`` is nothing of the above.
+        ``source`` is of another kind.
 
     Examples
     --------
@@ -188,7 +186,7 @@ def open(  # noqa: A001
 
 
 def _says_clock(recipe: Any) -> bool:
-    """Whether a recipe says which column is the clock, or that there is none."""
+    """True if a recipe defines the clock, or its absence."""
     text = as_toml(recipe)
     time = json.loads(_core.recipe_json(text, "the recipe")).get("time", {}) if text.strip() else {}
     return "column" in time or "dt" in time
@@ -215,7 +213,7 @@ def _files(source: Any, name: Any, t: Any) -> _core.Data:
 
 
 def _memory(source: Any, name: Any, t: Any, *, has_clock: bool) -> tuple[_core.Data, tuple[str, str | None] | None]:
-    """Tables in memory, and the clock's column and its unit where one was added."""
+    """Tables in memory, with column and unit of an added clock."""
     if isinstance(source, (np.ndarray, Mapping)) or _is_table(source) or frame(source) is not None:
         runs, single = [source], True
     elif isinstance(source, (list, tuple)):
@@ -247,13 +245,13 @@ def _memory(source: Any, name: Any, t: Any, *, has_clock: bool) -> tuple[_core.D
 
 
 def in_unit(name: str, stamps: list[Any], unit: str | None = None) -> list[Any]:
-    """The stamps of a column of whole numbers in each run, in this unit or the one that its name, sizes and steps tell,
-    as for files; other stamps as they are.
+    """Integer stamps of each run in the given unit, or in the unit inferred from name, sizes and steps, as for files;
+    other stamps unchanged.
 
     Raises
     ------
     DataError
-        The numbers could be of several units.
+        The unit of the numbers is ambiguous.
     """
     if not all(getattr(one, "dtype", None) is not None and one.dtype.kind in "iu" and one.ndim == 1 for one in stamps):
         return stamps
@@ -268,7 +266,7 @@ def in_unit(name: str, stamps: list[Any], unit: str | None = None) -> list[Any]:
 
 
 def _clocked(run: Any, stamps: Any, has_clock: bool) -> tuple[Any, tuple[str, str | None] | None]:
-    """A run with its stamps as a column, where they were given or are its index, and that column's name and unit."""
+    """A run with its given stamps or its index as a column, and that column's name and unit."""
     table = frame(run)
     index = None if table is None or stamps is not None else table.clock
     name, values = ("t", stamps) if index is None else index
@@ -344,7 +342,7 @@ def _run(name: str, run: Any) -> _core.Data:
 
 
 def _read(table: Frame, column: str) -> Any:
-    """A column of numbers or stamps; nothing of words and nested values, which come by Arrow alone."""
+    """A column of numbers or stamps; None for text and nested values, which come by Arrow."""
     values = table.column(column)
     if is_words(values):
         return None

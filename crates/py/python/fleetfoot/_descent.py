@@ -1,4 +1,4 @@
-"""What the estimators and paths of coordinate descent share: problems, their solutions, and what did not converge."""
+"""Shared code of coordinate descent: problems, solutions, and warnings of convergence."""
 
 from __future__ import annotations
 
@@ -50,7 +50,8 @@ class Posed(NamedTuple):
         tol: float,
         start: NDArray[Any] | None = None,
     ) -> Solved:
-        """Solves one target at all alphas, each from the one before; a missed tolerance is a `ConvergenceWarning`."""
+        """Solves one target at all alphas, each from the previous one; a missed tolerance is a
+        `ConvergenceWarning`."""
         strengths = np.ascontiguousarray(alphas, dtype=np.float64)
         first = None if start is None else np.ascontiguousarray(start, dtype=np.float64)
         found = self.problems.descend(target, strengths, estimator, positive, first)
@@ -84,7 +85,7 @@ def pose(
 ) -> Posed:
     """Compresses X and y (n_samples,) or (n_samples, n_targets) in one pass, or takes a Gram matrix in place of X.
 
-    Where `few` solutions are wanted, many columns are left as they are.
+    For `few` solutions, many columns are not compressed.
     """
     gram = given_gram(X, weight, precompute, intercept=intercept, check=check_gram)
     if gram is None:
@@ -111,10 +112,10 @@ def pose(
 def given_gram(
     X: NDArray[Any], weight: NDArray[np.float64] | None, precompute: Any, *, intercept: bool, check: bool
 ) -> NDArray[np.float64] | None:
-    """The Gram matrix that `precompute` is, when it is one that fits the rows.
+    """The Gram matrix of `precompute`, if it matches the rows.
 
-    One whose columns were not centred while an intercept is to be fitted is left aside with a `UserWarning`; one that
-    is not that of X is a `ValueError`. Of sparse rows the products are always summed anew.
+    With an intercept, a matrix of uncentred columns is ignored with a `UserWarning`. A matrix that is not that of X
+    is a `ValueError`. For sparse rows the products are always recomputed.
     """
     if isinstance(precompute, (bool, np.bool_, str)) or is_sparse(X):
         return None

@@ -1,4 +1,4 @@
-"""Episodes behind a statistic, and how they are named."""
+"""Episodes behind a statistic, and their names."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ class Episode:
     Attributes
     ----------
     id : str
-        Its identity, by its content.
+        Identity, by its content.
     name : str
-        Its file's name (the path where two files share the name), with ``#k`` where the file holds several episodes.
+        Name of its file (the path if two files share the name), with ``#k`` if the file holds several episodes.
     file : str
-        The file or table that it came from.
+        File or table of the episode.
     labels : dict of str
         Labels from the recipe and from the path.
     rows : int
         Rows in all.
     complete : int
-        Rows that were summed.
+        Summed rows.
     start, end : int
         First and last stamp, nanoseconds.
     period : float
@@ -52,7 +52,7 @@ class Episode:
 
 
 def matching(found: list[Episode], episodes: Episodes | None, where: Mapping[str, Any] | None) -> set[str]:
-    """Identities of what ``episodes`` and ``where`` name."""
+    """Identities of the episodes that ``episodes`` and ``where`` select."""
     if episodes is None and where is None:
         raise ValueError("neither episodes nor where is given; name the episodes")
     chosen = {episode.id for episode in found} if episodes is None else _named(found, episodes)

@@ -1,4 +1,4 @@
-"""A model's content as Python sees it: functions, coefficients, equations in words."""
+"""Content of a model in Python: functions, coefficients, equations as text."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .exceptions import ModelError
 
 
 class Content:
-    """What a model's file says."""
+    """Content of a model's file."""
 
     def __init__(self, text: str) -> None:
         content = json.loads(text)["model"]
@@ -36,12 +36,12 @@ class Content:
         return [equation for equation in self.equations_ if equation["target"] is not None]
 
     def own_latent(self, equation: dict[str, Any]) -> dict[str, Any] | None:
-        """The latent that a right side is, where it is nothing else."""
+        """The latent function of a right side that is a single latent."""
         name = equation["right"].strip("`")
         return next((latent for latent in self.latents if latent["name"] == name), None)
 
     def of_one_library(self) -> list[dict[str, Any]]:
-        """The latents of the fitted equations, where each has one and all have the same functions and regions."""
+        """The latent functions of the fitted equations, if each has one and all share functions and regions."""
         latents = self.latents
         shapes = {(latent["library"], latent["partition"]) for latent in latents}
         if len(shapes) != 1:
@@ -75,7 +75,7 @@ class Content:
         return np.array(rows, dtype=float)
 
     def complexity(self) -> int:
-        """Coefficients that are not zero, of all functions and regions."""
+        """Non-zero coefficients of all functions and regions."""
         rows = [
             [float(constant), *self.weights(latent, region)]
             for latent in self.latents
@@ -90,7 +90,7 @@ class Content:
         return [region["name"] for region in self.partitions[self.latents[0]["partition"]]["regions"]] or ["all"]
 
     def equations(self, precision: int, region: int | None) -> list[str]:
-        """Equations in words; one for every region where there are several."""
+        """Equations as text; one per region if there are several."""
         lines, named = [], []
         for equation in self.equations_:
             left, latent = _left(equation), self.own_latent(equation)
@@ -139,7 +139,7 @@ def _left(equation: dict[str, Any]) -> str:
 
 
 def _factor(function: str) -> str:
-    """A function as it may stand behind a coefficient: a sum in parentheses."""
+    """A function after a coefficient: a sum in parentheses."""
     depth, quoted, total = 0, False, function.startswith("-")
     for at, letter in enumerate(function):
         if letter == "`":

@@ -1,4 +1,4 @@
-"""Models by which the states of recordings are filtered."""
+"""Filters of recordings by a model."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Measured = Sequence[str] | Mapping[str, float | None]
 
 
 class Filtering:
-    """What a model estimates from noisy measurements."""
+    """Estimates of a model from noisy measurements."""
 
     __slots__ = ()
 
@@ -41,47 +41,48 @@ class Filtering:
         cache: str | os.PathLike[str] | None = None,
         progress: Progress = None,
     ) -> Filtered:
-        """The states of recordings, estimated row by row from noisy measurements of some of them.
+        """Estimates states row by row from noisy measurements of some of them.
 
-        Every region has a Kalman filter whose process noise is the residual covariance of the region; where residuals
-        hang on those of the rows before, so does the noise. What is told of a row does not depend on later ones.
+        Every region has a Kalman filter whose process noise is the residual covariance of the region. If residuals
+        are correlated from row to row, so is the noise. An estimate does not depend on later rows.
 
         Parameters
         ----------
         data : anything that :func:`fleetfoot.open` takes
             Recordings.
         measured : list or mapping, optional
-            States that are measured, and the standard deviations of their sensors; ``None`` as a deviation, or none
-            given: by the column ``NAME_deviation`` of the recording, else by the innovations so far. All states that
-            the recording has when not given.
+            Measured states, with the standard deviations of their sensors. A deviation of ``None`` comes from the
+            column ``NAME_deviation`` of the recording, else from the innovations. Default: all states in the
+            recording.
         sensors : mapping, optional
-            Where the recording has the measurement of a state: a field or an expression.
+            Field or expression of the recording that measures a state.
         truth : mapping, optional
-            Where the recording has the truth of a state, that errors are told of.
+            Field of the recording with the true state, for the errors of the estimates.
         initial : mapping, optional
-            Mean and standard deviation of states before their first measurement; those of the training when not given.
+            Mean and standard deviation of states before their first measurement; default: those of the training.
         process : float or "auto", optional
-            Factor on the process noise; ``"auto"``: by the innovations so far. 1 when not given.
+            Factor on the process noise (default 1); ``"auto"`` estimates it from the innovations.
         noise : {"auto", "white", "coloured"}, optional
-            Whether the process noise of a row hangs on that of the rows before: ``"auto"``, when not given, where the
-            model's residuals do.
+            Correlation of the process noise from row to row. ``"auto"``, the default, uses it if the model's
+            residuals are correlated.
         switching : {"state", "transitions"}, optional
-            How one region follows another: by where the state is, or as it was counted in training.
+            Rule by which one region follows another: by the region of the state, or by the transitions counted in
+            training.
         keep : bool
-            Whether estimates are given.
+            Return the estimates.
         output : path, optional
-            A file that estimates are written to, Parquet, text or MCAP; then they are not given.
+            File for the estimates, Parquet, text or MCAP; they are then not returned.
         recipe, cache, progress : optional
-            As for :meth:`predict`; what ``[filter]`` of a recipe says stands below the arguments.
+            As for :meth:`predict`; arguments override ``[filter]`` of a recipe.
 
         Returns
         -------
         dict
-            ``sensors`` (``state``, ``deviation`` and where it is from, ``share`` of the innovations in their 95 %
-            band, ``correlation`` with the row before and how large it is where they are ``white``), ``nis`` and, with
-            a truth, ``nees`` (``mean`` by degree of freedom, its 95 % band ``low`` and ``high``, ``share``),
-            ``truth`` (``rmse``, ``measured_rmse``), ``log_likelihood``, ``process``, ``noise_rows``, ``notes``; and
-            with ``keep`` ``estimates``: for each episode a dict of ``episode``, ``t``, ``x`` and ``deviation`` (rows,
+            ``sensors`` (``state``, ``deviation`` and its source, ``share`` of the innovations in their 95 % band,
+            ``correlation`` with the previous row and its size by chance, ``white``), ``nis`` and, with a truth,
+            ``nees`` (``mean`` per degree of freedom, its 95 % band ``low`` and ``high``, ``share``), ``truth``
+            (``rmse``, ``measured_rmse``), ``log_likelihood``, ``process``, ``noise_rows``, ``notes``; and with
+            ``keep`` ``estimates``: for each episode a dict of ``episode``, ``t``, ``x`` and ``deviation`` (rows,
             states), ``probability`` (rows, regions), ``region``, ``innovation``, ``innovation_deviation`` (rows,
             sensors), ``log_likelihood``.
 
@@ -129,11 +130,11 @@ class Filtering:
         Parameters
         ----------
         folder : path
-            Where the files go; made when needed.
+            Folder of the files, created if necessary.
         measured, initial, process, noise, switching : optional
-            As for :meth:`filter`; every sensor has its deviation.
+            As for :meth:`filter`; every sensor needs a deviation.
         prefix : str
-            In front of all names, and the name of the files.
+            Prefix of all names, and name of the files.
         precision : {"double", "float"}
             Numbers.
 
@@ -163,7 +164,7 @@ def _said(
     noise: str | None,
     switching: str | None,
 ) -> dict[str, Any]:
-    """The arguments as entries of a recipe."""
+    """Arguments as entries of a recipe."""
 
     def fields(named: Mapping[str, str] | None) -> str | None:
         return None if named is None else ",".join(f"{name}={field}" for name, field in named.items())

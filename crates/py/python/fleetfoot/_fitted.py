@@ -1,4 +1,4 @@
-"""What can be asked of a fit: predictions, scores, simulations, coefficients."""
+"""Results of a fit: predictions, scores, simulations, coefficients."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class Fitted:
-    """What an estimator of recordings tells once it is fitted."""
+    """Results of a fitted estimator of recordings."""
 
     model_: Model
     n_features_in_: int
@@ -85,10 +85,9 @@ class Fitted:
         return self._found().get_feature_names(latent)
 
     def predict(self, x: Any, u: Any = None, t: ArrayLike | None = None, **options: Any) -> Any:
-        """What the fitted equations say of every row: :meth:`fleetfoot.Model.predict`.
+        """Predictions of the fitted equations for every row: :meth:`fleetfoot.Model.predict`.
 
-        Arrays have the columns of the fit, whether they are states, or what a column is predicted from; tables have
-        theirs by name.
+        Arrays have the columns of the fit (states, or regressors of a column); tables have them by name.
         """
         model = self._found()
         if isinstance(x, (list, tuple)) and any(isinstance(run, np.ndarray) for run in x):
@@ -147,11 +146,11 @@ class Fitted:
         return self._found().simulate(x0, t, u, **options)
 
     def rollout(self, data: Any, horizon: int, **options: Any) -> Rollouts:
-        """Free runs from measured states, scored by horizon: :meth:`fleetfoot.Model.rollout`."""
+        """Simulations from measured states, scored by horizon: :meth:`fleetfoot.Model.rollout`."""
         return self._found().rollout(data, horizon, **options)
 
     def filter(self, data: Any, **options: Any) -> Filtered:
-        """States estimated from noisy measurements: :meth:`fleetfoot.Model.filter`."""
+        """States from noisy measurements: :meth:`fleetfoot.Model.filter`."""
         return self._found().filter(data, **options)
 
     def resimulate(self, data: Any, **options: Any) -> dict[str, Any]:
@@ -171,15 +170,14 @@ class Fitted:
         columns: Mapping[str, Any] | None = None,
         **options: Any,
     ) -> float:
-        """Coefficient of determination of the one-step predictions, the mean of the fitted equations.
+        """R2 of the one-step predictions, the mean over the fitted equations.
 
         Parameters
         ----------
         x, t, x_dot, u, y, dt, columns
             As for :meth:`fit`; arrays without ``t`` and ``dt`` have the period of the fit.
         **options
-            As for :meth:`fleetfoot.Model.score`, which tells more: errors beside baselines, by episode, with
-            intervals.
+            As for :meth:`fleetfoot.Model.score`, which also returns errors of baselines, by episode, with intervals.
         """
         model, own = self._found(), _recipe.of_anything(self.recipe)
         features, inputs = self._fitted_names or (None, None)
@@ -204,9 +202,9 @@ class Fitted:
         return float(np.mean([np.nan if share is None else share for share in shares]))
 
     def _streamed(self, given: Call, own: dict[str, Any]) -> tuple[Call, dict[str, Any], list[str] | None]:
-        """A lazy table as a data set that streams, with its signals as states where nothing names the columns.
+        """A lazy table as a streaming data set, with its signals as states if no argument names the columns.
 
-        What is given beside its rows, and a function for derivatives, need them in memory.
+        Further arrays, and a function for derivatives, need the rows in memory.
         """
         if not has_lazy(given.x):
             return given, own, None
@@ -237,7 +235,7 @@ class Fitted:
     def _score_of_column(
         self, model: Model, call: Call, target: str, options: Mapping[str, Any]
     ) -> Scores:
-        """The score of a model of a column, whose rows are told by the names of the fit."""
+        """Score of a model of a column, by the names of the fit."""
         if target not in (call.columns or ()):
             raise RequestError(f"y is missing: the model predicts `{target}`; give y=, or columns={{{target!r}: ...}}")
         features, inputs = self._fitted_names or ((), ())

@@ -18,7 +18,7 @@ _MOST_GROUPS = 256
 
 
 class Groups(NamedTuple):
-    """Rows that are in the same folds on the same sides, as groups."""
+    """Groups of rows that share their side in every fold."""
 
     #: Group of every row (rows,).
     labels: NDArray[np.uint32]
@@ -30,7 +30,7 @@ class Groups(NamedTuple):
 
 @dataclass(frozen=True)
 class FoldDesigns:
-    """For every fold the design that holds its rows, and its groups there that train and that test."""
+    """For every fold its design, and the groups that train and that test."""
 
     folds: list[tuple[Design, list[int], list[int]]]
 
@@ -53,7 +53,7 @@ def neighbour_groups(splitter: Any, rows: int) -> Groups | None:
 def fold_groups(splits: Sequence[tuple[NDArray[np.intp], NDArray[np.intp]]], rows: int) -> Groups | None:
     """The groups of any folds.
 
-    `None` when a fold names a row twice (as bootstrap samples do), or when there would be too many groups.
+    `None` if a fold names a row twice (as bootstrap samples do), or for too many groups.
     """
     labels = np.zeros(rows, dtype=np.uint32)
     # For every group its side in every fold: 1 where it trains, 2 where it tests, 3 where both.
@@ -80,7 +80,7 @@ def fold_groups(splits: Sequence[tuple[NDArray[np.intp], NDArray[np.intp]]], row
 
 
 def _mask(part: NDArray[np.intp], rows: int) -> NDArray[np.bool_] | None:
-    """Which rows are named; `None` when one is named twice."""
+    """Mask of the named rows; `None` if a row is named twice."""
     found = np.zeros(rows, dtype=bool)
     found[part] = True
     return found if np.count_nonzero(found) == len(part) else None
@@ -93,7 +93,7 @@ def cross_validation(
     weight: NDArray[np.float64] | None = None,
     **params: Any,
 ) -> tuple[Design | None, FoldDesigns]:
-    """As :func:`fold_designs`, from what a user gives as `cv`; `params` are for its `split`."""
+    """As :func:`fold_designs`, from the user's `cv`; `params` are for its `split`."""
     splitter = check_cv(cv, classifier=False)
     groups = None if params else neighbour_groups(splitter, X.shape[0])
     if groups is None:
@@ -116,7 +116,7 @@ def fold_designs(
 ) -> tuple[Design | None, FoldDesigns]:
     """Designs of all folds.
 
-    It is one for all where folds are unions of groups of rows (then it also comes first), else one for each.
+    If folds are unions of groups of rows, all folds share one design, which comes first; else each has one.
     """
     if not splits:
         raise ValueError("cv has no folds: give at least one (train, test)")
@@ -136,7 +136,7 @@ def fold_designs(
 
 
 def fold_params(estimator: Any, params: dict[str, Any]) -> dict[str, Any]:
-    """What of the extra arguments of `fit` goes to the splitter `estimator.cv`, by scikit-learn's metadata routing."""
+    """The extra arguments of `fit` for the splitter `estimator.cv`, by scikit-learn's metadata routing."""
     if HAS_SKLEARN and import_module("sklearn").get_config().get("enable_metadata_routing"):
         routing = import_module("sklearn.utils.metadata_routing")
         return dict(routing.process_routing(estimator, "fit", **params).splitter.split)
@@ -149,7 +149,7 @@ def fold_params(estimator: Any, params: dict[str, Any]) -> dict[str, Any]:
 
 
 def fold_router(estimator: Any) -> Any:
-    """What `get_metadata_routing` answers where extra arguments go to the splitter."""
+    """Result of `get_metadata_routing` for extra arguments of the splitter."""
     routing = import_module("sklearn.utils.metadata_routing")
     mapping = routing.MethodMapping().add(caller="fit", callee="split")
     router = routing.MetadataRouter(owner=type(estimator).__name__)

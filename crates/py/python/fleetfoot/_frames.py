@@ -1,6 +1,6 @@
-"""Tables of other libraries in memory, column by column: pandas, polars, pyarrow, xarray, and this package's own.
+"""Tables in memory, column by column: pandas, polars, pyarrow, xarray, and those of this package.
 
-Nothing is imported here but what the caller's table has imported already.
+No library is imported that the caller's table has not imported already.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ CLOCKS = ("stamp", "t", "time", "timestamp")
 
 @dataclass(frozen=True)
 class Frame:
-    """A table in memory: its columns by name, and how another of the same kind is made over the same rows.
+    """A table in memory: its columns by name, and constructors of tables of the same kind and rows.
 
     Attributes
     ----------
@@ -31,19 +31,19 @@ class Frame:
     rows : int
         Rows.
     column : callable
-        The values of a column by its name, an array where they lie if the library allows it.
+        The values of a column by name, without a copy if the library allows it.
     made : callable
         A table of this kind from names and values (rows, names).
     joined : callable
         This table with one more column: of a name and values.
     clock : (str, array), optional
-        Name and stamps of its index, where that is time.
+        Name and stamps of its index, if that is time.
     numbers : list of str
         The columns that hold numbers.
     source : object
         The table as the engine reads it.
     aside : set of str
-        Columns that say which row it is, and are never states.
+        Columns that identify rows and are never states.
     """
 
     names: list[str]
@@ -63,15 +63,14 @@ class Frame:
         return wanted
 
     def signals(self, left: Collection[str] = ()) -> list[str]:
-        """All columns but those that are ``left``: of numbers, or of objects that are numbers.
+        """All numeric columns except those in ``left``.
 
-        Columns of words, which can be labels, of dates, of nested values and without any value are left out with a
-        warning.
+        Columns of text (possible labels), dates, nested values or no values are left out with a warning.
 
         Raises
         ------
         DataError
-            A column in which numbers and text stand, or anything else that may be meant as a signal and is none.
+            A column that mixes numbers and text, or another column that is not a signal but may be meant as one.
         """
         found: list[str] = []
         aside: dict[str, list[str]] = {}
@@ -92,7 +91,7 @@ class Frame:
         return found
 
     def _no_signal(self, name: str) -> str | None:
-        """What a column holds in the place of a signal."""
+        """Content of a column that is not a signal."""
         column = self.column(name)
         if is_empty(column) and len(column):
             return "no value"
@@ -116,7 +115,7 @@ class Frame:
 
 
 def frame(thing: Any) -> Frame | None:
-    """A table of one of these libraries; nothing for everything else."""
+    """A table of one of these libraries; None for other objects."""
     for base in type(thing).__mro__:
         read = _KINDS.get((base.__module__.partition(".")[0], base.__name__))
         if read is not None:
@@ -125,7 +124,7 @@ def frame(thing: Any) -> Frame | None:
 
 
 def is_lazy(thing: Any) -> bool:
-    """Whether this is a table that is not computed yet."""
+    """True for a lazy table."""
     return type(thing).__name__ == "LazyFrame" and hasattr(thing, "collect")
 
 
@@ -139,12 +138,12 @@ def frames(thing: Any) -> list[Frame] | None:
 
 
 def in_order(values: Any, names: Sequence[str], what: str) -> Any:
-    """The columns of a table, or the entries of a row of pandas, by their names; anything else as it is.
+    """The columns of a table, or the entries of a pandas row, by name; other objects unchanged.
 
     Raises
     ------
     ModelError
-        The table has names, and lacks one of these.
+        The table lacks one of the names.
     """
     table = None if isinstance(values, np.ndarray) else frame(values)
     if table is None:
@@ -160,7 +159,7 @@ def in_order(values: Any, names: Sequence[str], what: str) -> Any:
 
 
 def _entries_in_order(series: Any, names: Sequence[str], what: str) -> Any:
-    """The entries of a row of pandas by its labels; a series whose labels are no names is a column."""
+    """The entries of a pandas row by label; a series without names as labels is a column."""
     labels = list(getattr(series, "index", ()))
     texts = [str(label) for label in labels]
     if set(names) <= set(texts):
@@ -185,7 +184,7 @@ def slopes_in_order(values: Any, states: Sequence[str]) -> Any:
     Raises
     ------
     ModelError
-        The table has some of the names, and lacks one.
+        The table has some of the names, but not all.
     """
     tables = frames(values)
     if tables is None:
@@ -243,7 +242,7 @@ def _of_pandas_series(series: Any) -> Frame:
 
 
 def _index_clock(index: Any) -> tuple[str, Array] | None:
-    """Name and stamps of an index of times, or of numbers that is called as a clock is."""
+    """Name and stamps of an index of times, or of a numeric index with a clock's name."""
     name = None if index.name is None else str(index.name)
     if type(index).__name__ == "PeriodIndex":
         index = index.to_timestamp()

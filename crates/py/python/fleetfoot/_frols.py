@@ -16,29 +16,29 @@ from ._params import NONE
 class FROLS(Optimizer):
     """Forward regression by orthogonal least squares.
 
-    Takes one column after the other, always the one with the largest error reduction ratio, and chooses one of the
-    models on the way by pysindy's rule: the one before the term with the least ``ratio + kappa cond(X) terms``, where
-    the ratios of a target and of all targets before it are added up. Parameters and defaults are those of pysindy's
-    `FROLS`; inside `pysindy.SINDy` it takes that one's place.
+    Columns enter one by one, each with the largest error reduction ratio. One of the models on the way is chosen by
+    pysindy's rule: the one before the term with the least ``ratio + kappa cond(X) terms``, where the ratios of a
+    target and of all previous targets are summed. Parameters and defaults are those of pysindy's `FROLS`, which it
+    can replace inside `pysindy.SINDy`.
 
     Parameters
     ----------
     normalize_columns : bool, default=False
-        Whether the ridge is on the coefficients of columns of length 1; the order of entry does not depend on it.
+        Apply the ridge to coefficients of columns of length 1; the order of entry does not change.
     copy_X : bool, default=True
-        Accepted, and without effect: X is never written to.
+        Accepted without effect: X is never written.
     kappa : float or None, default=None
         Weight of the number of terms, relative to the condition number of X.
     max_iter : int, default=10
-        Terms at most.
+        Largest number of terms.
     alpha : float, default=0.05
-        Ridge in the system that leads from the orthogonal terms back to the columns.
+        Ridge in the system that converts the orthogonal terms to the columns.
     ridge_kw : dict or None, default=None
-        Options of a solver: accepted, and without effect, because the ridge is solved directly. Others raise.
+        Options of a solver, accepted without effect because the ridge is solved directly. Others raise an error.
     verbose : bool, default=False
-        Whether the steps are printed.
+        Print the steps.
     unbias : bool, default=True
-        Whether the chosen terms are fitted again by least squares.
+        Refit the chosen terms by least squares.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class FROLS(Optimizer):
     history_ : list of ndarray of shape (n_targets, n_features)
         Coefficients of the models with 0, 1, ... terms, with the ridge.
     ERR_global : ndarray of shape (n_features, n_targets)
-        Error reduction ratio of each term in the order of entry; 0 beyond the last that was looked at.
+        Error reduction ratio of each term in the order of entry; 0 beyond the last term tried.
     n_iter_ : int
         Terms that were tried.
     intercept_ : float
@@ -59,8 +59,8 @@ class FROLS(Optimizer):
 
     Notes
     -----
-    Columns that depend on those that are in are left out; pysindy goes on with their rounding errors, or
-    raises. Coefficients below 1e-10 are kept; pysindy sets them to zero.
+    Columns that depend on entered ones are left out; pysindy uses their rounding errors, or raises. Coefficients
+    below 1e-10 are kept; pysindy sets them to zero.
 
     Examples
     --------

@@ -19,43 +19,43 @@ _OF_PATHS = {"eps", "alphas", "fit_intercept", "max_iter", "tol", "cv", "n_jobs"
 class SparseGroupLassoCV(SharesCV):
     """The sparse-group lasso, its strength and its l1 share chosen by cross-validation.
 
-    The folds' problems and their held-out errors come from statistics of the rows: where every row is held out once, X
-    is read once for all folds together.
+    Statistics of the rows give the folds' problems and held-out errors. If every row is held out once, one pass over
+    X serves all folds.
 
     Parameters
     ----------
     groups : int or array-like of shape (n_features,), default=1
         The size of groups of neighbouring features, or a label for every feature.
     l1_ratio : float in [0, 1] or list of them, default=0.5
-        The share of the l1 penalty, or those that are compared.
+        Share of the l1 penalty, or list of shares to compare.
     weights : array-like of shape (n_groups,), optional
         As for :class:`SparseGroupLasso`.
     eps : float, default=1e-3
-        The smallest alpha of the grid over the largest.
+        Ratio of the smallest to the largest alpha of the grid.
     alphas : int or array-like of shape (n_alphas,), default=100
-        The alphas, or their number: then a grid in equal factors, from the least alpha at which all coefficients are
-        zero downwards.
+        The alphas, or the number of points of a logarithmic grid. The grid descends from the least alpha at which all
+        coefficients are zero.
     fit_intercept : bool, default=True
-        Whether there is an intercept; it is not penalised.
+        Fit an intercept, which is not penalised.
     max_iter : int, default=10000
-        The most sweeps an alpha.
+        Largest number of sweeps per alpha.
     tol : float, default=1e-4
         As for :class:`SparseGroupLasso`.
     cv : int, splitter, iterable of (train, test) or None, default=None
-        The folds; None is five of neighbouring rows.
+        Folds; None means five spans of neighbouring rows.
     n_jobs : int or None, default=None
-        Accepted; see :func:`set_threads`.
+        Accepted without effect; see :func:`set_threads`.
     positive : bool, default=False
-        Whether coefficients must not be negative.
+        Restrict the coefficients to be non-negative.
 
     Attributes
     ----------
     alpha_ : float
         The alpha with the least mean error over the folds.
     l1_ratio_ : float
-        The share that goes with it.
+        The chosen share of the l1 penalty.
     alphas_ : ndarray of shape (n_alphas,) or (n_l1_ratio, n_alphas)
-        The alphas that were compared, descending.
+        The compared alphas, descending.
     mse_path_ : ndarray of shape (n_l1_ratio, n_alphas, n_folds), axes of length 1 left out
         Mean squared errors on the held-out rows.
     coef_, intercept_, dual_gap_, n_iter_, n_features_in_, feature_names_in_
@@ -112,7 +112,7 @@ class SparseGroupLassoCV(SharesCV):
 class GroupLassoCV(SparseGroupLassoCV):
     """The group lasso with its strength chosen by cross-validation.
 
-    It is :class:`SparseGroupLassoCV` with ``l1_ratio=0``, whose notes hold.
+    It is :class:`SparseGroupLassoCV` with ``l1_ratio=0``; see its notes.
 
     Parameters
     ----------

@@ -24,7 +24,7 @@ GROUP_RULES: dict[str, tuple[Rule, ...]] = {"groups": (integer(1), ARRAY), "weig
 
 
 def group_labels(groups: Any, features: int) -> NDArray[np.int64]:
-    """The number of every feature's group: of a size the groups are of neighbours, of labels in the order of their values."""
+    """Group index of every feature: neighbours for a size, order of values for labels."""
     if isinstance(groups, Integral):
         return np.arange(features, dtype=np.int64) // int(groups)
     labels = np.asarray(groups)
@@ -37,7 +37,7 @@ def group_labels(groups: Any, features: int) -> NDArray[np.int64]:
 
 
 def group_weights(weights: Any, labels: NDArray[np.int64]) -> NDArray[np.float64]:
-    """The weight of every group: the root of its size where none is given."""
+    """Weight of every group: by default the square root of its size."""
     count = int(labels.max(initial=-1)) + 1
     if weights is None:
         sizes: NDArray[np.float64] = np.sqrt(np.bincount(labels, minlength=count).astype(np.float64))
@@ -51,15 +51,15 @@ def group_weights(weights: Any, labels: NDArray[np.int64]) -> NDArray[np.float64
 
 
 class SparseGroupLasso(MultiOutputMixin, LinearModel):
-    """Linear regression whose features enter group by group, and may still leave alone.
+    """Linear regression whose features enter group by group, with sparsity within groups.
 
-    Minimises ``1 / (2 n) sum_i s_i |y_i - x_i w - b|^2 + alpha ((1 - l1_ratio) sum_g v_g |w_g| + l1_ratio |w|_1)`` over w
-    and the intercept b: s the weights of the rows and n their sum, v_g the weight of group g, ``|w_g|`` the Euclidean
-    length of its coefficients. Of several targets all are fitted together, and ``w_g`` are the coefficients of the
-    group's features in all of them: with ``l1_ratio=0``, ``groups=1`` that is scikit-learn's ``MultiTaskLasso``.
+    Minimises ``1 / (2 n) sum_i s_i |y_i - x_i w - b|^2 + alpha ((1 - l1_ratio) sum_g v_g |w_g| + l1_ratio |w|_1)``
+    over w and the intercept b, with row weights s of sum n, the weight v_g of group g, and the Euclidean length
+    ``|w_g|`` of its coefficients. Several targets are fitted together: ``w_g`` are the coefficients of the group's
+    features in all targets. With ``l1_ratio=0``, ``groups=1`` that is scikit-learn's ``MultiTaskLasso``.
 
-    X is compressed in one pass, in parallel and without a copy. Solutions are exact up to rounding (see `dual_gap_`),
-    whatever `tol` is.
+    X is compressed in one pass, in parallel and without a copy. Solutions are exact up to rounding for any `tol` (see
+    `dual_gap_`).
 
     Parameters
     ----------
@@ -70,18 +70,18 @@ class SparseGroupLasso(MultiOutputMixin, LinearModel):
     l1_ratio : float in [0, 1], default=0.5
         Share of the l1 penalty: 0 is the group lasso, 1 is the lasso.
     weights : array-like of shape (n_groups,), optional
-        Weights of the groups, in the order of their labels; the roots of the numbers of their features when not given.
+        Weights of the groups, in the order of their labels; default: the square roots of their numbers of features.
     fit_intercept : bool, default=True
-        Whether there is an intercept; it is not penalised.
+        Fit an intercept, which is not penalised.
     max_iter : int, default=10000
-        The most sweeps over the groups.
+        Largest number of sweeps over the groups.
     tol : float, default=1e-4
-        A solution that is not exact when the sweeps are used up is a `ConvergenceWarning` if its duality gap is above
-        `tol` times the target's mean square.
+        Tolerance of the duality gap, relative to the target's mean square. An inexact solution after `max_iter`
+        sweeps with a larger gap is a `ConvergenceWarning`.
     warm_start : bool, default=False
-        Whether `fit` starts from `coef_` of the fit before. It changes the number of sweeps, not the answer.
+        Start from `coef_` of the previous fit. This changes the number of sweeps, not the result.
     positive : bool, default=False
-        Whether coefficients must not be negative.
+        Restrict the coefficients to be non-negative.
 
     Attributes
     ----------
@@ -92,13 +92,13 @@ class SparseGroupLasso(MultiOutputMixin, LinearModel):
     groups_ : ndarray of shape (n_features,)
         The number of every feature's group.
     dual_gap_ : float
-        Bound on the objective minus its minimum.
+        Upper bound on the objective minus its minimum.
     n_iter_ : int
         Sweeps over the groups.
     n_features_in_ : int
         Number of features.
     feature_names_in_ : ndarray of shape (n_features,)
-        Names of the features, where X has them.
+        Names of the features, if X has names.
 
     See Also
     --------
@@ -162,11 +162,11 @@ class SparseGroupLasso(MultiOutputMixin, LinearModel):
         Parameters
         ----------
         X : array-like of shape (n_samples, n_features)
-            Regressors, dense; any order of memory.
+            Dense regressors, in any memory order.
         y : array-like of shape (n_samples,) or (n_samples, n_targets)
             Targets.
         sample_weight : float or array-like of shape (n_samples,), optional
-            Weights of the rows, not negative; only their ratios count.
+            Non-negative weights of the rows; only their ratios matter.
 
         Returns
         -------
@@ -175,9 +175,9 @@ class SparseGroupLasso(MultiOutputMixin, LinearModel):
         Raises
         ------
         ValueError
-            When a parameter is out of its range, or the data are not finite or do not go together.
+            A parameter is out of range, or the data are not finite or their shapes differ.
         TypeError
-            When X is sparse.
+            X is sparse.
         """
         check_params(self, self._rules)
         X, y = check_xy(self, X, y, multi_output=True)
@@ -215,7 +215,7 @@ class GroupLasso(SparseGroupLasso):
     """Linear regression whose features enter group by group.
 
     Minimises ``1 / (2 n) sum_i s_i |y_i - x_i w - b|^2 + alpha sum_g v_g |w_g|`` over w and the intercept b:
-    :class:`SparseGroupLasso` with ``l1_ratio=0``, whose notes hold.
+    :class:`SparseGroupLasso` with ``l1_ratio=0``; see its notes.
 
     Parameters
     ----------

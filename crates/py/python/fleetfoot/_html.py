@@ -1,4 +1,4 @@
-"""What notebooks show of tables, models, data sets and comparisons: plain HTML, without styles of its own."""
+"""Notebook display of tables, models, data sets and comparisons: plain HTML without styles."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def of_model(
     dt: float | None,
     is_continuous: bool,
 ) -> str:
-    """A model's equations, each with its region and its MathML, and what they were trained on."""
+    """A model's equations with regions and MathML, and its training data."""
     items = "".join(
         f"<li>{escape(f'region {region}: ') if region else ''}<math alttext=\"{escape(line)}\">{formula}</math></li>"
         for line, (region, formula) in zip(equations[:MOST], formulas)
@@ -60,7 +60,7 @@ def of_dataset(names: Sequence[str]) -> str:
 
 
 def of_comparison(header: Sequence[str], rows: Iterable[Sequence[str]], below: str, notes: Iterable[str]) -> str:
-    """The errors of models beside each other, with a line under them, and notes."""
+    """Errors of models side by side, with a caption and notes."""
     return grid(header, rows, below) + "".join(f"<p>{escape(note)}</p>" for note in notes)
 
 

@@ -1,4 +1,4 @@
-"""What all identification has in common: data in, a recipe, a model and its report out."""
+"""Shared code of the estimators of recordings: data and recipe in, model and report out."""
 
 from __future__ import annotations
 
@@ -28,29 +28,29 @@ Derivative = str | Mapping[str, str] | Callable[..., Any] | None
 
 #: Documentation of the arguments that all have, in the words of numpydoc.
 COMMON = """states : list of str, or dict, optional
-        Names of the states in files and tables; a dict gives for each what the recipe's ``[states]`` may say. Arrays
-        have ``feature_names``.
+        Names of the states in files and tables; a dict has for each the entries of ``[states]``. Arrays have
+        ``feature_names``.
     inputs : list of str, or dict, optional
         Names of the inputs, likewise.
     angles : list of str
         States and inputs that are angles (radians): their differences wrap, libraries and partitions see their cosine
         and sine.
     derivative : str, dict or callable, default="auto"
-        How derivatives are measured: ``"auto"`` (central differences, their order chosen by data in
-        `SINDy`), ``"central"``, ``"central4"``, ``"central6"``, ``"forward"``, ``"backward"``, or a column; a
-        dict says it state by state. A function
-        ``(x, t) -> x_dot``, such as pysindy's differentiation objects, is called for every run of arrays.
+        Measured derivatives: ``"auto"`` (central differences; `SINDy` chooses their order by the data),
+        ``"central"``, ``"central4"``, ``"central6"``, ``"forward"``, ``"backward"``, or a column; a dict sets it for
+        each state. A function ``(x, t) -> x_dot``, such as pysindy's differentiation objects, is called for every run
+        of arrays.
     known : dict of str to str, optional
-        Derivatives that are given, as expressions over columns: integrated, never fitted.
+        Known derivatives as expressions over columns: integrated, never fitted.
     weight : str, optional
         Non-negative weights of the rows: a column or an expression.
     dt : float, optional
-        Seconds from row to row of arrays and tables without a clock, so that ``fit(X, y)`` needs none.
+        Seconds from row to row of arrays and tables without a clock, for ``fit(X, y)``.
     recipe : path, TOML text or dict, optional
-        Anything else that a recipe may say. An argument that differs from its default stands above it; it stands
-        above the recipe of the data, which so can be told a default: ``{"pwa": {"folds": 10}}``.
+        Further entries of a recipe, above those of the data. An argument that differs from its default overrides
+        them; ``{"pwa": {"folds": 10}}`` restores a default.
     cache : path, optional
-        A folder for the decoded columns of robots' logs.
+        Folder for the decoded columns of robots' logs.
     progress : bool or callable, optional
         ``True`` for a bar; or a function of the stage's name, the pieces done and the pieces in all."""
 
@@ -62,7 +62,7 @@ def documented(cls: type[Own]) -> type[Own]:
 
 
 class Identifier(Fitted, BaseEstimator):
-    """Base of what fits models to recordings: an estimator, as scikit-learn has them."""
+    """Base of the estimators that fit models to recordings, with scikit-learn's interface."""
 
     report_: dict[str, Any]
 
@@ -119,22 +119,22 @@ class Identifier(Fitted, BaseEstimator):
         return tags
 
     def _said(self, name: str) -> Any:
-        """An argument of the constructor, where it is not the default: that leaves the recipe its word."""
+        """An argument of the constructor if it differs from the default, which leaves the recipe's entry in force."""
         value = getattr(self, name)
         return None if value is None or not _differs(value, self._defaults[name]) else value
 
     def _whole(self, name: str, least: int) -> int | None:
-        """A whole number that an argument says."""
+        """Whole number of an argument."""
         value = self._said(name)
         return None if value is None else count(name, value, least)
 
     def _past(self) -> int | str | Mapping[str, int] | None:
-        """The past rows, a number checked, other ways of writing as they are."""
+        """The past rows: a number is checked, other forms are kept."""
         said = self._said("lags")
         return said if isinstance(said, (str, Mapping)) else self._whole("lags", 0)
 
     def _real(self, name: str, *words: str) -> float | str | None:
-        """A number, or one of some words, that an argument says."""
+        """Number or word of an argument."""
         value = self._said(name)
         if value is None or (isinstance(value, str) and value in words):
             return value
@@ -143,7 +143,7 @@ class Identifier(Fitted, BaseEstimator):
         return number(name, value)
 
     def _text(self, name: str) -> str | None:
-        """What an argument says, as a text."""
+        """An argument as text."""
         value = self._said(name)
         return None if value is None else str(value)
 
@@ -172,30 +172,28 @@ class Identifier(Fitted, BaseEstimator):
         Parameters
         ----------
         x : array, table, list of them, or anything that :func:`fleetfoot.open` takes
-            The states of a run, (rows, states), or a list of such, one for each run. Read where they are, whatever
-            their type, order and strides. A table (pandas, polars, pyarrow, xarray) whose columns no ``states`` and
-            ``inputs`` name has all its numbers as states, but the clock and the target.
-            Or files, a data set, a statistic.
+            The states of a run, (rows, states), or a list with one array per run, of any type, order and strides,
+            without a copy. A table (pandas, polars, pyarrow, xarray) without ``states`` and ``inputs`` has all
+            numeric columns as states, except clock and target. Or files, a data set, a statistic.
         t : array, list of arrays, float or str, optional
-            Stamps of the rows in seconds, (rows,), for each run or one for all; or the period. For tables and files
-            the name of the clock's column. A table's index of times is its clock; so is a column ``stamp``, ``t``,
-            ``time`` or ``timestamp``.
+            Stamps of the rows in seconds, (rows,), for each run or for all; or the period. For tables and files the
+            name of the clock column. Default for tables: an index of times, or a column ``stamp``, ``t``, ``time`` or
+            ``timestamp``.
         x_dot : array or list of arrays, optional
-            Measured derivatives, in the shape of ``x``; differences of ``x`` when not given.
+            Measured derivatives, in the shape of ``x``; default: differences of ``x``.
         u : array, table or list of them, optional
             Inputs, (rows, inputs).
         feature_names, input_names : list of str, optional
-            Names of the columns of ``x`` and ``u``; ``x0``, ``x1``, ... and ``u0``, ``u1``, ... when not given.
+            Names of the columns of ``x`` and ``u``; ``x0``, ``x1``, ... and ``u0``, ``u1``, ... by default.
         y : array or list of arrays, optional
-            Targets, as scikit-learn calls them: derivatives, or with ``target`` (``discrete_time``) next values or
-            differences, in the shape of ``x``; or the column that ``target`` names, (rows,). Never stamps. The second
-            argument by position is ``t``, as pysindy has it; and ``y``, as scikit-learn's tools hand it over, where
-            the clock is told by its name (``t=``, ``dt=``, or ``dt`` of the constructor), or ``target`` names a column
-            that is nowhere else, which needs none.
+            Targets in the sense of scikit-learn: derivatives, or with ``target`` (``discrete_time``) next values or
+            differences, in the shape of ``x``; or the column that ``target`` names, (rows,). The second positional
+            argument is ``t``, as in pysindy. It is ``y``, as in scikit-learn, if ``t=``, ``dt=`` or the constructor's
+            ``dt`` sets the clock, or if ``target`` names a column that is not in the data.
         dt : float, optional
             Seconds from row to row, in place of ``t``.
         columns : dict of str to array or list of arrays, optional
-            Further columns beside arrays, (rows,): labels of a partition, weights, what expressions speak of.
+            Further columns beside arrays, (rows,): labels of a partition, weights, columns of expressions.
 
         Returns
         -------
@@ -206,19 +204,19 @@ class Identifier(Fitted, BaseEstimator):
         Raises
         ------
         ValueError
-            Shapes that do not fit each other.
+            Shapes differ.
         RequestError
-            What is asked for cannot be understood or does not exist.
+            The request cannot be understood or names something unknown.
         DataError
-            The data cannot be read, or do not hold what is needed.
+            The data cannot be read, or lack a column.
         FitError
-            The data do not determine what was to be fitted.
+            The data do not determine the fit.
 
         Warns
         -----
         FleetfootWarning
-            What was left out, or cannot be told apart, or may be wrong. What was assumed as usual is logged
-            (``logging``, ``fleetfoot``), and stands in ``report_["notes"]`` too.
+            Left-out columns, confounded candidates, possible mistakes. Usual assumptions are logged (``logging``,
+            ``fleetfoot``) and listed in ``report_["notes"]``.
         """
         given = Call(x, t, x_dot, u, feature_names, input_names, y, dt, columns)
         own = _recipe.of_anything(self.recipe)
@@ -245,31 +243,31 @@ class Identifier(Fitted, BaseEstimator):
         return said
 
     def _own_recipe(self) -> dict[str, Any]:
-        """What the arguments of this method say."""
+        """The arguments of this method as a recipe."""
         return {}
 
     def _predicts(self, own: Mapping[str, Any] | None = None) -> str:
-        """What is predicted: of states, or a column."""
+        """The target: of states, or a column."""
         recipe = _recipe.over(self._own_recipe(), _recipe.of_anything(self.recipe) if own is None else own)
         return str(recipe.get("model", {}).get("predict", "derivative"))
 
     def plot(self, data: Any = None, **options: Any) -> Any:
-        """The coefficients with their intervals, or with data what is measured beside what is predicted:
+        """The coefficients with their intervals, or with data the measured values beside the predictions:
         :func:`fleetfoot.plot.coefficients` and :func:`fleetfoot.plot.prediction`.
         """
         return plot.coefficients(self, **options) if data is None else plot.prediction(self, data, **options)
 
     def _names_columns(self, own: Mapping[str, Any]) -> bool:
-        """Whether arguments or recipe give columns of tables their roles."""
+        """True if arguments or recipe name the roles of columns."""
         named = (self.states, self.inputs, self.known, *(own.get(name) for name in ("states", "inputs", "tasks")))
         return any(named) or bool(self._own_recipe().get("tasks"))
 
     def _period(self, recipe: Mapping[str, Any]) -> float | None:
-        """The period of arrays without a clock, where none is needed."""
+        """The period of arrays that need no clock."""
         return None if recipe.get("model", {}).get("predict", "derivative") == "derivative" else 1.0
 
     def _data(self, call: Call, own: dict[str, Any]) -> tuple[_core.Data, dict[str, Any]]:
-        """What is read, and the whole recipe."""
+        """The data to read, and the whole recipe."""
         arrays = is_arrays(call.x)
         data, recipe = self._of_arrays(call, own) if arrays else self._of_recordings(call, own)
         recipe = _recipe.say(self._own_recipe(), self._roles(recipe, arrays))
@@ -315,7 +313,7 @@ class Identifier(Fitted, BaseEstimator):
         return dataset._core, _recipe.over(own, _recipe.of_toml(dataset.recipe))
 
     def _remember(self, states: list[str] | None, inputs: list[str] | None, table: Sequence[str] | None) -> None:
-        """The columns of arrays, as scikit-learn's estimators keep them."""
+        """The columns of arrays, as attributes of scikit-learn's estimators."""
         for name in ("n_features_in_", "feature_names_in_"):
             vars(self).pop(name, None)
         self._fitted_names = None if states is None else (tuple(states), tuple(inputs or ()))
@@ -325,7 +323,7 @@ class Identifier(Fitted, BaseEstimator):
             self.feature_names_in_ = np.array(table, dtype=object)
 
     def _roles(self, recipe: dict[str, Any], arrays: bool) -> dict[str, Any]:
-        """The recipe with what the arguments say of states and inputs."""
+        """The recipe with the states and inputs of the arguments."""
         for section, names in (("states", self.states), ("inputs", self.inputs)):
             if names is None or (arrays and not isinstance(names, Mapping)):
                 continue
@@ -373,7 +371,7 @@ def groups_of(given: Any) -> Any:
 
 
 def partition(given: Any) -> str | None:
-    """``5`` is ``kmeans:5``; of several one is chosen."""
+    """``5`` is ``kmeans:5``; from several one is chosen."""
     if given is None or isinstance(given, str):
         return given
     if isinstance(given, (list, tuple)):

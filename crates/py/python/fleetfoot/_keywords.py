@@ -1,4 +1,4 @@
-"""What a wrong keyword may have meant: words of scikit-learn, pysindy and the recipe for the same thing."""
+"""Suggestions for wrong keywords: synonyms of scikit-learn, pysindy and the recipe."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _SAME = (
 
 
 def meant(word: str, known: Iterable[str]) -> str | None:
-    """The keyword that a wrong one stands for."""
+    """The right keyword for a wrong one."""
     names = list(known)
     for same in _SAME:
         found = next((name for name in same if name in names), None) if word in same else None
@@ -47,7 +47,7 @@ def meant(word: str, known: Iterable[str]) -> str | None:
 
 
 def hinting(call: Call, whose: str | None = None) -> Call:
-    """A callable that answers a keyword that it does not have with the one that was meant."""
+    """A callable whose error for an unknown keyword names the right one."""
     parameters = inspect.signature(call).parameters
     if any(one.kind is inspect.Parameter.VAR_KEYWORD for one in parameters.values()):
         return call

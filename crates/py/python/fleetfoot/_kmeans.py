@@ -1,4 +1,4 @@
-"""k-means: Lloyd's algorithm, exact, and the same whatever the number of threads."""
+"""k-means: exact Lloyd's algorithm, with the same result on any number of threads."""
 
 from __future__ import annotations
 
@@ -31,57 +31,56 @@ _RANDOM_STARTS = 10
 class KMeans(TransformerMixin, ClusterMixin, BaseEstimator):
     """k-means clustering.
 
-    Minimises the inertia, the (weighted) sum of the squared distances of all rows to their nearest centres, by Lloyd's
-    iterations. Bounds on the distances skip what cannot change, so labels are those of the plain algorithm. The
-    parameters, and the use that is made of `random_state`, are those of `sklearn.cluster.KMeans`: the same numbers give
-    the same centres there and here, to rounding.
+    Minimises the inertia, the (weighted) sum of the squared distances of all rows to their nearest centres, by
+    Lloyd's iterations. Bounds on the distances skip unnecessary work; labels are those of the plain algorithm.
+    Parameters and use of `random_state` are those of `sklearn.cluster.KMeans`: equal arguments give equal centres, to
+    rounding.
 
-    The rows are kept once more while `fit` runs, in an order that suits the iterations: 8 bytes a value, for `float32`
-    input too. Sparse rows are read block by block, and kept as dense ones are.
+    While `fit` runs it keeps a copy of the rows in its layout: 8 bytes per value, also for `float32`. Sparse rows are
+    read block by block and kept dense.
 
     Parameters
     ----------
     n_clusters : int, default=8
-        Clusters, and centres.
+        Number of clusters.
     init : {'k-means++', 'random'}, callable or array-like of shape (n_clusters, n_features), default='k-means++'
-        Where the centres start: at rows drawn by greedy k-means++, at rows drawn evenly, at what ``init(X, n_clusters,
-        random_state=...)`` returns (X as it is, not centred), or here.
+        Start of the centres: rows drawn by greedy k-means++, rows drawn evenly, the result of
+        ``init(X, n_clusters, random_state=...)`` (X not centred), or this array.
     n_init : int or 'auto', default='auto'
-        Starts, of which the one with the least inertia counts. 'auto': 10 for 'random' and callables, else 1.
+        Number of starts; the one with the least inertia is kept. 'auto': 10 for 'random' and callables, else 1.
     max_iter : int, default=300
-        Iterations at most, of each start.
+        Largest number of iterations of each start.
     tol : float, default=1e-4
         The iteration ends when the squared shifts of the centres sum up to at most this times the mean variance of the
         features.
     verbose : int, default=0
-        Whether the inertia of each iteration is printed; it costs a pass over the rows then.
+        Print the inertia of each iteration, which costs a pass over the rows.
     random_state : int, RandomState, Generator or None, default=None
-        The random numbers of the starts.
+        Random numbers of the starts.
     copy_x : bool, default=True
-        Accepted, and without effect: X is never written to.
+        Accepted without effect: X is never written.
     algorithm : {'lloyd', 'elkan'}, default='lloyd'
-        Accepted, and without effect: both give the same result, and bounds are used anyway.
+        Accepted without effect: both give the same result.
 
     Attributes
     ----------
     cluster_centers_ : ndarray of shape (n_clusters, n_features)
         The centres, in the type of X (`float32` or `float64`) and the units of the features.
     labels_ : ndarray of shape (n_samples,), int32
-        The nearest centre of each row, of equally near ones the first: ``predict`` of the training rows.
+        Nearest centre of each row, the first of equally near ones: ``predict`` of the training rows.
     inertia_ : float
         The weighted sum of squared distances: ``-score`` of the training rows.
     n_iter_ : int
-        Iterations of the start that counts.
+        Iterations of the best start.
     n_features_in_ : int
         Number of features.
     feature_names_in_ : ndarray of shape ``(n_features_in_,)``
-        Their names, where X has any.
+        Names of the features, if X has names.
 
     Notes
     -----
-    A cluster that loses all its rows is restarted at the row that is farthest from its centre, several at
-    the farthest rows in turn; unlike in scikit-learn the only row of a cluster, and a row of weight zero, are not taken
-    for it.
+    A cluster that loses all its rows restarts at the row farthest from its centre, several at the farthest rows in
+    turn. Unlike in scikit-learn, the only row of a cluster and rows of weight zero are excluded.
 
     Examples
     --------
@@ -153,11 +152,11 @@ class KMeans(TransformerMixin, ClusterMixin, BaseEstimator):
         Parameters
         ----------
         X : array-like or sparse matrix of shape (n_samples, n_features)
-            Rows, finite. `float32` and `float64` are read as they lie, without a copy of the array as a whole.
+            Finite rows. `float32` and `float64` are read without a copy of the whole array.
         y : None
             Not used.
         sample_weight : array-like of shape (n_samples,), default=None
-            A row of weight w counts as w equal rows. Starts that are given do not depend on it.
+            A row of weight w counts as w equal rows. Given starts do not depend on it.
 
         Returns
         -------
@@ -167,8 +166,8 @@ class KMeans(TransformerMixin, ClusterMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            A parameter out of its range, fewer rows than clusters, a start of another shape, values that are not
-            finite.
+            A parameter is out of range, there are fewer rows than clusters, a start has a wrong shape, or values are
+            not finite.
         """
         check_params(self, self._rules)
         X = check_x(self, X, reset=True, sparse=True)
@@ -201,13 +200,13 @@ class KMeans(TransformerMixin, ClusterMixin, BaseEstimator):
     def fit_predict(  # type: ignore[override]
         self, X: Any, y: Any = None, sample_weight: Any = None
     ) -> NDArray[np.int32]:
-        """As `fit`, and returns `labels_`, of shape (n_samples,)."""
+        """Fits, and returns `labels_` of shape (n_samples,)."""
         return self.fit(X, sample_weight=sample_weight).labels_
 
     def fit_transform(  # type: ignore[override]
         self, X: Any, y: Any = None, sample_weight: Any = None
     ) -> NDArray[Any]:
-        """As `fit`, and returns `transform` of the same rows, of shape (n_samples, n_clusters)."""
+        """Fits, and returns `transform` of the same rows, of shape (n_samples, n_clusters)."""
         return self.fit(X, sample_weight=sample_weight).transform(X)
 
     def predict(self, X: Any) -> NDArray[np.int32]:
@@ -297,7 +296,7 @@ class KMeans(TransformerMixin, ClusterMixin, BaseEstimator):
         return int(self.n_init)
 
     def _checked_centers(self, X: NDArray[Any], centers: Any) -> NDArray[np.float64]:
-        """Centres that were given, as matrix of the right shape."""
+        """Given centres as a matrix of the right shape."""
         found = np.array(centers, dtype=X.dtype).astype(np.float64)
         if found.ndim != 2 or found.shape[0] != self.n_clusters:
             raise ValueError(
@@ -343,7 +342,7 @@ class KMeans(TransformerMixin, ClusterMixin, BaseEstimator):
 
 
 class _Random:
-    """Random numbers, drawn as scikit-learn draws them."""
+    """Random numbers in scikit-learn's order."""
 
     def __init__(self, random_state: Any) -> None:
         if random_state is None or random_state is np.random:
@@ -358,7 +357,7 @@ class _Random:
 
 
 def _same_clusters(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
-    """Whether centres are the same in any order, to rounding: a lower inertia is then lower by rounding."""
+    """True for equal centres in any order, to rounding."""
     order = [np.lexsort(centers.T) for centers in (a, b)]
     scale = np.ptp(a, axis=0).max(initial=0.0)
     return bool(np.allclose(a[order[0]], b[order[1]], rtol=1e-12, atol=1e-12 * scale))

@@ -1,4 +1,4 @@
-"""Least angle regression paths: the functions, and what the estimators share with them."""
+"""Least angle regression paths: functions and code shared with the estimators."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ STEPS = Rule("an int >= 0 or np.inf", lambda v: integer(0).holds(v) or (isinstan
 
 
 class LarsRequest(TypedDict):
-    """Which path is followed, and how far."""
+    """Options of a path for the engine."""
 
     lasso: bool
     positive: bool
@@ -62,50 +62,47 @@ def lars_path(
 ) -> Any:
     """The path of least angle regression, or of the lasso by it, without an intercept.
 
-    With ``method="lasso"`` its points minimise ``1 / (2 n_samples) * |y - X w|^2 + alpha * |w|_1``, and the knots
-    between which the
-    coefficients are linear in alpha are exact. Rows are compressed once; the path is followed on an orthogonal factor
+    With ``method="lasso"`` its points minimise ``1 / (2 n_samples) * |y - X w|^2 + alpha * |w|_1``. Between the exact
+    knots the coefficients are linear in alpha. Rows are compressed once; the path is followed on an orthogonal factor
     of the active columns.
 
     Parameters
     ----------
     X : array-like of shape (n_samples, n_features)
-        Regressors; `float32` or `float64`, in any order of memory. Neither copied as a whole nor written to.
+        Regressors; `float32` or `float64`, in any memory order. Never copied as a whole or written.
     y : array-like of shape (n_samples,)
         Target.
     Xy : array-like of shape (n_features,), optional
-        ``X.T @ y``, where it is known.
+        ``X.T @ y``, if known.
     Gram : None, 'auto', bool or array of shape (n_features, n_features), default=None
-        ``X.T @ X``, where it is known: then the path is that of the products, with the digits that they have. Anything
-        else leaves it to
-        the engine how rows are compressed.
+        ``X.T @ X``, if known: the path then has the accuracy of the products. With any other value the engine
+        compresses the rows.
     max_iter : int, default=500
-        The most steps; `np.inf` for no limit.
+        Largest number of steps; `np.inf` for no limit.
     alpha_min : float, default=0
-        Where the path ends, in the units of y.
+        End of the path, in the units of y.
     method : {'lar', 'lasso'}, default='lar'
-        Whether columns stay once they are in, or leave where their coefficients reach zero.
+        'lar' keeps entered columns; 'lasso' removes those whose coefficients reach zero.
     copy_X, copy_Gram : bool, default=True
-        Taken for compatibility: nothing is ever overwritten.
+        Accepted without effect: nothing is overwritten.
     eps : float, default=np.finfo(float).eps
-        Taken for compatibility. Which columns depend on others is decided by the rounding of each; another value than
-        the default is a
-        `NotImplementedError`.
+        Accepted for compatibility; a value other than the default is a `NotImplementedError`. Rounding decides which
+        columns depend on others.
     verbose : int, default=0
-        More than 0 prints the steps.
+        Print the steps for values above 0.
     return_path : bool, default=True
-        Whether the whole path is returned, or its end.
+        Return the whole path instead of its end.
     return_n_iter : bool, default=False
-        Whether the number of steps is returned too.
+        Also return the number of steps.
     positive : bool, default=False
-        Coefficients must not be negative (``method="lasso"`` only).
+        Restrict the coefficients to be non-negative (``method="lasso"`` only).
 
     Returns
     -------
     alphas : ndarray of shape (n_alphas + 1,), or (1,) without `return_path`
         Penalty at the knots, descending.
     active : list of int
-        Active columns at the end, in the order in which they entered.
+        Active columns at the end, in their order of entry.
     coefs : ndarray of shape (n_features, n_alphas + 1), or (n_features,)
         Coefficients at the knots.
     n_iter : int
@@ -114,14 +111,14 @@ def lars_path(
     Raises
     ------
     ValueError
-        A parameter is out of range, or shapes disagree.
+        A parameter is out of range, or shapes differ.
     FitError
         A value is not finite.
 
     Warns
     -----
     ConvergenceWarning
-        Columns depend on active ones and stay out, or rounding ended the path.
+        Columns that depend on active ones stay out, or rounding ended the path.
 
     Examples
     --------
@@ -182,16 +179,16 @@ def lars_path_gram(
     return_n_iter: bool = False,
     positive: bool = False,
 ) -> Any:
-    """The path of :func:`lars_path` from products alone: no row is needed.
+    """The path of :func:`lars_path` from products, without rows.
 
     Parameters
     ----------
     Xy : array-like of shape (n_features,)
         ``X.T @ y``.
     Gram : array-like of shape (n_features, n_features)
-        ``X.T @ X``. Digits are lost to the square of the condition number of X.
+        ``X.T @ X``. Accuracy falls with the square of the condition number of X.
     n_samples : int
-        Number of rows behind the products: alphas are relative to it.
+        Number of rows behind the products, which scales the alphas.
     max_iter, alpha_min, method, copy_X, eps, copy_Gram, verbose, return_path, return_n_iter, positive
         As in :func:`lars_path`.
 
@@ -203,7 +200,7 @@ def lars_path_gram(
     Raises
     ------
     ValueError
-        A parameter is out of range, or shapes disagree.
+        A parameter is out of range, or shapes differ.
     FitError
         The products are not those of any rows.
 
@@ -226,7 +223,7 @@ def lars_path_gram(
 
 
 def path_request(method: str, positive: bool, alpha_min: float, max_iter: float) -> LarsRequest:
-    """What the engine is asked for."""
+    """The request to the engine."""
     if method == "lar" and positive:
         raise ValueError("Positive constraint not supported for 'lar' coding method.")
     steps = 2**62 if max_iter == np.inf else int(max_iter)
@@ -234,12 +231,12 @@ def path_request(method: str, positive: bool, alpha_min: float, max_iter: float)
 
 
 def takes_few(request: LarsRequest, features: int) -> bool:
-    """Whether a path may end while most features are still out."""
+    """True if a path may end with most features inactive."""
     return request["alpha_min"] > 0.0 or 4 * request["max_iter"] <= features
 
 
 def check_eps(owner: str, eps: float | None) -> None:
-    """Refuses a regularisation of the factor that the engine does not have."""
+    """Refuses an unsupported regularisation of the factor."""
     if eps is not None and eps != EPS:
         raise NotImplementedError(
             f"eps={eps} of {owner} is not supported: columns that depend on others are known by their rounding, "
@@ -248,7 +245,7 @@ def check_eps(owner: str, eps: float | None) -> None:
 
 
 def known_gram(Gram: Any) -> NDArray[Any] | None:
-    """The Gram matrix where one is given; `None` for what only says how it should be made."""
+    """A given Gram matrix; `None` for other values of `precompute`."""
     if Gram is None or isinstance(Gram, (bool, np.bool_)) or (isinstance(Gram, str) and Gram == "auto"):
         return None
     if isinstance(Gram, str):
@@ -268,7 +265,7 @@ def path_of_products(
 def centred_paths(
     X: NDArray[Any], y: NDArray[Any], gram: NDArray[Any] | None, Xy: Any, fit_intercept: bool, request: LarsRequest
 ) -> list[tuple[LarsPath, NDArray[np.float64]]]:
-    """Paths of all targets from products that are known in part, and the intercepts at their knots.
+    """Paths of all targets from partly known products, and the intercepts at their knots.
 
     With an intercept, the products are those of centred columns.
     """
@@ -288,7 +285,7 @@ def centred_paths(
 
 
 def tell(path: LarsPath, verbose: int) -> None:
-    """Warns of what the path met, and prints its steps when asked to."""
+    """Warns of dependent columns and rounding, and prints the steps on request."""
     alphas = path.alphas
     if path.stalled:
         warnings.warn(
@@ -328,7 +325,7 @@ def _answer(path: LarsPath, dtype: Any, verbose: int, return_path: bool, return_
 
 
 def _dtype(known: list[NDArray[Any]]) -> Any:
-    """The type of all where it is one of two, else `float64`."""
+    """The common type `float32` or `float64` of all arrays, else `float64`."""
     kinds = {array.dtype for array in known}
     return kinds.pop() if kinds in ({np.dtype(np.float32)}, {np.dtype(np.float64)}) else np.dtype(np.float64)
 

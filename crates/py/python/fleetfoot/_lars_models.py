@@ -28,7 +28,7 @@ COMMON_RULES: dict[str, tuple[Rule, ...]] = {
 
 
 class LarsModel(LinearModel):
-    """What all estimators of least angle regression share: a path, and the model at its end."""
+    """Shared code of the estimators of least angle regression: a path, and the model at its end."""
 
     method = "lasso"
     positive = False
@@ -51,7 +51,7 @@ class LarsModel(LinearModel):
         return path_request(self.method, self.positive, alpha_min, max_iter)
 
     def _keep(self, X: NDArray[Any], y: NDArray[Any], paths: list[LarsPath], fit_path: bool) -> None:
-        """Sets the fitted attributes: those of one target as they are, those of several as lists."""
+        """Sets the fitted attributes: values for one target, lists for several."""
         dtype = X.dtype
         for path in paths:
             tell(path, max(0, int(self.verbose) - 1))
@@ -84,32 +84,31 @@ class Lars(MultiOutputMixin, LarsModel):
     Parameters
     ----------
     fit_intercept : bool, default=True
-        Whether there is a free intercept.
+        Fit an intercept without penalty.
     verbose : bool or int, default=False
-        More than 1 prints the steps.
+        Print the steps for values above 1.
     precompute : bool, 'auto' or array of shape (n_features, n_features), default='auto'
-        The Gram matrix of the regressors (centred, with an intercept), where it is known: then the path has the digits
-        of the products.
-        Anything else leaves it to the engine how rows are compressed.
+        The Gram matrix of the regressors (centred, with an intercept), if known: the path then has the accuracy of
+        the products. With any other value the engine compresses the rows.
     n_nonzero_coefs : int, default=500
-        The most steps, and so the most coefficients; `np.inf` for no limit.
+        Largest number of steps, and so of coefficients; `np.inf` for no limit.
     eps : float, default=np.finfo(float).eps
-        Taken for compatibility: another value is a `NotImplementedError` (see :func:`lars_path`).
+        Accepted for compatibility: another value is a `NotImplementedError` (see :func:`lars_path`).
     copy_X : bool, default=True
-        Taken for compatibility: X is neither copied as a whole nor written to.
+        Accepted without effect: X is never copied as a whole or written.
     fit_path : bool, default=True
-        Whether the whole path is kept.
+        Keep the whole path.
     jitter : float, optional
         Upper bound of uniform noise that is added to the target, which breaks ties.
     random_state : int, RandomState or Generator, optional
-        Where the noise comes from.
+        Random numbers of the noise.
 
     Attributes
     ----------
     alphas_ : ndarray of shape (n_alphas + 1,), or a list of them for several targets
         Penalty at the knots, descending; the last one alone (1,) without `fit_path`.
     active_ : list of int, or a list of them
-        Active columns at the end, in the order in which they entered.
+        Active columns at the end, in their order of entry.
     coef_path_ : ndarray of shape (n_features, n_alphas + 1), or a list of them
         Coefficients at the knots.
     coef_ : ndarray of shape (n_features,) or (n_targets, n_features)
@@ -121,7 +120,7 @@ class Lars(MultiOutputMixin, LarsModel):
     n_features_in_ : int
         Number of features.
     feature_names_in_ : ndarray of shape ``(n_features_in_,)``
-        Their names, where X has them.
+        Names of the features, if X has names.
 
     Examples
     --------
@@ -158,7 +157,7 @@ class Lars(MultiOutputMixin, LarsModel):
         return {**COMMON_RULES, **own, "n_nonzero_coefs": (steps,)}
 
     def _end(self) -> tuple[float, float]:
-        """Where the path ends: alpha, and the number of steps."""
+        """End of the path: alpha, and the number of steps."""
         return 0.0, self.n_nonzero_coefs
 
     def fit(self, X: Any, y: Any, Xy: Any = None) -> Self:
@@ -171,7 +170,7 @@ class Lars(MultiOutputMixin, LarsModel):
         y : array-like of shape (n_samples,) or (n_samples, n_targets)
             Targets.
         Xy : array-like of shape (n_features,) or (n_features, n_targets), optional
-            ``X.T @ y`` (of centred columns, with an intercept), where it is known.
+            ``X.T @ y`` (of centred columns, with an intercept), if known.
 
         Returns
         -------
@@ -206,9 +205,9 @@ class LassoLars(Lars):
     fit_intercept, verbose, precompute, eps, copy_X, fit_path, jitter, random_state
         As in :class:`Lars`.
     max_iter : int, default=500
-        The most steps.
+        Largest number of steps.
     positive : bool, default=False
-        Coefficients must not be negative.
+        Restrict the coefficients to be non-negative.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""The lasso with its penalty chosen: `LassoLarsCV` by cross-validation, `LassoLarsIC` by an information criterion."""
+"""The lasso with a chosen penalty: `LassoLarsCV` by cross-validation, `LassoLarsIC` by an information criterion."""
 
 from __future__ import annotations
 
@@ -25,41 +25,40 @@ __all__ = ["LassoLarsCV", "LassoLarsIC"]
 class LassoLarsCV(LarsModel):
     """The lasso by least angle regression, its penalty chosen by cross-validation.
 
-    Every fold's path is followed with its exact knots, and the held-out error is known between them. All folds share
-    one pass over the rows:
-    the products of a fold's training rows are those of the other folds, added up.
+    Every fold follows its path with exact knots, and the held-out error is known between them. All folds share one
+    pass over the rows: the products of a fold's training rows are the sum of those of the other folds.
 
     Parameters
     ----------
     fit_intercept : bool, default=True
-        Whether there is a free intercept.
+        Fit an intercept without penalty.
     verbose : bool or int, default=False
         More than 1 prints the steps of the last fit.
     max_iter : int, default=500
-        The most steps of every path.
+        Largest number of steps of every path.
     precompute : bool or 'auto', default='auto'
-        Taken for compatibility: the engine decides how rows are compressed.
+        Accepted without effect: the engine compresses the rows.
     cv : int, splitter or iterable of (train, test), optional
-        Folds; a number means as many spans of neighbouring rows, and `None` five of them.
+        Folds; a number means spans of neighbouring rows, and `None` five of them.
     max_n_alphas : int, default=1000
-        About how many of the folds' knots are compared.
+        Approximate number of the folds' knots to compare.
     n_jobs : int, optional
-        Taken for compatibility: see :func:`set_threads`.
+        Accepted without effect; see :func:`set_threads`.
     eps : float, default=np.finfo(float).eps
-        Taken for compatibility: another value is a `NotImplementedError` (see :func:`lars_path`).
+        Accepted for compatibility: another value is a `NotImplementedError` (see :func:`lars_path`).
     copy_X : bool, default=True
-        Taken for compatibility: X is neither copied as a whole nor written to.
+        Accepted without effect: X is never copied as a whole or written.
     positive : bool, default=False
-        Coefficients must not be negative.
+        Restrict the coefficients to be non-negative.
 
     Attributes
     ----------
     alpha_ : float
         The chosen penalty.
     cv_alphas_ : ndarray of shape (n_cv_alphas,)
-        The penalties that were compared, ascending: knots of the folds' paths.
+        The compared penalties, ascending: knots of the folds' paths.
     mse_path_ : ndarray of shape (n_cv_alphas, n_folds)
-        Mean squared error of every fold on the rows held out.
+        Mean squared error of every fold on its held-out rows.
     alphas_, active_, coef_path_, coef_, intercept_, n_iter_, n_features_in_, feature_names_in_
         Of the path on all rows down to `alpha_`, as in :class:`LassoLars`.
 
@@ -148,16 +147,15 @@ class LassoLarsCV(LarsModel):
         return self
 
     def get_metadata_routing(self) -> Any:
-        """How extra arguments of `fit` reach the splitter (scikit-learn's metadata routing)."""
+        """Routing of extra arguments of `fit` to the splitter (scikit-learn's metadata routing)."""
         return fold_router(self)
 
 
 class LassoLarsIC(LarsModel):
     """The lasso by least angle regression, its penalty chosen by Akaike's or the Bayesian information criterion.
 
-    At every knot, with df the number of coefficients that are not zero (Zou, Hastie and Tibshirani 2007) and v the
-    noise variance:
-    ``n log(2 pi v) + rss / v + c df``, where c is 2 ("aic") or log n ("bic").
+    At every knot, with df the number of non-zero coefficients (Zou, Hastie and Tibshirani 2007) and v the noise
+    variance: ``n log(2 pi v) + rss / v + c df``, where c is 2 ("aic") or log n ("bic").
 
     Parameters
     ----------
@@ -166,7 +164,7 @@ class LassoLarsIC(LarsModel):
     fit_intercept, verbose, precompute, eps, copy_X, positive
         As in :class:`LassoLars`.
     max_iter : int, default=500
-        The most steps.
+        Largest number of steps.
     noise_variance : float, optional
         Variance of the noise; `None` takes that of least squares on all columns (non-negative ones with `positive`),
         ``rss / (n - p - 1)``.
@@ -224,7 +222,7 @@ class LassoLarsIC(LarsModel):
         y : array-like of shape (n_samples,)
             Target.
         copy_X : bool, optional
-            Taken for compatibility: X is neither copied as a whole nor written to.
+            Accepted without effect: X is never copied as a whole or written.
 
         Returns
         -------

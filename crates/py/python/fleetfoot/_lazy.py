@@ -1,4 +1,4 @@
-"""Lazy tables of polars: written block by block to a file beside, which streams as any other; never in memory as a whole."""
+"""Lazy tables of polars, written block by block to a temporary file that streams."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ _GROUP = 1 << 16
 
 
 def has_lazy(thing: Any) -> bool:
-    """Whether this is a lazy table, or a list of them."""
+    """True for a lazy table, or a list of them."""
     if isinstance(thing, (list, tuple)):
         return bool(thing) and all(is_lazy(one) for one in thing)
     return is_lazy(thing)
 
 
 def spooled(tables: Sequence[Any], names: Sequence[str]) -> _core.Data:
-    """Lazy tables as files, which go with what reads them."""
+    """Lazy tables as temporary files, deleted with their reader."""
     folder = tempfile.TemporaryDirectory(prefix="fleetfoot-")
     paths = [Path(folder.name) / str(at) / f"{name}.parquet" for at, name in enumerate(names)]
     try:
@@ -46,7 +46,7 @@ def spooled(tables: Sequence[Any], names: Sequence[str]) -> _core.Data:
 def signals(
     data: _core.Data, clock: str | None, left: Sequence[str], *, find_clock: bool
 ) -> tuple[list[str], str | None]:
-    """The columns of a lazy table that are signals, as of a table in memory, and the one that is its clock."""
+    """The signal columns of a lazy table, as for a table in memory, and its clock column."""
     import polars
 
     table = frame(polars.read_parquet(data.names()[0], n_rows=_SAMPLE))

@@ -1,4 +1,4 @@
-"""What all linear estimators share: weights of rows, starts of a fit, intercepts, predictions."""
+"""Shared code of linear estimators: row weights, starts of a fit, intercepts, predictions."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class LinearModel(RegressorMixin, BaseEstimator):
         Parameters
         ----------
         X : array-like or sparse matrix of shape (n_samples, n_features)
-            Regressors; sparse where `fit` takes them so.
+            Regressors; sparse if `fit` supports it.
 
         Returns
         -------
@@ -48,7 +48,7 @@ class LinearModel(RegressorMixin, BaseEstimator):
         return found
 
     def _warm_start(self, targets: int, features: int) -> NDArray[Any] | None:
-        """The coefficients (n_targets, n_features) of the fit before, where `warm_start` asks for them."""
+        """The coefficients (n_targets, n_features) of the previous fit, with `warm_start`."""
         if not getattr(self, "warm_start", False) or not hasattr(self, "coef_"):
             return None
         start = np.atleast_2d(self.coef_)
@@ -69,10 +69,10 @@ class LinearModel(RegressorMixin, BaseEstimator):
 
 
 def as_precise(y: NDArray[Any], X: Any) -> NDArray[Any]:
-    """The target with single precision where X has it."""
+    """The target in single precision if X has it."""
     return np.asarray(y, dtype=np.float32) if X.dtype == np.float32 else y
 
 
 def row_weights(sample_weight: Any, rows: int) -> NDArray[np.float64] | None:
-    """The weights of the rows; one number for all of them changes nothing."""
+    """The weights of the rows; one number for all has no effect."""
     return None if isinstance(sample_weight, Real) else check_weight(sample_weight, rows)

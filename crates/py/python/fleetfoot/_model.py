@@ -30,36 +30,34 @@ if TYPE_CHECKING:
 
 
 class Model(OnRecordings, Filtering, Regulated):
-    """A model of a recording: what is predicted, from what, and how. It does not change.
+    """An immutable model of a recording: targets, regressors and equations.
 
     Models come from fits and from :func:`fleetfoot.load`. At points, ``x`` holds :attr:`states` and ``u`` holds
-    :attr:`inputs`, in their orders and in
-    the units of the columns (SI, radians): of shape (states,) for one point or (points, states) for many, and so for
-    ``u``. A model
-    with lags needs its past, ``history=(x_past, u_past)``: the :attr:`lags` rows before the point, the oldest first,
-    of shape (lags, states) and (lags, inputs)
-    for all points, or (points, lags, states) and (points, lags, inputs).
+    :attr:`inputs`, in their orders and in the units of the columns (SI, radians): of shape (states,) for one point or
+    (points, states) for many, and so for ``u``. A model with lags needs past rows, ``history=(x_past, u_past)``: the
+    :attr:`lags` rows before the point, the oldest first, of shape (lags, states) and (lags, inputs) for all points,
+    or (points, lags, states) and (points, lags, inputs).
 
     Attributes
     ----------
     states : tuple of str
-        What the equations advance; behind it first-order lags (``lag1``) of what is computed, which are states too: where
-        nothing else is known, start each at the value of what it follows.
+        States of the equations; then first-order lags (``lag1``) of computed columns, which are states too. By
+        default start each lag at the value of its signal.
     inputs : tuple of str
-        What is given from outside, and whatever else the equations read. What follows from states, inputs and time is
-        computed, and is no input.
+        Columns from outside, and all other columns that the equations read. Columns that follow from states, inputs
+        and time are computed and not listed.
     outputs : tuple of str
         Left sides of the fitted equations: ``d(x)/dt``, ``next(y)``, ``force``.
     regions : tuple of str
         Names of the regions.
     lags : int
-        Rows that the equations look back.
+        Past rows that the equations use.
     dt : float
         The sampling period of the training data, seconds: the step of a discrete model.
     is_continuous : bool
-        Whether a derivative is integrated.
+        True if a derivative is integrated.
     method : str
-        What made it.
+        Method of the fit.
 
     Examples
     --------
@@ -86,7 +84,7 @@ class Model(OnRecordings, Filtering, Regulated):
 
     @property
     def content(self) -> Content:
-        """What the model's file says."""
+        """Content of the model's file."""
         if self._content is None:
             self._content = Content(self._core.to_json())
         return self._content
@@ -98,7 +96,7 @@ class Model(OnRecordings, Filtering, Regulated):
 
     @property
     def method(self) -> str:
-        """What made the model."""
+        """Method of the fit."""
         return self.content.method
 
     @property
@@ -114,7 +112,7 @@ class Model(OnRecordings, Filtering, Regulated):
         precision : int
             Significant digits.
         region : int, optional
-            The region to write out; all when not given.
+            Region to print; default: all.
 
         Returns
         -------
@@ -129,20 +127,20 @@ class Model(OnRecordings, Filtering, Regulated):
         Parameters
         ----------
         latent : str, optional
-            One unknown function, where they have different libraries.
+            One latent function, if they have different libraries.
         region : int, optional
             One region.
 
         Returns
         -------
         array
-            (outputs, functions) with one region or one that is named, else (regions, outputs, functions); with
-            ``latent`` the middle axis is left out.
+            (outputs, functions) for a single or selected region, else (regions, outputs, functions); with ``latent``
+            without the middle axis.
 
         Raises
         ------
         ModelError
-            The functions have different libraries and none is named; an unknown name or region.
+            The latent functions have different libraries and none is selected; an unknown name or region.
         """
         found = self.content.coefficients(latent)
         if latent is not None:
@@ -159,17 +157,17 @@ class Model(OnRecordings, Filtering, Regulated):
 
     @property
     def complexity(self) -> int:
-        """Number of terms: coefficients that are not zero, of all equations and regions."""
+        """Number of terms: non-zero coefficients of all equations and regions."""
         return self.content.complexity()
 
     def plot(self, data: Any = None, **options: Any) -> Any:
-        """The coefficients of an equation, or with data what is measured beside what is predicted, by matplotlib:
+        """The coefficients of an equation, or with data the measured values beside the predictions, by matplotlib:
         :func:`fleetfoot.plot.coefficients` and :func:`fleetfoot.plot.prediction`.
         """
         return plot.coefficients(self, **options) if data is None else plot.prediction(self, data, **options)
 
     def describe(self, regions: int = 10) -> str:
-        """The model in words: columns, equations, and its ``regions`` largest regions."""
+        """The model as text: columns, equations, and its ``regions`` largest regions."""
         return self._core.describe(count("regions", regions, 0))
 
     def print(self, regions: int = 10) -> None:
@@ -231,17 +229,17 @@ class Model(OnRecordings, Filtering, Regulated):
         to : {"c", "rust", "python", "latex", "npz"}
             The language.
         folder : path
-            Where the files go; made when needed.
+            Folder of the files, created if necessary.
         prefix : str
-            In front of all names, and the name of the files.
+            Prefix of all names, and name of the files.
         precision : {"double", "float"}
-            Numbers of C and Rust.
+            Floating-point type of C and Rust.
         method : {"rk4", "euler"}
-            How derivatives are integrated.
+            Integration of derivatives.
         dt : float, optional
-            A fixed step, seconds; the caller's when not given.
+            Fixed step, seconds; default: the caller's step.
         domain : bool
-            Whether the code checks the domain of the training.
+            Write a check of the training range.
 
         Returns
         -------
@@ -251,13 +249,13 @@ class Model(OnRecordings, Filtering, Regulated):
         Raises
         ------
         ModelError
-            The model cannot be written so.
+            The model cannot be written in this language.
         WriteError
             A file cannot be written.
 
         Notes
         -----
-        Code knows those inputs alone that its equations read; :attr:`inputs` has all.
+        The code has only the inputs that its equations read; :attr:`inputs` has all.
         """
         files, _, _ = self._core.export(to, folder, prefix, precision, method, self._period(dt), domain)
         return [os.fspath(file) for file in files]
@@ -274,31 +272,31 @@ class Model(OnRecordings, Filtering, Regulated):
         history: History | None = None,
         t: ArrayLike | None = None,
     ) -> Array:
-        """The states one step later, inputs held over the step.
+        """The states one step later, with inputs held over the step.
 
         Parameters
         ----------
         x, u : array
             States and inputs: (states,) and (inputs,), or (points, states) and (points, inputs).
         dt : float, optional
-            The step in seconds, for models that integrate derivatives; the sampling period when not given. Discrete
-            models advance by one sample.
+            Step in seconds, for models of derivatives; default: the sampling period. Discrete models advance by one
+            sample.
         method : {"rk4", "euler"}
-            How derivatives are integrated.
+            Integration of derivatives.
         history : pair of arrays, optional
-            Rows before, for models with lags.
+            Past rows, for models with lags.
         t : float or array, optional
-            Seconds since the start, for models that speak of time.
+            Seconds since the start, for models that depend on time.
 
         Returns
         -------
         array
-            As ``x``; angles within (-pi, pi]; NaN where no region holds.
+            As ``x``; angles within (-pi, pi]; NaN without a region.
 
         Raises
         ------
         ModelError
-            An argument is missing or of the wrong shape.
+            An argument is missing or has a wrong shape.
         """
         x, u, history = self._by_name(x, u, history)
         return self._core.step(x, u, self._period(dt), method, history, t)
@@ -311,8 +309,7 @@ class Model(OnRecordings, Filtering, Regulated):
         history: History | None = None,
         t: ArrayLike | None = None,
     ) -> Array:
-        """The right sides of the states' equations: derivatives per second, or next values, or differences, as the
-        model has them.
+        """The right sides of the states' equations: derivatives per second, next values, or differences.
 
         Parameters and errors as for :meth:`step`; the result has the shape of ``x``.
         """
@@ -331,19 +328,19 @@ class Model(OnRecordings, Filtering, Regulated):
     ) -> tuple[Array, Array, Array]:
         """The model to first order at a point, ``A x + B u + c``, by exact derivatives within the region there.
 
-        Without ``dt``: of the derivatives of a continuous model, of the next states of a discrete one (angles not
-        wrapped). With ``dt``: of
-        a step of so many seconds. What rows before contribute is in ``c``.
+        Without ``dt`` it is that of the derivatives of a continuous model, or of the next states of a discrete one
+        (angles not wrapped). With ``dt`` it is that of a step of so many seconds. ``c`` contains the contribution of
+        past rows.
 
         Returns
         -------
         A, B, c : array
-            (states, states), (states, inputs) and (states,); with an axis of points in front for many.
+            (states, states), (states, inputs) and (states,); with a leading axis for several points.
 
         Raises
         ------
         ModelError
-            An argument is missing or of the wrong shape.
+            An argument is missing or has a wrong shape.
         """
         x, u, history = self._by_name(x, u, history)
         return self._core.linearize(x, u, self._period(dt), method, history, t)
@@ -356,10 +353,10 @@ class Model(OnRecordings, Filtering, Regulated):
         history: History | None = None,
         t: ArrayLike | None = None,
     ) -> Any:
-        """The region of a point (int) or of points (array of int), an index of :attr:`regions`; -1 where none holds
-        (a label that training did not see).
+        """The region of a point (int) or of points (array of int), an index of :attr:`regions`; -1 for a label that
+        training did not see.
 
-        ``u`` may be left out where no input decides the region.
+        ``u`` may be omitted if the region does not depend on inputs.
         """
         if u is None and self.inputs:
             u = np.zeros(len(self.inputs)) if self._regions_need_no_input() else None
@@ -368,7 +365,7 @@ class Model(OnRecordings, Filtering, Regulated):
         return int(found[0]) if single else found
 
     def _by_name(self, x: Any, u: Any, history: Any) -> tuple[Any, Any, Any]:
-        """States, inputs and rows before in the order of the model, where they are of tables."""
+        """States, inputs and past rows of tables in the order of the model."""
         if history is not None:
             history = (in_order(history[0], self.states, "history: x"), in_order(history[1], self.inputs, "history: u"))
         return in_order(x, self.states, "x"), in_order(u, self.inputs, "u"), history
@@ -398,48 +395,48 @@ class Model(OnRecordings, Filtering, Regulated):
     ) -> Array:
         """The states over time.
 
-        Models of derivatives are integrated with steps that an error estimate controls; the first step is the sampling
-        period of the training data. Discrete models and models with lags go from row to row: their times are one
-        sampling period apart.
+        Models of derivatives are integrated with error control; the first step is the sampling period of the training
+        data. Discrete models and models with lags advance row by row: their times are one sampling period apart.
 
         Parameters
         ----------
         x0 : array
-            Where it starts: (states,), or (points, states) for many at once.
+            Initial state: (states,), or (points, states) for several.
         t : array of shape (times,), or int
-            Seconds, rising; the first is that of ``x0``. Models that go from row to row take a number of rows too, the
-            row of ``x0`` included.
+            Ascending seconds; the first is that of ``x0``. Models that advance row by row also take a number of rows,
+            including ``x0``.
         u : array or callable, optional
-            Rows of inputs, (times, inputs) or (times - 1, inputs), with points in front for many; each is held until the
-            next time (or see ``interpolate``). Columns of tables are taken by name. Or a function of time, ``u(t)``,
-            whose values are joined by straight lines. Or ``u(t, x)``, a controller, whose values are held. Functions
-            are called at every time and, if times are further apart, at every sampling period of the model (with
-            ``substeps`` at the times alone).
+            Rows of inputs, (times, inputs) or (times - 1, inputs), with a leading axis for several points; each is
+            held until the next time (or see ``interpolate``). Columns of tables are selected by name. Or a function
+            of time, ``u(t)``, interpolated linearly; or a controller ``u(t, x)``, whose values are held. Functions
+            are called at every time and at least once per sampling period of the model (with ``substeps`` at the
+            times only).
         interpolate : bool, default=False
-            Join rows of ``u`` by straight lines instead of holding them; needs exactly a row for each time.
+            Interpolate rows of ``u`` linearly instead of holding them; needs one row for each time.
         method : {"rk45", "rk4", "euler"}, optional
-            How derivatives are integrated: ``"rk45"`` is the pair 5(4) of Dormand and Prince with error control, and
-            the implicit RODAS 4(3) where equations are stiff; the others have equal steps. ``"rk45"`` when not given, with ``substeps`` ``"rk4"``.
+            Integration of derivatives: ``"rk45"`` is the pair 5(4) of Dormand and Prince with error control, and the
+            implicit RODAS 4(3) for stiff equations; the others have equal steps. Default: ``"rk45"``, with
+            ``substeps`` ``"rk4"``.
         substeps : int, optional
-            Equal steps from one time to the next; when not given, as many as make none longer than the sampling period.
+            Number of equal steps between times; default: steps no longer than the sampling period.
         rtol : float, optional
-            Allowed error of a step over the size of a state, for ``"rk45"``; 1e-8 when not given.
+            Allowed error of a step relative to a state, for ``"rk45"``; default: 1e-8.
         atol : float or array of shape (states,), optional
-            Allowed error beside it in the units of the states; when not given, ``rtol`` times the standard deviation of
-            each in training.
+            Additional absolute error in the units of the states; default: ``rtol`` times the standard deviation in
+            training.
         history : pair of arrays, optional
-            Rows before the first, for models with lags.
+            Rows before the first one, for models with lags.
 
         Returns
         -------
         array
-            (times, states), or (points, times, states). NaN from where a state is no finite number, with a warning.
+            (times, states), or (points, times, states). NaN after a state is not finite, with a warning.
 
         Raises
         ------
         ModelError
-            An argument is missing or of the wrong shape; no equation advances a state; times that are not a row apart
-            for a model that goes by rows; an option that the method does not have; ``interpolate`` in a closed loop.
+            An argument is missing or has a wrong shape; no equation advances a state; times of a row-by-row model are
+            not one period apart; the method lacks an option; ``interpolate`` in a closed loop.
 
         Examples
         --------
@@ -476,7 +473,7 @@ class Model(OnRecordings, Filtering, Regulated):
         return found
 
     def _refuse_open(self, interpolate: bool) -> None:
-        """Refuses what a closed loop cannot have: it knows no input before the states that this is made of."""
+        """Refuses options that a closed loop does not support."""
         if interpolate:
             raise ModelError(
                 "interpolate=True with u(t, x): a closed loop holds its inputs; leave interpolate away, or give u(t)"
@@ -487,7 +484,7 @@ class Model(OnRecordings, Filtering, Regulated):
             )
 
     def _times(self, t: ArrayLike | int) -> ArrayLike:
-        """The times of a simulation; of as many rows, for models that go by rows."""
+        """The times of a simulation, or of a number of rows."""
         if isinstance(t, (bool, np.bool_)) or not isinstance(t, (int, np.integer)):
             return since_first(t, "t")
         if self.is_continuous and not self.lags:
@@ -522,7 +519,7 @@ class Model(OnRecordings, Filtering, Regulated):
     def _passing(
         self, method: str | None, substeps: int | None, rtol: float | None, atol: ArrayLike | None
     ) -> dict[str, Any]:
-        """How a simulation passes from one time to the next."""
+        """Steps of a simulation from one time to the next."""
         if substeps is not None and (not isinstance(substeps, (int, np.integer)) or substeps < 1):
             raise ModelError(f"substeps={substeps!r}: give a whole number of 1 or more")
         allowed = None if atol is None else np.asarray(atol, dtype=float)
@@ -541,7 +538,7 @@ _MISSED = 1e-3
 
 
 def _takes_state(u: Callable[..., Any]) -> bool:
-    """Whether a function of inputs wants the states beside the time."""
+    """True for a function of inputs that takes the states beside the time."""
     try:
         parameters = inspect.signature(u).parameters.values()
     except (TypeError, ValueError):
@@ -556,7 +553,7 @@ def load(path: str | os.PathLike[str]) -> Model:
     Parameters
     ----------
     path : path
-        What :meth:`Model.save` or the command line wrote.
+        File from :meth:`Model.save` or the command line.
 
     Returns
     -------

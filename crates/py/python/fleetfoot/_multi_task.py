@@ -26,9 +26,9 @@ class TaskPath(NamedTuple):
 class Tasks:
     """Minimises ``1 / (2 n) |Y - X W'|^2 + alpha l1_ratio sum_j |W_j| + alpha (1 - l1_ratio) / 2 |W|^2``.
 
-    `W_j` are the coefficients of feature j for all targets. It is a group lasso in the stacked coefficients of all
-    targets: a group is a feature. The squares of the elastic net are added to the products of the columns, so that they
-    need the Gram matrix.
+    `W_j` are the coefficients of feature j for all targets. This is a group lasso on the stacked coefficients of all
+    targets, with one group per feature. The elastic net needs the Gram matrix, as its squares are added to the
+    products of the columns.
     """
 
     def __init__(self, X: Any, y: NDArray[Any], posed: Posed, l1_ratio: float, options: dict[str, Any]) -> None:
@@ -59,7 +59,7 @@ class Tasks:
         return self._lasso.largest_alpha(0, self._estimator, False) / self._l1_ratio
 
     def path(self, alphas: int | NDArray[np.float64], eps: float, start: NDArray[np.float64] | None) -> TaskPath:
-        """The solutions at these alphas, or at so many down to `eps` times the largest, descending."""
+        """The solutions at these alphas, or at a number of alphas down to `eps` times the largest, descending."""
         if isinstance(alphas, int):
             alphas = grid(self.largest_alpha(), eps, alphas)
         found = []

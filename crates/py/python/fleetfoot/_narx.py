@@ -15,54 +15,53 @@ from ._progress import Progress
 
 @documented
 class NARX(Identifier):
-    """Outputs from their own past and that of the inputs: polynomials, and piecewise where asked for.
+    """Autoregression of outputs on past outputs and inputs: polynomial, optionally piecewise.
 
-    What is chosen (order, terms, partition) is chosen by simulations of spans that did not train, unless another rule
-    is named. The outputs are what
-    :meth:`fit` calls ``x``.
+    Simulations of held-out spans choose order, terms and partition, unless ``select`` names another rule. The outputs
+    are ``x`` of :meth:`fit`.
 
     Parameters
     ----------
     lags_out, lags_in : int, optional
-        Past values of every output and input; looked for when not given.
+        Past values of every output and input; default: searched.
     lags : int, str or mapping, optional
-        In their place, past rows of every output and input that stand beside the present one, from which the next is
-        told: the last 3, ``3``, or every 5th of the last 50, ``"50:5"`` or ``{"last": 50, "every": 5}``.
+        Instead of these, past rows of every output and input beside the present one, as regressors of the next row:
+        the last 3, ``3``, or every 5th of the last 50, ``"50:5"`` or ``{"last": 50, "every": 5}``.
     degree : int, optional
-        Total degree of the polynomials; looked for up to 3 when not given.
+        Total degree of the polynomials; default: searched up to 3.
     direct : bool, optional
-        Whether inputs act at once; looked for when neither it nor ``lags_in`` is given.
+        Direct feedthrough of the inputs; default: searched, unless ``lags_in`` is given.
     order : {"fixed", "auto"}, optional
-        Lags and degree as given (2 where they are not), or the best up to them.
+        Lags and degree as given (2 if one is not given), or the best up to them.
     effort : {"low", "normal", "high"}, default="normal"
-        How far what is not given is looked for: a count of work, never of seconds.
+        Search effort, a count of work, never of seconds.
     library : list of str, optional
-        Functions of outputs and inputs of one row, ``["y", "u", "sqrt(max(y, 0))"]``: the candidates are the lags of
-        each, in the place of products of lags.
+        Functions of outputs and inputs of one row, ``["y", "u", "sqrt(max(y, 0))"]``: their lags are the candidates,
+        instead of products of lags.
     terms : int or {"auto", "all"}, default="auto"
         Terms of every equation.
     max_terms : int, default=20
-        The most terms that ``"auto"`` tries.
+        Largest number of terms that ``"auto"`` tries.
     select : {"free-run", "one-se", "cv", "aic", "bic", "ebic"}, default="free-run"
-        What is chosen by.
+        Rule of the choice.
     objective : str, default="one-step"
-        What coefficients are fitted to: ``"one-step"``, ``"steps:20"``, simulations of 20 steps, or ``"free-run"``, as long
-        as held-out rows allow, written where they
-        simulate rows that did not train better; ``report_["objective"]`` tells.
+        Objective of the coefficients: ``"one-step"``, ``"steps:20"`` (simulations of 20 steps), or ``"free-run"`` (as
+        long as held-out rows allow). A model fitted to simulations is kept only if it simulates held-out rows better;
+        see ``report_["objective"]``.
     folds : int, default=5
-        Spans that are held out in turn.
+        Number of spans that are held out in turn.
     decimate : int, default=1
         Every n-th row only.
     test_share : float, default=0
-        Last share of the rows of every episode that does not train and is run freely.
+        Share of the rows at the end of every episode that does not train and is simulated.
     seed, starts : int, default=0, 1
-        Of k-means.
+        Settings of k-means.
     partition : int, str or list, optional
         Regions, as for :class:`fleetfoot.PWA`.
     partition_on : list of str, optional
-        What the partition looks at.
+        Columns that define the regions.
     free_run : optional
-        Recordings to run the model on that do not train, as :func:`fleetfoot.open` takes them.
+        Held-out recordings to simulate, as in :func:`fleetfoot.open`.
     COMMON
 
     Attributes
@@ -70,8 +69,8 @@ class NARX(Identifier):
     model_ : Model
         A discrete model; it needs ``history`` at points.
     report_ : dict
-        ``order``, ``regions`` with the terms and their error reduction ratios, ``held_out`` (the model that is written,
-        refitted on the other spans), ``search`` (what was looked at, what the effort cut), ``train`` and ``test`` with
+        ``order``, ``regions`` with the terms and their error reduction ratios, ``held_out`` (the written model,
+        refitted on the other spans), ``search`` (tried models, limits of the effort), ``train`` and ``test`` with
         one-step and free-run errors, ``files`` with those ``by_file`` and their ``mean``; ``notes``.
 
     Examples

@@ -1,4 +1,4 @@
-"""Arrays and sequences as plain arrays of numbers of this machine. Tables go through :mod:`fleetfoot._arrays`, which uses this."""
+"""Arrays and sequences as plain numeric arrays. Tables go through :mod:`fleetfoot._arrays`."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def of_array(values: Any, what: str) -> Array:
     Parameters
     ----------
     values : array, masked array or sequence
-        What the caller gave.
+        Values of the caller.
     what : str
         Its name, for messages.
 
@@ -39,7 +39,7 @@ def of_array(values: Any, what: str) -> Array:
     DataError
         Text, complex numbers, or an array of another kind.
     TypeError
-        Objects that are no numbers.
+        Objects that are not numbers.
     """
     array = _array(values, what)
     kind = array.dtype
@@ -67,7 +67,7 @@ def as_floats(array: Array) -> Array:
 
 
 def seconds(array: Array) -> Array:
-    """Durations in seconds, dates in seconds since 1970, as exact as ``float64`` is; other numbers as they are."""
+    """Durations in seconds, dates in seconds since 1970, in ``float64``; other numbers unchanged."""
     if array.dtype.kind not in "mM":
         return array
     missing = np.isnat(array)
@@ -78,7 +78,7 @@ def seconds(array: Array) -> Array:
 
 
 def unmasked(values: Any) -> Any:
-    """A masked array with its masked values missing; anything else as it is."""
+    """A masked array with masked values as missing; other arrays unchanged."""
     if not isinstance(values, np.ma.MaskedArray):
         return values
     plain: Array = values.data
@@ -91,7 +91,7 @@ def unmasked(values: Any) -> Any:
 
 
 def is_words(array: Array) -> bool:
-    """Whether all values are text or missing, and none begins as a number does: labels, and no damaged signal."""
+    """True if all values are text or missing and none begins like a number: labels, not a damaged signal."""
     if array.dtype.kind not in "OUT":
         return False
     flat = array.ravel().tolist()
@@ -103,7 +103,7 @@ def is_words(array: Array) -> bool:
 
 
 def is_empty(array: Array) -> bool:
-    """Whether no value is there."""
+    """True if all values are missing."""
     if array.dtype.kind == "f":
         return bool(np.isnan(array).all())
     if array.dtype.kind != "O":
@@ -116,7 +116,7 @@ def is_empty(array: Array) -> bool:
 
 
 def _in_seconds_or_finer(array: Array, what: str) -> Array:
-    """Dates and durations in a unit that the engine counts in: seconds, or parts of one by a thousand."""
+    """Dates and durations in a unit of the engine: s, ms, us or ns."""
     unit, count = np.datetime_data(array.dtype)
     kind = array.dtype.newbyteorder("=")
     if unit not in ("s", "ms", "us", "ns") or count != 1:
@@ -142,7 +142,7 @@ def _array(values: Any, what: str) -> Array:
 
 
 def _text(flat: list[Any], shape: tuple[int, ...], what: str) -> DataError:
-    """Names the first text that is no number, or the first text where each is one."""
+    """The first text that is not a number, or the first text if all are numbers."""
     texts = [at for at, one in enumerate(flat) if isinstance(one, (str, bytes))]
     at = next((at for at in texts if not _is_number(flat[at])), texts[0])
     row, *columns = np.unravel_index(at, shape) if shape else (0,)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 class OnRecordings:
-    """What a model does with recordings: files, tables, data sets, arrays."""
+    """Methods of a model on recordings: files, tables, data sets, arrays."""
 
     __slots__ = ()
 
@@ -44,7 +44,7 @@ class OnRecordings:
 
     @property
     def content(self) -> Content:
-        """What the model's file says."""
+        """Content of the model's file."""
         raise NotImplementedError
 
     def predict(
@@ -57,7 +57,7 @@ class OnRecordings:
         cache: str | os.PathLike[str] | None = None,
         progress: Progress = None,
     ) -> Any:
-        """What the fitted equations say of every row.
+        """Predictions of the fitted equations for every row.
 
         Parameters
         ----------
@@ -67,25 +67,23 @@ class OnRecordings:
         u : array, optional
             Inputs.
         t : array, optional
-            Seconds since the start, for models that speak of time.
+            Seconds since the start, for models that depend on time.
         recipe : optional
-            What is different in these files: ``[time]``, ``[files]``, ``[rename]``, ``[episodes]``.
+            Entries that differ for these files: ``[time]``, ``[files]``, ``[rename]``, ``[episodes]``.
         cache : path, optional
-            A folder for the decoded columns of robots' logs.
+            Folder for the decoded columns of robots' logs.
         progress : bool or callable, optional
             ``True`` for a bar.
 
         Returns
         -------
         array, table or dict
-            For arrays (rows, outputs), for tables (pandas, polars, pyarrow, xarray) one of that kind with a column for
-            each output, for a list of runs a list of such; NaN for rows without the past that the
-            model needs. For data sets a dict: ``targets`` and ``episodes`` (names),
-            ``episode`` (index of each row's), ``stamp`` (ns), ``measured``, ``predicted`` and ``residual`` (rows,
-            targets), ``region`` (-1: none),
-            ``distance`` (from the region's mean, Mahalanobis), ``complete`` (target and prediction are there),
-            ``domain`` (0 within what the region saw in
-            training, 1 outside of that, 2 outside of all training).
+            Arrays (rows, outputs) for arrays, a table of the same kind (pandas, polars, pyarrow, xarray) for a table,
+            a list for a list of runs. Rows without the required past are NaN. For data sets a dict: ``targets`` and
+            ``episodes`` (names), ``episode`` (index of each row's), ``stamp`` (ns), ``measured``, ``predicted`` and
+            ``residual`` (rows, targets), ``region`` (-1: none), ``distance`` (from the region's mean, Mahalanobis),
+            ``complete`` (target and prediction exist), ``domain`` (0 within the training range of the region, 1
+            outside it, 2 outside that of all regions).
 
         Raises
         ------
@@ -154,7 +152,7 @@ class OnRecordings:
         x : array, list of arrays, or anything that :func:`fleetfoot.open` takes
             Runs as for :meth:`fleetfoot.SINDy.fit`, or files, tables, data sets.
         t, x_dot, u, dt, columns : optional
-            As for :meth:`fleetfoot.SINDy.fit`, beside arrays. ``x_dot`` is needed where the fit had it.
+            As for :meth:`fleetfoot.SINDy.fit`, beside arrays. ``x_dot`` is required if the fit had it.
         recipe, cache, progress : optional
             As for :meth:`predict`.
 
@@ -162,10 +160,9 @@ class OnRecordings:
         -------
         dict
             ``targets``: for each fitted equation its errors (``mae``, ``rmse``, ``r2``, ``mae_over_null`` with 95 %
-            intervals), the ``baselines``, and on prepared logs whose raw logs are at hand ``raw`` (``rows``, ``mae``, ``rmse``
-            against the measurements);
-            ``by_episode``; ``in_sample_episodes``, names of those that trained the model; ``rows``, ``skipped``,
-            ``mahalanobis``, ``calibration``, ``notes``.
+            intervals), the ``baselines``, and for prepared logs with available raw logs ``raw`` (``rows``, ``mae``,
+            ``rmse`` against the measurements); ``by_episode``; ``in_sample_episodes``, names of training episodes;
+            ``rows``, ``skipped``, ``mahalanobis``, ``calibration``, ``notes``.
 
         Raises
         ------
@@ -174,7 +171,7 @@ class OnRecordings:
         Warns
         -----
         FleetfootWarning
-            What was assumed of the data. Episodes that trained the model are no warning: ``in_sample_episodes`` names them.
+            Assumptions about the data. Training episodes are not a warning; they are in ``in_sample_episodes``.
         """
         if is_arrays(x):
             core, data, changes = self._arrays(x, t, x_dot, u, dt, columns)
@@ -205,8 +202,8 @@ class OnRecordings:
         cache: str | os.PathLike[str] | None = None,
         progress: Progress = None,
     ) -> Rollouts:
-        """Free runs from measured states, scored by horizon beside the baselines. Inputs come from the recording, or
-        from a controller.
+        """Simulations from measured states, scored by horizon beside the baselines. Inputs come from the recording or
+        a controller.
 
         Parameters
         ----------
@@ -215,39 +212,39 @@ class OnRecordings:
         horizon : int
             Steps ahead.
         starts : int or list of (episode, row)
-            How many starts, evenly spread or, with ``seed``, at random; or these.
+            Number of starts, evenly spread or, with ``seed``, random; or a list of starts.
         seed : int, optional
             Seed of random starts.
         method : {"rk4", "euler"}
-            How derivatives are integrated.
+            Integration of derivatives.
         dt : float, optional
-            Length of a step, seconds; the recording's period when not given.
+            Length of a step, seconds; default: the recording's period.
         controller : Controller, str or path, optional
-            What :meth:`Model.lqr` made or its file, ``"treadmill"``, or a TOML file: closes the loop.
+            Controller that closes the loop: the result of :meth:`Model.lqr` or its file, ``"treadmill"``, or a TOML
+            file.
         settings : mapping, optional
             Settings of the controller.
         outside : {"tell", "end", "hold"}
-            What becomes of a trajectory where a regressor is outside the range that its region saw in training: it
-            goes on, ends, or goes on with the regressor held at the border of the range.
+            Rule for a regressor outside the training range of its region: the trajectory continues, ends, or
+            continues with the regressor held at the limit.
         position : list of str
-            States whose Euclidean distance from the recording is told too; they share a unit.
+            States of one unit whose Euclidean distance from the recording is reported too.
         keep : bool
-            Whether trajectories are given.
+            Return the trajectories.
         recipe, cache, progress : optional
             As for :meth:`predict`.
 
         Returns
         -------
         dict
-            ``time`` (horizon), ``states``, ``replayed`` (columns that came from the recording after a start: inputs
-            that nothing drives, and what does not follow from states and inputs), ``model`` and ``baselines`` (``rmse``, ``mae``: horizon x states;
-            ``mahalanobis`` and ``displacement`` with intervals; ``summary`` and ``displacement_summary``: ``average``,
-            ``last``, ``drift_per_second`` over whole rollouts), ``raw`` on prepared logs whose raw logs are at hand (``rmse``, ``mae`` against
-            the measurements),
-            ``useful_horizon`` (``better_than_all`` and, by baseline, ``better_than``: the spans of steps at which the
-            model is the better one), ``diverged``, ``left_domain``, ``ended_outside``, ``notes``; and with ``keep`` ``trajectories``: for each
-            start a dict of ``episode``, ``row``,
-            ``t``, ``x`` (steps + 1, states), ``u`` (steps, inputs of the controller), ``region``, ``end``.
+            ``time`` (horizon), ``states``, ``replayed`` (columns from the recording after a start), ``model`` and
+            ``baselines`` (``rmse``, ``mae``: horizon x states; ``mahalanobis`` and ``displacement`` with intervals;
+            ``summary`` and ``displacement_summary``: ``average``, ``last``, ``drift_per_second`` over whole
+            rollouts), ``raw`` for prepared logs with available raw logs (``rmse``, ``mae`` against the measurements),
+            ``useful_horizon`` (``better_than_all`` and, by baseline, ``better_than``: the spans of steps in which the
+            model is better), ``diverged``, ``left_domain``, ``ended_outside``, ``notes``; and with ``keep``
+            ``trajectories``: for each start a dict of ``episode``, ``row``, ``t``, ``x`` (steps + 1, states), ``u``
+            (steps, inputs of the controller), ``region``, ``end``.
 
         Raises
         ------
@@ -291,31 +288,31 @@ class OnRecordings:
         cache: str | os.PathLike[str] | None = None,
         progress: Progress = None,
     ) -> dict[str, Any]:
-        """States and inputs that obey the model, stay within bounds and follow recordings as closely as can be.
+        """States and inputs that obey the model, stay within bounds and follow recordings as closely as possible.
 
-        Every episode is an optimal control problem of its own, solved by collocation and sequential convex programs.
+        Every episode is an optimal control problem, solved by collocation and sequential convex programs.
 
         Parameters
         ----------
         data : anything that :func:`fleetfoot.open` takes
             Recordings.
         every : int, optional
-            Every so many rows are rows of the grid; all when not given.
+            Interval of the rows that make the grid; default: 1.
         free : list of str, optional
-            Inputs that may move; all inputs when not given.
+            Inputs that may deviate from the recording; default: all.
         deviations : dict, optional
-            What columns may be off, against which deviations are weighed; of others the noise that the recordings
-            show beside the model.
+            Expected deviations of columns, which weigh the deviations; default: the noise of the recordings relative
+            to the model.
         bounds : dict, optional
-            ``(low, high)`` of states and inputs, ``None`` for an open end; of others the recorded range, widened.
+            ``(low, high)`` of states and inputs, ``None`` for an open end; default: the recorded range, widened.
         widen : float, optional
-            The share of the recorded range by which it is widened on both sides, 0.25 when not given.
+            Share of the recorded range that widens it on both sides; default: 0.25.
         iterations : int, optional
-            Convex programs that an episode may take, 50 when not given.
+            Largest number of convex programs per episode; default: 50.
         keep : bool
-            Whether trajectories are given.
+            Return the trajectories.
         recipe, cache, progress : optional
-            As for :meth:`predict`; what ``[resimulate]`` of a recipe says stands below the arguments.
+            As for :meth:`predict`; arguments override ``[resimulate]`` of a recipe.
 
         Returns
         -------
@@ -324,8 +321,8 @@ class OnRecordings:
             mean square deviations over the episodes, ``followed`` and ``open_loop``: ``median``, ``ninth``,
             ``worst``), ``violation`` and ``stationarity`` (the certificate), ``episodes`` with the same of each,
             ``replayed``, ``warnings``, ``notes``; and with ``keep`` ``trajectories``: for each episode a dict of
-            ``episode``, ``row``, ``t``, ``x`` and ``u`` (rows, states or inputs), ``x_measured``, ``u_measured``,
-            and ``x_open_loop``, the simulation from the recorded beginning with the recorded inputs.
+            ``episode``, ``row``, ``t``, ``x`` and ``u`` (rows, states or inputs), ``x_measured``, ``u_measured``, and
+            ``x_open_loop``, the open-loop simulation with the recorded inputs.
 
         Raises
         ------
@@ -374,8 +371,7 @@ class OnRecordings:
         dt: float | None = None,
         said: Mapping[str, Any] | None = None,
     ) -> tuple[engine.Data, str]:
-        """The recordings, and what their recipe says of clock, topics and episodes: the model knows its columns
-        itself."""
+        """The recordings, with clock, topics and episodes of their recipe; the columns are the model's."""
         dataset = open_data(data, t=t, dt=dt)
         changes = _recipe.over(_recipe.of_anything(recipe), _recipe.of_toml(dataset.recipe))
         own = ("time", "files", "rename", "join", "episodes", "filter", "resimulate")
@@ -417,7 +413,7 @@ class OnRecordings:
 
 
 def _of_runs(beside: Any, count: int, what: str) -> Sequence[Any]:
-    """What stands beside a list of runs, one for each; nothing is nothing for each."""
+    """Further arguments for each run of a list; None for each if absent."""
     if beside is None:
         return [None] * count
     if not isinstance(beside, (list, tuple)) or len(beside) != count:
@@ -426,12 +422,12 @@ def _of_runs(beside: Any, count: int, what: str) -> Sequence[Any]:
 
 
 def _start(episode: Any, row: Any) -> tuple[int, int]:
-    """Where a rollout begins, counted from 0."""
+    """Start of a rollout, counted from 0."""
     return count("starts: episode", episode, 0), count("starts: row", row, 0)
 
 
 def _beside(columns: Mapping[str, Any], names: Sequence[str], rows: int) -> Any:
-    """Columns side by side; no columns are nothing, but rows of a model of constants."""
+    """Columns side by side; without columns None, except for a model of constants."""
     values = [floats(columns[name](name), f"column {name!r}") for name in names]
     return np.column_stack(values) if values else np.empty((rows, 0))
 

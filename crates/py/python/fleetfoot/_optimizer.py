@@ -1,4 +1,4 @@
-"""What the sparse optimisers of pysindy's letter have in common."""
+"""Shared code of the sparse optimisers with pysindy's interface."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ RIDGE = (Rule("a number: alpha cannot be negative", NUMBER.holds),)
 
 
 class Optimizer(MultiOutputMixin, RegressorMixin, BaseEstimator):
-    """What the optimizers share: no intercept (a column of ones is a feature), coefficients (n_targets, n_features)."""
+    """Base of the optimisers: no intercept (a column of ones is a feature), coefficients (n_targets, n_features)."""
 
     coef_: NDArray[np.float64]
     ind_: NDArray[np.bool_]
@@ -71,9 +71,9 @@ class Optimizer(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            A parameter out of its range, values that are not finite.
+            A parameter is out of range, or values are not finite.
         NotImplementedError
-            A parameter that is not supported; it is named.
+            A parameter is not supported.
         """
         self._check()
         X, y, sample_weight = without_missing(X, y, sample_weight)
@@ -112,12 +112,12 @@ class Optimizer(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
     @property
     def iters(self) -> int:
-        """What the last fit counted: regressions for STLSQ, iterations for SR3; pysindy's name."""
+        """Count of the last fit (regressions of STLSQ, iterations of SR3), under pysindy's name."""
         return self._iters
 
     @property
     def complexity(self) -> int:
-        """Number of terms: coefficients that are not zero."""
+        """Number of terms: non-zero coefficients."""
         check_is_fitted(self)
         return int(np.count_nonzero(self.coef_)) + int(np.count_nonzero(self.intercept_))
 
@@ -126,7 +126,7 @@ class Optimizer(MultiOutputMixin, RegressorMixin, BaseEstimator):
         raise NotImplementedError
 
     def _told(self, models: Any) -> None:
-        """Warnings and attributes of the optimizer's own."""
+        """Warnings and attributes of a specific optimiser."""
 
     def _all_coefficients(self) -> NDArray[np.float64]:
         return self.coef_
@@ -139,7 +139,7 @@ class Optimizer(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
 
 def without_missing(X: Any, y: Any, sample_weight: Any) -> tuple[Any, Any, Any]:
-    """Leaves out the rows in which all of X or all of y is missing; what is no array of floats passes as it is."""
+    """Drops the rows in which all of X or all of y is missing; other than float arrays pass unchanged."""
     X, y = unmasked(X), unmasked(y)
     if not (isinstance(X, np.ndarray) and isinstance(y, np.ndarray)):
         return X, y, sample_weight

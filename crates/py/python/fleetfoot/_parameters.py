@@ -15,28 +15,29 @@ from ._values import number
 
 @documented
 class Parameters(Identifier):
-    """Numbers inside equations that are known: by output error, filter error (maximum likelihood) or equation error.
+    """Parameters of given equations, by output error, filter error (maximum likelihood) or equation error.
 
     The equation of every state is given by ``known``, over columns and parameters.
 
     Parameters
     ----------
     parameters : dict
-        For each name where the search begins, or a dict with ``initial`` and, if wanted, ``bounds``, ``fixed`` and
+        For each name the start of the search, or a dict with ``initial`` and optionally ``bounds``, ``fixed`` and
         ``unit``.
     constraints : dict, optional
-        What parameters keep together, as a recipe's ``[constraints]``: ``{"inertia": {"matrix": [["J11", "J12"],
-        ["J12", "J22"]], "at_least": 1e-3}}``, eigenvalues, or ``{"of": "J11 - J22", "at_most": 0.0}``, a number. The
-        initial values are strictly within; ``report_["limits"]`` tells.
+        Limits on parameters, as in ``[constraints]`` of a recipe:
+        ``{"inertia": {"matrix": [["J11", "J12"], ["J12", "J22"]], "at_least": 1e-3}}``, eigenvalues, or
+        ``{"of": "J11 - J22", "at_most": 0.0}``, a number. The initial values must be strictly within; see
+        ``report_["limits"]``.
     method : {"output-error", "filter-error", "equation-error"}, default="output-error"
-        What parameters are fitted to: simulations from estimated beginnings, the same corrected by measurements with
-        gains that are estimated too, or the derivatives row by row.
+        Method: simulations from estimated initial states, the same corrected by measurements with estimated gains, or
+        derivatives row by row.
     segment : int, optional
-        Rows of a segment at most, each with a beginning of its own; whole episodes when not given.
+        Largest number of rows of a segment; each has its own initial state. Default: whole episodes.
     compare : list of str, optional
-        States that are compared with their measurements; all when not given.
+        States that are compared with their measurements; default: all.
     folds : int, default=5
-        Folds whose rows are held out in turn and simulated; 0 for none.
+        Number of folds whose rows are held out in turn and simulated; 0 for none.
     COMMON
 
     Attributes

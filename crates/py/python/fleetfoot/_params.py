@@ -1,4 +1,4 @@
-"""What a parameter may be: checked at the start of every `fit`, with one message for all."""
+"""Rules of parameters, checked at the start of every `fit`, with a uniform message."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Rule:
-    """One kind of values, and how it is called."""
+    """A kind of values, and its name."""
 
     text: str
     holds: Callable[[Any], bool]
@@ -92,7 +92,7 @@ VERBOSE = Rule("a bool or an int >= 0", lambda v: _is_bool(v) or (isinstance(v, 
 def check_params(owner: Any, rules: dict[str, tuple[Rule, ...]], **values: Any) -> None:
     """Checks parameters by their rules: those of an estimator, or the `values` given to a function that `owner` names.
 
-    Raises :class:`ParameterError`, which names the parameter, what it may be and what it is.
+    Raises :class:`ParameterError`, which names the parameter, its rule and its value.
     """
     name = owner if isinstance(owner, str) else type(owner).__name__
     for parameter, allowed in rules.items():

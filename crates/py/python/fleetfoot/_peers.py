@@ -1,6 +1,6 @@
-"""Objects of pysindy, by what they are called and hold: libraries and optimisers in the words of a recipe.
+"""Objects of pysindy, by name and content: libraries and optimisers as entries of a recipe.
 
-Whatever such an object says takes effect, or is refused.
+Every setting of such an object takes effect or is refused.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ def _refused(thing: Any, what: str, mend: str) -> RequestError:
 
 
 def _default(thing: Any, name: str, *allowed: Any) -> None:
-    """Refuses an option that is not as it must be."""
+    """Refuses an unsupported option."""
     value = getattr(thing, name, allowed[0])
     if not any(value is one or value == one for one in allowed):
         raise _refused(thing, f"with {name}={value!r} is not supported", f"leave {name}={allowed[0]!r}")
 
 
 def library(given: Any) -> list[Any] | None:
-    """Items of a library: texts, functions, or a library of pysindy. Functions, which are of all variables, stay such."""
+    """Items of a library: texts, functions, or a library of pysindy."""
     if given is None:
         return None
     if isinstance(given, str):
@@ -74,7 +74,7 @@ def library(given: Any) -> list[Any] | None:
 
 @dataclass(frozen=True)
 class Functions:
-    """Functions of Python as candidates, of every choice of as many variables as they take."""
+    """Python functions as candidates, of every choice of their number of variables."""
 
     functions: list[Callable[..., Any]]
     repeats: bool = False
@@ -154,7 +154,7 @@ _MENDS = {
 
 
 def _known(given: Any, effective: set[str]) -> None:
-    """Refuses an option that would have no effect here and is not as its class has it by default."""
+    """Refuses an option without effect that differs from its default."""
     for name, parameter in inspect.signature(type(given).__init__).parameters.items():
         if name == "self" or name in effective or parameter.default is inspect.Parameter.empty:
             continue

@@ -1,4 +1,4 @@
-"""What the estimators need of scikit-learn, in small: used where it is not installed.
+"""Substitutes for scikit-learn's base classes and functions if it is not installed.
 
 Names, parameters and behaviour are scikit-learn's, so that code written for one works with the other.
 """
@@ -25,15 +25,15 @@ class NotFittedError(ValueError, AttributeError):
 
 
 class ConvergenceWarning(UserWarning):
-    """A solver stopped before it met its tolerance, or met data that do not determine the answer."""
+    """A solver stopped above its tolerance, or the data do not determine the result."""
 
 
 class DataConversionWarning(UserWarning):
-    """Data were given in another shape than the one that is meant."""
+    """Data have another shape than expected."""
 
 
 class BaseEstimator:
-    """Parameters by name: those of ``__init__``, kept under their own names."""
+    """Parameters by name: those of ``__init__``."""
 
     @classmethod
     def _parameter_names(cls) -> list[str]:
@@ -140,7 +140,7 @@ class MultiOutputMixin:
 def check_is_fitted(estimator: Any, attributes: str | list[str] | None = None) -> None:
     """Raises :class:`NotFittedError` when `estimator` has not been fitted.
 
-    Fitted is what has an attribute that ends with an underscore, or the ones named.
+    A fitted estimator has an attribute that ends with an underscore, or the given attributes.
     """
     if attributes is None and hasattr(estimator, "__sklearn_is_fitted__"):
         fitted = bool(estimator.__sklearn_is_fitted__())
@@ -165,7 +165,7 @@ def validate_data(
 ) -> Any:
     """X as a matrix of `float32` or `float64`, and y when given.
 
-    Number and names of the features are kept, or compared when not `reset`.
+    With `reset` number and names of the features are stored, else they are compared.
     """
     _feature_names(estimator, X, reset)
     matrix = as_matrix(X, type(estimator).__name__, ensure_min_samples)
@@ -185,7 +185,7 @@ def validate_data(
 
 
 def as_matrix(X: Any, owner: str, ensure_min_samples: int = 1) -> NDArray[Any]:
-    """X as a finite matrix of `float32` or `float64`, the array itself where it is one."""
+    """X as a finite matrix of `float32` or `float64`, without a copy if possible."""
     if hasattr(X, "toarray") and hasattr(X, "nnz"):
         raise TypeError("X is a sparse matrix, but dense data are needed: give X.toarray()")
     array = _numbers(X, "X")
@@ -203,7 +203,7 @@ def as_matrix(X: Any, owner: str, ensure_min_samples: int = 1) -> NDArray[Any]:
 
 
 def as_target(y: Any, multi_output: bool) -> NDArray[Any]:
-    """y as finite numbers: a vector, or a matrix where there may be several targets."""
+    """y as finite numbers: a vector, or a matrix if several targets are allowed."""
     array = _numbers(y, "y")
     if array.ndim == 2 and not multi_output and array.shape[1] == 1:
         warnings.warn("y is a column, and a vector is meant: give y.ravel()", DataConversionWarning, stacklevel=4)
@@ -255,7 +255,7 @@ class KFold:
         self.n_splits = n_splits
 
     def split(self, X: Any, y: Any = None, groups: Any = None) -> Iterator[tuple[NDArray[Any], NDArray[Any]]]:
-        """Indices of the training rows and of those held out, fold by fold."""
+        """Indices of training and held-out rows, fold by fold."""
         rows = len(X)
         if self.n_splits > rows:
             raise ValueError(f"{self.n_splits} folds of {rows} rows: a fold needs at least one")

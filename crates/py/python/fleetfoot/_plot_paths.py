@@ -1,4 +1,4 @@
-"""Figures of paths and selections: coefficients against the penalty, and how often replicates select each."""
+"""Figures of paths and selections: coefficients against the penalty, and selection frequencies."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ def path(
     Parameters
     ----------
     estimator : object or tuple
-        A fitted estimator with ``alphas_`` and ``coef_path_`` (``Lars``, ``LassoLars``, ...), or what ``lars_path`` and
-        ``lasso_path`` return.
+        A fitted estimator with ``alphas_`` and ``coef_path_`` (``Lars``, ``LassoLars``, ...), or the result of
+        ``lars_path`` or ``lasso_path``.
     feature_names : list of str, optional
-        Names of the features; the estimator's ``feature_names_in_`` when not given, else ``x0``, ``x1``, ...
+        Names of the features; default: ``feature_names_in_`` of the estimator, else ``x0``, ``x1``, ...
     target : int
-        Which target, where there are several.
+        Index of the target, if there are several.
     unit : str, optional
         The coefficients' unit.
     ax : matplotlib.axes.Axes, optional
-        Where to draw.
+        Axes to draw on.
 
     Returns
     -------
@@ -126,7 +126,7 @@ def selection_frequency(
     most: int = 30,
     ax: Any = None,
 ) -> Any:
-    """How often the replicates of a bootstrap select each feature.
+    """Selection frequency of each feature over the replicates of a bootstrap.
 
     Parameters
     ----------
@@ -134,16 +134,15 @@ def selection_frequency(
         A fitted estimator with ``selection_frequency_``, or the shares themselves, shape (features,) or (targets,
         features).
     feature_names : list of str, optional
-        Names of the features; the estimator's ``feature_names_in_`` when not given, else ``x0``, ``x1``, ...
+        Names of the features; default: ``feature_names_in_`` of the estimator, else ``x0``, ``x1``, ...
     target : int
-        Which target, where there are several.
+        Index of the target, if there are several.
     threshold : float, optional
-        The share from which a feature counts as selected, drawn as a line; the estimator's ``threshold`` when it has
-        one.
+        The share from which a feature counts as selected, drawn as a line; default: ``threshold`` of the estimator.
     most : int
-        Features shown, the most frequent first.
+        Largest number of features shown, the most frequent first.
     ax : matplotlib.axes.Axes, optional
-        Where to draw.
+        Axes to draw on.
 
     Returns
     -------
@@ -152,7 +151,7 @@ def selection_frequency(
     Raises
     ------
     TypeError
-        There are no frequencies.
+        The estimator has no frequencies.
     ImportError
         matplotlib is not installed.
 

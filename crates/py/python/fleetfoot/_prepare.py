@@ -1,4 +1,4 @@
-"""From raw channels to clean states and derivatives: what the command ``prepare`` does, from Python."""
+"""Clean states and derivatives from raw channels: the command ``prepare`` in Python."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from ._warnings import tell_all
 
 @dataclass(frozen=True)
 class Prepared:
-    """What :func:`prepare` wrote.
+    """Result of :func:`prepare`.
 
     Attributes
     ----------
     files : list of Path
-        A Parquet file a piece of an episode, with states, derivatives and their standard deviations.
+        One Parquet file per piece of an episode, with states, derivatives and their standard deviations.
     recipe : Path
-        The recipe for them, which fits take as it is.
+        The recipe of the files, ready for fits.
     rows, written : int
-        Rows that were read, and rows that were written.
+        Read and written rows.
     smoothed : float
-        Seconds over which neighbouring rows share smoothed values; fits hold out rows that far from those that train.
+        Seconds over which neighbouring rows share smoothed values; fits keep this distance between held-out and
+        training rows.
     episodes : list of dict
-        For each episode its pieces and their channels: how each was smoothed, its penalty and noise, and counts and
-        places of everything that was left out.
+        For each episode its pieces and channels: method, penalty and noise, and counts and places of left-out values.
     clocks : list of dict
-        What the clock of another computer shows more, log by log: offset and skew with their intervals, and why.
+        Clock offset and skew of other computers, log by log, with intervals and evidence.
     body : dict or None
-        Of a recipe with ``[body]``: lever, mounting, delay and gravity with their deviations, the noise of each sensor,
-        and the poses that were left out.
+        For a recipe with ``[body]``: lever, mounting, delay and gravity with their deviations, the noise of each
+        sensor, and left-out poses.
     joints : list of dict
-        Of a recipe with ``[joint.NAME]``: the noise, delay and bias of each sensor, the readings that were left out, the
-        density of the jerk, and how errors of sensors go together.
+        For a recipe with ``[joint.NAME]``: noise, delay and bias of each sensor, left-out readings, density of the
+        jerk, and correlation of the sensors' errors.
     """
 
     files: list[Path]
@@ -89,60 +89,61 @@ def prepare(
 ) -> Prepared:
     """Smooths the states of recordings, and writes clean episodes with derivatives, standard deviations and a recipe.
 
-    Every state becomes a smoothing spline, which is a Gaussian process whose derivative is a random walk; its penalty
-    is the likeliest. Values that no curve explains are left out, counted and placed. One episode is in memory at a
-    time. What is ``None`` is said by the recipe, else by the default.
+    Every state becomes a smoothing spline, a Gaussian process whose derivative is a random walk, with the penalty of
+    greatest likelihood. Outliers are left out, counted and located. One episode is in memory at a time. An argument
+    of ``None`` leaves the recipe's entry, else the default.
 
     Parameters
     ----------
     data : Dataset, path, table, array or list
-        Recordings, as :func:`fleetfoot.open` takes them.
+        Recordings, as in :func:`fleetfoot.open`.
     folder : path
-        Where the clean episodes go; made if it is not there.
+        Folder for the clean episodes, created if necessary.
     recipe : path, str or mapping, optional
-        Which fields are states and inputs; that of the dataset when not given.
+        The recipe with states and inputs; default: that of the data set.
     channels : mapping, optional
-        What is otherwise for one state or input: its name and the arguments below, as
-        ``{"q": {"range": (-1.5, 1.5)}}``.
+        Exceptions for one state or input: its name and the arguments below, as ``{"q": {"range": (-1.5, 1.5)}}``.
     clocks : mapping, optional
-        Topics that another computer stamps, and what tells how its clock goes: ``{"mocap": {"topics": ["/mocap/*"],
-        "motion": ["speed", "turning"]}}``, two channels that saw one motion, by the reference clock and by this one.
-        ``wave`` in place of ``motion`` for a square wave; ``offset`` in seconds, ``reach`` about it.
+        Topics that another computer stamps, and the channels that compare its clock:
+        ``{"mocap": {"topics": ["/mocap/*"], "motion": ["speed", "turning"]}}``, two channels of one motion, by the
+        reference clock and by this one. ``wave`` instead of ``motion`` for a square wave; ``offset`` in seconds,
+        ``reach`` of the search around it.
     method : str, optional
-        How states become smooth: the smoothing splines ``"cubic"`` and ``"quintic"`` (that with ``second_order``),
-        ``"auto"`` for whichever of the two the state is more like (the default; the cubic one where ``lam`` is a
-        number), ``"trend-filter"``, the curves through every measurement ``"not-a-knot"`` and ``"pchip"``,
-        ``"savitzky-golay"``, ``"butterworth"``, ``"none"``. Inputs stay as they are unless ``channels`` says how.
+        Smoothing method of the states: the smoothing splines ``"cubic"`` and ``"quintic"`` (default with
+        ``second_order``), ``"auto"`` for one of the two by the data (the default; cubic if ``lam`` is a number),
+        ``"trend-filter"``, the curves through every measurement ``"not-a-knot"`` and ``"pchip"``,
+        ``"savitzky-golay"``, ``"butterworth"``, ``"none"``. Inputs are not smoothed unless ``channels`` sets a
+        method.
     second_order : bool, optional
-        A state's rate is a state too, and its acceleration is what is fitted (``False``).
+        The rate of a state is a state too, and its acceleration the target (``False``).
     lam : float or {"likelihood", "gcv"}, optional
         The penalty of a spline, in s^3 (cubic) or s^5 (quintic), or of the trend filter, in units of the state times
-        s^degree, or what it is chosen by (``"likelihood"``).
+        s^degree; or the rule that chooses it (``"likelihood"``).
     reject : float, optional
-        Values further off the curve than so many standard deviations are left out, again and again until there are
-        none; 0 for none (4 for smoothing splines, 0 for the others).
+        Standard deviations from the curve beyond which a value is an outlier, repeated until no outlier is left; 0
+        for none (4 for smoothing splines, 0 for the others).
     hampel : int, optional
-        Values off the median of so many rows on either side by more than six robust standard deviations are left out
-        first; 0 for none (0).
+        Rows on either side for the median; values beyond six robust standard deviations from it are removed first; 0
+        for none (0).
     stuck : int, optional
-        A value that is repeated over more rows than this is a sensor that hangs, and left out; 0 for never (0).
+        Longest run of equal values in rows; a longer one is a stuck sensor and is left out; 0 for never (0).
     range : (float, float), optional
-        What a sensor can measure: values at or beyond these ends are left out.
+        Measuring range of a sensor: values at or beyond these ends are left out.
     bounds : (float, float), optional
-        Where a channel may be: a row beyond these ends an episode.
+        Bounds of a channel: a row beyond them ends an episode.
     window, degree : int, optional
         Rows of a window and degree of the polynomials of Savitzky and Golay (11 and 3); degree of the trend filter's
         pieces, 1 to 3 (2).
     cutoff : float, optional
-        Frequency in Hz at which the Butterworth filter has halved the power, run one way.
+        Frequency in Hz at which the Butterworth filter halves the power, run one way.
     order : int, optional
         Order of the Butterworth filter, run one way (4).
     delay : float, optional
-        Seconds by which a sensor's stamps are late (0).
+        Delay of a sensor's stamps in seconds (0).
     average : float, optional
-        Seconds before its stamp of which a sensor reports the mean, which is late by half of them (0).
+        Averaging time of a sensor before its stamp, in seconds; the mean is late by half of it (0).
     clip : float, optional
-        Seconds that are cut off at both ends of every episode, before anything else (0).
+        Seconds cut off at both ends of every episode, before any other step (0).
     dejitter : bool, optional
         Replace stamps by their regression on the sample count (``False``).
     decimate : int, optional
@@ -150,7 +151,7 @@ def prepare(
     min_rows : int, optional
         Pieces of fewer rows are not written (50).
     force : bool
-        Replace what an earlier preparation wrote there.
+        Replace the files of an earlier preparation.
     progress : bool or callable, optional
         ``True`` for a bar of tqdm, or a function of the stage's name, the pieces done and the pieces in all.
 
@@ -161,11 +162,11 @@ def prepare(
     Raises
     ------
     RequestError
-        The recipe cannot be understood or asks for what is not there; no piece is long enough.
+        The recipe cannot be understood or names an unknown column; no piece is long enough.
     DataError
         The recordings cannot be read.
     WriteError
-        A folder that cannot be written, or that holds other files.
+        The folder cannot be written, or holds other files.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Progress of long calls: a bar of ``tqdm``, or a function of the caller's."""
+"""Progress of long calls: a bar of ``tqdm``, or a function of the caller."""
 
 from __future__ import annotations
 
@@ -38,15 +38,14 @@ class _Bar:
 
 @contextmanager
 def reporting(progress: Progress) -> Iterator[Callback | None]:
-    """The callback for the engine that ``progress=`` asks for.
+    """The callback for the engine of ``progress=``.
 
     Parameters
     ----------
     progress : bool, callable or None
-        ``None`` and ``False``: nothing is told. ``True``: a bar of ``tqdm``. A callable is called a few times a second,
-        from the thread
-        that waits, with the stage's name, the pieces done and the pieces in all (0: unknown); what it raises stops the
-        work.
+        ``None`` and ``False``: no progress. ``True``: a bar of ``tqdm``. A callable is called a few times a second
+        from the waiting thread, with the stage's name, the pieces done and the number of pieces (0: unknown). An
+        exception in it stops the work.
 
     Yields
     ------
@@ -57,7 +56,7 @@ def reporting(progress: Progress) -> Iterator[Callback | None]:
     ImportError
         ``progress=True`` and tqdm is not installed.
     TypeError
-        ``progress`` is something else.
+        ``progress`` is of another kind.
 
     Examples
     --------

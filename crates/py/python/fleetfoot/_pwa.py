@@ -16,82 +16,81 @@ from ._progress import Progress
 class PWA(Identifier):
     """A piecewise-affine model: regions of the state space by k-means, labels or a ball, and least squares in each.
 
-    Of several partitions the smallest whose cross-validated error is within one standard error of the best is taken
-    (or the one of the lowest BIC).
+    From several partitions the smallest whose cross-validated error is within one standard error of the best is
+    chosen (or the one with the lowest BIC).
 
     Parameters
     ----------
     partition : int, str or list, optional
-        ``"average"`` (one region), ``"null"``, ``"zscore:1.5"``, ``"kmeans:10"`` (or ``10``), ``"refined:5"`` (regions
-        that fit the dynamics), ``"lattice:5"`` (small cells, joined where one map fits both), ``"tree:3"``
-        (cuts of single columns, three at most one after another), ``"labels:COLUMN"``,
-        ``"labels:COLUMN+kmeans:5"``, ``"labels:COLUMN+refined:5"``, ``"labels:COLUMN+tree:3"``;
-        of a list, or of a range ``"refined:2..20"``, ``"lattice:2..50"``, ``"tree:1..6"``, one is chosen. When not given
-        those of the recipe or the statistic, else ``["average", 2, 5, 10]``, of a statistic without regions ``"average"``.
+        ``"average"`` (one region), ``"null"``, ``"zscore:1.5"``, ``"kmeans:10"`` (or ``10``), ``"refined:5"``
+        (regions that fit the dynamics), ``"lattice:5"`` (small cells, joined where one map fits both), ``"tree:3"``
+        (cuts of single columns, three at most one after another), ``"labels:COLUMN"``, ``"labels:COLUMN+kmeans:5"``,
+        ``"labels:COLUMN+refined:5"``, ``"labels:COLUMN+tree:3"``; from a list, or a range ``"refined:2..20"``,
+        ``"lattice:2..50"``, ``"tree:1..6"``, one is chosen. Default: those of the recipe or the statistic, else
+        ``["average", 2, 5, 10]``, for a statistic without regions ``"average"``.
     target : str, optional
-        ``"derivative"``, ``"next"``, ``"delta"``, or a column (plain regression). When not given what the recipe says,
-        else ``"derivative"``.
+        ``"derivative"``, ``"next"``, ``"delta"``, or a column (plain regression). Default: that of the recipe, else
+        ``"derivative"``.
     degree : int, optional
-        Total degree of the polynomials. When not given what the recipe says, else 1, affine.
+        Total degree of the polynomials. Default: that of the recipe, else 1, affine.
     radial : int, optional
-        So many radial functions of states and inputs beside the polynomials: Gaussians around the centroids of k-means,
-        as wide as centres are apart. When not given what the recipe says, else none.
+        Number of radial functions of states and inputs beside the polynomials: Gaussians around k-means centroids, as
+        wide as the distance between centres. Default: that of the recipe, else none.
     lags : int, str or mapping, optional
-        Past rows of every state and input that stand beside the present one: the last 3, ``3``, or every 5th of the
-        last 50, ``"50:5"`` or ``{"last": 50, "every": 5}``. When not given what the recipe says, else 0.
+        Past rows of every state and input beside the present one: the last 3, ``3``, or every 5th of the last 50,
+        ``"50:5"`` or ``{"last": 50, "every": 5}``. Default: that of the recipe, else 0.
     partition_on : list of str, optional
-        What partitions look at; the states when not given.
+        Columns that define the regions; default: the states.
     select : {"cv", "bic", "rollout"}, default="cv"
-        How one of several partitions is chosen; ``"rollout"`` by simulations of spans that did
-        not train.
+        Rule that chooses one of several partitions; ``"rollout"`` by simulations of held-out spans.
     objective : str, default="one-step"
-        What coefficients are fitted to: ``"one-step"``, ``"steps:20"``, simulations of 20 steps, or ``"free-run"``, as long
-        as held-out rows allow, written where they
-        simulate rows that did not train better; ``report_["objective"]`` tells.
+        Objective of the coefficients: ``"one-step"``, ``"steps:20"`` (simulations of 20 steps), or ``"free-run"`` (as
+        long as held-out rows allow). A model fitted to simulations is kept only if it simulates held-out rows better;
+        see ``report_["objective"]``.
     horizon : int, default=50
-        Steps of the rollouts of ``select``, and of those that choose a span ``{"over": "auto"}``.
+        Steps of the rollouts of ``select``, and of those for a span ``{"over": "auto"}``.
     folds : int, default=10
-        Folds of the cross-validation: whole episodes where there are enough, else spans; 0 for none.
+        Folds of the cross-validation: whole episodes if there are enough, else spans; 0 for none.
     purge : float, optional
-        Seconds between held-out and training rows of one episode; a tenth of the held-out span when not given.
+        Seconds between held-out and training rows of one episode; default: a tenth of the held-out span.
     shrinkage : float, "auto" or "none", default="auto"
-        Pull of each region's map towards that of all rows, in rows; ``"auto"``: by cross-validation.
+        Pull of each region's map towards the map of all rows, in rows; ``"auto"`` by cross-validation.
     continuous : bool, default=False
-        Let the maps of neighbouring regions meet at their border: for kmeans, refined and tree, on columns that are
-        regressors. ``report_["candidates"]`` tells beside each loss that of maps that need not meet.
+        Maps of neighbouring regions meet at their border, for kmeans, refined and tree on columns that are
+        regressors. ``report_["candidates"]`` also has the loss of independent maps.
     stable : float, optional
-        Bound of every region's map over one sampling period, in a metric that all regions share: 1 for a stable model;
-        ``report_["candidates"]`` tells radii, norms, the metric and the loss of the free model.
+        Contraction bound of each region's map over one sampling period (spectral norm in the shared metric): 1 for a
+        stable model. ``report_["candidates"]`` has radii, norms, the metric and the loss of the free model.
     passive : str or dict of str to str, optional
-        Ports at which every region's map takes in at least what it gives, with one storage of energy: inputs and the
-        states that they are a power with, ``"force:speed"`` or ``{"force": "speed"}``; behind a second colon what a
-        port may be short of, where not twice what sampling takes. ``report_["candidates"]`` tells in ``stability``,
-        whose ``metric`` is twice the energy then.
+        Ports, inputs with the states whose product is a power, ``"force:speed"`` or ``{"force": "speed"}``: maps give
+        out no more energy than they took in. A number after a second colon is the allowed energy gain per sample
+        (default: twice the discretisation error). See ``stability`` in ``report_["candidates"]``, whose ``metric`` is
+        then twice the energy.
     phase : str, optional
-        A phase along which regions are counted, and from stride to stride: ``"alpha_l:24"``, a column or an expression
-        that comes round and its bins (12), or ``"labels:stance"``. ``model_.export("npz", ...)`` has the counts, and
-        ``fleetfoot show --transitions`` tells them.
+        Phase for the counts of regions, along it and from stride to stride: ``"alpha_l:24"``, a periodic column or
+        expression with its bins (12), or ``"labels:stance"``. ``model_.export("npz", ...)`` has the counts, and
+        ``fleetfoot show --transitions`` prints them.
     unseen_labels : {"refuse", "pool"}, default="refuse"
-        What happens to labels that training did not see: an error, or a model fitted on all rows.
+        Rule for labels that training did not see: an error, or the model fitted on all rows.
     outside : {"average", "hold", "extrapolate"}, default="average"
-        How a model of several regions goes on where a regressor leaves the range that its region saw in training: by
-        the slopes of the one-region model from the border of the range on, with the value there, or by the map of the
-        region. Maps that are bounded, or meet at borders, always extrapolate.
+        Continuation of a model of several regions where a regressor leaves the range that its region saw in training:
+        the slopes of the one-region model from the border of the range on, or the map of the region. Maps that are
+        bounded, or meet at borders, always extrapolate.
     seed, restarts, iterations : int, default=0, 1, 100
-        Of k-means.
+        Settings of k-means.
     tsqr : bool, default=False
         Fit by TSQR in one more pass.
     keep_all : bool
         Keep the models of all partitions, ``models_``.
     memory : int, default=2**29
-        Bytes for the rows that k-means keeps; beyond it a sample is clustered.
+        Bytes for the rows of k-means; beyond them a sample is clustered.
     COMMON
 
     Attributes
     ----------
     model_ : Model
     models_ : list of Model
-        With ``keep_all`` those of all partitions, in their order.
+        With ``keep_all`` the models of all partitions, in their order.
     report_ : dict
         ``candidates``: for each partition ``mae_over_null``, ``r2``, ``loss``, ...; ``chosen``; ``condition``;
         ``notes``.

@@ -1,4 +1,4 @@
-"""Piecewise-affine regression: regions by k-means, refined, joined of cells or cut by trees, an affine map in each."""
+"""Piecewise-affine regression: regions by k-means, refinement, joined cells or trees, with an affine map in each."""
 
 from __future__ import annotations
 
@@ -34,42 +34,43 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     """Piecewise-affine regression.
 
     The space of the features is cut into regions (by default Voronoi cells of k-means centres on standardised
-    features), and in each region the targets are an affine map of the features, by least squares. Several partitions
-    are compared by cross-validation, and the smallest within one standard error of the best is taken. After Buchan,
-    Haldane and Fearing, "Automatic Identification of Dynamic Piecewise Affine Models for a Running Robot".
+    features), and in each region least squares fits an affine map of the features. Cross-validation compares several
+    partitions, and the smallest within one standard error of the best is chosen. After Buchan, Haldane and Fearing,
+    "Automatic Identification of Dynamic Piecewise Affine Models for a Running Robot".
 
-    For models of how a state moves, with time, logs, simulation and export, see `PWA`.
+    For dynamic models with time, logs, simulation and export, see `PWA`.
 
     Parameters
     ----------
     n_regions : int or list of int, default=10
-        Regions; of several numbers cross-validation chooses one.
+        Number of regions; from several numbers cross-validation chooses one.
     partition : str or None, default=None
-        How the `n_regions` regions are made, by k-means when not given:
+        Method of the `n_regions` regions; default: k-means.
 
-        - ``"refined"``: linear separators between regions, placed where the affine maps fit the targets best.
-        - ``"lattice"``: many small cells; neighbours that one map fits are joined.
-        - ``"tree"``: cuts of single features, ``x[0] < 0.3``; fewer regions if further cuts do not pay.
+        - ``"refined"``: linear separators between regions, placed for the best fit of the affine maps.
+        - ``"lattice"``: many small cells; neighbours with one common map are joined.
+        - ``"tree"``: cuts of single features, ``x[0] < 0.3``; fewer regions if further cuts do not lower the
+          criterion.
 
         Or partitions with their own numbers of regions, instead of `n_regions`: ``"kmeans:10"``, ``"refined:2..20"``,
         ``"lattice:2..50"``, ``"tree:1..6"`` (depth of the tree), ``"zscore:1.5"`` (inside and outside a ball of that
-        many standard deviations), ``"average"`` (one region), ``"null"`` (the mean). Of a list one is chosen:
+        many standard deviations), ``"average"`` (one region), ``"null"`` (the mean). From a list one is chosen:
         ``"average,zscore:1.5,kmeans:2,5,10"``.
     partition_features : array-like of int or None, default=None
-        Features that the regions depend on; default: all. The affine maps are of all features.
+        Features that define the regions; default: all. The affine maps use all features.
     folds : int, default=5
-        Folds, where there is something to choose: groups where there are at least as many, else neighbouring rows.
+        Folds of a choice: groups if there are at least as many, else spans of neighbouring rows.
     selection : {'cv', 'bic'}, default='cv'
-        How one of several partitions is chosen: by held-out error, or by the Bayesian information criterion.
+        Rule that chooses one of several partitions: held-out error, or the Bayesian information criterion.
     shrinkage : float or 'auto', default=0.0
-        Pull of each region towards the one-region map, in rows: the region is fitted as if it had so many more rows
-        on that map. 'auto': by cross-validation.
+        Pull of each region towards the one-region map, as a number of additional rows on that map; 'auto' by
+        cross-validation.
     continuous : bool, default=False
-        Let the maps of neighbouring regions meet at their border: for ``"kmeans"``, ``"refined"`` and ``"tree"``.
+        Maps of neighbouring regions meet at their border, for ``"kmeans"``, ``"refined"`` and ``"tree"``.
     n_init : int, default=1
-        Starts of k-means, of which the best counts.
+        Number of starts of k-means; the best is kept.
     max_kmeans_iter : int, default=300
-        Iterations of k-means at most.
+        Largest number of iterations of k-means.
     random_state : int, RandomState, Generator or None, default=0
         Seed of the starts of k-means.
 
@@ -80,35 +81,35 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     intercept_ : ndarray of shape ``(n_regions_, n_targets)``
         The constants, in the units of the targets.
     centers_ : ndarray of shape ``(n_regions_, n_partition_features)``, or None
-        Centres of the regions, in the units of the features; None where the partition is not by k-means.
+        Centres of the regions, in the units of the features; None unless the partition is by k-means.
     cuts_ : list of tuple, or None
-        The cuts of a tree, the root first: feature, threshold in its unit, what follows below the threshold and what
-        from it on: the number of a cut, or ``-1 - region``. None where the partition is no tree.
+        Cuts of a tree, the root first: feature, threshold in its unit, and the successors below and above the
+        threshold, each the number of a cut or ``-1 - region``. None for other partitions.
     labels_ : ndarray of shape (n_samples,), int32
         The region of each training row.
     counts_ : ndarray of shape ``(n_regions_,)``
         Training rows in each region.
     n_regions_ : int
-        Regions. Fewer than asked for where there are fewer different rows, where refined regions would starve, or where
-        cuts do not pay.
+        Number of regions. It is smaller than requested if there are fewer different rows, or if refined regions or
+        cuts would not have enough rows.
     partition_ : str
-        The partition that was chosen.
+        The chosen partition.
     best_index_ : int
-        The number of the chosen partition in `cv_results_`.
+        Index of the chosen partition in `cv_results_`.
     cv_results_ : dict
-        For each partition: 'partition', 'n_regions', 'mean_test_loss' and 'std_error' (held-out squared error over the
-        variance of the targets, and its standard error over folds), 'split_test_loss' (partitions x folds), 'r2'
-        (partitions x targets), 'bic'; losses are NaN without folds. With `continuous` 'mean_test_loss_apart', of maps
-        that need not meet.
+        For each partition: 'partition', 'n_regions', 'mean_test_loss' and 'std_error' (held-out squared error over
+        the variance of the targets, and its standard error over folds), 'split_test_loss' (partitions x folds), 'r2'
+        (partitions x targets), 'bic'; losses are NaN without folds. With `continuous` 'mean_test_loss_apart', of
+        independent maps.
     n_features_in_ : int
         Number of features.
 
     Notes
     -----
-    A region that saw no rows has the one-region map; where a region's rows do not determine its map, it is
-    the one of least norm in standardised units. Weights count in the regressions; the cells of k-means do not depend on
-    them, refined regions and trees do. k-means sees all rows up to 512 MB of them, and a sample of that size beyond;
-    regions are refined, and trees grown, on 65,536 rows at most.
+    A region without rows has the one-region map. If a region's rows do not determine its map, it is the one of least
+    norm in standardised units. Weights enter the regressions, refined regions and trees, not the cells of k-means.
+    k-means uses all rows up to 512 MB, and a sample of that size beyond; refinement and trees use at most 65,536
+    rows.
 
     Examples
     --------
@@ -178,15 +179,14 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Parameters
         ----------
         X : array-like of shape (n_samples, n_features)
-            Features. Read as they lie, but for groups whose rows are not neighbours: then sorted in a copy.
+            Features. They are copied only to sort groups whose rows are not neighbours.
         y : array-like of shape (n_samples,) or (n_samples, n_targets)
             Targets, none of them constant.
         sample_weight : array-like of shape (n_samples,), default=None
-            Weights of the rows' squared errors. Their scale says nothing: together they count as the effective number
-            of rows, ``sum(w)**2 / sum(w**2)``.
+            Weights of the rows' squared errors. Their scale has no effect: together they count as the effective
+            number of rows, ``sum(w)**2 / sum(w**2)``.
         groups : array-like of shape (n_samples,), default=None
-            Rows of a group (a recording, say) are not split between folds where there are at least as many groups as
-            folds.
+            Groups such as recordings, which folds do not split if there are at least as many groups as folds.
 
         Returns
         -------
@@ -196,7 +196,7 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            A parameter out of its range, too few rows, a constant target, values that are not finite.
+            A parameter is out of range, there are too few rows, a target is constant, or values are not finite.
         NotImplementedError
             A partition by labels.
         """
@@ -261,7 +261,7 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return pwa_regions(X, self._rule)
 
     def _take(self, fit: PwaFit) -> None:
-        """Attributes of what was found."""
+        """Attributes of the result."""
         self.coef_ = np.asarray(fit.coefficients, dtype=np.float64)
         self.intercept_ = np.asarray(fit.constants, dtype=np.float64)
         self.n_regions_ = len(self.intercept_)
@@ -319,7 +319,7 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return ",".join(_partition(kind, int(regions)) for regions in wanted)
 
     def _features(self, features: int) -> list[int]:
-        """Features that the regions depend on."""
+        """Features that define the regions."""
         if self.partition_features is None:
             return list(range(features))
         chosen = np.asarray(self.partition_features)
@@ -347,14 +347,14 @@ class PWARegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
 
 def _partition(kind: str, regions: int) -> str:
-    """So many regions of a kind; of a tree at most so many, two to the power of its cuts one after another."""
+    """A partition with this number of regions; a tree has at most two to the power of its depth."""
     if kind != "tree":
         return f"{kind}:{regions}"
     return "average" if regions == 1 else f"tree:{regions.bit_length() - 1}"
 
 
 def _groups(groups: Any, rows: int) -> tuple[NDArray[np.intp] | None, list[int]]:
-    """An order of the rows in which groups are neighbours (None: they are already), and the rows of each group."""
+    """An order of the rows that puts groups together (None if they already are), and the rows of each group."""
     if groups is None:
         return None, [rows]
     labels = np.asarray(groups)

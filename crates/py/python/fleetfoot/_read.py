@@ -20,7 +20,7 @@ from .exceptions import DataError
 
 
 def _one_path(path: Any) -> Path:
-    """The one recording that a path, a glob or a list of one names."""
+    """The single recording of a path, a glob or a list."""
     names = open_data(path).names
     if len(names) != 1:
         raise DataError(f"{len(names)} recordings are named, but messages are read from one at a time; give one path")
@@ -63,51 +63,45 @@ def read_mcap(
 ) -> Table | dict[str, Table]:
     """Reads a robot's log (an MCAP or ULog file, or a rosbag2 folder) into a table.
 
-    Either the messages of a topic as they are, one row each (``topic``); or rows of several topics joined on one clock
-    (``columns`` or
-    ``recipe``). Messages are decoded on all cores, straight into Arrow's memory.
+    The rows are the messages of a topic (``topic``), or joined rows of several topics on one clock (``columns`` or
+    ``recipe``). Messages are decoded on all cores, directly into Arrow memory.
 
     Parameters
     ----------
     path : path or list of paths
         The log. Joined rows may come from several.
     topic : str or list of str, optional
-        Read the messages of this topic. A list gives a dict of tables, by topic. When neither ``topic`` nor ``columns``
-        nor ``recipe`` is given, the
-        log must have one topic.
+        Read the messages of this topic. A list gives a dict of tables, by topic. Without ``topic``, ``columns`` and
+        ``recipe`` the log must have a single topic.
     fields : list of str, optional
-        Paths of the fields within a message, such as ``"pose.position.x"``; all that are found in some of the messages
-        when not given. Elements of
-        arrays with more than 64 numbers are read only when they are named (``"ranges[0]"``).
+        Paths of the fields within a message, such as ``"pose.position.x"``; default: all fields of the messages.
+        Elements of arrays with more than 64 numbers are read only by name (``"ranges[0]"``).
     columns : list of str, optional
         Read joined rows of these columns: fields with their topics (``"/odom.twist.twist.linear.x"``), aliases of the
         recipe, or expressions over both.
     recipe : path, str or mapping, optional
-        Which fields are what, and how they are joined. Without ``columns``: its
-        states and inputs, else its aliases.
+        Recipe of the fields and their joins. Without ``columns`` its states and inputs are read, else its aliases.
     base : str, optional
-        The topic whose messages make the joined rows; that of the first column when not given.
+        The topic whose messages make the joined rows; default: that of the first column.
     rate : float, optional
-        Joined rows a second, in place of a base.
+        Joined rows per second, instead of a base.
     stamp : {"header", "log", "publish"}, optional
-        The clock of the joined rows; the headers' where every topic has one, else the log's.
+        Clock of the joined rows; default: headers if every topic has them, else log times.
     progress : bool or callable, optional
         ``True`` for a bar of tqdm, or a function of (stage, done, total).
 
     Returns
     -------
     Table or dict of Table
-        Of messages: ``log_time`` and ``publish_time`` (nanoseconds, UTC), ``header_stamp`` where there are headers,
-        then the fields: numbers and truth
-        values as ``float64`` (NaN where a message has none), texts as dictionaries. Whole numbers beyond 2**53 are
-        rounded. Of joined rows: ``episode``,
-        ``stamp`` (nanoseconds), ``t`` (seconds since the episode's begin), then the columns. ``table.notes`` tells what
-        was assumed or left out.
+        For messages: ``log_time`` and ``publish_time`` (nanoseconds, UTC), ``header_stamp`` if there are headers,
+        then the fields: numbers and booleans as ``float64`` (NaN if missing), texts as dictionaries. Integers beyond
+        2**53 are rounded. For joined rows: ``episode``, ``stamp`` (nanoseconds), ``t`` (seconds since the episode's
+        begin), then the columns. ``table.notes`` lists assumptions and omissions.
 
     Raises
     ------
     DataError
-        The log cannot be read; a topic or a field does not exist, or holds no numbers or texts.
+        The log cannot be read; a topic or field does not exist, or holds neither numbers nor texts.
 
     Examples
     --------
@@ -174,18 +168,18 @@ def read(
     dt: float | None = None,
     progress: Progress = None,
 ) -> Table:
-    """Reads rows of recordings of any kind into a table, as a fit would see them.
+    """Reads rows of any recordings into a table, as a fit reads them.
 
-    Rows come by episode: a file begins one, and so does a gap in its clock. Rows without a readable stamp are left out
-    and counted in ``notes``.
+    Rows are ordered by episode: each file and each gap in the clock begins one. Rows without a readable stamp are
+    left out and counted in ``notes``.
 
     Parameters
     ----------
     source : path, table, array, Dataset, ...
         As in :func:`fleetfoot.open`.
     columns : list of str, optional
-        Columns, aliases of the recipe, or expressions over both. Without them: the recipe's
-        states and inputs, else its aliases, else all columns.
+        Columns, aliases of the recipe, or expressions over both. Default: states and inputs of the recipe, else its
+        aliases, else all columns.
     recipe, t, dt
         As in :func:`fleetfoot.open`.
     progress : bool or callable, optional
@@ -194,15 +188,15 @@ def read(
     Returns
     -------
     Table
-        ``episode``, ``stamp`` (nanoseconds), ``t`` (seconds since the episode's begin; ``seconds`` where a column is
+        ``episode``, ``stamp`` (nanoseconds), ``t`` (seconds since the episode's begin; ``seconds`` if a column is
         called ``t``), then the columns.
 
     Raises
     ------
     RequestError
-        A column that does not exist.
+        A column does not exist.
     DataError
-        Recordings that cannot be read.
+        The recordings cannot be read.
 
     Examples
     --------
@@ -215,7 +209,7 @@ def read(
 
 
 def info(path: str | os.PathLike[str], *, values: bool = False, progress: Progress = None) -> dict[str, Any]:
-    """What a file holds: columns, units, clock; of a robot's log its topics and fields.
+    """Summary of a file: columns, units, clock; for a robot's log topics and fields.
 
     Parameters
     ----------
@@ -230,10 +224,8 @@ def info(path: str | os.PathLike[str], *, values: bool = False, progress: Progre
     -------
     dict
         ``file``, ``format``, ``bytes``, ``rows``, ``columns`` (name, unit, kind, statistics, ...), ``topics`` (name,
-        type, messages, rate in Hz,
-        gaps, ...), ``metadata`` (what a log says of itself), ``time`` (the guessed clock), ``clock`` (periods and gaps
-        in seconds), ``episodes``, ``notes``.
-        ``None`` where a thing is not known.
+        type, messages, rate in Hz, gaps, ...), ``metadata`` of the log, ``time`` (the guessed clock), ``clock``
+        (periods and gaps in seconds), ``episodes``, ``notes``. Unknown values are ``None``.
 
     Raises
     ------
@@ -257,18 +249,18 @@ def info(path: str | os.PathLike[str], *, values: bool = False, progress: Progre
 
 @dataclass(frozen=True)
 class Generated:
-    """What :func:`generate` wrote.
+    """Result of :func:`generate`.
 
     Attributes
     ----------
     files : list of Path
         The logs, in the order of their runs.
     recipe : Path
-        The recipe for them.
+        The recipe of the logs.
     runs : list of dict
         For each run its file, length (seconds), rows, messages, size (bytes), end and excitation.
     excitation : dict
-        What the rows of all runs together could tell a model.
+        Information for a model in the rows of all runs together.
     """
 
     files: list[Path]
@@ -305,7 +297,7 @@ def world(robot: str, world: str | os.PathLike[str] | Mapping[str, Any] | None =
     robot : str
         One of :func:`robots`.
     world : path, str or mapping, optional
-        What to change of it, as in :func:`generate`.
+        Changed parameters, as in :func:`generate`.
 
     Returns
     -------
@@ -314,7 +306,7 @@ def world(robot: str, world: str | os.PathLike[str] | Mapping[str, Any] | None =
     Raises
     ------
     RequestError
-        No such robot or parameter, or a value out of its range.
+        An unknown robot or parameter, or a value out of range.
 
     Examples
     --------
@@ -374,28 +366,28 @@ def generate(
     robot : str
         One of :func:`robots`.
     folder : path
-        Where the logs go; made when needed.
+        Folder of the logs, created if necessary.
     runs : int
-        How many runs, a file each.
+        Number of runs; each is a file.
     minutes : float, optional
         Simulated time of all runs together, minutes.
     seconds : float, optional
-        Simulated time of each run, seconds; a length that suits the robot when neither is given.
+        Simulated time of each run, seconds; the default depends on the robot.
     seed : int
-        Where the random numbers begin.
+        Seed of all random numbers.
     world : path, str or mapping, optional
         Physical parameters: a TOML file, TOML text, or a mapping such as ``{"belt": {"speed": 0.3}}`` or
         ``{"belt.speed": 0.3}``.
     excitation : str, optional
-        How the robot is driven, where that can be chosen.
+        Excitation of the robot, if it can be chosen.
     controller : Controller or path, optional
-        What :meth:`Model.lqr` made, or its file: commands the robot in the place of its own controller.
+        Result of :meth:`Model.lqr`, or its file, which replaces the robot's controller.
     speed : (float, float), optional
         The first and the last run's speed, spread evenly over the runs, in the unit of the world's parameter.
     format : {"mcap", "parquet"}, optional
-        Messages of sensors, or rows of truth; what suits the robot when not given.
+        Messages of sensors, or rows of truth; the default depends on the robot.
     truth : bool
-        Whether messages tell the truth too, on topics of their own.
+        Write the truth too, on separate topics.
     first_run : int
         The number of the first run, which decides its random numbers.
     force : bool
@@ -410,9 +402,9 @@ def generate(
     Raises
     ------
     RequestError
-        No such robot or parameter, or a value out of its range.
+        An unknown robot or parameter, or a value out of range.
     WriteError
-        A folder that cannot be written, or that holds other logs.
+        The folder cannot be written, or holds other logs.
 
     Examples
     --------

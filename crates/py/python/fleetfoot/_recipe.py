@@ -1,4 +1,4 @@
-"""Recipes as dictionaries: read from TOML, laid over each other."""
+"""Recipes as dictionaries: read from TOML and merged."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def as_toml(
     dt: float | None = None,
     where: str | None = None,
 ) -> str:
-    """A recipe as TOML, with the clock and the condition that are given beside it; checked."""
+    """A checked recipe as TOML, with separately given clock and condition."""
     if recipe is None:
         text, origin, is_json = "", "the recipe", False
     elif isinstance(recipe, Mapping):
@@ -57,7 +57,7 @@ def as_toml(
 
 
 def plain(value: Any) -> Any:
-    """Numbers and arrays of numpy, and paths, as JSON has them."""
+    """numpy numbers and arrays, and paths, as JSON values."""
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
     if isinstance(value, os.PathLike):
@@ -66,7 +66,7 @@ def plain(value: Any) -> Any:
 
 
 def over(above: Mapping[str, Any], below: Mapping[str, Any]) -> Recipe:
-    """``below`` with all that ``above`` says; tables are joined entry by entry."""
+    """``below`` with all entries of ``above``; tables are merged entry by entry."""
     joined = dict(below)
     for key, value in above.items():
         own = joined.get(key)
@@ -79,15 +79,15 @@ METHODS = tuple(section for section, _ in _core.settings())
 
 
 def say(arguments: Mapping[str, Any], recipe: Mapping[str, Any]) -> Recipe:
-    """``recipe`` with what the caller's arguments say above it, by the rule of the command line's flags: what is said
-    of a method also silences what contradicts it."""
+    """``recipe`` with the caller's arguments above it, as with flags of the command line: an argument also removes
+    contradicting entries."""
     settings = {name: arguments[name] for name in METHODS if name in arguments}
     below: Mapping[str, Any] = json.loads(_core.say(to_json(settings), to_json(recipe))) if settings else recipe
     return over({name: value for name, value in arguments.items() if name not in settings}, below)
 
 
 def said(**entries: Any) -> Recipe:
-    """The entries that say something."""
+    """The entries that are set."""
     return {name: value for name, value in entries.items() if value is not None}
 
 

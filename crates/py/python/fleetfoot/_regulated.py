@@ -1,4 +1,4 @@
-"""Models of which controllers are made."""
+"""Controllers from models."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ._values import names_of
 
 
 class Regulated:
-    """What a model answers about its control."""
+    """Control methods of a model."""
 
     _core: _core.Model
 
@@ -28,31 +28,31 @@ class Regulated:
         period: float | None = None,
         schedule: str | None = None,
     ) -> Controller:
-        """The linear-quadratic regulator that keeps the model at a set point, with a law for every region.
+        """Linear-quadratic regulator that keeps the model at a set point, with a law for every region.
 
-        It minimises the sum over samples of ``e'Qe + v'Rv``, e being the error of the states and v that of the inputs.
-        What is not given is as ``[control]`` of the model's recipe says; an empty mapping or list says the default.
+        It minimises the sum over samples of ``e'Qe + v'Rv``, with e the error of the states and v that of the inputs.
+        Defaults are those of ``[control]`` in the model's recipe; an empty mapping or list restores the built-in
+        default.
 
         Parameters
         ----------
         setpoint : mapping, optional
-            Values that states and inputs are to have; the others are found, so that the model rests.
+            Set point of states and inputs; the other values follow from rest.
         q, r : mapping, optional
-            Weights of states and inputs; one over the variance in training when not given.
+            Weights of states and inputs; default: one over the variance in training.
         integral : mapping, optional
             Integral action: weights of the time integrals of states' errors.
         limits : mapping, optional
             Lowest and highest values of inputs.
         drive : str or list of str, optional
-            Inputs that are driven; all when not given. What moves the model beside them is measured, and answered at
-            once.
+            Inputs that the regulator drives; default: all. Other inputs are measured and compensated at once.
         free : str or list of str, optional
-            States that are neither kept nor fed back.
+            States that are neither regulated nor fed back.
         period : float, optional
-            Seconds between commands; the model's sampling period when not given.
+            Seconds between commands; default: the model's sampling period.
         schedule : {"auto", "region", "mean"}, optional
-            Whether every region has its law; ``"auto"``: where one of them rests at the set point, else one law for
-            all, of the mean of the regions.
+            Schedule of the laws. ``"auto"``: one per region if a region rests at the set point, else one law of the
+            mean of the regions.
 
         Returns
         -------
@@ -61,7 +61,7 @@ class Regulated:
         Raises
         ------
         ModelError
-            Names that the model has not, weights that cannot be, modes that no input reaches, a model that looks back.
+            Unknown names, invalid weights, unreachable modes, or a model with lags.
 
         Examples
         --------

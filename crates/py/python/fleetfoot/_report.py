@@ -1,4 +1,4 @@
-"""One page that shows what models are worth."""
+"""One page about models and their errors."""
 
 from __future__ import annotations
 
@@ -35,39 +35,39 @@ def report(
     cache: _Path | None = None,
     progress: Progress = None,
 ) -> dict[str, Any]:
-    """Writes one page that shows models and what they are worth: verdict, equations, regions, errors, simulations.
+    """Writes one page about models: verdict, equations, regions, errors, simulations.
 
     The page is one HTML file that needs no network and no script.
 
     Parameters
     ----------
     models : Model, fitted estimator, or dict of these by name
-        What is shown, side by side where there are several. Of a fitted SINDy or BlockSparse the page shows how it was
-        chosen as well: held-out errors, and how often functions were selected.
+        Models of the page, side by side. For a fitted SINDy or BlockSparse the page also shows the choice: held-out
+        errors and selection frequencies.
     data : path, table, array, Dataset, ..., optional
-        As in :func:`fleetfoot.open`: what the models are held against. Give recordings that no model was trained on;
-        the page says which ones were. Without data the page shows the models alone.
+        Recordings to compare the models with, as in :func:`fleetfoot.open`. Use held-out recordings; the page marks
+        training episodes. Without data the page shows the models alone.
     path : path
         The page to write.
     recipe : path, str or mapping, optional
         Changes of clock, topics or labels for these data.
     title : str, optional
-        The title of the page; what the models are when not given.
+        Title of the page; default: names the models.
     horizon : int, optional
-        Steps of every simulation; 200, and at most a quarter of the longest episode, when not given.
+        Steps of every simulation; default: 200, at most a quarter of the longest episode.
     starts : int
         Number of simulations of every model.
     controller : Controller, str or path, optional
-        What drives the inputs of the simulations, as in :meth:`fleetfoot.Model.rollout`.
+        Controller of the simulations, as in :meth:`fleetfoot.Model.rollout`.
     settings : dict, optional
         Settings of the controller.
     plane : two str, optional
-        Two columns, or expressions over columns: the page shows on their plane where the best model errs and where its
-        regions change. The angles of a model that has two of them when not given.
+        Two columns or expressions: the page maps the best model's errors and region changes over their plane.
+        Default: the angles of a model with two of them.
     svg : path, optional
-        Folder to write every figure to as SVG; ``rsvg-convert``, Inkscape or a browser make PNG and PDF of them.
+        Folder for every figure as SVG; ``rsvg-convert``, Inkscape or a browser convert them to PNG and PDF.
     csv : path, optional
-        Folder to write the numbers of every figure to as CSV.
+        Folder for the numbers of every figure as CSV.
     cache : path, optional
         Folder that keeps decoded columns of large logs.
     progress : bool or callable, optional
@@ -76,14 +76,14 @@ def report(
     Returns
     -------
     dict
-        What the page says first: ``findings``, each with ``light`` (good, doubtful, bad, fact), ``head`` and ``text``;
+        Verdicts of the page: ``findings``, each with ``light`` (good, doubtful, bad, fact), ``head`` and ``text``;
         ``title``, ``episodes``, ``in_sample_episodes``, ``notes``.
 
     Raises
     ------
     DataError, RequestError, ModelError
     TypeError
-        Something that is no model.
+        An object is not a model.
 
     Examples
     --------

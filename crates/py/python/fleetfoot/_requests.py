@@ -1,4 +1,4 @@
-"""What the engine is asked for, as dictionaries."""
+"""Requests to the engine, as dictionaries."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class FrolsRequest(TypedDict):
 
 
 class PwaRequest(TypedDict):
-    """How regions are made and chosen."""
+    """Options of regions and their choice."""
 
     partitions: str
     features: list[int]
@@ -53,7 +53,7 @@ class PwaRequest(TypedDict):
 
 
 class PwaRule(TypedDict):
-    """Which region a row belongs to."""
+    """Rule that assigns a row to a region."""
 
     features: list[int]
     centre: list[float]

@@ -1,4 +1,4 @@
-"""Rows and matrices of the package's own table, for libraries that do not speak Arrow."""
+"""Rows and matrices of the package's table, for libraries without Arrow."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def matrix(table: Table) -> np.ndarray[Any, np.dtype[np.float64]]:
     Raises
     ------
     TypeError
-        A column that holds no numbers.
+        A column is not numeric.
     """
     columns = {name: table[name] for name in table.columns}
     others = [name for name, column in columns.items() if column.dtype.kind != "f"]

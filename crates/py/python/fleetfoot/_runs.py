@@ -1,4 +1,4 @@
-"""Runs as numpy arrays: what fits and scores take beside files and tables."""
+"""Runs as numpy arrays, for fits and scores."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Differentiate = Callable[[np.ndarray[Any, Any], Any], Any]
 
 @dataclass
 class Runs:
-    """Arrays as what the engine reads, and what they are to a recipe."""
+    """Arrays for the engine, with their entries of a recipe."""
 
     core: _core.Data
     states: list[str]
@@ -31,7 +31,7 @@ class Runs:
 
 @dataclass(frozen=True)
 class Columns:
-    """A run as its columns, each an array where it lies."""
+    """The columns of a run, as arrays without a copy."""
 
     arrays: list[np.ndarray[Any, Any]]
     ndim: ClassVar[int] = 2
@@ -50,7 +50,7 @@ class Columns:
 
 
 def is_arrays(x: Any) -> bool:
-    """Whether this is an array, or a list of arrays, and not a path, a table or a mapping."""
+    """True for an array or a list of arrays, false for a path, a table or a mapping."""
     if isinstance(x, (np.ndarray, Columns)):
         return True
     if not isinstance(x, (list, tuple)) or not x:
@@ -120,7 +120,7 @@ _MEANT = (
 
 
 def _check_rise(stamp: np.ndarray[Any, Any], run: int) -> None:
-    """Refuses stamps that are none: a clock does not go back, and does not stand still most of the time."""
+    """Refuses invalid stamps: a clock does not go back, and rarely stands still."""
     if stamp.dtype.kind not in "iufmM" or len(stamp) < 2:
         return
     back = np.flatnonzero(stamp[1:] < stamp[:-1])
@@ -139,7 +139,7 @@ _UNEVEN, _MANY = 0.1, 0.05
 
 
 def uneven(clocks: Sequence[Any]) -> list[str]:
-    """Notes for models that go from row to row on stamps that are not one period apart; gaps are few, and end episodes."""
+    """Notes for row-by-row models on stamps that are not one period apart, apart from gaps."""
     notes = []
     for run, clock in enumerate(clocks):
         stamps = numbers(clock, "t")
@@ -159,7 +159,7 @@ def uneven(clocks: Sequence[Any]) -> list[str]:
 
 
 def _beside(values: Any, what: str, x: list[Any]) -> list[Any]:
-    """Arrays that stand beside those of x."""
+    """Further arrays beside x."""
     arrays = array_runs(values, what)
     if len(arrays) != len(x):
         raise ValueError(f"{what} has {len(arrays)} runs and x has {len(x)}; give as many")
@@ -249,7 +249,7 @@ def runs(
 
 
 def differentiated(x: Any, t: Any, dt: float | None, default_dt: float | None, differentiate: Differentiate) -> Any:
-    """Derivatives of every run by a function of the caller's."""
+    """Derivatives of every run by a function of the caller."""
     xs = array_runs(x, "x")
     stamps, period = _stamps(t if dt is None else period_seconds(dt, "dt"), len(xs), [len(one) for one in xs])
     clocks: Sequence[Any] = stamps if stamps is not None else [default_dt if period is None else period] * len(xs)

@@ -32,95 +32,95 @@ if TYPE_CHECKING:
 
 @documented
 class SINDy(Identifier):
-    """Equations as sparse sums of candidate functions, beside what is known of the dynamics (sparse identification of
+    """Equations as sparse sums of candidate functions, beside a known part of the dynamics (sparse identification of
     nonlinear dynamics).
 
-    One pass over the rows; the number of terms is chosen by held-out errors (fewest within one standard error of the
-    least) unless a threshold or
-    the number is given. With a number for ``threshold`` it is pysindy's STLSQ, ridge weight 0.05 included.
+    One pass over the rows. Held-out errors choose the number of terms (fewest within one standard error of the least)
+    unless a threshold or the number is given. With a number for ``threshold`` it is pysindy's STLSQ, including the
+    ridge weight 0.05.
 
     Parameters
     ----------
     optimizer : str or object, default="auto"
-        ``"auto"`` (thresholds of STLSQ and backward elimination together), ``"stlsq"``, ``"sr3"``,
-        ``"ssr"``, ``"frols"``, ``"lasso"``, ``"group-lasso"``, ``"ols"``; or an ``STLSQ``, ``SR3`` or ``FROLS`` object of
-        pysindy or of this package: then the terms are those that it keeps, fitted again by least squares; or an ``SSR``
-        or ``EnsembleOptimizer`` of pysindy: ``select`` and ``inclusion`` choose among its models. What it says takes
-        effect, and what cannot is refused.
+        ``"auto"`` (thresholds of STLSQ and backward elimination together), ``"stlsq"``, ``"sr3"``, ``"ssr"``,
+        ``"frols"``, ``"lasso"``, ``"group-lasso"``, ``"ols"``; or an ``STLSQ``, ``SR3`` or ``FROLS`` object of
+        pysindy or of this package, whose terms are refitted by least squares; or an ``SSR`` or ``EnsembleOptimizer``
+        of pysindy, among whose models ``select`` and ``inclusion`` choose. Unsupported settings of an object are
+        refused.
     library : str, list of str or object, optional
-        Candidate functions: ``"poly(3)"``, ``["poly(2)", "fourier(1)", "x*abs(y)"]``; functions of Python among them,
-        ``["poly(1)", lambda x, y: x * abs(y)]``, of every choice of so many variables: they are read as expressions; or
-        a polynomial, Fourier, identity, custom, concatenated or tensored library of pysindy. When not given what
-        the recipe says, else ``"poly(2)"``, or ``"poly(1)"`` where that would be more than 500 functions.
+        Candidate functions: ``"poly(3)"``, ``["poly(2)", "fourier(1)", "x*abs(y)"]``; Python functions,
+        ``["poly(1)", lambda x, y: x * abs(y)]``, which are read as expressions of every choice of variables; or a
+        polynomial, Fourier, identity, custom, concatenated or tensored library of pysindy. Default: that of the
+        recipe, else ``"poly(2)"``, or ``"poly(1)"`` if ``"poly(2)"`` has more than 500 functions.
     radial : int, optional
-        So many radial functions of states and inputs beside the candidates, which are ``"poly(1)"`` then where no library
-        is given: Gaussians around the centroids of k-means, as wide as centres are apart. When not given what the recipe
-        says, else none.
+        Number of radial functions of states and inputs beside the candidates, which are then ``"poly(1)"`` by
+        default: Gaussians around k-means centroids, as wide as the distance between centres. Default: that of the
+        recipe, else none.
     feature_library : object, optional
-        Another name for ``library``, as pysindy has it.
+        pysindy's name for ``library``.
     differentiation_method : callable, optional
-        Another name for ``derivative``, as pysindy has it.
+        pysindy's name for ``derivative``.
     threshold : float or "auto", default="auto"
-        The cut-off of STLSQ and SR3.
+        Smallest coefficient that STLSQ and SR3 keep.
     terms : int, optional
-        The number of terms of every equation.
+        Number of terms of every equation.
     ridge : float, optional
         Weight of the squared coefficients in STLSQ.
     normalize : bool or "length", optional
-        Whether thresholds and ridge see shares of the target instead of physical coefficients; ``"length"``:
-        coefficients of columns of length 1, as pysindy's ``normalize_columns`` has them.
+        Thresholds and ridge in shares of the target instead of physical coefficients; ``"length"``: coefficients of
+        columns of length 1, as pysindy's ``normalize_columns``.
     max_iterations : int, default=20
-        Regressions of STLSQ at most.
+        Largest number of regressions of STLSQ.
     kappa : float, optional
-        Forward regression (``"frols"``) chooses the number of terms by its error reduction ratios: this is the weight of
-        a term, relative to the condition number of the columns.
+        Weight of a term in the stopping rule of forward regression (``"frols"``) by error reduction ratios, relative
+        to the condition number of the columns.
     select : {"one-se", "cv", "aic", "bic", "ebic"}, default="one-se"
-        What is chosen by.
+        Rule of the choice.
     objective : str, default="one-step"
-        What coefficients are fitted to: ``"one-step"``, ``"steps:20"``, simulations of 20 steps, or ``"free-run"``, as long
-        as held-out rows allow, written where they
-        simulate rows that did not train better; ``report_["objective"]`` tells.
+        Objective of the coefficients: ``"one-step"``, ``"steps:20"`` (simulations of 20 steps), or ``"free-run"`` (as
+        long as held-out rows allow). A model fitted to simulations is kept only if it simulates held-out rows better;
+        see ``report_["objective"]``.
     weak : int or {"auto", "off"}, optional
-        Fit on windows of so many rows in the place of rows (weak form), so that no noisy row is differentiated;
-        ``"auto"`` finds a length by the signals. When not given there are windows where more than a fifth of the variance of
-        some state's differences is noise; ``report_["weak"]`` tells.
+        Weak form: fit on windows of so many rows, without differences of noisy rows; ``"auto"`` takes the length from
+        the signals. Default: windows if more than a fifth of the variance of some state's differences is noise; see
+        ``report_["weak"]``.
     smooth_states : {"auto", "on", "off"}, default="auto"
-        Smooth the states under the equations and find both together, in turn: ``"auto"`` where there are windows because of
-        noise; ``report_["smooth_states"]`` tells.
+        Smooth the states under the equations, in turn with the fit; ``"auto"`` if there are windows because of noise.
+        See ``report_["smooth_states"]``.
     folds : int or str, default="auto"
         ``"auto"``, a number, ``"episodes"``, or ``"splits:N"``.
     ensemble : str, optional
         ``"chunks:100"``, ``"episodes:100"``, ``"library:100"``.
     inclusion : float, default=0.6
-        Share of the members of an ensemble that must have a term.
+        Share of an ensemble's fits that must have a term.
     groups : str or dict of str to list of str, optional
-        Functions that enter together, of the group lasso: ``"signal"`` (a signal with its powers and lags, as when not
-        given), or lists of signals by the names of the groups.
+        Groups of functions that enter together, for the group lasso: ``"signal"`` (a signal with its powers and lags,
+        the default), or lists of signals by the names of the groups.
     l1_ratio : float, default=0
         Share of the absolute values in the penalty of the group lasso.
     seed : int, default=0
-        Of everything random.
+        Seed of all random numbers.
     nominal : dict of str to str, optional
-        What is known of a state's right side: only the rest is learnt.
+        Known part of a state's right side; the rest is learnt.
     fixed : dict of str to list of str, optional
-        Terms that a state's equation has in any case.
+        Terms that a state's equation always has.
     constraints : dict, optional
-        What coefficients keep, as a recipe's ``[constraints]``: ``{"damping": {"coefficients": {"v": ["v"]}, "at_most":
-        0.0}}``. Every regression on the way keeps it; ``report_["limits"]`` tells how near, and each equation's
-        ``free_rms`` and ``free_held_out_rms`` what it costs.
+        Limits on coefficients, as in ``[constraints]`` of a recipe:
+        ``{"damping": {"coefficients": {"v": ["v"]}, "at_most": 0.0}}``. Every regression respects them;
+        ``report_["limits"]`` has the distances, ``free_rms`` and ``free_held_out_rms`` of each equation the errors
+        without limits.
     parameters : dict, optional
         Unknown numbers inside expressions: ``{"tau": 0.05}``, ``{"tau": {"initial": 0.05, "bounds": [0.01, 0.3]}}``.
     discrete_time : bool, default=False
-        Whether next values are predicted instead of derivatives.
+        Predict next values instead of derivatives.
     target : str, optional
-        ``"derivative"``, ``"next"``, ``"delta"``, or a column. When not given what the recipe says, else
-        ``"derivative"``.
+        ``"derivative"``, ``"next"``, ``"delta"``, or a column. Default: that of the recipe, else ``"derivative"``.
     partition : int, str or list, optional
-        Regions, as for :class:`fleetfoot.PWA`, each with equations of its own.
+        Regions, as for :class:`fleetfoot.PWA`, with separate equations.
     partition_on : list of str, optional
-        What the partition looks at.
+        Columns that define the regions.
     front : bool, default=False
-        Keep the models of other numbers of terms, ``front_``.
+        Keep the models with other numbers of terms in ``front_``.
     COMMON
 
     Attributes
@@ -130,7 +130,7 @@ class SINDy(Identifier):
         ``regions``: for each its ``equations`` with ``terms`` (coefficient, standard error, inclusion), errors on the
         rows of the fit and held out; ``notes``.
     front_ : dict of int to Model
-        With ``front``: models by the number of terms an equation has at most.
+        With ``front``: models by the largest number of terms of an equation.
 
     Examples
     --------
@@ -313,14 +313,14 @@ class SINDy(Identifier):
         return Model(chosen), report
 
     def differentiate(self, x: Any, t: Any = None, *, dt: float | None = None) -> Any:
-        """Derivatives of runs as the fit measures them, NaN where a difference lacks its neighbours.
+        """Derivatives of runs, measured as in the fit; NaN without the neighbours of a difference.
 
         Parameters
         ----------
         x : array or list of arrays
             States, (rows, states).
         t : array, list of arrays or float, optional
-            Stamps, or the period; that of the fit when neither it nor ``dt`` is given.
+            Stamps, or the period; default: ``dt``, else the period of the fit.
         dt : float, optional
             The period, seconds.
 
@@ -349,27 +349,26 @@ class SINDy(Identifier):
         return shaped if many else shaped[0]
 
     def get_feature_names(self, latent: str | None = None) -> list[str]:
-        """Names of all candidate functions, the constant ``"1"`` among them; the model itself keeps those that some
-        equation uses."""
+        """Names of all candidate functions, including the constant ``"1"``; the model keeps only the used ones."""
         if latent is not None:
             return super().get_feature_names(latent)
         self._found()
         return list(self.report_["candidates"])
 
     def coefficients(self, *, latent: str | None = None, region: int | None = None) -> Array:
-        """Coefficients of all candidates in the order of :meth:`get_feature_names`, zeros among them.
+        """Coefficients of all candidates in the order of :meth:`get_feature_names`, zeros included.
 
         Parameters
         ----------
         latent : str, optional
-            One unknown function, over the functions that the model keeps.
+            One latent function, over the functions that the model keeps.
         region : int, optional
             One region.
 
         Returns
         -------
         array
-            (equations, candidates) with one region or one that is named, else (regions, equations, candidates).
+            (equations, candidates) for a single or selected region, else (regions, equations, candidates).
         """
         found = super().coefficients(latent=latent, region=region)
         if latent is not None:
@@ -384,7 +383,7 @@ class SINDy(Identifier):
 
 
 def _one(name: str, value: Any, other: str, alias: Any) -> Any:
-    """The value of an argument that has two names."""
+    """The value of an argument with two names."""
     if value is not None and alias is not None:
         raise RequestError(f"{name} and {other} are one argument; give one of them")
     return alias if value is None else value

@@ -1,4 +1,4 @@
-"""What a statistic is solved to."""
+"""Solutions of a statistic."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _RATIOS = {"least-squares": 1.0, "ridge": 0.0, "lasso": 1.0, "elastic-net": None
 
 
 class Certificate(NamedTuple):
-    """How far coefficients are from the minimum, computed from the statistic alone."""
+    """Bound on the distance of coefficients from the minimum, from the statistic alone."""
 
     #: The largest violation of the Karush-Kuhn-Tucker conditions, as a correlation.
     kkt: float
@@ -26,7 +26,7 @@ class Certificate(NamedTuple):
 
 
 class TaskScore(NamedTuple):
-    """How well a task is met on the rows of the statistic."""
+    """Errors of a task on the rows of the statistic."""
 
     #: Root mean squared error, in units of the target.
     rms: float
@@ -47,17 +47,17 @@ class Solution:
     coefficients : ndarray of shape (p,)
         In raw units.
     standard_errors : ndarray of shape (p,) or None
-        Of least squares, clustered by episode (with ten at least, else by chunk); NaN where a column was left out.
+        For least squares, clustered by episode (from ten episodes on, else by chunk); NaN for a left-out column.
     certificate : Certificate
-        How far this is from the minimum.
+        Bound on the distance from the minimum.
     rows : float
-        Rows, weights included.
+        Sum of the row weights.
     tasks : dict of TaskScore
         Errors on these rows, by task.
     confounded : list of list of str
-        Coefficients that the rows can hardly tell apart.
+        Coefficients that the rows cannot separate.
     notes : list of str
-        What else should be known.
+        Notes for the user.
     """
 
     method: str
@@ -85,7 +85,7 @@ class Solution:
 
     @property
     def model(self) -> Model:
-        """The model that these coefficients make."""
+        """The model with these coefficients."""
         return Model(_core.Model.from_json(self._json, "the solution"))
 
 
@@ -109,7 +109,7 @@ def strength(method: str, alpha: float | None, l1_ratio: float | None) -> tuple[
 
 
 def solution(method: str, found: dict[str, Any]) -> Solution:
-    """A solution from what the engine found."""
+    """A solution from the engine's result."""
     return Solution(
         method=method,
         names=[f"{latent}: {function}" for latent, function in found["names"]],

@@ -20,37 +20,38 @@ from ._trimming import Trimmed, trimmed
 class SR3(Optimizer):
     """Sparse relaxed regularised regression.
 
-    Alternates between coefficients w that fit and coefficients v that are sparse: ``0.5 |y - X w|^2 + reg_weight_lam
-    R(v) + 0.5 / relax_coeff_nu |w - v|^2``, on sums over the rows, without an intercept. Parameters, defaults and
-    stopping rule are those of pysindy's `SR3`; inside `pysindy.SINDy` it takes that one's place.
+    Alternates between coefficients w that fit the data and sparse coefficients v:
+    ``0.5 |y - X w|^2 + reg_weight_lam R(v) + 0.5 / relax_coeff_nu |w - v|^2``, on sums over the rows, without an
+    intercept. Parameters, defaults and stopping rule are those of pysindy's `SR3`, which it can replace inside
+    `pysindy.SINDy`.
 
     Parameters
     ----------
     reg_weight_lam : float or array-like of shape (n_targets, n_features), default=0.005
-        Weight of R, one for all or one a coefficient.
+        Weight of R, for all or for each coefficient.
     regularizer : {'l0', 'l1', 'l2', 'weighted_l0', 'weighted_l1', 'weighted_l2'}, default='L0'
-        R: number of coefficients, sum of their sizes, or of their squares; in any case of letters. The weighted ones
+        R: number of coefficients, sum of absolute values, or of squares, in upper or lower case. The weighted ones
         need an array of weights.
     relax_coeff_nu : float, default=1.0
-        Relaxation: the smaller, the nearer w is to v.
+        Relaxation: a smaller value brings w nearer to v.
     tol : float, default=1e-5
         The iteration ends when the step of v over `relax_coeff_nu` is shorter.
     trimming_fraction : float, default=0.0
-        The share of the rows that are given up, those that fit worst: each iteration weighs them anew, and reads them.
+        Share of worst-fitting rows that are ignored; each iteration reweighs the rows.
     trimming_step_size : float, default=1.0
         Length of the step of the rows' weights.
     max_iter : int, default=30
-        Iterations at most.
+        Largest number of iterations.
     copy_X : bool, default=True
-        Accepted, and without effect: X is never written to.
+        Accepted without effect: X is never written.
     initial_guess : array-like of shape (n_features,) or (n_targets, n_features), default=None
-        Where v starts, in units of normalised columns where they are normalised; default: least squares.
+        Start of v, in units of normalised columns if they are normalised; default: least squares.
     normalize_columns : bool, default=False
-        Whether all of it is about the coefficients of columns of length 1.
+        Use coefficients of columns of length 1 throughout.
     verbose : bool, default=False
-        Whether the iterations are printed.
+        Print the iterations.
     unbias : bool, default=False
-        Whether the terms of v are fitted again by least squares.
+        Refit the terms of v by least squares.
 
     Attributes
     ----------
@@ -59,15 +60,15 @@ class SR3(Optimizer):
     coef_full_ : ndarray of shape (n_targets, n_features)
         w.
     ind_ : ndarray of shape (n_targets, n_features), bool
-        The terms that are left.
+        The remaining terms.
     history_ : list of ndarray of shape (n_targets, n_features)
         v at the start and after each iteration.
     trimming_array : ndarray of shape (n_samples,)
-        Shares that the rows kept, where some are given up.
+        Remaining weights of the rows, with trimming.
     intercept_ : float
         0: a column of ones is a feature like the others.
     n_iter_, iters : int
-        Iterations that were made.
+        Number of iterations.
     n_features_in_ : int
         Number of features.
 

@@ -1,4 +1,4 @@
-"""Statistics as values: plans, scans, sums and parts of them, and what they are solved to."""
+"""Statistics as values: plans, scans, sums, parts and solutions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Recipe: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any]"
 
 
 class Rows(NamedTuple):
-    """What became of the rows of a scan."""
+    """Counts of the rows of a scan."""
 
     #: Rows that were summed.
     complete: int
@@ -67,23 +67,23 @@ class _Value:
 
     @classmethod
     def from_bytes(cls: type[Value], data: bytes) -> Value:
-        """The value that ``to_bytes`` gave.
+        """The value of ``to_bytes``.
 
         Raises
         ------
         StatisticError
-            The bytes are damaged, of something else, or of a newer version.
+            The bytes are damaged, of another kind, or of a newer version.
         """
         return cls._of(Statistic.from_bytes(bytes(data)))
 
     @classmethod
     def load(cls: type[Value], path: str | os.PathLike[str]) -> Value:
-        """Reads a ``.stats`` file, this package's or that of ``fleetfoot scan``.
+        """Reads a ``.stats`` file of this package or of ``fleetfoot scan``.
 
         Raises
         ------
         StatisticError
-            The file is damaged, something else, or of a newer version.
+            The file is damaged, of another kind, or of a newer version.
         """
         return cls._of(Statistic.read(path))
 
@@ -92,7 +92,7 @@ class _Value:
         return self._core.to_bytes()
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes a ``.stats`` file, whole or not at all; what was there is replaced.
+        """Writes a ``.stats`` file atomically; an existing file is replaced.
 
         Raises
         ------
@@ -124,43 +124,41 @@ class _Value:
 
     @property
     def functions(self) -> dict[str, list[str]]:
-        """Candidate functions by the name of the latent that they may make."""
+        """Candidate functions by the name of their latent function."""
         return dict(self._core.latents)
 
     @property
     def serves(self) -> list[str]:
-        """The methods that need no logs, each with the regions that were summed for it: ``"fit pwa (partition='average'
-        | 'kmeans:5')"``."""
+        """The methods that need no logs, each with its summed regions:
+        ``"fit pwa (partition='average' | 'kmeans:5')"``."""
         return self._core.serves
 
 
 def rows_of_chunk(chunk_rows: int | None) -> int | None:
-    """A number of rows that was given, checked."""
+    """A checked number of rows."""
     return None if chunk_rows is None else count("chunk_rows", chunk_rows, 1)
 
 
 class Plan(_Value):
-    """What a scan sums: columns, functions, targets, and the coordinates that a pilot sample of the rows gave.
+    """Definition of a scan: columns, functions, targets, and the coordinates of a pilot sample.
 
-    Scans of one plan can be added, whoever made them. A plan is frozen: it is the same on every machine, and known by
-    its hash.
+    Scans of one plan can be added. A plan is frozen: it is equal on every machine, and its hash identifies it.
 
     Parameters
     ----------
     recipe : path, str, mapping or None
-        Which fields are what, and which functions are candidates; ``None``: the dataset's own.
+        The recipe with fields and candidate functions; ``None``: that of the data set.
     data : Dataset, path, table, array or list
-        The recordings that the pilot sample is drawn from, as :func:`fleetfoot.open` takes them: all that will be
-        scanned, or what is typical of them.
+        Recordings for the pilot sample, as in :func:`fleetfoot.open`: all recordings of the scans, or typical ones.
     chunk_rows : int, optional
-        Rows behind one stored sum, at most; chosen by the number of rows when not given.
+        Largest number of rows behind one stored sum; default: by the number of rows.
     progress : bool or callable, optional
         ``True`` for a bar of tqdm, or a function of the stage's name, the pieces done and the pieces in all.
 
     Raises
     ------
     RequestError
-        The recipe cannot be understood, or asks for what is not there.
+        The recipe cannot be understood, or names an unknown column.
     DataError
         The recordings cannot be read.
 
@@ -197,7 +195,7 @@ class Plan(_Value):
 
     @property
     def chunk_rows(self) -> int:
-        """Rows behind one stored sum, at most."""
+        """Largest number of rows behind one stored sum."""
         return self._core.chunk_rows
 
     def __str__(self) -> str:
@@ -208,11 +206,10 @@ class Plan(_Value):
 
 
 class Stats(_Value):
-    """The sums of a scan: what any number of fits needs instead of the rows. Made by :func:`fleetfoot.scan`.
+    """The sums of a scan, which replace the rows in any number of fits. Made by :func:`fleetfoot.scan`.
 
-    A statistic is a value: it never changes; ``a + b`` is the statistic of the rows of both. Sums are kept by episode
-    and chunk, so that episodes can be taken out again, and so that the bits do not depend on who summed what in which
-    order.
+    A statistic is immutable; ``a + b`` is the statistic of the rows of both. Sums are kept by episode and chunk, so
+    episodes can be dropped and the bits do not depend on the order of the summation.
 
     Examples
     --------
@@ -236,12 +233,12 @@ class Stats(_Value):
 
     @property
     def plan(self) -> Plan:
-        """What was summed."""
+        """The plan of the sums."""
         return Plan._of(self._core.plan())
 
     @property
     def rows(self) -> Rows:
-        """Rows that were summed, and those that were left out."""
+        """Summed rows, and left-out rows."""
         return Rows(*self._core.rows)
 
     @property
@@ -256,7 +253,7 @@ class Stats(_Value):
 
     @property
     def files(self) -> list[str]:
-        """Paths of the files and names of the tables that were scanned, as they were given."""
+        """Paths of the scanned files and names of the scanned tables, as given."""
         return [name for name, _, _ in self._core.files]
 
     def __repr__(self) -> str:
@@ -273,7 +270,7 @@ class Stats(_Value):
         return self if isinstance(other, int) and other == 0 else NotImplemented
 
     def select(self, episodes: Episodes | None = None, *, where: Mapping[str, Any] | None = None) -> Stats:
-        """The statistic of some of the episodes: what a scan of them with this plan finds, without a scan.
+        """The statistic of some of the episodes, equal to that of a scan of them with this plan.
 
         Parameters
         ----------
@@ -286,39 +283,39 @@ class Stats(_Value):
         Raises
         ------
         StatisticError
-            Something matches no episode, with what there is; or nothing would be left.
+            A name matches no episode, or no episode would be left.
         """
         return self._kept(matching(self.episodes, episodes, where))
 
     def drop(self, episodes: Episodes | None = None, *, where: Mapping[str, Any] | None = None) -> Stats:
-        """The statistic without some of the episodes; they are named as in :meth:`select`.
+        """The statistic without some of the episodes, selected as in :meth:`select`.
 
         Raises
         ------
         StatisticError
-            Something matches no episode, with what there is; or nothing would be left.
+            A name matches no episode, or no episode would be left.
         """
         unwanted = matching(self.episodes, episodes, where)
         return self._kept({episode.id for episode in self.episodes} - unwanted)
 
     def compact(self) -> Stats:
-        """One sum an episode: smaller; folds and resampling within an episode are no longer possible."""
+        """One sum per episode: smaller, but without folds and resampling within an episode."""
         return Stats._of(self._core.compacted())
 
     def gram(self, task: str | int | None = None) -> Gram:
-        """The normal equations of a task over all rows, raw and not centred, for solvers of your own.
+        """The normal equations of a task over all rows, raw and not centred, for external solvers.
 
-        Squaring the columns costs half of the digits where they are nearly collinear; :meth:`solve` does without.
+        Squared columns lose half of the digits if they are nearly collinear; :meth:`solve` avoids this.
 
         Parameters
         ----------
         task : str or int, optional
-            Name or number of the task; needed where there are several.
+            Name or number of the task; required if there are several.
 
         Raises
         ------
         StatisticError
-            There is no such task, or there are no rows.
+            The task does not exist, or there are no rows.
         """
         root = self._core.root(self._task(task))
         r, z, mean, weight = root["r"], root["z"], root["mean_x"], root["weight"]
@@ -341,24 +338,25 @@ class Stats(_Value):
         recipe: Recipe | None = None,
         progress: Progress = None,
     ) -> Solution:
-        """Coefficients at a penalty that is given; nothing is chosen, held out or refitted.
+        """Coefficients at a given penalty, without a choice, held-out rows or a refit.
 
-        The objective is ``1/(2n) sum_t rss_t / scale_t^2 + alpha (l1_ratio sum_j |b_j u_j| + (1 - l1_ratio)/2 sum_j
-        (b_j u_j)^2)``: n rows; ``scale_t`` the recipe's scale of the task, else the deviation of its target; ``u_j``
-        the deviation of column j over the tasks in units of their scales (1 with ``unscaled`` in the recipe's
-        ``[sparse]``). Constants that stand alone in an equation are not penalised. The coefficients are in raw units.
+        The objective is
+        ``1/(2n) sum_t rss_t / scale_t^2 + alpha (l1_ratio sum_j |b_j u_j| + (1 - l1_ratio)/2 sum_j (b_j u_j)^2)``: n
+        rows; ``scale_t`` the recipe's scale of the task, else the deviation of its target; ``u_j`` the deviation of
+        column j over the tasks in units of their scales (1 with ``unscaled`` in the recipe's ``[sparse]``). Constant
+        terms of an equation are not penalised. The coefficients are in raw units.
 
         Parameters
         ----------
         method : {"least-squares", "ridge", "lasso", "elastic-net"}
             Ridge has ``l1_ratio = 0``, the lasso 1.
         alpha : float, optional
-            The penalty, lambda of the engine; all but least squares need it.
+            The penalty, lambda of the engine; required except for least squares.
         l1_ratio : float, optional
             Share of the absolute values in the penalty; ``"elastic-net"`` needs it.
         recipe : path, str or mapping, optional
-            Other penalty factors, signs, scales and prior strengths than those of the scan; functions and tasks must be
-            the scan's.
+            Recipe with other penalty factors, signs, scales and prior strengths; functions and tasks must be those of
+            the scan.
         progress : bool or callable, optional
             As in :func:`fleetfoot.scan`.
 
@@ -372,9 +370,9 @@ class Stats(_Value):
         RequestError
             The recipe cannot be understood; ``alpha`` is negative.
         StatisticError
-            The recipe asks for something that was not summed.
+            The recipe names a function or task that was not summed.
         ValueError
-            The method is unknown, or an option does not go with it.
+            The method is unknown, or an option does not apply to it.
         """
         alpha, ratio = strength(method, alpha, l1_ratio)
         text = None if recipe is None else as_toml(recipe)
@@ -382,7 +380,7 @@ class Stats(_Value):
             return solution(method, self._core.solve(text, alpha, ratio, callback))
 
     def _as_data(self) -> Data:
-        """This in place of recordings, for the fits that need no rows."""
+        """The statistic as data, for fits without rows."""
         return self._core.data()
 
     def _task(self, task: str | int | None) -> int:
@@ -410,15 +408,15 @@ def scan(
     chunk_rows: int | None = None,
     progress: Progress = None,
 ) -> Stats:
-    """Reads recordings once and sums what a plan asks for.
+    """Reads recordings once and sums them by a plan.
 
     Parameters
     ----------
     plan : Plan, path, str, mapping or None
-        A plan; or a recipe, whose plan is then frozen from a pilot sample of these recordings; ``None``: the recipe of
-        the dataset.
+        A plan; or a recipe, whose plan is frozen from a pilot sample of these recordings; ``None``: the recipe of the
+        data set.
     data : Dataset, path, table, array or list
-        Recordings, as :func:`fleetfoot.open` takes them. One that is there twice is summed once, with a warning.
+        Recordings, as in :func:`fleetfoot.open`. A duplicate is summed once, with a warning.
     keys : str or list of str, optional
         Labels of episodes from the paths of their files: ``"aircraft={dir1}"`` is the folder's name, ``{dir2}`` the one
         above, ``{name}`` and ``{stem}`` the file's.
@@ -434,11 +432,11 @@ def scan(
     Raises
     ------
     RequestError
-        The recipe cannot be understood or asks for what is not there; no row is complete.
+        The recipe cannot be understood or names an unknown column; no row is complete.
     DataError
         The recordings cannot be read.
     StatisticError
-        The recordings do not go with the plan.
+        The recordings do not match the plan.
 
     Examples
     --------
@@ -465,17 +463,17 @@ def scan(
 
 
 def merge(statistics: Iterable[Stats]) -> Stats:
-    """The statistic of the rows of several statistics of one plan: a union by episode and chunk, the same in any order.
+    """Merges statistics of one plan: a union by episode and chunk, equal in any order.
 
     Parameters
     ----------
     statistics : iterable of Stats
-        One at least. ``sum(statistics)`` and ``a + b`` do the same, two at a time.
+        At least one. ``sum(statistics)`` and ``a + b`` are equivalent.
 
     Raises
     ------
     StatisticError
-        The plans differ, with the difference; or two hold the same log, with its name: it would count twice.
+        The plans differ, or two statistics hold the same log, which would count twice.
 
     Examples
     --------

@@ -17,10 +17,9 @@ from ._params import ARRAY, NONE, Rule
 class STLSQ(Optimizer):
     """Sequentially thresholded least squares.
 
-    Regresses with a ridge, drops the coefficients below the threshold, regresses on the rest, until nothing is dropped:
+    Fits with a ridge, drops the coefficients below the threshold and refits, until no coefficient is dropped:
     ``|y - X w|^2 + alpha |w|^2``, on sums over the rows, without an intercept. Parameters, defaults and stopping rule
-    are those of pysindy's `STLSQ`; as an optimizer inside `pysindy.SINDy` and `pysindy.EnsembleOptimizer` it takes that
-    one's place.
+    are those of pysindy's `STLSQ`, which it can replace inside `pysindy.SINDy` and `pysindy.EnsembleOptimizer`.
 
     Parameters
     ----------
@@ -29,45 +28,45 @@ class STLSQ(Optimizer):
     alpha : float, default=0.05
         The ridge.
     max_iter : int, default=20
-        Regressions at most.
+        Largest number of regressions.
     ridge_kw : dict or None, default=None
-        Options of a solver: accepted, and without effect, because the ridge is solved directly. Others raise.
+        Options of a solver, accepted without effect because the ridge is solved directly. Others raise an error.
     normalize_columns : bool, default=False
-        Whether threshold and ridge are on the coefficients of columns of length 1.
+        Apply threshold and ridge to coefficients of columns of length 1.
     copy_X : bool, default=True
-        Accepted, and without effect: X is never written to.
+        Accepted without effect: X is never written.
     initial_guess : array-like of shape (n_features,) or (n_targets, n_features), default=None
-        The iteration ends when the first regression keeps exactly the terms that are not zero here.
+        The iteration ends if the first regression keeps exactly the non-zero terms of this array.
     verbose : bool, default=False
-        Whether the iterations are printed.
+        Print the iterations.
     sparse_ind : list of int or None, default=None
-        Columns that are penalised and may be dropped; the others are always in, without ridge. `coef_` and `ind_` then
-        have these columns alone, and `optvar_non_sparse_` and `ind_non_sparse_` the others.
+        Columns that are penalised and may be dropped; the others always stay, without ridge. `coef_` and `ind_` then
+        hold only these columns, `optvar_non_sparse_` and `ind_non_sparse_` the others.
     unbias : bool, default=True
-        Whether the terms that are left are fitted again without the ridge.
+        Refit the remaining terms without the ridge.
 
     Attributes
     ----------
     coef_ : ndarray of shape (n_targets, n_features)
         Coefficients, the target's units over the column's.
     ind_ : ndarray of shape (n_targets, n_features), bool
-        The terms that are left.
+        The remaining terms.
     history_ : list of ndarray of shape (n_targets, n_features)
         Coefficients at the start (least squares, or the first guess) and after each iteration.
     intercept_ : float
         0: a column of ones is a feature like the others.
     iters : int
-        Regressions that were made, all targets together.
+        Number of regressions, all targets together.
     n_iter_ : int
-        Iterations: the most of any target.
+        Largest number of iterations of a target.
     n_features_in_ : int
         Number of features.
 
     Notes
     -----
-    The answer is pysindy's to rounding, except where columns depend on each other: coefficients are then
-    those of least norm in units of the columns' lengths, in pysindy in raw units. The data are read once, and what is
-    iterated is their triangular factor.
+    The result is pysindy's to rounding, except for dependent columns: coefficients then have least norm in units of
+    the columns' lengths, in pysindy in raw units. The data are read once, and the iterations use their triangular
+    factor.
 
     Examples
     --------
@@ -114,12 +113,12 @@ class STLSQ(Optimizer):
 
     @property
     def complexity(self) -> int:
-        """Number of terms; one more where the threshold is 0, as pysindy counts the intercept."""
+        """Number of terms; one more for a threshold of 0, as pysindy counts the intercept."""
         check_is_fitted(self)
         return int(np.count_nonzero(self.coef_)) + int(abs(self.intercept_) >= self.threshold)
 
     def _others(self, features: int) -> NDArray[np.intp]:
-        """Columns that are always in."""
+        """Columns that always stay."""
         if self.sparse_ind is None:
             return np.zeros(0, dtype=np.intp)
         chosen = np.asarray(self.sparse_ind)

@@ -1,6 +1,6 @@
-"""Functions of Python as expressions: called once with symbols in the place of numbers.
+"""Python functions as expressions: called once with symbols in place of numbers.
 
-So they can be exported, differentiated and simulated like all other candidates.
+They can be exported, differentiated and simulated like all other candidates.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _OPERATORS = {
 
 
 class Symbol:
-    """An expression in the place of a number."""
+    """An expression in place of a number."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -109,7 +109,7 @@ class Symbol:
 
 
 def quoted(name: str) -> str:
-    """A column's name as it may stand in an expression."""
+    """A column's name, quoted for an expression."""
     return name if name.isidentifier() else f"`{name.replace('`', '``')}`"
 
 
@@ -127,21 +127,21 @@ def _text(value: Any) -> str:
 
 
 def expressions(function: Callable[..., Any], names: Sequence[str], *, repeats: bool = False) -> list[str]:
-    """A function of every choice of as many variables as it takes, as expressions.
+    """Expressions of a function for every choice of its number of variables.
 
     Parameters
     ----------
     function : callable
-        Of one value or more, made of operators and numpy's functions.
+        Function of one or more values, made of operators and numpy functions.
     names : list of str
         The variables.
     repeats : bool
-        Whether a variable may be chosen more than once.
+        Allow a variable more than once.
 
     Raises
     ------
     RequestError
-        It cannot be written as an expression.
+        The function cannot be written as an expression.
 
     Examples
     --------

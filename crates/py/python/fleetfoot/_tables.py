@@ -1,4 +1,4 @@
-"""What models were found to do on recordings: dictionaries that print as a table."""
+"""Reports of models on recordings: dictionaries that print as a table."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from ._html import grid
 
 
 class Report(dict[str, Any], ABC):
-    """A report as a dictionary, which prints as a table and gives its table to pandas: ``pandas.DataFrame(report.table)``.
+    """A report as a dictionary that prints as a table; for pandas use ``pandas.DataFrame(report.table)``.
 
     Attributes
     ----------
     table : list of dict
-        Its numbers row by row; NaN where one is missing.
+        Its numbers row by row; NaN for missing ones.
     """
 
     @property
@@ -25,7 +25,7 @@ class Report(dict[str, Any], ABC):
 
     @abstractmethod
     def summary(self) -> str:
-        """What stands below the table."""
+        """The lines below the table."""
 
     def _cells(self) -> tuple[list[str], list[list[str]]]:
         rows = self.table
@@ -52,11 +52,12 @@ class Report(dict[str, Any], ABC):
 
 
 class Scores(Report):
-    """One-step errors: what :meth:`fleetfoot.Model.score` gives."""
+    """One-step errors: the result of :meth:`fleetfoot.Model.score`."""
 
     @property
     def table(self) -> list[dict[str, Any]]:
-        """For each target its errors, beside those against raw measurements (of prepared logs), of the null model and of persistence."""
+        """For each target its errors, those against raw measurements (for prepared logs), of the null model and of
+        persistence."""
         measured = any(one.get("raw") for one in self["targets"])
         return [
             {
@@ -72,17 +73,18 @@ class Scores(Report):
         ]
 
     def summary(self) -> str:
-        """Rows and episodes, and how many of these trained the model."""
+        """Numbers of rows and episodes, and of training episodes."""
         seen = len(self["in_sample_episodes"])
         return f"one step ahead on {self['rows']} rows of {self['episodes']} episodes, {seen} of which trained the model"
 
 
 class Rollouts(Report):
-    """Errors of free runs: what :meth:`fleetfoot.Model.rollout` gives."""
+    """Errors of rollouts: the result of :meth:`fleetfoot.Model.rollout`."""
 
     @property
     def table(self) -> list[dict[str, Any]]:
-        """For each state its error at the last step, beside those against raw measurements (of prepared logs) and of the baselines."""
+        """For each state its error at the last step, those against raw measurements (for prepared logs) and of the
+        baselines."""
         raw = {"raw rmse": self["raw"]} if self.get("raw") else {}
         whose = {"rmse": self["model"], **raw, **{f"rmse of {name}": one for name, one in self["baselines"].items()}}
         seconds = self["time"][-1] if self["time"] else None
@@ -96,7 +98,7 @@ class Rollouts(Report):
         ]
 
     def summary(self) -> str:
-        """How many rollouts there were, and what became of them."""
+        """Number of rollouts, and their ends."""
         return (
             f"{self['rollouts']} rollouts of {len(self['time'])} steps: {self['diverged']} diverged, "
             f"{self['left_domain']} left the training range"
@@ -104,11 +106,11 @@ class Rollouts(Report):
 
 
 class Filtered(Report):
-    """What a filter did: what :meth:`fleetfoot.Model.filter` gives."""
+    """Estimates of a filter: the result of :meth:`fleetfoot.Model.filter`."""
 
     @property
     def table(self) -> list[dict[str, Any]]:
-        """For each sensor its deviation, and whether its innovations are as large and as independent as they should be."""
+        """For each sensor its deviation, and the consistency of its innovations."""
         return [
             {
                 "state": one["state"],
@@ -121,13 +123,13 @@ class Filtered(Report):
         ]
 
     def summary(self) -> str:
-        """Rows, and the mean squared innovation by degree of freedom."""
+        """Rows, and the mean squared innovation per degree of freedom."""
         nis = self["nis"] or {}
         return f"{self['rows']} rows of {self['episodes']} episodes; squared innovations {_cell(_number(nis.get('mean')))} (1 is right)"
 
 
 def _number(value: Any) -> float:
-    """A number, that of an interval, or NaN where there is none."""
+    """A number, the centre of an interval, or NaN."""
     if isinstance(value, dict):
         value = value.get("value")
     return float("nan") if value is None else float(value)

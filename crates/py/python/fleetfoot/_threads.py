@@ -1,4 +1,4 @@
-"""How many threads calls use."""
+"""Number of threads."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ def set_threads(count: int) -> None:
     Parameters
     ----------
     count : int
-        Threads; 0 for as many as there are cores, as at first.
+        Number of threads; 0, the initial value, for one per core.
 
     Raises
     ------
     RequestError
-        No whole number, or more threads than can be.
+        The count is not a whole number, or too large.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""SR3 that gives up the rows which fit worst, as pysindy's does."""
+"""SR3 with trimming of the worst-fitting rows, as in pysindy."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Trimmed", "on_capped_simplex", "trimmed"]
 
 @dataclass(frozen=True)
 class Trimmed:
-    """What :class:`fleetfoot._core.SparseModels` tells, and the shares that the rows kept."""
+    """The result of :class:`fleetfoot._core.SparseModels`, and the remaining weights of the rows."""
 
     coefficients: NDArray[np.float64]
     decided: NDArray[np.float64]
@@ -61,8 +61,8 @@ def trimmed(
 def on_capped_simplex(values: NDArray[np.float64], fraction: float) -> NDArray[np.float64]:
     """The nearest point (n,) with entries in [0, 1] that sum to ``(1 - fraction) n``.
 
-    It is ``clip(values - x, 0, 1)``, whose sum falls with x in straight pieces between the entries and the entries less
-    one: the piece with the wanted sum is found from all of them in order.
+    It is ``clip(values - x, 0, 1)``, whose sum is piecewise linear in x with breakpoints at the entries and the
+    entries less one. Sorting them gives the piece with the required sum.
     """
     wanted = (1.0 - fraction) * len(values)
     ends = np.concatenate([values - 1.0, values])

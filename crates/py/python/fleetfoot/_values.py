@@ -1,4 +1,4 @@
-"""Numbers and names of a caller: checked with one message for all."""
+"""Checks of a caller's numbers and names, with a uniform message."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _MOST = 2**63 - 1
 
 
 def count(name: str, value: Any, least: int) -> int:
-    """A whole number of at least so much."""
+    """A whole number of at least a given value."""
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)) or value < least:
         raise RequestError(f"{name}={shown(repr(value))}: give a whole number of {least} or more")
     if value > _MOST:
@@ -36,5 +36,5 @@ def number(name: str, value: Any) -> float:
 
 
 def names_of(given: str | Iterable[str]) -> list[str]:
-    """Names, or one name that stands for itself: a text is no list of its letters."""
+    """A list of names; a single text is one name."""
     return [given] if isinstance(given, str) else list(given)

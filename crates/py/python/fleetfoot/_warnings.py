@@ -1,4 +1,4 @@
-"""What the engine wants its user to know: what may be wrong as Python warnings, what it took as usual as log lines."""
+"""Messages of the engine: possible mistakes as Python warnings, usual assumptions as log lines."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections.abc import Iterable
 
 
 class FleetfootWarning(UserWarning):
-    """Something about the data or a fit that its user should know; the answer stands all the same."""
+    """A possible mistake in the data or a fit; the result is still valid."""
 
 
 _HERE = os.path.dirname(os.path.abspath(__file__))
@@ -45,7 +45,8 @@ def warn(message: str) -> None:
 
 
 def tell_all(messages: Iterable[str]) -> list[str]:
-    """A warning for every message, but a line of the log ``fleetfoot`` for what is as usual; the messages as told."""
+    """A warning for every message, or a line of the log ``fleetfoot`` for a usual assumption; returns the
+    messages."""
     told = list(messages)
     for message in told:
         if _ROUTINE.search(message):

@@ -1,7 +1,7 @@
-"""What the reader of recipes says of arguments, in words of Python.
+"""Messages of the recipe parser about arguments, in words of Python.
 
-Messages of the engine speak of arguments already (``words.rs`` of the module). Arguments become TOML or JSON on the way to the reader of recipes, and no
-user wrote that text: its place is left out, and its types have their names in Python.
+Messages of the engine name arguments already (``words.rs`` of the module). Arguments become TOML or JSON for the
+recipe parser. Its messages are shown without places in that text, and with Python's names of types.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _TYPES = {
 
 
 def of_python(message: str) -> str:
-    """A message without the TOML and JSON that no user wrote.
+    """A message without references to generated TOML and JSON.
 
     Examples
     --------
@@ -45,7 +45,7 @@ def of_python(message: str) -> str:
 
 
 def _unparsed(whose: str, line: str, problem: str) -> str:
-    """What the reader of recipes says of a line of TOML that no user wrote."""
+    """A message of the recipe parser about generated TOML."""
     key, _, text = line.partition(" = ")
     value = _value(text)
     where = "" if whose == "the arguments" else f"{whose}: "
@@ -66,12 +66,12 @@ def _unparsed(whose: str, line: str, problem: str) -> str:
 
 
 def _value(text: str) -> str:
-    """A value of TOML as Python writes it, shortened where it is long."""
+    """A TOML value in Python's notation, shortened if long."""
     if len(text) > 1 and text[0] == text[-1] == '"':
         text = repr(text[1:-1])
     return shown({"true": "True", "false": "False"}.get(text, text))
 
 
 def shown(text: str) -> str:
-    """A text in a message, without the middle where it is long."""
+    """A text in a message, without its middle if long."""
     return text if len(text) <= _LONG else f"{text[:20]}...{text[-10:]}"

@@ -41,31 +41,29 @@ def scan(
 ) -> Stats:
     """Scans recordings on the workers of a cluster: one task for each file, then a tree of merges.
 
-    The result has the bytes of ``fleetfoot.scan(plan, files)``: sums are kept by episode and chunk and joined by key,
-    so it does not matter who summed what in which order, nor how often: a worker that dies loses nothing, its tasks run
-    again elsewhere, and a log cannot count twice.
+    The result has the bytes of ``fleetfoot.scan(plan, files)``: sums are kept by episode and chunk and merged by key,
+    in any order and with repetitions. The tasks of a dead worker run again elsewhere, and a log cannot count twice.
 
     Parameters
     ----------
     plan : Plan, path, str or mapping
-        A plan; or a recipe, whose plan is then frozen here from a pilot sample of all files.
+        A plan; or a recipe, whose plan is frozen from a pilot sample of all files.
     files : path, str or list
-        Files, glob patterns and folders. They must be visible under the same paths here and on the workers, relative
-        ones from the same folder. Or a list of tables in memory (as :func:`fleetfoot.open` takes them), of
-        ``dask.delayed`` objects and futures, or of references of Ray, whose values are tables.
+        Files, glob patterns and folders. They must have the same paths here and on the workers, relative ones from
+        the same folder. Or a list of tables in memory (as in :func:`fleetfoot.open`), of ``dask.delayed`` objects and
+        futures, or of references of Ray, whose values are tables.
     client : dask.distributed.Client or ray, optional
-        Where the tasks run: a client of Dask, or the module ``ray`` (initialised). When not given, the Ray that is
-        initialised in this process, else the current client of Dask.
+        Client of Dask, or the initialised module ``ray``. Default: Ray if initialised in this process, else the
+        current client of Dask.
     backend : {"dask", "ray"}, optional
-        Which of the two, where both are there.
+        Choice of the backend, if both are available.
     keys : str or list of str, optional
         Labels from paths, as in :func:`fleetfoot.scan`.
     batch : int, optional
-        Files of a task; more than one for many small files.
+        Number of files per task, for many small files.
     timeout : float, optional
-        If no worker of the cluster does anything for so many seconds, the scan stops with an error that names the
-        missing files. Any work of the cluster counts, that of other users too. Where workers wait in a queue, give
-        more seconds, or ``None``, which waits without end.
+        Seconds without work on the cluster after which the scan stops, with an error that names the missing files.
+        Work of other users counts too. For workers in a queue use more seconds, or ``None`` for no limit.
     progress : bool or callable, optional
         ``True`` for a bar of tqdm, or a function of the stage's name, the tasks done and the tasks in all.
 
@@ -78,20 +76,21 @@ def scan(
     RequestError
         No row is complete; there is no file; the recipe cannot be understood.
     DataError
-        A recording cannot be read; what a worker raises is raised here.
+        A recording cannot be read; exceptions of workers are raised here.
     RuntimeError
-        There is no cluster; workers died under a task too often, or the cluster cancelled it: the files are named.
+        There is no cluster; workers died during a task too often, or the cluster cancelled it. The message names the
+        files.
     TimeoutError
-        No worker has worked for ``timeout`` seconds; the files that are missing are named.
+        No worker has worked for ``timeout`` seconds. The message names the missing files.
     ImportError
         The backend is not installed.
 
     Notes
     -----
-    fleetfoot must be installed on the workers, in the same version. A task uses all cores of its machine; where several
-    workers share one, give each its part: ``client.run(fleetfoot.set_threads, 1)``. Ctrl-C stops the scan: tasks that
-    have not begun are cancelled. A Dask worker may die three times under a task before Dask gives the task up
-    (``distributed.scheduler.allowed-failures``); Ray tries a task five times.
+    fleetfoot must be installed on the workers, in the same version. A task uses all cores of its machine. If workers
+    share a machine, limit each: ``client.run(fleetfoot.set_threads, 1)``. Ctrl-C stops the scan and cancels waiting
+    tasks. Dask gives up a task after three dead workers (``distributed.scheduler.allowed-failures``); Ray tries a
+    task five times.
 
     Examples
     --------
@@ -177,16 +176,16 @@ NAMED = 20
 
 
 class Watch:
-    """The tasks of a scan while they run: how many are done, which files are missing, since when nobody has worked.
+    """Progress of the tasks of a scan: finished tasks, missing files, time without work.
 
     Parameters
     ----------
     groups : list of list of Source
-        What each task scans, in the order of the tasks.
+        Files or tables of each task, in the order of the tasks.
     timeout : float, optional
         Seconds without work after which the scan ends.
     callback : callable, optional
-        Hears of the tasks that are done.
+        Called with the number of finished tasks.
     """
 
     def __init__(self, groups: list[list[Source]], timeout: float | None, callback: Any) -> None:
@@ -198,11 +197,11 @@ class Watch:
 
     @property
     def patience(self) -> float | None:
-        """Seconds that an answer of the cluster may take."""
+        """Longest wait for an answer of the cluster, in seconds."""
         return self._timeout
 
     def ended(self, group: int | None, tasks: int) -> None:
-        """A task has ended, that of a group or a merge; there are so many in all."""
+        """Records the end of a task of a group or a merge, out of all tasks."""
         if group is not None:
             self._left.discard(group)
         self._done += 1
@@ -211,7 +210,7 @@ class Watch:
             self._callback("scan", self._done, tasks)
 
     def look(self, working: Callable[[], bool]) -> None:
-        """Ends the scan where no worker has worked for too long; ``working`` asks the cluster."""
+        """Ends the scan if no worker has worked for too long; ``working`` queries the cluster."""
         now = time.monotonic()
         if self._timeout is None or now - self._looked < min(LOOK_AT_WORKERS, self._timeout / 2):
             return
@@ -225,18 +224,18 @@ class Watch:
         self._looked = now
 
     def died(self, group: int | None) -> RuntimeError:
-        """Workers died under a task, that of a group or a merge."""
+        """Error for workers that died during a task of a group or a merge."""
         what = "a merge, or what a file is made of" if group is None else self._named(self._files[group])
         return RuntimeError(
             f"workers died under {what}: {self.missing()}; give the workers more memory, or leave these files out"
         )
 
     def cancelled(self, why: object) -> RuntimeError:
-        """Somebody else ended the tasks."""
+        """Error for tasks that were cancelled from outside."""
         return RuntimeError(f"the cluster ended the scan ({why}): {self.missing()}; scan again")
 
     def missing(self) -> str:
-        """Which files are missing, in words."""
+        """The missing files, as text."""
         every = sum(map(len, self._files))
         files = [file for group in sorted(self._left) for file in self._files[group]]
         if not files:
@@ -250,7 +249,7 @@ class Watch:
 
 
 class Cluster(Protocol):
-    """Where tasks run."""
+    """Cluster that runs the tasks."""
 
     def run(self, plan: bytes, keys: list[str], groups: list[list[Source]], watch: Watch) -> Part:
         """Scans every group, and merges."""
@@ -326,7 +325,7 @@ class _Dask:
             del root, waiting
 
     def _value(self, root: Any, group_of: dict[Any, int], watch: Watch) -> Part:
-        """The value of the last task, which is made again where it was lost."""
+        """The value of the last task, recomputed if lost."""
         import distributed
 
         wait: Any = distributed.wait
@@ -345,7 +344,7 @@ class _Dask:
                 return found
 
     def _check(self, future: Any, group_of: dict[Any, int], watch: Watch) -> None:
-        """Raises what a task has failed with."""
+        """Raises the error of a failed task."""
         import distributed
 
         # One that is lost is made again.
@@ -358,7 +357,7 @@ class _Dask:
             raise watch.cancelled("the task was cancelled; a restart of the cluster does that, and its end")
 
     def _works(self) -> bool:
-        """Whether a worker of the cluster runs a task, of this scan or another, or fetches what a task needs."""
+        """True if a worker runs a task, of this scan or another, or fetches its data."""
         try:
             try:
                 info = self._client.scheduler_info(n_workers=-1)
@@ -444,7 +443,7 @@ class _Ray:
             raise
 
     def _wait(self, root: Any, pending: dict[Any, int | None], watch: Watch) -> Part:
-        """Takes what is done from ``pending`` until nothing is left, and gets the root."""
+        """Removes finished tasks from ``pending`` until none is left, and fetches the root."""
         total = len(pending)
         while pending:
             ready, _ = self._ray.wait(list(pending), num_returns=1, timeout=0.5)
@@ -467,13 +466,13 @@ class _Ray:
             raise TimeoutError(f"a sum did not come within {watch.patience:g} s: {watch.missing()}") from error
 
     def _works(self) -> bool:
-        """Whether some of the cluster's processors are in use, by this scan or by others."""
+        """True if processors of the cluster are in use, by this scan or others."""
         total, free = self._ray.cluster_resources(), self._ray.available_resources()
         return bool(total.get("CPU", 0.0) > free.get("CPU", 0.0))
 
 
 def _signed_scan(*arguments: Any) -> tuple[Part, None]:
-    """A part, and a sign that it is there: looking whether it failed does not fetch it."""
+    """A part and a flag, so that a check for failure does not fetch the part."""
     return scan_part(*arguments), None
 
 

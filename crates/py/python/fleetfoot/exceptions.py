@@ -1,4 +1,5 @@
-"""One exception class for each kind of error. All are :class:`FleetfootError`; a request that cannot be met has a class a cause."""
+"""One exception class for each kind of error. All are :class:`FleetfootError`; a refused request has one class per
+cause."""
 
 from __future__ import annotations
 
@@ -26,7 +27,7 @@ __all__ = [
 
 
 class FleetfootError(Exception):
-    """Anything that fleetfoot raises on its own account."""
+    """Base of all errors of fleetfoot."""
 
     def __init__(self, *given: object) -> None:
         message, *rest = given or ("",)
@@ -34,47 +35,47 @@ class FleetfootError(Exception):
 
 
 class RequestError(FleetfootError, ValueError):
-    """What was asked for cannot be understood or does not exist: recipes, expressions, columns, options."""
+    """The request cannot be understood or names something unknown: recipes, expressions, columns, options."""
 
 
 class DataError(FleetfootError, ValueError):
-    """Recordings that cannot be read, or do not hold what is needed."""
+    """Recordings cannot be read, or lack a column."""
 
 
 class FitError(FleetfootError, ValueError):
-    """The data do not determine what was to be fitted, or an option of a fit is out of its range."""
+    """The data do not determine the fit, or an option of a fit is out of range."""
 
 
 class ModelError(FleetfootError, ValueError):
-    """A model that cannot be read, run or exported."""
+    """A model cannot be read, run or exported."""
 
 
 class StatisticError(FleetfootError, ValueError):
-    """Statistics that cannot be read or do not go together."""
+    """Statistics cannot be read or merged."""
 
 
 class WriteError(FleetfootError, OSError):
-    """A file that cannot be written."""
+    """A file cannot be written."""
 
 
 class OutOfMemoryError(FleetfootError, MemoryError):
-    """The answer needs more memory than the system gives this process; this is found before the work begins."""
+    """The work needs more memory than the process may use; raised before it begins."""
 
 
 class InternalError(FleetfootError, RuntimeError):
-    """A mistake in fleetfoot itself: please report it."""
+    """A bug in fleetfoot: please report it."""
 
 
 class OptionError(RequestError):
-    """An option or a key of the recipe has a value that it does not take, is missing, or excludes another."""
+    """An option or a key of the recipe has an invalid value, is missing, or excludes another."""
 
 
 class ParameterError(RequestError, TypeError):
-    """A parameter that is not what it may be: a `ValueError` and a `TypeError`, as in scikit-learn."""
+    """A parameter has an invalid value: a `ValueError` and a `TypeError`, as in scikit-learn."""
 
 
 class UnknownNameError(RequestError):
-    """Nothing has the name: a column, a state, a label, a robot."""
+    """An unknown name: a column, a state, a label, a robot."""
 
     #: The name, where one was asked for.
     name: str | None = None
@@ -83,7 +84,7 @@ class UnknownNameError(RequestError):
 
 
 class TooFewRowsError(RequestError, DataError):
-    """There are too few rows for what is to be learnt from them."""
+    """There are too few rows for the fit."""
 
     #: Rows that can be used.
     rows: int = 0
@@ -92,8 +93,8 @@ class TooFewRowsError(RequestError, DataError):
 
 
 class NeedsLogsError(RequestError):
-    """The statistic cannot answer it: it has no rows, or was scanned for something else. The logs could."""
+    """The statistic has no rows, or was scanned for another purpose: the request needs the logs."""
 
 
 class UndeterminedError(RequestError, FitError):
-    """The data do not determine what was asked for."""
+    """The data do not determine the result."""

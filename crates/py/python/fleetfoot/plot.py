@@ -1,4 +1,4 @@
-"""Pictures with matplotlib, which is imported when the first is drawn: ``pip install matplotlib``.
+"""Figures with matplotlib, imported at the first figure: ``pip install matplotlib``.
 
 Each function draws on an ``Axes``, a new one when none is given, and returns it.
 """
@@ -50,25 +50,25 @@ def channels(
     data : path, table, array, Dataset, ...
         As in :func:`fleetfoot.open`.
     columns : list of str, optional
-        Columns, or expressions over them; the recipe's states and inputs, else all, when not given.
+        Columns, or expressions over them; default: states and inputs of the recipe, else all.
     recipe : path, str or mapping, optional
-        Which fields are what.
+        The recipe of the fields.
     most : int
-        Channels shown, where no columns are named.
+        Largest number of channels, without ``columns``.
     ax : sequence of matplotlib.axes.Axes, optional
-        Where to draw: as many as there are channels.
+        Axes to draw on, one per channel.
     progress : bool or callable, optional
         ``True`` for a bar of tqdm, or a function of (stage, done, total).
 
     Returns
     -------
     array of matplotlib.axes.Axes
-        One a channel.
+        One per channel.
 
     Raises
     ------
     ValueError
-        Not as many axes as channels, or no channel.
+        The numbers of axes and channels differ, or there is no channel.
     ImportError
         matplotlib is not installed.
 
@@ -92,7 +92,7 @@ def coefficients(
     most: int = 30,
     ax: Any = None,
 ) -> Any:
-    """The coefficients of one equation, with 95 % intervals where the fit knows them.
+    """The coefficients of one equation, with 95 % intervals if available.
 
     Parameters
     ----------
@@ -100,13 +100,13 @@ def coefficients(
         A model, or a fitted estimator with ``model_``. A model's file has no standard errors; those of ``SINDy``,
         ``NARX`` and ``BlockSparse`` are in their ``report_``.
     target : int or str
-        Which output, or latent function.
+        Output, or latent function.
     region : int
-        Which region.
+        Region.
     most : int
-        Functions shown, in the order of the library; of more those with the largest coefficients.
+        Largest number of functions, those with the largest coefficients, in the order of the library.
     ax : matplotlib.axes.Axes, optional
-        Where to draw.
+        Axes to draw on.
 
     Returns
     -------
@@ -115,7 +115,7 @@ def coefficients(
     Raises
     ------
     ValueError
-        No such target or region.
+        An unknown target or region.
     ImportError
         matplotlib is not installed.
 
@@ -156,7 +156,7 @@ def coefficients(
 
 
 def _latent(model: Any, place: int, names: list[str]) -> dict[str, Any]:
-    """The function that a target is, or a latent by its name."""
+    """The function of a target, or a latent function by name."""
     content = model.content
     if place >= len(model.outputs):
         found: dict[str, Any] = content.latent(names[place])
@@ -170,7 +170,7 @@ def _latent(model: Any, place: int, names: list[str]) -> dict[str, Any]:
 
 
 def _standard_errors(report: Any, target: str, latent: str, region: int) -> dict[str, float]:
-    """Standard errors by function, as the report of a fit tells them."""
+    """Standard errors by function, from the report of a fit."""
     if not isinstance(report, dict):
         return {}
     terms: list[dict[str, Any]] = []
@@ -194,7 +194,7 @@ def prediction(
     ax: Any = None,
     progress: Progress = None,
 ) -> Any:
-    """Measured values over time, and what the model predicts one step ahead.
+    """Measured values over time, and the one-step predictions of the model.
 
     Parameters
     ----------
@@ -203,13 +203,13 @@ def prediction(
     data : path, table, array, Dataset, ...
         Rows to show, as in :func:`fleetfoot.open`.
     target : int or str
-        Which output.
+        Output.
     episode : int or str
-        Which episode.
+        Episode.
     recipe : path, str or mapping, optional
         Changes of clock, topics or labels for these data.
     ax : matplotlib.axes.Axes, optional
-        Where to draw.
+        Axes to draw on.
     progress : bool or callable, optional
         ``True`` for a bar of tqdm, or a function of (stage, done, total).
 
@@ -220,7 +220,7 @@ def prediction(
     Raises
     ------
     ValueError
-        No such target or episode.
+        An unknown target or episode.
     ImportError
         matplotlib is not installed.
     """
@@ -256,11 +256,11 @@ def comparison(found: Any, *, target: str | None = None, ax: Any = None) -> Any:
     Parameters
     ----------
     found : Comparison
-        What :func:`fleetfoot.compare` gives.
+        Result of :func:`fleetfoot.compare`.
     target : str, optional
-        One target, in its unit; all of them, over the error of the null model, when not given.
+        One target, in its unit; default: all targets, relative to the null model.
     ax : matplotlib.axes.Axes, optional
-        Where to draw.
+        Axes to draw on.
 
     Returns
     -------
@@ -269,7 +269,7 @@ def comparison(found: Any, *, target: str | None = None, ax: Any = None) -> Any:
     Raises
     ------
     ValueError
-        No such target.
+        An unknown target.
     ImportError
         matplotlib is not installed.
     """
@@ -314,18 +314,17 @@ def horizon(
     Parameters
     ----------
     rollout : dict
-        What ``Model.rollout`` returns.
+        Result of ``Model.rollout``.
     state : str, optional
-        Draw the root mean square error of this state; the Mahalanobis score of all, with its 95 % interval, when not
-        given.
+        State whose RMSE is drawn; default: the Mahalanobis score of all states, with its 95 % interval.
     unit : str, optional
         The state's unit.
     baselines : bool
         Draw the baselines too.
     label : str
-        What the model is called.
+        Name of the model.
     ax : matplotlib.axes.Axes, optional
-        Where to draw.
+        Axes to draw on.
 
     Returns
     -------
@@ -334,9 +333,9 @@ def horizon(
     Raises
     ------
     TypeError
-        This is no rollout.
+        The argument is not a rollout.
     ValueError
-        No such state.
+        An unknown state.
     ImportError
         matplotlib is not installed.
 
@@ -394,7 +393,7 @@ def region_map(
     ax: Any = None,
     progress: Progress = None,
 ) -> Any:
-    """Where a model's regions lie, and how well it predicts there, on the plane of two columns.
+    """Regions of a model, or its errors, on the plane of two columns.
 
     Parameters
     ----------
@@ -405,15 +404,14 @@ def region_map(
     x, y : str
         Columns of the model, or expressions over them; for ``value="region"`` columns.
     value : {"region", "transitions", "score", "rows"}
-        What the colour tells: the region that most rows of the cell are in; the share of the trajectories' stays in the
-        cell in which the region changes; the
-        mean Mahalanobis score of the one-step errors; or the number of rows.
+        Quantity of the colour: the region of most rows of the cell; the share of passages through the cell in which
+        the region changes; the mean Mahalanobis score of the one-step errors; or the number of rows.
     bins : int
         Cells along each axis.
     recipe : path, str or mapping, optional
         Changes of clock, topics or labels for these data.
     ax : matplotlib.axes.Axes, optional
-        Where to draw.
+        Axes to draw on.
     progress : bool or callable, optional
         ``True`` for a bar of tqdm, or a function of (stage, done, total).
 
@@ -424,7 +422,7 @@ def region_map(
     Raises
     ------
     ValueError
-        A column that the model does not have, or another ``value``.
+        An unknown column, or an unknown ``value``.
     ImportError
         matplotlib is not installed.
 
@@ -465,7 +463,7 @@ def region_map(
 def _regions(
     ax: Any, rows: dict[str, Any], axes: tuple[str, str], plane: dict[str, Any], bins: int, extent: Any
 ) -> None:
-    """The region of most rows in each cell."""
+    """Region of most rows in each cell."""
     from matplotlib.colors import BoundaryNorm, ListedColormap
     from matplotlib.pyplot import get_cmap
 
@@ -509,7 +507,7 @@ def _regions(
 
 
 def _units_of(model: Any) -> dict[str, str | None]:
-    """The units of a model's columns, as its file tells them."""
+    """Units of a model's columns, from its file."""
     content = json.loads(model.to_json())
     columns = content.get("columns") or content.get("model", {}).get("columns", [])
     return {column["name"]: column.get("unit") for column in columns}

@@ -1,12 +1,12 @@
-//! `[auto]`: how far models of all methods are looked for, and over how many steps they are compared.
+//! `[auto]`: effort of the search for a model, and steps of the simulations that compare models.
 
 use super::{bounds::whole, narx::Effort, settings::settings};
 
 settings! {
     auto, |_, _| {};
-    /// How models are looked for. Every entry is the flag of `auto` of the same name.
+    /// Settings of the search for models. Every entry is the flag of `auto` of the same name.
     pub struct AutoSection {
-        /// How many kinds of models are tried: low, normal (also medium) or high (default: normal).
+        /// Search effort, by the number of kinds of models: low, normal (also medium) or high (default: normal).
         #[arg(long, value_enum, value_name = "EFFORT")]
         pub effort: Effort,
         /// Steps of the simulations that compare models (default: the correlation time of the states, in rows).

@@ -1,38 +1,41 @@
-//! `[body]`, `[joint.NAME]` and `[sensor.NAME]`: sensors of one rigid body and of joints, whose motion `prepare` fuses of them.
+//! `[body]`, `[joint.NAME]` and `[sensor.NAME]`: sensors that `prepare` fuses into the motion of a rigid body or a joint.
 
 use fleetfoot_signal::Estimate;
 use serde::{Deserialize, Serialize};
 
 use super::{Kind, settings::Tunable};
 
-/// How the motion of a body is fused.
+/// Settings of the fused motion of a body.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct BodySection {
-    /// The size of gravity, m/s^2, whose direction is found (9.80665), or its three components in the world.
+    /// Magnitude of gravity, m/s^2, with a fitted direction (9.80665), or its three components in the world.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gravity: Option<Gravity>,
-    /// What the written recipe takes the attitude for (euler).
+    /// Attitude as a state of the written recipe (euler).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub attitude: Option<AttitudeForm>,
-    /// Deviations beyond which a measured position, or an attitude, counts by its distance and no more by its square (4).
+    /// Deviations beyond which a measured position or attitude counts by its distance instead of its square (4).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub huber: Option<f64>,
-    /// Degrees of freedom of Student's law, which the errors of positions and attitudes have in place of `huber`: the fewer, the less count those that are far off.
+    /// Degrees of freedom of Student's distribution for the errors of positions and attitudes, in place of `huber`:
+    /// fewer degrees weigh outliers less.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub student: Option<f64>,
-    /// Deviations beyond which a measured position, or an attitude, is left out; 0: none is (10).
+    /// Deviations beyond which a measured position or attitude is left out; 0 keeps all (10).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gate: Option<f64>,
-    /// What states are told from: `smoother`, all measurements; `filter`, those up to the instant of a row, as on the machine (smoother).
+    /// Measurements behind a state: `smoother`, all; `filter`, those up to the instant of a row, as on the machine
+    /// (smoother).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub estimate: Option<EstimateKind>,
-    /// Without an accelerometer: density of the white noise that an axis' jerk is taken for, m/s^3/sqrt(Hz) (told by the residuals).
+    /// Without an accelerometer: density of the white noise that models an axis' jerk, m/s^3/sqrt(Hz) (estimated from
+    /// the residuals).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub jerk: Option<f64>,
 }
 
-/// What the attitude of a fused body is as a state of the written recipe.
+/// Attitude of a fused body as a state of the written recipe.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum AttitudeForm {
@@ -43,46 +46,47 @@ pub enum AttitudeForm {
     Quaternion,
 }
 
-/// How the motion of a joint is fused.
+/// Settings of the fused motion of a joint.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct JointSection {
-    /// The sensors of the joint, by their names in `[sensor]` (of the only joint: all of positions and rates).
+    /// Sensors of the joint, by their names in `[sensor]` (for a single joint: all sensors of positions and rates).
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub sensors: Vec<String>,
     /// `angle` where positions jump by a turn (`linear`).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kind: Option<Kind>,
-    /// The unit of positions.
+    /// Unit of positions.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unit: Option<String>,
-    /// Density of the white noise that the jerk is taken for, u/s^3/sqrt(Hz) with `u` the unit of positions (told by the readings).
+    /// Density of the white noise that models the jerk, u/s^3/sqrt(Hz) with `u` the unit of positions (estimated from
+    /// the readings).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub jerk: Option<f64>,
-    /// Deviations beyond which a reading counts by its distance and no more by its square (4).
+    /// Deviations beyond which a reading counts by its distance instead of its square (4).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub huber: Option<f64>,
-    /// Degrees of freedom of Student's law, which the errors of readings have in place of `huber`.
+    /// Degrees of freedom of Student's distribution for the errors of readings, in place of `huber`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub student: Option<f64>,
-    /// Deviations beyond which a reading is left out; 0: none is (10).
+    /// Deviations beyond which a reading is left out; 0 keeps all (10).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gate: Option<f64>,
-    /// What states are told from: `smoother` or `filter`, as those of a body (smoother).
+    /// Measurements behind a state: `smoother` or `filter`, as for a body (smoother).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub estimate: Option<EstimateKind>,
-    /// Whether sensors are fused whose errors go together, as those of a rate that was computed from the encoder do (false: they are refused).
+    /// Fusion of sensors with correlated errors, such as a rate computed from the encoder (false: they are refused).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub correlated: Option<bool>,
 }
 
-/// What states are told from.
+/// Measurements behind a fused state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum EstimateKind {
     /// All measurements, earlier and later.
     Smoother,
-    /// Those up to the instant of a row.
+    /// Measurements up to the instant of a row.
     Filter,
 }
 
@@ -95,17 +99,17 @@ impl From<EstimateKind> for Estimate {
     }
 }
 
-/// Gravity: its size, or its components.
+/// Gravity: its magnitude, or its components.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected the size of gravity in m/s^2, or its three components in the world")]
 pub enum Gravity {
-    /// Its size.
+    /// Magnitude.
     Size(f64),
-    /// Its components.
+    /// Components.
     Components([f64; 3]),
 }
 
-/// What a sensor measures.
+/// Quantity that a sensor measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum SensorKind {
@@ -124,7 +128,7 @@ pub enum SensorKind {
 }
 
 impl SensorKind {
-    /// Whether it is of a joint.
+    /// True for sensors of a joint.
     pub fn is_of_joint(self) -> bool {
         matches!(self, Self::Position | Self::Rate)
     }
@@ -134,33 +138,36 @@ impl SensorKind {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensorSection {
-    /// What it measures.
+    /// Quantity that it measures.
     pub kind: SensorKind,
-    /// Fields or expressions, in the order that the kind says.
+    /// Fields or expressions, in the order of the kind.
     pub channels: Vec<String>,
-    /// Where the frame of a pose sits in the body, m, or `auto`: it is found (0).
+    /// Position of the pose frame in the body, m, or `auto` to estimate it (0).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lever: Option<Mounting>,
-    /// How the frame of a pose is turned in the body, a quaternion x, y, z, w, or `auto`: it is found (not at all).
+    /// Rotation of the pose frame in the body, a quaternion x, y, z, w, or `auto` to estimate it (none).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mounting: Option<Mounting>,
-    /// Seconds by which a pose is stamped late beside the readings, or a reading of a joint beside those of its other sensors, or `auto`: it is found (0).
+    /// Delay of a pose's stamps behind the readings, or of a joint's reading behind its other sensors, in seconds, or
+    /// `auto` to estimate it (0).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub delay: Option<Tunable>,
-    /// Of a pose the deviations of position (m) and attitude (rad); of an imu the densities of rate (rad/s/sqrt(Hz)) and force (m/s^2/sqrt(Hz)); of the others one
-    /// density; of a joint's the deviation of a reading. Where a sensor of the body says nothing, all of the body's are told by the residuals; of a joint's its own.
+    /// Noise: of a pose the deviations of position (m) and attitude (rad); of an imu the densities of rate
+    /// (rad/s/sqrt(Hz)) and force (m/s^2/sqrt(Hz)); of a gyro or an accelerometer one density; of a joint's sensor the
+    /// deviation of a reading. If one sensor of the body lacks it, residuals estimate the noise of all; a joint's
+    /// sensors are estimated one by one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<Vec<f64>>,
-    /// Seconds before its stamp over which a reading is the mean (0).
+    /// Averaging time of a reading before its stamp, in seconds (0).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub average: Option<f64>,
-    /// Of a joint's: the step between two values that it can say (none).
+    /// Step between two values of a joint's sensor (none).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub resolution: Option<f64>,
-    /// Of a joint's: what a reading says too much, or `auto`: it is found (0).
+    /// Bias of a joint's sensor, or `auto` to estimate it (0).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bias: Option<Tunable>,
-    /// How biases walk, rad/s^2/sqrt(Hz) and m/s^3/sqrt(Hz) (2e-5, 3e-3).
+    /// Random walk of the biases, rad/s^2/sqrt(Hz) and m/s^3/sqrt(Hz) (2e-5, 3e-3).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub walk: Option<Vec<f64>>,
 }
@@ -169,7 +176,7 @@ pub struct SensorSection {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected a list of numbers, or \"auto\"")]
 pub enum Mounting {
-    /// These.
+    /// Given numbers.
     Given(Vec<f64>),
     /// `auto`.
     Word(String),

@@ -1,4 +1,4 @@
-//! Bounds of the whole numbers that settings take: the same for a flag, a recipe's entry and an argument of Python.
+//! Bounds of the whole numbers of settings, equal for flags, entries of a recipe and arguments of Python.
 
 use std::ops::RangeInclusive;
 
@@ -7,7 +7,8 @@ use fleetfoot_data::setting::Section;
 
 use super::{Recipe, settings::Settings};
 
-/// A whole number within bounds, which the message about any other one tells. Beyond them a job would not end, or its sizes would not fit an address.
+/// Parser of a whole number within bounds, which its error message names. Numbers beyond them make endless jobs or
+/// overflow addresses.
 pub fn whole<T: TryFrom<u64> + Clone + Send + Sync>(allowed: RangeInclusive<u64>) -> RangedU64ValueParser<T> {
     RangedU64ValueParser::new().range(allowed)
 }
@@ -29,7 +30,7 @@ impl Recipe {
     }
 }
 
-/// Asks the flag of every whole number of a section.
+/// Checks every whole number of a section by its flag.
 fn check<S: Settings>(place: &str, section: &S) -> Result<(), String> {
     let Ok(entries) = toml::Table::try_from(section) else { return Ok(()) };
     let numbers = entries.iter().filter_map(|(entry, value)| Some((entry, value.as_integer()?)));

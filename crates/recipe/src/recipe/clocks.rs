@@ -2,27 +2,28 @@
 
 use serde::{Deserialize, Serialize};
 
-/// The clock of another computer: its topics, and what tells how it goes beside the clock of the others.
+/// Clock of another computer: its topics, and the channels that compare it with the reference clock.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ClockSection {
-    /// The topics that it stamps; a star stands for anything.
+    /// Topics that it stamps; a star matches anything.
     pub topics: Vec<String>,
-    /// Two channels that saw one motion, fields or expressions: one by the reference clock, one by this clock. Offset and skew are those at which a straight line of
-    /// the one explains most of the other.
+    /// Two channels of one motion, fields or expressions: one by the reference clock, one by this clock. Offset and
+    /// skew maximise the share of one that a straight line of the other explains.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub motion: Option<[String; 2]>,
-    /// Two channels that saw one square wave, by the reference clock and by this one. Offset and skew are bounded by the stamps before and after every edge.
+    /// Two channels of one square wave, by the reference clock and by this one. The stamps before and after every edge
+    /// bound offset and skew.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wave: Option<[String; 2]>,
-    /// Whether a timer switches the wave, so that edges of one kind are equally far apart and bound one another (no).
+    /// A timer switches the wave: edges of one kind are equally far apart and bound one another (false).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub even: Option<bool>,
-    /// Seconds that this clock shows more than the reference: about which is searched, or, without `motion` and `wave`, what is taken as it is (a constant delay). What log
-    /// times tell when not given.
+    /// Clock offset, this clock less the reference, in seconds: centre of the search, or, without `motion` and `wave`,
+    /// the constant delay itself (default: from the log times).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub offset: Option<f64>,
-    /// Seconds to either side of that within which the offset is looked for (1).
+    /// Seconds to either side of `offset` within which the clock offset is sought (1).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reach: Option<f64>,
 }

@@ -1,28 +1,29 @@
-//! `[control]`: what a regulator is to do.
+//! `[control]`: settings of a regulator.
 
 use serde::{Deserialize, Serialize};
 
 use super::settings::settings;
 
-/// Whether every region of a model has its law.
+/// Schedule of the laws over the regions of a model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum ControlSchedule {
-    /// By region, where one of them rests at the set point; else the mean.
+    /// One law per region where a region rests at the set point; else the mean.
     #[default]
     Auto,
-    /// By region.
+    /// One law per region.
     Region,
-    /// One law, of the mean of all regions by their rows: for regions that a cycle passes through.
+    /// One law, of the mean of all regions weighted by their rows: for regions that a cycle passes through.
     Mean,
 }
 
 settings! {
     control, |_, _| {};
-    /// What a regulator is to do. Every entry is the flag of `control lqr` of the same name.
+    /// Settings of a regulator. Every entry is the flag of `control lqr` of the same name.
     pub struct ControlSection {
-        /// Values that states and inputs are to have, `x=0,y=0`, of a rotation all of its parts, or `roll(attitude)`, `pitch(attitude)` and `yaw(attitude)`; the others are found, so that the model rests (default: none, the nearest rest to
-        /// the means in training).
+        /// Set point: values of states and inputs, `x=0,y=0`; of a rotation all parts, or `roll(attitude)`,
+        /// `pitch(attitude)` and `yaw(attitude)`. The other values follow from rest (default: none, the rest nearest to
+        /// the training means).
         #[arg(long, value_name = "NAME=VALUE,...", allow_hyphen_values = true)]
         pub setpoint: String,
         /// Weights of states, `x=100,yaw=1` (default: one over the variance in training).
@@ -37,16 +38,17 @@ settings! {
         /// Lowest and highest values of inputs, `u_v=0:1,u_w=-1.5:1.5` (default: none).
         #[arg(long, value_name = "INPUT=LOW:HIGH,...", allow_hyphen_values = true)]
         pub limits: String,
-        /// Inputs that are driven, separated by commas; what moves the model beside them is measured, and answered at once (default: all inputs).
+        /// Inputs that the regulator drives, separated by commas; other inputs are measured and compensated at once
+        /// (default: all inputs).
         #[arg(long, value_name = "INPUTS")]
         pub drive: String,
-        /// States that are neither kept nor fed back, separated by commas; rotations as a whole (default: none).
+        /// States that are neither regulated nor fed back, separated by commas; rotations as a whole (default: none).
         #[arg(long, value_name = "STATES")]
         pub free: String,
         /// Seconds between commands (default: the model's sampling period).
         #[arg(long, value_name = "SECONDS")]
         pub period: f64,
-        /// Whether every region of the model has its law (default: auto).
+        /// Schedule of the laws over the regions (default: auto).
         #[arg(long, value_enum, value_name = "WHICH")]
         pub schedule: ControlSchedule,
     }

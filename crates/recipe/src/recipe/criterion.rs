@@ -1,8 +1,8 @@
-//! What is chosen by.
+//! Criteria that choose lambda or the number of terms.
 
 use serde::{Deserialize, Serialize};
 
-/// What lambda, or the number of terms, is chosen by.
+/// Rule that chooses lambda or the number of terms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Criterion {

@@ -1,58 +1,61 @@
-//! `[filter]`: how the states of a recording are filtered.
+//! `[filter]`: settings of a filter of recorded states.
 
 use serde::{Deserialize, Serialize};
 
 use super::settings::{Tunable, settings};
 
-/// How one region follows another.
+/// Rule by which one region follows another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum FilterSwitching {
-    /// By where the state is.
+    /// By the region of the state.
     #[default]
     State,
-    /// By the transitions that were counted in training, wherever the state is.
+    /// By the transitions counted in training, wherever the state is.
     Transitions,
 }
 
-/// Whether the process noise of a row hangs on that of the rows before.
+/// Correlation of the process noise from row to row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum FilterNoise {
-    /// Where the model's residuals do.
+    /// Coloured where the model's residuals are correlated.
     #[default]
     Auto,
-    /// It does not.
+    /// No correlation.
     White,
-    /// It does, by an autoregression of the model's residuals.
+    /// An autoregression of the model's residuals.
     Coloured,
 }
 
 settings! {
     filter, |_, _| {};
-    /// How states are filtered. Every entry is the flag of `filter` of the same name.
+    /// Settings of a filter. Every entry is the flag of `filter` of the same name.
     pub struct FilterSection {
-        /// States that are measured, each with the standard deviation of its sensor, `x=0.01,v` (default: all that the log has; a deviation by the log's
-        /// column NAME_deviation, else by the innovations so far).
+        /// Measured states, each with the standard deviation of its sensor, `x=0.01,v` (default: all states in the log;
+        /// a deviation from the log's column NAME_deviation, else from the innovations).
         #[arg(long, value_name = "STATE[=DEVIATION],...")]
         pub measured: String,
-        /// Where the log has the measurements of states, fields or expressions, `v=/odom.twist.twist.linear.x` (default: where the model was trained on).
+        /// Fields or expressions of the log that measure states, `v=/odom.twist.twist.linear.x` (default: those of the
+        /// training).
         #[arg(long, value_name = "STATE=FIELD,...")]
         pub sensors: String,
-        /// Where the log has the truth, that errors are told of, `v=/truth.v` (default: nowhere).
+        /// Fields of the log with the true states, for the errors of the estimates, `v=/truth.v` (default: none).
         #[arg(long, value_name = "STATE=FIELD,...")]
         pub truth: String,
-        /// Mean and standard deviation of states before their first measurement, `v=0:0.1` (default: those of the training).
+        /// Mean and standard deviation of states before their first measurement, `v=0:0.1` (default: those of the
+        /// training).
         #[arg(long, value_name = "STATE=MEAN:DEVIATION,...", allow_hyphen_values = true)]
         pub initial: String,
-        /// Factor on the process noise, which is the residual covariance of the regions, or `auto`: by the innovations so far, where the deviations of all sensors are known
-        /// (default: 1).
+        /// Factor on the process noise, which is the residual covariance of the regions, or auto: from the innovations,
+        /// where the deviations of all sensors are known (default: 1).
         #[arg(long, value_name = "FACTOR")]
         pub process: Tunable,
-        /// Whether the process noise of a row hangs on that of the rows before, by the correlation of the model's residuals (default: auto, where they are correlated).
+        /// Correlation of the process noise from row to row, as in the model's residuals (default: auto, coloured where
+        /// they are correlated).
         #[arg(long, value_enum, value_name = "COLOUR")]
         pub noise: FilterNoise,
-        /// How one region follows another (default: state).
+        /// Rule by which one region follows another (default: state).
         #[arg(long, value_enum, value_name = "HOW")]
         pub switching: FilterSwitching,
     }

@@ -1,11 +1,12 @@
-//! Past rows that stand beside the present one.
+//! Past rows beside the present one.
 
 use std::{fmt, str::FromStr};
 
 use serde::{Deserialize, Serialize};
 
-/// Past rows of every state and input beside the present one: the last so many, or every so many-th of them (*Towards Sim-to-Real via Real-to-Sim*, 5.2.5, data gleaning): of the last L
-/// rows every k-th, k, 2k, ... up to L, tells as far back with a k-th of the regressors.
+/// Past rows of every state and input beside the present one: the last L, or every k-th of the last L: k, 2k, ... up to
+/// L (*Towards Sim-to-Real via Real-to-Sim*, 5.2.5, data gleaning). The second form reaches as far back with a k-th of
+/// the regressors.
 ///
 /// In a recipe `3` or `{ last = 50, every = 5 }`; as a flag and as an argument of Python `3` or `50:5`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -15,7 +16,7 @@ pub struct Lags {
     every: u32,
 }
 
-/// How it stands in a recipe.
+/// Written form in a recipe.
 #[derive(Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected a number of rows, or { last = 50, every = 5 }")]
 enum Written {
@@ -31,11 +32,11 @@ struct Gleaned {
     every: u32,
 }
 
-/// Most rows that can be looked back.
+/// Largest number of rows to look back.
 const MOST: u32 = 1_000_000;
 
 impl Lags {
-    /// The last so many rows.
+    /// The last `last` rows.
     pub fn rows(last: u32) -> Self {
         Self { last, every: 1 }
     }
@@ -43,7 +44,7 @@ impl Lags {
     /// Every `every`-th of the `last` rows.
     ///
     /// # Errors
-    /// None of them is one, or they are too many.
+    /// An empty selection, or too many rows.
     pub fn gleaned(last: u32, every: u32) -> Result<Self, String> {
         if every == 0 || last < every {
             return Err(format!(
@@ -56,7 +57,7 @@ impl Lags {
         Ok(Self { last, every })
     }
 
-    /// How many rows back, ascending; the present row is none of them.
+    /// Numbers of rows back, ascending, without the present row.
     pub fn steps(self) -> impl Iterator<Item = i32> {
         (1..=self.last / self.every).map(move |step| (step * self.every) as i32)
     }

@@ -1,26 +1,27 @@
-//! `[narx]`: outputs from their own past and that of the inputs. Functions that are to be lagged in the place of outputs and inputs stand in `[library]`.
+//! `[narx]`: autoregressions of outputs on past outputs and inputs. `[library]` has functions to lag in place of outputs
+//! and inputs.
 
 use serde::{Deserialize, Serialize};
 
 use super::{Recipe, bounds::whole, criterion::Criterion, objective::Objective, settings::settings};
 
-/// How far a search goes.
+/// Search effort.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Effort {
     /// Few lags, small libraries.
     Low,
-    /// What finds the model of most machines within a minute.
+    /// Enough for the model of most machines within a minute.
     #[default]
     #[serde(alias = "medium")]
     #[value(alias = "medium")]
     Normal,
-    /// Ten times as much.
+    /// Ten times the effort of normal.
     High,
 }
 
 impl Effort {
-    /// As users write it.
+    /// The word for users.
     pub fn word(self) -> &'static str {
         match self {
             Self::Low => "low",
@@ -30,11 +31,11 @@ impl Effort {
     }
 }
 
-/// What order, terms and partition are chosen by: `free-run`, or a [`Criterion`] of one-step errors.
+/// Rule that chooses order, terms and partition: `free-run`, or a [`Criterion`] of one-step errors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", expecting = "expected free-run, one-se, cv, aic, bic or ebic")]
 pub enum NarxSelection {
-    /// The error of simulations of spans that did not train.
+    /// Error of simulations of spans that did not train.
     #[default]
     FreeRun,
     /// One-step errors.
@@ -65,68 +66,72 @@ impl clap::ValueEnum for NarxSelection {
     }
 }
 
-/// Whether lags and degree that are given are those of the model, or its limits.
+/// Use of given lags and degree: those of the model, or its limits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum GivenAs {
-    /// They are the model's; 2 where they are not given.
+    /// Exactly the given lags and degree; 2 where one is not given.
     Fixed,
-    /// The best up to them.
+    /// The best lags and degree up to the given ones.
     Auto,
 }
 
 settings! {
     narx, NarxSection::silenced;
-    /// How an autoregression is found. Every entry is the flag of `fit narx` of the same name; outputs are `[states]`, inputs `[inputs]`.
+    /// Settings of an autoregression. Every entry is the flag of `fit narx` of the same name; outputs are `[states]`,
+    /// inputs `[inputs]`.
     pub struct NarxSection {
-        /// Past values of every output, y(k-1) to y(k-N) (default: looked for).
+        /// Past values of every output, y(k-1) to y(k-N) (default: searched).
         #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1000))]
         pub lags_out: usize,
-        /// Past values of every input, u(k-1) to u(k-N) (default: looked for).
+        /// Past values of every input, u(k-1) to u(k-N) (default: searched).
         #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1000))]
         pub lags_in: usize,
-        /// Inputs act at once: u(k) stands beside its past (default: looked for, unless --lags-in is given).
+        /// Direct feedthrough: u(k) is a candidate beside its past (default: searched, unless --lags-in is given).
         #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
         pub direct: bool,
-        /// What lags and degree are that are given (default: what is not given is looked for).
+        /// Use of given lags and degree: exactly these (fixed), or the best up to them (auto) (default: the search
+        /// covers those that are not given).
         #[arg(long, value_enum, value_name = "RULE")]
         pub order: GivenAs,
-        /// How far what is not given is looked for: a count of work, never of seconds (default: normal).
+        /// Search effort: low, normal or high, a count of work, never of seconds (default: normal).
         #[arg(long, value_enum, value_name = "EFFORT")]
         pub effort: Effort,
         /// Terms of every equation, by forward regression: a number, auto, or all candidates (default: auto).
         #[arg(long, value_name = "N")]
         pub terms: NarxTerms,
-        /// The most terms that auto tries (default: 20).
+        /// Largest number of terms that auto tries (default: 20).
         #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=10_000))]
         pub max_terms: usize,
-        /// What order, terms and partition are chosen by: free runs, or criteria of one-step errors (default: free-run).
+        /// Rule that chooses order, terms and partition: free runs, or a criterion of one-step errors (default:
+        /// free-run).
         #[arg(long, value_enum, value_name = "RULE")]
         pub select: NarxSelection,
-        /// What coefficients are fitted to: one-step; steps:N, simulations of N steps; or free-run, as long as held-out rows allow. The simulations' model is written where its rollouts of held-out rows
-        /// are the better ones (default: one-step).
+        /// Objective of the coefficients: one-step; steps:N, simulations of N steps; or free-run, as long as held-out
+        /// rows allow. A model fitted to simulations is written only if its held-out rollouts are better (default:
+        /// one-step).
         #[arg(long, value_name = "OBJECTIVE")]
         pub objective: Objective,
-        /// Spans of the training rows that are held out in turn (default: 5).
+        /// Number of spans of the training rows that are held out in turn (default: 5).
         #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1000))]
         pub folds: usize,
-        /// Keep every n-th row (default: 1, all of them).
+        /// Interval of the rows that are kept (default: 1, all of them).
         #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1_000_000))]
         pub decimate: usize,
-        /// The last share of the rows of every episode, which does not train and is simulated (default: 0).
+        /// Share of the rows at the end of every episode that does not train and is simulated (default: 0).
         #[arg(long, value_name = "SHARE")]
         pub test_share: f64,
         /// Seed of k-means (default: 0).
         #[arg(long, value_name = "SEED")]
         pub seed: u64,
-        /// Clusterings of every k-means to choose from by free runs, from the seed and the next ones (default: 1).
+        /// Number of clusterings of every k-means, from this seed and the next ones; free runs choose one (default: 1).
         #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1_000_000))]
         pub starts: usize,
     }
 }
 
 impl NarxSection {
-    /// Who says how far back outputs or inputs go speaks of no rows that go before all of them.
+    /// Lags of outputs or inputs replace the general lags of `[model]`.
     fn silenced(&self, recipe: &mut Recipe) {
         if self.lags_out.is_some() || self.lags_in.is_some() {
             recipe.model.lags = None;
@@ -138,7 +143,7 @@ impl NarxSection {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected a number, \"auto\" or \"all\"")]
 pub enum NarxTerms {
-    /// As many.
+    /// Given number.
     Number(usize),
     /// `auto` or `all`.
     Word(String),
@@ -152,9 +157,9 @@ impl std::str::FromStr for NarxTerms {
     }
 }
 
-/// A count of what is evaluated, never the time that it takes, so that the same input gives the same model.
+/// Effort as a count of evaluations, never of seconds, so that the same input gives the same model.
 impl Effort {
-    /// Terms that may be evaluated.
+    /// Largest number of evaluated terms.
     pub fn limit(self) -> u64 {
         match self {
             Self::Low => 300_000_000,
@@ -163,7 +168,7 @@ impl Effort {
         }
     }
 
-    /// Lags that the linear models have, where they are not given.
+    /// Lags of the linear models, where they are not given.
     pub fn lags(self) -> &'static [usize] {
         match self {
             Self::Low => &[1, 2, 3, 4],
@@ -172,7 +177,7 @@ impl Effort {
         }
     }
 
-    /// Linear models whose lags nonlinear ones take over.
+    /// Linear models whose lags nonlinear models take over.
     pub fn seeds(self) -> usize {
         match self {
             Self::Low => 1,
@@ -181,7 +186,7 @@ impl Effort {
         }
     }
 
-    /// The most candidates of an order.
+    /// Largest number of candidates of an order.
     pub fn most_candidates(self) -> usize {
         match self {
             Self::Low => 120,
@@ -190,7 +195,7 @@ impl Effort {
         }
     }
 
-    /// Times that the orders next to the best one are tried.
+    /// Rounds in which the orders next to the best one are tried.
     pub fn rounds(self) -> usize {
         match self {
             Self::Low => 1,

@@ -1,4 +1,4 @@
-//! What coefficients are fitted to: one step, or simulations of several.
+//! Objective of the coefficients: one step, or simulations of several steps.
 
 use std::{
     fmt::{self, Display, Formatter},
@@ -7,7 +7,7 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
-/// What coefficients are fitted to.
+/// Objective that the coefficients minimise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum Objective {
@@ -16,11 +16,11 @@ pub enum Objective {
     OneStep,
     /// `steps:20`: simulations of so many steps, from the coefficients of one step.
     Steps(u32),
-    /// `free-run`: simulations as long as the rows that are held out allow.
+    /// `free-run`: simulations as long as the held-out rows allow.
     FreeRun,
 }
 
-/// Most steps of a segment.
+/// Largest number of steps of a segment.
 pub const MOST_STEPS: u32 = 100_000;
 
 impl FromStr for Objective {

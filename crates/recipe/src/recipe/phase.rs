@@ -7,22 +7,22 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
-/// A phase along which regions are counted: what repeats from stride to stride.
+/// Phase along which regions are counted, a quantity that repeats from stride to stride.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum PhaseColumn {
-    /// `alpha_l`, `alpha_l:24`: a column or an expression that comes round, in so many bins.
+    /// `alpha_l`, `alpha_l:24`: a periodic column or expression, in so many bins.
     Cyclic {
-        /// The column, or an expression.
+        /// Column or expression.
         column: String,
-        /// Equal bins of a period.
+        /// Number of equal bins of a period.
         bins: usize,
     },
     /// `labels:stance`: the values of a column.
     Labels(String),
 }
 
-/// Bins where none are said, and the most.
+/// Default and largest number of bins.
 const BINS: usize = 12;
 const MOST_BINS: usize = 360;
 
@@ -40,7 +40,7 @@ impl FromStr for PhaseColumn {
         if let Some(column) = text.strip_prefix("labels:") {
             return Ok(Self::Labels(named(column)?));
         }
-        // A column may have a colon in its name, but what stands behind it is no number then.
+        // A colon may be part of a column's name if no number follows it.
         match text.rsplit_once(':').and_then(|(column, bins)| Some((column, bins.trim().parse::<i64>().ok()?))) {
             Some((column, bins)) => match usize::try_from(bins) {
                 Ok(bins) if (2..=MOST_BINS).contains(&bins) => Ok(Self::Cyclic { column: named(column)?, bins }),

@@ -1,4 +1,4 @@
-//! Where a model exchanges energy.
+//! Ports at which a model exchanges energy.
 
 use std::{
     fmt::{self, Display, Formatter},
@@ -7,18 +7,19 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
-/// An input and the state with which it is a power.
+/// Port: an input, and the state whose product with it is a power.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Port {
-    /// The input.
+    /// Input.
     pub input: String,
-    /// The state by which it is multiplied to be a power.
+    /// State whose product with the input is a power.
     pub output: String,
-    /// The energy that the port may be short of, in units of the state over those of the input; `None`: what sampling takes.
+    /// Allowed energy gain per sample, in units of the state over those of the input; `None`: by the discretisation
+    /// error.
     pub shortage: Option<f64>,
 }
 
-/// `f:v`, `f:v:0.05, tau:w`: inputs, the states with which they are a power, and what each may be short of.
+/// `f:v`, `f:v:0.05, tau:w`: ports, each with an optional energy gain per sample.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct PortList(pub Vec<Port>);

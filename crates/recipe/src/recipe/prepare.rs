@@ -1,4 +1,4 @@
-//! `[prepare]`: from measured channels to smooth states and derivatives. `[channels.NAME]` says otherwise of one state or input.
+//! `[prepare]`: smooth states and derivatives from measured channels. `[channels.NAME]` overrides it for one state or input.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,27 +7,27 @@ use super::{
     settings::{Tunable, settings},
 };
 
-/// How a channel becomes a smooth value and its derivatives.
+/// Method that smooths a channel and takes its derivatives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum PrepareMethod {
-    /// The cubic or the quintic smoothing spline, whichever the state is more like: value and rate, with standard deviations.
+    /// Cubic or quintic smoothing spline, by the likelihood of the data: value and rate, with standard deviations.
     Auto,
-    /// The cubic smoothing spline: value and rate, with standard deviations.
+    /// Cubic smoothing spline: value and rate, with standard deviations.
     Cubic,
-    /// The quintic smoothing spline: value, rate and acceleration, with standard deviations.
+    /// Quintic smoothing spline: value, rate and acceleration, with standard deviations.
     Quintic,
-    /// Few polynomials, joined where the data say: value, rate and, from degree 2 on, acceleration.
+    /// Few polynomials whose joints the data choose: value, rate and, from degree 2 on, acceleration.
     TrendFilter,
-    /// The cubic spline through every measurement: value, rate and acceleration.
+    /// Cubic spline through every measurement: value, rate and acceleration.
     NotAKnot,
-    /// The curve through every measurement that rises and falls where they do: value and rate.
+    /// Curve through every measurement that rises and falls only where they do: value and rate.
     Pchip,
     /// Polynomials through windows of rows.
     SavitzkyGolay,
-    /// A low-pass filter run both ways, then central differences.
+    /// Low-pass filter run both ways, then central differences.
     Butterworth,
-    /// As it was measured.
+    /// No smoothing.
     None,
 }
 
@@ -49,32 +49,37 @@ impl std::str::FromStr for Limits {
 
 settings! {
     prepare, |_, _| {};
-    /// How channels are prepared. Every entry is the flag of `prepare` of the same name.
+    /// Settings of the preparation of channels. Every entry is the flag of `prepare` of the same name.
     pub struct PrepareSection {
-        /// How states become smooth (default: auto; quintic with --second-order). Inputs stay as they are unless `[channels.NAME]` says how.
+        /// Smoothing method of the states; `[channels.NAME]` sets it for inputs, which are unsmoothed otherwise
+        /// (default: auto; quintic with --second-order).
         #[arg(long, value_enum, value_name = "METHOD")]
         pub method: PrepareMethod,
-        /// A state's rate is a state too, and its acceleration is what is fitted: for positions whose rates nobody measured (default: false).
+        /// Rates of the states as further states, and accelerations as targets: for positions without measured rates
+        /// (default: false).
         #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
         pub second_order: bool,
-        /// The penalty of a spline, in s^3 (cubic) or s^5 (quintic), or of trend-filter, in units of the state times s^degree, or what it is chosen by: likelihood or gcv
-        /// (default: likelihood). A number without a method is of the cubic spline.
+        /// Penalty of a spline, in s^3 (cubic) or s^5 (quintic), or of trend-filter, in units of the state times
+        /// s^degree; or the rule that chooses it: likelihood or gcv. A number without a method selects the cubic spline
+        /// (default: likelihood).
         #[arg(long, value_name = "VALUE|RULE", allow_negative_numbers = true)]
         pub lambda: Tunable,
-        /// Values further off the curve than so many standard deviations are left out, again and again until there are none; 0 for none (default: 4 for smoothing
-        /// splines, 0 for the others).
+        /// Standard deviations from the curve beyond which a value is an outlier, repeated until no outlier is left; 0
+        /// for none (default: 4 for smoothing splines, 0 for the others).
         #[arg(long, value_name = "SIGMAS", allow_negative_numbers = true)]
         pub reject: f64,
-        /// Values further off the median of so many rows on either side than six robust standard deviations are left out first; 0 for none (default: 0).
+        /// Rows on either side for the median: values beyond six robust standard deviations from it are removed before
+        /// smoothing; 0 for none (default: 0).
         #[arg(long, value_name = "ROWS", value_parser = whole::<usize>(0..=10_000))]
         pub hampel: usize,
-        /// A value that is repeated over more rows than this is a sensor that hangs, and left out; 0 for never (default: 0).
+        /// Longest run of equal values in rows; a longer one is a stuck sensor and is left out; 0 for never (default:
+        /// 0).
         #[arg(long, value_name = "ROWS", value_parser = whole::<usize>(0..=1_000_000_000))]
         pub stuck: usize,
-        /// What a sensor can measure: values at or beyond these ends are left out (default: any value).
+        /// Measuring range of a sensor: values at or beyond these ends are left out (default: any value).
         #[arg(long, value_name = "LOW:HIGH", allow_hyphen_values = true)]
         pub range: Limits,
-        /// Where a channel may be: a row beyond these ends an episode (default: anywhere).
+        /// Bounds of a channel: a row beyond them ends an episode (default: none).
         #[arg(long, value_name = "LOW:HIGH", allow_hyphen_values = true)]
         pub bounds: Limits,
         /// Rows of a window of savitzky-golay, an odd number (default: 11).
@@ -83,28 +88,30 @@ settings! {
         /// Degree of the polynomials of savitzky-golay (default: 3), or of trend-filter, 1 to 3 (default: 2).
         #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=100))]
         pub degree: usize,
-        /// Frequency at which butterworth has halved the power, run one way (default: none, it must be given).
+        /// Frequency at which butterworth halves the power, run one way (default: none, it must be given).
         #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
         pub cutoff: f64,
         /// Order of butterworth, run one way (default: 4).
         #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=100))]
         pub order: usize,
-        /// Seconds by which a sensor's stamps are late (default: 0).
+        /// Delay of a sensor's stamps in seconds (default: 0).
         #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
         pub delay: f64,
-        /// Seconds before its stamp of which a sensor reports the mean: the mean is late by half of them (default: 0).
+        /// Averaging time of a sensor before its stamp, in seconds: the mean is late by half of it (default: 0).
         #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
         pub average: f64,
-        /// Seconds that are cut off at both ends of every episode, before anything else (default: 0).
+        /// Seconds cut off at both ends of every episode, before any other step (default: 0).
         #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
         pub clip: f64,
-        /// Replace stamps by their regression on the sample count: for a sensor that samples evenly and a computer that stamps late (default: false).
+        /// Stamps by regression on the sample count, for an even sensor and a computer that stamps late (default:
+        /// false).
         #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
         pub dejitter: bool,
-        /// Write every n-th row; what savitzky-golay and butterworth made goes through an anti-alias filter first, as it does where a state's own topic is faster than the rows (default: 1).
+        /// Interval of the written rows. Channels of savitzky-golay and butterworth, and of topics faster than the
+        /// rows, pass an anti-alias filter first (default: 1).
         #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1_000_000))]
         pub decimate: usize,
-        /// Pieces of fewer rows are not written (default: 50).
+        /// Least number of rows of a piece; shorter pieces are not written (default: 50).
         #[arg(long, value_name = "ROWS", value_parser = whole::<usize>(0..=1_000_000_000_000))]
         pub min_rows: usize,
     }

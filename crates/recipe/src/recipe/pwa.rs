@@ -1,4 +1,4 @@
-//! `[pwa]`: piecewise-affine models. Partitions, degree and what is predicted stand in `[model]`.
+//! `[pwa]`: piecewise-affine models. Partitions, degree and target are in `[model]`.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +10,7 @@ use super::{
     settings::{Tunable, settings},
 };
 
-/// How one of several partitions is chosen.
+/// Rule that chooses one of several partitions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum PartitionChoice {
@@ -18,17 +18,17 @@ pub enum PartitionChoice {
     Cv,
     /// The lowest Bayesian information criterion, with the effective sample size.
     Bic,
-    /// The least error of rollouts over the horizon on spans that did not train.
+    /// Least error of rollouts over the horizon on held-out spans.
     Rollout,
 }
 
-/// What happens to labels that training did not see.
+/// Rule for labels that training did not see.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum UnseenLabels {
     /// An error.
     Refuse,
-    /// They get a model fitted on all rows.
+    /// The model fitted on all rows.
     Pool,
 }
 
@@ -46,42 +46,49 @@ pub enum OutsideRanges {
 
 settings! {
     pwa, |_, _| {};
-    /// How a piecewise-affine model is found. Every entry is the flag of `fit pwa` of the same name.
+    /// Settings of a piecewise-affine model. Every entry is the flag of `fit pwa` of the same name.
     pub struct PwaSection {
-        /// How one of several partitions is chosen (default: cv).
+        /// Rule that chooses one of several partitions (default: cv).
         #[arg(long, value_enum, value_name = "RULE")]
         pub select: PartitionChoice,
         /// Steps of the rollouts that `--select rollout`, or a span of `over:auto`, compares (default: 50).
         #[arg(long, value_name = "STEPS", value_parser = whole::<u32>(0..=10_000_000))]
         pub horizon: u32,
-        /// What coefficients are fitted to: one-step; steps:N, simulations of N steps; or free-run, as long as held-out rows allow. The simulations' model is written where its rollouts of held-out rows
-        /// are the better ones (default: one-step).
+        /// Objective of the coefficients: one-step; steps:N, simulations of N steps; or free-run, as long as held-out
+        /// rows allow. A model fitted to simulations is written only if its held-out rollouts are better (default:
+        /// one-step).
         #[arg(long, value_name = "OBJECTIVE")]
         pub objective: Objective,
-        /// Folds of cross-validation: whole episodes when there are as many (and five), else spans of every episode; 0 for none (default: 10).
+        /// Folds of the cross-validation: whole episodes when there are as many (and five), else spans of every
+        /// episode; 0 for none (default: 10).
         #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=100))]
         pub folds: u16,
         /// Seconds between held-out and training rows of one episode (default: a tenth of the held-out span).
         #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
         pub purge: f64,
-        /// Pull of each region's map towards that of all rows: a number of rows, none, or auto, by cross-validation (default: auto).
+        /// Pull of each region's map towards the map of all rows: a number of rows, none, or auto, by cross-validation
+        /// (default: auto).
         #[arg(long, value_name = "ROWS", allow_negative_numbers = true)]
         pub shrinkage: Tunable,
-        /// Let the maps of neighbouring regions meet at their border: for kmeans, refined and tree, on columns that are regressors (default: false).
+        /// Maps of neighbouring regions meet at their border, for kmeans, refined and tree on columns that are
+        /// regressors (default: false).
         #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
         pub continuous: bool,
-        /// Bound of every region's map over one sampling period, in a metric that all regions share: stable at 1; at 0.99 states shrink by a hundredth a row (default: free).
+        /// Contraction bound of each region's map over one sampling period (spectral norm in the shared metric): stable
+        /// at 1; at 0.99 states shrink by a hundredth a row (default: free).
         #[arg(long, value_name = "BOUND", num_args = 0..=1, require_equals = true, default_missing_value = "1", allow_negative_numbers = true)]
         pub stable: f64,
-        /// Ports at which every region's map takes in at least what it gives, with one storage of energy: inputs and the states that they are a power with, `force:speed`,
-        /// several with commas; behind a second colon what a port may be short of, where not twice what sampling takes. Maps are stable too (default: free).
+        /// Ports (`force:speed`, separated by commas), inputs with the states whose product is a power: maps give out
+        /// no more energy than they took in, and are stable. INPUT:STATE:SHORTAGE sets the allowed energy gain per sample,
+        /// else twice the discretisation error (default: free).
         #[arg(long, value_name = "INPUT:STATE[:SHORTAGE],...")]
         pub passive: PortList,
-        /// Count regions along a phase, and from stride to stride: a column that comes round (or an expression), in 12 bins or as many as said, or labels:COLUMN;
-        /// rows without it do not train. `show --transitions` tells.
+        /// Phase for the counts of regions, along it and from stride to stride: a periodic column or expression, in 12
+        /// bins or as in COLUMN:24, or labels:COLUMN. Rows without it do not train; `show --transitions` prints the
+        /// counts (default: none).
         #[arg(long, value_name = "COLUMN[:BINS]")]
         pub phase: PhaseColumn,
-        /// What happens to labels that were not seen in training (default: refuse).
+        /// Rule for labels that training did not see (default: refuse).
         #[arg(long, value_enum, value_name = "WHAT")]
         pub unseen_labels: UnseenLabels,
         /// How a model of several regions goes on where a regressor leaves the range that its region saw in training; maps that are bounded or meet at borders always
@@ -91,16 +98,16 @@ settings! {
         /// Seed of k-means++ (default: 0).
         #[arg(long, value_name = "SEED")]
         pub seed: u64,
-        /// Restarts of k-means; the best is kept (default: 1).
+        /// Number of k-means runs, of which the best is kept (default: 1).
         #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1000))]
         pub restarts: usize,
-        /// Iterations of k-means at most (default: 100).
+        /// Largest number of iterations of k-means (default: 100).
         #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1_000_000))]
         pub iterations: usize,
-        /// Memory for the rows that k-means keeps; beyond it a sample is clustered (default: 512).
+        /// Memory for the rows of k-means; beyond it a sample is clustered (default: 512).
         #[arg(long, value_name = "MiB", allow_negative_numbers = true)]
         pub memory: f64,
-        /// Fit the model by TSQR in one more pass instead of by the preconditioned Gram matrix (default: false).
+        /// Fit by TSQR in one more pass, instead of the preconditioned Gram matrix (default: false).
         #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
         pub tsqr: bool,
     }

@@ -1,6 +1,6 @@
-//! How a method goes, in one type a method: a section of the recipe, the flags of its command, arguments in Python.
+//! Settings of a method, one type per method: a section of the recipe, the flags of its command, arguments in Python.
 //!
-//! What is said explicitly (a flag, an argument) stands above the recipe, and the recipe above the default, entry by entry: [`Recipe::say`] is that rule.
+//! A flag or an argument overrides the recipe, and the recipe the default, entry by entry: [`Recipe::say`] is that rule.
 
 use fleetfoot_data::setting::Section;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
@@ -8,32 +8,33 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use super::Recipe;
 use crate::error::Error;
 
-/// The section of a recipe that says how a method goes: entries that may be left out, each the flag of the same name with hyphens.
+/// Section of a recipe with the settings of a method: optional entries, each the flag of the same name with hyphens.
 pub trait Settings: clap::Args + Clone + std::fmt::Debug + PartialEq + Default + Serialize + DeserializeOwned {
-    /// Its name in the recipe.
+    /// Name in the recipe.
     const SECTION: &'static str;
-    /// The names of its entries.
+    /// Names of the entries.
     const ENTRIES: &'static [&'static str];
 
-    /// The recipe's own section.
+    /// The section of a recipe.
     fn of(recipe: &mut Recipe) -> &mut Self;
 
-    /// What is said here, and what `below` says where nothing is said here.
+    /// Entries of this section, and those of `below` where this section has none.
     fn over(self, below: Self) -> Self;
 
-    /// Takes out of a recipe what contradicts what is said here: a number of terms, where here is a threshold.
+    /// Removes from a recipe the entries that contradict this section: a number of terms, if this section has a
+    /// threshold.
     fn silence(&self, recipe: &mut Recipe);
 }
 
 impl Recipe {
-    /// Says something explicitly: it stands above what the recipe said so far.
+    /// Puts explicit entries above those of the recipe.
     pub fn say<S: Settings>(&mut self, said: S) {
         said.silence(self);
         let own = std::mem::take(S::of(self));
         *S::of(self) = said.over(own);
     }
 
-    /// Says everything that the methods' sections of another recipe say.
+    /// Puts all method sections of another recipe above those of this one.
     pub fn say_all(&mut self, said: &Self) {
         self.say(said.pwa.clone());
         self.say(said.sparse.clone());
@@ -48,7 +49,8 @@ impl Recipe {
     }
 }
 
-/// Declares the settings of a method: the name of the section, what is silenced by what is said, and the entries with their flags.
+/// Declares the settings of a method: the name of the section, the rule that removes contradictions, and the entries
+/// with their flags.
 macro_rules! settings {
     (
         $section:ident, $silence:expr;
@@ -89,10 +91,10 @@ macro_rules! settings {
 }
 pub(crate) use settings;
 
-/// A seed, 0 where none is said.
+/// A seed; 0 if none is given.
 ///
 /// # Errors
-/// One that a recipe cannot hold.
+/// A seed that a recipe cannot hold.
 pub fn seed(section: &str, seed: Option<u64>) -> Result<u64, Error> {
     match seed.unwrap_or(0) {
         seed if i64::try_from(seed).is_ok() => Ok(seed),
@@ -102,11 +104,11 @@ pub fn seed(section: &str, seed: Option<u64>) -> Result<u64, Error> {
     }
 }
 
-/// A number, or `"auto"`: it is chosen.
+/// A number, or `"auto"` to choose it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected a number or \"auto\"")]
 pub enum Tunable {
-    /// This one.
+    /// Given number.
     Number(f64),
     /// `auto`.
     Word(String),

@@ -11,36 +11,38 @@ use super::{
 };
 use crate::groups::GroupWords;
 
-/// Candidate functions of every equation that has no library of its own, in the library language (`fleetfoot_library::Library::parse`).
+/// Candidate functions of every equation without a library of its own, in the library language
+/// (`fleetfoot_library::Library::parse`).
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LibrarySection {
-    /// `["poly(3)", "sin", "V^2*alpha"]`; the monomials up to the degree of `[model]`, else `poly(2)`, when empty.
+    /// `["poly(3)", "sin", "V^2*alpha"]`; when empty the monomials up to the degree of `[model]`, else `poly(2)`.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub functions: Vec<String>,
-    /// So many radial functions beside the others, around the centroids of k-means on the states and inputs; of `fit pwa` and `fit sindy`.
+    /// Number of radial functions beside the others, around k-means centroids of states and inputs; for `fit pwa` and
+    /// `fit sindy`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub radial: Option<usize>,
 }
 
-/// A number that is not known: it stands in library items, nominal dynamics and targets, wherever a column may, and is estimated.
+/// Unknown number to estimate; it may stand wherever a column may: in library items, nominal dynamics and targets.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ParameterSection {
-    /// Where the search begins.
+    /// Start of the search.
     pub initial: f64,
     /// Least and greatest value; no bounds when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bounds: Option<[f64; 2]>,
-    /// Whether it stays where it is; of `fit parameters`.
+    /// Held at its initial value; for `fit parameters`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fixed: Option<bool>,
-    /// Unit, for people.
+    /// Unit, for reports.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<String>,
 }
 
-/// The units of thresholds and of the ridge: a choice, or a word.
+/// Units of thresholds and of the ridge: a choice, or a word.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected true, false or \"length\"")]
 pub enum Normalize {
@@ -58,11 +60,11 @@ impl std::str::FromStr for Normalize {
     }
 }
 
-/// Which optimiser looks for the terms.
+/// Optimiser that selects the terms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum SindyOptimizer {
-    /// The best known: thresholds of stlsq and backward elimination together, whose supports compete.
+    /// Thresholds of stlsq and backward elimination together; the best support of both.
     #[default]
     Auto,
     /// Sequentially thresholded least squares (Brunton, Proctor, Kutz 2016, Algorithm 1).
@@ -73,9 +75,9 @@ pub enum SindyOptimizer {
     Ssr,
     /// Forward regression, orthogonal least squares by error reduction ratio.
     Frols,
-    /// The path of the lasso.
+    /// Lasso path.
     Lasso,
-    /// The path of the group lasso, or of the sparse-group lasso.
+    /// Path of the group lasso, or of the sparse-group lasso.
     GroupLasso,
     /// Least squares on all candidates.
     #[serde(rename = "ols")]
@@ -84,7 +86,7 @@ pub enum SindyOptimizer {
 }
 
 impl SindyOptimizer {
-    /// As users write it.
+    /// The word for users.
     pub fn name(self) -> &'static str {
         match self {
             Self::Auto => "auto",
@@ -98,17 +100,18 @@ impl SindyOptimizer {
         }
     }
 
-    /// Whether it has a threshold.
+    /// True for optimisers with a threshold.
     pub fn thresholds(self) -> bool {
         matches!(self, Self::Auto | Self::Stlsq | Self::Sr3)
     }
 }
 
-/// When states are smoothed under the equations.
+/// Rule for smoothing the states under the equations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum SmoothStates {
-    /// Where equations are fitted on windows because of noise, nothing else is asked for that it would overrule, and there are no more than 20,000 rows.
+    /// On for at most 20,000 rows whose equations are fitted on windows because of noise, unless another option
+    /// excludes it.
     #[default]
     Auto,
     /// Always.
@@ -119,72 +122,77 @@ pub enum SmoothStates {
 
 settings! {
     sindy, SindySection::silenced;
-    /// How equations are found. Every entry is the flag of `fit sindy` of the same name.
+    /// Settings of sparse equations. Every entry is the flag of `fit sindy` of the same name.
     pub struct SindySection {
-        /// How terms are found (default: auto; stlsq for a given threshold, group-lasso for given groups).
+        /// Optimiser that selects the terms (default: auto; stlsq for a given threshold, group-lasso for given groups).
         #[arg(long, value_enum, value_name = "NAME")]
         pub optimizer: SindyOptimizer,
-        /// Smallest coefficient that stays, of stlsq and sr3: a number, or auto (default: auto, a sweep and --select).
+        /// Smallest coefficient that stays, for stlsq and sr3: a number, or auto (default: auto, a sweep and --select).
         #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
         pub threshold: Tunable,
-        /// Weight of the squared coefficients while terms are chosen by stlsq (default: 0.05 for a given threshold, 0 for auto).
+        /// Weight of the squared coefficients in the regressions of stlsq (default: 0.05 for a given threshold, 0 for
+        /// auto).
         #[arg(long, value_name = "WEIGHT", allow_negative_numbers = true)]
         pub ridge: f64,
-        /// Thresholds and ridge see shares of the target's size instead of physical coefficients (default for a threshold of auto); length: coefficients of
-        /// columns of length 1, which grow with the number of rows, as pysindy's `normalize_columns` has them.
+        /// Thresholds and ridge in shares of the target's size instead of physical coefficients (default for a
+        /// threshold of auto), or length: coefficients of columns of length 1, which grow with the number of rows, as
+        /// pysindy's `normalize_columns`.
         #[arg(long, value_name = "BOOL|length", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
         pub normalize: Normalize,
-        /// Regressions of stlsq at most (default: 20).
+        /// Largest number of regressions of stlsq (default: 20).
         #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1_000_000))]
         pub max_iterations: usize,
-        /// Forward regression (frols) chooses the number of terms by its error reduction ratios, as pysindy does: this is the weight of a term, relative to the
-        /// condition number of the columns (default: by --select).
+        /// Weight of a term in the stopping rule of frols by error reduction ratios, relative to the condition number
+        /// of the columns, as in pysindy (default: by --select).
         #[arg(long, value_name = "WEIGHT", allow_negative_numbers = true)]
         pub kappa: f64,
         /// Number of terms of every equation, in place of a threshold (default: by the threshold).
         #[arg(long, value_name = "N", value_parser = whole::<usize>(0..=1_000_000))]
         pub terms: usize,
-        /// What the number of terms is chosen by (default: one-se).
+        /// Rule that chooses the number of terms (default: one-se).
         #[arg(long, value_enum, value_name = "RULE")]
         pub select: Criterion,
-        /// What coefficients are fitted to: one-step; steps:N, simulations of N steps; or free-run, as long as held-out rows allow. The simulations' model is written where its rollouts of held-out rows
-        /// are the better ones (default: one-step).
+        /// Objective of the coefficients: one-step; steps:N, simulations of N steps; or free-run, as long as held-out
+        /// rows allow. A model fitted to simulations is written only if its held-out rollouts are better (default:
+        /// one-step).
         #[arg(long, value_name = "OBJECTIVE")]
         pub objective: Objective,
-        /// Fit on windows of so many rows in the place of rows (weak form), so that no noisy row is differentiated: a number, auto (a length by the signals), or off
-        /// (default: auto where more than a
-        /// fifth of the variance of some state's differences is noise, else off).
+        /// Weak form: fit on windows of rows, without differences of noisy rows: a number of rows, auto (a length by
+        /// the signals), or off (default: auto where more than a fifth of the variance of some state's differences is
+        /// noise, else off).
         #[arg(long, value_name = "ROWS|auto|off")]
         pub weak: Tunable,
-        /// Smooth the states under the equations and find both together, in turn, of logs that fit into memory: on, off, or auto, up to 20,000 rows where there are windows
-        /// because of noise (default: auto).
+        /// Smoothing of the states under the equations, in turn with the fit, for logs that fit into memory: on, off,
+        /// or auto, up to 20,000 rows with windows because of noise (default: auto).
         #[arg(long, value_enum, value_name = "WHEN")]
         pub smooth_states: SmoothStates,
-        /// Held-out rows: a number of folds (whole episodes when there are as many, and five; else spans of every episode in turn, five at least), episodes
-        /// (each left out once), splits:30 (random splits with a third held out), or auto, ten folds, five of few rows (default: auto).
+        /// Folds: a number (whole episodes when there are as many, and five; else spans of every episode in turn, five
+        /// at least), episodes (each left out once), splits:30 (random splits with a third held out), or auto, ten
+        /// folds, five of few rows (default: auto).
         #[arg(long, value_name = "FOLDS")]
         pub folds: String,
-        /// Keep the terms that many fits agree on, to varied chunks, episodes or libraries: `chunks:100` (default: one fit).
+        /// Ensemble of fits to varied chunks, episodes or libraries, `chunks:100`, whose common terms are kept
+        /// (default: one fit).
         #[arg(long, value_name = "WHAT[:N]")]
         pub ensemble: String,
         /// Share of an ensemble's fits that must have a term (default: 0.6).
         #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
         pub inclusion: f64,
-        /// Seed of everything random (default: 0).
+        /// Seed of all random numbers (default: 0).
         #[arg(long, value_name = "SEED")]
         pub seed: u64,
         /// Share of the absolute values in the penalty of the group lasso, beside the norms of its groups (default: 0).
         #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
         pub l1_ratio: f64,
-        /// Functions that enter together, of the group lasso: signal (a signal with its powers and lags), or the functions of named signals, `legs=q1,q2,arms=q3,q4`
-        /// (default of group-lasso: signal).
+        /// Groups of functions that enter together, for the group lasso: signal (a signal with its powers and lags), or
+        /// the functions of named signals, `legs=q1,q2,arms=q3,q4` (default of group-lasso: signal).
         #[arg(long, value_name = "RULE|NAME=SIGNALS")]
         pub groups: GroupWords,
     }
 }
 
 impl SindySection {
-    /// A threshold and a number of terms exclude each other; both said at once are left for the options of the fit to refuse.
+    /// A threshold and a number of terms exclude each other; the options of the fit refuse both at once.
     fn silenced(&self, recipe: &mut Recipe) {
         if self.threshold.is_some() {
             recipe.sindy.terms = None;

@@ -6,13 +6,13 @@ use serde::{Deserialize, Serialize};
 use super::{Recipe, criterion::Criterion, settings::settings};
 use crate::groups::GroupWords;
 
-/// An unknown function and the candidates that it may be made of: monomials of variables, or functions one by one.
+/// Unknown function and its candidates: monomials of variables, or functions one by one.
 ///
 /// `T = { times = "N1", of = ["rho", "M"], degree = 4 }` is N1 times every monomial of degree 0 to 4 in rho and M.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LatentSection {
-    /// What every candidate is multiplied with.
+    /// Factor of every candidate.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub times: Option<String>,
     /// Variables of the monomials.
@@ -24,22 +24,22 @@ pub struct LatentSection {
     /// Candidates one by one, beside the monomials.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub functions: Vec<String>,
-    /// Whether the monomial of degree 0 is a candidate: yes with `of`, no without, when not given.
+    /// The monomial of degree 0 is a candidate (default: yes with `of`, no without).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub constant: Option<bool>,
     /// Penalty factor of its coefficients relative to lambda; 1 when not given, 0 for none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub penalty: Option<f64>,
-    /// Signs that its coefficients may have: `+`, `-`, or `free`.
+    /// Signs of its coefficients: `+`, `-`, or `free`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub signs: Option<String>,
-    /// The least value that it may have on the training data.
+    /// Least value on the training data.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub at_least: Option<f64>,
-    /// The greatest value that it may have on the training data.
+    /// Greatest value on the training data.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub at_most: Option<f64>,
-    /// What it is believed to be: an expression over columns (paper, equation (41)).
+    /// Expected function: an expression over columns (paper, equation (41)).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub prior: Option<String>,
     /// Weight of the squared deviation from the prior, lambda_t; that of `[sparse]`, else 1, when not given.
@@ -63,43 +63,46 @@ pub struct TaskSection {
     pub scale: Option<f64>,
 }
 
-/// What latents keep together, at every row of the training data: a sum of coefficients times latents, or a symmetric matrix of them, on one side of a bound or between
-/// two; or what single coefficients keep.
+/// Limits on latents at every row of the training data: a sum of coefficients times latents, or a symmetric matrix of
+/// them, on one side of a bound or between two; or limits on single coefficients.
 ///
-/// `friction = { of = "F*v", at_least = 0.0 }` only takes power; `inertia = { matrix = [["M11", "M12"], ["M12", "M22"]], at_least = 1e-3 }` has no eigenvalue below
-/// the bound; `damping = { coefficients = { v = ["v", "v*abs(v)"] }, at_most = 0.0 }` has no sign that drives.
+/// `friction = { of = "F*v", at_least = 0.0 }` only takes power;
+/// `inertia = { matrix = [["M11", "M12"], ["M12", "M22"]], at_least = 1e-3 }` has no eigenvalue below the bound;
+/// `damping = { coefficients = { v = ["v", "v*abs(v)"] }, at_most = 0.0 }` has no sign that drives.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ConstraintSection {
     /// An expression over columns and latents, linear in the latents.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub of: Option<String>,
-    /// Single coefficients, by the latent that has them, or by the state whose equation `fit sindy` learns: functions among its candidates, `1` for a constant.
+    /// Single coefficients, by latent, or by the state whose equation `fit sindy` learns: functions among its
+    /// candidates, `1` for a constant.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub coefficients: IndexMap<String, Vec<String>>,
-    /// A symmetric matrix of such expressions by rows; of each row all entries, or those up to the diagonal.
+    /// Symmetric matrix of such expressions by rows; of each row all entries, or those up to the diagonal.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub matrix: Vec<Vec<String>>,
-    /// The least value that it may have, of a matrix the least eigenvalue.
+    /// Least value; of a matrix the least eigenvalue.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub at_least: Option<f64>,
-    /// The greatest value that it may have, of a matrix the greatest eigenvalue.
+    /// Greatest value; of a matrix the greatest eigenvalue.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub at_most: Option<f64>,
 }
 
 settings! {
     sparse, SparseSection::silenced;
-    /// How a sparse regression goes. Every entry is the flag of `fit sparse` of the same name.
+    /// Settings of a sparse regression. Every entry is the flag of `fit sparse` of the same name.
     pub struct SparseSection {
         /// Strength of the l1 penalty, `1/(2n) rss + lambda l1`: auto, a number, or `0.5/sqrt(n)` (default: auto).
         #[arg(long, value_name = "LAMBDA", allow_negative_numbers = true)]
         pub lambda: String,
-        /// What lambda is chosen by (default: one-se).
+        /// Rule that chooses lambda (default: one-se).
         #[arg(long, value_enum, value_name = "RULE")]
         pub select: Criterion,
-        /// Held-out rows: a number of folds (whole episodes when there are as many, and five; else spans of every episode in turn, five at least), episodes
-        /// (each left out once), splits:30 (random splits with a third held out), or auto, ten folds, five of few rows (default: auto).
+        /// Folds: a number (whole episodes when there are as many, and five; else spans of every episode in turn, five
+        /// at least), episodes (each left out once), splits:30 (random splits with a third held out), or auto, ten
+        /// folds, five of few rows (default: auto).
         #[arg(long, value_name = "FOLDS")]
         pub folds: String,
         /// Share of the absolute values in the penalty: beside squares in an elastic net (default: 1, the lasso), beside norms with groups (default: 0, the group
@@ -109,8 +112,8 @@ settings! {
         /// Adaptive lasso: penalty factors from a first least-squares fit (default: false).
         #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
         pub adaptive: bool,
-        /// Bolasso: keep what the replicates agree on. Resample rows (the paper's way; needs the logs), chunks or episodes, 128 times or as many as said:
-        /// `episodes:1000` (default: no bolasso).
+        /// Bolasso, which keeps the columns that the replicates select: resample rows (as in the paper; needs the
+        /// logs), chunks or episodes, 128 times or as given, `episodes:1000` (default: no bolasso).
         #[arg(long, value_name = "UNIT[:B]", conflicts_with = "stability")]
         pub bolasso: String,
         /// Share of the replicates that must select a column (default: 1, of a stability selection 0.9).
@@ -119,24 +122,25 @@ settings! {
         /// Stability selection by complementary halves, with its bound on false selections (default: false).
         #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
         pub stability: bool,
-        /// Strength lambda_t of all priors; in a recipe of those that name none (default: 1).
+        /// Strength lambda_t of all priors; in a recipe, of priors without their own (default: 1).
         #[arg(long, value_name = "STRENGTH", allow_negative_numbers = true)]
         pub prior_strength: f64,
-        /// Penalise coefficients in raw units instead of in those of their columns (default: false).
+        /// Penalty on coefficients in raw units instead of those of their columns (default: false).
         #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
         pub unscaled: bool,
-        /// Seed of everything random (default: 0).
+        /// Seed of all random numbers (default: 0).
         #[arg(long, value_name = "SEED")]
         pub seed: u64,
-        /// Group lasso, functions that enter together: signal (a signal with its powers and lags), term (a function in all equations), or the functions of named
-        /// signals, `legs=q1,q2,arms=q3,q4` (default: every function alone).
+        /// Groups of functions that enter together (group lasso): signal (a signal with its powers and lags), term (a
+        /// function in all equations), or the functions of named signals, `legs=q1,q2,arms=q3,q4` (default: every
+        /// function alone).
         #[arg(long, value_name = "RULE|NAME=SIGNALS")]
         pub groups: GroupWords,
     }
 }
 
 impl SparseSection {
-    /// A bolasso, stability selection and groups exclude each other, and a strength that is said explicitly is that of all priors.
+    /// Bolasso, stability selection and groups exclude each other; an explicit strength is that of all priors.
     fn silenced(&self, recipe: &mut Recipe) {
         let (bolasso, stability) = (self.bolasso.is_some(), self.stability == Some(true));
         if bolasso || self.groups.is_some() {
