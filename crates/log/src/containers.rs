@@ -7,6 +7,7 @@ use fleetfoot_data::Progress;
 use crate::{
     Error, Format,
     container::{Container, Several},
+    dataflash::DataflashContainer,
     format::is_bag,
     mcap::McapContainer,
     rosbag1::BagContainer,
@@ -38,6 +39,7 @@ pub(crate) fn open(
             })?,
         },
         Format::Ulog(compression) => Box::new(UlogContainer::open(path, compression, progress)?),
+        Format::Dataflash(compression) => Box::new(DataflashContainer::open(path, compression, progress)?),
         Format::Bag(compression) => {
             joined(path, files, |path| Ok(Box::new(BagContainer::open(path, compression, progress)?)))?
         }
