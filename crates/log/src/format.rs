@@ -26,6 +26,8 @@ pub enum Format {
     Ulog(Compression),
     /// A log of ArduPilot, binary (`.bin`) or as text (`.log`). Its topics are `/ATT`, and `/IMU.1` for a further instance.
     Dataflash(Compression),
+    /// A log of WPILib. Its topics are the entries with a slash at the beginning (`/NT:/pose`).
+    Wpilog(Compression),
     /// A recording of ROS 1 in one bag.
     Bag(Compression),
     /// A recording of rosbag2 in one SQLite database.
@@ -64,6 +66,7 @@ impl Format {
             ("mcap", compression) => Some(Self::Mcap(compression)),
             ("ulg", compression) => Some(Self::Ulog(compression)),
             ("bin" | "log", compression) => Some(Self::Dataflash(compression)),
+            ("wpilog", compression) => Some(Self::Wpilog(compression)),
             ("bag", compression) => Some(Self::Bag(compression)),
             ("db3", compression) => Some(Self::Db3(compression)),
             _ => None,
@@ -103,6 +106,9 @@ impl Format {
             Self::Dataflash(Compression::None) => "ArduPilot DataFlash",
             Self::Dataflash(Compression::Gzip) => "ArduPilot DataFlash (gzip)",
             Self::Dataflash(Compression::Zstd) => "ArduPilot DataFlash (zstd)",
+            Self::Wpilog(Compression::None) => "WPILOG",
+            Self::Wpilog(Compression::Gzip) => "WPILOG (gzip)",
+            Self::Wpilog(Compression::Zstd) => "WPILOG (zstd)",
             Self::Bag(Compression::None) => "ROS 1 bag",
             Self::Bag(Compression::Gzip) => "ROS 1 bag (gzip)",
             Self::Bag(Compression::Zstd) => "ROS 1 bag (zstd)",

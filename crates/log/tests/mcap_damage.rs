@@ -326,6 +326,30 @@ fn logs_of_ardupilot_are_read_as_far_as_they_are_sound() {
     sweep("flight.log", &DATAFLASH, 125, |bytes, at| bytes[at - 1] == b'\n');
 }
 
+/// Fields of the log of WPILib that `tests/peers/write_wpilog.py` wrote (60 rows).
+const WPILOG: [(&str, &[&str]); 5] = [
+    ("/drive/speed", &["value"]),
+    ("/wheels", &["value[2]"]),
+    ("/NT:/pose", &["translation.y", "rotation.turns"]),
+    ("/modules", &["value[3].encoder", "value[0].drive"]),
+    ("/names", &["value[1]"]),
+];
+
+/// As bags; a cut between two records is no damage that a file without an index could tell.
+#[test]
+fn logs_of_wpilib_are_read_as_far_as_they_are_sound() {
+    sweep("robot.wpilog", &WPILOG, 246, |bytes, wanted| {
+        let number = |at: usize, size: usize| (0..size).rev().fold(0, |all, k| all << 8 | usize::from(bytes[at + k]));
+        let mut at = 12 + number(8, 4);
+        while at < wanted {
+            let head = usize::from(bytes[at]);
+            let (entry, size, time) = ((head & 3) + 1, (head >> 2 & 3) + 1, (head >> 4 & 7) + 1);
+            at += 1 + entry + size + time + number(at + 1 + entry, size);
+        }
+        at == wanted
+    });
+}
+
 /// Cuts and changes a file everywhere, of which `messages` are wanted in all. `between`: whether a file that is cut at a place ends between two
 /// messages.
 fn sweep(name: &str, wanted: Wanted, messages: usize, between: fn(&[u8], usize) -> bool) {

@@ -17,6 +17,9 @@ use crate::{
 use bytes::{rest_text, text, texts};
 use layout::{Layout, Leaf, Shape, Target};
 
+/// Elements of an array of structs that a whole message is decoded with.
+const MAX_ELEMENTS: usize = 4096;
+
 /// Makes the decoder of messages of a layout.
 fn codec(layout: Layout) -> Box<dyn Codec> {
     Box::new(Packed { layout: Arc::new(layout) })
@@ -151,6 +154,7 @@ fn array(element: &Shape, count: usize, message: &[u8], at: usize) -> Result<Val
     if count > LONG_ARRAY && matches!(element, Shape::Number(_)) {
         return Ok(Value::Long(count));
     }
-    let elements = (0..count).map(|place| value(element, message, at + place * element.size()));
+    // Of more, a tree of fields keeps none, and few people want each.
+    let elements = (0..count.min(MAX_ELEMENTS)).map(|place| value(element, message, at + place * element.size()));
     Ok(Value::Array(elements.collect::<Result<_, _>>()?))
 }

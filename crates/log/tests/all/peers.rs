@@ -7,6 +7,7 @@ mod hold;
 mod oracle;
 mod rosbags;
 mod ulog;
+mod wpilog;
 
 use std::{
     collections::BTreeMap,
