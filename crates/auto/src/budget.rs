@@ -10,6 +10,8 @@ use crate::candidates::{Kind, Rows, Trial};
 
 /// Operations of refined regions and of trees, for every row and regressor: measured beside fits of equations, whose plans tell theirs.
 const OF_REGIONS: f64 = 3e4;
+/// Operations of a linear model, for every row and pair of regressors: factors of all rows, of their folds and for the intervals.
+const OF_LINEAR: f64 = 20.0;
 /// Candidates of the largest size that all together may take.
 const TOGETHER: f64 = 4.0;
 
@@ -70,7 +72,7 @@ fn operations(trial: &Trial, rows: &Rows, logs: &Logs) -> f64 {
             let (regressors, training) = (rows.columns * (lags + 1), rows.training / trial.every);
             match partition.starts_with("refined") || partition.starts_with("tree") {
                 true => OF_REGIONS * (training * regressors) as f64,
-                false => (training * regressors * regressors) as f64,
+                false => OF_LINEAR * (training * regressors * regressors) as f64,
             }
         }
     }

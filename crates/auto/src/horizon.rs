@@ -41,7 +41,7 @@ impl HorizonChoice {
     /// Simulations of the folds, for a model that sees one of so many rows.
     pub(crate) fn simulations(&self, every: usize) -> Simulations {
         let own = self.at_every(every);
-        Simulations { rule: RolloutRule::new(own.steps), before: own.before }
+        Simulations { rule: RolloutRule::new(own.steps), before: own.before, limit: None }
     }
 
     /// The horizon of rows, whose states are these columns; no longer than held-out spans of `room` rows allow. `None`: they are too short for any.

@@ -16,6 +16,8 @@ mod tested;
 mod verdict;
 mod writer;
 
+use std::{fs, path::Path};
+
 use candidates::{LINEAR, MEAN, Rows};
 use fleetfoot_check::{Checked, check};
 use fleetfoot_data::setting::FIT_SINDY;
@@ -130,7 +132,8 @@ struct Told<'a> {
 /// # Errors
 /// Those of opening; no column that can be a state; rows that are too few; no candidate could be fitted. A stop by the user before the first candidate is done.
 pub fn auto(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) -> Result<Auto, Error> {
-    let logs = &logs.into();
+    // Every candidate, fold and simulation sees the rows that were opened first.
+    let logs = &logs.into().kept();
     if logs.is_statistic() {
         return Err(Error::needs_rows("auto simulates rows, and a statistic has none: give logs".into()));
     }
@@ -154,7 +157,26 @@ pub fn auto(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) -> 
     let found = Search { recipe: &recipe, logs, notes, checked };
     let mut found = found.run(progress)?;
     found.recipe.cache = own;
+    let bytes = bytes_within(decoded.path());
+    if bytes > 0 {
+        found.notes.push(format!(
+            "decoded messages took {:.1} MB of {} while this ran; they are deleted now",
+            bytes as f64 * 1e-6,
+            std::env::temp_dir().display()
+        ));
+    }
     Ok(found)
+}
+
+/// Bytes of the files in a folder; 0 of what cannot be read.
+fn bytes_within(folder: &Path) -> u64 {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let of = |entry: fs::DirEntry| match entry.metadata() {
+        Ok(data) if data.is_dir() => bytes_within(&entry.path()),
+        Ok(data) => data.len(),
+        Err(_) => 0,
+    };
+    entries.map(of).sum()
 }
 
 /// What the training rows say before the first fit.

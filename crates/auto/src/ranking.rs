@@ -3,14 +3,16 @@
 use fleetfoot_data::{Progress, Stages, until_stopped};
 use fleetfoot_dataset::{Logs, Part};
 use fleetfoot_fit::{
-    Error, FitReport, FitRequest, Method, Narx, Parameters, Pwa, SimulatedFold, Simulations, Sindy, fit_and_simulate,
+    Error, FitReport, FitRequest, FoldSimulations, Method, Narx, Parameters, Pwa, SimulatedFold, Simulations, Sindy,
+    fit_and_simulate,
 };
 use fleetfoot_model::Model;
+use fleetfoot_report::words::ratio;
 use serde::Serialize;
 
 use crate::{
     budget::Budget,
-    candidates::{DRIFT, Kind, MEAN, Rows, Trial},
+    candidates::{DRIFT, Kind, LINEAR, MEAN, Rows, Trial},
     horizon::HorizonChoice,
 };
 
@@ -70,19 +72,43 @@ impl Ranking {
                 continue;
             }
             let stages = Stages::new(progress, format!("{} ({} of {})", trial.name, at + 1, trials.len()));
-            let result = until_stopped(|| fitted(trial, &training, &horizon.simulations(trial.every), &stages));
+            let simulations = Simulations { limit: found.limit(&trial.name), ..horizon.simulations(trial.every) };
+            let result = until_stopped(|| fitted(trial, &training, &simulations, &stages));
             match result {
                 Err(_) => found.stopped = true,
                 Ok(Err(Error::Cancelled(_))) => found.stopped = true,
                 Ok(Err(_)) if progress.cancelled() => found.stopped = true,
                 Ok(Err(error)) => found.add(trial, None, &[], Some(error.to_string())),
-                Ok(Ok((tried, folds))) => found.add(trial, Some(tried), &folds, None),
+                Ok(Ok((tried, FoldSimulations::HeldOut(folds)))) => found.add(trial, Some(tried), &folds, None),
+                Ok(Ok((tried, FoldSimulations::BeyondLimit(error)))) => {
+                    let times = error / found.least().unwrap_or(f64::NAN);
+                    let reason = match times.is_finite() {
+                        true => {
+                            format!("on rows that trained it it errs {} times as much as the best before", ratio(times))
+                        }
+                        false => "simulations of rows that trained it diverge".to_owned(),
+                    };
+                    found.add(trial, Some(tried), &[], Some(reason));
+                }
             }
             if found.stopped {
                 break;
             }
         }
         found
+    }
+
+    /// The least error so far.
+    fn least(&self) -> Option<f64> {
+        self.candidates.iter().filter_map(|own| own.error).min_by(f64::total_cmp)
+    }
+
+    /// The error on its training rows beyond which a candidate is given up; `None` for those that others are compared with.
+    fn limit(&self, name: &str) -> Option<f64> {
+        if [MEAN, DRIFT, LINEAR].contains(&name) {
+            return None;
+        }
+        Some(GIVEN_UP * self.least()?)
     }
 
     fn add(&mut self, trial: &Trial, tried: Option<Tried>, folds: &[SimulatedFold], reason: Option<String>) {
@@ -137,6 +163,9 @@ impl Ranking {
     }
 }
 
+/// Beyond so many times the least error a model is given up before it is fitted to the folds.
+const GIVEN_UP: f64 = 2.0;
+
 /// Errors that differ by less are alike, however sure the difference is: a person reads the smaller model.
 const ALIKE: f64 = 1.05;
 
@@ -165,7 +194,7 @@ fn fitted(
     logs: &Logs,
     simulations: &Simulations,
     progress: &dyn Progress,
-) -> Result<(Tried, Vec<SimulatedFold>), Error> {
+) -> Result<(Tried, FoldSimulations), Error> {
     match trial.kind {
         Kind::Pwa => of::<Pwa>(trial, logs, simulations, progress),
         Kind::Sindy => of::<Sindy>(trial, logs, simulations, progress),
@@ -179,7 +208,7 @@ fn of<M: Method>(
     logs: &Logs,
     simulations: &Simulations,
     progress: &dyn Progress,
-) -> Result<(Tried, Vec<SimulatedFold>), Error> {
+) -> Result<(Tried, FoldSimulations), Error> {
     let (fitted, folds) = fit_and_simulate::<M>(&trial.recipe, &FitRequest::default(), logs, simulations, progress)?;
     let mut report = fitted.report.to_json();
     report["hash"] = fitted.model.hash().into();
@@ -238,6 +267,7 @@ mod tests {
         let found =
             ranking(vec![candidate("linear", 4, &[0.6, 1.9, 0.5]), candidate("regions", 20, &[0.5, 0.52, 0.51])]);
         assert_eq!(found.chosen(), Some(1), "errors that scatter are not near");
+        assert_eq!((found.limit("regions"), found.limit(LINEAR)), (Some(2.0 * (0.5 + 0.52 + 0.51) / 3.0), None));
         let found = ranking(vec![candidate("linear", 4, &[1.1, 0.9, 1.2])]);
         assert_eq!((found.chosen(), found.unbeaten(0)), (Some(0), Some("persistence")));
         assert_eq!(ranking(vec![candidate("a", 1, &[f64::INFINITY; 2])]).chosen(), None);

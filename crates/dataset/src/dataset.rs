@@ -174,7 +174,8 @@ impl Dataset {
         let topic_clocks = clocks.topics.clone();
         selection.join.clocks = clocks.topics;
         let (grouped, others) = logs.by(recipe)?;
-        let recording = fleetfoot_log::open_logs(grouped.all(), &selection, progress)
+        let recording = grouped
+            .recording(&selection, progress)
             .map_err(|error| beside::of_no_column(error, recipe, &selection.columns, logs.len()))?;
         let mut notes = recording.notes().to_vec();
         if let Some((first, more)) = others.split_first() {

@@ -103,7 +103,7 @@ impl Folder {
             }
             if name == RECIPE || is_own(&name) {
                 own.push(path);
-            } else if LogFormat::of(&path).is_some() {
+            } else if LogFormat::found(&path).is_some() {
                 foreign.push(path);
             }
         }

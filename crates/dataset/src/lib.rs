@@ -12,6 +12,7 @@ pub mod folder;
 pub mod found_clocks;
 mod hold_out;
 pub mod json;
+mod kept;
 pub mod labels;
 mod logs;
 pub mod open;

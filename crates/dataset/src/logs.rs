@@ -7,10 +7,11 @@ use std::{
     sync::Arc,
 };
 
-use fleetfoot_log::{Log, MemoryTable, RunFiles};
+use fleetfoot_data::Progress;
+use fleetfoot_log::{FileInfo, Log, MemoryTable, Recording, RunFiles, Selection};
 use fleetfoot_recipe::Recipe;
 
-use crate::{error::Error, hold_out::Part, stats_file::StatisticFile};
+use crate::{error::Error, hold_out::Part, kept::Kept, stats_file::StatisticFile};
 
 /// What is read, in the order in which it is read: files by their paths, then tables in memory. Or the statistic of logs in their place.
 ///
@@ -20,6 +21,8 @@ pub struct Logs {
     logs: Vec<Log>,
     statistic: Option<Arc<StatisticFile>>,
     part: Part,
+    /// Rows that were opened already, for callers that open the same logs many times.
+    kept: Option<Arc<Kept>>,
 }
 
 impl Logs {
@@ -30,12 +33,44 @@ impl Logs {
 
     /// A statistic, in place of logs, for the fits that need no rows.
     pub fn of_statistic(statistic: Arc<StatisticFile>) -> Self {
-        Self { logs: Vec::new(), statistic: Some(statistic), part: Part::All }
+        Self { statistic: Some(statistic), ..Self::default() }
     }
 
     /// The same logs, of which only the training rows or only the test rows are read ([`Part`]).
     pub fn only(&self, part: Part) -> Self {
         Self { part, ..self.clone() }
+    }
+
+    /// The same logs, opened once: all copies of them share the rows that one of them opened, as long as they live.
+    #[must_use]
+    pub fn kept(&self) -> Self {
+        Self { kept: Some(Arc::default()), ..self.clone() }
+    }
+
+    /// All rows of the logs, as a selection reads them.
+    ///
+    /// # Errors
+    /// Those of opening.
+    pub(crate) fn recording(
+        &self,
+        selection: &Selection,
+        progress: &dyn Progress,
+    ) -> Result<Recording, fleetfoot_log::Error> {
+        match &self.kept {
+            Some(kept) => kept.recording(&self.logs, selection, progress),
+            None => fleetfoot_log::open_logs(&self.logs, selection, progress),
+        }
+    }
+
+    /// What one of the files holds.
+    ///
+    /// # Errors
+    /// Those of reading.
+    pub(crate) fn info(&self, file: &Path) -> Result<FileInfo, Error> {
+        match &self.kept {
+            Some(kept) => kept.info(file),
+            None => Ok(fleetfoot_log::inspect(file)?),
+        }
     }
 
     /// Which of their rows are read.
@@ -90,6 +125,7 @@ impl Logs {
                 logs: runs.into_iter().map(Log::Run).chain(rest).collect(),
                 statistic: self.statistic.clone(),
                 part: self.part,
+                kept: self.kept.clone(),
             },
             others,
         ))
@@ -117,7 +153,7 @@ impl Logs {
 
 impl From<Vec<Log>> for Logs {
     fn from(logs: Vec<Log>) -> Self {
-        Self { logs, statistic: None, part: Part::All }
+        Self { logs, ..Self::default() }
     }
 }
 

@@ -63,7 +63,9 @@ pub use pipeline::{fit, fit_all, fit_and_simulate, plan};
 pub use plan::FitPlan;
 pub use pwa::{Pwa, PwaOptions, PwaReport};
 pub use rollout_choice::{RolloutCandidate, RolloutChoice, RolloutRule, USUAL_HORIZON};
-pub use simulated_folds::{SimulatedFold, Simulations, against_persistence, fold_room, over_steps, simulation_options};
+pub use simulated_folds::{
+    FoldSimulations, SimulatedFold, Simulations, against_persistence, fold_room, over_steps, simulation_options,
+};
 pub use sindy::{
     Ensemble, EquationReport, Evidence, FrontPoint, ParameterReport, RegionReport, Sindy, SindyOptions, SindyReport,
     StateNoise, StateSmoothing, TermReport,

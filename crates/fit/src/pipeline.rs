@@ -20,7 +20,7 @@ use crate::{
     objective::Refinement,
     plan::FitPlan,
     rollout_choice::{HeldOut, RolloutCandidate, RolloutChoice, RolloutRule, candidates, open_spans, settled, terms},
-    simulated_folds::{SimulatedFold, Simulations, simulated_folds},
+    simulated_folds::{FoldSimulations, Simulations, simulated_folds},
     summary::FitSummary,
 };
 
@@ -81,7 +81,7 @@ pub fn fit_and_simulate<M: Method>(
     logs: impl Into<Logs>,
     simulations: &Simulations,
     progress: &dyn Progress,
-) -> Result<(Fitted<M::Report>, Vec<SimulatedFold>), Error> {
+) -> Result<(Fitted<M::Report>, FoldSimulations), Error> {
     let method = M::new(recipe, request)?;
     let mut fitted = of_logs(method, recipe, &logs.into(), Some(simulations), progress)?;
     Ok(fitted.swap_remove(0))
@@ -106,7 +106,7 @@ pub fn plan<M: Method>(
 }
 
 /// A fit, and the simulations of its folds where they were asked for.
-type Simulated<M> = (Fitted<<M as Method>::Report>, Vec<SimulatedFold>);
+type Simulated<M> = (Fitted<<M as Method>::Report>, FoldSimulations);
 
 fn of_logs<M: Method>(
     mut method: M,
@@ -162,7 +162,7 @@ fn of_logs<M: Method>(
         };
         let folds = match simulations {
             Some(wanted) => simulated_folds(&method, data, &found, wanted, progress)?,
-            None => Vec::new(),
+            None => FoldSimulations::HeldOut(Vec::new()),
         };
         fitted.push((method.report(data, &sums, found, summary, progress)?, folds));
     }

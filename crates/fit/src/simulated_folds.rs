@@ -12,13 +12,27 @@ use crate::{
 };
 
 /// How models are simulated on rows that did not train them. Simulations begin at the same rows for all models of the same recording.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Simulations {
     /// Folds, steps, and the most simulations of a fold.
     pub rule: RolloutRule,
     /// Rows in front of every start: a model that looks further back cannot be compared.
     pub before: usize,
+    /// A model that errs more on the rows that trained it is not fitted to the folds: it cannot err less on others.
+    pub limit: Option<f64>,
 }
+
+/// Simulations of a model on the folds, or why there are none.
+#[derive(Debug, Clone, PartialEq)]
+pub enum FoldSimulations {
+    /// The folds, each simulated by a model of the other folds.
+    HeldOut(Vec<SimulatedFold>),
+    /// Error of the model on the rows that trained it, which is beyond the limit ([`Simulations::limit`]).
+    BeyondLimit(f64),
+}
+
+/// Simulations of every fold that show whether a model is beyond the limit.
+const FEW: usize = 10;
 
 /// Errors of the simulations of one fold.
 #[derive(Debug, Clone, PartialEq)]
@@ -90,9 +104,22 @@ pub(crate) fn simulated_folds<M: Method>(
     found: &M::Found,
     wanted: &Simulations,
     progress: &dyn Progress,
-) -> Result<Vec<SimulatedFold>, Error> {
+) -> Result<FoldSimulations, Error> {
     let smoothed = smoothed_rows(data.recipe.time.smoothed, data.step);
     let held = HeldOut::new((data.rows()?, smoothed), wanted.rule, "auto")?;
+    if let Some(limit) = wanted.limit {
+        let few = Simulations { rule: RolloutRule { starts: FEW, ..wanted.rule }, ..*wanted };
+        let mut errors = Vec::with_capacity(wanted.rule.folds);
+        progress.stage("simulations");
+        held.each(|_, kept| {
+            errors.push(simulated(M::model(found), kept, &few)?.error());
+            Ok(())
+        })?;
+        let error = errors.iter().sum::<f64>() / errors.len() as f64;
+        if error > limit {
+            return Ok(FoldSimulations::BeyondLimit(error));
+        }
+    }
     let mut folds = Vec::with_capacity(wanted.rule.folds);
     held.each(|train, kept| {
         let model = method.same_terms(Data { rows: Some(train), kept: None, ..data }, found, progress)?;
@@ -100,7 +127,7 @@ pub(crate) fn simulated_folds<M: Method>(
         folds.push(simulated(&model, kept, wanted)?);
         Ok(())
     })?;
-    Ok(folds)
+    Ok(FoldSimulations::HeldOut(folds))
 }
 
 /// Simulates a model on rows that did not train it.

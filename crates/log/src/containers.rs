@@ -7,11 +7,13 @@ use fleetfoot_data::Progress;
 use crate::{
     Error, Format,
     container::{Container, Several},
+    dataflash::DataflashContainer,
     format::is_bag,
     mcap::McapContainer,
     rosbag1::BagContainer,
     rosbag2::{self, DatabaseContainer},
     ulog::UlogContainer,
+    wpilog::WpilogContainer,
 };
 
 /// Opens a recording of messages: finds its pieces and topics. `further`: the files that go on with it.
@@ -39,6 +41,8 @@ pub(crate) fn open(
             })
         })?,
         Format::Ulog(compression) => Box::new(UlogContainer::open(path, compression, progress)?),
+        Format::Dataflash(compression) => Box::new(DataflashContainer::open(path, compression, progress)?),
+        Format::Wpilog(compression) => Box::new(WpilogContainer::open(path, compression, progress)?),
         Format::Bag(compression) => {
             joined(path, files, |path| Ok(Box::new(BagContainer::open(path, compression, progress)?)))?
         }

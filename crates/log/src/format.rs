@@ -8,6 +8,9 @@ pub(crate) const BAG_METADATA: &str = "metadata.yaml";
 /// The key under which everything stands in it.
 pub(crate) const BAG_KEY: &[u8] = b"rosbag2_bagfile_information";
 
+/// What the logs of ArduPilot begin with: a message that defines the first type, binary or as text.
+pub(crate) const DATAFLASH: [&[u8]; 2] = [&[0xa3, 0x95, 0x80], b"FMT,"];
+
 /// A readable file format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
@@ -21,6 +24,10 @@ pub enum Format {
     /// A log of PX4. Its topics are `/vehicle_attitude`, and `/sensor_accel.1` for a further instance; fields have the names that pyulog gives
     /// them.
     Ulog(Compression),
+    /// A log of ArduPilot, binary (`.bin`) or as text (`.log`). Its topics are `/ATT`, and `/IMU.1` for a further instance.
+    Dataflash(Compression),
+    /// A log of WPILib. Its topics are the entries with a slash at the beginning (`/NT:/pose`).
+    Wpilog(Compression),
     /// A recording of ROS 1 in one bag.
     Bag(Compression),
     /// A recording of rosbag2 in one SQLite database.
@@ -58,9 +65,23 @@ impl Format {
             ("csv" | "tsv" | "txt", compression) => Some(Self::Csv(compression)),
             ("mcap", compression) => Some(Self::Mcap(compression)),
             ("ulg", compression) => Some(Self::Ulog(compression)),
+            ("bin" | "log", compression) => Some(Self::Dataflash(compression)),
+            ("wpilog", compression) => Some(Self::Wpilog(compression)),
             ("bag", compression) => Some(Self::Bag(compression)),
             ("db3", compression) => Some(Self::Db3(compression)),
             _ => None,
+        }
+    }
+
+    /// The format of a file that was found, not named: files of many programs end in `.bin` and `.log`, so that their first bytes decide.
+    pub fn found(path: &Path) -> Option<Self> {
+        let format = Self::of(path)?;
+        match format {
+            Self::Dataflash(compression) => {
+                let start = start(path, compression);
+                DATAFLASH.iter().any(|magic| start.starts_with(magic)).then_some(format)
+            }
+            _ => Some(format),
         }
     }
 
@@ -82,6 +103,12 @@ impl Format {
             Self::Ulog(Compression::None) => "ULog",
             Self::Ulog(Compression::Gzip) => "ULog (gzip)",
             Self::Ulog(Compression::Zstd) => "ULog (zstd)",
+            Self::Dataflash(Compression::None) => "ArduPilot DataFlash",
+            Self::Dataflash(Compression::Gzip) => "ArduPilot DataFlash (gzip)",
+            Self::Dataflash(Compression::Zstd) => "ArduPilot DataFlash (zstd)",
+            Self::Wpilog(Compression::None) => "WPILOG",
+            Self::Wpilog(Compression::Gzip) => "WPILOG (gzip)",
+            Self::Wpilog(Compression::Zstd) => "WPILOG (zstd)",
             Self::Bag(Compression::None) => "ROS 1 bag",
             Self::Bag(Compression::Gzip) => "ROS 1 bag (gzip)",
             Self::Bag(Compression::Zstd) => "ROS 1 bag (zstd)",
@@ -91,6 +118,23 @@ impl Format {
             Self::Rosbag2 => "rosbag2",
         }
     }
+}
+
+/// The first bytes of a file, as far as they can be read.
+fn start(path: &Path, compression: Compression) -> Vec<u8> {
+    let Ok(file) = File::open(path) else { return Vec::new() };
+    let file: Box<dyn Read> = match compression {
+        Compression::None => Box::new(file),
+        Compression::Gzip => Box::new(flate2::read::MultiGzDecoder::new(file)),
+        Compression::Zstd => match zstd::Decoder::new(file) {
+            Ok(decoder) => Box::new(decoder),
+            Err(_) => return Vec::new(),
+        },
+    };
+    let mut start = Vec::new();
+    // What was read before an error stays.
+    let _ = file.take(16).read_to_end(&mut start);
+    start
 }
 
 /// Whether a folder is a rosbag2 recording. A `metadata.yaml` of something else does not make it one.

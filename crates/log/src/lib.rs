@@ -1,4 +1,4 @@
-//! Recordings out of files: MCAP, rosbag2, ROS 1 bags, ULog, Parquet, CSV.
+//! Recordings out of files: MCAP, rosbag2, ROS 1 bags, ULog, ArduPilot DataFlash, WPILOG, Parquet, CSV.
 //!
 //! [`paths`] turns arguments (files, globs, folders) into files; [`inspect`] tells what one file holds; [`open`] makes a
 //! [`Recording`], a [`fleetfoot_data::Source`] whose episodes are found from the time stamps and whose rows are read when
@@ -35,6 +35,7 @@ mod container;
 mod containers;
 mod cost;
 mod csv;
+mod dataflash;
 mod dates;
 mod error;
 mod estimate;
@@ -72,6 +73,7 @@ mod table;
 mod time_column;
 mod topic_info;
 mod ulog;
+mod wpilog;
 
 pub use channels::{MessageColumns, MessageField, MessageRow, Messages};
 pub use clock_info::ClockInfo;

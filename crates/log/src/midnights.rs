@@ -24,7 +24,7 @@ pub(crate) struct Midnights {
 }
 
 /// The days of the rows of a file, counted from its first one.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Days {
     /// Rows from which on another day counts, and that day.
     changes: Vec<(usize, i64)>,

@@ -69,7 +69,7 @@ fn collect_folder(folder: &Path, depth: usize, found: &mut BTreeSet<PathBuf>) ->
         }
         if path.is_dir() {
             collect_folder(&path, depth + 1, found)?;
-        } else if Format::of(&path).is_some() {
+        } else if Format::found(&path).is_some() {
             found.insert(path);
         }
     }
@@ -103,7 +103,7 @@ fn collect_pattern(argument: &Path, files: &mut BTreeSet<PathBuf>) -> Result<(),
             path.map_err(|failure| Error::Io { path: failure.path().into(), action: "list", source: failure.into() })?;
         if path.is_dir() {
             collect_folder(&path, 1, &mut found)?;
-        } else if Format::of(&path).is_some() {
+        } else if Format::found(&path).is_some() {
             found.insert(path);
         } else {
             unknown = Some(path);

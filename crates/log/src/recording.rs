@@ -38,6 +38,9 @@ use crate::{
 /// Episodes stand in the order of the files' paths and, within a file, of its rows. A file begins an episode; so does a stamp before its
 /// predecessor, and a gap larger than [`Selection::max_gap`] allows. Rows with the very stamp of their predecessor and rows without a readable
 /// stamp are left out and counted in [`Recording::notes`].
+///
+/// A copy shares the decoded rows.
+#[derive(Clone)]
 pub struct Recording {
     columns: Vec<Column>,
     pub(crate) episodes: Vec<Episode>,
@@ -68,14 +71,15 @@ pub(crate) struct Place {
     pub(crate) first: usize,
 }
 
+#[derive(Clone)]
 struct RecordedFile {
     /// Of a table in memory, its name.
     path: PathBuf,
     /// What is read of it: the file, those that go on with it, or those of a run; none of a table.
     parts: Vec<PathBuf>,
     in_memory: bool,
-    table: Box<dyn Table>,
-    mask: RowMask,
+    table: Arc<dyn Table>,
+    mask: Arc<RowMask>,
     days: Days,
     clock: ClockSummary,
     log_offset: i64,
@@ -196,8 +200,8 @@ pub(crate) fn open_agreed(
             },
             path,
             in_memory: logs[file].file().is_none(),
-            table: opened.table,
-            mask,
+            table: Arc::from(opened.table),
+            mask: Arc::new(mask),
             days,
             clock,
             log_offset: opened.log_offset,

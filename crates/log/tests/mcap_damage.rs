@@ -299,55 +299,105 @@ const ROSBAGS: [(&str, &[&str]); 2] = [
     ("/state", &["values[5]", "fixed[2]", "large", "points[0].z"]),
 ];
 
+/// Fields wanted of each topic, for a sweep.
+type Wanted = &'static [(&'static str, &'static [&'static str])];
+
 /// ROS 1 bags and databases of rosbag2: each cut, and each with changed bytes, everywhere. There are no checksums but those of lz4 and bz2, so
 /// that a changed number is a number; a cut file gives the messages before the cut.
 #[test]
 fn bags_and_databases_are_read_as_far_as_they_are_sound() {
+    for name in ["none.bag", "lz4.bag", "bz2.bag", "plain.db3", "packed.db3"] {
+        sweep(name, &ROSBAGS, 72, |_, _| false);
+    }
+}
+
+/// Fields of the logs of ArduPilot that `tests/peers/write_dataflash.py` wrote (60 rows).
+const DATAFLASH: [(&str, &[&str]); 4] = [
+    ("/IMU", &["TimeUS", "GyrZ", "AHz"]),
+    ("/IMU.1", &["AccX"]),
+    ("/GPS.1", &["Lat", "GMS", "U"]),
+    ("/MSG", &["Message"]),
+];
+
+/// As bags; a cut between two messages is no damage that a file without an index could tell.
+#[test]
+fn logs_of_ardupilot_are_read_as_far_as_they_are_sound() {
+    sweep("flight.bin", &DATAFLASH, 125, |bytes, at| bytes[at..].starts_with(&[0xa3, 0x95]));
+    sweep("flight.log", &DATAFLASH, 125, |bytes, at| bytes[at - 1] == b'\n');
+}
+
+/// Fields of the log of WPILib that `tests/peers/write_wpilog.py` wrote (60 rows).
+const WPILOG: [(&str, &[&str]); 5] = [
+    ("/drive/speed", &["value"]),
+    ("/wheels", &["value[2]"]),
+    ("/NT:/pose", &["translation.y", "rotation.turns"]),
+    ("/modules", &["value[3].encoder", "value[0].drive"]),
+    ("/names", &["value[1]"]),
+];
+
+/// As bags; a cut between two records is no damage that a file without an index could tell.
+#[test]
+fn logs_of_wpilib_are_read_as_far_as_they_are_sound() {
+    sweep("robot.wpilog", &WPILOG, 246, |bytes, wanted| {
+        let number = |at: usize, size: usize| (0..size).rev().fold(0, |all, k| all << 8 | usize::from(bytes[at + k]));
+        let mut at = 12 + number(8, 4);
+        while at < wanted {
+            let head = usize::from(bytes[at]);
+            let (entry, size, time) = ((head & 3) + 1, (head >> 2 & 3) + 1, (head >> 4 & 7) + 1);
+            at += 1 + entry + size + time + number(at + 1 + entry, size);
+        }
+        at == wanted
+    });
+}
+
+/// Cuts and changes a file everywhere, of which `messages` are wanted in all. `between`: whether a file that is cut at a place ends between two
+/// messages.
+fn sweep(name: &str, wanted: Wanted, messages: usize, between: fn(&[u8], usize) -> bool) {
     let _turn = alone();
     let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
-    for name in ["none.bag", "lz4.bag", "bz2.bag", "plain.db3", "packed.db3"] {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join(name);
-        let bytes = fs::read(fixtures.join(name)).unwrap();
-        fs::write(&path, &bytes).unwrap();
-        let truth = read(&path, &ROSBAGS).unwrap();
-        assert_eq!((total(&truth), truth.len()), (72, 2), "{name}");
-        let turns: usize = if full() { 2000 } else { 200 };
-        let mut random = Random(5);
-        let (mut partial, mut silent) = (0, Vec::new());
-        for turn in 0..turns {
-            let length = if turn == 0 { bytes.len() - 1 } else { 16 + random.below(bytes.len() as u64 - 16) as usize };
-            fs::write(&path, &bytes[..length]).unwrap();
-            let what = format!("{name} cut at {length}");
-            // Where the tables or connections themselves are cut off the file is refused.
-            if let Ok(found) = bounded(&what, || read(&path, &ROSBAGS)) {
-                assert!(is_part(&found, &truth), "{what}: invented values");
-                partial += usize::from(total(&found) > 0);
-                if total(&found) < 72 && turn.is_multiple_of(8) && !bounded(&what, || tells(&path)) {
-                    silent.push(what);
-                }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(name);
+    let bytes = fs::read(fixtures.join(name)).unwrap();
+    fs::write(&path, &bytes).unwrap();
+    let truth = read(&path, wanted).unwrap();
+    assert_eq!((total(&truth), truth.len()), (messages, wanted.len()), "{name}");
+    let turns: usize = if full() { 2000 } else { 200 };
+    let mut random = Random(5);
+    let (mut partial, mut silent) = (0, Vec::new());
+    for turn in 0..turns {
+        let length = if turn == 0 { bytes.len() - 1 } else { 16 + random.below(bytes.len() as u64 - 16) as usize };
+        fs::write(&path, &bytes[..length]).unwrap();
+        let what = format!("{name} cut at {length}");
+        // Where the tables or connections themselves are cut off the file is refused.
+        if let Ok(found) = bounded(&what, || read(&path, wanted)) {
+            assert!(is_part(&found, &truth), "{what}: invented values");
+            partial += usize::from(total(&found) > 0);
+            let lost = total(&found) < messages && !between(&bytes, length);
+            if lost && turn.is_multiple_of(8) && !bounded(&what, || tells(&path)) {
+                silent.push(what);
             }
         }
-        let mut changed = 0;
-        for turn in 0..turns {
-            let mut bytes = bytes.clone();
-            for _ in 0..1 + turn % 4 * 10 {
-                let at = 16 + random.below(bytes.len() as u64 - 16) as usize;
-                bytes[at] ^= 1 + random.below(255) as u8;
-            }
-            fs::write(&path, &bytes).unwrap();
-            let what = format!("{name}, change {turn}");
-            let found = bounded(&what, || read(&path, &ROSBAGS)).unwrap_or_default();
-            assert!(found.values().all(|rows| rows.len() <= 75), "{what}: invented messages");
-            changed += usize::from(found != truth);
-            if turn.is_multiple_of(8) {
-                bounded(&what, || inspect_values(&path, &Silent).map(drop).unwrap_or_default());
-            }
-        }
-        eprintln!("{name}: {partial} of {turns} cuts read in part, {changed} of {turns} changes noticed in the rows");
-        assert_eq!(silent, [""; 0], "no word about what is lost");
-        assert!(partial > turns / 20, "{name}: {partial} of {turns} cuts were read in part");
     }
+    let mut changed = 0;
+    for turn in 0..turns {
+        let mut bytes = bytes.clone();
+        for _ in 0..1 + turn % 4 * 10 {
+            let at = 16 + random.below(bytes.len() as u64 - 16) as usize;
+            bytes[at] ^= 1 + random.below(255) as u8;
+        }
+        fs::write(&path, &bytes).unwrap();
+        let what = format!("{name}, change {turn}");
+        let found = bounded(&what, || read(&path, wanted)).unwrap_or_default();
+        // Messages of one topic can come to another one.
+        assert!(found.values().all(|rows| rows.len() <= messages + 3), "{what}: invented messages");
+        changed += usize::from(found != truth);
+        if turn.is_multiple_of(8) {
+            bounded(&what, || inspect_values(&path, &Silent).map(drop).unwrap_or_default());
+        }
+    }
+    eprintln!("{name}: {partial} of {turns} cuts read in part, {changed} of {turns} changes noticed in the rows");
+    assert_eq!(silent, [""; 0], "no word about what is lost");
+    assert!(partial > turns / 20, "{name}: {partial} of {turns} cuts were read in part");
 }
 
 /// As a recording, as messages and as what `info --values` tells.

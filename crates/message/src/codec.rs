@@ -1,6 +1,6 @@
 //! The decoder for a channel, by what the channel says of itself.
 
-use crate::{Codec, SchemaError, json, protobuf, ros};
+use crate::{Codec, SchemaError, json, packed, protobuf, ros};
 
 /// The decoder for the messages of a channel: how they are encoded, and the name, encoding and bytes of their schema where there is one.
 ///
@@ -11,6 +11,8 @@ pub fn codec(message_encoding: &str, schema: Option<(&str, &str, &[u8])>) -> Res
         ("cdr", Some((name, encoding @ ("ros2msg" | "ros2idl"), data)))
         | ("ros1", Some((name, encoding @ "ros1msg", data)))
         | ("ulog", Some((name, encoding @ "ulog", data))) => ros::codec(message_encoding, name, encoding, data),
+        ("dataflash", Some((name, "dataflash", data))) => packed::dataflash::codec(name, data),
+        ("wpilog", Some((name, "wpilog", data))) => packed::wpilog::codec(name, data),
         ("protobuf", Some((name, "protobuf", data))) => protobuf::codec(name, data),
         ("json", Some((name, "jsonschema", data))) => json::codec(name, Some(data)),
         // A schema without an encoding says nothing.

@@ -34,7 +34,7 @@ pub enum SchemaError {
     /// An encoding of messages or schemas that is not known.
     #[error(
         "messages encoded as `{message}` with a schema encoded as `{schema}` cannot be read; readable are cdr with ros2msg or ros2idl, ros1 with ros1msg, \
-         ulog with ulog, protobuf with protobuf, json"
+         ulog with ulog, dataflash, wpilog, protobuf with protobuf, json"
     )]
     UnknownEncoding {
         /// The message encoding of the channel.

@@ -21,6 +21,11 @@ pub trait Codec: Send + Sync {
     /// Fields that the type does not have or that are no numbers, truth values or texts. Where the schema leaves fields open (JSON), any
     /// path is accepted.
     fn compile(&self, fields: &[FieldPath]) -> Result<Box<dyn Extract>, SchemaError>;
+
+    /// The unit of a field, where the schema tells.
+    fn unit(&self, _field: &FieldPath) -> Option<String> {
+        None
+    }
 }
 
 /// Decodes the wanted fields of one channel's messages.

@@ -27,7 +27,7 @@ pub(crate) fn fields(recipe: &Recipe, logs: &Logs) -> Result<(Vec<Column>, Optio
     let Some(first) = logs.all().first() else { return Err(Error::missing("no file is given".into())) };
     let (mut fields, info) = match first {
         Log::File(file) => {
-            let info = fleetfoot_log::inspect(file)?.renamed(&renames(recipe));
+            let info = logs.info(file)?.renamed(&renames(recipe));
             let mut columns: Vec<Column> = info.columns.iter().map(column).collect();
             columns.extend(elements(&recipe.to_toml(), &info.arrays));
             (columns, Some(info))

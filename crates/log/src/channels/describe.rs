@@ -31,7 +31,7 @@ pub(crate) fn describe(path: &Path, format: Format, progress: &dyn Progress) -> 
     let (topics, samples, mut notes) = look(container, progress)?;
     let (mut columns, mut arrays) = (Vec::new(), Vec::new());
     for (topic, sample) in container.topics().iter().zip(&samples) {
-        columns.extend(sample.tree.fields().iter().map(|field| column(topic, field, None)));
+        columns.extend(sample.tree.fields().iter().map(|field| column(topic, sample, field, None)));
         arrays.extend(skipped(topic, &sample.tree));
     }
     notes.extend(arrays.iter().map(ToString::to_string));
@@ -86,8 +86,8 @@ pub(crate) fn statistics(path: &Path, format: Format, progress: &dyn Progress) -
         },
     )?;
     let (mut columns, mut arrays) = (Vec::new(), Vec::new());
-    for (topic, Counted { tree, read, failed }) in container.topics().iter().zip(&trees) {
-        columns.extend(tree.fields().iter().map(|field| column(topic, field, Some(*read))));
+    for ((topic, sample), Counted { tree, read, failed }) in container.topics().iter().zip(&samples).zip(&trees) {
+        columns.extend(tree.fields().iter().map(|field| column(topic, sample, field, Some(*read))));
         arrays.extend(skipped(topic, tree));
         if *failed > 0 {
             notes.push(format!("{}: {failed} messages cannot be decoded", topic.name));
@@ -111,7 +111,7 @@ fn skipped(topic: &Topic, tree: &FieldTree) -> Vec<ArrayInfo> {
 }
 
 /// A field, and where all messages were read how many these are: those that lack it, as sequences may, miss it.
-fn column(topic: &Topic, field: &FieldInfo, messages: Option<u64>) -> ColumnInfo {
+fn column(topic: &Topic, sample: &Sample, field: &FieldInfo, messages: Option<u64>) -> ColumnInfo {
     let scanned = messages.is_some();
     let kind = match field.kind {
         FieldKind::Integer => ColumnKind::Integer,
@@ -126,7 +126,9 @@ fn column(topic: &Topic, field: &FieldInfo, messages: Option<u64>) -> ColumnInfo
         mean: field.mean,
         max: field.max,
     });
-    ColumnInfo { name: names::column(&topic.name, &field.path), unit: None, kind, unsupported: None, statistics }
+    let codec = sample.codec.as_ref().ok();
+    let unit = codec.zip(field.path.parse().ok()).and_then(|(codec, path)| codec.unit(&path));
+    ColumnInfo { name: names::column(&topic.name, &field.path), unit, kind, unsupported: None, statistics }
 }
 
 /// Topics, a sample of each, and notes.

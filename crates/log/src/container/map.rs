@@ -9,7 +9,7 @@ use std::{
 
 use memmap2::Mmap;
 
-use crate::{Compression, Error};
+use crate::{Compression, Error, format::DATAFLASH};
 
 /// Bytes that a compressed file may grow to, whatever its size.
 const FREE_GROWTH: u64 = 1 << 30;
@@ -76,6 +76,11 @@ impl Map {
 }
 
 impl Map {
+    /// Why the file is none of a kind, by its first bytes.
+    pub(crate) fn refused(&self, path: &Path, kind: Kind) -> Error {
+        wrong_magic(path, &self.bytes, kind)
+    }
+
     /// Tells the system that some of the bytes are not needed soon, so that what this process has in memory does not grow with the file.
     /// They stay readable: the system's cache has them, or the disk.
     #[cfg(unix)]
@@ -137,11 +142,14 @@ fn unpack(path: &Path, file: File, compression: Compression, limit: u64) -> Resu
 
 /// Says what a file looks like that is not of its kind.
 fn wrong_magic(path: &Path, bytes: &[u8], kind: Kind) -> Error {
-    let looks: [(&[u8], &str, &'static str); 9] = [
+    let looks: [(&[u8], &str, &'static str); 12] = [
         (mcap::MAGIC, "MCAP", "give it the extension .mcap"),
         (ULOG, "ULog", "give it the extension .ulg"),
         (b"#ROSBAG V", "a ROS 1 bag", "give it the extension .bag"),
         (b"SQLite format 3\0", "an SQLite database, as rosbag2 writes them", "give it the extension .db3"),
+        (DATAFLASH[0], "a log of ArduPilot", "give it the extension .bin"),
+        (DATAFLASH[1], "a log of ArduPilot as text", "give it the extension .log"),
+        (b"WPILOG", "a log of WPILib", "give it the extension .wpilog"),
         (b"PAR1", "Parquet", "give it the extension .parquet"),
         (&[0x28, 0xb5, 0x2f, 0xfd], "compressed by zstd", "add .zst to its name"),
         (&[0x1f, 0x8b], "compressed by gzip", "add .gz to its name"),

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::write_ahead::WriteAheadLog;
+use super::write_ahead::{WriteAheadLog, beside};
 use crate::{
     Compression, Error,
     container::{Kind, Map},
@@ -108,7 +108,7 @@ impl Database {
 
     /// Why the bytes end before the file does, for a compressed file that is cut; or that the last page is not whole.
     pub(crate) fn cut(&self) -> Option<String> {
-        let torn = self.map.len() % self.page_size != 0;
+        let torn = !self.map.len().is_multiple_of(self.page_size);
         self.map.cut.clone().or_else(|| torn.then(|| "the file ends inside a page: it was cut".to_owned()))
     }
 
@@ -116,11 +116,4 @@ impl Database {
     pub(crate) fn release(&self) {
         self.map.release(0..self.map.len());
     }
-}
-
-/// The file of a name that SQLite puts beside a database.
-pub(super) fn beside(path: &Path, ending: &str) -> Option<PathBuf> {
-    let mut name = path.file_name()?.to_owned();
-    name.push(ending);
-    Some(path.with_file_name(name)).filter(|path| path.is_file())
 }

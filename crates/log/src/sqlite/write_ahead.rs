@@ -1,10 +1,12 @@
 //! The write-ahead log beside a database: pages that were committed and not yet moved into the file.
 
-use std::{collections::HashMap, fs::File, path::Path};
+use std::{
+    collections::HashMap,
+    fs::File,
+    path::{Path, PathBuf},
+};
 
 use memmap2::Mmap;
-
-use super::database::beside;
 
 const HEADER: usize = 32;
 const FRAME_HEADER: usize = 24;
@@ -102,4 +104,11 @@ impl Checksum {
             self.b = self.b.wrapping_add(read([e, f, g, h])).wrapping_add(self.a);
         }
     }
+}
+
+/// The file of a name that SQLite puts beside a database.
+pub(super) fn beside(path: &Path, ending: &str) -> Option<PathBuf> {
+    let mut name = path.file_name()?.to_owned();
+    name.push(ending);
+    Some(path.with_file_name(name)).filter(|path| path.is_file())
 }

@@ -2,10 +2,12 @@
 //!
 //! `outside.rs` tells where the peers' Python and the real logs are looked for.
 
+mod dataflash;
 mod hold;
 mod oracle;
 mod rosbags;
 mod ulog;
+mod wpilog;
 
 use std::{
     collections::BTreeMap,
