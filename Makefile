@@ -59,7 +59,7 @@ test-python: target/maturin/bin/maturin $(VENV)/installed
 	$(MAKE) lint-python
 
 # What comes from the registries of Python: once.
-tools: target/maturin/bin/maturin $(VENV)/installed $(DOCS)/bin/sphinx-build $(CHECKS)/installed
+tools: target/maturin/bin/maturin $(VENV)/installed $(DOCS)/bin/sphinx-build
 
 $(VENV)/installed: crates/py/requirements-test.txt
 	rm -rf $(VENV)

@@ -3,7 +3,7 @@
 set -euo pipefail
 command="$(cd "$(dirname "$1")" && pwd)/$(basename "$1")"
 place=$(mktemp -d)
-trap 'rm -rf "$place"' EXIT
+trap 'cd / && rm -rf "$place"' EXIT
 cd "$place"
 "$command" --version
 "$command" generate diffdrive --seconds 5 --runs 2 -o runs
