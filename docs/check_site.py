@@ -1,4 +1,4 @@
-"""Holds a built site against two promises: no link within it is broken, and no page loads anything from elsewhere.
+"""Checks a built site: no link within it is broken, no page loads anything from elsewhere, llms.txt lists every page.
 
     python docs/check_site.py target/site
 """
@@ -34,6 +34,20 @@ class Page(HTMLParser):
         self.loaded += [given["href"]] if loads else [given[name] for own, name in LOADED if own == tag and name in given]
 
 
+#: Pages that another listed page stands for: those of Sphinx, and those in the list of their own index.
+UNLISTED = re.compile(r"(genindex|search|py-modindex|decisions/\d.*|gallery/plot_.*|rust/.*|_.*)")
+
+
+def unlisted(text: str, pages: set[str]) -> list[str]:
+    """Pages that `llms.txt` lists and the site lacks, and pages of the site that it does not list with a sentence."""
+    entries = re.findall(r"^- \[[^\]]+\]\(([^)]+)\): \S", text, re.MULTILINE)
+    found = [f"llms.txt: {page}: there is no such page" for page in entries if page not in pages]
+    found += [f"llms.txt: {page} is listed twice" for page in sorted(set(entries)) if entries.count(page) > 1]
+    wanted = {page for page in pages if not UNLISTED.fullmatch(page.removesuffix(".html"))}
+    missing = sorted(wanted - set(entries))
+    return found + [f"llms.txt: {page} is missing: add `- [TITLE]({page}): A SENTENCE.` to docs/llms.txt" for page in missing]
+
+
 def problems(root: Path) -> list[str]:
     # Rust's documentation is rustdoc's own, and the theme keeps its templates beside its files.
     paths = [path.resolve() for path in root.rglob("*.html") if not {"rust", "_static"} & set(path.relative_to(root).parts)]
@@ -53,6 +67,8 @@ def problems(root: Path) -> list[str]:
                 found.append(f"{place}: {link}: there is no such file")
             elif parts.fragment and target in pages and unquote(parts.fragment) not in pages[target].anchors:
                 found.append(f"{place}: {link}: there is no such place in the page")
+    names = {path.relative_to(root).as_posix() for path in root.rglob("*.html")}
+    found += unlisted((root / "llms.txt").read_text(encoding="utf-8"), names)
     for style in root.rglob("*.css"):
         if "rust" not in style.relative_to(root).parts:
             urls = re.findall(r"url\(\s*[\"']?(https?://[^)\"']+)", style.read_text(encoding="utf-8"))
@@ -62,5 +78,5 @@ def problems(root: Path) -> list[str]:
 
 if __name__ == "__main__":
     wrong = problems(Path(sys.argv[1]))
-    print("\n".join(wrong) or "no link is broken, and nothing is loaded from elsewhere")
+    print("\n".join(wrong) or "no link is broken, nothing is loaded from elsewhere, and llms.txt lists every page")
     sys.exit(bool(wrong))

@@ -69,6 +69,7 @@ os.environ.setdefault("FLEETFOOT_GALLERY", str(HERE.parent / "target" / "gallery
 html_theme = "pydata_sphinx_theme"
 html_title = "fleetfoot"
 html_static_path = ["static"]
+html_extra_path = ["llms.txt"]
 html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sourcelink = False

@@ -7,7 +7,7 @@ use std::{
 };
 
 /// Pages that name files, beside all records of decisions.
-const PAGES: [&str; 3] = ["CONTRIBUTING.md", "docs/architecture.md", "docs/numbers.md"];
+const PAGES: [&str; 4] = ["CONTRIBUTING.md", "docs/architecture.md", "docs/numbers.md", "docs/releasing.md"];
 
 /// Folders of the checkout's root that a path may begin with.
 const ROOTS: [&str; 7] = ["crates", "tests", "docs", "fuzz", "benches", ".cargo", ".github"];
