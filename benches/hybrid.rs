@@ -120,6 +120,7 @@ pub fn model(hertz: f64) -> Model {
             unit: None,
         });
         model.latents.push(Latent {
+            beyond: Vec::new(),
             name,
             library: 0,
             partition: 0,

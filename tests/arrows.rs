@@ -45,7 +45,7 @@ const ARROWS: [(&str, &[&str]); 32] = [
         &[
             // Of `codegen` and `control` their errors, of `report` its words for numbers.
             "data", "library", "stats", "model", "dynamics", "control", "codegen", "log", "output", "sums", "pwa",
-            "sparse", "estimate", "report", "recipe", "task", "dataset",
+            "sparse", "estimate", "learn", "report", "recipe", "task", "dataset",
         ],
     ),
     (

@@ -22,6 +22,7 @@ mod keys;
 mod mutants;
 mod narx;
 mod narx_search;
+mod network;
 mod objective;
 mod outside;
 mod parameters;

@@ -24,7 +24,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 pub(crate) use control::{Control, ControlLqr};
 pub(crate) use export::{Export, ExportMethod, ExportPrecision, ExportTo};
 pub(crate) use filter::Filter;
-use fleetfoot::{Error, Lags, PwaSection, dynamics::controller::Controller, whole};
+use fleetfoot::{Error, Lags, NetworkSection, PwaSection, dynamics::controller::Controller, whole};
 pub(crate) use narx::FitNarx;
 pub(crate) use parameters::FitParameters;
 pub(crate) use prepare::Prepare;
@@ -141,6 +141,9 @@ pub(crate) enum Fit {
     // The method fixes these options: they are refused, with a hint to the right ones.
     #[command(after_help = examples::FIT_NARX, mut_arg("radial", |arg| arg.hide(true)), mut_arg("derivative", |arg| arg.hide(true)), mut_arg("predict", |arg| arg.hide(true)), mut_arg("lags", |arg| arg.conflicts_with_all(["lags_out", "lags_in"])))]
     Narx(Box<FitNarx>),
+    /// A feed-forward network beside a linear map, where it predicts held-out rows better; else the linear model.
+    #[command(after_help = examples::FIT_NETWORK, mut_arg("radial", |arg| arg.hide(true)), mut_arg("weight", |arg| arg.hide(true)), mut_arg("keep_all", |arg| arg.hide(true)), mut_arg("data", |arg| arg.value_name("DATA").help("Files, globs or folders")))]
+    Network(Box<FitNetwork>),
     /// Parameters of given equations, with intervals, by output error, filter error or equation error.
     // The equations fix targets and regressors: these options are refused.
     #[command(after_help = examples::FIT_PARAMETERS, mut_arg("radial", |arg| arg.hide(true)), mut_arg("predict", |arg| arg.hide(true)), mut_arg("degree", |arg| arg.hide(true)), mut_arg("lags", |arg| arg.hide(true)), mut_arg("weight", |arg| arg.hide(true)), mut_arg("keep_all", |arg| arg.hide(true)), mut_arg("data", |arg| arg.value_name("DATA").help("Files, globs or folders")))]
@@ -350,6 +353,16 @@ pub(crate) struct FitPwa {
     pub(crate) partition_on: Option<List>,
     #[command(flatten)]
     pub(crate) pwa: PwaSection,
+    #[command(flatten)]
+    pub(crate) output: FitOutput,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct FitNetwork {
+    #[command(flatten)]
+    pub(crate) data: FitData,
+    #[command(flatten)]
+    pub(crate) network: NetworkSection,
     #[command(flatten)]
     pub(crate) output: FitOutput,
 }

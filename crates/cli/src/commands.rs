@@ -10,6 +10,7 @@ pub(crate) mod filter;
 pub(crate) mod fit;
 pub(crate) mod fit_known;
 pub(crate) mod fit_narx;
+pub(crate) mod fit_network;
 pub(crate) mod fit_parameters;
 pub(crate) mod fit_pwa;
 pub(crate) mod fit_sindy;

@@ -48,6 +48,7 @@ fn main() -> ExitCode {
         Command::Auto(arguments) => commands::auto::auto(arguments, &context),
         Command::Check(arguments) => commands::check::run(arguments, &context),
         Command::Init(arguments) => commands::init::init(arguments, &context),
+        Command::Fit(Fit::Network(arguments)) => commands::fit_network::network(arguments, &context),
         Command::Fit(Fit::Pwa(arguments)) => commands::fit_pwa::pwa(arguments, &context),
         Command::Fit(Fit::Sparse(arguments)) => commands::fit_sparse::sparse(arguments, &context),
         Command::Fit(Fit::Parameters(arguments)) => commands::fit_parameters::parameters(arguments, &context),

@@ -35,7 +35,7 @@ pub(crate) fn usage(error: &clap::Error) -> ! {
         arguments.next().as_deref() == Some("fit") && arguments.next().is_some_and(|next| next.starts_with('-'));
     if no_method && error.kind() == ErrorKind::UnknownArgument {
         tell(
-            "error: `fit` has its method before the options, as in `fleetfoot fit pwa -c robot.toml log.csv`: pwa, sparse, sindy, narx or parameters",
+            "error: `fit` has its method before the options, as in `fleetfoot fit pwa -c robot.toml log.csv`: pwa, sparse, sindy, narx, network or parameters",
         );
         std::process::exit(2);
     }

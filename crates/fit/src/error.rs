@@ -34,6 +34,9 @@ pub enum Error {
     /// The identification failed.
     #[error(transparent)]
     Identification(#[from] fleetfoot_pwa::Error),
+    /// A network could not be trained.
+    #[error("network: {0}")]
+    Network(fleetfoot_learn::Error),
     /// A regularised regression could not be posed or solved.
     #[error(transparent)]
     Sparse(#[from] fleetfoot_sparse::SparseError),
@@ -184,6 +187,18 @@ or_cancelled!(
     Threshold(fleetfoot_sparse::threshold::ThresholdError),
     System(fleetfoot_sums::system::SystemError)
 );
+
+impl From<fleetfoot_learn::Error> for Error {
+    fn from(error: fleetfoot_learn::Error) -> Self {
+        match error {
+            fleetfoot_learn::Error::Cancelled => Self::Cancelled(fleetfoot_data::Cancelled),
+            fleetfoot_learn::Error::TooFewRows { rows, least } => {
+                Self::too_few_rows(rows as u64, least as u64, format!("network: {error}"))
+            }
+            other => Self::Network(other),
+        }
+    }
+}
 
 impl From<fleetfoot_estimate::EstimateError> for Error {
     fn from(error: fleetfoot_estimate::EstimateError) -> Self {

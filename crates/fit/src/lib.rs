@@ -22,6 +22,7 @@ mod limit_report;
 mod method;
 mod model_file;
 mod narx;
+mod network;
 mod not_finite;
 mod objective;
 mod parameters;
@@ -55,6 +56,7 @@ pub use narx::{
     FileRun, FileRuns, GivenOrder, MeanRun, Narx, NarxCandidate, NarxEquation, NarxOptions, NarxRegion, NarxReport,
     NarxScores, NarxSearch, NarxStage, NarxTerm, OrderRule, TermRule, free_runs_by_file,
 };
+pub use network::{Network, NetworkCandidate, NetworkErrors, NetworkFound, NetworkReport};
 pub use objective::{Bounded, HeldOutErrors, RefinedFold, Refinement, WeightErrors, simulation_cost};
 pub use parameters::{
     ConfoundedPair, GainInterval, ParameterInterval, Parameters, ParametersHeldOut, ParametersReport,

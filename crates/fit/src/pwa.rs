@@ -278,7 +278,7 @@ impl Method for Pwa {
 
 impl Pwa {
     /// How these rows are fitted.
-    fn of(&self, data: Data<'_, Task>) -> Options {
+    pub(crate) fn of(&self, data: Data<'_, Task>) -> Options {
         let mut options = self.options.of_step(data.step);
         options.keep_all = self.rivals;
         options.phase = data.rows.and_then(|rows| data.task.phase_in(rows.columns()));

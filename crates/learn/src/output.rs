@@ -95,6 +95,16 @@ impl Statistic {
         (0..self.targets).map(of).collect()
     }
 
+    /// Mean product of the errors of two targets with this output layer.
+    pub fn error_product(&self, output: &Output, targets: [usize; 2]) -> f64 {
+        let width = self.width();
+        let [a, b] = targets;
+        let column = |t: usize, k: usize| if k < width { output.0[(k, t)] } else { -f64::from(k - width == t) };
+        let entry = |i: usize, j: usize| column(a, i) * self.sums[(i, j)] * column(b, j);
+        let all = 0..width + self.targets;
+        all.clone().map(|i| all.clone().map(|j| entry(i, j)).sum::<f64>()).sum::<f64>() / self.rows as f64
+    }
+
     /// Mean of [`Statistic::errors`] over targets.
     pub fn error(&self, output: &Output) -> f64 {
         self.errors(output).iter().sum::<f64>() / self.targets as f64

@@ -54,6 +54,16 @@ impl Table {
         self.values.len() / self.width()
     }
 
+    /// Number of inputs.
+    pub fn inputs(&self) -> usize {
+        self.inputs
+    }
+
+    /// Number of targets.
+    pub fn targets(&self) -> usize {
+        self.targets
+    }
+
     /// Inputs and targets of a row.
     pub fn row(&self, row: usize) -> &[f64] {
         &self.values[row * self.width()..][..self.width()]
@@ -83,6 +93,28 @@ impl Units {
     /// # Errors
     /// Fewer than two rows; a column that is constant.
     pub fn of(table: &Table, rows: &[usize]) -> Result<Self, Error> {
+        let (centre, scale) = Self::moments(table, rows)?;
+        match (0..scale.len()).find(|&column| is_constant(scale[column], centre[column])) {
+            Some(column) => Err(Error::Constant { column }),
+            None => Ok(Self { centre, scale }),
+        }
+    }
+
+    /// Those of some rows, with the scale 1 for a column that is constant on them: it is zero in the samples, and has no weight.
+    ///
+    /// # Errors
+    /// Fewer than two rows.
+    pub fn measured(table: &Table, rows: &[usize]) -> Result<Self, Error> {
+        let (centre, mut scale) = Self::moments(table, rows)?;
+        for (scale, mean) in scale.iter_mut().zip(&centre) {
+            if is_constant(*scale, *mean) {
+                *scale = 1.0;
+            }
+        }
+        Ok(Self { centre, scale })
+    }
+
+    fn moments(table: &Table, rows: &[usize]) -> Result<(Vec<f64>, Vec<f64>), Error> {
         if rows.len() < 2 {
             return Err(Error::TooFewRows { rows: rows.len(), least: 2 });
         }
@@ -96,13 +128,13 @@ impl Units {
             let parts = square.iter_mut().zip(table.row(row)).zip(&centre);
             parts.for_each(|((sum, value), mean)| *sum += (value - mean) * (value - mean) / count);
         }
-        let scale: Vec<f64> = square.into_iter().map(f64::sqrt).collect();
-        let is_constant = |(scale, mean): (&f64, &f64)| *scale <= 1e-12 * mean.abs() || *scale == 0.0;
-        match scale.iter().zip(&centre).position(is_constant) {
-            Some(column) => Err(Error::Constant { column }),
-            None => Ok(Self { centre, scale }),
-        }
+        Ok((centre, square.into_iter().map(f64::sqrt).collect()))
     }
+}
+
+/// Whether a deviation is what rounding leaves of a constant.
+fn is_constant(scale: f64, mean: f64) -> bool {
+    scale <= 1e-12 * mean.abs() || scale == 0.0
 }
 
 impl Samples {

@@ -43,6 +43,11 @@ pub(crate) fn not_least_squares(model: &Model, fit: Option<&Fit>) -> Option<&'st
             "Its coefficients were fitted to simulations: intervals of least squares are not theirs, and none are told.",
         );
     }
+    if model.latents.iter().any(|latent| latent.map.basis().is_some_and(|basis| basis.is_summed_up())) {
+        return Some(
+            "Its linear terms stand beside a network: intervals of their coefficients alone say nothing, and none are told.",
+        );
+    }
     let bounded = model.method.starts_with("pwa") && (recipe.pwa.stable.is_some() || recipe.pwa.passive.is_some());
     if bounded && fit.is_none_or(Fit::is_moved) {
         return Some(

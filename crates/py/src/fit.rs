@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use fleetfoot::{
     AutoSection, ControlSection, EstimateSection, FilterSection, FitReport, FitRequest, Fitted, Method, Narx,
-    NarxSection, Parameters, PrepareSection, Pwa, PwaSection, Recipe, ResimulateSection, Settings, Sindy, SindySection,
-    Sparse, SparseSection, log::Cache,
+    NarxSection, Network, NetworkSection, Parameters, PrepareSection, Pwa, PwaSection, Recipe, ResimulateSection,
+    Settings, Sindy, SindySection, Sparse, SparseSection, log::Cache,
 };
 use pyo3::prelude::*;
 
@@ -54,6 +54,7 @@ pub(crate) fn settings() -> Vec<(&'static str, Vec<&'static str>)> {
         of::<SparseSection>(),
         of::<SindySection>(),
         of::<NarxSection>(),
+        of::<NetworkSection>(),
         of::<EstimateSection>(),
         of::<ControlSection>(),
         of::<FilterSection>(),
@@ -93,6 +94,7 @@ pub(crate) fn fit<'py>(
         Pwa::NAME => of::<Pwa>(py, data, &recipe, &request, progress),
         Sindy::NAME => of::<Sindy>(py, data, &recipe, &request, progress),
         Sparse::NAME => of::<Sparse>(py, data, &recipe, &request, progress),
+        Network::NAME => of::<Network>(py, data, &recipe, &request, progress),
         Narx::NAME => of::<Narx>(py, data, &recipe, &request, progress),
         Parameters::NAME => of::<Parameters>(py, data, &recipe, &request, progress),
         _ => Err(Kind::Internal.error(format!("no method `{method}`"))),

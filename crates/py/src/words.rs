@@ -41,6 +41,7 @@ impl Wording for Arguments {
             "fit pwa" => "PWA",
             "fit sindy" => "SINDy",
             "fit narx" => "NARX",
+            "fit network" => "Network",
             "fit sparse" => "BlockSparse",
             "fit parameters" => "Parameters",
             "control lqr" => "Model.lqr",

@@ -31,13 +31,13 @@ pub use groups::{GroupRule, GroupWords};
 pub use init::{draft_of_odometry, draft_of_topics, is_named_angle, starter_recipe, starter_recipe_of_runs};
 pub use list::items;
 pub use recipe::{
-    AttitudeForm, AutoSection, BodySection, ClockSection, ConstraintSection, ControlSchedule, ControlSection,
-    Criterion, Derivative, Effort, EpisodeRule, EstimateKind, EstimateMethod, EstimateSection, FilterNoise,
-    FilterSection, FilterSwitching, Frame, Gap, GivenAs, Gravity, Input, InputTable, Join, JoinTable, JointSection,
-    Kind, Lags, LatentSection, LibrarySection, Limits, MOST_STEPS, ModelSection, Mounting, NarxSection, NarxSelection,
-    NarxTerms, Normalize, Objective, OutsideRanges, Over, ParameterSection, PartitionChoice, PhaseColumn, Port,
-    PortList, PrepareMethod, PrepareSection, PwaSection, Recipe, ResimulateSection, SensorKind, SensorSection,
-    Settings, SindyOptimizer, SindySection, SmoothStates, SpanDerivative, SparseSection, State, TaskSection, Time,
-    Tunable, UnseenLabels, seed, whole,
+    ActivationWord, AttitudeForm, AutoSection, BodySection, ClockSection, ConstraintSection, ControlSchedule,
+    ControlSection, Criterion, Derivative, Effort, EpisodeRule, EstimateKind, EstimateMethod, EstimateSection,
+    FilterNoise, FilterSection, FilterSwitching, Frame, Gap, GivenAs, Gravity, HiddenLayers, Input, InputTable, Join,
+    JoinTable, JointSection, Kind, Lags, LatentSection, LibrarySection, Limits, MOST_STEPS, ModelSection, Mounting,
+    NarxSection, NarxSelection, NarxTerms, NetworkSection, Normalize, Objective, OutsideRanges, Over, ParameterSection,
+    PartitionChoice, PhaseColumn, Port, PortList, PrepareMethod, PrepareSection, PwaSection, Recipe, ResimulateSection,
+    SensorKind, SensorSection, Settings, SindyOptimizer, SindySection, SmoothStates, SpanDerivative, SparseSection,
+    State, TaskSection, Time, Tunable, UnseenLabels, seed, whole,
 };
 pub use request::{Cause, RequestError};

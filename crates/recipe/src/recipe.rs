@@ -13,6 +13,7 @@ mod estimate;
 mod filter;
 mod lags;
 mod narx;
+mod network;
 mod objective;
 mod phase;
 mod ports;
@@ -39,6 +40,7 @@ use fleetfoot_data::{did_you_mean, nearest};
 use indexmap::IndexMap;
 pub use lags::Lags;
 pub use narx::{Effort, GivenAs, NarxSection, NarxSelection, NarxTerms};
+pub use network::{ActivationWord, HiddenLayers, NetworkSection};
 pub use objective::{MOST_STEPS, Objective};
 pub use phase::PhaseColumn;
 pub use ports::{Port, PortList};
@@ -95,6 +97,9 @@ pub struct Recipe {
     /// How an autoregression is found: what the flags of `fit narx` say when they are not given.
     #[serde(skip_serializing_if = "is_default")]
     pub narx: NarxSection,
+    /// How a network is trained and chosen: what the flags of `fit network` say when they are not given.
+    #[serde(skip_serializing_if = "is_default")]
+    pub network: NetworkSection,
     /// What a regulator is to do: what the flags of `control lqr` say when they are not given.
     #[serde(skip_serializing_if = "is_default")]
     pub control: ControlSection,

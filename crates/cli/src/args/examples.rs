@@ -68,6 +68,12 @@ pub(crate) const STATS_COMPACT: &str = "\
 Examples:
   fleetfoot stats compact fleet.stats -o small.stats";
 
+pub(crate) const FIT_NETWORK: &str = "\
+Examples:
+  fleetfoot fit network -c robot.toml runs/
+  fleetfoot fit network log.csv --states x,v --inputs u --predict next --lags 3
+  fleetfoot fit network log.csv --states x,v --inputs u --hidden 32,32 --activation relu --effort high";
+
 pub(crate) const FIT_PWA: &str = "\
 Examples:
   fleetfoot fit pwa -c robot.toml runs/ --partition null,average,kmeans:2,5,10

@@ -2,7 +2,7 @@
 
 use clap::{CommandFactory, Parser};
 use fleetfoot::{
-    AutoSection, EstimateSection, FilterSection, Lags, ModelSection, NarxSection, PwaSection, Recipe,
+    AutoSection, EstimateSection, FilterSection, Lags, ModelSection, NarxSection, NetworkSection, PwaSection, Recipe,
     ResimulateSection, Settings, SindySection, SparseSection, data::setting,
 };
 
@@ -70,6 +70,10 @@ fn every_option_of_every_method_is_a_flag_above_an_entry_of_the_recipe() {
     });
     walk::<NarxSection>(&["fit", "narx"], |command| match command {
         Command::Fit(Fit::Narx(own)) => Some(&own.narx),
+        _ => None,
+    });
+    walk::<NetworkSection>(&["fit", "network"], |command| match command {
+        Command::Fit(Fit::Network(own)) => Some(&own.network),
         _ => None,
     });
     walk::<EstimateSection>(&["fit", "parameters"], |command| match command {

@@ -29,6 +29,7 @@ from ._block_sparse import BlockSparse
 from ._controller import Controller
 from ._model import Model, load
 from ._narx import NARX
+from ._network import Network
 from ._parameters import Parameters
 from ._pwa import PWA
 from ._sindy import SINDy
@@ -88,6 +89,7 @@ __all__ = [
     "Controller",
     "FleetfootWarning",
     "Model",
+    "Network",
     "Parameters",
     "SINDy",
     "load",

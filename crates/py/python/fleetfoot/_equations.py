@@ -55,13 +55,16 @@ class Content:
         return ["1", *self.features(found)]
 
     def features(self, latent: dict[str, Any]) -> list[str]:
-        """The features of a latent: the functions of its library, then its radial functions."""
-        radial = latent.get("radial", {"centres": []})["centres"]
-        return [*self.libraries[latent["library"]], *(f"radial{at + 1}" for at in range(len(radial)))]
+        """The features of a latent: the functions of its library, then its radial functions or its network's units."""
+        own: list[str] = []
+        for kind, name in (("radial", "radial"), ("network", "unit")):
+            if kind in latent:
+                own = [f"{name}{at + 1}" for at in range(len(latent[kind]["weights"][0]))]
+        return [*self.libraries[latent["library"]], *own]
 
     def weights(self, latent: dict[str, Any], region: int) -> list[float]:
         """The coefficients of the features of a latent in a region."""
-        own = latent["radial"]["weights"][region] if "radial" in latent else []
+        own = next((latent[kind]["weights"][region] for kind in ("radial", "network") if kind in latent), [])
         return [*map(float, latent["coefficients"][region]), *map(float, own)]
 
     def coefficients(self, latent: str | None) -> np.ndarray[Any, Any]:
@@ -115,6 +118,9 @@ class Content:
     def _sum(self, latent: dict[str, Any], region: int, precision: int) -> str:
         terms = [("1", float(latent["constants"][region]))]
         terms += zip(self.features(latent), self.weights(latent, region))
+        if "network" in latent:
+            # Units mean nothing one by one.
+            terms = [*terms[: 1 + len(self.libraries[latent["library"]])], (f"network_{latent['name']}", 1.0)]
         text = ""
         for function, coefficient in terms:
             if coefficient == 0.0:

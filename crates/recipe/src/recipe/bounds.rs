@@ -20,6 +20,7 @@ impl Recipe {
         check("sparse", &self.sparse)?;
         check("sindy", &self.sindy)?;
         check("narx", &self.narx)?;
+        check("network", &self.network)?;
         check("estimate", &self.estimate)?;
         check("control", &self.control)?;
         check("filter", &self.filter)?;

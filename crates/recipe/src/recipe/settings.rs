@@ -40,6 +40,7 @@ impl Recipe {
         self.say(said.sparse.clone());
         self.say(said.sindy.clone());
         self.say(said.narx.clone());
+        self.say(said.network.clone());
         self.say(said.estimate.clone());
         self.say(said.control.clone());
         self.say(said.filter.clone());

@@ -1,0 +1,101 @@
+//! What a fit of networks found, for people and for programs.
+
+use serde::Serialize;
+
+use crate::{method::FitReport, summary::FitSummary};
+
+/// A size that was compared.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct NetworkCandidate {
+    /// `linear`, or the units of the hidden layers: `network 16-16`.
+    pub name: String,
+    /// Units of the hidden layers; none for the linear map.
+    pub hidden: Vec<usize>,
+    /// Numbers that were fitted, of all equations.
+    pub numbers: usize,
+    /// Squared error of held-out rows over the variance of the targets, mean over targets and folds.
+    pub loss: f64,
+    /// Its standard error across folds.
+    pub standard_error: f64,
+    /// The same loss, fold by fold.
+    pub losses: Vec<f64>,
+    /// Root mean squared error of each target on held-out rows.
+    pub rmse: Vec<f64>,
+    /// Whether it is the model that is written.
+    pub chosen: bool,
+}
+
+impl NetworkCandidate {
+    pub(super) fn new(hidden: &[usize], numbers: usize, losses: Vec<f64>, rmse: Vec<f64>) -> Self {
+        let (loss, standard_error) = mean_and_error(&losses);
+        Self {
+            name: Self::name_of(hidden),
+            hidden: hidden.to_vec(),
+            numbers,
+            loss,
+            standard_error,
+            losses,
+            rmse,
+            chosen: false,
+        }
+    }
+
+    pub(super) fn name_of(hidden: &[usize]) -> String {
+        let sizes: Vec<String> = hidden.iter().map(usize::to_string).collect();
+        if hidden.is_empty() { "linear".into() } else { format!("network {}", sizes.join("-")) }
+    }
+}
+
+/// Root mean squared errors of a target on held-out rows.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct NetworkErrors {
+    /// Of the model that is written: of its kind and size, fitted to the rows of the other folds.
+    pub rmse: f64,
+    /// Of the mean of the rows that train.
+    pub mean: f64,
+    /// Of persistence: the value stays, its derivative is zero. NaN where that says nothing.
+    pub persistence: f64,
+}
+
+/// What a fit of networks found.
+#[derive(Debug, Clone, Serialize)]
+#[non_exhaustive]
+pub struct NetworkReport {
+    /// The hash of the model.
+    pub hash: String,
+    /// Complete rows.
+    pub rows: u64,
+    /// Rows that the networks saw.
+    pub trained_rows: u64,
+    /// Left sides of the fitted equations.
+    pub targets: Vec<String>,
+    /// Standard deviation of each target.
+    pub sigma: Vec<f64>,
+    /// Which rows were held out.
+    pub fold_rule: String,
+    /// What was compared, the linear map first.
+    pub candidates: Vec<NetworkCandidate>,
+    /// Index of the candidate that is written.
+    pub chosen: usize,
+    /// Errors of each target on held-out rows.
+    pub held_out: Vec<NetworkErrors>,
+    /// What the reports of all methods say.
+    #[serde(flatten)]
+    pub summary: FitSummary,
+}
+
+impl FitReport for NetworkReport {
+    fn summary(&self) -> &FitSummary {
+        &self.summary
+    }
+}
+
+/// Mean and its standard error.
+pub(super) fn mean_and_error(values: &[f64]) -> (f64, f64) {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let square = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
+    (mean, (square / (count - 1.0).max(1.0) / count).sqrt())
+}

@@ -1,0 +1,190 @@
+//! `fit network`: a network where it predicts held-out rows better, the linear model where it does not, from the log to the code.
+
+use std::fs;
+
+use crate::runner::*;
+
+/// Uniform in [-1, 1).
+fn draw(key: u64) -> f64 {
+    2.0 * (fleetfoot::data::mix(key) >> 11) as f64 / 9_007_199_254_740_992.0 - 1.0
+}
+
+/// A cart on a spring that hardens, pushed at random; `cubic` is how much it hardens. Measured with a little noise.
+fn spring(rows: usize, seed: u64, cubic: f64) -> String {
+    let (mut text, mut x, mut v, mut u) = (String::from("t,x,v,u\n"), 0.3, 0.0, 0.0);
+    for k in 0..rows {
+        if k % 25 == 0 {
+            u = 6.0 * draw(seed + k as u64);
+        }
+        let noise = |own: u64| 1e-4 * draw(own + seed + 10 * k as u64);
+        text.push_str(&format!("{:.2},{:?},{:?},{u:?}\n", 0.02 * k as f64, x + noise(7), v + noise(8)));
+        for _ in 0..20 {
+            (x, v) = (x + 1e-3 * v, v + 1e-3 * (u - 4.0 * x - cubic * x * x * x - 0.5 * v));
+        }
+    }
+    text
+}
+
+fn folder(files: &[(&str, String)]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    files.iter().for_each(|(name, text)| fs::write(folder.path().join(name), text).expect("a log"));
+    folder
+}
+
+const FIT: [&str; 7] = ["fit", "network", "run.csv", "--states", "x,v", "--inputs", "u"];
+
+fn model(folder: &Path, file: &str) -> serde_json::Value {
+    let text = fs::read_to_string(folder.join(file)).expect("a model");
+    serde_json::from_str::<serde_json::Value>(&text).expect("JSON")["model"].clone()
+}
+
+#[test]
+fn a_nonlinear_log_gets_a_network_that_simulates_better_and_runs_as_code() {
+    let folder = folder(&[("run.csv", spring(2500, 1, 12.0)), ("other.csv", spring(800, 900_000, 12.0))]);
+    let run = |arguments: &[&str]| fleetfoot(folder.path(), arguments).ok();
+    let low = ["--predict", "next", "--effort", "low"];
+    let found = run(&[&FIT[..], &low, &["--json", "-o", "net.json"]].concat()).json();
+    let candidates = found["candidates"].as_array().expect("candidates");
+    let chosen = &candidates[found["chosen"].as_u64().expect("an index") as usize];
+    assert!(chosen["name"].as_str().is_some_and(|name| name.starts_with("network")), "{found}");
+    assert!(chosen["loss"].as_f64() < candidates[0]["loss"].as_f64().map(|loss| 0.3 * loss), "{found}");
+    // An unseen log has no larger errors than those that are printed as held out.
+    let told: Vec<f64> =
+        found["held_out"].as_array().expect("errors").iter().map(|own| own["rmse"].as_f64().unwrap()).collect();
+    let scored = run(&["score", "net.json", "other.csv", "--json"]).json();
+    for (target, told) in scored["targets"].as_array().expect("targets").iter().zip(&told) {
+        let rmse = target["rmse"].as_f64().unwrap_or_else(|| panic!("{scored}"));
+        assert!(rmse < 1.5 * told, "held-out errors flatter: {rmse} {told}");
+    }
+    run(&[
+        "fit",
+        "pwa",
+        "run.csv",
+        "--states",
+        "x,v",
+        "--inputs",
+        "u",
+        "--predict",
+        "next",
+        "-p",
+        "average",
+        "-o",
+        "line.json",
+    ]);
+    let simulated = |model: &str| {
+        let found = run(&["rollout", model, "other.csv", "--horizon", "100", "--json"]).json();
+        found["model"]["summary"]["average"]["value"].as_f64().expect("an error")
+    };
+    let (line, network) = (simulated("line.json"), simulated("net.json"));
+    assert!(network < 0.3 * line, "{network} {line}");
+    let shown = run(&["show", "net.json"]).out;
+    assert!(shown.contains("1*network_f_x") && shown.contains("the last of the hidden layers"), "{shown}");
+    for to in ["c", "rust", "python", "latex", "npz"] {
+        run(&["export", "net.json", "--to", to, "--prefix", "robot", "-o", "code"]);
+    }
+    run(&["report", "net.json", "run.csv", "-o", "page.html"]);
+    let page = fs::read_to_string(folder.path().join("page.html")).expect("a page");
+    assert!(page.contains("stand beside a network"), "intervals of linear terms are told");
+    let code = folder.path().join("code");
+    let source = fs::read_to_string(code.join("robot.c")).expect("C");
+    assert!(source.contains("Weights of a hidden layer") && source.matches("tanh(").count() <= 4, "{source}");
+    if Command::new("cc").arg("--version").output().is_err() {
+        eprintln!("no `cc` on this machine: exported code is not compiled");
+        return;
+    }
+    let cc = Command::new("cc")
+        .current_dir(&code)
+        .args(["-std=c99", "-Wall", "-Wextra", "-Werror", "robot.c", "robot_test.c", "-o", "robot", "-lm"])
+        .output()
+        .expect("cc");
+    assert!(cc.status.success(), "{}", String::from_utf8_lossy(&cc.stderr));
+    assert!(Command::new(code.join("robot")).output().expect("the test").status.success());
+}
+
+#[test]
+fn a_linear_log_gets_the_linear_model_and_is_told_so() {
+    let folder = folder(&[("run.csv", spring(1500, 3, 0.0))]);
+    let options = ["--predict", "next", "--effort", "low", "-o", "net.json"];
+    let said = fleetfoot(folder.path(), &[&FIT[..], &options].concat()).ok();
+    assert!(said.err.contains("no network predicts held-out rows better than the linear model"), "{}", said.err);
+    assert!(
+        said.out.contains("linear") && said.out.contains("<- chosen") && said.out.contains("persistence"),
+        "{}",
+        said.out
+    );
+    let own = model(folder.path(), "net.json");
+    assert!(own["method"] == "network linear" && own["latents"][0].get("network").is_none());
+    let pwa = [
+        "fit",
+        "pwa",
+        "run.csv",
+        "--states",
+        "x,v",
+        "--inputs",
+        "u",
+        "--predict",
+        "next",
+        "-p",
+        "average",
+        "-o",
+        "line.json",
+    ];
+    fleetfoot(folder.path(), &pwa).ok();
+    assert_eq!(own["latents"], model(folder.path(), "line.json")["latents"]);
+}
+
+#[test]
+fn derivatives_and_lags_are_learned_and_threads_change_no_byte() {
+    let folder = folder(&[("run.csv", spring(1200, 5, 12.0))]);
+    let mut files = Vec::new();
+    for threads in ["1", "2"] {
+        let file = format!("net{threads}.json");
+        let options = ["--hidden", "6,4", "--activation", "softplus", "--lags", "1", "--effort", "low", "--seed", "3"];
+        let said = fleetfoot(folder.path(), &[&FIT[..], &options, &["--threads", threads, "-o", &file]].concat()).ok();
+        assert!(said.out.contains("network 6-4"), "{}", said.out);
+        files.push(fs::read(folder.path().join(&file)).expect("a model"));
+    }
+    assert!(files[0] == files[1], "the bytes of a model depend on threads");
+    let own = model(folder.path(), "net1.json");
+    assert_eq!(own["method"], "network 6-4 softplus");
+    // Hidden layers stand once.
+    let networks: Vec<_> =
+        own["latents"].as_array().expect("latents").iter().map(|own| own["network"].clone()).collect();
+    assert!(networks[0]["hidden"]["layers"].as_array().is_some_and(|layers| layers.len() == 2), "{networks:?}");
+    assert!(networks[1].get("hidden").is_none() && networks[1]["of"] == 0, "{networks:?}");
+    fleetfoot(folder.path(), &["rollout", "net1.json", "run.csv", "--horizon", "20"]).ok();
+}
+
+#[test]
+fn what_cannot_be_trained_is_said() {
+    let folder = folder(&[("run.csv", spring(40, 1, 12.0)), ("one.csv", "t,x,v,u\n0,1,2,3\n".into())]);
+    let fails = |options: &[&str], words: &[&str]| {
+        fleetfoot(folder.path(), &[&FIT[..], options].concat()).fails(words);
+        assert!(!folder.path().join("model.json").exists());
+    };
+    for (hidden, words) in [("0", "1 to 1024 units"), ("8,x", "write the units of every hidden layer with commas")] {
+        let said = fleetfoot(folder.path(), &[&FIT[..], &["--hidden", hidden]].concat());
+        assert!(said.code == 2 && said.err.contains(words), "{}", said.err);
+        fs::write(folder.path().join("r.toml"), format!("[network]\nhidden = \"{hidden}\"\n")).expect("a recipe");
+        fails(&["-c", "r.toml"], &[words]);
+    }
+    fails(&["--hidden", "64"], &["network 64", "too few", "three rows a weight"]);
+    fails(&["--radial", "5"], &["`fit network` has no radial functions"]);
+    let one = ["fit", "network", "one.csv", "--states", "x,v", "--inputs", "u", "--predict", "next"];
+    fleetfoot(folder.path(), &one).fails(&["row"]);
+    fleetfoot(folder.path(), &["scan", "run.csv", "--states", "x,v", "-o", "run.stats"]).ok();
+    fleetfoot(folder.path(), &["fit", "network", "run.stats"]).fails(&["trains on rows, which a statistic has not"]);
+    // A constant column and rows with a missing value are no obstacle.
+    let text: String = (spring(600, 2, 12.0).lines().enumerate())
+        .map(|(at, line)| match at {
+            0 => format!("{line},c\n"),
+            50 => format!("{},,0.1,0.2,1\n", line.split(',').next().unwrap()),
+            _ => format!("{line},1\n"),
+        })
+        .collect();
+    fs::write(folder.path().join("gap.csv"), text).expect("a log");
+    let gap =
+        ["fit", "network", "gap.csv", "--states", "x,v", "--inputs", "u,c", "--predict", "next", "--effort", "low"];
+    let said = fleetfoot(folder.path(), &[&gap[..], &["-o", "gap.json"]].concat()).ok();
+    assert!(said.out.contains("incomplete"), "{}", said.out);
+}
