@@ -13,7 +13,7 @@ const OF_REGIONS: f64 = 3e4;
 /// Operations of a linear model, for every row and pair of regressors: factors of all rows, of their folds and for the intervals.
 const OF_LINEAR: f64 = 20.0;
 /// Candidates of the largest size that all together may take.
-const TOGETHER: f64 = 4.0;
+const TOGETHER: f64 = 6.0;
 
 /// Operations of every candidate, and whether they are borne.
 pub(crate) struct Budget {
@@ -26,7 +26,7 @@ impl Budget {
     pub(crate) fn of(trials: &[Trial], rows: &Rows, logs: &Logs) -> Self {
         let most = match rows.effort {
             Effort::Low => 3e8,
-            Effort::Normal => 1.5e9,
+            Effort::Normal => 6e8,
             Effort::High => 1e11,
         };
         let operations: Vec<f64> = trials.iter().map(|trial| operations(trial, rows, logs)).collect();

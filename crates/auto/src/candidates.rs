@@ -27,6 +27,8 @@ pub(crate) struct Trial {
 
 /// The name of the candidate whose states stay at their mean.
 pub(crate) const MEAN: &str = "mean";
+/// The name of the candidate whose states stay where they are: that of the mean rate without it.
+pub(crate) const PERSISTENCE: &str = "persistence";
 /// The name of the candidate whose states go on at their mean rate.
 pub(crate) const DRIFT: &str = "mean rate";
 /// The name of the linear model, whose errors stand beside those of the chosen one.
@@ -51,6 +53,8 @@ pub(crate) struct Rows {
     pub(crate) horizon: usize,
     /// The effort: it sets the number of candidates.
     pub(crate) effort: Effort,
+    /// Differences from row to row of a state are mostly noise.
+    pub(crate) noisy: bool,
 }
 
 /// Candidate functions of a library at most, by effort.
@@ -100,6 +104,9 @@ pub(crate) fn candidates(recipe: &Recipe, late: Option<&Moved>, rows: &Rows) -> 
     }
     found
 }
+
+/// Rows whose states are smoothed at most: what follows takes hundreds of passes over them.
+const SMOOTHED: usize = 20_000;
 
 /// Steps of simulations that a longer step leaves, at least: of the finer and of the coarser one that are tried.
 const FINER: usize = 40;
@@ -244,6 +251,10 @@ impl List<'_> {
             found.push(of(format!("difference equations {what}"), "delta", None));
             if self.rows.clock {
                 found.push(of(format!("equations {what}"), "derivative", None));
+                // Fitted to smoothed rows, of every fold its own, and simulated against those that were measured.
+                if self.rows.noisy && self.effort != Effort::Low && degree < 3 && self.rows.training <= SMOOTHED {
+                    found.push(self.smoothed(format!("equations {what}, smoothed states"), own_library, degree));
+                }
                 if self.effort != Effort::Low && degree < 3 {
                     let over = |rows: u32| of(format!("equations {what}, over {rows} rows"), "derivative", Some(rows));
                     found.extend(self.spans().into_iter().map(over));
@@ -251,6 +262,16 @@ impl List<'_> {
             }
         }
         found
+    }
+
+    /// Equations found in turn with the states, which are smoothed under them.
+    fn smoothed(&self, name: String, own_library: bool, degree: u32) -> Trial {
+        self.trial(name, Kind::Sindy, |recipe| {
+            recipe.model.predict = Some("derivative".into());
+            recipe.model.degree = (!own_library).then_some(degree);
+            recipe.sindy.folds.get_or_insert_with(|| "5".into());
+            recipe.sindy.smooth_states.get_or_insert(SmoothStates::On);
+        })
     }
 
     fn autoregressions(&self) -> Vec<Trial> {
@@ -290,7 +311,9 @@ impl List<'_> {
         if self.effort != Effort::Low {
             found.extend(self.regions().into_iter().filter(|own| !own.name.contains("derivative")));
         }
-        found.extend(self.equations().into_iter().filter(|own| !own.name.contains("over")));
+        found.extend(
+            self.equations().into_iter().filter(|own| !own.name.contains("over") && !own.name.contains("smoothed")),
+        );
         found.extend(self.autoregressions());
         found
     }
@@ -343,6 +366,7 @@ mod tests {
         room: 200,
         horizon: 40,
         effort: Effort::Normal,
+        noisy: false,
     };
 
     #[test]
@@ -358,6 +382,9 @@ mod tests {
         let few = names("[states]\nx = {}\n", Rows { training: 50, clock: false, before: 4, ..ROWS });
         assert!(few.iter().all(|name| !name.contains("derivative") && !name.starts_with("regions")), "{few:?}");
         assert!(few.iter().all(|name| !name.contains("10 lags")), "{few:?}");
+        let noisy = names("[states]\nx = {}\n", Rows { noisy: true, ..ROWS });
+        let smoothed = |all: &[String]| all.iter().filter(|own| own.contains("smoothed states")).count();
+        assert_eq!((smoothed(&noisy), smoothed(&all)), (2, 0), "{noisy:?}");
         let known = names("[states]\nx = { equation = \"a*x\" }\n[parameters]\na = { initial = 1.0 }\n", ROWS);
         assert!(known.iter().any(|own| own.starts_with("parameters")) && !known.iter().any(|own| own.contains("auto")));
     }

@@ -1,5 +1,6 @@
 //! States, inputs and angles that a recipe does not name, found by the names of columns and by their motion.
 
+use crate::driven;
 use fleetfoot_check::name_words;
 use fleetfoot_data::setting::{INFO, INIT, INPUTS, STATES};
 use fleetfoot_data::{ColumnKind, Halo, Progress, Source};
@@ -159,6 +160,7 @@ fn of_table(
     }
     let mut found = recipe.clone();
     let mut left_out: Vec<String> = Vec::new();
+    let mut states: Vec<(String, usize)> = Vec::new();
     for (place, column) in view.columns().iter().enumerate() {
         let name = &column.name;
         if recipe.inputs.contains_key(name) || recipe.time.column.as_ref() == Some(name) {
@@ -173,6 +175,9 @@ fn of_table(
         match part {
             Part::State { angle } => {
                 let kind = angle.then_some(Kind::Angle);
+                if !angle {
+                    states.push((name.clone(), place));
+                }
                 found.states.insert(name.clone(), State { kind, ..State::default() });
             }
             // What is named as an input by hand makes the others states.
@@ -181,6 +186,17 @@ fn of_table(
             }
             Part::Input => left_out.push(format!("`{name}` (an input by its name or motion, and others are named)")),
             Part::LeftOut(why) => left_out.push(format!("`{name}` ({why})")),
+        }
+    }
+    if found.inputs.is_empty() {
+        let values: Vec<&[Vec<f64>]> = states.iter().map(|(_, place)| columns[*place].as_slice()).collect();
+        for at in driven::drivers(&values) {
+            let name = &states[at].0;
+            found.states.shift_remove(name);
+            found.inputs.insert(name.clone(), Input::Table(InputTable::default()));
+            notes.push(format!(
+                "`{name}` is an input: its past tells of the next rows of others, and theirs tells nothing of it; {STATES} makes it a state"
+            ));
         }
     }
     if !left_out.is_empty() {

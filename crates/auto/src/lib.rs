@@ -7,8 +7,10 @@
 mod budget;
 mod candidates;
 mod draft;
+mod driven;
 mod horizon;
 mod late;
+mod noise;
 mod ranking;
 mod rows;
 mod stamps;
@@ -195,7 +197,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    fn run(self, progress: &dyn Progress) -> Result<Auto, Error> {
+    fn run(mut self, progress: &dyn Progress) -> Result<Auto, Error> {
         let Self { recipe, logs, .. } = self;
         let Looked { horizon, rows, late } = self.look(progress)?;
         let trials = candidates::candidates(recipe, late.as_ref(), &rows);
@@ -209,7 +211,7 @@ impl Search<'_> {
     }
 
     /// What candidates must know of the training rows.
-    fn look(&self, progress: &dyn Progress) -> Result<Looked, Error> {
+    fn look(&mut self, progress: &dyn Progress) -> Result<Looked, Error> {
         let training = self.logs.only(Part::Training);
         let dataset = Dataset::for_columns(self.recipe, None, training, progress)?;
         let view = dataset.view()?;
@@ -230,6 +232,7 @@ impl Search<'_> {
                 ),
             )
         })?;
+        let noisy = dataset.step() > 0.0 && self.noisy(&view, &states)?;
         let angles = states.iter().filter(|(_, angle)| *angle).count();
         let columns = view.columns().len() + angles;
         let time = &self.recipe.time;
@@ -243,9 +246,28 @@ impl Search<'_> {
             room,
             horizon: horizon.steps,
             effort: self.recipe.auto.effort.unwrap_or_default(),
+            noisy,
         };
         let late = late::moved(self.recipe, &view, horizon.before)?;
         Ok(Looked { horizon, rows, late })
+    }
+
+    /// Whether the derivative of a state is mostly noise, with a note.
+    fn noisy(&mut self, view: &dyn Source, states: &[(usize, bool)]) -> Result<bool, Error> {
+        let mut noisy: Vec<String> = Vec::new();
+        for &(place, _) in states.iter().filter(|(_, angle)| !angle) {
+            let share = noise::share(view, place)?;
+            if share > noise::MOSTLY {
+                noisy.push(format!("`{}` ({:.0} %)", view.columns()[place].name, 100.0 * share));
+            }
+        }
+        if !noisy.is_empty() {
+            self.notes.push(format!(
+                "differences from row to row are mostly noise: {}; equations of smoothed states are tried too, and simulated against rows as they were measured",
+                noisy.join(", ")
+            ));
+        }
+        Ok(!noisy.is_empty())
     }
 
     /// The chosen candidate on the test rows.

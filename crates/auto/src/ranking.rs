@@ -6,13 +6,13 @@ use fleetfoot_fit::{
     Error, FitReport, FitRequest, FoldSimulations, Method, Narx, Parameters, Pwa, SimulatedFold, Simulations, Sindy,
     fit_and_simulate,
 };
-use fleetfoot_model::Model;
+use fleetfoot_model::{Latent, Model};
 use fleetfoot_report::words::ratio;
 use serde::Serialize;
 
 use crate::{
     budget::Budget,
-    candidates::{DRIFT, Kind, LINEAR, MEAN, Rows, Trial},
+    candidates::{DRIFT, Kind, LINEAR, MEAN, PERSISTENCE, Rows, Trial},
     horizon::HorizonChoice,
 };
 
@@ -79,7 +79,13 @@ impl Ranking {
                 Ok(Err(Error::Cancelled(_))) => found.stopped = true,
                 Ok(Err(_)) if progress.cancelled() => found.stopped = true,
                 Ok(Err(error)) => found.add(trial, None, &[], Some(error.to_string())),
-                Ok(Ok((tried, FoldSimulations::HeldOut(folds)))) => found.add(trial, Some(tried), &folds, None),
+                Ok(Ok((tried, FoldSimulations::HeldOut(folds)))) => {
+                    let still = (trial.name == DRIFT).then(|| persistence(&tried, &folds));
+                    found.add(trial, Some(tried), &folds, None);
+                    if let Some((tried, folds)) = still {
+                        found.add(&Trial { name: PERSISTENCE.into(), ..trial.clone() }, Some(tried), &folds, None);
+                    }
+                }
                 Ok(Ok((tried, FoldSimulations::BeyondLimit(error)))) => {
                     let times = error / found.least().unwrap_or(f64::NAN);
                     let reason = match times.is_finite() {
@@ -142,10 +148,17 @@ impl Ranking {
             !surely_worse && error(at) <= within || error(at) <= ALIKE * error(best)
         };
         let key = |at: usize| (self.candidates[at].coefficients, error(at));
-        usable.into_iter().filter(alike).min_by(|&a, &b| {
+        let still = usable.iter().copied().find(|&at| self.candidates[at].name == PERSISTENCE);
+        let models = usable.into_iter().filter(|at| Some(*at) != still);
+        let smallest = models.filter(alike).min_by(|&a, &b| {
             let (a, b) = (key(a), key(b));
             a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
-        })
+        });
+        // It has the fewest coefficients of all, and is taken only where nothing errs less.
+        match (smallest, still) {
+            (Some(smallest), Some(still)) if error(smallest) >= error(still) => Some(still),
+            (smallest, still) => smallest.or(still),
+        }
     }
 
     /// What needs no model and is not beaten by the chosen one beyond the standard error.
@@ -155,7 +168,7 @@ impl Ranking {
             return Some("the mean");
         }
         let still = vec![1.0; own.folds.len()];
-        if own.name == DRIFT || !is_better(&own.folds, &still) {
+        if [DRIFT, PERSISTENCE].contains(&own.name.as_str()) || !is_better(&own.folds, &still) {
             return Some("persistence");
         }
         let mean = self.candidates.iter().find(|other| other.name == MEAN && other.error.is_some())?;
@@ -182,6 +195,18 @@ fn mean_and_error(values: &[f64]) -> (f64, f64) {
     let mean = values.iter().sum::<f64>() / count;
     let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0);
     (mean, (variance / count).sqrt())
+}
+
+/// The model whose states stay where they are, and its errors: those of persistence.
+fn persistence(drift: &Tried, folds: &[SimulatedFold]) -> (Tried, Vec<SimulatedFold>) {
+    let mut model = drift.model.clone();
+    for map in model.latents.iter_mut().filter_map(Latent::affine_mut) {
+        map.constants.fill(0.0);
+    }
+    let mut report = drift.report.clone();
+    report["hash"] = model.hash().into();
+    let still = |fold: &SimulatedFold| SimulatedFold { model: fold.persistence.clone(), ended: 0, ..fold.clone() };
+    (Tried { model, every: drift.every, report }, folds.iter().map(still).collect())
 }
 
 /// Coefficients of a model that are not zero.
@@ -268,6 +293,11 @@ mod tests {
             ranking(vec![candidate("linear", 4, &[0.6, 1.9, 0.5]), candidate("regions", 20, &[0.5, 0.52, 0.51])]);
         assert_eq!(found.chosen(), Some(1), "errors that scatter are not near");
         assert_eq!((found.limit("regions"), found.limit(LINEAR)), (Some(2.0 * (0.5 + 0.52 + 0.51) / 3.0), None));
+        let still = || candidate(PERSISTENCE, 0, &[1.0, 1.0, 1.0]);
+        let found = ranking(vec![still(), candidate("linear", 4, &[1.1, 0.9, 1.2])]);
+        assert_eq!((found.chosen(), found.unbeaten(0)), (Some(0), Some("persistence")));
+        let found = ranking(vec![still(), candidate("linear", 4, &[1.1, 0.6, 0.9])]);
+        assert_eq!(found.chosen(), Some(1));
         let found = ranking(vec![candidate("linear", 4, &[1.1, 0.9, 1.2])]);
         assert_eq!((found.chosen(), found.unbeaten(0)), (Some(0), Some("persistence")));
         assert_eq!(ranking(vec![candidate("a", 1, &[f64::INFINITY; 2])]).chosen(), None);
