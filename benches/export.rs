@@ -93,6 +93,7 @@ fn model(states: usize, inputs: usize, functions: Vec<Expr>, rule: Rule, share: 
             if keep { uniform(key(region, j)) } else { 0.0 }
         };
         model.latents.push(Latent {
+            beyond: Vec::new(),
             name: format!("f{state}"),
             library: 0,
             partition: 0,

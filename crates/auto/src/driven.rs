@@ -90,7 +90,7 @@ fn rest(target: &[f64], regressors: &[&[f64]]) -> f64 {
         let before = product(&own, &own);
         bases.iter().for_each(|basis| without(&mut own, basis));
         let after = product(&own, &own);
-        if !(after > 1e-12 * before) {
+        if after.is_nan() || after <= 1e-12 * before {
             continue;
         }
         own.iter_mut().for_each(|value| *value /= after.sqrt());
