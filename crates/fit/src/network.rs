@@ -4,6 +4,8 @@ mod options;
 mod report;
 mod rows;
 mod search;
+#[cfg(test)]
+mod tests;
 mod train;
 
 use std::sync::Arc;

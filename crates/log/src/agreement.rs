@@ -6,7 +6,7 @@ use fleetfoot_data::setting::TIME_UNIT;
 use fleetfoot_data::{Progress, parallel_map};
 
 use crate::{
-    Error, Format, Log, Selection, TimeSpec, TimeUnit, csv,
+    Error, Format, Log, Selection, TimeSpec, TimeUnit, arrays, csv,
     dates::{DateOrder, Fit},
     memory, parquet, run,
     time_column::{Agreed, Clock, ClockUnit},
@@ -58,6 +58,9 @@ fn clock(log: &Log, spec: &TimeSpec) -> (Option<Clock>, csv::Dates) {
         Log::Table(table) => memory::clock(table.as_ref(), spec),
         Log::File(path) => match Format::of(path) {
             Some(Format::Parquet) => parquet::clock(path, spec).ok().flatten(),
+            Some(format @ (Format::Npy | Format::Npz | Format::Mat)) => {
+                arrays::clock(path, format, spec).ok().flatten()
+            }
             Some(Format::Csv(compression)) => return csv::clock(path, compression, spec).unwrap_or_default(),
             _ => None,
         },

@@ -49,7 +49,9 @@ pub(crate) fn open(
         Format::Db3(compression) => {
             joined(path, files, |path| Ok(Box::new(DatabaseContainer::open(path, compression, progress)?)))?
         }
-        Format::Parquet | Format::Csv(_) => return Err(Error::UnknownFormat { path: path.into() }),
+        Format::Parquet | Format::Csv(_) | Format::Npy | Format::Npz | Format::Mat => {
+            return Err(Error::UnknownFormat { path: path.into() });
+        }
     })
 }
 

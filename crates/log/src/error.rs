@@ -6,7 +6,7 @@ use fleetfoot_data::Cancelled;
 use fleetfoot_data::setting::{self, DT, FILES, INFO, INFO_VALUES, JOIN, RATE, RENAME, TIME, TIME_SECTION};
 
 /// What is readable, for messages.
-pub(crate) const KNOWN: &str = ".mcap, .bag, .db3, .ulg, .bin and .log (ArduPilot), .wpilog, .parquet, .csv, .tsv, .txt, all but .parquet also with .gz or .zst; and rosbag2 folders";
+pub(crate) const KNOWN: &str = ".mcap, .bag, .db3, .ulg, .bin and .log (ArduPilot), .wpilog, .csv, .tsv, .txt (each also with .gz or .zst), .parquet, .npy, .npz, .mat; and rosbag2 folders";
 
 /// Why a file could not be read.
 #[derive(Debug, thiserror::Error)]

@@ -19,6 +19,12 @@ pub enum Format {
     Parquet,
     /// Delimited text.
     Csv(Compression),
+    /// One array of NumPy (`.npy`).
+    Npy,
+    /// Arrays of NumPy by their names (`.npz`).
+    Npz,
+    /// Variables of MATLAB (`.mat`, up to `save -v7`).
+    Mat,
     /// A robot's log in one MCAP file.
     Mcap(Compression),
     /// A log of PX4. Its topics are `/vehicle_attitude`, and `/sensor_accel.1` for a further instance; fields have the names that pyulog gives
@@ -62,6 +68,9 @@ impl Format {
         };
         match (stem.rsplit_once('.')?.1, compression) {
             ("parquet" | "pq", Compression::None) => Some(Self::Parquet),
+            ("npy", Compression::None) => Some(Self::Npy),
+            ("npz", Compression::None) => Some(Self::Npz),
+            ("mat", Compression::None) => Some(Self::Mat),
             ("csv" | "tsv" | "txt", compression) => Some(Self::Csv(compression)),
             ("mcap", compression) => Some(Self::Mcap(compression)),
             ("ulg", compression) => Some(Self::Ulog(compression)),
@@ -87,13 +96,16 @@ impl Format {
 
     /// Whether it is a robot's log: messages by topic, not rows of a table.
     pub fn is_log(self) -> bool {
-        !matches!(self, Self::Parquet | Self::Csv(_))
+        !matches!(self, Self::Parquet | Self::Csv(_) | Self::Npy | Self::Npz | Self::Mat)
     }
 
     /// A word for people.
     pub fn name(self) -> &'static str {
         match self {
             Self::Parquet => "Parquet",
+            Self::Npy => "NumPy (.npy)",
+            Self::Npz => "NumPy (.npz)",
+            Self::Mat => "MATLAB",
             Self::Csv(Compression::None) => "CSV",
             Self::Csv(Compression::Gzip) => "CSV (gzip)",
             Self::Csv(Compression::Zstd) => "CSV (zstd)",

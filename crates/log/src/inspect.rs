@@ -10,7 +10,7 @@ use serde::{Serialize, Serializer};
 
 use crate::{
     ArrayInfo, ClockInfo, ColumnInfo, ColumnStatistics, Error, Format, Log, MaxGap, Recording, RunFiles, Selection,
-    TimeSpec, TopicInfo, agreement, channels, csv, parquet, recording::open_agreed, time_column::Agreed,
+    TimeSpec, TopicInfo, agreement, arrays, channels, csv, parquet, recording::open_agreed, time_column::Agreed,
 };
 
 /// Rows of a block of the scan for [`ColumnStatistics`].
@@ -176,6 +176,10 @@ fn inspect_by(path: &Path, agreed: &Agreed) -> Result<FileInfo, Error> {
         Format::Parquet => {
             let found = parquet::describe(path)?;
             (found.columns, found.clock, Some(found.rows), Vec::new())
+        }
+        Format::Npy | Format::Npz | Format::Mat => {
+            let found = arrays::describe(path, format)?;
+            (found.columns, found.clock, Some(found.rows), found.notes)
         }
         Format::Csv(compression) => {
             let found = csv::describe(path, compression, agreed)?;

@@ -1,4 +1,5 @@
-//! Recordings out of files: MCAP, rosbag2, ROS 1 bags, ULog, ArduPilot DataFlash, WPILOG, Parquet, CSV.
+//! Recordings out of files: MCAP, rosbag2, ROS 1 bags, ULog, ArduPilot DataFlash, WPILOG, Parquet, CSV, arrays of NumPy
+//! and MATLAB.
 //!
 //! [`paths`] turns arguments (files, globs, folders) into files; [`inspect`] tells what one file holds; [`open`] makes a
 //! [`Recording`], a [`fleetfoot_data::Source`] whose episodes are found from the time stamps and whose rows are read when
@@ -25,6 +26,7 @@
 //! ```
 
 mod agreement;
+mod arrays;
 mod breaks;
 mod by_name;
 mod channels;

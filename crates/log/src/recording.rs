@@ -14,7 +14,7 @@ use fleetfoot_data::{
 };
 
 use crate::{
-    Base, ClockSummary, Error, Format, LabelRule, MaxGap, Selection, TimeSpec, agreement, channels,
+    Base, ClockSummary, Error, Format, LabelRule, MaxGap, Selection, TimeSpec, agreement, arrays, channels,
     column_set::{self, ColumnSet},
     csv, index,
     index::{FileIndex, Span},
@@ -262,6 +262,7 @@ fn open_file(
 ) -> Result<Opened, Error> {
     match Format::of(path) {
         Some(Format::Parquet) => parquet::open(path, selection, agreed, cache),
+        Some(format @ (Format::Npy | Format::Npz | Format::Mat)) => arrays::open(path, format, selection, agreed),
         Some(Format::Csv(compression)) => csv::open(path, compression, selection, agreed, budget),
         Some(format) => {
             let mut opened = channels::open(path, format, further, selection, budget, cache, progress)?;

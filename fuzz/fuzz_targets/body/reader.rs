@@ -1,6 +1,6 @@
 //! Whole log files, none of their bytes to be trusted.
 //!
-//! An input is a file: `.bag`, `.db3`, `.bin`, `.log` or `.wpilog` where it begins as these do, `.mcap.zstd` where it begins as Zstandard does, else `.mcap`. It is inspected, its fields are opened as a recording, and
+//! An input is a file: `.bag`, `.db3`, `.bin`, `.log`, `.wpilog`, `.npy`, `.npz` or `.mat` where it begins as these do, `.mcap.zstd` where it begins as Zstandard does, else `.mcap`. It is inspected, its fields are opened as a recording, and
 //! every row is read. Errors are fine; panics, hangs, memory beyond measure and rows that break their own promises are not.
 
 use std::path::Path;
@@ -38,13 +38,16 @@ fn read(recording: &Recording) {
 
 /// Reads one input to its last row; panics where a promise is broken.
 pub(crate) fn run(data: &[u8]) {
-    let kinds: [(&[u8], &str); 6] = [
+    let kinds: [(&[u8], &str); 9] = [
         (&[0x28, 0xB5, 0x2F, 0xFD], ".mcap.zstd"),
         (b"#ROSBAG V", ".bag"),
         (b"SQLite format 3\0", ".db3"),
         (&[0xA3, 0x95, 0x80], ".bin"),
         (b"FMT,", ".log"),
         (b"WPILOG", ".wpilog"),
+        (b"\x93NUMPY", ".npy"),
+        (b"PK\x03\x04", ".npz"),
+        (b"MATLAB 5.0", ".mat"),
     ];
     let suffix = kinds.iter().find(|(magic, _)| data.starts_with(magic)).map_or(".mcap", |(_, suffix)| suffix);
     let Ok(file) = tempfile::Builder::new().suffix(suffix).tempfile() else { return };

@@ -65,7 +65,7 @@ pub(super) fn search(rows: &Rows, options: &NetworkOptions, progress: &dyn Progr
         }
         let shape = Shape { inputs: p, hidden: hidden.clone(), activation: options.activation };
         let so_far = candidates.iter().map(|own| own.loss).fold(f64::INFINITY, f64::min);
-        let stages = Stages::new(progress, format!("held-out loss so far {so_far:.4}"));
+        let stages = Stages::new(progress, format!("held-out loss so far {so_far:.2e}"));
         stages.stage(&name);
         let fold = |at: usize| {
             let [train, held] = &splits[at];
@@ -152,7 +152,7 @@ fn pooled(errors: &[Vec<f64>], weights: &[f64]) -> Vec<f64> {
 
 /// The first, so the smallest, whose loss is above the least one by no more than one standard error over the folds, both of the logarithm of their ratio: folds differ in
 /// their losses by orders of magnitude, and the ratio of two models on the same rows does not.
-fn choose(candidates: &[NetworkCandidate]) -> usize {
+pub(super) fn choose(candidates: &[NetworkCandidate]) -> usize {
     let of = |at: &usize| candidates[*at].loss;
     let best = (0..candidates.len()).min_by(|a, b| of(a).total_cmp(&of(b))).unwrap_or(0);
     let is_as_good = |own: &NetworkCandidate| {

@@ -76,6 +76,13 @@ impl Map {
 }
 
 impl Map {
+    /// Maps a temporary file that has no name.
+    pub(crate) fn unnamed(file: &File) -> io::Result<Self> {
+        // SAFETY: nobody else can change or shrink a file without a name.
+        let bytes = unsafe { Mmap::map(file) }?;
+        Ok(Self { bytes, cut: None })
+    }
+
     /// Why the file is none of a kind, by its first bytes.
     pub(crate) fn refused(&self, path: &Path, kind: Kind) -> Error {
         wrong_magic(path, &self.bytes, kind)
@@ -142,7 +149,7 @@ fn unpack(path: &Path, file: File, compression: Compression, limit: u64) -> Resu
 
 /// Says what a file looks like that is not of its kind.
 fn wrong_magic(path: &Path, bytes: &[u8], kind: Kind) -> Error {
-    let looks: [(&[u8], &str, &'static str); 12] = [
+    let looks: [(&[u8], &str, &'static str); 14] = [
         (mcap::MAGIC, "MCAP", "give it the extension .mcap"),
         (ULOG, "ULog", "give it the extension .ulg"),
         (b"#ROSBAG V", "a ROS 1 bag", "give it the extension .bag"),
@@ -153,7 +160,9 @@ fn wrong_magic(path: &Path, bytes: &[u8], kind: Kind) -> Error {
         (b"PAR1", "Parquet", "give it the extension .parquet"),
         (&[0x28, 0xb5, 0x2f, 0xfd], "compressed by zstd", "add .zst to its name"),
         (&[0x1f, 0x8b], "compressed by gzip", "add .gz to its name"),
-        (b"PK\x03\x04", "a zip archive", "unpack it"),
+        (b"\x93NUMPY", "an array of NumPy", "give it the extension .npy"),
+        (b"PK\x03\x04", "a zip archive", "unpack it, or give it the extension .npz if NumPy wrote it"),
+        (b"MATLAB 5.0", "a file of MATLAB", "give it the extension .mat"),
         (b"\x89HDF", "HDF5", "convert it to Parquet or CSV"),
     ];
     let start = bytes.get(..bytes.len().min(512)).unwrap_or_default();

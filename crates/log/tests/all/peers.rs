@@ -2,6 +2,7 @@
 //!
 //! `outside.rs` tells where the peers' Python and the real logs are looked for.
 
+mod arrays;
 mod dataflash;
 mod hold;
 mod oracle;

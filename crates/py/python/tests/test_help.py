@@ -42,7 +42,7 @@ def worded(name: str, default: object) -> str:
 @pytest.mark.skipif(COMMAND is None, reason="FLEETFOOT_BIN names no command")
 @pytest.mark.parametrize(
     ("command", "estimator"),
-    [("pwa", ff.PWA), ("sindy", ff.SINDy), ("narx", ff.NARX), ("sparse", ff.BlockSparse), ("parameters", ff.Parameters)],
+    [("pwa", ff.PWA), ("sindy", ff.SINDy), ("narx", ff.NARX), ("network", ff.Network), ("sparse", ff.BlockSparse), ("parameters", ff.Parameters)],
 )
 def test_defaults_are_those_of_the_command(command, estimator):
     flags = helped(command)

@@ -50,7 +50,7 @@ def test_a_plane_gets_the_linear_model():
 @pytest.mark.skipif("FLEETFOOT_BIN" not in os.environ, reason="the command is not there")
 def test_the_command_writes_the_same_model(tmp_path):
     data = table(True, 600)
-    np.savetxt(tmp_path / "log.csv", np.column_stack(list(data.values())), delimiter=",", header="x,z,y", comments="", fmt="%r")
+    np.savetxt(tmp_path / "log.csv", np.column_stack(list(data.values())), delimiter=",", header="x,z,y", comments="", fmt="%.17g")
     words = "fit network log.csv --predict y --inputs x,z --dt 1 --hidden 8 --effort low --seed 4 -o net.json"
     subprocess.run([os.environ["FLEETFOOT_BIN"], *words.split()], cwd=tmp_path, check=True, capture_output=True)
     written = ff.load(tmp_path / "net.json")

@@ -23,6 +23,7 @@ EXPECTED: dict[str, dict[str, str]] = {
     },
     # -- identification
     "BlockSparse": _IDENTIFIER,
+    "Network": {**_IDENTIFIER, **_FEW},
     "PWA": {**_IDENTIFIER, **_FEW},
     "SINDy": {**_IDENTIFIER, **_FEW},
     # -- clusters and thresholds
@@ -42,6 +43,7 @@ EXPECTED: dict[str, dict[str, str]] = {
 #: How to make an estimator for the checks, where its defaults will not do.
 MAKE: dict[str, Callable[[Any], Any]] = {
     "BlockSparse": lambda found: found(target="y", select="bic"),
+    "Network": lambda found: found(target="y", effort="low"),
     "PWA": lambda found: found(target="y"),
     "SINDy": lambda found: found(target="y", library="poly(1)"),
 }

@@ -1,0 +1,87 @@
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use fleetfoot_data::{Progress, Silent, mix};
+use fleetfoot_learn::Table;
+use fleetfoot_recipe::Recipe;
+use fleetfoot_stats::Fold;
+
+use super::{
+    options::NetworkOptions,
+    report::NetworkCandidate,
+    rows::Rows,
+    search::{choose, search},
+};
+
+fn options() -> NetworkOptions {
+    NetworkOptions::new(&Recipe::parse("[network]\neffort = \"low\"\n", "r.toml").unwrap()).unwrap()
+}
+
+/// Two inputs and a target, in five folds.
+fn rows(count: usize, target: impl Fn(f64, f64) -> f64) -> Rows {
+    let uniform = |key: usize| 4.0 * ((mix(key as u64) >> 11) as f64 * 2f64.powi(-53)) - 2.0;
+    let row = |at: usize| [uniform(2 * at), uniform(2 * at + 1)];
+    let noise = |at: usize| 0.01 * uniform(1_000_000 + at);
+    let values = (0..count).flat_map(|at| {
+        let [x, z] = row(at);
+        [x, z, target(x, z) + noise(at)]
+    });
+    Rows {
+        table: Table::new(2, 1, values.collect()).unwrap(),
+        inputs: vec![0, 1],
+        persistence: vec![0.0; count],
+        folds: (0..count).map(|at| Fold { own: (5 * at / count) as u16, purged: [None; 2] }).collect(),
+        count: 5,
+        rule: String::new(),
+        complete: count,
+    }
+}
+
+#[test]
+fn a_curve_gets_a_network_and_a_plane_does_not() {
+    let found = search(&rows(1_000, |x, z| x.sin() * z), &options(), &Silent).unwrap();
+    assert!(found.chosen > 0 && found.fitted.hidden.is_some());
+    let names: Vec<&str> = found.candidates.iter().map(|own| own.name.as_str()).collect();
+    assert_eq!(names, ["linear", "network 8", "network 16"]);
+    // Persistence predicts zero here, and the noise is all that is left.
+    assert!(found.held_out[0].rmse < 0.03 && found.held_out[0].persistence > 0.5, "{:?}", found.held_out);
+    let found = search(&rows(1_000, |x, z| x - 0.5 * z), &options(), &Silent).unwrap();
+    assert!(found.chosen == 0 && found.fitted.hidden.is_none());
+}
+
+#[test]
+fn a_stop_leaves_the_best_so_far() {
+    /// Stops when networks of 16 units begin.
+    #[derive(Default)]
+    struct Stop(AtomicBool);
+    impl Progress for Stop {
+        fn advance(&self, _: usize, _: usize) {}
+        fn cancelled(&self) -> bool {
+            self.0.load(Ordering::Relaxed)
+        }
+        fn stage(&self, name: &str) {
+            if name.contains("network 16") {
+                self.0.store(true, Ordering::Relaxed);
+            }
+        }
+    }
+    let rows = rows(1_000, |x, z| x.sin() * z);
+    let found = search(&rows, &options(), &Stop::default()).unwrap();
+    assert_eq!((found.candidates.len(), found.chosen), (2, 1));
+    assert!(found.notes.iter().any(|note| note.contains("stopped before network 16")), "{:?}", found.notes);
+    let [all, _] = rows.split(None);
+    let error = found.fitted.errors(&rows.table, &all).unwrap()[0].sqrt();
+    assert!(error < 0.05, "{error}");
+}
+
+#[test]
+fn the_smallest_within_one_standard_error_of_the_ratio_is_taken() {
+    let of = |losses: [[f64; 4]; 3]| {
+        let candidate = |own: &[f64; 4]| NetworkCandidate::new(&[], 1, own.to_vec(), Vec::new());
+        choose(&losses.iter().map(candidate).collect::<Vec<_>>())
+    };
+    // The first fold is hard for all: ratios tell what differences hide.
+    assert_eq!(of([[9.0, 2.0, 2.0, 2.0], [4.5, 1.0, 1.0, 1.0], [4.4, 1.01, 1.0, 0.99]]), 1);
+    assert_eq!(of([[1.0, 1.1, 0.9, 1.0], [0.9, 1.15, 0.8, 1.1], [2.0, 2.0, 2.0, 2.0]]), 0);
+    // One that fails in a fold is never the one.
+    assert_eq!(of([[1.0; 4], [f64::INFINITY, 0.1, 0.1, 0.1], [0.5; 4]]), 2);
+}

@@ -1,0 +1,34 @@
+//! Arrays of numpy and scipy, held against what these wrote into them.
+
+use fleetfoot_data::{ColumnKind, Halo, Source};
+use fleetfoot_log::{Selection, TimeSpec, open};
+
+use super::oracle::run;
+
+#[test]
+fn every_number_of_written_arrays() {
+    let Some(python) = crate::outside::python("numpy, scipy.io") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let truth = run(&python, "write_arrays.py", &[folder.path().as_os_str()]);
+    let mut numbers = 0;
+    for line in truth.lines() {
+        let told: serde_json::Value = serde_json::from_str(line).unwrap();
+        let path = folder.path().join(told["file"].as_str().unwrap());
+        let columns = told["columns"].as_object().unwrap();
+        let time = TimeSpec::Uniform { dt_seconds: 1.0 };
+        let recording = open(&[&path], &Selection { time, ..Selection::new(columns.keys()) }).unwrap();
+        let rows = told["rows"].as_u64().unwrap() as usize;
+        let block = recording.read(0, 0..rows, Halo::default()).unwrap();
+        for (place, (column, values)) in columns.iter().enumerate() {
+            for (own, value) in block.column(place).iter().zip(values.as_array().unwrap()) {
+                numbers += 1;
+                match (value.as_str(), &recording.columns()[place].kind) {
+                    (Some(text), ColumnKind::Category(names)) => assert_eq!(names[*own as usize], text, "{column}"),
+                    (None, _) if value.is_null() => assert!(own.is_nan(), "{}: {column}", path.display()),
+                    _ => assert_eq!(Some(*own), value.as_f64(), "{}: {column}", path.display()),
+                }
+            }
+        }
+    }
+    assert!(numbers > 100_000, "{numbers}");
+}
