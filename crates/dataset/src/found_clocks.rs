@@ -14,11 +14,11 @@ pub struct Clocks {
     pub topics: Vec<TopicClock>,
     /// For people.
     pub reports: Vec<AlignedClock>,
-    /// What to know of them.
+    /// Notes on the clocks.
     pub notes: Vec<String>,
 }
 
-/// What the clock of another computer shows more than the one that it was compared with, and why that is known.
+/// Offset and skew of another computer's clock against the clock that it was compared with, and the evidence.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct AlignedClock {
@@ -32,11 +32,12 @@ pub struct AlignedClock {
     pub at: f64,
     /// Seconds that it shows more then.
     pub offset: f64,
-    /// Where the offset lies: with 95 % confidence by motion, for certain by a wave whose edges do not contradict each other (and that is even, where the recipe says so).
+    /// Interval of the offset: 95 % confidence by motion. By a wave it is certain, if the edges do not contradict each
+    /// other and an `even` wave in the recipe is even.
     pub offset_interval: [f64; 2],
-    /// How much faster it goes, seconds a second.
+    /// Rate relative to the other clock, seconds a second; positive: faster.
     pub skew: f64,
-    /// Where the skew lies, as the offset.
+    /// Interval of the skew, as that of the offset.
     pub skew_interval: [f64; 2],
     /// By motion: the share of the reference's variance that the channel does not explain, and at every lag (the lag curve: seconds, share).
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -135,7 +136,8 @@ impl AlignedClock {
         }
     }
 
-    /// What speaks against it, in sentences: a share that is larger than `doubtful`, quarters that are off by more than `bent` deviations, edges that contradict each other.
+    /// Doubts about the alignment, in sentences: an unexplained share above `doubtful`, quarters that are off by more
+    /// than `bent` deviations, edges that contradict each other.
     pub(crate) fn doubts(&self, doubtful: f64, bent: f64) -> Vec<String> {
         let place = format!("[clocks.{}], {}", self.clock, self.log);
         let mut doubts = Vec::new();

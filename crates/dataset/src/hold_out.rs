@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::error::Error;
 
-/// Which rows of logs are read.
+/// Rows of logs to read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Part {
     /// All of them.

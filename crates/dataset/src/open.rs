@@ -26,7 +26,7 @@ use crate::{
 pub struct OpenedStructure {
     /// The rows.
     pub dataset: Dataset,
-    /// What the recipe means for them.
+    /// Task that the recipe defines for these logs.
     pub task: StructuredTask,
     /// The recipe with its wildcards written out.
     pub recipe: Recipe,
@@ -88,8 +88,8 @@ impl Dataset {
         Ok((dataset, task))
     }
 
-    /// What a recipe means for a structured regression on files: the recipe with its wildcards written out, the fields of the first file (the labels
-    /// of `[[episodes]]` among them), and the task.
+    /// Resolves a recipe for a structured regression on files: the recipe with its wildcards written out, the fields of
+    /// the first file (the labels of `[[episodes]]` among them), and the task.
     pub fn structure(recipe: &Recipe, logs: &Logs) -> Result<(Recipe, Vec<Column>, StructuredTask), Error> {
         let (fields, info) = fields(recipe, logs)?;
         let recipe = recipe.expand(&fields)?;
@@ -133,7 +133,7 @@ impl Dataset {
         Ok(OpenedStructure { dataset, task, recipe, fields, equations })
     }
 
-    /// What a recipe means for a fit of equations on files, with its wildcards written out.
+    /// Resolves a recipe for a fit of equations on files: the recipe with its wildcards written out, and the task.
     pub fn equations(recipe: &Recipe, logs: &Logs) -> Result<(Recipe, EquationTask), Error> {
         let (fields, info) = fields(recipe, logs)?;
         let recipe = recipe.expand(&fields)?;
@@ -174,7 +174,7 @@ impl Dataset {
         Self::open(&named.recipe, &named.columns, &named.expressions, Reads::columns(), logs, progress)
     }
 
-    /// What the clocks of a recipe show in these logs.
+    /// Finds the offsets of a recipe's clocks in these logs.
     pub fn find_clocks(recipe: &Recipe, logs: &Logs, progress: &dyn Progress) -> Result<Clocks, Error> {
         if recipe.clocks.is_empty() {
             return Ok(Clocks::default());

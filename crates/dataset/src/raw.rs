@@ -32,7 +32,7 @@ pub struct RawLog {
     pub episode: Option<usize>,
     /// The stamp from which the seconds below count, nanoseconds.
     pub start: i64,
-    /// What must be added to the prepared stamps to get the times at which the log was recorded, nanoseconds.
+    /// Offset to add to the prepared stamps for the times at which the log was recorded, nanoseconds.
     pub clock_offset: i64,
     /// Seconds by which the stamps of a channel are later than its measurements.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]

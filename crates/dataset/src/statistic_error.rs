@@ -19,7 +19,7 @@ pub enum StatisticError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// Something else.
@@ -52,9 +52,9 @@ pub enum StatisticError {
     Damaged {
         /// The file.
         path: PathBuf,
-        /// Where in the file.
+        /// Place in the file.
         place: String,
-        /// What was found.
+        /// Description of the damage.
         problem: String,
     },
     /// A plan that cannot be kept in a file.
@@ -72,7 +72,7 @@ pub enum StatisticError {
         right: String,
         /// Lines of the one (`-`) and the other (`+`).
         difference: String,
-        /// What to do.
+        /// Remedy.
         mend: String,
     },
     /// The same rows on both sides.
@@ -88,9 +88,9 @@ pub enum StatisticError {
     /// Nothing that is like what was asked for.
     #[error("{asked} matches no episode; there is {}", some(.there))]
     NoMatch {
-        /// What was asked for.
+        /// Request that matched no episode.
         asked: String,
-        /// What there is.
+        /// Existing values.
         there: Vec<String>,
     },
     /// Nothing would be left.
@@ -117,7 +117,7 @@ pub enum StatisticError {
     Key {
         /// The argument.
         key: String,
-        /// What is wrong, and the mend.
+        /// Description of the problem, and the remedy.
         problem: String,
     },
     /// Labels of a partition that are text.

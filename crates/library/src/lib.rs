@@ -1,4 +1,4 @@
-//! What a candidate function is: parse, evaluate over columns, differentiate, print.
+//! Candidate functions: parsing, evaluation over columns, differentiation and printing.
 //!
 //! An [`Expr`] is an immutable tree over the columns of a recording, their lags and time. It is read from text within a
 //! [`Scope`] ([`Expr::parse`], where the grammar stands), printed so that it reads back equal, differentiated exactly

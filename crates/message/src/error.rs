@@ -4,9 +4,9 @@
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("at byte {offset} of the message: {problem}")]
 pub struct DecodeError {
-    /// Where, counted from the message's first byte.
+    /// Byte of the problem, counted from the message's first byte.
     pub offset: usize,
-    /// What is wrong.
+    /// Description of the problem.
     pub problem: String,
 }
 
@@ -28,7 +28,7 @@ pub enum SchemaError {
         encoding: String,
         /// The message type.
         name: String,
-        /// What is wrong with it.
+        /// Description of the problem.
         problem: String,
     },
     /// An encoding of messages or schemas that is not known.
@@ -61,7 +61,7 @@ pub enum SchemaError {
     NotAValue {
         /// The wanted field.
         path: String,
-        /// What it is, with an article.
+        /// Kind of the field that the path leads to, with an article.
         kind: String,
     },
 }

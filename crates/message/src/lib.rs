@@ -1,4 +1,4 @@
-//! What a robot's message is: schemas, fields by name, decoders and encoders.
+//! Messages of robots: schemas, fields by name, decoders and encoders.
 //!
 //! A [`Codec`] is made once for a channel from its schema. It decodes a whole message into a [`Value`], for people and for finding the fields
 //! that a log has ([`FieldTree`]), or is compiled for a few wanted fields into an [`Extract`], which walks a message's bytes once

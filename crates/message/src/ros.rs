@@ -53,7 +53,7 @@ pub(crate) fn codec(
     Ok(Box::new(RosCodec::new(schema, packed)))
 }
 
-/// What every decoder of a channel shares.
+/// Schema and sizes that all decoders of a channel share.
 #[derive(Debug)]
 struct Layouts {
     schema: Schema,

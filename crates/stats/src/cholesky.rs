@@ -21,7 +21,7 @@ pub struct PivotedCholesky {
     pub order: Vec<usize>,
     /// As many rows as there are pivots count (p x d), columns in their own order: triangular in the order of the pivots only.
     pub factor: Slab,
-    /// What the factor leaves of every diagonal entry (d).
+    /// Diagonal of the matrix that remains after the factor: `diag(A - C'C)` (d).
     pub left: Vec<f64>,
     /// The least share of its own diagonal entry that was left of a pivot; 1 without pivots.
     pub least: f64,
@@ -145,7 +145,7 @@ impl<E: Fn(usize, usize) -> f64> WithSimd for Eliminate<'_, E> {
     }
 }
 
-/// What some pivots leave of a symmetric matrix, in the columns that are open and those behind.
+/// Schur complement of a symmetric matrix after some pivots, in the open columns and those behind.
 struct Remainder {
     /// Place of a column among the open ones and those behind; no place for those that are done.
     place: Vec<usize>,

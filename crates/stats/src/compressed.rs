@@ -7,7 +7,7 @@ use crate::{SquareRoot, householder::fold_rows, kernel::Slab, square_root::sum_o
 /// Least squares of q targets on p columns without an intercept of its own: for coefficients b (p) of one target,
 /// `rss = |R b - z|^2 + residual`.
 ///
-/// What thresholding works on: the constant is a candidate, and may be fixed, penalised or dropped.
+/// The form that thresholding works on: the constant is a candidate, and may be fixed, penalised or dropped.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Compressed {
     /// Rows of positive weight.

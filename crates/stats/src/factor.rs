@@ -22,7 +22,7 @@ pub struct Factor {
     targets: usize,
     rows: u64,
     weight: f64,
-    /// What is subtracted from x and y (p + q).
+    /// Values that are subtracted from x and y (p + q).
     shift: Vec<f64>,
     /// Upper triangular, columns 1, x, y.
     r: Mat<f64>,

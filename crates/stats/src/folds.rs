@@ -22,7 +22,7 @@ const ROWS: usize = 10;
 /// Share of a span that its neighbours' purge gap takes, at most.
 const TENTH: usize = 10;
 
-/// What is held out together.
+/// Rule by which rows are held out together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum FoldRule {
@@ -40,7 +40,7 @@ pub enum FoldRule {
 pub enum Purge {
     /// So many; it is for the caller to see that spans are longer.
     Exactly(usize),
-    /// What resembles the held-out rows, however that comes.
+    /// Rows that resemble the held-out rows, by shared samples or by correlation.
     Alike {
         /// Rows on either side that are made of the same samples as a row: lags and differences reach over them, smoothing mixed them. All of them are left
         /// out, up to the whole neighbouring span.
@@ -78,7 +78,7 @@ pub enum FoldError {
     /// Fewer than two, or more than can be told apart.
     #[error("{count} folds are asked for: write a number from 2 to 65535 ({FOLDS})")]
     Count {
-        /// How many.
+        /// Number of folds asked for.
         count: usize,
     },
     /// One episode cannot be left out and fitted on.
@@ -86,7 +86,7 @@ pub enum FoldError {
         "leaving every episode out once needs 2 episodes or more, and there is {found}: {given_folds} cuts it into spans instead", given_folds = FOLDS.to(10)
     )]
     Episodes {
-        /// How many episodes have rows.
+        /// Number of episodes that have rows.
         found: usize,
     },
     /// A fold would hold out nothing.
@@ -94,7 +94,7 @@ pub enum FoldError {
         "{folds} folds of spans need episodes of {spans} rows or more, and the longest of {episodes} has {rows}: ask for fewer folds ({FOLDS}), or give more data"
     )]
     Rows {
-        /// How many folds.
+        /// Number of folds.
         folds: usize,
         /// Spans of an episode.
         spans: usize,
@@ -195,7 +195,7 @@ impl FoldLayout {
         self.folds
     }
 
-    /// Whether folds are whole episodes.
+    /// Returns true if folds are whole episodes.
     pub fn whole_episodes(&self) -> bool {
         matches!(self.cut, Cut::Episodes(_))
     }

@@ -23,7 +23,7 @@ pub struct Chunk {
     pub fold: Fold,
 }
 
-/// How a scan is cut.
+/// Division of a scan into chunks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Grid {
     /// Rows of a chunk, at most.
@@ -76,7 +76,7 @@ pub enum PlanError {
 }
 
 impl PlanError {
-    /// Whether less memory would have done.
+    /// Returns true if a plan that needs less memory would be accepted.
     pub fn is_memory(&self) -> bool {
         matches!(self, Self::Memory { .. } | Self::Room(_))
     }

@@ -43,8 +43,8 @@ const PILOT_ROWS: usize = 256;
 /// Any pilot gives a valid change of coordinates; a poor one costs accuracy, which [`SquareRoot::condition`](crate::SquareRoot)
 /// reports. A direction that the pilot does not show keeps the scale of its column, so T is always invertible.
 ///
-/// Where the pilot's condition number is below 100, T is diagonal and P the identity: columns are centred and scaled, and the coefficients may lose two digits
-/// more than else, of the sixteen.
+/// If the pilot's condition number is below 100, T is diagonal and P the identity: columns are centred and scaled. The
+/// coefficients may then lose two more of the sixteen digits.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Preconditioner {
     regressors: usize,
@@ -59,7 +59,7 @@ pub struct Preconditioner {
     solver: Solver,
 }
 
-/// How rows are brought to the new coordinates.
+/// Method that brings rows to the new coordinates.
 #[derive(Debug, Clone, PartialEq)]
 enum Solver {
     /// They are in them.
@@ -174,7 +174,7 @@ impl Preconditioner {
         found
     }
 
-    /// Whether rows are in these coordinates from the start, and were not brought there by arithmetic on the raw columns.
+    /// Returns true if rows are in these coordinates from the start, without arithmetic on the raw columns.
     pub(crate) fn is_native(&self) -> bool {
         self.solver == Solver::Nothing
     }

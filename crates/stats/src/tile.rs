@@ -35,7 +35,7 @@ pub(crate) struct Tile {
     roots: Vec<f64>,
     /// Sum of the weights.
     pub(crate) weight: f64,
-    /// What was subtracted from each column.
+    /// Centre subtracted from each column.
     pub(crate) centre: Vec<f64>,
     /// Weighted mean of what remained after the subtraction: the rounding of `centre`.
     pub(crate) remainder: Vec<f64>,

@@ -24,7 +24,7 @@ impl Dataset {
         Self::with_model(&read, changes, logs, (&|_| true, 1), progress)
     }
 
-    /// Whether the first of the logs has each of these fields, or what these expressions read.
+    /// For each source, a field or an expression: true if the first log has the fields that it reads.
     pub fn readable(recipe: &Recipe, logs: &Logs, sources: &[String]) -> Result<Vec<bool>, Error> {
         let (fields, _) = fields(recipe, logs)?;
         let column = |source: &String| ModelColumn {

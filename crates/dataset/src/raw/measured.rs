@@ -24,7 +24,7 @@ pub struct Measured {
     raw: BTreeMap<PathBuf, Vec<PathBuf>>,
     /// The prepared files without measurements, and why.
     missing: Vec<String>,
-    /// What is said where there is no raw log.
+    /// Note for logs without a raw log.
     smoothed: Option<String>,
 }
 
@@ -164,7 +164,7 @@ impl Measured {
         seen_through(Box::new(Watched::new(&self.rows, None)), &self.aliases)
     }
 
-    /// Whether there is a measurement.
+    /// Returns true if there is no measurement.
     pub fn is_empty(&self) -> bool {
         self.raw.is_empty()
     }

@@ -15,7 +15,7 @@ pub(crate) struct Monomial {
     above: f64,
     below: f64,
     pub(crate) powers: Vec<(Expr, i32)>,
-    /// Whether the expression had two numbers, the same base twice, or an even power of an absolute value.
+    /// True if the expression had two numbers, the same base twice, or an even power of an absolute value.
     pub(crate) collected: bool,
 }
 

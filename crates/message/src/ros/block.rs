@@ -5,7 +5,7 @@ use super::{
     wire::Wire,
 };
 
-/// What is known of a place: it leaves this residue when divided by this modulus, a power of two.
+/// Known alignment of a place: its residue modulo a power of two.
 #[derive(Debug, Clone, Copy)]
 struct Phase {
     modulus: usize,

@@ -35,10 +35,10 @@ struct Reader<'a, const BIG: bool> {
     sizes: &'a Sizes,
     wire: Wire,
     message: &'a [u8],
-    /// Where alignment counts from.
+    /// Origin of alignment.
     origin: usize,
     place: usize,
-    /// Where the message or the innermost part with a length ends.
+    /// End of the message, or of the innermost part with a length.
     end: usize,
     /// Values that may still be kept.
     budget: usize,

@@ -14,7 +14,7 @@ const BLOCK: usize = 32;
 /// Values from which on blocks are faster: twice what a second-level cache holds.
 const LARGE: usize = 1 << 18;
 
-/// Whether blocks are faster than one reflector after the other.
+/// Returns true if blocks are faster than one reflector after the other.
 pub(super) fn pays(rows: &Slab) -> bool {
     rows.columns() >= 4 * BLOCK && rows.values.len() >= LARGE
 }

@@ -39,7 +39,7 @@ impl Buffer {
     }
 }
 
-/// What the kernel needs to know of a plan.
+/// The kernel's part of a plan.
 #[derive(Debug, Clone)]
 pub(super) struct Program {
     pub(super) first: Functions,
@@ -290,9 +290,9 @@ struct Products<'a> {
     tiling: &'a Tiling,
     /// The second group, of which what is not stored is made strip by strip.
     functions: &'a Functions,
-    /// What the functions that are made are multiplied by.
+    /// Factors of the functions that are made strip by strip, such as the values of a target; `None`: 1.
     factors: Option<&'a [f64]>,
-    /// Where a strip is made: it stays in first-level cache.
+    /// Buffer for one strip, which stays in first-level cache.
     leaves: &'a mut [f64],
     first: &'a [f64],
     second: &'a [f64],

@@ -13,7 +13,7 @@ use crate::Sum;
 pub struct PolynomialMoments {
     rows: u64,
     totals: Vec<f64>,
-    /// What rounding took from each total.
+    /// Rounding error of each total (compensated summation).
     lost: Vec<f64>,
 }
 
@@ -79,7 +79,7 @@ impl PolynomialMoments {
         }
     }
 
-    /// Whether all sums are finite: no NaN came in, and nothing overflowed.
+    /// Returns true if all sums are finite: no row had a NaN, and no sum overflowed.
     pub fn is_finite(&self) -> bool {
         self.totals.iter().all(|total| total.is_finite())
     }
