@@ -121,7 +121,7 @@ fn doc(attributes: &[Attribute]) -> String {
     lines.take_while(|line| !line.is_empty()).collect::<Vec<_>>().join(" ").replace(['`', '[', ']'], "")
 }
 
-/// What `#[serde(key = "value")]` says.
+/// Value of `#[serde(key = "value")]`.
 fn serde_value(attributes: &[Attribute], key: &str) -> Option<String> {
     let mut found = None;
     for attribute in attributes.iter().filter(|attribute| attribute.path().is_ident("serde")) {

@@ -15,10 +15,10 @@ pub(crate) struct Regulated {
     inputs: Vec<f64>,
 }
 
-/// Whether a regulator can drive a robot that shows it `shown` and takes `commands`.
+/// Checks that a regulator can drive a robot with the readings `shown` and the inputs `commands`.
 ///
 /// # Errors
-/// What it is not shown, what it cannot drive, and laws that cannot be used.
+/// A reading or a command that the robot does not have, and laws that cannot be used.
 pub(crate) fn check(regulator: &Regulator, shown: &[&str], commands: &[&str]) -> Result<(), ParameterError> {
     regulator.validate()?;
     let known = |names: &[&str], name: &String| names.contains(&name.as_str());

@@ -17,7 +17,7 @@ pub struct Prbs {
     pub offset: f64,
     /// Half their distance, in the channel's unit.
     pub amplitude: f64,
-    /// How long a level is held at least, s; whole samples.
+    /// Shortest hold time of a level, s; whole samples.
     pub clock: f64,
     /// Bits of the register, 2 to 24. The longest time at one level is as many clock periods.
     pub order: u32,

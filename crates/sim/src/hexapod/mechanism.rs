@@ -8,7 +8,7 @@ use super::Hexapod;
 use super::parameters::{LEGS, side};
 use crate::rigid::{Belt, add_ground, physics_world, robot_groups};
 
-/// How legs are held in the trunk.
+/// Method that holds the legs in the trunk.
 ///
 /// Measured with the default robot: in the air both give the same motion as the step goes to nothing. At 0.4 V both lock into the alternating
 /// tripod, at the same rate within 1 %, at speeds within 5 %; at 0.6 V the tree is 8 % faster. From 1 V on their free cranks settle to different
@@ -26,7 +26,7 @@ pub enum JointMethod {
     Multibody,
 }
 
-/// Where the robot's bodies are in the world.
+/// Handles of the robot's bodies in the world.
 pub(super) struct Mechanism {
     pub(super) world: PhysicsWorld,
     pub(super) ground: ColliderHandle,

@@ -13,7 +13,7 @@ pub const HEAT_RATIO: f64 = 1.4;
 pub const SEA_LEVEL_PRESSURE: f64 = 101_325.0;
 /// Temperature at sea level, K.
 pub const SEA_LEVEL_TEMPERATURE: f64 = 288.15;
-/// Where the troposphere ends, m.
+/// Altitude of the top of the troposphere, m.
 pub const TROPOPAUSE: f64 = 11_000.0;
 /// Temperature gradient of the troposphere, K/m.
 const LAPSE: f64 = -0.0065;

@@ -6,8 +6,9 @@ use rand_pcg::Pcg64;
 
 /// The stream of random numbers for one purpose of the run with this seed.
 ///
-/// What one purpose draws never moves another's numbers: a sensor that is switched off, or reads more often, leaves the physics and the other
-/// sensors as they are. A purpose is a path, e.g. `imu/noise`; each is used for one generator.
+/// The draws of one purpose never move another's numbers: a sensor that is switched off, or reads more often, leaves
+/// the physics and the other sensors as they are. A purpose is a path, e.g. `imu/noise`; each is used for one
+/// generator.
 ///
 /// The generator begins at `Pcg64::from_seed(h)`, with `h` the 32 bytes of BLAKE3 over the seed (8 bytes, little-endian) followed by the
 /// purpose (UTF-8): all 256 bits of state and increment differ between purposes, since PCG streams that share the state are correlated.

@@ -56,7 +56,7 @@ impl Default for Airframe {
     }
 }
 
-/// Where it is and how it moves.
+/// Position and motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct QuadrotorState {
     /// m
@@ -107,7 +107,7 @@ impl QuadrotorState {
     }
 }
 
-/// What acts on the body.
+/// Forces and torques on the body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Loads {
     /// Sum of the rotors' thrusts along the body's z axis, N.
@@ -163,7 +163,7 @@ impl Airframe {
         self.arm * std::f64::consts::FRAC_1_SQRT_2
     }
 
-    /// What acts on the body in this wind (world's axes, m/s).
+    /// Forces and torques on the body in this wind (world's axes, m/s).
     ///
     /// A rotor at r turning at w gives the thrust c w^2 along z, the moment of its drag, and, in the air that it meets
     /// at the speed u_r, the force -w K u_r with K diagonal (rotor drag); the body -rho/2 |u| A u with A diagonal.
