@@ -19,21 +19,21 @@ pub struct Record<'a> {
     pub values: &'a [f64],
 }
 
-/// Where a line between two clocks is looked for.
+/// Search range of the line between two clocks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Within {
     /// The lag about which is searched, s.
     pub about: f64,
-    /// How far from it to either side, s.
+    /// Half-width of the range of lags, s.
     pub reach: f64,
     /// The greatest skew to either side, seconds a second; 0 for clocks that run alike.
     pub skew: f64,
 }
 
-/// How much later one channel is than another.
+/// Lag of one channel behind another.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Alignment {
-    /// What the first channel shows at t, the second shows at t + offset + skew (t - at).
+    /// Line between the clocks: the first channel's value at t is the second's at t + offset + skew (t - at).
     pub line: ClockLine,
     /// Standard deviation of the offset at that moment, s, from residuals summed over batches, so that correlated ones count as what they are.
     pub deviation: f64,
@@ -43,9 +43,9 @@ pub struct Alignment {
     pub curve: Vec<(f64, f64)>,
     /// That share on the line.
     pub unexplained: f64,
-    /// Whether the least lies at an end of what was searched: the lag or the skew may be larger.
+    /// True if the minimum lies at an end of the search range: the lag or the skew may be larger.
     pub at_end: bool,
-    /// How far the lag is off the line in each quarter of the record.
+    /// Deviation of the lag from the line in each quarter of the record.
     pub parts: Vec<PartLag>,
     /// Rows of the first and of the second channel that were left out as gross errors, in order.
     pub left_out: [Vec<usize>; 2],
@@ -166,14 +166,15 @@ impl Sums {
         if scale > 0.0 { (1.0 - self.xy / scale * self.xy).max(0.0) } else { 1.0 }
     }
 
-    /// What is left of x when a constant and y have explained what they can.
+    /// Sum of squares of x that a constant and y do not explain.
     fn rest(&self, x: f64, y: f64) -> f64 {
         x - self.x - self.xy / self.yy * (y - self.y)
     }
 }
 
-/// How much later `second` is than `first`, and how much faster its clock goes: where a straight line of the one explains most of the other (the greatest squared correlation). Units, gains and offsets of
-/// the values do not matter, nor their rates.
+/// Estimates the lag of `second` behind `first` and the skew of its clock. The estimate maximises the squared
+/// correlation: the share of one channel that a straight line of the other explains. Units, gains and offsets of the
+/// values do not matter, nor their rates.
 ///
 /// The second channel is smoothed first, by a spline whose penalty is the likeliest, and interpolated by cubics between its stamps: between noisy stamps interpolation averages, so that
 /// lags which fall there would look better than they are. Of a channel that is at least twice as fast as the other means over the other's period are compared: what the other cannot follow tells nothing of a lag. Gross errors of both are left out before, since one of a hundred deviations weighs more than all of the motion. Lags are tried at steps of the shorter period, and skews at steps which displace the ends of the record by no more than the time
@@ -374,7 +375,7 @@ impl Linear {
         self.inverse.map(|row| row[0] * score[0] + row[1] * score[1])
     }
 
-    /// What lag and skew change to.
+    /// Newton step of lag and skew.
     fn step(&self) -> [f64; 2] {
         let step = self.solve(Self::score(&self.rows));
         if step.iter().all(|own| own.is_finite()) { step } else { [0.0; 2] }

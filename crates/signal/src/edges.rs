@@ -7,17 +7,18 @@ mod even;
 
 use crate::{ClockLine, Record, SignalError, Within, error::check, outliers::median};
 
-/// What is known of a square wave and of those who saw it.
+/// Known properties of a square wave and of its two records.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct WaveOptions {
     /// By how much the stamps of either record may be wrong, s.
     pub margin: f64,
-    /// Whether a timer switches the wave, so that its rising edges are equally far apart by any clock that runs evenly, and its falling ones are. Each edge is then bounded by all others of its
-    /// kind, too, and with many edges the interval is a small part of a sample.
+    /// True if a timer switches the wave: its rising edges are then equally far apart by any clock that runs evenly,
+    /// and so are its falling ones. Each edge is then bounded by all others of its kind too. With many edges the
+    /// interval is a small part of a sample.
     pub even: bool,
 }
 
-/// What edges say of two clocks.
+/// Offset and skew of two clocks from the edges of a wave.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EdgeAlignment {
     /// The line that keeps the greatest distance from all bounds.

@@ -1,6 +1,6 @@
-//! What a state is estimated from.
+//! Measurements from which a state is estimated.
 
-/// What a state is estimated from.
+/// Measurements from which a state is estimated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Estimate {
     /// All measurements, earlier and later.

@@ -1,4 +1,4 @@
-//! How well residuals tell the noise: the information that they hold of the logarithms of its variances.
+//! Information of residuals about the noise: that about the logarithms of its variances.
 //!
 //! | symbol | here |
 //! |---|---|
@@ -116,7 +116,7 @@ impl Problem<'_> {
         }
     }
 
-    /// What the solution leaves of the weighted residuals of a track, times the weighted residuals of all kinds.
+    /// Product of a track's remaining weighted residuals after the solution with the weighted residuals of all kinds.
     fn left_of(
         &self,
         at: usize,

@@ -1,4 +1,4 @@
-//! What the readings alone say of their own noise.
+//! Noise of the readings, estimated from the readings alone.
 //!
 //! Of a record's windows each is taken for a polynomial, a motion that is white noise integrated [`SMOOTH`] times, of a density of its own, and white noise of one variance, which all windows share. Differences of order [`ORDER`]
 //! have no polynomial left; in coordinates in which the covariances of motion and noise both are diagonal (a generalised eigenproblem) a window is [`LEFT`] independent numbers of variances q lambda_i + sigma^2. How q is distributed over
@@ -19,7 +19,7 @@ const WINDOW: usize = 16;
 /// The order of the differences: no polynomial below that degree is left in a window.
 const ORDER: usize = 6;
 
-/// How often the white noise of a window's motion is integrated.
+/// Number of integrations from white noise to a window's motion.
 const SMOOTH: usize = 4;
 
 /// Numbers of a window that no polynomial makes.
@@ -34,7 +34,7 @@ const FEWEST: f64 = 50.0;
 /// By how much the mean square of a coordinate in quiet windows may be off what its variance says, either way.
 const EVEN: f64 = 1.5;
 
-/// How much more than white noise makes it the mean square of quiet windows may vary.
+/// Largest ratio of the variance of quiet windows' mean squares to that of white noise.
 const ALIKE: f64 = 2.0;
 
 /// Mean steps that are a gap.
@@ -127,9 +127,9 @@ struct Mixture {
     white: f64,
 }
 
-/// What is expected of all windows under the present estimates.
+/// Expectations over all windows under the present estimates.
 struct Expected {
-    /// How many windows are of every point of the grid, and the sums of their squares.
+    /// Number of windows at every point of the grid, and the sums of their squares.
     windows: Vec<f64>,
     squares: Vec<Numbers>,
     /// The sums of how far the mean of a window's squares, in units of their variances, is off one, squared.
@@ -226,7 +226,8 @@ impl Mixture {
         self.is_white().then(|| Prior { value, deviation: value * (0.5 * told.sqrt().recip()).hypot(MISTAKEN) })
     }
 
-    /// Whether in windows without motion all coordinates are as large as noise that is white makes them, and windows alike, as they are not where it is now and then a blow.
+    /// Returns true if the noise is white. In windows without motion, all coordinates must be as large as white noise
+    /// makes them. The windows must also be alike, unlike windows with an occasional blow.
     fn is_white(&self) -> bool {
         let expected = self.expected();
         let (mut windows, mut sums, mut spread) = (0.0, Numbers::zeros(), 0.0);

@@ -1,4 +1,4 @@
-//! What the fusion of a joint's sensors found.
+//! Results of the fusion of a joint's sensors.
 
 use crate::fuse::Prior;
 
@@ -22,13 +22,13 @@ pub struct JointSensorEstimate {
     pub alone: f64,
     /// Seconds by which readings are stamped late.
     pub delay: Prior<f64>,
-    /// What a reading says too much.
+    /// Bias of a reading: reading less true value.
     pub bias: Prior<f64>,
     /// Readings of all runs.
     pub readings: usize,
 }
 
-/// How the errors of two sensors go together.
+/// Correlation of the errors of two sensors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Correlation {
     /// A sensor.
@@ -41,7 +41,7 @@ pub struct Correlation {
     pub readings: usize,
 }
 
-/// What the fusion of a joint's sensors found.
+/// Result of the fusion of a joint's sensors.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct FusedJoint {
@@ -55,7 +55,7 @@ pub struct FusedJoint {
     pub correlations: Vec<Correlation>,
     /// Passes over the readings to find noise and constants.
     pub rounds: usize,
-    /// Whether these came to rest.
+    /// True if these converged.
     pub converged: bool,
     /// Seconds after which states share a hundredth of a reading.
     pub smoothed: f64,

@@ -8,7 +8,7 @@ use super::{
     number::{Abreast, Lanes, Number},
 };
 
-/// How the state of a row follows from that of the next.
+/// Dependence of a row's state on that of the next.
 ///
 /// The state is F^-1 (s - w), s the next state and w what the noise added. Given s, w has the mean J (s - F mean) with J = Q (F P F' + Q)^-1 and a covariance C, neither of which is a difference of covariances.
 /// Under a strong penalty w is nearly nothing and its share of s keeps its digits, which the textbook's gain P F' (F P F' + Q)^-1 would not.

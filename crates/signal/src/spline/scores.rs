@@ -1,4 +1,4 @@
-//! What the filter tells of a channel under several penalties at once: a register holds a number of each.
+//! Filter of a channel under several penalties at once: a register holds a number of each.
 //!
 //! Cross-validation asks for the squares of what the smoother leaves and for the trace of its hat matrix. The smoother is not needed for either. With V = K + s W^-1, K what the prior says of the measurements and s the
 //! variance of an error of weight one, and P the projection that leaves polynomials out,
@@ -26,18 +26,18 @@ pub(super) const TOGETHER: usize = 8;
 /// Variances whose product no exponent is too small for: what is near one in the channel's units may be 1e77.
 const FACTORS: usize = 4;
 
-/// What the filter tells of a channel.
+/// Likelihood of a channel from the filter.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Likelihood {
     /// Sum of e^2 / v over the innovations: the least value of the spline's objective.
     pub(super) squares: f64,
     /// Sum of log v.
     pub(super) log_variance: f64,
-    /// How many innovations: measured rows less the M that determine the start.
+    /// Number of innovations: measured rows less the M that determine the start.
     pub(super) count: usize,
 }
 
-/// What the smoother would tell of a channel.
+/// Residuals of a channel after smoothing.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Rest {
     /// Weighted sum of squared residuals.
@@ -51,7 +51,7 @@ pub(super) fn likelihoods<const M: usize>(rows: Rows<'_>, lambdas: &[f64]) -> Ve
     of_all(lambdas, |lambdas| fleetfoot_data::arch().dispatch(Likelihoods::<M> { rows, lambdas }))
 }
 
-/// What each of these penalties leaves of the measurements.
+/// Residuals of the measurements for each of these penalties.
 pub(super) fn rests<const M: usize>(rows: Rows<'_>, lambdas: &[f64]) -> Vec<Rest> {
     of_all(lambdas, |lambdas| fleetfoot_data::arch().dispatch(Rests::<M> { rows, lambdas }))
 }
@@ -157,7 +157,8 @@ struct Rests<'a, const M: usize> {
     lambdas: &'a [f64],
 }
 
-/// What goes down with the variance of the errors, and what grows.
+/// Sums whose ends are residual squares and degrees of freedom: a falling and a growing function of the variance of the
+/// errors.
 struct RestSums<T> {
     squares: Sloped<T>,
     freedom: T,
@@ -210,7 +211,8 @@ impl<const M: usize> WithSimd for Rests<'_, M> {
     }
 }
 
-/// What errors of weight one of the first M measurements add to the covariance of the state at the last of these: the state that each of them makes of it, squared. Under any penalty that is the same.
+/// Covariance of the state at the last of the first M measurements due to their errors of weight one: the sum over the
+/// measurements of the squared state that each error makes. It is the same under any penalty.
 fn by_errors<const M: usize>(rows: Rows<'_>, first: usize) -> Matrix<M> {
     let mut sum = [[0.0; M]; M];
     let mut values = rows.values[..=first].to_vec();
