@@ -28,7 +28,7 @@ const REACHED: f64 = 1e-10;
 /// Coefficients that one thread certifies at once.
 const PIECE: usize = 1 << 13;
 
-/// How far coefficients are from the minimum.
+/// Distance of coefficients from the minimum.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Certificate {
     /// The largest violation of the Karush-Kuhn-Tucker conditions, as a correlation: violation of column j divided by the deviations of column

@@ -25,7 +25,7 @@ const MOST_EXACT: f64 = 1e-14;
 /// Share of its limit that rounding may leave a column below it.
 const TIED: f64 = 1e-6;
 
-/// How coordinate descent is done.
+/// Options of coordinate descent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CoordinateOptions {
     /// Share of the l1 penalty: 1 is the lasso, 0 is ridge.

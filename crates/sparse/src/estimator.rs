@@ -34,7 +34,7 @@ impl From<GroupLasso> for Estimator {
     }
 }
 
-/// Where a path ends.
+/// End of a path.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Stop {
     /// The smallest lambda, in the units of the target; 0: where the estimator ends its paths.

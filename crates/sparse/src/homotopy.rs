@@ -23,7 +23,7 @@ pub(crate) enum Settled {
     Stalled,
 }
 
-/// Which solution the tied columns are chosen by.
+/// Solution by which the tied columns are chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Aim {
     /// `x`: least squares of the target itself, for the columns that are not penalised.
@@ -45,7 +45,7 @@ pub(crate) struct Homotopy<'a> {
     problem: &'a Quadratic,
     weights: &'a Weights,
     factor: Factor<'a>,
-    /// Whether coefficients must keep their signs (lasso).
+    /// True if coefficients must keep their signs (lasso).
     watch: bool,
     max_features: usize,
     /// Sign of every active column; 0 for those that are free to change it.

@@ -36,9 +36,9 @@ pub struct Path {
     pub(crate) columns: usize,
     pub(crate) penalty: Penalty,
     pub(crate) l2: f64,
-    /// What its solutions minimise.
+    /// Estimator whose objective the solutions minimise.
     pub(crate) estimator: Estimator,
-    /// Whether it is linear between its knots.
+    /// True if the path is linear between its knots.
     pub(crate) linear: bool,
 }
 

@@ -157,8 +157,7 @@ struct Rests<'a, const M: usize> {
     lambdas: &'a [f64],
 }
 
-/// Sums whose ends are residual squares and degrees of freedom: a falling and a growing function of the variance of the
-/// errors.
+/// Sums under one penalty: squares with their slope by the variance of the errors, and the slope of log |V| by it.
 struct RestSums<T> {
     squares: Sloped<T>,
     freedom: T,

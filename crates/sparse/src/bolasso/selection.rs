@@ -1,11 +1,11 @@
-//! What the replicates selected.
+//! Selection of columns by the replicates.
 
 use faer::Mat;
 
 use super::{BolassoError, resample::Fitted};
 use crate::SparseError;
 
-/// How a bolasso is done.
+/// Options of a bolasso.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BootstrapOptions {
     /// Number of bootstrap replicates, b.
@@ -47,7 +47,7 @@ pub fn bach_lambda(lambda_0: f64, n: f64) -> f64 {
     lambda_0 / n.sqrt()
 }
 
-/// What b bootstrap replicates of a lasso selected, p columns.
+/// Columns that b bootstrap replicates of a lasso selected, out of p.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Selection {

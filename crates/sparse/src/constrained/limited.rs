@@ -25,7 +25,7 @@ pub struct LimitedRegression<'a> {
     pub assembled: &'a Assembled,
     /// Constraints on the coefficients.
     pub constraints: &'a Constraints,
-    /// What is kept at every row.
+    /// Limits to keep at every row.
     pub limits: &'a [RowLimit],
     /// Strengths of the penalty.
     pub strength: Strength,
@@ -33,13 +33,13 @@ pub struct LimitedRegression<'a> {
     pub support: Option<&'a [usize]>,
 }
 
-/// How limits are imposed.
+/// Options for imposing limits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LimitOptions {
-    /// How each problem is solved.
+    /// Options of the solver for each problem.
     pub solve: ConstrainedOptions,
-    /// What is kept beyond the bound at the rows that became constraints, as a share of the largest value without limits: so that all the other
-    /// rows can keep the bound itself, exactly.
+    /// Margin beyond the bound at the rows that became constraints, as a share of the largest value without limits. It
+    /// lets all other rows keep the bound itself, exactly.
     pub margin: f64,
     /// Rows that become constraints after a pass, at most, for every limit.
     pub rows_per_pass: usize,
@@ -53,12 +53,12 @@ impl Default for LimitOptions {
     }
 }
 
-/// How far a form stays from its bound.
+/// Distance of a form from its bound.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clearance {
     /// Least distance over all rows, in the form's units; negative where the bound is broken.
     pub least: f64,
-    /// Where that is: episode (by name) and row; `None` where it is the same everywhere, or there are no rows.
+    /// Place of that distance: episode (by name) and row; `None` if it is the same everywhere, or there are no rows.
     pub place: Option<(String, usize)>,
     /// Largest absolute value over all rows, of a matrix of an entry.
     pub size: f64,
@@ -72,13 +72,13 @@ pub struct LimitedFit {
     pub fit: Constrained,
     /// For every limit, the distance from the bound that the last pass found.
     pub clearance: Vec<Clearance>,
-    /// Whether every row of the last pass kept every limit.
+    /// True if every row of the last pass kept every limit.
     pub kept: bool,
     /// Passes over the data.
     pub passes: usize,
     /// The constraints that the limits became at some rows.
     pub cuts: Vec<LinearConstraint>,
-    /// How many of them are of every limit.
+    /// Number of cuts of every limit.
     pub cuts_of: Vec<usize>,
 }
 

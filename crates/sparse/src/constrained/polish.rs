@@ -14,7 +14,7 @@ pub(super) struct Point {
     pub(super) multipliers: Vec<f64>,
 }
 
-/// What is believed about the minimum.
+/// Guess of the active set at the minimum.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Guess {
     /// Rows that hold with equality, the surest first.

@@ -1,4 +1,4 @@
-//! How far a point is from the constrained minimum, from the statistic and the constraints alone.
+//! Distance of a point from the constrained minimum, from the statistic and the constraints alone.
 //!
 //! With r = z - A delta and q = A'r + C'mu (mu not negative where rows are inequalities), a correction v in the range of A with `A'v = e` makes
 //! `|q_j + e_j| <= limit_j` exactly, so that r + v and mu are feasible for the dual, and primal minus dual is
@@ -12,7 +12,7 @@ use super::{
     scaled::{Scaled, product},
 };
 
-/// How far constrained coefficients are from the minimum.
+/// Distance of constrained coefficients from the minimum.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ConstrainedCertificate {
     /// The largest violation of the conditions of the minimum (stationarity, signs of multipliers, complementarity), as a correlation: columns and

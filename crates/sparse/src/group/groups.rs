@@ -1,8 +1,8 @@
-//! Which columns belong together.
+//! Groups of columns.
 
 use crate::{Penalty, SparseError};
 
-/// Which columns belong together.
+/// Groups of columns.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Groups {
     /// The group of every column (p), numbered from 0 and below p; the columns of a group need not be neighbours.
@@ -22,7 +22,7 @@ impl Groups {
         self.of.iter().max().map_or(0, |last| last + 1)
     }
 
-    /// Whether there are no columns.
+    /// Returns true if there are no columns.
     pub fn is_empty(&self) -> bool {
         self.of.is_empty()
     }

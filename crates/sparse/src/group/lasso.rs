@@ -23,7 +23,7 @@ use crate::{
 /// steps for the last digits. Every solution carries its duality gap, the dual point scaled by the exact dual norm. The same bits on any number of threads.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GroupLasso {
-    /// Which columns belong together.
+    /// Groups of columns.
     pub groups: Groups,
     /// Share of the absolute values in the penalty: 0 is the group lasso, 1 the lasso.
     pub l1_ratio: f64,

@@ -11,7 +11,7 @@ use super::{
     select::{check_terms, same_shape},
 };
 
-/// How an ensemble is made.
+/// Options of an ensemble.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EnsembleOptions {
     /// Candidate functions that are left out of each model at random (library bagging); 0: none.
@@ -31,7 +31,7 @@ impl Default for EnsembleOptions {
     }
 }
 
-/// What the models of one target agree on, p candidate columns.
+/// Consensus of the models of one target, p candidate columns.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Ensemble {

@@ -28,13 +28,13 @@ pub struct Frols {
     pub alpha: f64,
     /// Units of the coefficients that the ridge is on; the selection does not depend on it.
     pub scaling: Scaling,
-    /// Whether the coefficients are those of plain least squares.
+    /// True if the coefficients are those of plain least squares.
     pub unbias: bool,
-    /// Which of the models is chosen.
+    /// Rule by which a model is chosen.
     pub choice: FrolsChoice,
 }
 
-/// How forward regression chooses among its models.
+/// Rule by which forward regression chooses among its models.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum FrolsChoice {
@@ -127,7 +127,7 @@ impl Frols {
 
 /// Terms in the order in which they entered.
 pub(super) struct Entered {
-    /// How many of them are fixed: the first ones.
+    /// Number of fixed terms, which come first.
     pub(super) fixed: usize,
     pub(super) order: Vec<usize>,
     /// Error reduction ratio of each.

@@ -27,7 +27,7 @@ pub struct Joint {
     pub ratios: Vec<Vec<f64>>,
     /// Iterations made: the most of any target.
     pub iterations: usize,
-    /// Whether the rule ended the iteration, not their number.
+    /// True if the rule ended the iteration, and not the limit on their number.
     pub converged: bool,
 }
 

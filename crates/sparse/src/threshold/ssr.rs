@@ -10,7 +10,7 @@ use super::{
     triangle::Triangle,
 };
 
-/// Which term stepwise regression removes.
+/// Rule by which stepwise regression removes a term.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Removal {
@@ -33,12 +33,12 @@ pub struct Ssr {
     pub max_removals: usize,
     /// Units of the coefficients that are compared and penalised.
     pub scaling: Scaling,
-    /// Which term is removed.
+    /// Rule by which a term is removed.
     pub removal: Removal,
     /// `Some`: chosen is the model with the least `rss + kappa cond(X) terms`. `None`: the one after which removing one more term raises the error by the
     /// largest factor.
     pub kappa: Option<f64>,
-    /// Whether the models are refitted without the ridge. The choice looks at the errors with the ridge.
+    /// True if the models are refitted without the ridge. The choice uses the errors with the ridge.
     pub unbias: bool,
 }
 

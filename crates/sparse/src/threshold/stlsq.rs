@@ -26,7 +26,7 @@ pub struct Stlsq {
     pub max_iterations: usize,
     /// Units of the coefficients that are thresholded and penalised.
     pub scaling: Scaling,
-    /// Whether the terms that are left are refitted without the ridge.
+    /// True if the remaining terms are refitted without the ridge.
     pub unbias: bool,
     /// A first guess (p). As in pysindy, the first regression is on all columns whatever it is; only the stopping rule compares with it: the iteration ends
     /// when the first regression keeps the terms that the guess has.

@@ -11,13 +11,13 @@ use super::{
     run::Run,
 };
 
-/// Which thresholds (lambdas, for SR3) are compared. Other optimisers make their own sequence of models.
+/// Thresholds (lambdas, for SR3) to compare. Other optimisers make their own sequence of models.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Thresholds {
     /// `count` of them in equal factors: from just above the largest coefficient of the first regression, where nothing is left, down to `ratio` of it.
     Grid {
-        /// How many.
+        /// Number of thresholds.
         count: usize,
         /// The smallest over the largest.
         ratio: f64,
@@ -81,7 +81,7 @@ struct Reign {
     step: Step,
     from: f64,
     to: f64,
-    /// Whether the iterations go the same way under all of them.
+    /// True if the iterations take the same steps under all of them.
     one_way: bool,
 }
 

@@ -136,7 +136,7 @@ fn many_columns_meet_the_conditions_and_agree_with_the_interior_point() {
     }
 }
 
-/// What the constrained fit of structured regressions finds.
+/// Solution of the constrained fit of structured regressions.
 fn interior_point(rows: &Mat<f64>, bounds: &[[f64; 2]]) -> Vec<f64> {
     let p = bounds.len();
     let mut factor = Factor::new(p, 1);
