@@ -15,8 +15,8 @@ impl Breaks {
         &self.0
     }
 
-    /// Whether samples were lost between two stamps, where `period` is the median of such steps: a break lies there, and the step is longer than
-    /// one and a half of them. Of a channel that had nothing to say meanwhile nothing was lost.
+    /// Returns true if samples were lost between two stamps: a break lies there, and the step is longer than one and a
+    /// half times `period`, the median of such steps. A channel without messages in between has lost nothing.
     pub(crate) fn lost(&self, from: i64, to: i64, period: Option<u64>) -> bool {
         let is_long = |period: u64| to.abs_diff(from) > period.saturating_add(period / 2);
         !self.0.is_empty()

@@ -29,7 +29,8 @@ pub(crate) fn open(
     })
 }
 
-/// Whether a folder is one recording, not a place for several: `None` where it is not, else why it cannot be read, if so.
+/// Decides whether a folder is one recording, and not a place for several: `None` if it is not. An error if it is one
+/// that cannot be read.
 pub(crate) fn folder(path: &Path) -> Option<Result<(), Error>> {
     is_bag(path).then(|| rosbag2::files(path).map(drop))
 }

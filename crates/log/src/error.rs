@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use fleetfoot_data::Cancelled;
 use fleetfoot_data::setting::{self, DT, FILES, INFO, INFO_VALUES, JOIN, RATE, RENAME, TIME, TIME_SECTION};
 
-/// What is readable, for messages.
+/// Readable formats, for messages.
 pub(crate) const KNOWN: &str =
     ".mcap, .ulg, .parquet, .csv, .tsv, .txt, all but .parquet also with .gz or .zst; and rosbag2 folders";
 
@@ -18,7 +18,7 @@ pub enum Error {
     Io {
         /// The file.
         path: PathBuf,
-        /// What was tried, as an infinitive.
+        /// Action that was tried, as an infinitive.
         action: &'static str,
         /// The system's reason.
         source: std::io::Error,
@@ -45,7 +45,7 @@ pub enum Error {
     Pattern {
         /// The argument.
         pattern: String,
-        /// What is wrong with it.
+        /// Description of the problem.
         problem: String,
     },
     /// A folder without any file of a known format.
@@ -65,9 +65,9 @@ pub enum Error {
     WrongFormat {
         /// The file.
         path: PathBuf,
-        /// What was found.
+        /// Description of the problem.
         problem: String,
-        /// What to do.
+        /// Remedy.
         mend: &'static str,
     },
     /// A damaged, truncated or lying file.
@@ -75,11 +75,11 @@ pub enum Error {
     Damaged {
         /// The file.
         path: PathBuf,
-        /// Where in the file.
+        /// Place in the file.
         place: String,
-        /// What was found.
+        /// Description of the damage.
         problem: String,
-        /// What to do.
+        /// Remedy.
         mend: &'static str,
     },
     /// A column that the file does not have.
@@ -99,7 +99,7 @@ pub enum Error {
         path: PathBuf,
         /// The column asked for.
         column: String,
-        /// How many there are.
+        /// Number of columns of that name.
         count: usize,
     },
     /// A column whose type cannot become numbers.
@@ -127,11 +127,11 @@ pub enum Error {
         column: String,
         /// One file.
         first: PathBuf,
-        /// What it says.
+        /// Kind of the column in the first file.
         first_is: String,
         /// The other file.
         second: PathBuf,
-        /// What that says.
+        /// Kind of the column in the other file.
         second_is: String,
     },
     /// A table needs more memory than there is.
@@ -167,7 +167,7 @@ pub enum Error {
         path: PathBuf,
         /// The time column.
         column: String,
-        /// What they could be, with the rate and the first stamp of each.
+        /// Possible units, with the rate and the first stamp of each.
         readings: String,
         /// One of the units.
         unit: &'static str,
@@ -190,7 +190,7 @@ pub enum Error {
     /// A sampling period or a gap that is not a positive number.
     #[error("the {what} must be a positive number of seconds below 1e9, not {seconds}")]
     BadSeconds {
-        /// What it was for.
+        /// Setting that the value was for.
         what: &'static str,
         /// The value.
         seconds: f64,
@@ -234,7 +234,7 @@ pub enum Error {
         line: u64,
         /// The column.
         column: String,
-        /// What the column holds.
+        /// Expected content of the column.
         expected: &'static str,
         /// The cell, shortened.
         text: String,
@@ -284,7 +284,7 @@ pub enum Error {
         path: PathBuf,
         /// The column.
         column: String,
-        /// What is wrong with it.
+        /// Description of the problem.
         problem: String,
     },
     /// Messages that cannot be read, or not as asked.
@@ -296,7 +296,7 @@ pub enum Error {
         topic: String,
         /// The type of its messages.
         type_name: String,
-        /// What is wrong, and the mend.
+        /// Description of the problem, and the remedy.
         problem: String,
     },
     /// Header stamps asked of messages without a header.
@@ -330,7 +330,7 @@ pub enum Error {
     NoSuchClock {
         /// The file.
         path: PathBuf,
-        /// What was asked for.
+        /// Clock that was asked for.
         asked: String,
     },
     /// Two channels without a moment in common.
@@ -341,7 +341,7 @@ pub enum Error {
     NoOverlap {
         /// The file.
         path: PathBuf,
-        /// What does not overlap: `stamps` or `log times`.
+        /// Kind of stamps that do not overlap: `stamps` or `log times`.
         what: &'static str,
         /// A channel.
         first: String,
@@ -390,7 +390,7 @@ pub enum Error {
         folder: PathBuf,
         /// The entry of `[files]`.
         setting: String,
-        /// What the folder holds.
+        /// Contents of the folder.
         there: String,
     },
     /// Two files of a run for one topic.

@@ -4,11 +4,11 @@ use std::{fs::File, io::Read, path::Path};
 
 use crate::Error;
 
-/// What to do with a ROS 1 bag.
+/// Remedy for a ROS 1 bag.
 pub(crate) const CONVERT_BAG: &str =
     "convert it: `mcap convert in.bag out.mcap`, or `rosbags-convert --src in.bag --dst out --dst-storage mcap`";
 
-/// What to do with a rosbag2 database.
+/// Remedy for a rosbag2 database.
 pub(crate) const CONVERT_DB3: &str = "convert its folder: `ros2 bag convert -i FOLDER -o out.yaml`, where out.yaml says `output_bags: [{uri: NEW_FOLDER, storage_id: mcap, all: true}]`";
 
 /// The file that makes a folder a rosbag2 recording.
@@ -34,7 +34,7 @@ pub enum Format {
     Rosbag2,
 }
 
-/// How a whole file is compressed.
+/// Compression of a whole file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Compression {
@@ -67,7 +67,7 @@ impl Format {
         }
     }
 
-    /// Whether it is a robot's log: messages by topic, not rows of a table.
+    /// Returns true for a robot's log: messages by topic, not rows of a table.
     pub fn is_log(self) -> bool {
         !matches!(self, Self::Parquet | Self::Csv(_))
     }
@@ -101,7 +101,7 @@ impl Format {
     }
 }
 
-/// Whether a folder is a rosbag2 recording. A `metadata.yaml` of something else does not make it one.
+/// Returns true if a folder is a rosbag2 recording. A `metadata.yaml` of something else does not make it one.
 pub(crate) fn is_bag(folder: &Path) -> bool {
     let path = folder.join(BAG_METADATA);
     path.is_file()

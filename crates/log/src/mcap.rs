@@ -23,5 +23,5 @@ pub(crate) use container::McapContainer;
 
 use crate::container::Kind;
 
-/// What MCAP files begin with.
+/// First bytes of MCAP files.
 const KIND: Kind = Kind { name: "MCAP", magic: mcap::MAGIC };

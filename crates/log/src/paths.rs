@@ -51,7 +51,7 @@ pub(crate) fn distinct(files: BTreeSet<PathBuf>) -> Vec<PathBuf> {
     files.into_iter().filter(|path| seen.insert(fs::canonicalize(path).unwrap_or_else(|_| path.clone()))).collect()
 }
 
-/// What a folder holds.
+/// Logs in a folder.
 #[derive(Default)]
 struct Found {
     files: BTreeSet<PathBuf>,

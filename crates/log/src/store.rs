@@ -62,7 +62,7 @@ pub(crate) struct ColumnStore {
 }
 
 impl Drop for ColumnStore {
-    /// What was decoded on the way to something else makes room for it.
+    /// Returns the memory to the budget: columns that were only an intermediate result make room for the next.
     fn drop(&mut self) {
         self.budget.give_back(self.held);
     }
@@ -167,7 +167,7 @@ fn fill(bytes: &mut [u8], words: impl Iterator<Item = [u8; 8]>) {
 pub(crate) struct StoredTable {
     pub store: ColumnStore,
     pub columns: Vec<TableColumn>,
-    /// Whether the rows have stamps of their own.
+    /// True if the rows have stamps.
     pub has_time: bool,
 }
 

@@ -4,7 +4,7 @@ use std::{borrow::Cow, io::Read};
 
 use super::convert::{Convert, Converted};
 
-/// What separates the cells of a row.
+/// Separator of the cells of a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Delimiter {
     /// This byte.
@@ -47,7 +47,7 @@ impl Delimiter {
     }
 }
 
-/// Where a reader stands in a row.
+/// Position of a reader in a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Place {
     /// Before its first cell.

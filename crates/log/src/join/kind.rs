@@ -1,6 +1,6 @@
-//! How a column's values are found between its samples.
+//! Interpolation of a column's values between its samples.
 
-/// How a column's values are found between its samples.
+/// Interpolation of a column's values between its samples.
 ///
 /// At the stamp of a sample every kind gives that sample, bit by bit, but for what is said below.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]

@@ -121,7 +121,8 @@ impl Definitions {
         channel.schema == 0 || self.schemas.contains_key(&channel.schema)
     }
 
-    /// Whether every channel that the pieces are known to use is defined, and every schema that a channel names.
+    /// Returns true if every channel that the pieces are known to use is defined, and every schema that a channel
+    /// names.
     pub(super) fn explain(&self, pieces: &[Piece]) -> bool {
         let mut used = pieces.iter().filter_map(|piece| piece.counts.as_ref()).flatten();
         used.all(|(channel, _)| self.channels.contains_key(channel))

@@ -29,15 +29,15 @@ const LARGE: u64 = 512 << 20;
 /// Bytes that a thread keeps for its next chunk.
 const KEPT: usize = 64 << 20;
 
-/// How chunks may be compressed, for messages.
+/// Readable compressions of chunks, for messages.
 pub(super) const KNOWN: &str = "zstd, lz4 or nothing";
 
-/// Whether chunks compressed in this way can be read.
+/// Returns true if chunks compressed in this way can be read.
 pub(super) fn is_known(compression: &[u8]) -> bool {
     matches!(compression, b"" | b"zstd" | b"lz4")
 }
 
-/// What a thread needs to decompress, kept from chunk to chunk.
+/// Buffers and decompressors of a thread, kept from chunk to chunk.
 #[derive(Default)]
 struct Scratch {
     bytes: Vec<u8>,

@@ -30,11 +30,11 @@ pub(crate) struct McapContainer {
     /// For each file, the topic of each channel id.
     pub(super) topic_of: Vec<BTreeMap<u16, usize>>,
     pub(super) pieces: Vec<PieceInfo>,
-    /// What reading has lost, by piece, so that a second reading counts nothing twice.
+    /// Losses from reading, by piece, so that a second reading counts nothing twice.
     lost: Mutex<BTreeMap<usize, Damage>>,
 }
 
-/// Where a piece is.
+/// Place of a piece: its file, and its index there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct PieceInfo {
     /// The file that it is in.
@@ -180,7 +180,7 @@ impl Container for McapContainer {
     }
 }
 
-/// Which topic a channel belongs to, fast.
+/// Fast map from channels to topics.
 struct Route {
     /// By channel id: the topic, or one of the two marks.
     topics: Vec<usize>,

@@ -32,7 +32,7 @@ pub(super) struct McapFile {
     pub(super) counts: Option<BTreeMap<u16, u64>>,
     /// The bodies of its metadata records.
     pub(super) metadata: Vec<Range<usize>>,
-    /// What was lost before any chunk was read.
+    /// Losses before any chunk was read.
     pub(super) damage: Damage,
     pub(super) notes: Vec<String>,
 }

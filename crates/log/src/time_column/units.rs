@@ -140,7 +140,7 @@ impl Steps {
         Some(Self { median, mean, even: steps.len() > 1 && 2 * near > steps.len() })
     }
 
-    /// Whether rows come at such a rate, by their median step or, of bursts, their mean one.
+    /// Returns true if rows come at such a rate, by their median step or, for bursts, their mean one.
     fn is_common(&self, unit: f64, [slowest, fastest]: [f64; 2]) -> bool {
         [self.median, self.mean].into_iter().any(|step| (slowest..=fastest).contains(&(1.0 / (step * unit))))
     }

@@ -12,7 +12,7 @@ mod cdr;
 #[path = "../../../../fuzz/fuzz_targets/body/reader.rs"]
 mod reader;
 
-/// What the targets call a hang.
+/// Duration that the targets call a hang.
 const HANG: Duration = Duration::from_secs(10);
 
 /// The inputs of a target, in the order of their names.

@@ -16,7 +16,7 @@ use parquet::{
 };
 use proptest::{collection::vec, prelude::*, sample::select};
 
-/// What a column holds.
+/// Type of a column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Kind {
     Double,
@@ -29,7 +29,7 @@ enum Kind {
     Stamp,
 }
 
-/// How the clock is written.
+/// Format of the clock.
 #[derive(Debug, Clone, Copy)]
 enum ClockKind {
     Seconds,

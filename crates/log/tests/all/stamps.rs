@@ -65,7 +65,7 @@ impl MemoryTable for InMemory {
     }
 }
 
-/// How the stamps are handed over.
+/// Type in which the stamps are passed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Type {
     Text,
@@ -128,7 +128,7 @@ fn stamps(recording: &Recording) -> Vec<i64> {
     (0..recording.episodes().len()).flat_map(|e| read(e).stamps().to_vec()).collect()
 }
 
-/// What became of a recording.
+/// Outcome of reading a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Outcome {
     Right,

@@ -10,7 +10,7 @@ use fleetfoot_log::Messages;
 
 use super::oracle::Topic;
 
-/// What was compared.
+/// Result of a comparison with another decoder.
 #[derive(Debug, Default)]
 pub(crate) struct Held {
     pub(crate) topics: usize,
@@ -21,7 +21,7 @@ pub(crate) struct Held {
     pub(crate) missing: usize,
     /// The topics that are refused here and that the other decoder could not decode either, with what is said here.
     pub(crate) refused: BTreeMap<String, String>,
-    /// Where the two differ; one line a field at most.
+    /// Differences between the two; one line a field at most.
     pub(crate) differences: Vec<String>,
 }
 

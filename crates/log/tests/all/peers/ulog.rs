@@ -15,7 +15,7 @@ use super::{
 };
 use crate::{outside, ulog_writer::flight};
 
-/// What pyulog tells of a file: its topics, and what it says of itself.
+/// Report of pyulog on a file: its topics and its metadata.
 fn told(python: &std::ffi::OsStr, path: &Path) -> (Told, serde_json::Value) {
     let text = run(python, "read_ulogs.py", &[path.as_os_str()]);
     let (lines, about) = text.trim_end().rsplit_once('\n').unwrap();
