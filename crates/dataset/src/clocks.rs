@@ -105,7 +105,7 @@ fn topic_clock(log: Option<PathBuf>, topics: &[String], [at, offset]: [i64; 2], 
 struct Search<'a> {
     recipe: &'a Recipe,
     logs: &'a Logs,
-    /// Those of the first log.
+    /// Topics of the first log.
     topics: &'a [String],
     progress: &'a dyn Progress,
 }

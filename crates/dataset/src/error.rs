@@ -99,7 +99,7 @@ pub enum Error {
     /// Statistics that do not go together.
     #[error(transparent)]
     Merge(#[from] fleetfoot_stats::MergeError),
-    /// A `.stats` file, or what was asked of it, was refused.
+    /// A `.stats` file, or a request to it, was refused.
     #[error(transparent)]
     Statistic(#[from] StatisticError),
 }

@@ -7,7 +7,7 @@ use serde::Serialize;
 /// Points of a lag curve that are reported, at most.
 const POINTS: usize = 401;
 
-/// Clocks that were found, and what is made of them.
+/// Offsets of clocks, with reports and notes.
 #[derive(Debug, Default)]
 pub struct Clocks {
     /// For the join.
@@ -45,13 +45,13 @@ pub struct AlignedClock {
     /// The lag curve, at the skew that was searched with.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub curve: Vec<(f64, f64)>,
-    /// By motion: how far each quarter of the log is off the line; clocks that do not run evenly are told by that.
+    /// By motion: deviation of each quarter of the log from the line; it shows clocks that do not run evenly.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<LagOfPart>,
     /// By motion: values of the channel that was compared with, and of this clock's, that were left out as gross errors.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub left_out: Option<[usize; 2]>,
-    /// By a wave: whether the recipe says that it is even, so that its edges bound one another.
+    /// By a wave: true if the recipe states that it is even, so that its edges bound one another.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub even: Option<bool>,
     /// By a wave: edges that both saw.

@@ -10,9 +10,9 @@ pub enum Part {
     /// All of them.
     #[default]
     All,
-    /// Those that fits and choices between models may see.
+    /// Rows for fits and for choices between models.
     Training,
-    /// Those that are kept back until a model is chosen.
+    /// Rows that are kept back until a model is chosen.
     Test,
 }
 

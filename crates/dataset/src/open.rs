@@ -32,7 +32,8 @@ pub struct OpenedStructure {
     pub recipe: Recipe,
     /// The fields of the first file, the labels of `[[episodes]]` among them.
     pub fields: Vec<Column>,
-    /// The recipe's equations for a statistic ([`EquationStatistic::tasks`]), where they were asked for, or why there are none.
+    /// The recipe's equations for a statistic ([`EquationStatistic::tasks`]), if requested, or the reason why there are
+    /// none.
     pub equations: Option<Result<Vec<EquationTask>, Error>>,
 }
 
@@ -88,8 +89,8 @@ impl Dataset {
         Ok((dataset, task))
     }
 
-    /// Resolves a recipe for a structured regression on files: the recipe with its wildcards written out, the fields of
-    /// the first file (the labels of `[[episodes]]` among them), and the task.
+    /// Resolves a recipe for a structured regression on files. Returns the recipe with its wildcards written out, the
+    /// fields of the first file (the labels of `[[episodes]]` among them), and the task.
     pub fn structure(recipe: &Recipe, logs: &Logs) -> Result<(Recipe, Vec<Column>, StructuredTask), Error> {
         let (fields, info) = fields(recipe, logs)?;
         let recipe = recipe.expand(&fields)?;

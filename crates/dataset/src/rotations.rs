@@ -59,7 +59,8 @@ impl Recorded {
     }
 }
 
-/// The columns of a dataset: what a [`View`] shows, rotations settled. A row where a part is missing misses all.
+/// The columns of a dataset as a [`View`] shows them, with rotations of unit length. A row where a part is missing
+/// misses all.
 pub struct UnitRotations<'a> {
     pub(crate) view: View<'a>,
     source: &'a Labelled<Recording>,

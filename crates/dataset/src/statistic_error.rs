@@ -47,7 +47,7 @@ pub enum StatisticError {
         /// Its format.
         version: u32,
     },
-    /// Bytes that are not what was written.
+    /// Bytes that differ from those written.
     #[error("{}: damaged: {place}: {problem}; take another copy of the file, or scan the logs again", path.display())]
     Damaged {
         /// The file.
@@ -85,7 +85,7 @@ pub enum StatisticError {
         /// Names of the episodes.
         names: Vec<String>,
     },
-    /// Nothing that is like what was asked for.
+    /// A request that matches no episode.
     #[error("{asked} matches no episode; there is {}", some(.there))]
     NoMatch {
         /// Request that matched no episode.

@@ -1,12 +1,14 @@
-//! Central differences of order 2, 4 and 6, and what tells how good they are.
+//! Central differences of order 2, 4 and 6, with estimates of their errors.
 //!
-//! With the slopes `s_j = (x[k+j] - x[k]) / (t[k+j] - t[k])` to the m neighbours on either side, the derivative at row k is the value at `t[k]` of the polynomial
-//! through them, `sum_j l_j s_j`: order 2m for any stamps. `l_j` are the values there of Lagrange's polynomials of the neighbours (Fornberg, Mathematics of
-//! Computation 51 (1988), has the same weights by recursion). Where the stamps are even, `l_j` are numbers, and slopes to both sides join in one quotient.
+//! Let `s_j = (x[k+j] - x[k]) / (t[k+j] - t[k])` be the slopes to the m neighbours on either side. The derivative at
+//! row k is the value at `t[k]` of the polynomial through them, `sum_j l_j s_j`, of order 2m for any stamps. `l_j` are
+//! the values there of Lagrange's polynomials of the neighbours (Fornberg, Mathematics of Computation 51 (1988), has
+//! the same weights by recursion). If the stamps are even, `l_j` are numbers, and slopes to both sides join in one
+//! quotient.
 //!
 //! Two sizes measure the error of a difference. Its truncation is the difference from the formula of two orders more.
-//! The noise of the samples is the remainder of a row after the polynomial through its ten neighbours: almost nothing
-//! of a smooth signal, and all of white noise, up to a known factor.
+//! The noise of the samples is the remainder of a row after the polynomial through its ten neighbours. A smooth signal
+//! has almost no remainder; all of white noise remains, up to a known factor.
 
 use crate::{Expr, Node, difference::rise};
 

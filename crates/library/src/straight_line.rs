@@ -13,7 +13,7 @@ use crate::{
 pub struct StraightLine {
     /// Inputs, in the order of [`Program::leaves`].
     pub leaves: Vec<Leaf>,
-    /// The operations, arguments before what uses them.
+    /// The operations; arguments come before their uses.
     pub statements: Vec<Statement>,
     /// Value of each of the program's outputs.
     pub outputs: Vec<Argument>,

@@ -15,8 +15,8 @@ use item::parse_item;
 /// Variables and names that a library's text refers to.
 #[derive(Debug, Clone, Copy)]
 pub struct Vocabulary<'a> {
-    /// Variables of `poly`, `sin`, `past` and so on when the text names none: columns, or expressions in their place,
-    /// such as the cosine and the sine of an angle.
+    /// Variables of `poly`, `sin`, `past` and so on when the text names none. They are columns, or expressions in their
+    /// place, such as the cosine and the sine of an angle.
     pub variables: &'a [Expr],
     /// The names that expressions may use.
     pub scope: &'a Scope,
@@ -69,18 +69,19 @@ impl Terms {
     /// `poly(2, past(10, every=5))`, `lags(3, sin)`, `abs(poly(2))`. If a variable that was not named is the cosine or
     /// the sine of an angle, `fourier`, `sin`, `cos` and `tan` are of that angle.
     ///
-    /// Libraries are added and multiplied with each other and with expressions: `poly(2)*fourier(1)` is all pairwise products,
-    /// `poly(1) + abs` the functions of both, `poly(2)*V^2` and `poly(2)/m` every function times an expression, and in
-    /// `poly(1) + x*y + z` each addend is one more function. An item without any library is one function, `"V^2*alpha"`,
-    /// `"sin(x - y)"`, in the grammar of [`Expr::parse`]; `"1"` is the constant. A column with the name of a library needs backticks.
+    /// Libraries are added and multiplied with each other and with expressions. `poly(2)*fourier(1)` is all pairwise
+    /// products, `poly(1) + abs` the functions of both, and `poly(2)*V^2` and `poly(2)/m` every function times an
+    /// expression. In `poly(1) + x*y + z` each addend is one more function. An item without any library is one
+    /// function, `"V^2*alpha"`, `"sin(x - y)"`, in the grammar of [`Expr::parse`]; `"1"` is the constant. A column with
+    /// the name of a library needs backticks.
     ///
-    /// The order is that of the text; products are in graded lexicographic order as in [`Library::polynomial`](crate::Library::polynomial),
-    /// with the variables in front. Functions that differ only by a number in front are taken once, the first as it was written;
-    /// products of libraries have no number in front.
+    /// The order is that of the text; products are in graded lexicographic order as in
+    /// [`Library::polynomial`](crate::Library::polynomial), with the variables in front. Of functions that differ only
+    /// by a number in front, the first is taken, as it was written. Products of libraries have no number in front.
     ///
     /// # Errors
-    /// [`TermsError`] with the place and what was expected; names nearest to an unknown one; how many functions there would be
-    /// beyond [`MAX_FUNCTIONS`].
+    /// [`TermsError`] with the place, the expected syntax, the names nearest to an unknown one, or the number of
+    /// functions if it exceeds [`MAX_FUNCTIONS`].
     pub fn parse<S: AsRef<str>>(items: &[S], vocabulary: &Vocabulary) -> Result<Self, TermsError> {
         let mut workshop = Workshop::new(vocabulary.variables);
         let mut all = Candidates::default();

@@ -26,7 +26,7 @@ pub(crate) trait Notation {
 
 /// Text before, between and behind arguments.
 pub(crate) struct Forms {
-    /// Around what binds too loosely, and around arguments.
+    /// Around operands that bind too loosely, and around arguments.
     pub(crate) parentheses: [&'static str; 2],
     pub(crate) absolute: [&'static str; 2],
     pub(crate) root: [&'static str; 2],

@@ -273,9 +273,9 @@ fn categories(path: &Path, plan: &Plan, decoded: &Decoded) -> Result<(Vec<TableC
     Ok((columns, codes))
 }
 
-/// Returns true if the rows are the samples of one channel as they are: each stands at its own stamp, where a linear or
-/// held column has its very value. Angles may change by whole turns and quaternions by their sign, so that they are
-/// joined; texts get other codes.
+/// Returns true if the rows are the samples of one channel as they are. Each row then stands at its own stamp, where a
+/// linear or held column has the value of its sample. Angles may change by whole turns and quaternions by their sign,
+/// so that they are joined; texts get other codes.
 fn nothing_to_join(plan: &Plan, codes: &Codes) -> bool {
     let as_it_is = |column: &plan::PlannedColumn| {
         let join = &column.join;

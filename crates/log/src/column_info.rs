@@ -9,7 +9,7 @@ use serde::{Serialize, Serializer};
 pub struct ColumnInfo {
     /// Its name.
     pub name: String,
-    /// Its unit, when the file tells it.
+    /// Unit in the file, if there is one.
     pub unit: Option<String>,
     /// Type of its values. Categories have names only when the values were scanned; text files are judged by their
     /// first rows otherwise.

@@ -49,7 +49,7 @@ impl DateOrder {
         }
     }
 
-    /// The order in which a column's dates are written, as far as these tell.
+    /// The order in which a column's dates are written, as far as these cells determine it.
     ///
     /// If both orders fit, the one is chosen in which the dates do not go back, and span less time.
     pub(crate) fn of<'a>(cells: impl Iterator<Item = &'a [u8]> + Clone) -> (Self, Fit) {

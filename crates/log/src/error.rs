@@ -60,7 +60,7 @@ pub enum Error {
         /// The file.
         path: PathBuf,
     },
-    /// The contents are not what the name says.
+    /// Contents that do not match the name.
     #[error("{}: {problem}; {mend}", path.display())]
     WrongFormat {
         /// The file.
@@ -97,7 +97,7 @@ pub enum Error {
     AmbiguousColumn {
         /// The file.
         path: PathBuf,
-        /// The column asked for.
+        /// Name of the requested column.
         column: String,
         /// Number of columns of that name.
         count: usize,
@@ -225,7 +225,7 @@ pub enum Error {
         /// The delimiter in use.
         delimiter: char,
     },
-    /// A text cell that cannot be read as what the column holds.
+    /// A text cell that does not fit the type of the column.
     #[error("{}:{line}: column `{column}` should hold {expected}, but the cell is `{text}`; mend it, or leave it empty to mark it missing", path.display())]
     BadCell {
         /// The file.

@@ -110,7 +110,8 @@ fn uniform_span(first: usize, rows: usize, dt: f64) -> Span {
     Span { first, rows, start: 0, end, period, fingerprint }
 }
 
-/// Finds the episodes of a table with a time column: the stamps are read twice when the accepted gap follows from their typical step, else once.
+/// Finds the episodes of a table with a time column. The stamps are read twice when the accepted gap follows from their
+/// typical step, else once.
 ///
 /// In the first case, rows are also parted if others are known to be lost between them. `of_day`: the stamps may be
 /// times of the day.

@@ -28,9 +28,10 @@ pub struct FileInfo {
     pub format: Format,
     /// Its size.
     pub bytes: u64,
-    /// Rows, when the file tells them or the values were scanned.
+    /// Rows, if the file states them or the values were scanned.
     pub rows: Option<usize>,
-    /// Its columns, in the order of the file; of a robot's log, the fields found in some of its messages, or in all when the values were scanned.
+    /// Columns in the order of the file. For a robot's log: the fields of some of its messages, or of all when the
+    /// values were scanned.
     pub columns: Vec<ColumnInfo>,
     /// Arrays of a robot's log whose elements are not listed among the columns.
     pub arrays: Vec<ArrayInfo>,

@@ -16,7 +16,8 @@ pub struct JoinSpec {
     pub base: Option<Base>,
     /// Join of single columns, by their names; by their types when not given.
     pub columns: BTreeMap<String, ColumnJoin>,
-    /// Samples whose stamps are out of order by less than these seconds are put in order; what jumps back further begins an episode.
+    /// Samples whose stamps are out of order by less than these seconds are put in order; a larger step back begins an
+    /// episode.
     pub reorder_seconds: f64,
     /// Topics as the columns call them, and as the files do.
     pub renames: Vec<(String, String)>,
@@ -90,12 +91,12 @@ pub struct ColumnJoin {
     pub max_gap: MaxGap,
 }
 
-/// A clock that stamps some topics, and what it shows more than the clock of the others: `offset + skew (stamp - at)`.
+/// A clock that stamps some topics, with its difference from the clock of the others: `offset + skew (stamp - at)`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TopicClock {
     /// The log whose clock it is, by the path that it is opened by; every log's when not given.
     pub log: Option<PathBuf>,
-    /// Topics as the columns call them; a star stands for anything.
+    /// Topics by their names in columns; a star matches any text.
     pub topics: Vec<String>,
     /// A moment by this clock, nanoseconds.
     pub at: i64,

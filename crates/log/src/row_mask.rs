@@ -1,4 +1,4 @@
-//! Mask of the rows of a file that are used: a bit a row, and the way from the k-th used row to its place in the file.
+//! Mask of the rows of a file that are used (a bit a row), with the place in the file of the k-th used row.
 
 /// Rows between two stored ranks.
 const STRIDE: usize = 4096;

@@ -47,7 +47,7 @@ impl Default for Selection {
 /// Source of the stamps.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum TimeSpec {
-    /// By the name of a column, else the first column of strictly increasing times; what was taken is told in the notes.
+    /// By the name of a column, else the first column of strictly increasing times; the notes name the column.
     #[default]
     Auto,
     /// This column.
@@ -57,8 +57,8 @@ pub enum TimeSpec {
         /// The unit of numbers; guessed from the name and the magnitude when not given. Dates and time types carry their own.
         unit: Option<TimeUnit>,
     },
-    /// By the name of a column; where a file has none of such a name, no stamps are known: every file is one episode of rows in their order, a second apart for
-    /// whoever counts them. For what needs no clock.
+    /// By the name of a column. If a file has no such column, no stamps are known: every file is one episode of rows in
+    /// their order, nominally a second apart. For uses that need no clock.
     Dispensable {
         /// True if the order of the rows matters: then a column of strictly increasing times is taken as by
         /// [`TimeSpec::Auto`], if there is one.

@@ -163,7 +163,7 @@ fn fill(bytes: &mut [u8], words: impl Iterator<Item = [u8; 8]>) {
     bytes.as_chunks_mut::<8>().0.iter_mut().zip(words).for_each(|(slot, word)| *slot = word);
 }
 
-/// A store with its columns' descriptions: what was decoded of a file.
+/// The decoded columns of a file with their descriptions.
 pub(crate) struct StoredTable {
     pub store: ColumnStore,
     pub columns: Vec<TableColumn>,

@@ -16,7 +16,7 @@ pub use units::Reading;
 pub(crate) struct Candidate {
     /// Its name.
     pub name: String,
-    /// Its unit, when the file tells it.
+    /// Unit in the file, if there is one.
     pub unit: Option<String>,
     /// Kind of its cells.
     pub kind: CandidateKind,
@@ -55,7 +55,7 @@ pub(crate) struct Clock {
 /// The unit of a clock's numbers.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum ClockUnit {
-    /// The caller, the name, the file or the type of the column tells it.
+    /// A unit that is known from the caller, the name, the file or the type of the column.
     Told(TimeUnit),
     /// Possible units of its numbers.
     Guessed(Vec<Reading>),
@@ -195,8 +195,8 @@ fn by_name(candidates: &[Candidate], sampler: Sampler<'_>) -> Option<usize> {
     ranked.into_iter().map(|(_, c)| c).find(|&c| mostly_rises(&sampler(c)))
 }
 
-/// Returns true if a sample can be that of a clock: at least half of its steps rise, at most a fifth falls (new
-/// episodes begin there).
+/// Returns true if a sample can be that of a clock. At least half of its steps then rise, and at most a fifth falls
+/// (new episodes begin there).
 fn mostly_rises(sample: &[f64]) -> bool {
     let (rising, falling, steps) = counted(sample);
     rises(rising, falling, steps)

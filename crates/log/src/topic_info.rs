@@ -15,7 +15,7 @@ pub struct TopicInfo {
     pub message_encoding: String,
     /// Encoding of its schema, e.g. `ros2msg`; empty without a schema.
     pub schema_encoding: String,
-    /// Messages, when the file tells.
+    /// Messages, if the file states their number.
     pub messages: Option<u64>,
     /// Stamp of the first message, nanoseconds.
     pub start: Option<i64>,

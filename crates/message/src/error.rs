@@ -21,7 +21,7 @@ impl DecodeError {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SchemaError {
-    /// The text or the descriptor is not what its encoding says.
+    /// A text or descriptor that does not match its encoding.
     #[error("the {encoding} schema `{name}` cannot be understood: {problem}")]
     Malformed {
         /// The schema's encoding, e.g. `ros2msg`.

@@ -1,7 +1,7 @@
 //! Names of array elements.
 //!
-//! Two conventions are common in robot messages. Parallel arrays stand beside an array of names in the same struct, as in
-//! `sensor_msgs/JointState`; arrays of structs carry the name inside the element, as in `tf2_msgs/TFMessage`.
+//! Two conventions are common in robot messages. Parallel arrays stand beside an array of names in the same struct, as
+//! in `sensor_msgs/JointState`. Arrays of structs carry the name inside the element, as in `tf2_msgs/TFMessage`.
 
 use crate::Value;
 
@@ -45,7 +45,7 @@ pub(crate) fn nameable(field: &str) -> bool {
     !field.is_empty() && !field.contains(['.', '[', ']'])
 }
 
-/// Returns true if a name can stand in brackets of a path: digits alone would be read as a place, and a bracket would
+/// Returns true if a name can stand in brackets of a path. Digits alone would be read as a place, and a bracket would
 /// end the name.
 pub(crate) fn usable(key: &str) -> bool {
     !key.is_empty() && !key.contains(']') && !key.bytes().all(|byte| byte.is_ascii_digit())

@@ -79,7 +79,7 @@ pub enum Type {
 pub enum Length {
     /// Always this many, without a count in the message.
     Fixed(usize),
-    /// As many as the message says, at most this many where the schema bounds it.
+    /// As many as the message states, at most this many if the schema bounds it.
     Sequence(Option<usize>),
 }
 

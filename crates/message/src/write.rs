@@ -1,11 +1,11 @@
 //! Well-known ROS 2 messages, written.
 //!
 //! Viewers and drivers know these types by name, so they draw or replay them without further settings. Each type here
-//! is a plain struct of borrowed data with its name, its definition and its bytes: little-endian CDR (XCDR version 1),
-//! as every ROS 2 middleware since Foxy reads it.
+//! is a plain struct of borrowed data with its name, its definition and its bytes. The bytes are little-endian CDR
+//! (XCDR version 1), as every ROS 2 middleware since Foxy reads it.
 //!
-//! Vectors are `[x, y, z]` in metres, metres per second, radians per second, newtons or newton metres as their field says; quaternions are
-//! `[x, y, z, w]`; covariances are row-major.
+//! Vectors are `[x, y, z]` in metres, metres per second, radians per second, newtons or newton metres, as stated at
+//! their field; quaternions are `[x, y, z, w]`; covariances are row-major.
 
 mod cdr;
 mod definition;

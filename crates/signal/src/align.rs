@@ -35,13 +35,15 @@ pub struct Within {
 pub struct Alignment {
     /// Line between the clocks: the first channel's value at t is the second's at t + offset + skew (t - at).
     pub line: ClockLine,
-    /// Standard deviation of the offset at that moment, s, from residuals summed over batches, so that correlated ones count as what they are.
+    /// Standard deviation of the offset at that moment, s. It is computed from residuals summed over batches, which
+    /// accounts for their correlation.
     pub deviation: f64,
     /// Standard deviation of the skew, seconds a second.
     pub skew_deviation: f64,
-    /// Lags, s, and the share of the first channel's variance that the second does not explain at each: the lag curve, at the skew that was found.
+    /// Lag curve, at the estimated skew: lags, s, and the share of the first channel's variance that the second does
+    /// not explain at each.
     pub curve: Vec<(f64, f64)>,
-    /// That share on the line.
+    /// Unexplained share of the variance on the line.
     pub unexplained: f64,
     /// True if the minimum lies at an end of the search range: the lag or the skew may be larger.
     pub at_end: bool,
@@ -176,12 +178,19 @@ impl Sums {
 /// correlation: the share of one channel that a straight line of the other explains. Units, gains and offsets of the
 /// values do not matter, nor their rates.
 ///
-/// The second channel is smoothed first, by a spline whose penalty is the likeliest, and interpolated by cubics between its stamps: between noisy stamps interpolation averages, so that
-/// lags which fall there would look better than they are. Of a channel that is at least twice as fast as the other means over the other's period are compared: what the other cannot follow tells nothing of a lag. Gross errors of both are left out before, since one of a hundred deviations weighs more than all of the motion. Lags are tried at steps of the shorter period, and skews at steps which displace the ends of the record by no more than the time
-/// over which the channel changes, so that no first guess is needed; then Gauss and Newton's steps go on from the best, in both at once.
+/// The second channel is smoothed first, by a spline with the likeliest penalty, and interpolated by cubics between its
+/// stamps. Without smoothing, interpolation between noisy stamps averages, and lags in between would look better than
+/// they are. If one channel is at least twice as fast as the other, its means over the other's period are compared:
+/// faster motion has no information about the lag. Gross errors of both are left out before, since one of a hundred
+/// deviations weighs more than all of the motion.
+///
+/// Lags are tried at steps of the shorter period. Skews are tried at steps that displace the ends of the record by at
+/// most the time over which the channel changes. So no first guess is needed. Gauss and Newton's steps then refine the
+/// best lag and skew together.
 ///
 /// # Errors
-/// Stamps that do not increase, values that are infinite, a reach that is not positive, channels of fewer than 128 rows, that share fewer, or less than half of what they can, at every lag, or that stand still.
+/// Stamps that do not increase, values that are infinite, and a reach that is not positive. Channels that stand still,
+/// have fewer than 128 rows, or share fewer. Channels that share less than half of their possible rows at every lag.
 pub fn align(first: Record<'_>, second: Record<'_>, within: Within) -> Result<Alignment, SignalError> {
     let (first, second) = (first.check(LEAST)?, second.check(LEAST)?);
     let Within { about, reach, skew } = within;

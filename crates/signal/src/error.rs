@@ -58,7 +58,7 @@ pub enum SignalError {
         /// Its value.
         value: f64,
     },
-    /// A number that is not within what it may be.
+    /// A number out of its range.
     #[error("{what} = {value}: {expected}")]
     Parameter {
         /// Its name.

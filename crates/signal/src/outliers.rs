@@ -40,14 +40,14 @@ const NO_WORSE: f64 = 1.05;
 /// A channel smoothed without its gross errors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rejected {
-    /// The spline through what is left.
+    /// The spline through the remaining rows.
     pub smoothed: Smoothed,
     /// Rows that are left out, in order.
     pub rows: Vec<usize>,
     /// Splines that were fitted to find them.
     pub passes: usize,
-    /// True if the search was given up and nothing is left out, for one of three reasons. It would leave out a fifth of
-    /// the measurements; the noise without them would be larger than with them; or the curve goes through nearly every
+    /// True if the search was given up and no row is left out, for one of three reasons. It would leave out a fifth of
+    /// the measurements. The noise without them would be larger than with them. The curve goes through nearly every
     /// measurement. The outliers are then motion, with jumps, and no errors of the sensor.
     pub gave_up: bool,
 }

@@ -73,8 +73,9 @@ pub enum Lambda {
     Given(f64),
     /// The least score of generalised cross-validation, `n rss / (n - tr A)^2` (Craven and Wahba, 1979).
     Gcv,
-    /// The greatest marginal likelihood, sigma profiled out and the unknown start left out (REML; Wahba, "A comparison of GCV and GML", Annals of Statistics 13, 1985), of the penalties under which
-    /// the noise is no greater than white noise that the differences of neighbours allow: what oscillates is motion, not noise.
+    /// The greatest marginal likelihood with sigma profiled out and the unknown start left out (REML; Wahba, "A
+    /// comparison of GCV and GML", Annals of Statistics 13, 1985). Only penalties count whose noise is no greater than
+    /// the white noise that the differences of neighbours allow: oscillation is motion, not noise.
     #[default]
     Likelihood,
 }

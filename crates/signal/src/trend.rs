@@ -53,7 +53,8 @@ pub struct Trend {
     pub converged: bool,
     /// Steps of the interior point.
     pub iterations: usize,
-    /// x, its first derivative and, for k of 2 and 3, its second, at every stamp: at those without a measurement by the piece that they lie in.
+    /// x, its first derivative and, for k of 2 and 3, its second, at every stamp. A stamp without a measurement takes
+    /// the piece that it lies in.
     pub derivatives: Vec<Vec<f64>>,
 }
 

@@ -15,9 +15,9 @@ pub struct TypeDoc {
 
 /// A field.
 pub struct FieldDoc {
-    /// As world files call it.
+    /// Name in world files.
     pub name: &'static str,
-    /// The name of its type, of what it holds if that is a list or an option.
+    /// Name of its type; for a list or an option, of the type inside.
     pub kind: &'static str,
     /// Description in a line.
     pub doc: &'static str,
@@ -25,7 +25,7 @@ pub struct FieldDoc {
 
 /// A variant of an enum.
 pub struct VariantDoc {
-    /// As world files call it.
+    /// Name in world files.
     pub name: &'static str,
     /// Description in a line.
     pub doc: &'static str,

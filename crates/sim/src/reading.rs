@@ -9,7 +9,7 @@ pub struct Topic {
     pub name: String,
     /// Kind of every message on it.
     pub kind: Kind,
-    /// The frame that its values are told in; empty where there is none.
+    /// Frame of its values; empty without a frame.
     pub frame: String,
 }
 

@@ -9,7 +9,7 @@ pub type SinkError = Box<dyn std::error::Error + Send + Sync>;
 
 /// Receiver of a run's log.
 ///
-/// A sink that keeps messages does not need rows, and the other way round: each says nothing to what it does not keep.
+/// A sink that keeps messages does not need rows, and the other way round: the default of either method does nothing.
 pub trait Sink {
     /// A message on the topic with this index in [`Scenario::topics`]. Messages come in the order of their log stamps.
     fn message(&mut self, topic: usize, stamps: Stamps, reading: Reading<'_>) -> Result<(), SinkError> {

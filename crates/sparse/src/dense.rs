@@ -65,7 +65,7 @@ pub trait DenseRows: fmt::Debug + Send + Sync {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DenseError {
-    /// The rows, the weights or what they sum to are at fault.
+    /// The rows, the weights or their sums are invalid.
     #[error(transparent)]
     Problem(#[from] SparseError),
     /// A group label that is not below the number of groups.
@@ -86,10 +86,11 @@ pub enum DenseError {
     Cancelled(#[from] Cancelled),
 }
 
-/// A dense design of n rows, p regressors and q targets, whose rows belong to groups: the statistic of any union of groups is at hand.
+/// A dense design of n rows, p regressors and q targets. Its rows belong to groups, and the statistic of any union of
+/// groups is at hand.
 ///
-/// The storage depends on the shape. Few rows (no more than twice the columns, or so few that a factorisation is quick)
-/// are read in place for every problem, and factored directly. Many rows are read once, in parallel, and their products
+/// The storage depends on the shape. Few rows are read in place for every problem, and factored directly: no more than
+/// twice the columns, or few enough for a quick factorisation. Many rows are read once, in parallel, and their products
 /// are summed group by group. The sums use the coordinates that a pilot sample gives
 /// ([`Preconditioner`](fleetfoot_stats::Preconditioner)), so that little is lost to the square of the condition number.
 /// Plain products are summed for more than 512 columns, or for few nonzero values in columns that are far from

@@ -31,7 +31,7 @@ pub enum SparseError {
     /// The statistic has fewer targets.
     #[error("target {target} is asked for, the statistic has {targets}")]
     NoSuchTarget {
-        /// The target that was asked for.
+        /// Number of the requested target.
         target: usize,
         /// Number of targets.
         targets: usize,

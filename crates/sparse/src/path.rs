@@ -28,8 +28,9 @@ pub struct Path {
     pub knots: Vec<Solution>,
     /// Why it ended.
     pub status: PathStatus,
-    /// Columns left out because nothing but rounding tells them from the active ones at the end of the path: what they have beyond those is below 1e-9
-    /// of their length (square-root form; about 1e-7 in Gram form), or below their own rounding.
+    /// Columns left out because only rounding separates them from the active ones at the end of the path. Their
+    /// remainder beyond those is below 1e-9 of their length (square-root form; about 1e-7 in Gram form), or below their
+    /// own rounding.
     pub collinear: Vec<usize>,
     /// Columns left out because they do not vary.
     pub constant: Vec<usize>,

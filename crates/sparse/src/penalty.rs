@@ -42,7 +42,7 @@ pub struct Penalty {
     /// True if coefficients are penalised in units of their column's deviation: u_j = [`Quadratic::deviation`]. False:
     /// u_j = 1.
     pub standardise: bool,
-    /// Penalty factors w (p; empty: all 1): 0 is not penalised, infinity leaves the column out.
+    /// Penalty factors w (p; empty: all 1); 0: no penalty; infinity: the column is left out.
     pub factors: Vec<f64>,
     /// Sign constraints (p; empty: none).
     pub signs: Vec<Sign>,

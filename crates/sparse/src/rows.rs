@@ -79,7 +79,7 @@ pub(crate) struct Centring {
     /// Weights over their sum, and their roots; `None` where all are 1.
     weights: Option<(Vec<f64>, Vec<f64>)>,
     intercept: bool,
-    /// Rounding relative to what is rounded.
+    /// Rounding error relative to the rounded value.
     level: f64,
 }
 
@@ -88,7 +88,7 @@ pub(crate) struct Centring {
 pub(crate) struct Centred {
     /// Mean that was subtracted.
     mean: f64,
-    /// Length of what is left; not finite where a value or the length is not.
+    /// Length of the centred column; not finite if a value or the length is not.
     length: f64,
 }
 

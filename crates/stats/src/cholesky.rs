@@ -13,13 +13,14 @@ const PANEL: usize = 64;
 /// Share of the best pivot from which on the first of many open columns is taken in its place.
 const GOOD: f64 = 0.1;
 
-/// Part of a Cholesky factor of a positive semidefinite matrix: C with `C'C` its leading p columns up to what was set aside, and `C^-T` times the
-/// columns behind them.
+/// Part of a Cholesky factor of a positive semidefinite matrix: C with `C'C` its leading p columns without the ones set
+/// aside, and `C^-T` times the columns behind them.
 #[derive(Debug, Clone)]
 pub struct PivotedCholesky {
-    /// The pivots in their order: what is not among the p columns was set aside.
+    /// The pivots in their order: the others of the p columns were set aside.
     pub order: Vec<usize>,
-    /// As many rows as there are pivots count (p x d), columns in their own order: triangular in the order of the pivots only.
+    /// The factor (p x d), with as many valid rows as there are pivots and the columns in matrix order: triangular only
+    /// in the order of the pivots.
     pub factor: Slab,
     /// Diagonal of the matrix that remains after the factor: `diag(A - C'C)` (d).
     pub left: Vec<f64>,
@@ -149,7 +150,7 @@ impl<E: Fn(usize, usize) -> f64> WithSimd for Eliminate<'_, E> {
 struct Remainder {
     /// Place of a column among the open ones and those behind; no place for those that are done.
     place: Vec<usize>,
-    /// The open columns down to the last of those behind; what stands above the diagonal means nothing.
+    /// The open columns down to the last of those behind; entries above the diagonal are undefined.
     values: Slab,
     /// Places of columns that are done, before those of the others.
     done: usize,

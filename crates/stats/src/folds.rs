@@ -29,7 +29,7 @@ pub enum FoldRule {
     /// Ten folds, five of few rows.
     #[default]
     Auto,
-    /// So many folds.
+    /// This many folds.
     Count(usize),
     /// Every episode once.
     Episodes,
@@ -38,7 +38,7 @@ pub enum FoldRule {
 /// Rows on either side of a held-out span that train nothing for it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purge {
-    /// So many; it is for the caller to see that spans are longer.
+    /// Exactly this many; the caller must ensure that spans are longer.
     Exactly(usize),
     /// Rows that resemble the held-out rows, by shared samples or by correlation.
     Alike {
@@ -75,7 +75,7 @@ impl Purge {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FoldError {
-    /// Fewer than two, or more than can be told apart.
+    /// Fewer than two folds, or more than the limit.
     #[error("{count} folds are asked for: write a number from 2 to 65535 ({FOLDS})")]
     Count {
         /// Number of folds asked for.

@@ -202,7 +202,7 @@ pub(crate) struct Pivoted {
     pub(crate) order: Vec<usize>,
     /// Columns whose pivot stands above `threshold`.
     pub(crate) rank: usize,
-    /// R in pivoted order (p x p); rows from `rank` on are left unreduced.
+    /// R in pivoted order (p x p); rows from `rank` on are not reduced.
     pub(crate) r: Mat<f64>,
     /// `Q'B`.
     pub(crate) rhs: Mat<f64>,

@@ -36,9 +36,9 @@ const PILOT_ROWS: usize = 256;
 ///
 /// `x~ = (x - c) P T^-1`, `y~ = (y - c - x~ B) diag(s)^-1`
 ///
-/// with P a permutation (the pilot's pivot order), T upper triangular, B the pilot's own regression of the targets on its strong
-/// directions, and s the size of what that leaves. Taking B out of the targets keeps the residual of an exact fit at the level of
-/// rounding squared, where the Gram matrix of y itself would only know it to `1e-16 y'y`.
+/// Here P is a permutation (the pilot's pivot order), T upper triangular, B the pilot's regression of the targets on
+/// its strong directions, and s the size of its residual. Taking B out of the targets keeps the residual of an exact
+/// fit at the level of rounding squared. The Gram matrix of y itself would have it only to `1e-16 y'y`.
 ///
 /// Any pilot gives a valid change of coordinates; a poor one costs accuracy, which [`SquareRoot::condition`](crate::SquareRoot)
 /// reports. A direction that the pilot does not show keeps the scale of its column, so T is always invertible.

@@ -1,9 +1,11 @@
 //! Test that two sets of rows have the same least-squares coefficients, from the sufficient statistics of each.
 //!
-//! The rows of a set obey `y = B'[1 x] + e` with normal errors, of one covariance in both sets up to a factor. The likelihood ratio of two fits against one that serves both is
-//! a power of Wilks's statistic `|E_a + E_b| / |E_joint|`, with E the squares and products of the residuals (q x q); `E_joint - E_a - E_b` is the growth of the
-//! error by which cells are joined, and of one target this is the test of Chow (*Econometrica* 28, 1960). Its distribution is told by Rao's F approximation (C. R. Rao, *Linear Statistical Inference and its Applications*, section 8c.5), which is exact for one or two
-//! targets.
+//! The rows of a set obey `y = B'[1 x] + e` with normal errors, of one covariance in both sets up to a factor. The
+//! likelihood ratio of two fits against one joint fit is a power of Wilks's statistic `|E_a + E_b| / |E_joint|`, with E
+//! the squares and products of the residuals (q x q). `E_joint - E_a - E_b` is the growth of the error by which cells
+//! are joined. For one target this is the test of Chow (*Econometrica* 28, 1960). The distribution is Rao's F
+//! approximation (C. R. Rao, *Linear Statistical Inference and its Applications*, section 8c.5), which is exact for one
+//! or two targets.
 
 use fleetfoot_data::{packed, packed_row};
 
@@ -28,7 +30,8 @@ pub struct LikelihoodRatio {
     /// Twice the logarithm of the ratio: `n ln(|E_joint| / |E_a + E_b|)`, n the rows that count as independent; infinite where two fits leave nothing and one
     /// does.
     pub statistic: f64,
-    /// Numbers that two fits have more than one, of all targets: the degrees of freedom of the statistic, which is a chi-squared number where rows are many.
+    /// Degrees of freedom of the statistic, which is a chi-squared number for many rows. It is the number of
+    /// coefficients of two fits less those of one, over all targets.
     pub freedom: usize,
     /// Rao's F, and its degrees of freedom.
     pub f: f64,
@@ -114,10 +117,12 @@ impl Leftover {
 /// Tests two sets of rows for equal coefficients, from their Gram matrices and residuals. `independent` is the share of
 /// their rows that counts as independent ([`crate::BatchMeans`]; 1: all of them).
 ///
-/// Errors of one set may be larger than those of the other: its rows weigh less by that, as in weighted least squares. With equal weights a set of a quarter of the rows and twice the noise would be told
-/// apart in 30 of 100 cases at a level of 5.
+/// The errors of one set may be larger than those of the other: its rows then weigh less, as in weighted least squares.
+/// With equal weights, a set of a quarter of the rows and twice the noise would be told apart in 30 of 100 cases at a
+/// level of 5.
 ///
-/// `None` where there is nothing to tell apart: fewer rows than the fits have numbers, or regressors that one fit and two have the same numbers of.
+/// `None` if there is nothing to tell apart: fewer rows than coefficients of the fits, or as many coefficients in one
+/// fit as in two.
 pub fn same_coefficients(
     preconditioner: &Preconditioner,
     grams: [&Gram; 2],

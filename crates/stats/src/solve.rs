@@ -33,8 +33,9 @@ pub struct Solution {
 /// training rows; an entry that is not positive counts as 1. A regressor that is constant in the rows gets the
 /// coefficient 0.
 ///
-/// The rank is that of a column-pivoted QR in units of the columns' noise ([`SquareRoot::noise`]); with full rank `R beta = z` is solved by
-/// substitution, else a complete orthogonal decomposition gives the minimum norm (Golub and Van Loan 2013, section 5.5).
+/// The rank is that of a column-pivoted QR in units of the columns' noise ([`SquareRoot::noise`]). With full rank
+/// `R beta = z` is solved by substitution, else a complete orthogonal decomposition gives the minimum norm (Golub and
+/// Van Loan 2013, section 5.5).
 ///
 /// # Panics
 /// When `scale` has another length than p.

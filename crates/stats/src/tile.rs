@@ -37,7 +37,7 @@ pub(crate) struct Tile {
     pub(crate) weight: f64,
     /// Centre subtracted from each column.
     pub(crate) centre: Vec<f64>,
-    /// Weighted mean of what remained after the subtraction: the rounding of `centre`.
+    /// Weighted mean of the remainder after the subtraction: the rounding of `centre`.
     pub(crate) remainder: Vec<f64>,
     /// Lower triangle of the products, row-major, `padded x padded`.
     product: Vec<f64>,

@@ -8,9 +8,9 @@ use fleetfoot_model::{Equation, Model, Prediction, Rule};
 /// Need for stamps of the rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Clock {
-    /// For rates, and for whatever reads seconds.
+    /// For rates, and for expressions that read seconds.
     Needed,
-    /// For what is computed of rows alone.
+    /// For computations on rows alone.
     Dispensable {
         /// True if the computation also reads neighbouring rows, by lags.
         ordered: bool,

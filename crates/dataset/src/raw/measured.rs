@@ -20,7 +20,7 @@ use crate::{dataset::Dataset, error::Error, logs::is_prepared, view::seen_throug
 pub struct Measured {
     rows: MeasuredRows,
     aliases: Vec<(Column, Expr)>,
-    /// The raw logs, by what was prepared of them.
+    /// Raw logs, with the logs that were prepared from each.
     raw: BTreeMap<PathBuf, Vec<PathBuf>>,
     /// The prepared files without measurements, and why.
     missing: Vec<String>,

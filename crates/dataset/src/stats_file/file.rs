@@ -96,7 +96,7 @@ pub struct StatisticFile {
     pub files: Vec<FileRecord>,
     /// The recipe, as TOML, with its wildcards written out.
     pub recipe: String,
-    /// The fields of the logs that the recipe speaks of, for resolving it again.
+    /// Fields of the logs that the recipe uses, for resolving it again.
     pub fields: Vec<Column>,
     /// The columns of the regression.
     pub columns: Vec<ColumnRecord>,

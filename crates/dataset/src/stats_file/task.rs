@@ -22,7 +22,7 @@ impl StatisticFile {
     /// from those of the scan; functions, tasks and columns may not.
     ///
     /// # Errors
-    /// Those of [`StructuredTask::resolve`]; another plan, with the lines that differ.
+    /// The errors of [`StructuredTask::resolve`]; another plan, with the lines that differ.
     pub fn resolve(&self, recipe: &Recipe) -> Result<StructuredTask, Error> {
         let recipe = recipe.expand(&self.fields)?;
         let task = StructuredTask::resolve(&recipe, &self.fields)?;

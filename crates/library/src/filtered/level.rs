@@ -19,7 +19,7 @@ const SEGMENT_ROWS: usize = 8_192;
 /// Reader of rows of the level below, with a given number of neighbours.
 pub(super) type Read<'r> = dyn Fn(Range<usize>, Halo) -> Result<Block, Error> + 'r;
 
-/// Filters of the columns of what is below.
+/// Filters over the columns of the level below.
 pub(super) struct Level {
     columns: Vec<Column>,
     inputs: Vec<Input>,

@@ -48,8 +48,8 @@ impl Expr {
         names
     }
 
-    /// Returns true if the expression has the same value at every row, for any values of its names: it reads neither
-    /// time, nor another row, nor a filter.
+    /// Returns true if the expression has the same value at every row, for any values of its names. It then reads
+    /// neither time, nor another row, nor a filter.
     pub(crate) fn is_constant(&self) -> bool {
         self.fold(|part, arguments: &[bool]| match part.node() {
             Node::Time { .. } => false,

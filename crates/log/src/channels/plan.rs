@@ -20,7 +20,7 @@ use crate::{
 /// Plan for decoding and joining.
 pub(super) struct Plan {
     pub topics: Vec<TopicPlan>,
-    /// The header's where a field of the messages stands for it.
+    /// The stamp; `Header` if a field of the messages is the clock.
     pub stamp: Stamp,
     /// The unit of the field that is the clock, where one is.
     pub clock: Option<TimeUnit>,
@@ -44,7 +44,7 @@ pub(super) struct TopicPlan {
     pub corrections: Vec<TopicClock>,
     /// The first of its groups among all series: a group of fields is a series.
     pub first_series: usize,
-    /// All its columns hold for good: a stamp of zero says that they always did.
+    /// True if all its columns hold without limit: a stamp of zero then means that they always held.
     pub latched: bool,
     /// Keys and fields that were seen, for messages.
     pub seen: Vec<FieldInfo>,
@@ -321,7 +321,7 @@ impl Builder<'_> {
         Ok(Some(FieldClock { slots, unit: taken }))
     }
 
-    /// The clock: the one asked for, else the headers' where all have one, else the log's.
+    /// The clock: the requested one, else the headers' if all messages have one, else the log's.
     ///
     /// A latched topic needs no header: it was sent once, often with a stamp of zero.
     fn stamp(&self, selection: &Selection, latched: &[bool], notes: &mut Vec<String>) -> Result<Stamp, Error> {

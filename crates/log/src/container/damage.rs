@@ -63,7 +63,7 @@ impl Damage {
 pub(crate) struct Lost {
     pub(crate) bytes: usize,
     pub(crate) chunk: bool,
-    /// `None` where nothing tells how many.
+    /// `None` if the number is unknown.
     pub(crate) messages: Option<u64>,
 }
 

@@ -19,7 +19,7 @@ const GAP: i64 = 5;
 pub(crate) struct LogInfo {
     /// In the order of [`Container::topics`].
     pub(crate) topics: Vec<TopicTimes>,
-    /// Notes of opening, and what had to be read in full.
+    /// Notes of opening, and of topics that were read in full.
     pub(crate) notes: Vec<String>,
 }
 

@@ -216,7 +216,7 @@ impl Plan<'_> {
         }
     }
 
-    /// Note on a last row without an end of its line: a copy that was cut ends like this, and its last number may have
+    /// Note on a last row without an end of its line. A copy that was cut ends like this, and its last number may have
     /// lost digits.
     fn cut_value(&self, last: &csv::ByteRecord) -> Option<String> {
         let field = last.len().checked_sub(1)?;

@@ -90,8 +90,8 @@ pub(super) fn begins_comment(line: &[u8], semicolons: bool) -> bool {
     }
 }
 
-/// Returns true if a comment is the header of the row below it: it has as many fields, none of them is a number, and at
-/// least half of the row's cells are.
+/// Returns true if a comment is the header of the row below it. It then has as many fields, none of them is a number,
+/// and at least half of the row's cells are.
 fn is_header_of(comment: &[u8], row: &[u8]) -> bool {
     let agree = |names: &[u8], row: &[u8], delimiter: u8| {
         let cells = || row.split(|&byte| byte == delimiter);

@@ -25,7 +25,8 @@ pub(super) fn open(path: &Path, compression: Compression) -> Result<Box<dyn Read
     })
 }
 
-/// Leaves out the zero bytes at the end of a file: a logger that lost its power leaves the rest of its file like this. Zeros before other bytes come through.
+/// Skips the zero bytes at the end of a file, which a logger writes when it loses its power. Zeros before other bytes
+/// are passed on.
 struct WithoutZeroTail<R> {
     inner: R,
     /// Number of zeros that were read; the bytes from `given` on follow them.

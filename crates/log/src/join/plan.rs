@@ -14,7 +14,7 @@ pub(crate) struct JoinColumn {
     pub column: usize,
     /// Kind of join.
     pub kind: JoinKind,
-    /// Time for which a sample is trusted: between two samples further apart, a value is NaN; a held one is NaN where
+    /// Time for which a sample is trusted. Between two samples further apart, a value is NaN; a held value is NaN if
     /// its sample is older. Automatic is five median steps of the series, as for episodes; of bursts, five times the
     /// step between them. Unlimited bridges any gap, and a held value is then latched: it continues beyond the last
     /// sample too.
@@ -30,7 +30,7 @@ pub(crate) struct JoinColumn {
 #[derive(Debug, PartialEq)]
 pub(super) struct Feed {
     pub series: usize,
-    /// A sample is good for what follows it, instead of for what lies between it and the next.
+    /// True if a sample is valid for the time after it, instead of the time between it and the next.
     pub held: bool,
     /// Nanoseconds; `None` is no limit.
     pub limit: Option<u64>,

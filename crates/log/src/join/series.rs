@@ -67,9 +67,9 @@ impl Counts {
 
 /// Fills a [`Series`] in recorded order. The answer depends on the order of the samples alone.
 ///
-/// A sample that comes at most the window behind the newest of its run is put in its place. One or two that lie further behind are strays
-/// when the time then goes on as before, and so are one or two that leap ahead when the time then comes back to them. Where it
-/// stays back (three samples, or up to the end) a new run begins.
+/// A sample that comes at most the window behind the newest of its run is put in its place. One or two samples further
+/// behind are strays if the time then goes on as before. One or two that leap ahead are strays if the time then comes
+/// back. If the time stays back (three samples, or up to the end), a new run begins.
 pub(crate) struct SeriesBuilder {
     name: String,
     source: PathBuf,

@@ -41,7 +41,7 @@ const MAX_ROWS: usize = 1 << 40;
 /// Description of a file, without reading its rows.
 pub(crate) struct Description {
     pub rows: usize,
-    /// All leaves: column and the type's word; `Err` holds the type of an unsupported one.
+    /// All leaves: the column, and `Err` with the type of an unsupported one.
     pub columns: Vec<(Column, Result<(), String>)>,
     pub clock: Option<Clock>,
 }

@@ -30,7 +30,7 @@ pub(super) struct Message<'a> {
 pub(super) enum Belief {
     /// Its parts fit each other.
     Sound,
-    /// Nothing speaks against it: something sound must follow.
+    /// No contradiction: a sound message must follow.
     Open,
 }
 

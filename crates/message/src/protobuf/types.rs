@@ -69,7 +69,7 @@ pub(super) enum Form {
     Text,
     Bytes,
     Message(usize),
-    /// A member of a oneof that nobody wants: it only clears the others.
+    /// An unwanted member of a oneof: it only clears the others.
     Unwanted,
 }
 

@@ -115,7 +115,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Start and end of a part with a length; reading goes on behind it.
+    /// Start and end of a part with a length; the reader then continues behind it.
     pub(super) fn span(&mut self) -> Result<(usize, usize), DecodeError> {
         let start = self.at;
         let length = self.varint()?;

@@ -18,11 +18,11 @@ pub(super) struct Want {
     pub(super) seconds: Vec<usize>,
     /// Of a number: the groups whose stamp has it as its nanoseconds.
     pub(super) nanoseconds: Vec<usize>,
-    /// Of a struct: what is wanted of its fields, by their places.
+    /// Of a struct: wanted parts of its fields, by their places.
     pub(super) fields: BTreeMap<usize, Want>,
-    /// Of a struct: what its array of names is looked through for.
+    /// Of a struct: wanted names in its array of names.
     pub(super) names: Option<Names>,
-    /// Of an array: what is wanted of its elements.
+    /// Of an array: wanted parts of its elements.
     pub(super) picks: Vec<Pick>,
 }
 

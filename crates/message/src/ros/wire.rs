@@ -50,8 +50,8 @@ impl Wire {
 
     /// Returns true if a length in bytes stands before a struct.
     ///
-    /// A type that does not say how it may evolve follows the message's header. A writer that marks a message plain though its type is
-    /// appendable does not know of extensibility, and writes no lengths anywhere.
+    /// A type without stated extensibility follows the message's header. A writer that marks a message plain though its
+    /// type is appendable does not support extensibility, and writes no lengths anywhere.
     pub(super) fn struct_header(self, schema: &Schema, index: usize) -> bool {
         let extensibility = |index: usize| schema.structs.get(index).and_then(|own| own.extensibility);
         match self {

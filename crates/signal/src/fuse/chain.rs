@@ -31,7 +31,7 @@ pub(super) type Row = [f64; WIDTH];
 /// Nodes between two that are kept.
 pub(super) const KEPT: usize = 1024;
 
-/// A chain: how many nodes it has, and what pushes the rows whose first node is `node`.
+/// A chain: its number of nodes, and a function that pushes the rows whose first node is `node`.
 pub(super) struct Chain<'a> {
     pub(super) nodes: usize,
     pub(super) rows: &'a (dyn Fn(usize, &mut Vec<Row>) + Sync),

@@ -6,8 +6,10 @@
 //! | R = 1 - J (J'J)^-1 J' | what the unknowns leave of residuals |
 //! | w_k | the part of every residual's variance that noise of kind k makes, 0 of what has none |
 //!
-//! The average of the observed and the expected information of the restricted likelihood is 1/2 (w_k r)' R (w_l r) of kinds k and l (Gilmour, Thompson, Cullis, "Average information REML: an efficient algorithm for variance
-//! parameter estimation in linear mixed models", Biometrics 51, 1995). R times a vector is what a step leaves of it as the right side: a kind costs as much as a step of Gauss and Newton, and no covariance is formed.
+//! The average of the observed and the expected information of the restricted likelihood is 1/2 (w_k r)' R (w_l r) of
+//! kinds k and l (Gilmour, Thompson, Cullis, "Average information REML: an efficient algorithm for variance parameter
+//! estimation in linear mixed models", Biometrics 51, 1995). R times a vector is the residual of a step with that
+//! vector as the right side. A kind therefore costs as much as a step of Gauss and Newton, and no covariance is formed.
 
 use fleetfoot_data::checkpoint;
 use nalgebra::DMatrix;

@@ -1,7 +1,9 @@
 //! Estimates of the noise from residuals.
 //!
-//! Of a kind of noise that has residuals of its own the variance is squares over redundancy. White noise and what is missed between readings share theirs: both are told by a step of scoring, in which a residual counts for either by the
-//! square of the part that it makes of the variance (restricted likelihood: Harville, "Maximum likelihood approaches to variance component estimation and to related problems", Journal of the American Statistical Association 72, 1977).
+//! A kind of noise with separate residuals has the variance squares over redundancy. White noise and the uncertainty
+//! between readings share their residuals: a step of scoring estimates both. In it a residual counts for either by the
+//! square of its share of the variance (restricted likelihood: Harville, "Maximum likelihood approaches to variance
+//! component estimation and to related problems", Journal of the American Statistical Association 72, 1977).
 
 use super::{BodyNoise, ImuNoise};
 
@@ -212,7 +214,7 @@ pub(super) struct Sought {
     /// True if the walk of the gyroscope, and of the accelerometer, is estimated; and the expected walks.
     pub(super) walks: [bool; 2],
     pub(super) expected: ImuNoise,
-    /// The densities that the readings of rate and force tell.
+    /// Densities that the readings of rate and force determine.
     pub(super) densities: [[Option<f64>; 3]; 2],
 }
 

@@ -38,7 +38,7 @@ pub struct BodyRun<'a> {
     pub poses: PoseRecord<'a>,
 }
 
-/// Noise of an inertial sensor, as data sheets say it.
+/// Noise of an inertial sensor, as in data sheets.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImuNoise {
     /// Density of the rate's white noise about each axis, rad/s/sqrt(Hz).
@@ -50,12 +50,13 @@ pub struct ImuNoise {
     /// Random walk of the accelerometer's bias, m/s^3/sqrt(Hz).
     pub accelerometer_walk: f64,
     /// Uncertainty of rate and force between two readings, as a factor. If neighbours jump by D beyond the slopes on
-    /// either side, their integral is off by up to half of D times the step. A uniformly distributed moment of the jump
-    /// gives a variance of D^2 / 12 times the square of the step, which is multiplied by the square of this factor. 0:
+    /// either side, their integral is off by up to half of D times the step. With a uniformly distributed moment of the
+    /// jump, the variance is D^2 / 12 times the square of the step. It is multiplied by the square of this factor. 0:
     /// no uncertainty, as for readings that are means.
     pub missed: [f64; 2],
-    /// Deviations of the noise of single readings of rate and force, an axis: as the readings tell them, and where these do not, a bound by how neighbours differ. Densities tell what integrals miss, which may be more than what is wrong
-    /// with a reading. Infinite where nothing is known.
+    /// Deviations of the noise of single readings of rate and force, an axis. They are estimated from the readings, or
+    /// else bounded by the differences of neighbours. Densities describe the error of integrals, which may be larger
+    /// than the error of a reading. Infinite without any information.
     pub scatter: [[f64; 3]; 2],
 }
 
@@ -194,7 +195,8 @@ impl BodyRun<'_> {
     /// Checks that the records can be fused.
     ///
     /// # Errors
-    /// Records of different lengths or of fewer than two rows, stamps that do not increase, values that are not finite, an attitude that is no rotation.
+    /// Records of different lengths or of fewer than two rows; stamps that do not increase; values that are not finite;
+    /// an attitude that is no rotation.
     pub fn check(&self) -> Result<(), SignalError> {
         let Self { imu, poses } = self;
         check_stamps(imu.times)?;

@@ -1,8 +1,10 @@
 //! Motion between two instants as an inertial sensor measures it, summed once for all candidate states.
 //!
-//! Forster, Carlone, Dellaert, Scaramuzza, "On-manifold preintegration for real-time visual-inertial odometry", IEEE Transactions on Robotics 33(1), 2017, sections V and VI.
-//! Between its stamps the sensor is interpolated by cubic curves, and means are held over their windows; the turn in the middle of a step stands for it, of second order in the step. The noise is white in continuous time, so that its covariance is
-//! positive however short the interval is.
+//! Forster, Carlone, Dellaert, Scaramuzza, "On-manifold preintegration for real-time visual-inertial odometry", IEEE
+//! Transactions on Robotics 33(1), 2017, sections V and VI. Between its stamps the sensor is interpolated by cubic
+//! curves, and means are held over their windows. Each step uses the rotation in its middle, which is of second order
+//! in the step. The noise is white in continuous time, so that its covariance is positive however short the interval
+//! is.
 
 use nalgebra::SMatrix;
 

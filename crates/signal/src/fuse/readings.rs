@@ -1,11 +1,19 @@
 //! Noise of the readings, estimated from the readings alone.
 //!
-//! Of a record's windows each is taken for a polynomial, a motion that is white noise integrated [`SMOOTH`] times, of a density of its own, and white noise of one variance, which all windows share. Differences of order [`ORDER`]
-//! have no polynomial left; in coordinates in which the covariances of motion and noise both are diagonal (a generalised eigenproblem) a window is [`LEFT`] independent numbers of variances q lambda_i + sigma^2. How q is distributed over
-//! the windows is left open (Laird, "Nonparametric maximum likelihood estimation of a mixing distribution", Journal of the American Statistical Association 73, 1978): its weights on a grid follow by expectation and
-//! maximisation, the variance by scoring under the same expectations. Windows in which nothing happens tell it, those of an impact hardly count.
+//! Each window of a record is modelled as the sum of three parts. The first is a polynomial. The second is a motion:
+//! white noise of an individual density, integrated [`SMOOTH`] times. The third is white noise of one variance, which
+//! all windows share.
 //!
-//! Noise that is not white, and a motion that is never smoother, look alike. In quiet windows all coordinates must be as large as their variances say, and no window much more than another: where they are not, as of a sensor that filters, or a body that is hit all the time, nothing is told.
+//! Differences of order [`ORDER`] remove the polynomial. In coordinates in which the covariances of motion and noise
+//! are both diagonal (a generalised eigenproblem) a window is [`LEFT`] independent numbers of variances q lambda_i +
+//! sigma^2. The distribution of q over the windows is free (Laird, "Nonparametric maximum likelihood estimation of a
+//! mixing distribution", Journal of the American Statistical Association 73, 1978). Its weights on a grid follow by
+//! expectation and maximisation, the variance by scoring under the same expectations. Windows at rest determine the
+//! variance; those of an impact hardly count.
+//!
+//! Noise that is not white, and a motion that is never smoother, look alike. In quiet windows all coordinates must be
+//! as large as their variances imply, and no window much larger than another. Otherwise no noise is estimated: the
+//! sensor may filter, or the body may be hit all the time.
 
 use std::sync::LazyLock;
 

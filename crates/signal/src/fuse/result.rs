@@ -60,7 +60,7 @@ pub struct BodyTrack {
     pub attitudes_rejected: Vec<usize>,
 }
 
-/// The constants, as estimated: deviations are those that are left; 0 of what was given.
+/// The constants, as estimated. Deviations are those after the fusion; 0 for a given constant.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StaticEstimates {
     /// The origin of the markers' frame in the body frame, m, an axis each.
@@ -87,7 +87,9 @@ pub struct Fused {
     pub constants: StaticEstimates,
     /// The noise: as given, or as estimated.
     pub noise: BodyNoise,
-    /// The standard deviations of its estimates, each in the unit of its own: 0 of what was given, infinite of what nothing tells. Those of `scatter` are finite where the readings themselves tell their noise, and infinite where it is a bound.
+    /// The standard deviations of its estimates, each in the same unit as the estimate: 0 for a given value, infinite
+    /// for one that no reading determines. Those of `scatter` are finite if the readings determine their noise, and
+    /// infinite if the value is a bound.
     pub noise_deviations: BodyNoise,
     /// Poses that are in no track, as there are no readings about them.
     pub outside: usize,

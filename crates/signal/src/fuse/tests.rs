@@ -338,8 +338,8 @@ fn a_gap_parts_a_run() {
     assert!(end < 3.0 && begin > 3.19, "{end} {begin}");
 }
 
-/// A filter's state at a pose equals that of a smoother without later measurements. (Both linearise at their solution,
-/// so that they differ by the curvature within a deviation.) Between poses only readings propagate the state, and its
+/// A filter's state at a pose equals that of a smoother without later measurements. Both linearise at their solution,
+/// so that they differ by the curvature within a deviation. Between poses only readings propagate the state, and its
 /// errors agree with the stated deviations.
 #[test]
 fn a_filter_is_a_smoother_at_the_end_of_what_it_saw() {

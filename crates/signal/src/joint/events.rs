@@ -27,14 +27,14 @@ pub(super) struct Known {
     pub(super) quantity: Quantity,
     /// The variance of its noise, steps and windows aside.
     pub(super) variance: f64,
-    /// That of a step, a twelfth of its square.
+    /// Variance of a step, a twelfth of its square.
     pub(super) step: f64,
-    /// That of what the curve does within the window beyond its curvature.
+    /// Variance of the curve within the window beyond its curvature.
     pub(super) beyond: f64,
     /// Coefficients of the state in the mean over the window.
     pub(super) slopes: [f64; STATES],
     pub(super) bias: f64,
-    /// Seconds from the middle of what a reading is the mean of to its stamp.
+    /// Seconds from the middle of the averaging window to the stamp of the reading.
     pub(super) late: f64,
 }
 
@@ -42,8 +42,9 @@ impl Known {
     /// Constants of a sensor: `variance` and `density` (of the jerk) in units of the scale, `late` in s, `bias` in
     /// units of the sensor.
     ///
-    /// The mean of a curve over a window w about a moment is its value there, a 24th of w^2 of its second derivative, and what the jerk adds: of variance q w^5 / 16128 for a position, q w^3 / 320 for a rate (the
-    /// chain's increments to either side, integrated over the window).
+    /// The mean of a curve over a window w about a moment has three parts: its value there, a 24th of w^2 of its second
+    /// derivative, and a term of the jerk. The variance of that term is q w^5 / 16128 for a position and q w^3 / 320
+    /// for a rate (the chain's increments to either side, integrated over the window).
     pub(super) fn new(sensor: &JointSensor, scale: &Scale, variance: f64, density: f64, delay: f64, bias: f64) -> Self {
         let width = sensor.average / scale.unit;
         let (slopes, beyond) = match sensor.quantity {

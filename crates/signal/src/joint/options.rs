@@ -41,11 +41,12 @@ pub enum Quantity {
 pub struct JointSensor {
     /// Measured quantity.
     pub quantity: Quantity,
-    /// The step between two values that it can say, u or u/s; 0: none. The error of a step is uniform, and readings in a row that say the same share it.
+    /// Resolution: step between two neighbouring values, u or u/s; 0: none. The error of a step is uniform, and equal
+    /// readings in a row share it.
     pub resolution: f64,
     /// Seconds before the stamp over which a reading is the mean.
     pub average: f64,
-    /// Standard deviation of a reading, steps aside, u or u/s; `None`: the readings tell it.
+    /// Standard deviation of a reading, steps aside, u or u/s; `None`: estimated from the readings.
     pub noise: Option<f64>,
     /// Seconds by which readings are stamped late.
     pub delay: Prior<f64>,
@@ -65,7 +66,7 @@ impl JointSensor {
 pub struct JointOptions {
     /// The sensors.
     pub sensors: Vec<JointSensor>,
-    /// Density of the white noise that the jerk is taken for, u/s^3/sqrt(Hz); `None`: the readings tell it.
+    /// Density of the white noise that models the jerk, u/s^3/sqrt(Hz); `None`: estimated from the readings.
     pub jerk: Option<f64>,
     /// Loss of the residuals.
     pub loss: Loss,

@@ -55,7 +55,7 @@ struct Share {
     /// Squares over variances, and how much of them the states explain.
     squares: f64,
     taken: f64,
-    /// Squares, and their redundancy, as far as they are of the noise that is told, and not of steps and windows.
+    /// Squares, and their redundancy, of the part that belongs to the estimated noise, without steps and windows.
     own: f64,
     redundancy: f64,
 }

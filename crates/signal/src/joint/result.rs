@@ -18,7 +18,8 @@ pub struct JointStates {
 pub struct JointSensorEstimate {
     /// Standard deviation of a reading, steps aside.
     pub noise: f64,
-    /// That of a reading about the sensor's own curve: where `noise` is far greater, the sensors contradict each other.
+    /// Standard deviation of a reading about the sensor's own curve. If `noise` is far greater, the sensors contradict
+    /// each other.
     pub alone: f64,
     /// Seconds by which readings are stamped late.
     pub delay: Prior<f64>,
@@ -37,7 +38,7 @@ pub struct Correlation {
     pub second: usize,
     /// Of their errors at one stamp, or at neighbouring ones: the greatest. Independent sensors have some hundredths.
     pub correlation: f64,
-    /// Pairs of readings that tell it.
+    /// Pairs of readings behind the estimate.
     pub readings: usize,
 }
 
@@ -47,7 +48,7 @@ pub struct Correlation {
 pub struct FusedJoint {
     /// In the order of the runs.
     pub runs: Vec<JointStates>,
-    /// Density of the white noise that the jerk is taken for, u/s^3/sqrt(Hz).
+    /// Density of the white noise that models the jerk, u/s^3/sqrt(Hz).
     pub jerk: f64,
     /// In the order of the sensors.
     pub sensors: Vec<JointSensorEstimate>,

@@ -198,8 +198,8 @@ impl<const M: usize> Belief<M> {
         parted(&self.factor)
     }
 
-    /// Derivatives of D and L by a covariance. With P' the slope of the covariance and X = L^-1 P' L^-T, that of D is
-    /// the diagonal of X, and L^-1 L' is the part below it over D.
+    /// Derivatives of D and L by a covariance, with P' the slope of the covariance and X = L^-1 P' L^-T. The derivative
+    /// of D is the diagonal of X. L^-1 L' is the part of X below it, over D.
     pub(super) fn grown(&self, slope: &Matrix<M>) -> Matrix<M> {
         let (d, lower) = self.parted();
         let solved = |mut rows: Matrix<M>| {

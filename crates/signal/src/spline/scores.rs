@@ -1,14 +1,16 @@
 //! Filter of a channel under several penalties at once: a register holds a number of each.
 //!
-//! Cross-validation asks for the squares of what the smoother leaves and for the trace of its hat matrix. The smoother is not needed for either. With V = K + s W^-1, K what the prior says of the measurements and s the
-//! variance of an error of weight one, and P the projection that leaves polynomials out,
+//! Cross-validation needs the squares of the smoother's residuals and the trace of its hat matrix. Neither needs the
+//! smoother. Let V = K + s W^-1, with K the prior covariance of the measurements and s the variance of an error of
+//! weight one. With P the projection that removes polynomials,
 //!
 //! ```text
 //! y' P y = sum e^2 / v,   log |V|_P = sum log v
 //! -d/ds y' P y = y' P W^-1 P y = sum w (y - f)^2,   d/ds log |V|_P = tr(W^-1 P) = n - tr A   at s = 1
 //! ```
 //!
-//! so that both are slopes of what the filter sums (e its innovations, v their variances), which go along with it: nothing is kept of the rows.
+//! so that both are slopes of the filter's sums (e its innovations, v their variances). They are computed with the
+//! sums, and no rows are kept.
 
 use fleetfoot_data::parallel_all;
 use pulp::{Simd, WithSimd};
@@ -210,8 +212,8 @@ impl<const M: usize> WithSimd for Rests<'_, M> {
     }
 }
 
-/// Covariance of the state at the last of the first M measurements due to their errors of weight one: the sum over the
-/// measurements of the squared state that each error makes. It is the same under any penalty.
+/// Covariance of the state at the last of the first M measurements due to their errors of weight one. It is the sum
+/// over the measurements of the squared state that each error makes, and is the same under any penalty.
 fn by_errors<const M: usize>(rows: Rows<'_>, first: usize) -> Matrix<M> {
     let mut sum = [[0.0; M]; M];
     let mut values = rows.values[..=first].to_vec();

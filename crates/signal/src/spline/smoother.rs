@@ -110,7 +110,7 @@ pub(super) struct Start<const M: usize> {
 struct Kept<const M: usize> {
     /// The beliefs of every [`STRETCH`]-th row from the start on.
     beliefs: Vec<Belief<M>>,
-    /// Those of all rows of the last stretch.
+    /// The beliefs of all rows of the last stretch.
     stretch: Beliefs<M>,
     /// The least value of the objective.
     squares: f64,

@@ -23,7 +23,7 @@ fn jitter_is_removed_and_gaps_are_kept() {
 
 /// Stamps as computers make them: a jitter of a third of a period, delays that only add, one stamp in a hundred late by
 /// up to three periods. A missing sample and a long gap come with them. An earlier method counted every late stamp as
-/// missing samples: its period was off by a hundredth, and its jitter at hundreds of milliseconds.
+/// missing samples. Its period was off by a hundredth, and its jitter at hundreds of milliseconds.
 #[test]
 fn late_stamps_are_no_missing_samples() {
     let (rows, period) = (4000_u64, 0.01);

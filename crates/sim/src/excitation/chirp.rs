@@ -31,9 +31,9 @@ pub struct Chirp {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sweep {
-    /// As much time for each hertz.
+    /// The frequency changes at a constant rate in hertz.
     Linear,
-    /// As much time for each octave.
+    /// The frequency changes at a constant rate in octaves.
     #[default]
     Logarithmic,
 }

@@ -97,7 +97,7 @@ impl Excitation {
     /// Checks that the parameters make a signal when sampled every `dt` seconds.
     ///
     /// # Errors
-    /// The first parameter that does not, with what is allowed.
+    /// The first invalid parameter, with its allowed values.
     pub fn validate(&self, dt: f64) -> Result<(), ParameterError> {
         match self {
             Self::None => Ok(()),

@@ -6,7 +6,8 @@ use crate::parameter_error::{ParameterError, in_range, not_negative, positive};
 
 /// Friction and stiffness of contacts.
 ///
-/// A contact is a spring and damper on the effective mass of what touches, implicit in time; Coulomb friction acts at every point.
+/// A contact is a spring and damper on the effective mass of the touching bodies, implicit in time; Coulomb friction
+/// acts at every point.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Contact {

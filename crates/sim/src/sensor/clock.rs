@@ -23,7 +23,7 @@ pub struct ClockParameters {
     /// Rate relative to true time, ppm (microseconds a second), positive: faster; at most 10,000 either way. Quartz: up
     /// to 50.
     pub skew: f64,
-    /// Standard deviation between what it shows when a measurement is taken and the stamp that the program writes, s.
+    /// Standard deviation of the stamp that the program writes about the clock's time of the measurement, s.
     pub jitter: f64,
 }
 

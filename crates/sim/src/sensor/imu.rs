@@ -146,9 +146,9 @@ impl ImuSample {
 
 /// An inertial measurement unit on a body.
 ///
-/// The accelerometer says the mean of the specific force over the sample, `(change of its velocity) / period + g`, in the axes that the
-/// unit had in the middle of the sample: what a unit does that integrates between its samples, and what catches the whole of an impact
-/// shorter than that. The gyroscope says the rate at the sample's end.
+/// The accelerometer reports the mean of the specific force over the sample, `(change of its velocity) / period + g`,
+/// in the axes of the unit in the middle of the sample. A unit that integrates between its samples does the same, and
+/// this catches the whole of an impact shorter than a sample. The gyroscope reports the rate at the sample's end.
 #[derive(Debug, Clone)]
 pub struct Imu {
     period: f64,

@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::{Clock, check, clock::nanoseconds};
 use crate::{ParameterError, Reading};
 
-/// A square wave on a lamp, after II-B of *Automatic Identification of Dynamic Piecewise Affine Models for a Running Robot* (Buchan, Haldane,
-/// Fearing): driven by the controller, recorded by the robot and seen by the motion capture.
+/// A square wave on a lamp, driven by the controller, recorded by the robot and seen by the motion capture. After II-B
+/// of *Automatic Identification of Dynamic Piecewise Affine Models for a Running Robot* (Buchan, Haldane, Fearing).
 ///
 /// Edges can be told apart only while two clocks differ by less than half a period.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -122,7 +122,7 @@ mod tests {
         }
     }
 
-    /// The first 240 edges are spread over the sampling of 1 kHz and of 100 Hz: no gap between neighbours is greater
+    /// The first 240 edges are spread over the sampling of 1 kHz and of 100 Hz. No gap between neighbours is greater
     /// than the golden sequence's greatest, 1.618 / 240 of a period.
     #[test]
     fn edges_are_spread_over_the_sampling() {

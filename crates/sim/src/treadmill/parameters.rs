@@ -35,7 +35,8 @@ pub struct HexapodTreadmill {
     pub belt: BeltParameters,
     /// Equation (1), on the controller.
     pub controller: Treadmill,
-    /// A law in the place of equation (1), made from a model of the robot: it reads x, y, yaw and belt_speed and drives u_v and u_w, whose limits stay.
+    /// A law in the place of equation (1), made from a model of the robot. It reads x, y, yaw and belt_speed and drives
+    /// u_v and u_w, whose limits stay.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub regulator: Option<Regulator>,
     /// Equation (2), on the robot.

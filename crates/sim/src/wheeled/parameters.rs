@@ -18,8 +18,9 @@ pub(super) const COMMANDS: [&str; 2] = ["v_command", "w_command"];
 
 /// A differential-drive robot that follows velocity references in a walled arena: a [`Scenario`](crate::Scenario).
 ///
-/// References come from excitation signals through collision avoidance; wheel-rate controllers follow them by what the encoders say,
-/// once an encoder sample; motors turn the wheels; friction does the rest. One computer makes, stamps and logs all messages.
+/// References come from excitation signals through collision avoidance. Wheel-rate controllers follow them once an
+/// encoder sample, and motors turn the wheels. Friction moves the robot. One computer makes, stamps and logs all
+/// messages.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Wheeled {
@@ -43,7 +44,8 @@ pub struct Wheeled {
     pub arena: Arena,
     /// Reference velocities.
     pub commands: Commands,
-    /// A law in the place of the references, made from a model of the robot: it reads x, y, yaw, v, w, left_rate and right_rate and drives v_command and w_command.
+    /// A law in the place of the references, made from a model of the robot. It reads x, y, yaw, v, w, left_rate and
+    /// right_rate and drives v_command and w_command.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub regulator: Option<Regulator>,
     /// Collision avoidance at the walls.

@@ -31,8 +31,8 @@ pub(crate) struct Joint<'a> {
     raw: bool,
 }
 
-/// Layout of the moments of a unit: the weight, the products of x~, and the sums of squares of B's columns over
-/// measured tasks and over priors. For tasks whose scales are deviations, the sums of their columns follow.
+/// Layout of the moments of a unit. It holds the weight, the products of x~, and the sums of squares of B's columns
+/// over measured tasks and over priors. For tasks whose scales are deviations, the sums of their columns follow.
 #[derive(Debug, Clone)]
 struct Layout {
     p: usize,
@@ -112,7 +112,8 @@ struct TaskMap<'a> {
     /// Preconditioned columns to x~ (d x (p + 1)), and x~ of their centre.
     map: Mat<f64>,
     centre: Vec<f64>,
-    /// Preconditioned columns to the task's regressors in units (d x (d - 1)), their centre, and what is subtracted of it in the sums.
+    /// Map from preconditioned columns to the task's regressors in units (d x (d - 1)), with the centre subtracted in
+    /// the sums.
     regressors: Mat<f64>,
     offset: Vec<f64>,
     /// Index of its sums, if its scales are deviations.

@@ -67,9 +67,10 @@ pub struct Selection {
     pub worst_kkt: f64,
     /// Replicates whose path ended before lambda and that coordinate descent finished. They count as all others do.
     pub stalled: usize,
-    /// Replicates whose solver did not meet its tolerance; they count, and [`Selection::worst_kkt`] says how far off they are.
+    /// Replicates whose solver did not meet its tolerance. They count; [`Selection::worst_kkt`] is their largest
+    /// violation.
     pub unconverged: usize,
-    /// Replicates that drew no rows at all: they say nothing and are left out of frequencies and signs.
+    /// Replicates that drew no rows at all: they are left out of frequencies and signs.
     pub empty: usize,
 }
 

@@ -1,7 +1,8 @@
-//! Limits that a fit keeps at every row: a form that is linear in the latents, or a symmetric matrix of such forms, on
-//! one side of a bound.
+//! Limits that a fit keeps at every row. A form that is linear in the latents, or a symmetric matrix of such forms,
+//! stays on one side of a bound.
 //!
-//! A form is a matrix of one entry, so both are the same condition: the least eigenvalue (the greatest) of the matrix is at least (at most) the bound.
+//! A form is a matrix of one entry, so both are the same condition. The least eigenvalue is at least the bound, or the
+//! greatest is at most the bound.
 
 use fleetfoot_data::packed_row;
 use fleetfoot_library::{Expr, Node};
@@ -35,7 +36,8 @@ impl Limit {
     }
 }
 
-/// `sum of coefficient(x) latent(x) + rest(x)`: what the power of a friction `F*v`, or an entry of an inertia matrix, is of the latents.
+/// Linear form of the latents, `sum of coefficient(x) latent(x) + rest(x)`, such as the power of a friction `F*v` or an
+/// entry of an inertia matrix.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Form {
     /// Terms, each of another latent.

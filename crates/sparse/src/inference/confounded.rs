@@ -13,8 +13,8 @@ pub struct Confounded {
     /// Remainder of its column beyond the others, relative to its length: the sine of the angle between them; at most
     /// the limit.
     pub remainder: f64,
-    /// Coefficients that take part, ascending, with the direction in raw units: `sum_j direction_j column_j` is shorter than `remainder` says. In units of the
-    /// columns' lengths its largest entry is 1.
+    /// Coefficients that take part, ascending, with the direction in raw units: `sum_j direction_j column_j` is at most
+    /// as long as `remainder` implies. In units of the columns' lengths its largest entry is 1.
     pub direction: Vec<(usize, f64)>,
 }
 

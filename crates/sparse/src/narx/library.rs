@@ -23,8 +23,8 @@ pub struct NarxLibrary {
 pub struct Addend {
     /// The function.
     pub function: Expr,
-    /// True if the addend reads an output: its lags go as far back as those of the outputs, and it is not known at row
-    /// k.
+    /// True if the addend reads an output. Its lags then go as far back as those of the outputs, and it is not known at
+    /// row k.
     pub outputs: bool,
     /// True if the addend reads anything else: its lags go as far back as those of the inputs.
     pub inputs: bool,

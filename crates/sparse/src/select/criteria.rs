@@ -16,8 +16,9 @@ pub enum NoiseVariance {
     /// The mean squared error of every model itself: `-2 log likelihood = N (ln(2 pi mse) + 1)`.
     #[default]
     Profiled,
-    /// That of least squares on all columns, `N mse / (N - df)`, the same for all models: `N ln(2 pi v) + N mse / v` (Zou, Hastie, Tibshirani 2007;
-    /// scikit-learn's `LassoLarsIC`). It needs a path down to lambda = 0.
+    /// The variance of least squares on all columns, `N mse / (N - df)`, the same for all models:
+    /// `N ln(2 pi v) + N mse / v` (Zou, Hastie, Tibshirani 2007; scikit-learn's `LassoLarsIC`). It needs a path down to
+    /// lambda = 0.
     LeastSquares,
     /// Known.
     Known(f64),

@@ -25,7 +25,8 @@ pub enum Lambdas {
     },
     /// These.
     List(Vec<f64>),
-    /// The knots of all folds' paths, exactly, down to the largest lambda at which one of them ends: the error is a piecewise quadratic between them.
+    /// The knots of all folds' paths, exactly, down to the largest lambda at which one of them ends. The error is a
+    /// piecewise quadratic between them.
     Knots,
 }
 

@@ -58,7 +58,7 @@ pub enum SelectError {
     /// A task that does not exist.
     #[error("task {task} is asked for, there are {tasks}")]
     NoSuchTask {
-        /// The task that was asked for.
+        /// Number of the requested task.
         task: usize,
         /// Number of tasks.
         tasks: usize,

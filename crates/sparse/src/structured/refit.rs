@@ -14,7 +14,7 @@ use crate::{
 /// If columns of the support depend on each other, the first ones carry the fit.
 ///
 /// # Errors
-/// As [`assemble()`]; when a column of the support does not exist.
+/// The errors of [`assemble()`]; a column of the support that does not exist.
 pub fn refit(
     structure: &Structure,
     roots: &[SquareRoot],

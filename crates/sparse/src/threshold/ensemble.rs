@@ -16,7 +16,7 @@ use super::{
 pub struct EnsembleOptions {
     /// Candidate functions that are left out of each model at random (library bagging); 0: none.
     pub leave_out: usize,
-    /// Models of each replicate; more than one makes sense only where candidates are left out.
+    /// Models of each replicate; more than one is useful only with library bagging.
     pub draws: usize,
     /// Seed of the draws.
     pub seed: u64,

@@ -71,7 +71,7 @@ pub enum ThresholdError {
         "{what} {index} has {columns} columns and {targets} targets, the problem on all rows has {expected_columns} and {expected_targets}"
     )]
     OtherProblem {
-        /// "the training problem of fold", say.
+        /// Kind of the problem, such as "the training problem of fold".
         what: &'static str,
         /// Number of the problem.
         index: usize,

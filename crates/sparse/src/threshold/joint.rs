@@ -17,7 +17,7 @@ use crate::{SparseError, kernel::norm};
 pub struct Joint {
     /// The model of each target (q).
     pub steps: Vec<Step>,
-    /// Coefficients before the last refit (q x p): what decided the support.
+    /// Coefficients before the last refit (q x p), which decided the support.
     pub decided: Vec<Vec<f64>>,
     /// Coefficients (q x p) that each iteration left. STLSQ and SR3: the first entry is where they start.
     pub history: Vec<Vec<Vec<f64>>>,

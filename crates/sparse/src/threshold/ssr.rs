@@ -17,14 +17,15 @@ pub enum Removal {
     /// The one with the smallest |coefficient|.
     #[default]
     Coefficient,
-    /// The one without which the regression on the others leaves the least error.
+    /// The term whose removal increases the error of the regression least.
     Residual,
 }
 
 /// Stepwise sparse regression (Boninsegna, Nuske and Clementi 2018): regress on all terms with a ridge, remove one, regress on the rest, down to one term.
 ///
-/// Defaults, the order of removal and the choice are those of pysindy's `SSR`. Between bounds of [`Terms`] each regression is least squares within them; what a bound holds at 0 leaves
-/// first, and what one holds elsewhere stays there as the errors without another term are compared.
+/// Defaults, the order of removal and the choice are those of pysindy's `SSR`. Between bounds of [`Terms`] each
+/// regression is least squares within them. A term that a bound holds at 0 is removed first. A term at another bound
+/// stays there while the errors without another term are compared.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ssr {
     /// The ridge; it is not multiplied by the number of rows.

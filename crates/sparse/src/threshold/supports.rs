@@ -12,7 +12,7 @@ use super::{
 /// Models that compete with the optimiser's path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Rivals {
-    /// The supports of backward elimination: the term without which the regression on the others errs least leaves first.
+    /// The supports of backward elimination: the first term removed is the one whose removal increases the error least.
     pub backward: bool,
     /// The model without any term that is not fixed.
     pub zero: bool,

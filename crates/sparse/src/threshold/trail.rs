@@ -45,8 +45,8 @@ pub struct Step {
     pub parameter: f64,
     /// Forward regression: the error reduction ratio of each term, in the order of [`Trail::order`]. Their sum is `1 - rss / y'y`.
     pub err: Option<Vec<f64>>,
-    /// Groups of columns of the support that the rows cannot tell apart; their coefficients are the ones of least norm in units of the columns' root mean
-    /// squares.
+    /// Groups of columns of the support that the rows cannot tell apart. Their coefficients are those of least norm in
+    /// units of the columns' root mean squares.
     pub confounded: Vec<Vec<usize>>,
     /// Certificate of the model.
     pub certificate: StepCertificate,

@@ -11,7 +11,7 @@ use rand_pcg::Pcg64;
 pub(crate) mod aircraft;
 pub(crate) mod tasks;
 
-/// Rows, and what they are called.
+/// Rows, with a name.
 #[derive(Debug, Clone)]
 pub(crate) struct Rows {
     pub(crate) name: String,

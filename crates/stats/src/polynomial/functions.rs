@@ -34,7 +34,8 @@ enum Recipe {
 pub(super) struct Functions {
     /// The functions that are stored, in graded order.
     recipes: Vec<Recipe>,
-    /// For each function of the group the two stored ones that it is the product of (of a stored one: itself and 0); empty when all are stored.
+    /// For each function of the group, the two stored functions whose product it is (of a stored one: itself and 0).
+    /// Empty when all are stored.
     leaves: Vec<(usize, usize)>,
     /// Number of leading functions that are stored at their places in graded order.
     prefix: usize,

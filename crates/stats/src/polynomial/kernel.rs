@@ -46,7 +46,7 @@ pub(super) struct Program {
     pub(super) second: Functions,
     /// The targets, which are stored.
     pub(super) targets: Functions,
-    /// Functions of the first group up to the library's degree: what a target is multiplied by.
+    /// Functions of the first group up to the library's degree: factors of a target.
     pub(super) low: usize,
     pub(super) moments: Tiling,
     /// Sums of the functions of the first group that are not stored.
@@ -288,7 +288,7 @@ fn product_of<S: Simd>(simd: S, values: &[f64], factors: &[f64], out: &mut [f64]
 /// Adds the products of all tiles to their sums.
 struct Products<'a> {
     tiling: &'a Tiling,
-    /// The second group, of which what is not stored is made strip by strip.
+    /// The second group; its functions that are not stored are made strip by strip.
     functions: &'a Functions,
     /// Factors of the functions that are made strip by strip, such as the values of a target; `None`: 1.
     factors: Option<&'a [f64]>,

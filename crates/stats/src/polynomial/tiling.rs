@@ -1,9 +1,10 @@
 //! Products that make the moments, cut into register tiles.
 //!
-//! The variables are split into two groups. A Chebyshev product over all of them is a function of the first group times a function of the
-//! second, so the sums over rows of all products up to a total degree form a staircase-shaped part of the matrix (functions of
-//! group one)' x (functions of group two). Functions of one degree are neighbours in graded order: the staircase is a set of
-//! rectangles, and the rectangles are cut into tiles whose sums fit into registers.
+//! The variables are split into two groups. A Chebyshev product over all of them is a function of the first group times
+//! a function of the second. The sums over rows of all products up to a total degree therefore form a staircase-shaped
+//! part of the matrix (functions of group one)' x (functions of group two). Functions of one degree are neighbours in
+//! graded order, so that the staircase is a set of rectangles. The rectangles are cut into tiles whose sums fit into
+//! registers.
 
 use std::ops::Range;
 

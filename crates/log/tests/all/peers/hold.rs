@@ -19,7 +19,7 @@ pub(crate) struct Held {
     pub(crate) numbers: usize,
     /// Values that are missing on both sides.
     pub(crate) missing: usize,
-    /// The topics that are refused here and that the other decoder could not decode either, with what is said here.
+    /// Topics that both decoders refuse, with the error of this crate.
     pub(crate) refused: BTreeMap<String, String>,
     /// Differences between the two; one line a field at most.
     pub(crate) differences: Vec<String>,

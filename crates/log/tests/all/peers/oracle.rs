@@ -42,7 +42,7 @@ pub(crate) fn write_logs(python: &OsStr) -> tempfile::TempDir {
     folder
 }
 
-/// Reports of the decoders on some files, by the names of the files; `long` arrays too when asked for.
+/// Reports of the decoders on some files, by the names of the files; with `long`, long arrays too.
 pub(crate) fn read_logs(python: &OsStr, files: &[PathBuf], long: bool) -> BTreeMap<String, Told> {
     let option: &[&OsStr] = if long { &[OsStr::new("--long")] } else { &[] };
     let arguments: Vec<&OsStr> = option.iter().copied().chain(files.iter().map(|file| file.as_os_str())).collect();

@@ -9,8 +9,8 @@ use crate::parameter_error::{ParameterError, in_range, not_negative, positive};
 /// Climbs of twin-engine narrow-body jets from 5,000 ft to their cruise altitude, as quick access recorders keep them.
 ///
 /// Flight mechanics in the vertical plane, equations (26)-(29) of the block-sparse bolasso paper, with latent functions
-/// that are polynomials with known terms. A recording is one climb; it ends at its top. As in the paper there is no wind,
-/// and pressure altitude stands for height in (26) on warm and cold days too.
+/// that are polynomials with known terms. A recording is one climb; it ends at its top. As in the paper there is no
+/// wind, and height in (26) is pressure altitude on warm and cold days too.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct AircraftClimb {
@@ -18,7 +18,7 @@ pub struct AircraftClimb {
     pub aircraft: u32,
     /// Seconds between rows.
     pub row_period: f64,
-    /// Steps of the integrator between rows: with two, a climb is within 1 mm of what 32 times shorter steps say.
+    /// Steps of the integrator between rows: with two, a climb is within 1 mm of one with 32 times shorter steps.
     pub substeps: u32,
     /// When a recording begins, s since 1970. Default: 2025-01-01 00:00:00 UTC.
     pub epoch: i64,
@@ -166,13 +166,13 @@ pub struct Autopilot {
     pub normal_wander: f64,
     /// Its correlation time, s.
     pub normal_correlation: f64,
-    /// Acceleration asked for an error of speed, 1/s.
+    /// Demanded acceleration for an error of speed, 1/s.
     pub speed_gain: f64,
     /// The most deceleration that it asks for, m/s^2.
     pub deceleration: f64,
     /// The most of the excess thrust that it spends on acceleration, 1.
     pub acceleration_share: f64,
-    /// Rate of the path angle asked for an error of it, 1/s.
+    /// Demanded rate of the path angle for an error of it, 1/s.
     pub path_gain: f64,
     /// Time constant of the loop that holds the normal acceleration by the angle of attack, s.
     pub load_lag: f64,
@@ -231,7 +231,7 @@ impl AircraftClimb {
     /// Checks that a climb can be computed with these parameters.
     ///
     /// # Errors
-    /// The first parameter that is not, its value, and what it may be.
+    /// The first invalid parameter, with its value and its allowed range.
     pub fn validate(&self) -> Result<(), ParameterError> {
         in_range("row_period", self.row_period, 0.01, 10.0, "from 0.01 to 10 s")?;
         in_range("substeps", f64::from(self.substeps), 1.0, 1000.0, "from 1 to 1000")?;

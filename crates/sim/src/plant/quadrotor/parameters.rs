@@ -15,8 +15,8 @@ use crate::sensor::{
 /// A quadrotor that tracks a trajectory in wind.
 ///
 /// Equations (1)-(4) of chapter 3 of *Sparse Non-linear System Identification in Robotics Using Meta-Learning
-/// Approaches*, with the forces of the air as [`Airframe`] says and rotors that follow their commands with a lag. There
-/// is no ground.
+/// Approaches*. The forces of the air are those of [`Airframe`], and rotors follow their commands with a lag. There is
+/// no ground.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct QuadrotorFlight {
@@ -95,7 +95,7 @@ impl QuadrotorFlight {
     /// Checks that a flight can be computed with these parameters.
     ///
     /// # Errors
-    /// The first parameter with which it cannot, its value, and what it may be.
+    /// The first invalid parameter, with its value and its allowed range.
     pub fn validate(&self) -> Result<(), ParameterError> {
         in_range("row_period", self.row_period, 1e-4, 0.02, "from 0.0001 to 0.02 s")?;
         in_range("substeps", f64::from(self.substeps), 1.0, 100.0, "from 1 to 100")?;
