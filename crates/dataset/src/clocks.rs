@@ -1,4 +1,5 @@
-//! The clocks of other computers: what each shows more than the one that it is compared with, found from what both saw, log by log.
+//! Offsets of other computers' clocks: the difference of each from its reference clock, estimated log by log from a
+//! motion or a wave that both recorded.
 
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,4 @@
-//! Logs as columns: what is opened, and what is seen of it.
+//! Logs as columns: opening them, and viewing them through a recipe.
 
 mod beside;
 mod clock;

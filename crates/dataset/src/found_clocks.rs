@@ -1,4 +1,4 @@
-//! Clocks that were found: for the join, for people and for programs.
+//! Estimated clocks: for the join, for people and for programs.
 
 use fleetfoot_log::TopicClock;
 use fleetfoot_signal::{Alignment, EdgeAlignment, PartLag};

@@ -1,4 +1,4 @@
-//! Rows that no fit and no choice sees: the last part of every episode, or every fifth of many episodes.
+//! Held-out rows, which no fit and no choice uses: the last part of every episode, or every fifth of many episodes.
 
 use std::ops::Range;
 

@@ -1,4 +1,4 @@
-//! Logs opened for what a recipe asks of them.
+//! Opening of logs with the columns of a recipe.
 
 mod cost;
 mod measured;

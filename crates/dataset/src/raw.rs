@@ -1,4 +1,5 @@
-//! The raw log behind a prepared one: the way to it, which `prepare` writes, and its measurements at the rows of the prepared log.
+//! The raw log behind a prepared one: its path, which `prepare` writes, and its measurements at the rows of the
+//! prepared log.
 
 mod measured;
 mod opened;

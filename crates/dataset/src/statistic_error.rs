@@ -1,4 +1,4 @@
-//! Why a `.stats` file, or what was asked of it, was refused.
+//! Errors of `.stats` files and of requests to them.
 
 use fleetfoot_data::setting::{APPEND, EPISODES, FORCE, KEY, SCAN, STATS_DROP};
 

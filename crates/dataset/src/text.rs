@@ -1,4 +1,4 @@
-//! Text is no number: the codes of a column of words serve labels and conditions alone.
+//! Refusal of text as numbers: the codes of a column of words serve labels and conditions alone.
 
 use fleetfoot_data::setting::{EPISODES, PARTITION, WHERE};
 

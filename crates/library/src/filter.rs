@@ -1,4 +1,4 @@
-//! Filters: columns that remember, each named by its own definition.
+//! Filters: columns with memory, each named by its definition.
 //!
 //! The output of `lag1(m1, tau)` is a column of exactly that name: a [`Filtered`](crate::Filtered) source provides it, and a program, a view or a
 //! model reads it like any other. The second argument is constant in time: an expression of numbers and parameters.

@@ -1,4 +1,4 @@
-//! Parse errors: the place, what is wrong, and the mend.
+//! Parse errors: the place, the problem and the remedy.
 
 use std::fmt;
 

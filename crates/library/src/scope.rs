@@ -1,4 +1,4 @@
-//! Scopes: which names an expression's text may use, and what they mean.
+//! Scopes: the names that an expression's text may use, and their meanings.
 
 use std::{
     collections::{BTreeMap, BTreeSet},

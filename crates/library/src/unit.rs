@@ -1,4 +1,4 @@
-//! Units of measurement: what a column's numbers are in.
+//! Units of measurement of columns.
 
 mod check;
 mod parse;

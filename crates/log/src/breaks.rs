@@ -1,4 +1,4 @@
-//! Moments at which a log's writer says that it lost messages.
+//! Moments at which a log's writer reports lost messages.
 
 /// Such moments, in stamps, sorted.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]

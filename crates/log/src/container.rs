@@ -1,4 +1,4 @@
-//! The seam for containers of messages: what a robot's log gives, whichever format it is in.
+//! Interface of containers of messages: the same view of a robot's log for every format.
 //!
 //! A [`Container`] is a recording in one file or in several: topics whose messages are bytes of some encoding, in pieces that are read as a
 //! whole by whichever thread takes them. Above this file nobody knows which format it is but [`crate::containers::open`]. A further format is an

@@ -1,4 +1,4 @@
-//! Errors: each names the file, the place in it, and the mend.
+//! Errors: each names the file, the place in it, and the remedy.
 
 use std::path::PathBuf;
 

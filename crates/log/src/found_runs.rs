@@ -1,4 +1,4 @@
-//! Tables that look like the files of runs, a file a topic: what `[files]` of a recipe would say of them.
+//! Tables that look like the files of runs, a file a topic, with the `[files]` of a recipe for them.
 
 use std::{
     collections::{BTreeMap, BTreeSet},

@@ -1,4 +1,4 @@
-//! Episodes of one file, found in a pass over its stamps; only a compact index stays.
+//! Episodes of one file, from a pass over its stamps; only a compact index stays.
 
 use std::{ops::Range, path::Path};
 

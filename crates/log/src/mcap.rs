@@ -1,4 +1,5 @@
-//! The MCAP container: from a path to the bytes of messages, in parallel, in bounded memory, whatever the damage.
+//! The MCAP container: from a path to the bytes of messages, in parallel, in bounded memory, even if the file is
+//! damaged.
 //!
 //! A [`McapContainer`] is one file or the files of a rosbag2 folder. Opening maps the files and hops over their records: chunks become pieces,
 //! known by their place and, from the indexes behind them, by their channels. A piece is then decompressed, checked and read as a whole, by

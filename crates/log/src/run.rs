@@ -1,4 +1,4 @@
-//! The files of one run, a file a topic, as one log: which files belong together, and their rows joined on one clock.
+//! The files of one run, a file a topic, as one log: grouping of files, and rows joined on one clock.
 
 use std::{
     collections::{BTreeMap, BTreeSet},

@@ -1,4 +1,4 @@
-//! Decoded columns on their way to being read: in memory while they fit a budget, in an unnamed temporary file beyond it.
+//! Decoded columns until they are read: in memory while they fit a budget, in an unnamed temporary file beyond it.
 
 use std::{
     fs::File,

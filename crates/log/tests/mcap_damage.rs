@@ -1,5 +1,5 @@
-//! A robot's log of half a megabyte, cut and changed everywhere, through the public door: never a panic, a hang, an invented value or memory
-//! beyond bounds, and what is lost is told.
+//! A robot's log of half a megabyte, cut and changed everywhere, through the public interface. There is never a panic,
+//! a hang, an invented value or memory beyond bounds, and losses are reported.
 
 use std::{
     alloc::{GlobalAlloc, Layout, System},

@@ -1,4 +1,4 @@
-//! Why a schema or a message cannot be used.
+//! Errors of schemas and messages.
 
 /// A message's bytes do not fit its schema.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

@@ -1,4 +1,5 @@
-//! ROS 1 and ROS 2 messages: definitions in `.msg` and IDL, bytes in ROS 1's own layout and in CDR. ULog's messages are packed as ROS 1's are.
+//! ROS 1 and ROS 2 messages: definitions in `.msg` and IDL, bytes in the layout of ROS 1 and in CDR. ULog's messages
+//! are packed as those of ROS 1.
 
 mod block;
 mod compile;

@@ -168,7 +168,7 @@ impl Sums {
         if scale > 0.0 { (1.0 - self.xy / scale * self.xy).max(0.0) } else { 1.0 }
     }
 
-    /// Sum of squares of x that a constant and y do not explain.
+    /// Residual of x after the regression on a constant and y.
     fn rest(&self, x: f64, y: f64) -> f64 {
         x - self.x - self.xy / self.yy * (y - self.y)
     }

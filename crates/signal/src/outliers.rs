@@ -1,4 +1,4 @@
-//! Values that a sensor did not measure: gross errors, stuck and saturated stretches.
+//! Values that are no measurements: gross errors, stuck and saturated stretches.
 
 use std::{collections::BTreeSet, ops::Range};
 

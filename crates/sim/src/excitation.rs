@@ -1,4 +1,4 @@
-//! Excitation: signals that move a robot so that its log says something about it.
+//! Excitation: signals that move a robot so that its log has information about it.
 //!
 //! Good data means a small variance of what is estimated from it: every direction of the regressors is moved, at the
 //! frequencies and over the range of states that matter. Which signal is better for a robot is told by the

@@ -1,4 +1,4 @@
-//! A regulator on a robot: what it reads found among what the robot's sensors show.
+//! A regulator on a robot: its columns are matched with the robot's readings.
 
 use fleetfoot_control::controller::{Controller, ControllerState, Regulator};
 

@@ -1,4 +1,5 @@
-//! Bolasso and stability selection: what many resamples of the data agree on (block-sparse bolasso paper, section 7.1).
+//! Bolasso and stability selection: selections on which many resamples of the data agree (block-sparse bolasso paper,
+//! section 7.1).
 //!
 //! The lasso keeps the columns that made the data but also, with a probability that does not fall to zero, others that are correlated with them. These
 //! change from resample to resample; the intersection of the supports is consistent (Bach 2008; Theorem 7.1 of the paper) at lambda = lambda_0 / sqrt(n)

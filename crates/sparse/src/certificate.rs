@@ -1,4 +1,4 @@
-//! Certificates: how far coefficients are from the minimum, computed from the statistic alone.
+//! Certificates: distance of coefficients from the minimum, computed from the statistic alone.
 //!
 //! In correlation form (unit columns, unit target) the problem is `1/2 |r|^2 + sum l_j |d_j| + 1/2 sum ridge_j d_j^2`, r = z - A d. With the
 //! ridge as rows below A, g = A'r - ridge d, and s in [0, 1] the largest factor that makes s g feasible for the dual (`|s g_j| <= l_j`, one-sided

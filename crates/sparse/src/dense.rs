@@ -1,4 +1,4 @@
-//! Problems from dense rows in memory, read where they lie: one pass, and a statistic for every group of rows.
+//! Problems from dense rows in memory, read in place: one pass, and a statistic for every group of rows.
 
 mod gather;
 mod nonzeros;

@@ -1,4 +1,4 @@
-//! The steps of the path: who is tied at a knot, which way the coefficients go, and where the next knot is.
+//! Steps of the path: ties at a knot, direction of the coefficients, and the next knot.
 //!
 //! In correlation form, with the active set S and signs s, the coefficients at lambda are `x - lambda y`, x = U^-1 q and y = U^-1 t, and all
 //! correlations with the residual are `e + lambda a` ([`Factor`]). An inactive column j meets the bound on side s where

@@ -1,4 +1,4 @@
-//! Folds: which rows are held out together, and which of their neighbours train nothing for them. One rule for every method.
+//! Folds: the rows held out together, and the neighbours that train nothing for them. One rule for every method.
 //!
 //! Neighbouring rows of a log resemble each other, so that no fold is drawn row by row. With enough episodes folds are whole episodes. With few, every
 //! episode is cut into contiguous spans, at least [`SPANS`] of them, that belong to the folds in turn: each fold sees every episode. The rows on either

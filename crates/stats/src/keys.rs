@@ -1,4 +1,4 @@
-//! Statistics by key: what makes every sum exact, whoever computed its parts.
+//! Statistics by key: every sum is exact, in whichever parts it was computed.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! The plan of a scan: which rows make which chunk, and which fold each chunk belongs to.
+//! Plan of a scan: its chunks of rows, and the fold of each chunk.
 //!
 //! The chunk grid is anchored at the start of each episode and depends on nothing but the episodes' identities and lengths and the plan's
 //! numbers: not on files, their order, block sizes or threads.

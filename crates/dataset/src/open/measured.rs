@@ -1,4 +1,4 @@
-//! Logs opened for what a filter measures, which is not what the model was fitted on.
+//! Opening of logs for a filter's measurements, which differ from the columns that the model was fitted on.
 
 use fleetfoot_data::Progress;
 use fleetfoot_model::{Column as ModelColumn, Model, Role};

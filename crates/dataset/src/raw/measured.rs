@@ -1,4 +1,4 @@
-//! Measurements at the rows of prepared logs: the same rows, with what the raw logs have in the place of smoothed values.
+//! Measurements at the rows of prepared logs: values of the raw logs replace the smoothed ones.
 
 use std::{
     collections::{BTreeMap, BTreeSet},

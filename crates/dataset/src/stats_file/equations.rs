@@ -1,4 +1,4 @@
-//! The sums of equations in a statistic: what `fit sindy` and `fit pwa` fit without the logs.
+//! Sums of equations in a statistic, from which `fit sindy` and `fit pwa` fit without the logs.
 //!
 //! Every partition that the recipe names has sums of its own, and so has the one region of all rows; where `fit pwa` measures a derivative otherwise than
 //! `fit sindy`, or over other functions, it has sums of its own too. What a pass over logs settles before it sums (the order

@@ -1,4 +1,4 @@
-//! Filters read from the names of their columns, and what expressions read through them.
+//! Filters read from the names of their columns, and the columns that expressions read through them.
 
 use std::sync::Arc;
 

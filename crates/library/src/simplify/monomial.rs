@@ -1,4 +1,5 @@
-//! Expressions as a number times integer powers: what products of candidate functions are compared and collected by.
+//! Expressions as a number times integer powers, a form in which products of candidate functions are compared and
+//! collected.
 
 use crate::{Binary, Expr, Node, Unary, function::integer_power};
 

@@ -1,4 +1,4 @@
-//! Expressions as a number plus multiples of distinct functions: what sums are collected by.
+//! Expressions as a number plus multiples of distinct functions, a form in which sums are collected.
 
 use std::collections::HashMap;
 

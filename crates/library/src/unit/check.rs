@@ -1,4 +1,4 @@
-//! Units of expressions: what follows from those of the columns.
+//! Units of expressions, derived from those of the columns.
 
 use super::{Unit, UnitError};
 use crate::{Binary, Expr, Filter, FilterKind, Node, Terms, Unary};

@@ -1,4 +1,4 @@
-//! Some messages of each topic: what fields they have, and whether their headers are filled in.
+//! Sample of each topic's messages: their fields, and whether their headers are filled in.
 
 use std::collections::{BTreeMap, HashMap};
 

@@ -1,4 +1,5 @@
-//! Columns separated by blanks: every run of them becomes one tab, and nothing moves, so that places in the text stay what they are.
+//! Columns separated by blanks: every run of blanks becomes one tab without moving a byte, so that offsets in the text
+//! stay the same.
 
 use std::{borrow::Cow, io::Read};
 

@@ -1,4 +1,4 @@
-//! Comment lines of a text file: line ends take their place, so that nothing in them is read, no quote either.
+//! Comment lines of a text file: line ends take their place, so that no part of them is read, not even a quote.
 
 use std::{cell::Cell, rc::Rc};
 

@@ -1,4 +1,4 @@
-//! The beginning of a text file: delimiter, header, and what the columns look like.
+//! Beginning of a text file: delimiter, header, and the types of the columns.
 
 use std::{collections::BTreeMap, io::Read, path::Path};
 

@@ -1,4 +1,4 @@
-//! Schemas and channels: which topic a message belongs to, and what its bytes mean.
+//! Schemas and channels: the topic of a message, and the meaning of its bytes.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -1,4 +1,4 @@
-//! Decoders that stay where they stopped, so that a scan in chunks decompresses every page once.
+//! Decoders that keep their position, so that a scan in chunks decompresses every page once.
 //!
 //! A Parquet page holds far more or fewer rows than a chunk, and a column's dictionary comes before all its pages: a range decoded from
 //! nothing pays for both. So each column's decoder is put back at the row where it stopped, with the last few values for the next halo.

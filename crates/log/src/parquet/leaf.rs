@@ -1,4 +1,4 @@
-//! Leaf columns of a Parquet schema: how their values become numbers, stamps or texts.
+//! Leaf columns of a Parquet schema: conversion of their values to numbers, stamps or texts.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! Names of clocks, and the units that names and headers tell.
+//! Names of clocks, and the units in names and headers.
 
 use std::collections::HashMap;
 

@@ -1,4 +1,4 @@
-//! Formats and subscriptions: which topic a message belongs to, where its time is, what its bytes mean.
+//! Formats and subscriptions: the topic of a message, the place of its time, and the meaning of its bytes.
 
 use std::{
     collections::{BTreeMap, BTreeSet},

@@ -1,4 +1,4 @@
-//! Messages of a ULog file, read in place. Every length is checked against the bytes that are there; nothing is copied.
+//! Messages of a ULog file, read in place without copies. Every length is checked against the available bytes.
 
 /// Bytes of the file before its first message: magic, version, time of its beginning.
 pub(super) const HEADER: usize = 16;

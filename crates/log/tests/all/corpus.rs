@@ -1,4 +1,4 @@
-//! Every input that fuzzing is known to need, through the very functions of the fuzz targets: what was repaired stays repaired, in every
+//! Known inputs from fuzzing, run through the functions of the fuzz targets: repaired faults stay repaired, in every
 //! build and without a nightly compiler.
 
 use std::{

@@ -1,4 +1,5 @@
-//! A table is the same numbers as Parquet and as CSV: any types, encodings, pages and row groups, whatever is read beside a column and in whichever steps.
+//! A table is the same numbers as Parquet and as CSV: for all types, encodings, pages and row groups, for all columns
+//! read beside it and all steps.
 
 use std::{fs::File, ops::Range, path::Path, sync::Arc};
 

@@ -1,4 +1,5 @@
-//! Stamps in every unit, at every rate, from every start, under every name and in every type: read right, or refused.
+//! Stamps in every unit, at every rate, from every start, under every name and in every type: read correctly, or
+//! refused.
 
 use std::{collections::BTreeSet, sync::Arc};
 

@@ -1,4 +1,4 @@
-//! Decodes JSON, all of it or what is wanted.
+//! Decoding of JSON: all of it, or the wanted fields.
 
 use std::{collections::HashMap, fmt, sync::Arc};
 

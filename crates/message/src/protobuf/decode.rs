@@ -1,4 +1,4 @@
-//! Decodes messages by a plan.
+//! Decoding of messages by a plan.
 //!
 //! Parts of a message may come in any order and more than once: the last of a number counts, the elements of arrays add up, and the parts of a
 //! message inside are read as if they stood behind one another. So the places of inner messages are collected first and read when the outer

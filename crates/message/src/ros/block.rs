@@ -1,4 +1,4 @@
-//! Operations as they are put one behind the other, with what is known of the place in the message.
+//! Operations in sequence, with the known alignment of the place in the message.
 
 use super::{
     program::{Load, Op},

@@ -1,4 +1,4 @@
-//! Whole messages: a plain recursive decoder over the schema. It is what the compiled programs are held against.
+//! Whole messages: a plain recursive decoder over the schema, the reference for the compiled programs.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Format definitions of ULog, and where its messages have their time.
+//! Format definitions of ULog, and the place of the time in its messages.
 //!
 //! Format: <https://docs.px4.io/main/en/dev_log/ulog_file_format.html>. A message is a packed little-endian struct. A schema is a text with one
 //! definition a line, `name:type field;type[4] field;...`, the message's own among them. Fields go by the names that pyulog gives them: `q[0]`,

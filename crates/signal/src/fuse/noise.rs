@@ -218,8 +218,8 @@ pub(super) struct Sought {
     pub(super) densities: [[Option<f64>; 3]; 2],
 }
 
-/// Limit of a sequence of changes that shrink by the ratio of this change to the last. After a large extrapolation the
-/// ratio is unknown, and `last` is then zero.
+/// Limit of a sequence of changes that shrink by the ratio of this change to the last. After an extrapolation the ratio
+/// is unknown, and `last` is then zero.
 fn ahead_of(change: f64, last: &mut f64) -> f64 {
     if change * *last > 0.0 && change.abs() < last.abs() {
         let whole = change / (1.0 - change / *last);

@@ -1,4 +1,4 @@
-//! One uninterrupted stretch of poses over which the inertial sensor was heard: a chain of nodes, one a pose.
+//! One uninterrupted stretch of poses with readings of the inertial sensor: a chain of nodes, one a pose.
 
 use super::{
     BodyNoise, ImuRecord, PoseRecord,

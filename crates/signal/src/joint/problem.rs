@@ -1,4 +1,4 @@
-//! The readings of all runs, what is known of the sensors at present, and what a pass over the readings says of it.
+//! The readings of all runs, the present constants of the sensors, and the results of a pass over the readings.
 
 use std::sync::{Mutex, PoisonError};
 

@@ -1,4 +1,4 @@
-//! The first rows, up to the M-th measured one, where nothing is known of some direction of the state.
+//! The first rows, up to the M-th measured one, while some direction of the state is still unknown.
 //!
 //! There the filter has no covariance. What is known is rows of a least-squares problem, R s = z with errors of variance one (a square-root information filter:
 //! Dyer and McReynolds, "Extension of square-root filtering to include process noise", JOTA 3, 1969). No large number stands for "unknown", so that the spline is

@@ -1,4 +1,4 @@
-//! The way back: the state of a row from that of the next, what leads there made for several rows in a register.
+//! Backward pass: the state of a row from that of the next. Its matrices are made for several rows in a register.
 
 use pulp::{Simd, WithSimd};
 

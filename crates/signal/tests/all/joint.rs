@@ -1,4 +1,4 @@
-//! Joints: sensors at their own rates, against dense least squares and against the truth of a simulated chain.
+//! Joints: sensors at different rates, against dense least squares and against the truth of a simulated chain.
 
 use fleetfoot_data::with_threads;
 use fleetfoot_signal::{

@@ -1,4 +1,4 @@
-//! The International Standard Atmosphere up to 20 km, warmer or colder by a constant, and the speeds that hang on it.
+//! The International Standard Atmosphere up to 20 km, warmer or colder by a constant, and the speeds that depend on it.
 //!
 //! ISO 2533; the same model as in appendices A-C of the block-sparse bolasso paper, continued above 11 km. Altitude is
 //! pressure altitude: on a day that is not standard the pressure at an altitude stays, temperature and density change.

@@ -1,4 +1,4 @@
-//! An inertial measurement unit: specific force and angular velocity, as its registers say them.
+//! An inertial measurement unit: specific force and angular velocity, as in its registers.
 
 use glam::{DQuat, DVec3, EulerRot};
 use rand_pcg::Pcg64;

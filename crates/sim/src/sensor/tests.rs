@@ -1,4 +1,4 @@
-//! Sensors together: what a log of two computers tells about their clocks, and what one sensor owes to another.
+//! Sensors together: information in a log of two computers about their clocks, and independence of the sensors.
 
 use glam::{DQuat, DVec3};
 

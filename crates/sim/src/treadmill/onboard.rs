@@ -1,4 +1,4 @@
-//! The robot's own computer: from a velocity command to the motors' voltages.
+//! The robot's computer: from a velocity command to the motors' voltages.
 
 use std::collections::VecDeque;
 

@@ -1,4 +1,4 @@
-//! Everything physical about the experiment.
+//! Physical parameters of the experiment.
 
 use fleetfoot_control::controller::{DifferentialDrive, Regulator, Treadmill};
 use serde::{Deserialize, Serialize};

@@ -1,4 +1,4 @@
-//! From what happens to messages and rows.
+//! Recording of events as messages and rows.
 
 use glam::DVec3;
 

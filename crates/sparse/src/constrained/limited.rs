@@ -1,5 +1,5 @@
-//! Fits that keep limits at every row of the data: drag that is never negative (the failure of the paper's section 9.3), a friction that only takes power, an
-//! inertia matrix that is positive definite.
+//! Fits that keep limits at every row of the data. Examples are drag that is never negative (the failure of the paper's
+//! section 9.3), a friction that only takes power, and an inertia matrix that is positive definite.
 //!
 //! A million rows are a million inequalities, of which a few matter. So constraints are generated: solve, pass over the rows once for the worst
 //! violations, add these, and again (the cutting-plane method of Kelley 1960), until a pass finds none. A matrix M with an eigenvector v below its bound is cut off by

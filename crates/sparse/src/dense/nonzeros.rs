@@ -1,4 +1,5 @@
-//! Rows of few values that are not zero: their products, in rows times the square of these.
+//! Sparse rows: products of their nonzero values, in time proportional to the rows times the square of the values a
+//! row.
 
 use std::ops::Range;
 

@@ -207,7 +207,7 @@ fn few_solutions_of_many_columns_are_found_on_the_rows() {
 struct Scattered {
     rows: usize,
     regressors: usize,
-    /// True if the source reports the positions of its nonzero values.
+    /// True if the source reports its density, and so its nonzero values.
     tells: bool,
     /// True if a column nearly repeats another one.
     leans: bool,

@@ -1,4 +1,4 @@
-//! Coefficients that cannot be told apart, and how much the others inflate the variance of each.
+//! Coefficients that cannot be told apart, and the variance inflation of each by the others.
 
 use faer::Mat;
 

@@ -1,4 +1,4 @@
-//! Why a question about a fit has no answer.
+//! Errors of inference for a fit.
 
 use fleetfoot_data::Cancelled;
 

@@ -1,4 +1,4 @@
-//! Candidates of a NARX model, and which orders have them.
+//! Candidates of a NARX model, and the orders that contain them.
 
 use std::collections::HashSet;
 

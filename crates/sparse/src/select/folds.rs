@@ -1,4 +1,4 @@
-//! Folds: which stored statistics train and which test, as weights of the members.
+//! Folds: training and test statistics, as weights of the members.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -1,4 +1,5 @@
-//! All targets at once, under one rule: what pysindy's optimisers answer for several targets, iteration by iteration.
+//! All targets at once, under one rule: the answers of pysindy's optimisers for several targets, iteration by
+//! iteration.
 
 use fleetfoot_stats::Compressed;
 

@@ -1,4 +1,4 @@
-//! Supports that compete: those of an optimiser's own path, of backward elimination, and the plainest there are.
+//! Supports that compete: those of an optimiser's path, of backward elimination, and the simplest ones.
 
 use fleetfoot_stats::Compressed;
 

@@ -1,4 +1,5 @@
-//! Thresholding between bounds: every set of held coefficients tried as oracle, another solver, and what all models keep.
+//! Thresholding between bounds, against an enumeration of held coefficients, another solver, and properties of all
+//! models.
 
 use faer::{Mat, linalg::solvers::Solve};
 use fleetfoot_data::{Silent, mix};

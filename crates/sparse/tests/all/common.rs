@@ -1,4 +1,4 @@
-//! Problems that every solver is run on: random ones, degenerate ones, and their rows, for checks that use no statistic.
+//! Problems for every solver: random ones, degenerate ones, and their rows, for checks that use no statistic.
 
 #![allow(dead_code, reason = "every test binary uses its own part")]
 

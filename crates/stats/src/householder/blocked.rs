@@ -1,4 +1,5 @@
-//! Reflectors by the block: what does not stay in a processor's cache is read once a block, by matrix products on all threads.
+//! Reflectors by the block: data that exceed a processor's cache are read once a block, by matrix products on all
+//! threads.
 //!
 //! A block of reflectors is `I - V T V'` with T upper triangular (the compact WY form; Schreiber and Van Loan 1989). Its columns are reduced one by one, the
 //! columns behind them at once. Pieces of columns have a fixed width, so that the bits do not depend on the threads.

@@ -1,4 +1,4 @@
-//! A plan of moments as bytes: what defines its basis, from which everything else follows.
+//! A plan of moments as bytes: the definition of its basis, from which everything else follows.
 
 use super::{AffineMap, PolynomialError, PolynomialPlan, check_size};
 

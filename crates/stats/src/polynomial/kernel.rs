@@ -290,7 +290,7 @@ struct Products<'a> {
     tiling: &'a Tiling,
     /// The second group; its functions that are not stored are made strip by strip.
     functions: &'a Functions,
-    /// Factors of the functions that are made strip by strip, such as the values of a target; `None`: 1.
+    /// Row weights of the functions that are made strip by strip; `None`: 1.
     factors: Option<&'a [f64]>,
     /// Buffer for one strip, which stays in first-level cache.
     leaves: &'a mut [f64],

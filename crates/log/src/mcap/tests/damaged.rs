@@ -1,4 +1,4 @@
-//! Cut and changed files: nothing panics, nothing is invented, and what is missing is told.
+//! Cut and changed files: no panic, no invented message, and every loss is reported.
 
 use super::*;
 use crate::mcap::record::{Fields, Record, for_each_message, record_at, sound_record_at};

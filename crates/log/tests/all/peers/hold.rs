@@ -1,4 +1,4 @@
-//! Holds a log, as it is read here, against what another decoder tells of it.
+//! Comparison of a log as this crate reads it with another decoder's output.
 
 use std::{
     collections::{BTreeMap, BTreeSet},

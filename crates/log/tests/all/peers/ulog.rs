@@ -1,4 +1,4 @@
-//! ULog files, held against what pyulog reads in them: every number of every message, and what the file says of itself.
+//! ULog files compared with pyulog: every number of every message, and the file's metadata.
 
 use std::{
     collections::BTreeMap,

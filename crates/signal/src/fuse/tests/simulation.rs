@@ -1,4 +1,4 @@
-//! A body whose motion is known in closed form, and what its sensors would say.
+//! A body with a motion in closed form, and the readings of its sensors.
 
 use fleetfoot_data::mix;
 

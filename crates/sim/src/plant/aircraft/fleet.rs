@@ -1,4 +1,4 @@
-//! The aircraft of a fleet, and what is drawn for each of their flights.
+//! The aircraft of a fleet, and the random conditions of their flights.
 
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};

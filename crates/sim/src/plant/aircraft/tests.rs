@@ -1,4 +1,4 @@
-//! The climbs against the equations that they are to obey.
+//! The climbs against their equations.
 
 use fleetfoot_data::{Cancelled, Halo, MemorySource, Silent, Source, parallel_map, with_threads};
 
