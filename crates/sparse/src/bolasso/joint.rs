@@ -112,8 +112,8 @@ struct TaskMap<'a> {
     /// Preconditioned columns to x~ (d x (p + 1)), and x~ of their centre.
     map: Mat<f64>,
     centre: Vec<f64>,
-    /// Map from preconditioned columns to the task's regressors in units (d x (d - 1)), and their centre less the one that
-    /// the sums subtract.
+    /// Map from preconditioned columns to the task's regressors in units (d x (d - 1)), and their centre less the one
+    /// that the sums subtract.
     regressors: Mat<f64>,
     offset: Vec<f64>,
     /// Index of its sums, if its scales are deviations.
