@@ -1,5 +1,5 @@
-//! Offsets of other computers' clocks: the difference of each from its reference clock, estimated log by log from a
-//! motion or a wave that both recorded.
+//! Offsets of other computers' clocks from their reference clocks, estimated log by log from a motion or a wave that
+//! both recorded.
 
 use std::path::{Path, PathBuf};
 

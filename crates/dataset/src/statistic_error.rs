@@ -10,7 +10,7 @@ pub(crate) const VERSION: u32 = 4;
 /// The oldest format that is read. Files of format 3 say the hash of their plan by another rule, and nothing else differently.
 pub(crate) const OLDEST: u32 = 3;
 
-/// Why a `.stats` file, or what was asked of it, was refused.
+/// Errors of a `.stats` file, or of a request to it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StatisticError {

@@ -1,7 +1,8 @@
 //! Filters: columns with memory, each named by its definition.
 //!
-//! The output of `lag1(m1, tau)` is a column of exactly that name: a [`Filtered`](crate::Filtered) source provides it, and a program, a view or a
-//! model reads it like any other. The second argument is constant in time: an expression of numbers and parameters.
+//! The output of `lag1(m1, tau)` is a column of exactly that name. A [`Filtered`](crate::Filtered) source provides it,
+//! and a program, a view or a model reads it like any other. The second argument is constant in time: an expression of
+//! numbers and parameters.
 
 use std::fmt::{self, Display, Formatter};
 

@@ -1,10 +1,11 @@
 //! Interface of containers of messages: the same view of a robot's log for every format.
 //!
-//! A [`Container`] is a recording in one file or in several: topics whose messages are bytes of some encoding, in pieces that are read as a
-//! whole by whichever thread takes them. Above this file nobody knows which format it is but [`crate::containers::open`]. A further format is an
-//! implementation of the trait, a line there, and its name in [`crate::Format`].
+//! A [`Container`] is a recording in one file or in several. Its topics have messages that are bytes of some encoding.
+//! Its pieces are read as a whole, each by one thread. Above this file only [`crate::containers::open`] knows the
+//! format. A further format is an implementation of the trait, a line there, and its name in [`crate::Format`].
 //!
-//! Nothing that a file says is believed unchecked. What cannot be read is skipped up to the next sound place and counted ([`Damage`]).
+//! All data of a file are checked before use. Unreadable parts are skipped up to the next sound place and counted
+//! ([`Damage`]).
 
 mod damage;
 mod map;

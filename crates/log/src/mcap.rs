@@ -5,8 +5,9 @@
 //! known by their place and, from the indexes behind them, by their channels. A piece is then decompressed, checked and read as a whole, by
 //! whichever thread takes it; pieces without a wanted topic are not touched.
 //!
-//! Nothing that a file says is believed unchecked. Lengths are held against the bytes that are there, indexes against the summary, chunks
-//! against their checksums. What cannot be read is skipped up to the next sound place and counted ([`crate::container::Damage`]).
+//! All data of a file are checked before use: lengths against the available bytes, indexes against the summary, chunks
+//! against their checksums. Unreadable parts are skipped up to the next sound place and counted
+//! ([`crate::container::Damage`]).
 
 mod channels;
 mod chunk;

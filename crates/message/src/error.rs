@@ -17,7 +17,7 @@ impl DecodeError {
     }
 }
 
-/// A schema cannot be understood, or does not have what is asked of it.
+/// A schema that cannot be understood, or that lacks a requested field.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SchemaError {

@@ -4,8 +4,8 @@
 //! is a plain struct of borrowed data with its name, its definition and its bytes. The bytes are little-endian CDR
 //! (XCDR version 1), as every ROS 2 middleware since Foxy reads it.
 //!
-//! Vectors are `[x, y, z]` in metres, metres per second, radians per second, newtons or newton metres, as stated at
-//! their field; quaternions are `[x, y, z, w]`; covariances are row-major.
+//! Vectors are `[x, y, z]` in SI units: metres, metres per second, radians per second, newtons or newton metres, as
+//! stated at their field. Quaternions are `[x, y, z, w]`; covariances are row-major.
 
 mod cdr;
 mod definition;

@@ -180,9 +180,9 @@ impl Sums {
 ///
 /// The second channel is smoothed first, by a spline with the likeliest penalty, and interpolated by cubics between its
 /// stamps. Without smoothing, interpolation between noisy stamps averages, and lags in between would look better than
-/// they are. If one channel is at least twice as fast as the other, its means over the other's period are compared:
-/// faster motion has no information about the lag. Gross errors of both are left out before, since one of a hundred
-/// deviations weighs more than all of the motion.
+/// they are. If one channel is at least twice as fast, its means over the other's period are compared: faster motion
+/// has no information about the lag. Gross errors of both are left out before, since one of a hundred deviations weighs
+/// more than all of the motion.
 ///
 /// Lags are tried at steps of the shorter period. Skews are tried at steps that displace the ends of the record by at
 /// most the time over which the channel changes. So no first guess is needed. Gauss and Newton's steps then refine the

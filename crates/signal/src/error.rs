@@ -93,7 +93,7 @@ pub enum SignalError {
         /// Why, and what to do.
         problem: &'static str,
     },
-    /// A wave that is said to be even, and is not.
+    /// A wave that is stated to be even, and is not.
     #[error(
         "no even wave passes between the stamps before and after its edges: even out the stamps (dejitter), leave out what one of them missed, or do not call the wave even"
     )]

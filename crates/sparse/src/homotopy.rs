@@ -1,8 +1,9 @@
 //! Steps of the path: ties at a knot, direction of the coefficients, and the next knot.
 //!
-//! In correlation form, with the active set S and signs s, the coefficients at lambda are `x - lambda y`, x = U^-1 q and y = U^-1 t, and all
-//! correlations with the residual are `e + lambda a` ([`Factor`]). An inactive column j meets the bound on side s where
-//! `s (e_j + lambda a_j) = lambda omega_j`, so at `lambda = s e_j / (omega_j - s a_j)`; an active one reaches zero at `x_j / y_j`.
+//! In correlation form, with the active set S and signs s, the coefficients at lambda are `x - lambda y`, x = U^-1 q
+//! and y = U^-1 t. All correlations with the residual are `e + lambda a` ([`Factor`]). An inactive column j meets the
+//! bound on side s where `s (e_j + lambda a_j) = lambda omega_j`, so at `lambda = s e_j / (omega_j - s a_j)`. An active
+//! one reaches zero at `x_j / y_j`.
 
 use fleetfoot_data::checkpoint;
 

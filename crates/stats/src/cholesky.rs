@@ -19,8 +19,8 @@ const GOOD: f64 = 0.1;
 pub struct PivotedCholesky {
     /// The pivots in their order: the others of the p columns were set aside.
     pub order: Vec<usize>,
-    /// The factor (p x d), with as many valid rows as there are pivots and the columns in matrix order: triangular only
-    /// in the order of the pivots.
+    /// The factor (p x d), with as many valid rows as there are pivots. Columns are in matrix order, so that it is
+    /// triangular only in the order of the pivots.
     pub factor: Slab,
     /// Diagonal of the matrix that remains after the factor: `diag(A - C'C)` (d).
     pub left: Vec<f64>,

@@ -1,9 +1,9 @@
 //! Folds: the rows held out together, and the neighbours that train nothing for them. One rule for every method.
 //!
-//! Neighbouring rows of a log resemble each other, so that no fold is drawn row by row. With enough episodes folds are whole episodes. With few, every
-//! episode is cut into contiguous spans, at least [`SPANS`] of them, that belong to the folds in turn: each fold sees every episode. The rows on either
-//! side of a held-out span train nothing for it: those that are made of the same samples, and those that are correlated with it, as far as these are no
-//! more than a tenth of a span.
+//! Neighbouring rows of a log resemble each other, so that no fold is drawn row by row. With enough episodes folds are
+//! whole episodes. With few, every episode is cut into contiguous spans, at least [`SPANS`] of them, that belong to the
+//! folds in turn: each fold sees every episode. Rows on either side of a held-out span train nothing for it if they are
+//! made of the same samples. The same holds for rows that are correlated with it, up to a tenth of a span.
 
 use std::{collections::BTreeMap, ops::Range};
 

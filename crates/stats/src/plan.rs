@@ -1,7 +1,7 @@
 //! Plan of a scan: its chunks of rows, and the fold of each chunk.
 //!
-//! The chunk grid is anchored at the start of each episode and depends on nothing but the episodes' identities and lengths and the plan's
-//! numbers: not on files, their order, block sizes or threads.
+//! The chunk grid is anchored at the start of each episode. It depends only on the episodes' identities and lengths and
+//! on the plan's numbers: not on files, their order, block sizes or threads.
 
 use std::ops::Range;
 

@@ -36,8 +36,8 @@ const PILOT_ROWS: usize = 256;
 ///
 /// `x~ = (x - c) P T^-1`, `y~ = (y - c - x~ B) diag(s)^-1`
 ///
-/// Here P is a permutation (the pilot's pivot order), T upper triangular, B the pilot's regression of the targets on
-/// its strong directions, and s the size of its residual. Taking B out of the targets keeps the residual of an exact
+/// Here P is a permutation (the pilot's pivot order) and T upper triangular. B is the pilot's regression of the targets
+/// on its strong directions, and s the size of its residual. Taking B out of the targets keeps the residual of an exact
 /// fit at the level of rounding squared. The Gram matrix of y itself would have it only to `1e-16 y'y`.
 ///
 /// Any pilot gives a valid change of coordinates; a poor one costs accuracy, which [`SquareRoot::condition`](crate::SquareRoot)

@@ -1,7 +1,7 @@
 //! Test that two sets of rows have the same least-squares coefficients, from the sufficient statistics of each.
 //!
 //! The rows of a set obey `y = B'[1 x] + e` with normal errors, of one covariance in both sets up to a factor. The
-//! likelihood ratio of two fits against one joint fit is a power of Wilks's statistic `|E_a + E_b| / |E_joint|`, with E
+//! likelihood ratio of two fits against one joint fit is a power of Wilks's statistic `|E_a + E_b| / |E_joint|`. E are
 //! the squares and products of the residuals (q x q). `E_joint - E_a - E_b` is the growth of the error by which cells
 //! are joined. For one target this is the test of Chow (*Econometrica* 28, 1960). The distribution is Rao's F
 //! approximation (C. R. Rao, *Linear Statistical Inference and its Applications*, section 8c.5), which is exact for one
@@ -118,8 +118,8 @@ impl Leftover {
 /// their rows that counts as independent ([`crate::BatchMeans`]; 1: all of them).
 ///
 /// The errors of one set may be larger than those of the other: its rows then weigh less, as in weighted least squares.
-/// With equal weights, a set of a quarter of the rows and twice the noise would be told apart in 30 of 100 cases at a
-/// level of 5.
+/// With equal weights the test at a level of 5 would reject 30 of 100 cases, for a set of a quarter of the rows and
+/// twice the noise.
 ///
 /// `None` if there is nothing to tell apart: fewer rows than coefficients of the fits, or as many coefficients in one
 /// fit as in two.

@@ -1,8 +1,9 @@
 //! Sums of equations in a statistic, from which `fit sindy` and `fit pwa` fit without the logs.
 //!
-//! Every partition that the recipe names has sums of its own, and so has the one region of all rows; where `fit pwa` measures a derivative otherwise than
-//! `fit sindy`, or over other functions, it has sums of its own too. What a pass over logs settles before it sums (the order
-//! of differences, the regions) is frozen with the plan, so that the sums of other logs go with them.
+//! Every partition of the recipe has separate sums, and so has the one region of all rows. So has `fit pwa` if it
+//! measures a derivative otherwise than `fit sindy`, or over other functions. A pass over logs makes some choices
+//! before it sums: the order of differences and the regions. They are frozen with the plan, so that the sums of other
+//! logs can be added.
 
 use fleetfoot_data::setting::{PARAMETERS, PARTITION};
 

@@ -1,7 +1,8 @@
 //! Possible units of a clock's numbers, by their size and by their steps.
 //!
-//! A unit is possible where the stamps are dates of this century or count from a start at most ten days ago, and where the rows come at a rate that logs
-//! have. Logs between 9 and 110 Hz leave one unit; others leave two, and only a name, a date or another file tells which.
+//! A unit is possible if it makes the stamps dates of this century, or counts from a start at most ten days ago. The
+//! rows must also come at a rate that logs have. Logs between 9 and 110 Hz leave one unit. Others leave two, and only a
+//! name, a date or another file decides.
 
 use std::fmt;
 

@@ -1,5 +1,5 @@
-//! A table is the same numbers as Parquet and as CSV: for all types, encodings, pages and row groups, for all columns
-//! read beside it and all steps.
+//! A table is the same numbers as Parquet and as CSV: for all types, encodings, pages, row groups, columns read beside
+//! it, and steps.
 
 use std::{fs::File, ops::Range, path::Path, sync::Arc};
 

@@ -1,8 +1,8 @@
 //! Decoding of messages by a plan.
 //!
-//! Parts of a message may come in any order and more than once: the last of a number counts, the elements of arrays add up, and the parts of a
-//! message inside are read as if they stood behind one another. So the places of inner messages are collected first and read when the outer
-//! message has ended.
+//! Parts of a message may come in any order and more than once. Of parts with one number the last counts, and the
+//! elements of arrays add up. The parts of a message inside are read as if they stood behind one another. So the places
+//! of inner messages are collected first, and read when the outer message has ended.
 
 use std::collections::HashMap;
 

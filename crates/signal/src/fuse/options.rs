@@ -155,7 +155,7 @@ pub struct FuseOptions {
     pub accelerometer_bias: Prior<[f64; 3]>,
     /// Loss of the residuals of a measured position, or of an attitude.
     pub loss: Loss,
-    /// Deviations beyond which a measured position, or an attitude, is left out; 0: none is.
+    /// Deviations beyond which a measured position, or an attitude, is left out; 0: no gate.
     pub gate: f64,
     /// Measurements from which states are estimated.
     pub estimate: Estimate,
@@ -195,7 +195,7 @@ impl BodyRun<'_> {
     /// Checks that the records can be fused.
     ///
     /// # Errors
-    /// Records of different lengths or of fewer than two rows; stamps that do not increase; values that are not finite;
+    /// Records of different lengths or of fewer than two rows. Stamps that do not increase; values that are not finite;
     /// an attitude that is no rotation.
     pub fn check(&self) -> Result<(), SignalError> {
         let Self { imu, poses } = self;

@@ -4,12 +4,12 @@
 //! white noise of an individual density, integrated [`SMOOTH`] times. The third is white noise of one variance, which
 //! all windows share.
 //!
-//! Differences of order [`ORDER`] remove the polynomial. In coordinates in which the covariances of motion and noise
-//! are both diagonal (a generalised eigenproblem) a window is [`LEFT`] independent numbers of variances q lambda_i +
-//! sigma^2. The distribution of q over the windows is free (Laird, "Nonparametric maximum likelihood estimation of a
-//! mixing distribution", Journal of the American Statistical Association 73, 1978). Its weights on a grid follow by
-//! expectation and maximisation, the variance by scoring under the same expectations. Windows at rest determine the
-//! variance; those of an impact hardly count.
+//! Differences of order [`ORDER`] remove the polynomial. A generalised eigenproblem gives coordinates in which the
+//! covariances of motion and noise are both diagonal. In them a window is [`LEFT`] independent numbers of variances q
+//! lambda_i + sigma^2. The distribution of q over the windows is free (Laird, "Nonparametric maximum likelihood
+//! estimation of a mixing distribution", Journal of the American Statistical Association 73, 1978). Its weights on a
+//! grid follow by expectation and maximisation, the variance by scoring under the same expectations. Windows at rest
+//! determine the variance; those of an impact hardly count.
 //!
 //! Noise that is not white, and a motion that is never smoother, look alike. In quiet windows all coordinates must be
 //! as large as their variances imply, and no window much larger than another. Otherwise no noise is estimated: the

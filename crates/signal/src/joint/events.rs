@@ -42,9 +42,9 @@ impl Known {
     /// Constants of a sensor: `variance` and `density` (of the jerk) in units of the scale, `late` in s, `bias` in
     /// units of the sensor.
     ///
-    /// The mean of a curve over a window w about a moment has three parts: its value there, a 24th of w^2 of its second
-    /// derivative, and a term of the jerk. The variance of that term is q w^5 / 16128 for a position and q w^3 / 320
-    /// for a rate (the chain's increments to either side, integrated over the window).
+    /// The mean of a curve over a window w about a moment has three parts. They are its value there, a 24th of w^2 of
+    /// its second derivative, and a term of the jerk. The variance of that term is q w^5 / 16128 for a position and q
+    /// w^3 / 320 for a rate. It comes from the chain's increments to either side, integrated over the window.
     pub(super) fn new(sensor: &JointSensor, scale: &Scale, variance: f64, density: f64, delay: f64, bias: f64) -> Self {
         let width = sensor.average / scale.unit;
         let (slopes, beyond) = match sensor.quantity {

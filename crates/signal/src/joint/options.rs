@@ -70,7 +70,7 @@ pub struct JointOptions {
     pub jerk: Option<f64>,
     /// Loss of the residuals.
     pub loss: Loss,
-    /// Deviations beyond which a reading is left out; 0: none is.
+    /// Deviations beyond which a reading is left out; 0: no gate.
     pub gate: f64,
     /// Measurements from which states are estimated.
     pub estimate: Estimate,

@@ -1,8 +1,9 @@
 //! The first rows, up to the M-th measured one, while some direction of the state is still unknown.
 //!
-//! There the filter has no covariance. What is known is rows of a least-squares problem, R s = z with errors of variance one (a square-root information filter:
-//! Dyer and McReynolds, "Extension of square-root filtering to include process noise", JOTA 3, 1969). No large number stands for "unknown", so that the spline is
-//! that of the penalty alone.
+//! There the filter has no covariance. The state is held as rows of a least-squares problem, R s = z with errors of
+//! variance one (a square-root information filter: Dyer and McReynolds, "Extension of square-root filtering to include
+//! process noise", JOTA 3, 1969). No large number stands for "unknown", so that the spline is that of the penalty
+//! alone.
 
 use super::{
     chain::{Matrix, Step, transposed},

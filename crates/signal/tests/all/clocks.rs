@@ -21,9 +21,9 @@ fn jitter_is_removed_and_gaps_are_kept() {
     assert!(worst < 4.0 * 2.0 * jitter / (rows as f64).sqrt() + 3e-7, "{worst:e}");
 }
 
-/// Stamps as computers make them: a jitter of a third of a period, delays that only add, one stamp in a hundred late by
-/// up to three periods. A missing sample and a long gap come with them. An earlier method counted every late stamp as
-/// missing samples. Its period was off by a hundredth, and its jitter at hundreds of milliseconds.
+/// Stamps as computers make them. The jitter is a third of a period, delays only add, and one stamp in a hundred is
+/// late by up to three periods. A missing sample and a long gap come with them. An earlier method counted every late
+/// stamp as missing samples. Its period was off by a hundredth, and its jitter at hundreds of milliseconds.
 #[test]
 fn late_stamps_are_no_missing_samples() {
     let (rows, period) = (4000_u64, 0.01);

@@ -7,8 +7,8 @@ use crate::{Penalty, SparseError};
 pub struct Groups {
     /// The group of every column (p), numbered from 0 and below p; the columns of a group need not be neighbours.
     pub of: Vec<usize>,
-    /// Weights w_g of the groups' norms, by number (empty: the root of the number of penalised columns of the group); a
-    /// weight of 0 means no penalty on the norm.
+    /// Weights w_g of the groups' norms, by number; 0: no penalty on the norm. Empty: the root of the number of
+    /// penalised columns of the group.
     pub weights: Vec<f64>,
 }
 

@@ -6,9 +6,9 @@ use crate::Sum;
 /// Weighted sums over rows: Chebyshev moments of the base columns up to twice the library's degree, moments of the library with
 /// each target, and products of the targets. Made by [`PolynomialPlan::moments`].
 ///
-/// Every 1,024 rows the plain sums go into totals with a compensation term (Knuth's exact sum), so the rounding does
-/// not grow with the number of rows. The result depends only on the rows of each `add`, on the order of adds and
-/// merges, and on the instruction set (another vector width adds in another order).
+/// Every 1,024 rows the plain sums go into totals with a compensation term (Knuth's exact sum). The rounding therefore
+/// does not grow with the number of rows. The result depends only on the rows of each `add`, the order of adds and
+/// merges, and the instruction set (another vector width adds in another order).
 #[derive(Debug, Clone, PartialEq)]
 pub struct PolynomialMoments {
     rows: u64,

@@ -1,10 +1,10 @@
 //! Products that make the moments, cut into register tiles.
 //!
 //! The variables are split into two groups. A Chebyshev product over all of them is a function of the first group times
-//! a function of the second. The sums over rows of all products up to a total degree therefore form a staircase-shaped
-//! part of the matrix (functions of group one)' x (functions of group two). Functions of one degree are neighbours in
-//! graded order, so that the staircase is a set of rectangles. The rectangles are cut into tiles whose sums fit into
-//! registers.
+//! a function of the second. The sums over rows of all products up to a total degree are therefore a part of the matrix
+//! (functions of group one)' x (functions of group two). It has the shape of a staircase. Functions of one degree are
+//! neighbours in graded order, so that this staircase is a set of rectangles. The rectangles are cut into tiles whose
+//! sums fit into registers.
 
 use std::ops::Range;
 
