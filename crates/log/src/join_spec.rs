@@ -41,7 +41,7 @@ impl Default for JoinSpec {
     }
 }
 
-/// Stamp of a message that counts, out of three.
+/// Choice among a message's three stamps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stamp {
     /// When it was measured: `header.stamp`, `stamp` or `timestamp` inside the message.

@@ -126,7 +126,7 @@ impl Estimator {
     }
 }
 
-/// Methods of a penalty; they are those of [`Estimator`].
+/// Solver of a penalty; its methods are those of [`Estimator`].
 pub(crate) trait PathSolver {
     fn name(&self) -> &'static str;
 

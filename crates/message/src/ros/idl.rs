@@ -21,7 +21,7 @@ pub(super) fn parse(name: &str, text: &str) -> Result<Schema, String> {
     Resolver { found: parser.found, list: Vec::new(), places: HashMap::new() }.schema(name)
 }
 
-/// Declaration behind a name.
+/// Declaration of a name.
 #[derive(Debug)]
 enum Declared {
     Struct {

@@ -1,4 +1,4 @@
-//! Information of residuals about the noise: that about the logarithms of its variances.
+//! Information that residuals hold about the logarithms of the noise variances.
 //!
 //! | symbol | here |
 //! |---|---|

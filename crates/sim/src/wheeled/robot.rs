@@ -17,7 +17,7 @@ pub struct WheeledRobot {
     pub chassis: Chassis,
     /// Both wheels.
     pub wheel: Wheel,
-    /// Support of the other end.
+    /// Caster that supports the other end.
     pub caster: Caster,
     /// Of each wheel.
     #[serde(deserialize_with = "defaults::motor")]
