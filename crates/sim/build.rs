@@ -1,5 +1,6 @@
-//! Gathers what the simulated robots' parameters say of themselves, so that a world file shows it beside each number: the doc comments
-//! of every `Deserialize` type of this crate and of the controllers in `control`, which it uses.
+//! Gathers the descriptions of the simulated robots' parameters, so that a world file shows them beside each number.
+//! They are the doc comments of every `Deserialize` type of this crate and of the controllers in `control`, which it
+//! uses.
 
 use std::{
     env, fs, io,
@@ -121,7 +122,7 @@ fn doc(attributes: &[Attribute]) -> String {
     lines.take_while(|line| !line.is_empty()).collect::<Vec<_>>().join(" ").replace(['`', '[', ']'], "")
 }
 
-/// What `#[serde(key = "value")]` says.
+/// Value of `#[serde(key = "value")]`.
 fn serde_value(attributes: &[Attribute], key: &str) -> Option<String> {
     let mut found = None;
     for attribute in attributes.iter().filter(|attribute| attribute.path().is_ident("serde")) {

@@ -1,4 +1,5 @@
-//! The clocks of other computers: what each shows more than the one that it is compared with, found from what both saw, log by log.
+//! Offsets of other computers' clocks from their reference clocks, estimated log by log from a motion or a wave that
+//! both recorded.
 
 use std::path::{Path, PathBuf};
 
@@ -15,7 +16,8 @@ use crate::{dataset::Dataset, error::Error, found_clocks::Clocks, logs::Logs};
 /// Seconds that clocks may be apart beyond what log times tell of them.
 const REACH: f64 = 1.0;
 
-/// How much faster one clock may go than another, seconds a second: what NTP slews a clock by at most. Quartz is five times better.
+/// Largest relative rate of one clock against another, seconds a second: the limit at which NTP slews a clock. Quartz
+/// is five times better.
 const SKEW: f64 = 5e-4;
 
 /// The share of a motion that may stay unexplained before a note tells it.
@@ -27,7 +29,7 @@ const BENT: f64 = 4.0;
 /// The share of a period beyond which stamps are not those of an even sensor.
 const UNEVEN: f64 = 0.25;
 
-/// What a channel is compared with.
+/// Kind of signal by which a channel is compared.
 #[derive(Clone, Copy)]
 enum By {
     Motion,
@@ -99,12 +101,12 @@ fn topic_clock(log: Option<PathBuf>, topics: &[String], [at, offset]: [i64; 2], 
     TopicClock { log, topics: topics.to_vec(), at, offset, skew }
 }
 
-/// What is searched.
+/// Inputs of the search for clocks.
 #[derive(Clone, Copy)]
 struct Search<'a> {
     recipe: &'a Recipe,
     logs: &'a Logs,
-    /// Those of the first log.
+    /// Topics of the first log.
     topics: &'a [String],
     progress: &'a dyn Progress,
 }
@@ -116,9 +118,9 @@ struct Channel {
     epoch: i64,
     times: Vec<f64>,
     values: Vec<f64>,
-    /// What must be added to its stamps to get the log's, nanoseconds.
+    /// Offset to add to its stamps for the log's times, nanoseconds.
     log_offset: i64,
-    /// How wrong the stamps may be after jitter was taken out of them, s.
+    /// Largest error of the stamps after jitter was removed, s.
     margin: f64,
 }
 
@@ -212,7 +214,7 @@ impl Clocks {
     }
 }
 
-/// Whether a channel reads a topic that one of these clocks stamps.
+/// Returns true if a channel reads a topic that one of these clocks stamps.
 fn is_stamped<'a>(dataset: &Dataset, topics: &[String], sections: impl Iterator<Item = &'a ClockSection>) -> bool {
     let fields = dataset.columns();
     let is_read = |topic: &&String| {
@@ -224,7 +226,7 @@ fn is_stamped<'a>(dataset: &Dataset, topics: &[String], sections: impl Iterator<
         .any(|clock| read.iter().any(|topic| clock.stamps(topic)))
 }
 
-/// What stops the reading of a channel.
+/// Error that stops the reading of a channel.
 enum Stopped {
     Error(Error),
     Signal(PathBuf, SignalError),
@@ -278,7 +280,7 @@ fn channels(dataset: &Dataset, even: bool) -> Result<Vec<Channel>, Stopped> {
     Ok(channels)
 }
 
-/// What was found of a clock in a log.
+/// Alignment of a clock in a log.
 enum Found {
     Motion(Alignment),
     Wave(EdgeAlignment),
@@ -300,7 +302,7 @@ struct Pair<'a> {
     reach: f64,
     /// The offset that the recipe gives, s.
     about: Option<f64>,
-    /// Whether the recipe says that the wave is even.
+    /// True if the recipe states that the wave is even.
     even: bool,
 }
 

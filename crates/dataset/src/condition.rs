@@ -1,4 +1,4 @@
-//! Which rows of logs are used: `where` of a recipe.
+//! Condition for the rows in use: `where` of a recipe.
 
 use fleetfoot_data::setting::{Entry, TIME_SECTION, WHERE};
 
@@ -33,7 +33,8 @@ enum Comparison {
 }
 
 impl Comparison {
-    /// Whether it holds of a difference of two sides; of a missing one it does not.
+    /// Returns true if the comparison holds for a difference of its two sides. For a missing difference it does not
+    /// hold.
     fn holds(self, difference: f64) -> bool {
         match self {
             Self::Below => difference < 0.0,
@@ -56,7 +57,7 @@ pub(crate) struct Condition {
     comparisons: Vec<(Expr, Comparison, Option<String>)>,
 }
 
-/// What a recipe says of the rows in use; `None` where all are.
+/// The recipe's condition for the rows in use; `None` if all rows are used.
 pub(crate) fn stated(recipe: &Recipe) -> Option<&str> {
     recipe.time.only.as_deref().map(str::trim).filter(|text| *text != "all")
 }
@@ -80,7 +81,7 @@ impl Condition {
     /// Reads `where` of a recipe: comparisons between expressions over its columns and fields, joined by `and`. `None` where all rows are used.
     ///
     /// # Errors
-    /// What is no comparison, with what is one; unknown names.
+    /// A text that is no comparison, with the syntax of one; unknown names.
     pub(crate) fn of(recipe: &Recipe, fields: &[Column]) -> Result<Option<Self>, Error> {
         let Some(text) = stated(recipe) else { return Ok(None) };
         let aliases = Aliases::of_recipe(recipe, fields)?;

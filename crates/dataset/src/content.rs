@@ -1,4 +1,4 @@
-//! What a file holds, as a hash: the same log is known again whatever it is called.
+//! Hash of a file's content, which identifies the same log under any name.
 
 use std::{
     fs,

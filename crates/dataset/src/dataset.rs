@@ -1,4 +1,4 @@
-//! Logs as columns: what is opened, and what is seen of it.
+//! Logs as columns: opening them, and viewing them through a recipe.
 
 mod beside;
 mod clock;
@@ -57,7 +57,7 @@ pub struct Dataset {
     pub(crate) smoothed: Option<String>,
     /// Looks for rows that trained the model which the logs were opened for.
     pub(crate) watch: Option<Watch>,
-    /// Whether all rows have been looked at.
+    /// True if all rows were searched.
     pub(crate) searched: AtomicBool,
 }
 
@@ -241,7 +241,7 @@ impl Dataset {
         self.source.episodes()
     }
 
-    /// What must be added to an episode's stamps to get the times of its recording, nanoseconds.
+    /// Offset to add to an episode's stamps for the times of its recording, nanoseconds.
     pub fn log_offset(&self, episode: usize) -> i64 {
         self.source.inner().log_offset(episode)
     }
@@ -256,7 +256,7 @@ impl Dataset {
         self.source.inner().files_of(episode)
     }
 
-    /// What had to be assumed or left out while opening.
+    /// Notes on assumptions and omissions made while opening.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
@@ -266,7 +266,7 @@ impl Dataset {
         &self.clocks
     }
 
-    /// What these clocks show, for the join of the same logs once more.
+    /// Clocks of the topics, for a second join of the same logs.
     pub fn topic_clocks(&self) -> &[TopicClock] {
         &self.topic_clocks
     }

@@ -1,4 +1,4 @@
-//! What can go wrong between a recipe and the rows of its logs. Every message says where, and what to do.
+//! Errors between a recipe and the rows of its logs. Every message states the place and the remedy.
 
 use fleetfoot_data::setting::{DT, UNSEEN_LABELS};
 
@@ -8,14 +8,14 @@ use fleetfoot_recipe::{RequestError, request_constructors};
 
 use crate::statistic_error::StatisticError;
 
-/// What can go wrong between a recipe and the rows of its logs.
+/// Errors between a recipe and the rows of its logs.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// The recipe cannot be understood.
     #[error(transparent)]
     Recipe(fleetfoot_recipe::Error),
-    /// What was asked for cannot be done.
+    /// A request that cannot be fulfilled.
     #[error(transparent)]
     Request(#[from] RequestError),
     /// A model that advances row by row on rows of another period.
@@ -30,7 +30,7 @@ pub enum Error {
         found: f64,
         /// The model's, s.
         expected: f64,
-        /// What to do.
+        /// Remedy.
         mend: String,
     },
     /// Text where numbers are read.
@@ -42,7 +42,7 @@ pub enum Error {
         what: String,
         /// The first value that is no number, and where it stands.
         found: String,
-        /// How the column is read.
+        /// Remedy: the setting or the change of the data that makes the column readable.
         mend: String,
     },
     /// A label that the model has not seen.
@@ -54,7 +54,7 @@ pub enum Error {
         column: String,
         /// Some of the labels.
         labels: String,
-        /// How many rows.
+        /// Number of rows.
         rows: u64,
     },
     /// Reading files.
@@ -82,7 +82,7 @@ pub enum Error {
         episode: String,
         /// The state or input.
         channel: String,
-        /// What is wrong.
+        /// Error of the signal.
         source: fleetfoot_signal::SignalError,
     },
     /// A file could not be written.
@@ -90,7 +90,7 @@ pub enum Error {
     Write {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// The pass over the rows failed.
@@ -99,7 +99,7 @@ pub enum Error {
     /// Statistics that do not go together.
     #[error(transparent)]
     Merge(#[from] fleetfoot_stats::MergeError),
-    /// A `.stats` file, or what was asked of it, was refused.
+    /// A `.stats` file, or a request to it, was refused.
     #[error(transparent)]
     Statistic(#[from] StatisticError),
 }
@@ -107,7 +107,7 @@ pub enum Error {
 request_constructors!(Error);
 
 impl Error {
-    /// Whether less memory would have done.
+    /// Returns true if the request would succeed with less memory.
     pub fn is_memory(&self) -> bool {
         matches!(self, Self::Memory(_) | Self::Log(fleetfoot_log::Error::Memory(_)))
     }

@@ -75,7 +75,7 @@ impl Folder {
         Ok(Self { target: target.to_owned(), staging, old, removed, leftovers, _lock: lock, _made: made })
     }
 
-    /// What a person should know of the folder.
+    /// Notes on the folder, for the user.
     pub fn notes(&self) -> Vec<String> {
         let removed = |left: &PathBuf| format!("removed {}, which a killed command had left", left.display());
         let left = |left: &PathBuf| {
@@ -122,12 +122,12 @@ impl Folder {
         Err(Error::output(format!("{}: these logs want a folder of their own; {advice}", target.display())))
     }
 
-    /// Where a file is made.
+    /// Path at which a file is written before it is moved.
     pub fn staged(&self, name: &str) -> PathBuf {
         self.staging.path().join(name)
     }
 
-    /// Where a file will be.
+    /// Final path of a file.
     pub fn target(&self, name: &str) -> PathBuf {
         self.target.join(name)
     }

@@ -1,4 +1,4 @@
-//! Clocks that were found: for the join, for people and for programs.
+//! Estimated clocks: for the join, for people and for programs.
 
 use fleetfoot_log::TopicClock;
 use fleetfoot_signal::{Alignment, EdgeAlignment, PartLag};
@@ -7,18 +7,18 @@ use serde::Serialize;
 /// Points of a lag curve that are reported, at most.
 const POINTS: usize = 401;
 
-/// Clocks that were found, and what is made of them.
+/// Offsets of clocks, with reports and notes.
 #[derive(Debug, Default)]
 pub struct Clocks {
     /// For the join.
     pub topics: Vec<TopicClock>,
     /// For people.
     pub reports: Vec<AlignedClock>,
-    /// What to know of them.
+    /// Notes on the clocks.
     pub notes: Vec<String>,
 }
 
-/// What the clock of another computer shows more than the one that it was compared with, and why that is known.
+/// Offset and skew of another computer's clock against the clock that it was compared with, and the evidence.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct AlignedClock {
@@ -32,11 +32,12 @@ pub struct AlignedClock {
     pub at: f64,
     /// Seconds that it shows more then.
     pub offset: f64,
-    /// Where the offset lies: with 95 % confidence by motion, for certain by a wave whose edges do not contradict each other (and that is even, where the recipe says so).
+    /// Interval of the offset: 95 % confidence by motion. By a wave it is certain, if the edges do not contradict each
+    /// other and an `even` wave in the recipe is even.
     pub offset_interval: [f64; 2],
-    /// How much faster it goes, seconds a second.
+    /// Rate relative to the other clock, seconds a second; positive: faster.
     pub skew: f64,
-    /// Where the skew lies, as the offset.
+    /// Interval of the skew, as that of the offset.
     pub skew_interval: [f64; 2],
     /// By motion: the share of the reference's variance that the channel does not explain, and at every lag (the lag curve: seconds, share).
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -44,13 +45,13 @@ pub struct AlignedClock {
     /// The lag curve, at the skew that was searched with.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub curve: Vec<(f64, f64)>,
-    /// By motion: how far each quarter of the log is off the line; clocks that do not run evenly are told by that.
+    /// By motion: deviation of each quarter of the log from the line; it shows clocks that do not run evenly.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<LagOfPart>,
     /// By motion: values of the channel that was compared with, and of this clock's, that were left out as gross errors.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub left_out: Option<[usize; 2]>,
-    /// By a wave: whether the recipe says that it is even, so that its edges bound one another.
+    /// By a wave: true if the recipe states that it is even, so that its edges bound one another.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub even: Option<bool>,
     /// By a wave: edges that both saw.
@@ -135,7 +136,8 @@ impl AlignedClock {
         }
     }
 
-    /// What speaks against it, in sentences: a share that is larger than `doubtful`, quarters that are off by more than `bent` deviations, edges that contradict each other.
+    /// Doubts about the alignment, in sentences: an unexplained share above `doubtful`, quarters that are off by more
+    /// than `bent` deviations, edges that contradict each other.
     pub(crate) fn doubts(&self, doubtful: f64, bent: f64) -> Vec<String> {
         let place = format!("[clocks.{}], {}", self.clock, self.log);
         let mut doubts = Vec::new();

@@ -1,18 +1,18 @@
-//! Rows that no fit and no choice sees: the last part of every episode, or every fifth of many episodes.
+//! Held-out rows, which no fit and no choice uses: the last part of every episode, or every fifth of many episodes.
 
 use std::ops::Range;
 
 use crate::error::Error;
 
-/// Which rows of logs are read.
+/// Rows of logs to read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Part {
     /// All of them.
     #[default]
     All,
-    /// Those that fits and choices between models may see.
+    /// Rows for fits and for choices between models.
     Training,
-    /// Those that are kept back until a model is chosen.
+    /// Rows that are kept back until a model is chosen.
     Test,
 }
 

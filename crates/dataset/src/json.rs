@@ -1,4 +1,4 @@
-//! Reports for programs, as JSON: the version of their keys, and numbers that are none as `null`.
+//! Reports for programs, as JSON: the version of their keys, with NaN and infinities as `null`.
 
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;

@@ -1,4 +1,5 @@
-//! Labels of episodes as columns: what a recipe's `[[episodes]]` say becomes a category column, one value an episode.
+//! Labels of episodes as columns: each label of a recipe's `[[episodes]]` becomes a category column, one value an
+//! episode.
 
 use std::{collections::BTreeSet, ops::Range};
 

@@ -1,6 +1,8 @@
-//! Logs opened through a recipe: their clocks, joins and conditions, and the columns that are seen of them; or the `.stats` file that holds their sums.
+//! Logs opened through a recipe: their clocks, joins, conditions and columns; or the `.stats` file that holds their
+//! sums.
 //!
-//! [`Logs`] are what is read; a [`Dataset`] is what a recipe or a model sees of them. [`StatisticFile`] stands in place of logs for the fits that need no rows.
+//! [`Logs`] are the recordings to read; a [`Dataset`] is their view through a recipe or a model. [`StatisticFile`]
+//! stands in place of logs for the fits that need no rows.
 
 pub mod blocks;
 pub mod clocks;

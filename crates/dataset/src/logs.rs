@@ -1,4 +1,4 @@
-//! What is read: files, tables in memory, or both; or their statistic.
+//! Logs to read: files, tables in memory, or both; or their statistic.
 
 use fleetfoot_data::setting::STATS_MERGE;
 
@@ -13,7 +13,7 @@ use fleetfoot_recipe::Recipe;
 
 use crate::{error::Error, hold_out::Part, kept::Kept, stats_file::StatisticFile};
 
-/// What is read, in the order in which it is read: files by their paths, then tables in memory. Or the statistic of logs in their place.
+/// Logs in reading order: files by their paths, then tables in memory. Or the statistic of logs in their place.
 ///
 /// Anything that is a list of paths becomes one.
 #[derive(Debug, Clone, Default)]
@@ -83,12 +83,12 @@ impl Logs {
         &self.logs
     }
 
-    /// How many there are.
+    /// Number of logs.
     pub fn len(&self) -> usize {
         self.logs.len()
     }
 
-    /// Whether there is nothing to read.
+    /// Returns true if there is no log to read.
     pub fn is_empty(&self) -> bool {
         self.logs.is_empty()
     }
@@ -131,7 +131,7 @@ impl Logs {
         ))
     }
 
-    /// Whether these are the statistic of logs instead of logs.
+    /// Returns true if this is the statistic of logs instead of logs.
     pub fn is_statistic(&self) -> bool {
         self.statistic.is_some() || is_statistic(&self.files())
     }
@@ -181,7 +181,7 @@ impl<P: AsRef<Path>, const N: usize> From<&[P; N]> for Logs {
     }
 }
 
-/// Whether files are the statistic of logs instead of logs.
+/// Returns true if the files are the statistic of logs instead of logs.
 pub fn is_statistic(files: &[PathBuf]) -> bool {
     files.iter().any(|file| file.extension().is_some_and(|extension| extension == "stats"))
 }
@@ -192,7 +192,7 @@ pub const PREPARED: &str = ".clean.parquet";
 /// The key of a prepared file's metadata: the standard deviation of a measurement about the curve, by column, as JSON.
 pub const NOISE: &str = "fleetfoot.noise";
 
-/// Whether a file has the name of one that `prepare` wrote.
+/// Returns true if a file's name is one that `prepare` writes.
 pub fn is_prepared(name: &str) -> bool {
     name.ends_with(PREPARED)
 }

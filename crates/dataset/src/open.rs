@@ -1,4 +1,4 @@
-//! Logs opened for what a recipe asks of them.
+//! Opening of logs with the columns of a recipe.
 
 mod cost;
 mod measured;
@@ -26,13 +26,14 @@ use crate::{
 pub struct OpenedStructure {
     /// The rows.
     pub dataset: Dataset,
-    /// What the recipe means for them.
+    /// Task that the recipe defines for these logs.
     pub task: StructuredTask,
     /// The recipe with its wildcards written out.
     pub recipe: Recipe,
     /// The fields of the first file, the labels of `[[episodes]]` among them.
     pub fields: Vec<Column>,
-    /// The recipe's equations for a statistic ([`EquationStatistic::tasks`]), where they were asked for, or why there are none.
+    /// The recipe's equations for a statistic ([`EquationStatistic::tasks`]), if requested, or the reason why there are
+    /// none.
     pub equations: Option<Result<Vec<EquationTask>, Error>>,
 }
 
@@ -88,8 +89,8 @@ impl Dataset {
         Ok((dataset, task))
     }
 
-    /// What a recipe means for a structured regression on files: the recipe with its wildcards written out, the fields of the first file (the labels
-    /// of `[[episodes]]` among them), and the task.
+    /// Resolves a recipe for a structured regression on files. Returns the recipe with its wildcards written out, the
+    /// fields of the first file (the labels of `[[episodes]]` among them), and the task.
     pub fn structure(recipe: &Recipe, logs: &Logs) -> Result<(Recipe, Vec<Column>, StructuredTask), Error> {
         let (fields, info) = fields(recipe, logs)?;
         let recipe = recipe.expand(&fields)?;
@@ -133,7 +134,7 @@ impl Dataset {
         Ok(OpenedStructure { dataset, task, recipe, fields, equations })
     }
 
-    /// What a recipe means for a fit of equations on files, with its wildcards written out.
+    /// Resolves a recipe for a fit of equations on files: the recipe with its wildcards written out, and the task.
     pub fn equations(recipe: &Recipe, logs: &Logs) -> Result<(Recipe, EquationTask), Error> {
         let (fields, info) = fields(recipe, logs)?;
         let recipe = recipe.expand(&fields)?;
@@ -174,7 +175,7 @@ impl Dataset {
         Self::open(&named.recipe, &named.columns, &named.expressions, Reads::columns(), logs, progress)
     }
 
-    /// What the clocks of a recipe show in these logs.
+    /// Finds the offsets of a recipe's clocks in these logs.
     pub fn find_clocks(recipe: &Recipe, logs: &Logs, progress: &dyn Progress) -> Result<Clocks, Error> {
         if recipe.clocks.is_empty() {
             return Ok(Clocks::default());

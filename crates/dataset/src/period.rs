@@ -1,4 +1,4 @@
-//! Whether a model belongs to rows of a period.
+//! Check that a model fits the sampling period of the rows.
 
 use std::{collections::HashSet, path::Path};
 
@@ -68,7 +68,8 @@ fn mend(found: f64, expected: f64) -> String {
     )
 }
 
-/// Whether what a model says depends on how far apart rows are: it predicts the next row, or reads others than the present one by their number.
+/// Returns true if the model's meaning depends on the sampling period: it predicts the next row, or reads other rows by
+/// their number.
 fn by_rows(model: &Model, aliases: &[(Column, Expr)]) -> bool {
     let steps = |prediction| matches!(prediction, Prediction::Next | Prediction::Difference);
     let fitted = model.fitted().any(|equation| steps(equation.prediction));

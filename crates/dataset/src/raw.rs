@@ -1,4 +1,5 @@
-//! The raw log behind a prepared one: the way to it, which `prepare` writes, and its measurements at the rows of the prepared log.
+//! The raw log behind a prepared one: its path, which `prepare` writes, and its measurements at the rows of the
+//! prepared log.
 
 mod measured;
 mod opened;
@@ -32,7 +33,7 @@ pub struct RawLog {
     pub episode: Option<usize>,
     /// The stamp from which the seconds below count, nanoseconds.
     pub start: i64,
-    /// What must be added to the prepared stamps to get the times at which the log was recorded, nanoseconds.
+    /// Offset to add to the prepared stamps for the times at which the log was recorded, nanoseconds.
     pub clock_offset: i64,
     /// Seconds by which the stamps of a channel are later than its measurements.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]

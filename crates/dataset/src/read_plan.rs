@@ -1,11 +1,11 @@
-//! What passes over logs would read.
+//! Reading plan of the passes over logs.
 
 use fleetfoot_log::Estimate;
 use serde::{Serialize, Serializer};
 
 use crate::{dataset::Dataset, logs::Logs};
 
-/// What passes over logs would read, told before they begin.
+/// Files, rows and columns that passes over logs would read, computed before they begin.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct ReadPlan {

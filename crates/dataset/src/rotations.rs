@@ -11,8 +11,8 @@ use fleetfoot_model::{Column as ModelColumn, RotationKind, rotations};
 
 use crate::labels::Labelled;
 
-/// How far the length of a recorded quaternion may be from 1: more than rounding to single precision or to thousandths makes, less than any other four numbers
-/// are by chance.
+/// Largest deviation of a recorded quaternion's length from 1: larger than rounding to single precision or to
+/// thousandths, smaller than for four unrelated numbers.
 const TOLERANCE: f64 = 0.01;
 
 /// A recorded quaternion that is no rotation.
@@ -30,7 +30,7 @@ pub struct NoRotation {
     pub row: usize,
     /// The rotation's name.
     pub rotation: String,
-    /// What was recorded: w, x, y, z.
+    /// Recorded components w, x, y, z.
     pub parts: Vec<f64>,
     /// Its length.
     pub length: f64,
@@ -59,11 +59,12 @@ impl Recorded {
     }
 }
 
-/// The columns of a dataset: what a [`View`] shows, rotations settled. A row where a part is missing misses all.
+/// The columns of a dataset as a [`View`] shows them, with rotations of unit length. A row where a part is missing
+/// misses all.
 pub struct UnitRotations<'a> {
     pub(crate) view: View<'a>,
     source: &'a Labelled<Recording>,
-    /// What the columns are made of.
+    /// Expressions that make the columns.
     aliases: &'a [(Column, Expr)],
     /// The rotation, and the place of every part among the columns.
     rotations: Vec<(&'a Recorded, Vec<usize>)>,

@@ -1,4 +1,4 @@
-//! Why a `.stats` file, or what was asked of it, was refused.
+//! Errors of `.stats` files and of requests to them.
 
 use fleetfoot_data::setting::{APPEND, EPISODES, FORCE, KEY, SCAN, STATS_DROP};
 
@@ -10,7 +10,7 @@ pub(crate) const VERSION: u32 = 4;
 /// The oldest format that is read. Files of format 3 say the hash of their plan by another rule, and nothing else differently.
 pub(crate) const OLDEST: u32 = 3;
 
-/// Why a `.stats` file, or what was asked of it, was refused.
+/// Errors of a `.stats` file, or of a request to it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StatisticError {
@@ -19,7 +19,7 @@ pub enum StatisticError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// Something else.
@@ -47,14 +47,14 @@ pub enum StatisticError {
         /// Its format.
         version: u32,
     },
-    /// Bytes that are not what was written.
+    /// Bytes that differ from those written.
     #[error("{}: damaged: {place}: {problem}; take another copy of the file, or scan the logs again", path.display())]
     Damaged {
         /// The file.
         path: PathBuf,
-        /// Where in the file.
+        /// Place in the file.
         place: String,
-        /// What was found.
+        /// Description of the damage.
         problem: String,
     },
     /// A plan that cannot be kept in a file.
@@ -72,7 +72,7 @@ pub enum StatisticError {
         right: String,
         /// Lines of the one (`-`) and the other (`+`).
         difference: String,
-        /// What to do.
+        /// Remedy.
         mend: String,
     },
     /// The same rows on both sides.
@@ -85,12 +85,12 @@ pub enum StatisticError {
         /// Names of the episodes.
         names: Vec<String>,
     },
-    /// Nothing that is like what was asked for.
+    /// A request that matches no episode.
     #[error("{asked} matches no episode; there is {}", some(.there))]
     NoMatch {
-        /// What was asked for.
+        /// Request that matched no episode.
         asked: String,
-        /// What there is.
+        /// Existing values.
         there: Vec<String>,
     },
     /// Nothing would be left.
@@ -117,7 +117,7 @@ pub enum StatisticError {
     Key {
         /// The argument.
         key: String,
-        /// What is wrong, and the mend.
+        /// Description of the problem, and the remedy.
         problem: String,
     },
     /// Labels of a partition that are text.

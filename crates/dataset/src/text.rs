@@ -1,4 +1,4 @@
-//! Text is no number: the codes of a column of words serve labels and conditions alone.
+//! Refusal of text as numbers: the codes of a column of words serve labels and conditions alone.
 
 use fleetfoot_data::setting::{EPISODES, PARTITION, WHERE};
 
@@ -88,7 +88,7 @@ fn first_word(source: &dyn Source, field: &str, names: &[String]) -> Result<Opti
     Ok(None)
 }
 
-/// How a column with this value, and with these words in all, is read.
+/// Remedy for a text column with this value, and with these words in all.
 fn mend(field: &str, value: &str, words: &[String]) -> String {
     let value = value.trim();
     let has_numbers = words.iter().any(|word| word.trim().parse::<f64>().is_ok());

@@ -1,15 +1,18 @@
-//! Central differences of order 2, 4 and 6, and what tells how good they are.
+//! Central differences of order 2, 4 and 6, with estimates of their errors.
 //!
-//! With the slopes `s_j = (x[k+j] - x[k]) / (t[k+j] - t[k])` to the m neighbours on either side, the derivative at row k is the value at `t[k]` of the polynomial
-//! through them, `sum_j l_j s_j`: order 2m for any stamps. `l_j` are the values there of Lagrange's polynomials of the neighbours (Fornberg, Mathematics of
-//! Computation 51 (1988), has the same weights by recursion). Where the stamps are even, `l_j` are numbers, and slopes to both sides join in one quotient.
+//! Let `s_j = (x[k+j] - x[k]) / (t[k+j] - t[k])` be the slopes to the m neighbours on either side. The derivative at
+//! row k is the value at `t[k]` of the polynomial through them, `sum_j l_j s_j`, of order 2m for any stamps. `l_j` are
+//! the values there of Lagrange's polynomials of the neighbours (Fornberg, Mathematics of Computation 51 (1988), has
+//! the same weights by recursion). If the stamps are even, `l_j` are numbers, and slopes to both sides join in one
+//! quotient.
 //!
-//! How good a difference is shows in two sizes. Its truncation is what two orders more change. The noise of the samples is what the polynomial through the ten
-//! neighbours of a row leaves of it: hardly anything of a smooth signal is in that, and all of white noise, up to a factor that is known.
+//! Two sizes measure the error of a difference. Its truncation is the difference from the formula of two orders more.
+//! The noise of the samples is the remainder of a row after the polynomial through its ten neighbours. A smooth signal
+//! has almost no remainder; all of white noise remains, up to a known factor.
 
 use crate::{Expr, Node, difference::rise};
 
-/// How the stamps of a log lie.
+/// Spacing of a log's stamps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Spacing {
     /// Evenly: the weights are numbers.
@@ -21,13 +24,13 @@ pub enum Spacing {
 /// A central difference.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CentralDifference {
-    /// What is differentiated.
+    /// Expression to differentiate.
     pub of: Expr,
-    /// Whether it is an angle, whose steps are wrapped.
+    /// True for an angle: its steps are wrapped.
     pub angle: bool,
     /// Rows to either side that it takes, 1 to 3; its order is twice that.
     pub reach: usize,
-    /// How the stamps lie.
+    /// Spacing of the stamps.
     pub spacing: Spacing,
 }
 
@@ -45,7 +48,8 @@ pub fn central_difference(x: &Expr, angle: bool) -> Expr {
     symmetric_slope(x, 1, angle)
 }
 
-/// How uneven the stamps are: a half of what two neighbouring steps differ by, over their mean. 0 where they are even.
+/// Unevenness of the stamps: half the difference of two neighbouring steps over their mean; 0 where the stamps are
+/// even.
 pub fn unevenness() -> Expr {
     let time = Expr::time();
     let (before, after) = (time.shifted(1), time.shifted(-1));
@@ -83,7 +87,8 @@ impl CentralDifference {
         sum(weights.into_iter().map(slope))
     }
 
-    /// What the difference errs by without noise: itself less the one that is two orders better.
+    /// Truncation error of the difference (the error without noise): this difference less the one that is two orders
+    /// better.
     pub fn truncation(&self) -> Expr {
         self.expression() - self.with_reach(self.reach + 1).expression()
     }
@@ -103,7 +108,8 @@ impl CentralDifference {
         left / (Expr::number(1.0) + amplified).sqrt()
     }
 
-    /// What the polynomial through the ten neighbours of a row leaves of it, and the sum of the squares of their weights.
+    /// Remainder of a row after the polynomial through its ten neighbours, and the sum of the squares of the
+    /// neighbours' weights.
     fn left_by_polynomial(&self) -> (Expr, Expr) {
         let weights = weights(NOISE_REACH);
         let left = sum(weights.iter().map(|(ahead, weight)| weight * &rise(&self.of, 0, *ahead, self.angle)));
@@ -159,7 +165,7 @@ impl CentralDifference {
     }
 }
 
-/// What multiplies `x[k+j]`, j = 1 to m, over even stamps of a unit period; negative for `x[k-j]`.
+/// Weights of `x[k+j]`, j = 1 to m, over even stamps of a unit period; those of `x[k-j]` are the negatives.
 fn per_sample(reach: usize) -> Vec<f64> {
     let even = EVEN[(reach - 1).min(EVEN.len() - 1)];
     (1..).zip(even).map(|(ahead, weight)| weight / f64::from(2 * ahead)).collect()

@@ -36,7 +36,7 @@ const LARGEST: f64 = 1e150;
      or leave out what is no measurement", row + 1, -value.abs().log10().floor()
 )]
 pub struct TooLarge {
-    /// What has the value.
+    /// Expression that has the value.
     pub expression: String,
     /// The episode.
     pub episode: String,

@@ -31,7 +31,7 @@ pub fn mean_slope_rows(expression: &Expr, x: &Expr) -> Option<u32> {
     (rows > 1 && (is_slope(false) || is_slope(true))).then_some(rows)
 }
 
-/// What `x` rises by from the row `from` ahead to the row `to` ahead; `angle` wraps the steps and adds them.
+/// The rise of `x` from the row `from` ahead to the row `to` ahead; `angle` wraps the steps and adds them.
 pub(crate) fn rise(x: &Expr, from: i32, to: i32, angle: bool) -> Expr {
     if !angle {
         return x.shifted(-to) - x.shifted(-from);

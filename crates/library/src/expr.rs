@@ -10,7 +10,7 @@ use std::{
 
 use crate::{Binary, Unary, function::integer_power};
 
-/// What stands at the root of an expression.
+/// Node at the root of an expression.
 #[derive(Debug, Clone)]
 pub enum Node {
     /// A constant. All NaN are one.
@@ -171,7 +171,7 @@ impl Expr {
         names
     }
 
-    /// How many rows back and how many ahead it looks, in columns and in time.
+    /// Number of rows back and ahead that the expression reads, in columns and in time.
     pub fn reach(&self) -> (u32, u32) {
         let (mut back, mut ahead) = (0, 0);
         self.fold(|expr, _: &[()]| {
@@ -197,7 +197,7 @@ impl Expr {
         })
     }
 
-    /// Whether it reads other rows than its own: lags or leads.
+    /// Returns true if the expression reads other rows than the present one: lags or leads.
     pub fn reads_other_rows(&self) -> bool {
         self.fold(|part, arguments: &[bool]| {
             let other = matches!(part.node(), Node::Column { lag, .. } | Node::Time { lag } if *lag != 0);

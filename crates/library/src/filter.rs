@@ -1,13 +1,14 @@
-//! Filters: columns that remember, each named by its own definition.
+//! Filters: columns with memory, each named by its definition.
 //!
-//! The output of `lag1(m1, tau)` is a column of exactly that name: a [`Filtered`](crate::Filtered) source provides it, and a program, a view or a
-//! model reads it like any other. The second argument is constant in time: an expression of numbers and parameters.
+//! The output of `lag1(m1, tau)` is a column of exactly that name. A [`Filtered`](crate::Filtered) source provides it,
+//! and a program, a view or a model reads it like any other. The second argument is constant in time: an expression of
+//! numbers and parameters.
 
 use std::fmt::{self, Display, Formatter};
 
 use crate::Expr;
 
-/// What a filter does to its input x, with the constant c in seconds.
+/// Kind of filter, as a function of its input x and its constant c in seconds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum FilterKind {
@@ -49,9 +50,9 @@ impl FilterKind {
 /// A filter with its input and its constant.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Filter {
-    /// What it does.
+    /// Kind of the filter.
     pub kind: FilterKind,
-    /// What goes in.
+    /// Input of the filter.
     pub input: Expr,
     /// Seconds, constant in time: an expression of numbers and parameters.
     pub constant: Expr,

@@ -186,7 +186,7 @@ impl Binary {
         }
     }
 
-    /// Whether the arguments may be exchanged without changing a bit of the value (NaN payloads aside).
+    /// Returns true if the arguments can be exchanged without changing a bit of the value (NaN payloads aside).
     pub(crate) fn commutes(self) -> bool {
         matches!(self, Self::Add | Self::Mul)
     }

@@ -183,7 +183,7 @@ impl pulp::WithSimd for Tiles<'_> {
     }
 }
 
-/// Whether no value is NaN or larger than a limit, either sign.
+/// Returns true if no value is NaN and no absolute value exceeds the limit.
 pub(crate) fn all_within(values: &[f64], limit: f64) -> bool {
     fleetfoot_data::arch().dispatch(AllWithin { values, limit })
 }

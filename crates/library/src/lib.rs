@@ -1,9 +1,10 @@
-//! What a candidate function is: parse, evaluate over columns, differentiate, print.
+//! Candidate functions: parsing, evaluation over columns, differentiation and printing.
 //!
 //! An [`Expr`] is an immutable tree over the columns of a recording, their lags and time. It is read from text within a
-//! [`Scope`] ([`Expr::parse`], where the grammar stands), printed so that it reads back equal, differentiated exactly
+//! [`Scope`] ([`Expr::parse`], with the grammar), and printed so that it reads back equal. It is differentiated exactly
 //! ([`Expr::derivative`]), and compiled together with others into a [`Program`] that evaluates blocks of rows. A
-//! [`Filter`] is a column that remembers, provided by a [`Filtered`] source. A [`Library`] is an ordered list of candidate functions: monomials, lags, or any expressions.
+//! [`Filter`] is a column with memory, provided by a [`Filtered`] source. A [`Library`] is an ordered list of candidate
+//! functions: monomials, lags, or any expressions.
 //!
 //! ```
 //! use fleetfoot_library::{Expr, Library, Scope};

@@ -69,7 +69,7 @@ impl Library {
         self.functions.len()
     }
 
-    /// Whether there is no function.
+    /// Returns true if there is no function.
     pub fn is_empty(&self) -> bool {
         self.functions.is_empty()
     }

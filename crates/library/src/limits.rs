@@ -1,4 +1,4 @@
-//! What is too large to be read.
+//! Size limits of texts, expressions and libraries.
 
 /// Parentheses, signs and exponents inside each other.
 pub(crate) const MAX_DEPTH: usize = 200;

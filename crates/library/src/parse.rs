@@ -55,7 +55,7 @@ impl Expr {
     }
 }
 
-/// How tightly the operators to the right of a value may bind to be left to the caller.
+/// Binding strength up to which operators to the right of a value are left to the caller.
 #[derive(Clone, Copy, PartialEq, PartialOrd)]
 pub(crate) enum Power {
     Any,

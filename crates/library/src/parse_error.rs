@@ -1,4 +1,4 @@
-//! Parse errors: the place, what is wrong, and the mend.
+//! Parse errors: the place, the problem and the remedy.
 
 use std::fmt;
 
@@ -20,16 +20,16 @@ struct Detail {
     kind: ParseErrorKind,
 }
 
-/// What is wrong with a text.
+/// Causes of a [`ParseError`].
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ParseErrorKind {
     /// Something else should stand here.
     #[error("expected {expected}, found {found}")]
     Expected {
-        /// What should stand here.
+        /// Syntax that is valid at this position.
         expected: &'static str,
-        /// What stands here.
+        /// Text at this position.
         found: String,
     },
     /// A name that is neither a column nor an alias.
@@ -53,9 +53,9 @@ pub enum ParseErrorKind {
     Arguments {
         /// The function.
         function: String,
-        /// How many it takes.
+        /// Number of arguments that the function takes.
         expected: usize,
-        /// How many it was given.
+        /// Number of arguments in the text.
         found: usize,
     },
     /// The constant of a filter that is not one.
@@ -107,13 +107,13 @@ pub enum ParseErrorKind {
         functions.map_or("more than 2^64".to_owned(), |functions| functions.to_string())
     )]
     TooManyFunctions {
-        /// How many there would be, unless they cannot be counted.
+        /// Number of functions in the library; `None` if it exceeds 64 bits.
         functions: Option<usize>,
     },
     /// A candidate function that is zero or not a number everywhere.
     #[error("this is {value} everywhere, which is no candidate function")]
     NoFunction {
-        /// What it simplifies to.
+        /// Value to which the candidate simplifies.
         value: String,
     },
     /// A library of the variables where there are none.
@@ -131,7 +131,7 @@ impl ParseError {
         self.detail.position
     }
 
-    /// What is wrong.
+    /// Cause of the error.
     pub fn kind(&self) -> &ParseErrorKind {
         &self.detail.kind
     }

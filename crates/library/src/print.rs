@@ -4,7 +4,8 @@ use std::fmt::{self, Display, Formatter};
 
 use crate::{Binary, Expr, Node, Unary, parse::is_bare_name};
 
-/// How tightly a printed form binds; an operand in a tighter place needs parentheses. As the parser's.
+/// Binding strength of a printed form, with the parser's order. An operand in a place that binds more tightly needs
+/// parentheses.
 #[derive(Clone, Copy, PartialEq, PartialOrd)]
 enum Binding {
     Sum,
@@ -14,7 +15,7 @@ enum Binding {
     Atom,
 }
 
-/// What is left to print, last first.
+/// Pending item to print; the stack holds the last one first.
 enum Job<'a> {
     Expr(&'a Expr, Binding),
     Text(&'static str),

@@ -19,7 +19,7 @@ pub struct Program {
     pub(crate) outputs: usize,
 }
 
-/// What a program reads.
+/// Input of a program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Leaf {
     /// A column, by its index among the columns that the program was compiled for, `lag` rows earlier (negative: later).
@@ -69,7 +69,7 @@ pub(crate) enum Operation {
     Binary(Binary, Operand, Operand),
 }
 
-/// Where a value is read. A tape reads only what it wrote before.
+/// Source of an instruction's argument. A tape reads only values that it wrote before.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Operand {
     Constant(f64),
@@ -78,7 +78,7 @@ pub(crate) enum Operand {
     Output(usize),
 }
 
-/// Where a value is written; never where the same instruction reads.
+/// Destination of an instruction's value, distinct from the sources of the same instruction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Target {
     Register(usize),
@@ -116,7 +116,7 @@ impl Program {
         Ok(graph.schedule(&outputs))
     }
 
-    /// What the program reads, in the order in which [`Program::evaluate`] takes it.
+    /// Inputs of the program, in the order in which [`Program::evaluate`] takes them.
     pub fn leaves(&self) -> &[Leaf] {
         &self.leaves
     }
@@ -324,7 +324,7 @@ impl Graph {
         Program { leaves: self.leaves, tape, registers, outputs: outputs.len() }
     }
 
-    /// Which values the outputs need, and how many arguments of needed values each value is.
+    /// For each value: true if the outputs need it, and its number of uses as an argument of needed values.
     fn readers(&self, outputs: &[usize]) -> (Vec<bool>, Vec<u32>) {
         let mut needed = vec![false; self.values.len()];
         let mut readers = vec![0u32; self.values.len()];

@@ -1,4 +1,4 @@
-//! Parts of expressions: found, and replaced by others.
+//! Search and replacement of parts of expressions.
 
 use std::sync::Arc;
 

@@ -29,7 +29,8 @@ impl Quaternion {
         Self { vector: vector.each_ref().map(|part| part * &scale), w: (0.5 * &length).cos() }
     }
 
-    /// How its components w, x, y, z change while it turns with these rates (rad/s) about the axes of the body: `q' = 1/2 q (0, rates)`; of the world: `q' = 1/2 (0, rates) q`.
+    /// Derivatives of the components w, x, y, z for turn rates (rad/s) about the axes of the body:
+    /// `q' = 1/2 q (0, rates)`; of the world: `q' = 1/2 (0, rates) q`.
     pub fn rates(&self, [a, b, c]: &[Expr; 3], world: bool) -> [Expr; 4] {
         let ([x, y, z], w) = (self.vector.each_ref(), &self.w);
         let twist = |plus: Expr, minus: Expr| if world { minus - plus } else { plus - minus };
@@ -110,11 +111,12 @@ impl Quaternion {
     }
 }
 
-/// How a rotation vector v (axis times angle, rad) changes while it turns with these rates w (rad/s) about the axes of the body, `v' = Jr^-1 w = w + v x w/2 + c v x (v x w)`, or of the world,
-/// where the second term has the other sign; `c = (1 - |v|/2 cot(|v|/2))/|v|^2` (Sola, Deray, Atchuthan, "A micro Lie theory for state estimation in robotics", arXiv:1812.01537, 2018,
-/// equation 144).
+/// Derivative of a rotation vector v (axis times angle, rad) for turn rates w (rad/s). About the axes of the body it is
+/// `v' = Jr^-1 w = w + v x w/2 + c v x (v x w)`; about those of the world the second term has the other sign.
+/// `c = (1 - |v|/2 cot(|v|/2))/|v|^2` (Sola, Deray, Atchuthan, "A micro Lie theory for state estimation in robotics",
+/// arXiv:1812.01537, 2018, equation 144).
 ///
-/// Where |v|^2 < 1e-8, c is that of 1e-8: it is off by 1e-11 there, in a term that is 1e-8 of the rates at most.
+/// For |v|^2 < 1e-8, c is that of 1e-8: its error is 1e-11 there, in a term that is 1e-8 of the rates at most.
 pub fn rotation_vector_rates(v: &[Expr; 3], rates: &[Expr; 3], world: bool) -> [Expr; 3] {
     let square = squared_length(v).max(Expr::number(1e-8));
     let half = 0.5 * square.sqrt();

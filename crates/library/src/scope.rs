@@ -1,4 +1,4 @@
-//! Scopes: which names an expression's text may use, and what they mean.
+//! Scopes: the names that an expression's text may use, and their meanings.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -31,7 +31,7 @@ pub struct Scope {
     pub(crate) defining: Option<String>,
 }
 
-/// What stands between a vector's name and its component's.
+/// Separators between a vector's name and its component's.
 pub(crate) const SEPARATORS: [&str; 3] = [".", "_", ""];
 
 impl Scope {
@@ -66,7 +66,7 @@ impl Scope {
         self.rotations.insert(name.into(), rotation);
     }
 
-    /// What a name stands for.
+    /// Expression that a name stands for.
     ///
     /// # Errors
     /// [`ParseErrorKind::UnknownName`] with the nearest names.

@@ -9,13 +9,14 @@ pub(crate) use sum::Sum;
 use crate::{Binary, Expr, Node, Unary, function::integer_power};
 
 impl Expr {
-    /// The same function in a shorter form: constants combined, what adds 0, multiplies by 0 or 1 or is raised to 1 removed,
-    /// equal factors collected to powers (`x*x^2` to `x^3`, `x^2/x` to `x`) and equal terms to multiples (`x + y - 3*x` to
-    /// `y - 2*x`, `x*y - y*x` to 0). Brackets are not multiplied out, and no identities of functions are used but
-    /// those of signs and absolute values. Never larger than before; what is collected stands in the order of its first appearance.
+    /// The same function in a shorter form. Constants are combined; additions of 0, factors of 0 or 1 and exponents of
+    /// 1 are removed. Equal factors are collected to powers (`x*x^2` to `x^3`, `x^2/x` to `x`) and equal terms to
+    /// multiples (`x + y - 3*x` to `y - 2*x`, `x*y - y*x` to 0). Brackets are not multiplied out, and no identities of
+    /// functions are used but those of signs and absolute values. The result is never larger; collected terms stand in
+    /// the order of their first appearance.
     ///
-    /// Where the expression is defined the value is the same up to rounding; `0*x` becomes 0 even where x is not a number, and
-    /// `x/x` 1 even at 0. Sums of more than 128 terms and products of more than 32 factors are
+    /// If the expression is defined, the value is the same up to rounding. `0*x` becomes 0 even where x is not a
+    /// number, and `x/x` becomes 1 even at 0. Sums of more than 128 terms and products of more than 32 factors are
     /// collected piece by piece.
     pub fn simplified(&self) -> Self {
         self.fold(|expr, arguments: &[Expr]| match (expr.node(), arguments) {
@@ -161,7 +162,7 @@ pub(crate) fn join_difference(a: Expr, b: Expr) -> Expr {
     }
 }
 
-/// What is negated here, where that is seen at once: `x` of `-x`, `2*x` of `-2*x`, 3 of -3.
+/// The expression without its minus sign, if it has an evident one: `x` of `-x`, `2*x` of `-2*x`, 3 of -3.
 fn negated(expr: &Expr) -> Option<Expr> {
     match expr.node() {
         Node::Unary(Unary::Neg, x) => Some(x.clone()),

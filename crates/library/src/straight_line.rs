@@ -5,17 +5,17 @@ use crate::{
     program::{Operand, Operation, Target},
 };
 
-/// What a [`Program`] computes, written so that it can be printed in any language: every statement has a value of its
-/// own, used by later ones; nothing is overwritten.
+/// Statements of a [`Program`] that can be printed in any language: every statement assigns a new value, which later
+/// ones use; no value is overwritten.
 ///
 /// The operations and their order are the program's, so that code printed from them rounds as the program does.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StraightLine {
-    /// What is read, in the order of [`Program::leaves`].
+    /// Inputs, in the order of [`Program::leaves`].
     pub leaves: Vec<Leaf>,
-    /// The operations, arguments before what uses them.
+    /// The operations; arguments come before their uses.
     pub statements: Vec<Statement>,
-    /// Where each of the program's outputs is found.
+    /// Value of each of the program's outputs.
     pub outputs: Vec<Argument>,
 }
 

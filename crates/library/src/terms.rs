@@ -12,11 +12,11 @@ use crate::{Expr, MAX_FUNCTIONS, ParseError, Scope};
 use candidates::{Candidates, Workshop};
 use item::parse_item;
 
-/// What the words of a library stand for.
+/// Variables and names that a library's text refers to.
 #[derive(Debug, Clone, Copy)]
 pub struct Vocabulary<'a> {
-    /// What `poly`, `sin`, `past` and so on range over when they name no variables of their own: columns, or whatever stands for
-    /// them, such as the cosine and the sine of an angle.
+    /// Variables of `poly`, `sin`, `past` and so on when the text names none. They are columns, or expressions in their
+    /// place, such as the cosine and the sine of an angle.
     pub variables: &'a [Expr],
     /// The names that expressions may use.
     pub scope: &'a Scope,
@@ -25,7 +25,7 @@ pub struct Vocabulary<'a> {
 /// The candidate functions of a library.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Terms {
-    /// Whether the constant 1 is a candidate.
+    /// True if the constant 1 is a candidate.
     pub constant: bool,
     /// The other candidates, distinct up to a number in front and up to the order of factors and addends, simplified.
     pub functions: Vec<Expr>,
@@ -44,7 +44,7 @@ pub enum TermsError {
          lags, or name fewer variables"
     )]
     TooLarge {
-        /// How many functions there would be.
+        /// Number of functions that the library would have.
         functions: usize,
     },
 }
@@ -64,23 +64,24 @@ impl Terms {
     /// lags(n)          the variables 1 to n rows ago; lags(n, every=k) at k, 2k, ... <= n
     /// ```
     ///
-    /// They range over [`Vocabulary::variables`], or over what is named: `poly(2, [x, y*z])`, `sin([x, y])`, `identity([x])`.
-    /// What is named may be a library itself, whose functions are then the variables: `poly(2, past(10, every=5))`,
-    /// `lags(3, sin)`, `abs(poly(2))`. Where a variable that was not named is the cosine or the sine of an angle, `fourier`,
-    /// `sin`, `cos` and `tan` are of that angle.
+    /// They range over [`Vocabulary::variables`], or over named expressions: `poly(2, [x, y*z])`, `sin([x, y])`,
+    /// `identity([x])`. The argument may also be a library, whose functions are then the variables:
+    /// `poly(2, past(10, every=5))`, `lags(3, sin)`, `abs(poly(2))`. If a variable that was not named is the cosine or
+    /// the sine of an angle, `fourier`, `sin`, `cos` and `tan` are of that angle.
     ///
-    /// Libraries are added and multiplied with each other and with expressions: `poly(2)*fourier(1)` is all pairwise products,
-    /// `poly(1) + abs` the functions of both, `poly(2)*V^2` and `poly(2)/m` every function times an expression, and in
-    /// `poly(1) + x*y + z` each addend is one more function. An item without any library is one function, `"V^2*alpha"`,
-    /// `"sin(x - y)"`, in the grammar of [`Expr::parse`]; `"1"` is the constant. A column with the name of a library needs backticks.
+    /// Libraries are added and multiplied with each other and with expressions. `poly(2)*fourier(1)` is all pairwise
+    /// products, `poly(1) + abs` the functions of both, and `poly(2)*V^2` and `poly(2)/m` every function times an
+    /// expression. In `poly(1) + x*y + z` each addend is one more function. An item without any library is one
+    /// function, `"V^2*alpha"`, `"sin(x - y)"`, in the grammar of [`Expr::parse`]; `"1"` is the constant. A column with
+    /// the name of a library needs backticks.
     ///
-    /// The order is that of the text; products are in graded lexicographic order as in [`Library::polynomial`](crate::Library::polynomial),
-    /// with the variables in front. Functions that differ only by a number in front are taken once, the first as it was written;
-    /// products of libraries have no number in front.
+    /// The order is that of the text; products are in graded lexicographic order as in
+    /// [`Library::polynomial`](crate::Library::polynomial), with the variables in front. Of functions that differ only
+    /// by a number in front, the first is taken, as it was written. Products of libraries have no number in front.
     ///
     /// # Errors
-    /// [`TermsError`] with the place and what was expected; names nearest to an unknown one; how many functions there would be
-    /// beyond [`MAX_FUNCTIONS`].
+    /// [`TermsError`] with the place, the expected syntax, the names nearest to an unknown one, or the number of
+    /// functions if it exceeds [`MAX_FUNCTIONS`].
     pub fn parse<S: AsRef<str>>(items: &[S], vocabulary: &Vocabulary) -> Result<Self, TermsError> {
         let mut workshop = Workshop::new(vocabulary.variables);
         let mut all = Candidates::default();

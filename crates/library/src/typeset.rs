@@ -24,9 +24,9 @@ pub(crate) trait Notation {
     fn named(name: &str) -> String;
 }
 
-/// What stands before, between and behind arguments.
+/// Text before, between and behind arguments.
 pub(crate) struct Forms {
-    /// Around what binds too loosely, and around arguments.
+    /// Around operands that bind too loosely, and around arguments.
     pub(crate) parentheses: [&'static str; 2],
     pub(crate) absolute: [&'static str; 2],
     pub(crate) root: [&'static str; 2],
@@ -42,7 +42,7 @@ pub(crate) struct Forms {
     pub(crate) maximum: &'static str,
 }
 
-/// How tightly a form binds; an operand in a tighter place needs parentheses.
+/// Binding strength of a form. An operand in a place that binds more tightly needs parentheses.
 #[derive(Clone, Copy, PartialEq, PartialOrd)]
 enum Binding {
     Sum,
@@ -52,7 +52,7 @@ enum Binding {
     Atom,
 }
 
-/// What is left to write, last first.
+/// Pending item to write; the stack holds the last one first.
 enum Job<'a> {
     Expr(&'a Expr, Binding),
     Text(&'static str),
@@ -181,7 +181,7 @@ fn pair<'a>(
     jobs.extend([Job::Text(close), Job::Expr(b, Binding::Sum), Job::Text(between), Job::Expr(a, binding)]);
 }
 
-/// Whether the first thing written of a factor is a digit.
+/// Returns true if the first character written of a factor is a digit.
 fn starts_with_digit(expr: &Expr) -> bool {
     let mut expr = expr;
     loop {

@@ -1,4 +1,4 @@
-//! Units of measurement: what a column's numbers are in.
+//! Units of measurement of columns.
 
 mod check;
 mod parse;
@@ -37,7 +37,7 @@ pub enum UnitError {
     Unknown {
         /// The whole unit.
         text: String,
-        /// What is not known.
+        /// Name that is not a known unit.
         symbol: String,
         /// Units that resemble it.
         nearest: Vec<String>,
@@ -49,7 +49,7 @@ pub enum UnitError {
         text: String,
         /// The byte where something else should stand.
         position: usize,
-        /// What should stand there.
+        /// Syntax that is valid at this position.
         expected: &'static str,
     },
     /// A sum, a difference, a minimum, a maximum or an arc tangent of unlike units.
@@ -98,17 +98,17 @@ impl Unit {
         parse::unit(text)
     }
 
-    /// How many of the SI's coherent units one of this is: 1000 for km.
+    /// Size of the unit in the SI's coherent units: 1000 for km.
     pub fn scale(&self) -> f64 {
         self.scale
     }
 
-    /// Whether it measures the same kind of quantity: `km` and `ft`.
+    /// Returns true if both units measure the same kind of quantity, as `km` and `ft` do.
     pub fn same_dimension(&self, other: &Self) -> bool {
         self.dimension == other.dimension
     }
 
-    /// Whether it is the unit of pure numbers, or of angles in radians.
+    /// Returns true for the unit of pure numbers, or of angles in radians.
     pub fn is_one(&self) -> bool {
         *self == Self::one()
     }

@@ -1,4 +1,4 @@
-//! What all files of a call agree on: the unit of a clock's numbers, and the order of day and month in dates.
+//! Settings on which all files of a call agree: the unit of a clock's numbers, and the order of day and month in dates.
 
 use std::{collections::BTreeMap, path::PathBuf};
 

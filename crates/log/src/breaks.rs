@@ -1,4 +1,4 @@
-//! Moments at which a log's writer says that it lost messages.
+//! Moments at which a log's writer reports lost messages.
 
 /// Such moments, in stamps, sorted.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -15,8 +15,9 @@ impl Breaks {
         &self.0
     }
 
-    /// Whether samples were lost between two stamps, where `period` is the median of such steps: a break lies there, and the step is longer than
-    /// one and a half of them. Of a channel that had nothing to say meanwhile nothing was lost.
+    /// Returns true if samples were lost between two stamps. A break then lies between them, and the step is longer
+    /// than one and a half times `period`, the median of such steps. A channel without messages in between has lost
+    /// nothing.
     pub(crate) fn lost(&self, from: i64, to: i64, period: Option<u64>) -> bool {
         let is_long = |period: u64| to.abs_diff(from) > period.saturating_add(period / 2);
         !self.0.is_empty()

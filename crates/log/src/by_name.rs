@@ -1,4 +1,4 @@
-//! Columns of a file by their names: found in one step each, however many there are.
+//! Columns of a file by their names: one step each, however many there are.
 
 use std::{collections::HashMap, path::Path};
 

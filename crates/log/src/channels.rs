@@ -120,7 +120,7 @@ fn decode_all(
     Ok((plan, decoded, codes, meta))
 }
 
-/// What [`open`] will cost, from the indexes and a few messages.
+/// Estimates the cost of [`open`] from the indexes and a few messages.
 pub(crate) fn estimate(
     path: &Path,
     format: Format,
@@ -220,7 +220,7 @@ fn check(path: &Path, plan: &Plan, decoded: &Decoded) -> Result<(), Error> {
     Ok(())
 }
 
-/// What was left out, in sentences.
+/// Notes on skipped data, in sentences.
 fn tell(plan: &Plan, decoded: &Decoded) -> Vec<String> {
     let mut notes = Vec::new();
     if !decoded.damage.is_empty() {
@@ -273,8 +273,9 @@ fn categories(path: &Path, plan: &Plan, decoded: &Decoded) -> Result<(Vec<TableC
     Ok((columns, codes))
 }
 
-/// Whether the rows are the samples of one channel as they are: each stands at its own stamp, where a linear or held column has its very value.
-/// Angles may change by whole turns and quaternions by their sign, so that they are joined; texts get other codes.
+/// Returns true if the rows are the samples of one channel as they are. Each row then stands at its own stamp, where a
+/// linear or held column has the value of its sample. Angles may change by whole turns and quaternions by their sign,
+/// so that they are joined; texts get other codes.
 fn nothing_to_join(plan: &Plan, codes: &Codes) -> bool {
     let as_it_is = |column: &plan::PlannedColumn| {
         let join = &column.join;

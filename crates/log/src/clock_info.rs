@@ -22,12 +22,12 @@ pub struct ClockInfo {
     pub unit: Option<TimeUnit>,
     /// Seconds in one unit.
     pub seconds: Option<f64>,
-    /// Whether column or unit is a guess.
+    /// True if column or unit is a guess.
     pub guess: bool,
-    /// Whether its numbers could be of several units, or of none.
+    /// True if its numbers could be of several units, or of none.
     #[serde(skip)]
     open: bool,
-    /// What was assumed and why, or between which units there is no choice.
+    /// The assumption and its reason, or the units between which there is no choice.
     pub assumed: Option<String>,
     /// Rates and gaps; only when the values were scanned.
     #[serde(flatten)]
@@ -35,7 +35,7 @@ pub struct ClockInfo {
 }
 
 impl ClockInfo {
-    /// What is known of the clock of a file, with what other files of the call say.
+    /// Clock of a file, with the settings on which all files of the call agree.
     pub(crate) fn new(path: &Path, clock: Clock, names: &[&str], agreed: &Agreed) -> Self {
         let (column, told) = (clock.name.clone(), clock.told());
         let beside = clock.beside.and_then(|(place, _)| names.get(place)).map(ToString::to_string);
@@ -54,7 +54,7 @@ impl ClockInfo {
         Self { column, beside, unit, seconds: unit.map(TimeUnit::seconds), guess, open, assumed, summary: None }
     }
 
-    /// Whether its numbers could be of several units, or of none.
+    /// Returns true if its numbers could be of several units, or of none.
     pub fn is_open(&self) -> bool {
         self.open
     }

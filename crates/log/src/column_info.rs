@@ -1,4 +1,4 @@
-//! What is told of a column without reading it, and the range of its values when it was read.
+//! Properties of a column that need no reading, and the range of its values once it was read.
 
 use fleetfoot_data::ColumnKind;
 use serde::{Serialize, Serializer};
@@ -9,9 +9,10 @@ use serde::{Serialize, Serializer};
 pub struct ColumnInfo {
     /// Its name.
     pub name: String,
-    /// Its unit, when the file tells it.
+    /// Unit in the file, if there is one.
     pub unit: Option<String>,
-    /// What its values stand for. Categories have names only when the values were scanned; text files are judged by their first rows otherwise.
+    /// Type of its values. Categories have names only when the values were scanned; text files are judged by their
+    /// first rows otherwise.
     #[serde(flatten, serialize_with = "kind")]
     pub kind: ColumnKind,
     /// The type of a column that cannot be read as numbers.

@@ -1,10 +1,11 @@
-//! The seam for containers of messages: what a robot's log gives, whichever format it is in.
+//! Interface of containers of messages: the same view of a robot's log for every format.
 //!
-//! A [`Container`] is a recording in one file or in several: topics whose messages are bytes of some encoding, in pieces that are read as a
-//! whole by whichever thread takes them. Above this file nobody knows which format it is but [`crate::containers::open`]. A further format is an
-//! implementation of the trait, a line there, and its name in [`crate::Format`].
+//! A [`Container`] is a recording in one file or in several. Its topics have messages that are bytes of some encoding.
+//! Its pieces are read as a whole, each by one thread. Above this file only [`crate::containers::open`] knows the
+//! format. A further format is an implementation of the trait, a line there, and its name in [`crate::Format`].
 //!
-//! Nothing that a file says is believed unchecked. What cannot be read is skipped up to the next sound place and counted ([`Damage`]).
+//! All data of a file are checked before use. Unreadable parts are skipped up to the next sound place and counted
+//! ([`Damage`]).
 
 mod damage;
 mod map;
@@ -37,7 +38,7 @@ pub(crate) type Each<'a> = dyn FnMut(usize, i64, i64, &[u8]) -> Result<(), Error
 /// Times are log times, nanoseconds: when messages were recorded, as far as the format tells. What is asked by piece may be asked by several
 /// threads at once.
 pub(crate) trait Container: fmt::Debug + Send + Sync {
-    /// What was opened: a file, or the folder of several.
+    /// Path that was opened: a file, or the folder of several.
     fn path(&self) -> &Path;
 
     /// The files, in the order of the recording.
@@ -61,7 +62,7 @@ pub(crate) trait Container: fmt::Debug + Send + Sync {
         }
     }
 
-    /// How many pieces there are. Their order is that of the recording.
+    /// Number of pieces. Their order is that of the recording.
     fn pieces(&self) -> usize;
 
     /// Messages of all topics in a piece, where the file tells without reading it.
@@ -102,13 +103,13 @@ pub(crate) trait Container: fmt::Debug + Send + Sync {
         &[]
     }
 
-    /// What the recording says of itself beside its messages.
+    /// Metadata of the recording beside its messages.
     fn metadata(&self) -> BTreeMap<String, String>;
 
-    /// What opening and all reading up to now have lost, the end of the file included.
+    /// Damage from opening and all reading up to now, the end of the file included.
     fn damage(&self) -> Damage;
 
-    /// What a person should know of the recording, besides damage.
+    /// Notes on the recording, besides damage.
     fn notes(&self) -> Vec<String>;
 
     /// Tells the system that what was read will not be needed soon.
@@ -132,7 +133,7 @@ pub(crate) struct Topic {
 }
 
 impl Topic {
-    /// What the decoder needs to know of the schema.
+    /// Schema for the decoder: name, encoding, data.
     pub(crate) fn schema(&self) -> Option<(&str, &str, &[u8])> {
         self.schema.as_ref().map(|schema| (schema.name.as_str(), schema.encoding.as_str(), &schema.data[..]))
     }
@@ -152,7 +153,7 @@ impl Topic {
     }
 }
 
-/// What describes a message type.
+/// Schema of a message type.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct SchemaRecord {
     /// The message type, e.g. `nav_msgs/msg/Odometry`.

@@ -1,4 +1,4 @@
-//! The formats of robots' logs: the one place that knows them all.
+//! Formats of robots' logs, all in one place.
 
 use std::path::{Path, PathBuf};
 

@@ -1,6 +1,6 @@
-//! What opening a recording costs.
+//! Cost of opening a recording.
 
-/// What opening robots' logs will cost.
+/// Estimated cost of opening robots' logs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub struct Estimate {

@@ -29,7 +29,7 @@ use sort::Sort;
 /// Names of columns of dates, with the orders of day and month in which they can be read.
 pub(crate) type Dates = Vec<(String, (DateOrder, Fit))>;
 
-/// What a file is, as far as its first rows tell.
+/// Description of a file from its first rows.
 pub(crate) struct Description {
     pub columns: Vec<Column>,
     pub clock: Option<Clock>,

@@ -49,9 +49,9 @@ impl DateOrder {
         }
     }
 
-    /// The order in which a column's dates are written, as far as these tell.
+    /// The order in which a column's dates are written, as far as these cells determine it.
     ///
-    /// Where both fit, the one in which the dates go on without going back, and pass less time.
+    /// If both orders fit, the one is chosen in which the dates do not go back, and span less time.
     pub(crate) fn of<'a>(cells: impl Iterator<Item = &'a [u8]> + Clone) -> (Self, Fit) {
         let stamps = |order| cells.clone().map(|cell| parse(cell, order)).collect::<Option<Vec<i64>>>();
         match (stamps(Self::MonthFirst), stamps(Self::DayFirst)) {

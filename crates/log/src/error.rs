@@ -1,4 +1,4 @@
-//! Errors: each names the file, the place in it, and the mend.
+//! Errors: each names the file, the place in it, and the remedy.
 
 use std::path::PathBuf;
 
@@ -17,7 +17,7 @@ pub enum Error {
     Io {
         /// The file.
         path: PathBuf,
-        /// What was tried, as an infinitive.
+        /// Action that was tried, as an infinitive.
         action: &'static str,
         /// The system's reason.
         source: std::io::Error,
@@ -44,7 +44,7 @@ pub enum Error {
     Pattern {
         /// The argument.
         pattern: String,
-        /// What is wrong with it.
+        /// Description of the problem.
         problem: String,
     },
     /// A folder without any file of a known format.
@@ -59,14 +59,14 @@ pub enum Error {
         /// The file.
         path: PathBuf,
     },
-    /// The contents are not what the name says.
+    /// Contents that do not match the name.
     #[error("{}: {problem}; {mend}", path.display())]
     WrongFormat {
         /// The file.
         path: PathBuf,
-        /// What was found.
+        /// Description of the problem.
         problem: String,
-        /// What to do.
+        /// Remedy.
         mend: &'static str,
     },
     /// A damaged, truncated or lying file.
@@ -74,11 +74,11 @@ pub enum Error {
     Damaged {
         /// The file.
         path: PathBuf,
-        /// Where in the file.
+        /// Place in the file.
         place: String,
-        /// What was found.
+        /// Description of the damage.
         problem: String,
-        /// What to do.
+        /// Remedy.
         mend: &'static str,
     },
     /// A column that the file does not have.
@@ -96,9 +96,9 @@ pub enum Error {
     AmbiguousColumn {
         /// The file.
         path: PathBuf,
-        /// The column asked for.
+        /// Name of the requested column.
         column: String,
-        /// How many there are.
+        /// Number of columns of that name.
         count: usize,
     },
     /// A column whose type cannot become numbers.
@@ -126,11 +126,11 @@ pub enum Error {
         column: String,
         /// One file.
         first: PathBuf,
-        /// What it says.
+        /// Kind of the column in the first file.
         first_is: String,
         /// The other file.
         second: PathBuf,
-        /// What that says.
+        /// Kind of the column in the other file.
         second_is: String,
     },
     /// A table needs more memory than there is.
@@ -166,7 +166,7 @@ pub enum Error {
         path: PathBuf,
         /// The time column.
         column: String,
-        /// What they could be, with the rate and the first stamp of each.
+        /// Possible units, with the rate and the first stamp of each.
         readings: String,
         /// One of the units.
         unit: &'static str,
@@ -189,7 +189,7 @@ pub enum Error {
     /// A sampling period or a gap that is not a positive number.
     #[error("the {what} must be a positive number of seconds below 1e9, not {seconds}")]
     BadSeconds {
-        /// What it was for.
+        /// Setting that the value was for.
         what: &'static str,
         /// The value.
         seconds: f64,
@@ -224,7 +224,7 @@ pub enum Error {
         /// The delimiter in use.
         delimiter: char,
     },
-    /// A text cell that cannot be read as what the column holds.
+    /// A text cell that does not fit the type of the column.
     #[error("{}:{line}: column `{column}` should hold {expected}, but the cell is `{text}`; mend it, or leave it empty to mark it missing", path.display())]
     BadCell {
         /// The file.
@@ -233,7 +233,7 @@ pub enum Error {
         line: u64,
         /// The column.
         column: String,
-        /// What the column holds.
+        /// Expected content of the column.
         expected: &'static str,
         /// The cell, shortened.
         text: String,
@@ -283,7 +283,7 @@ pub enum Error {
         path: PathBuf,
         /// The column.
         column: String,
-        /// What is wrong with it.
+        /// Description of the problem.
         problem: String,
     },
     /// Messages that cannot be read, or not as asked.
@@ -295,7 +295,7 @@ pub enum Error {
         topic: String,
         /// The type of its messages.
         type_name: String,
-        /// What is wrong, and the mend.
+        /// Description of the problem, and the remedy.
         problem: String,
     },
     /// Header stamps asked of messages without a header.
@@ -329,7 +329,7 @@ pub enum Error {
     NoSuchClock {
         /// The file.
         path: PathBuf,
-        /// What was asked for.
+        /// Clock that was asked for.
         asked: String,
     },
     /// Two channels without a moment in common.
@@ -340,7 +340,7 @@ pub enum Error {
     NoOverlap {
         /// The file.
         path: PathBuf,
-        /// What does not overlap: `stamps` or `log times`.
+        /// Kind of stamps that do not overlap: `stamps` or `log times`.
         what: &'static str,
         /// A channel.
         first: String,
@@ -389,7 +389,7 @@ pub enum Error {
         folder: PathBuf,
         /// The entry of `[files]`.
         setting: String,
-        /// What the folder holds.
+        /// Contents of the folder.
         there: String,
     },
     /// Two files of a run for one topic.

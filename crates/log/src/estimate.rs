@@ -1,4 +1,4 @@
-//! What opening a recording will cost, told before it is opened.
+//! Estimate of the cost of opening a recording, before it is opened.
 
 use std::path::Path;
 
@@ -6,8 +6,8 @@ use fleetfoot_data::Progress;
 
 use crate::{Error, Estimate, Format, Log, Selection, channels, splits};
 
-/// What it will cost to open robots' logs: from their indexes and a few messages. `None` when a file is another kind of recording, whose
-/// rows are counted by opening it.
+/// Estimates the cost of opening robots' logs from their indexes and a few messages. `None` when a file is another kind
+/// of recording, whose rows are counted by opening it.
 ///
 /// # Errors
 /// Files that cannot be read, and columns that they do not have.

@@ -42,7 +42,7 @@ pub enum Format {
     Rosbag2,
 }
 
-/// How a whole file is compressed.
+/// Compression of a whole file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Compression {

@@ -1,4 +1,4 @@
-//! Tables that look like the files of runs, a file a topic: what `[files]` of a recipe would say of them.
+//! Tables that look like the files of runs, a file a topic, with the `[files]` of a recipe for them.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -63,7 +63,7 @@ impl FoundRuns {
         (others.is_empty() && runs.len() == folders.len()).then_some(Self { runs, patterns })
     }
 
-    /// Whether the stamps of the files of the first run overlap: their rows are read once.
+    /// Returns true if the stamps of the files of the first run overlap: their rows are read once.
     pub fn share_a_clock(&self, progress: &dyn Progress) -> bool {
         let spans = self.runs.first().map_or(&[][..], |run| &run.files).iter().map(|(_, path)| span(path, progress));
         spans.collect::<Option<Vec<_>>>().is_some_and(|spans| meet(&spans))
@@ -79,7 +79,7 @@ impl FoundRuns {
 /// The files of every folder that may be that of a run.
 type Folders<'a> = BTreeMap<PathBuf, Vec<&'a FileInfo>>;
 
-/// Which folders may be those of runs: those that files lie in, else folders above them, the lowest first.
+/// Candidate folders of runs: those that files lie in, else folders above them, the lowest first.
 fn groupings(infos: &[FileInfo]) -> Option<Vec<Folders<'_>>> {
     let parents: Vec<&Path> = infos.iter().map(|info| info.path.parent()).collect::<Option<_>>()?;
     let all = |folder: &dyn Fn(&Path) -> PathBuf| {
@@ -96,7 +96,7 @@ fn groupings(infos: &[FileInfo]) -> Option<Vec<Folders<'_>>> {
     Some(std::iter::once(all(&|parent| parent.to_path_buf())).chain(above).collect())
 }
 
-/// What a file of a run is called.
+/// Parts of the name of a run's file.
 struct Named<'a> {
     /// Folders below that of the run.
     folders: Vec<&'a str>,
@@ -141,13 +141,13 @@ fn are_apart(files: &[&FileInfo]) -> bool {
     pairs.all(|(a, b)| !a.is_subset(b) && !b.is_subset(a))
 }
 
-/// Whether the ranges of the clocks overlap, as far as they are known.
+/// Returns true if the ranges of the clocks overlap, as far as they are known.
 fn overlap(files: &[&FileInfo]) -> bool {
     let known = files.iter().filter_map(|info| info.clock.as_ref()?.summary);
     meet(&known.map(|clock| (clock.start, clock.end)).collect::<Vec<_>>())
 }
 
-/// Whether some moment is in all spans.
+/// Returns true if some moment is in all spans.
 fn meet(spans: &[(i64, i64)]) -> bool {
     let (start, end) = (spans.iter().map(|span| span.0).max(), spans.iter().map(|span| span.1).min());
     start.zip(end).is_none_or(|(start, end)| start < end)

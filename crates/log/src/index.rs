@@ -1,4 +1,4 @@
-//! Episodes of one file, found in a pass over its stamps; only a compact index stays.
+//! Episodes of one file, from a pass over its stamps; only a compact index stays.
 
 use std::{ops::Range, path::Path};
 
@@ -14,7 +14,7 @@ use crate::{
     table::{MISSING, Table},
 };
 
-/// What the stamps of a file look like.
+/// Counts and steps of the stamps of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 #[non_exhaustive]
 pub struct ClockSummary {
@@ -110,9 +110,11 @@ fn uniform_span(first: usize, rows: usize, dt: f64) -> Span {
     Span { first, rows, start: 0, end, period, fingerprint }
 }
 
-/// Finds the episodes of a table with a time column: the stamps are read twice when the accepted gap follows from their typical step, else once.
+/// Finds the episodes of a table with a time column. The stamps are read twice when the accepted gap follows from their
+/// typical step, else once.
 ///
-/// Where it does, rows are parted that are known to have lost others between them, too. `of_day`: the stamps may be times of the day.
+/// In the first case, rows are also parted if others are known to be lost between them. `of_day`: the stamps may be
+/// times of the day.
 pub(crate) fn build(
     table: &dyn Table,
     max_gap: MaxGap,
@@ -173,7 +175,7 @@ fn usable(stamp: i64) -> bool {
 /// Cuts a stream of stamps into episodes.
 struct Cutter {
     gap: Option<i64>,
-    /// Where rows were lost, and the median step that tells whether; idle where the step is not known.
+    /// Breaks at which rows were lost, and the median step that confirms them; unused if the step is not known.
     lost: (Breaks, Option<u64>),
     row: usize,
     used: usize,

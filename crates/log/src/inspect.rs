@@ -1,4 +1,4 @@
-//! What a file holds: columns, units, clock, and, when asked, the range of the values.
+//! Description of a file: columns, units, clock, and, when asked, the range of the values.
 
 use std::{
     collections::{BTreeMap, HashMap},
@@ -16,7 +16,7 @@ use crate::{
 /// Rows of a block of the scan for [`ColumnStatistics`].
 const BLOCK: usize = 65_536;
 
-/// What a file holds.
+/// Description of a file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct FileInfo {
@@ -28,9 +28,10 @@ pub struct FileInfo {
     pub format: Format,
     /// Its size.
     pub bytes: u64,
-    /// Rows, when the file tells them or the values were scanned.
+    /// Rows, if the file states them or the values were scanned.
     pub rows: Option<usize>,
-    /// Its columns, in the order of the file; of a robot's log, the fields found in some of its messages, or in all when the values were scanned.
+    /// Columns in the order of the file. For a robot's log: the fields of some of its messages, or of all when the
+    /// values were scanned.
     pub columns: Vec<ColumnInfo>,
     /// Arrays of a robot's log whose elements are not listed among the columns.
     pub arrays: Vec<ArrayInfo>,
@@ -40,9 +41,9 @@ pub struct FileInfo {
     pub clock: Option<ClockInfo>,
     /// Episodes; only when the values were scanned.
     pub episodes: Option<usize>,
-    /// What a robot's log says of itself beside its messages ([`crate::metadata`]); empty for tables.
+    /// Metadata of a robot's log beside its messages ([`crate::metadata`]); empty for tables.
     pub metadata: BTreeMap<String, String>,
-    /// What a person should know.
+    /// Notes for the user.
     pub notes: Vec<String>,
 }
 

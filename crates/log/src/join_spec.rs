@@ -1,21 +1,23 @@
-//! How the channels of a robot's log become one table.
+//! Rules that join the channels of a robot's log into one table.
 
 use std::{collections::BTreeMap, path::PathBuf};
 
 use crate::{MaxGap, join::JoinKind};
 
-/// How the channels of a robot's log become one table of rows: which clock, which rows, and what stands between two samples.
+/// Rules that join the channels of a robot's log into one table of rows: the clock, the rows, and the values between
+/// two samples.
 ///
 /// Tables (CSV, Parquet) are one channel already; for them only a rate and the joins of columns count, by which rows are made anew.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JoinSpec {
     /// The one clock of all channels; found when not given: the headers' where every channel has one, else the log's.
     pub stamp: Option<Stamp>,
-    /// What makes the rows; the channel of the first column when not given.
+    /// Source of the rows; the channel of the first column when not given.
     pub base: Option<Base>,
-    /// How single columns are joined, by their names; by their types when not given.
+    /// Join of single columns, by their names; by their types when not given.
     pub columns: BTreeMap<String, ColumnJoin>,
-    /// Samples whose stamps are out of order by less than these seconds are put in order; what jumps back further begins an episode.
+    /// Samples whose stamps are out of order by less than these seconds are put in order; a larger step back begins an
+    /// episode.
     pub reorder_seconds: f64,
     /// Topics as the columns call them, and as the files do.
     pub renames: Vec<(String, String)>,
@@ -39,7 +41,7 @@ impl Default for JoinSpec {
     }
 }
 
-/// Which of a message's three stamps counts.
+/// Choice among a message's three stamps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stamp {
     /// When it was measured: `header.stamp`, `stamp` or `timestamp` inside the message.
@@ -71,7 +73,7 @@ impl Stamp {
     }
 }
 
-/// What makes the rows of a joined table.
+/// Source of the rows of a joined table.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Base {
     /// Every sample of this topic (`/odom`), or of the field's group (`/tf.transforms[base_link]`).
@@ -80,7 +82,7 @@ pub enum Base {
     Rate(f64),
 }
 
-/// How a column's samples become values at the rows' stamps.
+/// Rule that turns a column's samples into values at the rows' stamps.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ColumnJoin {
     /// The kind; by the field's type when not given: `linear` for real numbers, `slerp` for quaternions, `hold` for all else.
@@ -89,23 +91,23 @@ pub struct ColumnJoin {
     pub max_gap: MaxGap,
 }
 
-/// A clock that stamps some topics, and what it shows more than the clock of the others: `offset + skew (stamp - at)`.
+/// A clock that stamps some topics, with its difference from the clock of the others: `offset + skew (stamp - at)`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TopicClock {
     /// The log whose clock it is, by the path that it is opened by; every log's when not given.
     pub log: Option<PathBuf>,
-    /// Topics as the columns call them; a star stands for anything.
+    /// Topics by their names in columns; a star matches any text.
     pub topics: Vec<String>,
     /// A moment by this clock, nanoseconds.
     pub at: i64,
-    /// How much more it shows then, nanoseconds.
+    /// Time by this clock less the others' at that moment, nanoseconds.
     pub offset: i64,
-    /// How much faster it goes, seconds a second of its own.
+    /// Rate relative to the others, seconds a second of its own; positive: faster.
     pub skew: f64,
 }
 
 impl TopicClock {
-    /// Whether it stamps a topic. A pattern that cannot be read is a name.
+    /// Returns true if the clock stamps a topic. A pattern that cannot be read is a name.
     pub fn stamps(&self, topic: &str) -> bool {
         let is_named = |pattern: &String| {
             pattern == topic || glob::Pattern::new(pattern).is_ok_and(|pattern| pattern.matches(topic))
@@ -113,14 +115,14 @@ impl TopicClock {
         self.topics.iter().any(is_named)
     }
 
-    /// What the clock of the others shows when this one shows `stamp`.
+    /// Time by the others' clock when this one shows `stamp`.
     pub fn corrected(&self, stamp: i64) -> i64 {
         let drift = (self.skew * stamp.saturating_sub(self.at) as f64).round() as i64;
         stamp.saturating_sub(self.offset).saturating_sub(drift)
     }
 }
 
-/// Where decoded columns are kept.
+/// Place for decoded columns.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Cache {
     /// The folder; made when needed.

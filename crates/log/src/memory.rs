@@ -23,7 +23,7 @@ const SAMPLE: usize = 1000;
 
 /// A table in memory. Its columns may lie anywhere and in any type: they are asked for as numbers, some rows at a time.
 pub trait MemoryTable: Send + Sync {
-    /// What messages and episodes call it. Tables that are opened together should differ in it.
+    /// Name in messages and for episodes. Tables that are opened together should have different names.
     fn name(&self) -> &str;
 
     /// Number of rows.
@@ -43,7 +43,7 @@ pub trait MemoryTable: Send + Sync {
     /// The unit in which [`MemoryTable::integers`] gives a column that is a date or a time by its type; `None` for other columns.
     fn time_unit(&self, column: usize) -> Option<TimeUnit>;
 
-    /// Whether such a column holds times of the day, which pass midnight.
+    /// Returns true if such a column holds times of the day, which pass midnight.
     fn is_time_of_day(&self, _column: usize) -> bool {
         false
     }
@@ -55,7 +55,7 @@ pub trait MemoryTable: Send + Sync {
     fn integers(&self, column: usize, rows: Range<usize>) -> Option<ScalarBuffer<i64>>;
 }
 
-/// What can be opened: a file, the files of a run, or a table in memory.
+/// Recording to open: a file, the files of a run, or a table in memory.
 #[derive(Clone)]
 pub enum Log {
     /// A file, or a rosbag2 folder.
@@ -103,7 +103,7 @@ struct Selected {
     /// Places of the selected columns.
     places: Vec<usize>,
     columns: Vec<TableColumn>,
-    /// Where the stamps are; of several columns they are added up.
+    /// Columns of the stamps; several columns are added up.
     clock: Vec<(usize, TimeUnit)>,
 }
 
@@ -172,7 +172,8 @@ pub(crate) fn clock(table: &dyn MemoryTable, spec: &TimeSpec) -> Option<Clock> {
     Some(Clock { unit, beside, ..clock })
 }
 
-/// Whether stamps may be seconds: floating-point ones in memory are then taken as such, as numerical libraries count time.
+/// Returns true if stamps may be seconds: floating-point ones in memory are then taken as such, as numerical libraries
+/// count time.
 fn may_be_seconds(readings: &[Reading]) -> bool {
     readings.iter().any(|reading| reading.unit == TimeUnit::Seconds)
 }

@@ -1,4 +1,4 @@
-//! What a file says of itself beside its rows: key-value metadata.
+//! Metadata of a file beside its rows: keys and values.
 
 use std::{collections::BTreeMap, path::Path};
 

@@ -1,4 +1,4 @@
-//! Times of the day that pass midnight go on with the next day.
+//! Times of the day that pass midnight continue on the next day.
 
 use std::ops::Range;
 

@@ -1,4 +1,4 @@
-//! What a person should know of many files, in a few sentences.
+//! Notes on many files, in a few sentences.
 
 use std::{
     collections::{BTreeMap, BTreeSet},

@@ -1,4 +1,4 @@
-//! What opening a file gives, whichever format it is in.
+//! Result of opening a file of any format.
 
 use crate::{
     Stamp,
@@ -7,21 +7,21 @@ use crate::{
     time_column::{Chosen, SettledClock},
 };
 
-/// What opening a file gives: its table and what had to be assumed.
+/// Result of opening a file: its table, and notes on assumptions.
 pub(crate) struct Opened {
     pub table: Box<dyn Table>,
-    /// Where its stamps are, for messages; `None` without a clock.
+    /// Name of the stamps' column, for messages; `None` without a clock.
     pub time_column: Option<String>,
-    /// Whether its stamps may be times of the day, which pass midnight.
+    /// True if its stamps may be times of the day, which pass midnight.
     pub of_day: bool,
     /// Who chose that column.
     pub chosen: Chosen,
     pub notes: Vec<String>,
-    /// Which of its messages' stamps were taken, of a robot's log.
+    /// Kind of its messages' stamps that was used, for a robot's log.
     pub stamp: Option<Stamp>,
-    /// What must be added to the stamps to get the log's, nanoseconds.
+    /// Offset to add to the stamps for the log's times, nanoseconds.
     pub log_offset: i64,
-    /// Where rows are known to be lost.
+    /// Breaks at which rows are known to be lost.
     pub breaks: Breaks,
     /// First rows of the sessions behind the first one, of a text file that has several.
     pub sessions: Vec<usize>,

@@ -63,7 +63,7 @@ impl std::fmt::Debug for Recording {
     }
 }
 
-/// Where an episode's rows are.
+/// Place of an episode's rows.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Place {
     pub(crate) file: usize,
@@ -75,7 +75,7 @@ pub(crate) struct Place {
 struct RecordedFile {
     /// Of a table in memory, its name.
     path: PathBuf,
-    /// What is read of it: the file, those that go on with it, or those of a run; none of a table.
+    /// Files to read: the file, those that continue it, or those of a run; empty for a table.
     parts: Vec<PathBuf>,
     in_memory: bool,
     table: Arc<dyn Table>,
@@ -344,12 +344,13 @@ impl Progress for Quiet<'_> {
 }
 
 impl Recording {
-    /// Whether no stamps are known ([`TimeSpec::Dispensable`]): rows are in their order, and seconds mean nothing.
+    /// Returns true if no stamps are known ([`TimeSpec::Dispensable`]): rows are in their order, and seconds mean
+    /// nothing.
     pub fn without_clock(&self) -> bool {
         self.without_clock
     }
 
-    /// What a person should know: assumptions made, rows left out, how files were cut.
+    /// Notes for the user: assumptions made, rows left out, and the cutting of files into episodes.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
@@ -364,7 +365,8 @@ impl Recording {
         self.files.iter().map(|file| (file.path.as_path(), &file.clock))
     }
 
-    /// What must be added to an episode's stamps to get the times at which a robot's log recorded them, nanoseconds; 0 for tables.
+    /// Offset to add to an episode's stamps for the times at which a robot's log recorded them, nanoseconds; 0 for
+    /// tables.
     pub fn log_offset(&self, episode: usize) -> i64 {
         self.files[self.places[episode].file].log_offset
     }

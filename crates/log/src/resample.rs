@@ -85,7 +85,7 @@ pub(crate) fn joined_column(own: &TableColumn, join: &JoinColumn) -> TableColumn
     own
 }
 
-/// How a column of the first series is joined.
+/// Join of a column of the first series.
 pub(crate) fn joined(columns: &[TableColumn], at: usize, selection: &Selection) -> JoinColumn {
     let column = &columns[at].column;
     let rule = selection.join.columns.get(&column.name).copied().unwrap_or_default();

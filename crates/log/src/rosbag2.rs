@@ -24,7 +24,7 @@ const CONVERT: &str = "convert its folder: `ros2 bag convert -i FOLDER -o out.ya
 /// Bytes of metadata that are read; real ones have a few kilobytes per topic.
 const MAX_METADATA: u64 = 16 << 20;
 
-/// What is wanted of the metadata.
+/// Values to read from the metadata.
 #[derive(Default)]
 struct Information {
     storage_identifier: String,
@@ -38,7 +38,7 @@ enum Open {
     Sequence,
 }
 
-/// Where the next node stands.
+/// Position of the next node.
 enum Place {
     Key,
     /// The value of one of the wanted keys, or an item of it.

@@ -1,4 +1,4 @@
-//! Which rows of a file are used: a bit a row, and the way from the k-th used row to its place in the file.
+//! Mask of the rows of a file that are used (a bit a row), with the place in the file of the k-th used row.
 
 /// Rows between two stored ranks.
 const STRIDE: usize = 4096;
@@ -55,7 +55,7 @@ impl RowMask {
         word * 64 + left
     }
 
-    /// Whether a row is dropped.
+    /// Returns true if a row is dropped.
     pub(crate) fn is_dropped(&self, row: usize) -> bool {
         self.dropped.get(row / 64).is_some_and(|word| word >> (row % 64) & 1 == 1)
     }

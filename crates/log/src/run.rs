@@ -1,4 +1,4 @@
-//! The files of one run, a file a topic, as one log: which files belong together, and their rows joined on one clock.
+//! The files of one run, a file a topic, as one log: grouping of files, and rows joined on one clock.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -137,7 +137,7 @@ fn inside(folder: &Path) -> String {
     list(&names.iter().map(String::as_str).collect::<Vec<_>>())
 }
 
-/// What a clock is looked for by: rows of several files need one.
+/// Rule by which a clock is chosen: rows of several files need one.
 pub(crate) fn clock_of(time: &TimeSpec) -> &TimeSpec {
     if matches!(time, TimeSpec::Dispensable { .. }) { &TimeSpec::Auto } else { time }
 }

@@ -1,15 +1,15 @@
-//! What a caller wants of a recording: columns, clock, episodes, labels.
+//! Selection from a recording: columns, clock, episodes, labels.
 
 use std::collections::BTreeMap;
 
 use crate::{JoinSpec, MaxGap};
 
-/// What to read, and how to find the episodes.
+/// Selection of the data to read, and rules for episodes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Selection {
     /// The columns, by their names in the files; only these are decoded. A name given twice counts once.
     pub columns: Vec<String>,
-    /// Where the stamps come from.
+    /// Source of the stamps.
     pub time: TimeSpec,
     /// The gap that ends an episode.
     pub max_gap: MaxGap,
@@ -19,7 +19,7 @@ pub struct Selection {
     pub allow_duplicates: bool,
     /// Bytes of decoded columns that are kept in memory, over all files; beyond it they go to an unnamed temporary file.
     pub memory_budget: usize,
-    /// How the channels of a robot's log become one table.
+    /// Rules that join the channels of a robot's log into one table.
     pub join: JoinSpec,
 }
 
@@ -44,10 +44,10 @@ impl Default for Selection {
     }
 }
 
-/// Where the stamps come from.
+/// Source of the stamps.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum TimeSpec {
-    /// By the name of a column, else the first column of strictly increasing times; what was taken is told in the notes.
+    /// By the name of a column, else the first column of strictly increasing times; the notes name the column.
     #[default]
     Auto,
     /// This column.
@@ -57,10 +57,11 @@ pub enum TimeSpec {
         /// The unit of numbers; guessed from the name and the magnitude when not given. Dates and time types carry their own.
         unit: Option<TimeUnit>,
     },
-    /// By the name of a column; where a file has none of such a name, no stamps are known: every file is one episode of rows in their order, a second apart for
-    /// whoever counts them. For what needs no clock.
+    /// By the name of a column. If a file has no such column, no stamps are known: every file is one episode of rows in
+    /// their order, nominally a second apart. For uses that need no clock.
     Dispensable {
-        /// Whether the order of the rows matters: then a column of strictly increasing times is taken as by [`TimeSpec::Auto`], where there is one.
+        /// True if the order of the rows matters: then a column of strictly increasing times is taken as by
+        /// [`TimeSpec::Auto`], if there is one.
         ordered: bool,
     },
     /// Rows are equally spaced; every file is one episode that starts at zero.

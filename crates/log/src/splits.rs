@@ -1,4 +1,5 @@
-//! Recordings that their recorder split into numbered files, `run_0.mcap`, `run_1.mcap`, ...: read as one where each goes on where the last one ended.
+//! Recordings split into numbered files by their recorder, `run_0.mcap`, `run_1.mcap`, ...: read as one if each
+//! continues the one before.
 
 use std::{
     collections::BTreeMap,

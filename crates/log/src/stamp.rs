@@ -1,4 +1,4 @@
-//! Time stamps to nanoseconds, without losing digits that the file has.
+//! Time stamps to nanoseconds, with all digits of the file.
 
 use fleetfoot_data::ScalarBuffer;
 

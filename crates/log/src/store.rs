@@ -1,4 +1,4 @@
-//! Decoded columns on their way to being read: in memory while they fit a budget, in an unnamed temporary file beyond it.
+//! Decoded columns until they are read: in memory while they fit a budget, in an unnamed temporary file beyond it.
 
 use std::{
     fs::File,
@@ -62,7 +62,7 @@ pub(crate) struct ColumnStore {
 }
 
 impl Drop for ColumnStore {
-    /// What was decoded on the way to something else makes room for it.
+    /// Returns the memory to the budget: columns that were only an intermediate result make room for the next.
     fn drop(&mut self) {
         self.budget.give_back(self.held);
     }
@@ -163,11 +163,11 @@ fn fill(bytes: &mut [u8], words: impl Iterator<Item = [u8; 8]>) {
     bytes.as_chunks_mut::<8>().0.iter_mut().zip(words).for_each(|(slot, word)| *slot = word);
 }
 
-/// A store with its columns' descriptions: what was decoded of a file.
+/// The decoded columns of a file with their descriptions.
 pub(crate) struct StoredTable {
     pub store: ColumnStore,
     pub columns: Vec<TableColumn>,
-    /// Whether the rows have stamps of their own.
+    /// True if the rows have stamps.
     pub has_time: bool,
 }
 

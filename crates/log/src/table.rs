@@ -1,4 +1,4 @@
-//! What a file format offers: rows, stamps and values by range of rows.
+//! Interface of a file format: rows, stamps and values by range of rows.
 
 use std::ops::Range;
 

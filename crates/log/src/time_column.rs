@@ -1,4 +1,4 @@
-//! Which column is the clock, and in which unit.
+//! Choice of the clock's column, and of its unit.
 
 mod names;
 #[cfg(test)]
@@ -16,13 +16,13 @@ pub use units::Reading;
 pub(crate) struct Candidate {
     /// Its name.
     pub name: String,
-    /// Its unit, when the file tells it.
+    /// Unit in the file, if there is one.
     pub unit: Option<String>,
-    /// What its cells look like.
+    /// Kind of its cells.
     pub kind: CandidateKind,
 }
 
-/// What the cells of a candidate look like.
+/// Kind of a candidate's cells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum CandidateKind {
     /// Real numbers.
@@ -46,7 +46,7 @@ pub(crate) struct Clock {
     pub beside: Option<(usize, TimeUnit)>,
     /// The unit of its numbers.
     pub unit: ClockUnit,
-    /// What its cells look like.
+    /// Kind of its cells.
     pub kind: CandidateKind,
     /// Who chose the column.
     pub chosen: Chosen,
@@ -55,9 +55,9 @@ pub(crate) struct Clock {
 /// The unit of a clock's numbers.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum ClockUnit {
-    /// The caller, the name, the file or the type of the column tells it.
+    /// A unit that is known from the caller, the name, the file or the type of the column.
     Told(TimeUnit),
-    /// What its numbers may be.
+    /// Possible units of its numbers.
     Guessed(Vec<Reading>),
     /// Seconds, as numerical libraries count time, although its numbers may be all of these.
     Seconds(Vec<Reading>),
@@ -74,7 +74,8 @@ pub(crate) enum Chosen {
     Values,
 }
 
-/// What the files of a call say together of columns that single ones leave open, by their names.
+/// Units and orders that the files of a call determine together for columns that single files leave open, by the
+/// columns' names.
 #[derive(Debug, Default)]
 pub(crate) struct Agreed {
     /// The units of the numbers of clocks.
@@ -92,7 +93,7 @@ pub(crate) struct SettledClock {
     pub beside: Option<(usize, TimeUnit)>,
     pub unit: TimeUnit,
     pub chosen: Chosen,
-    /// What was assumed and why, when something was.
+    /// The assumption and its reason, if one was made.
     pub assumed: Option<String>,
 }
 
@@ -194,7 +195,8 @@ fn by_name(candidates: &[Candidate], sampler: Sampler<'_>) -> Option<usize> {
     ranked.into_iter().map(|(_, c)| c).find(|&c| mostly_rises(&sampler(c)))
 }
 
-/// Whether a sample is that of a clock: at least half of its steps rise, at most a fifth falls (new episodes begin there).
+/// Returns true if a sample can be that of a clock. At least half of its steps then rise, and at most a fifth falls
+/// (new episodes begin there).
 fn mostly_rises(sample: &[f64]) -> bool {
     let (rising, falling, steps) = counted(sample);
     rises(rising, falling, steps)
@@ -210,7 +212,7 @@ fn counted(sample: &[f64]) -> (usize, usize, usize) {
     (rising, falling, values.len().saturating_sub(1))
 }
 
-/// Whether a clock can have these steps: at least half of them rise, and at most a fifth falls.
+/// Returns true if a clock can have these steps: at least half of them rise, and at most a fifth falls.
 pub(crate) fn rises(rising: usize, falling: usize, steps: usize) -> bool {
     2 * rising >= steps && 5 * falling <= steps
 }
@@ -229,7 +231,7 @@ fn only_even(candidates: &[Candidate], sampler: Sampler<'_>) -> Option<usize> {
     .then_some(first)
 }
 
-/// Whether a column of dates goes on, however coarse its stamps are: then no column of numbers is the clock.
+/// Returns true if a column of dates advances, however coarse its stamps are: then no column of numbers is the clock.
 fn has_dates(candidates: &[Candidate], sampler: Sampler<'_>) -> bool {
     let goes_on = |column: usize| {
         let (rising, falling, steps) = counted(&sampler(column));
@@ -238,13 +240,14 @@ fn has_dates(candidates: &[Candidate], sampler: Sampler<'_>) -> bool {
     (0..candidates.len()).any(|column| candidates[column].kind == CandidateKind::Time && goes_on(column))
 }
 
-/// Whether the sample rises at every row and is not a mere row counter.
+/// Returns true if the sample rises at every row and is not a mere row counter.
 fn always_rises(sample: &[f64], kind: CandidateKind) -> bool {
     let rising = sample.len() >= 3 && sample.windows(2).all(|pair| pair[1] > pair[0]);
     rising && (kind != CandidateKind::Integer || sample.windows(2).any(|pair| pair[1] - pair[0] != 1.0))
 }
 
-/// Whether nine of ten steps are within a quarter of the median step; the steps of a position vary with the speed.
+/// Returns true if nine of ten steps are within a quarter of the median step; the steps of a position vary with the
+/// speed.
 fn is_even(sample: &[f64]) -> bool {
     let mut steps: Vec<f64> = sample.windows(2).map(|pair| pair[1] - pair[0]).collect();
     steps.sort_by(f64::total_cmp);
@@ -254,7 +257,7 @@ fn is_even(sample: &[f64]) -> bool {
 }
 
 impl Clock {
-    /// Whether a column is one of its parts.
+    /// Returns true if a column is one of its parts.
     fn has(&self, column: usize) -> bool {
         self.column == column || self.beside.is_some_and(|(beside, _)| beside == column)
     }
@@ -267,7 +270,7 @@ impl Clock {
         }
     }
 
-    /// What its numbers may be; empty where the unit is told.
+    /// Possible units of its numbers; empty if the unit is known.
     pub(crate) fn readings(&self) -> &[Reading] {
         match &self.unit {
             ClockUnit::Told(_) => &[],

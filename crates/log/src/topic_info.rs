@@ -1,4 +1,4 @@
-//! What a robot's log says of a topic.
+//! Description of a topic in a robot's log.
 
 use serde::Serialize;
 
@@ -11,11 +11,11 @@ pub struct TopicInfo {
     /// The type of its messages, e.g. `nav_msgs/msg/Odometry`; empty without a schema.
     #[serde(rename = "type")]
     pub type_name: String,
-    /// How its messages are encoded, e.g. `cdr`.
+    /// Encoding of its messages, e.g. `cdr`.
     pub message_encoding: String,
-    /// How its schema is written, e.g. `ros2msg`; empty without a schema.
+    /// Encoding of its schema, e.g. `ros2msg`; empty without a schema.
     pub schema_encoding: String,
-    /// Messages, when the file tells.
+    /// Messages, if the file states their number.
     pub messages: Option<u64>,
     /// Stamp of the first message, nanoseconds.
     pub start: Option<i64>,
@@ -31,13 +31,14 @@ pub struct TopicInfo {
     pub gaps: Option<usize>,
     /// The longest gap, seconds, where the file has an index.
     pub largest_gap: Option<f64>,
-    /// What must be added to the headers' stamps to get the log's, seconds, from the first and the last messages; `None` without headers.
+    /// Offset to add to the headers' stamps for the log's times, seconds, from the first and the last messages; `None`
+    /// without headers.
     pub header_offset: Option<HeaderOffset>,
     /// Why its messages cannot be read.
     pub problem: Option<String>,
 }
 
-/// How the clock of the headers stands to the clock of the log.
+/// Offset of the log's clock from the headers' clock.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct HeaderOffset {

@@ -22,5 +22,5 @@ pub(crate) use container::UlogContainer;
 
 use crate::container::{Kind, ULOG};
 
-/// What ULog files begin with.
+/// First bytes of ULog files.
 const KIND: Kind = Kind { name: "ULog", magic: ULOG };

@@ -1,5 +1,5 @@
-//! A robot's log of half a megabyte, cut and changed everywhere, through the public door: never a panic, a hang, an invented value or memory
-//! beyond bounds, and what is lost is told.
+//! A robot's log of half a megabyte, cut and changed everywhere, through the public interface. There is never a panic,
+//! a hang, an invented value or memory beyond bounds, and losses are reported.
 
 use std::{
     alloc::{GlobalAlloc, Layout, System},
@@ -49,7 +49,7 @@ static ALLOCATOR: Counting = Counting;
 
 /// Bytes that a reading may hold at any time, on top of the test's own.
 const MOST: usize = 64 << 20;
-/// Whether the sweeps are to have their full size, which takes minutes (`make test-all`).
+/// Returns true if the sweeps have their full size, which takes minutes (`make test-all`).
 fn full() -> bool {
     std::env::var_os("FLEETFOOT_SWEEPS").is_some_and(|size| size == "full")
 }
@@ -63,7 +63,7 @@ fn alone() -> MutexGuard<'static, ()> {
     TURN.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// What `work` gives; it must hold little memory and end soon.
+/// Runs `work` and returns its result; it must hold little memory and end soon.
 fn bounded<T>(what: &str, work: impl FnOnce() -> T) -> T {
     let before = HELD.load(Ordering::Relaxed);
     PEAK.store(before, Ordering::Relaxed);
@@ -77,7 +77,7 @@ fn bounded<T>(what: &str, work: impl FnOnce() -> T) -> T {
 
 const SECOND: i64 = 1_000_000_000;
 const START: i64 = 1_780_000_000 * SECOND;
-/// What is read of each topic: fields from the beginning to the end of the messages.
+/// Fields to read of each topic: from the beginning to the end of the messages.
 const WANTED: [(&str, &[&str]); 5] = [
     ("/cmd_vel", &["linear.x", "angular.z"]),
     ("/imu", &["header.stamp.nanosec", "orientation.w", "linear_acceleration_covariance[8]"]),
@@ -179,7 +179,7 @@ fn is_part(part: &Rows, truth: &Rows) -> bool {
     })
 }
 
-/// Whether the notes of `info --values` tell of damage or of what is not believed; an error tells, too.
+/// Returns true if the notes of `info --values` report damage or doubtful data; an error counts as a report.
 fn tells(path: &Path) -> bool {
     match inspect_values(path, &Silent) {
         Ok(info) => !info.notes.is_empty() || info.topics.iter().any(|topic| topic.problem.is_some()),

@@ -1,4 +1,4 @@
-//! The decoder for a channel, by what the channel says of itself.
+//! Decoder for a channel, chosen by the channel's encodings.
 
 use crate::{Codec, SchemaError, json, packed, protobuf, ros};
 

@@ -1,12 +1,12 @@
-//! Why a schema or a message cannot be used.
+//! Errors of schemas and messages.
 
 /// A message's bytes do not fit its schema.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("at byte {offset} of the message: {problem}")]
 pub struct DecodeError {
-    /// Where, counted from the message's first byte.
+    /// Byte of the problem, counted from the message's first byte.
     pub offset: usize,
-    /// What is wrong.
+    /// Description of the problem.
     pub problem: String,
 }
 
@@ -17,18 +17,18 @@ impl DecodeError {
     }
 }
 
-/// A schema cannot be understood, or does not have what is asked of it.
+/// A schema that cannot be understood, or that lacks a requested field.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SchemaError {
-    /// The text or the descriptor is not what its encoding says.
+    /// A text or descriptor that does not match its encoding.
     #[error("the {encoding} schema `{name}` cannot be understood: {problem}")]
     Malformed {
         /// The schema's encoding, e.g. `ros2msg`.
         encoding: String,
         /// The message type.
         name: String,
-        /// What is wrong with it.
+        /// Description of the problem.
         problem: String,
     },
     /// An encoding of messages or schemas that is not known.
@@ -61,7 +61,7 @@ pub enum SchemaError {
     NotAValue {
         /// The wanted field.
         path: String,
-        /// What it is, with an article.
+        /// Kind of the field that the path leads to, with an article.
         kind: String,
     },
 }

@@ -53,7 +53,7 @@ pub struct Group {
     pub slots: Vec<usize>,
 }
 
-/// What [`Extract::extract`] writes.
+/// One extracted message: the output of [`Extract::extract`].
 #[derive(Debug, Clone, Default)]
 pub struct Row {
     /// One value a wanted field; NaN where the message has none. A text is its code in `texts`.

@@ -1,4 +1,4 @@
-//! What fields the messages of a channel have, with statistics.
+//! Fields of a channel's messages, with statistics.
 
 use std::{collections::HashMap, sync::Arc};
 
@@ -24,7 +24,8 @@ const FEW_FIELDS: usize = 16;
 pub struct FieldInfo {
     /// Its name; reads back as a [`FieldPath`](crate::FieldPath).
     pub path: String,
-    /// What it is; where messages differ, the widest: truth values and whole numbers become real numbers, everything else text.
+    /// Kind of the values. If messages differ, the widest: truth values and whole numbers become real numbers,
+    /// everything else becomes text.
     pub kind: FieldKind,
     /// Values that are there.
     pub count: u64,
@@ -72,7 +73,7 @@ struct Inside {
     keys: HashMap<Arc<str>, usize>,
 }
 
-/// How an array's element is told from the others.
+/// Identity of an array's element: its place or its name.
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Element {
     Index(usize),
@@ -112,14 +113,15 @@ impl FieldTree {
         skipped
     }
 
-    /// How many values were left out because an array has too many different elements (256) or a struct too many different fields (4096),
-    /// because they are nested too deeply (64), or because no path can name them: a field's name is empty or has dots or brackets in it.
+    /// Number of values that were left out. An array may have 256 different elements, a struct 4096 different fields,
+    /// and nesting 64 levels. A field whose name is empty, or has dots or brackets, is left out too: no path can name
+    /// it.
     pub fn ignored(&self) -> u64 {
         self.ignored
     }
 }
 
-/// What a tree may still grow by, and what it had to leave out.
+/// Room for growth of a tree, and its count of ignored values.
 struct Growth<'a> {
     nodes: &'a mut usize,
     ignored: &'a mut u64,
@@ -171,7 +173,7 @@ impl Node {
         }
     }
 
-    /// How many values were added here and inside.
+    /// Number of values that were added to this node and below.
     fn values(&self) -> u64 {
         let mut values = 0;
         self.walk(&mut String::new(), &mut |_, node| values += node.tally.count() + node.tally.missing());

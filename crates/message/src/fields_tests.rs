@@ -130,7 +130,7 @@ fn message() -> impl Strategy<Value = Value> {
     })
 }
 
-/// Whether two elements of an array go by one name.
+/// Returns true if two elements of an array have the same name.
 fn repeats_a_name(value: &Value) -> bool {
     let twice = |names: Vec<&str>| (1..names.len()).any(|place| names[..place].contains(&names[place]));
     match value {

@@ -1,7 +1,7 @@
-//! How elements of arrays get names.
+//! Names of array elements.
 //!
-//! Two conventions are common in robot messages. Parallel arrays stand beside an array of names in the same struct, as in
-//! `sensor_msgs/JointState`; arrays of structs carry the name inside the element, as in `tf2_msgs/TFMessage`.
+//! Two conventions are common in robot messages. Parallel arrays stand beside an array of names in the same struct, as
+//! in `sensor_msgs/JointState`. Arrays of structs carry the name inside the element, as in `tf2_msgs/TFMessage`.
 
 use crate::Value;
 
@@ -34,17 +34,19 @@ pub(crate) fn key(element: &Value) -> Option<&str> {
     })
 }
 
-/// Whether elements of an array carry names of their own, which then count, and not those of an array beside.
+/// Returns true if some elements carry names. These names then replace those of an array beside.
 pub(crate) fn are_keyed(elements: &[Value]) -> bool {
     elements.iter().any(|element| key(element).is_some())
 }
 
-/// Whether a path can name a field: dots and brackets would be read as its own. Only JSON and broken schemas have such names.
+/// Returns true if a path can name the field: a dot or a bracket would be read as syntax of the path. Only JSON and
+/// broken schemas have such names.
 pub(crate) fn nameable(field: &str) -> bool {
     !field.is_empty() && !field.contains(['.', '[', ']'])
 }
 
-/// Whether a name can stand in brackets of a path: one of digits alone would be read as a place, and a bracket would end it.
+/// Returns true if a name can stand in brackets of a path. Digits alone would be read as a place, and a bracket would
+/// end the name.
 pub(crate) fn usable(key: &str) -> bool {
     !key.is_empty() && !key.contains(']') && !key.bytes().all(|byte| byte.is_ascii_digit())
 }

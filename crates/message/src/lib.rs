@@ -1,8 +1,8 @@
-//! What a robot's message is: schemas, fields by name, decoders and encoders.
+//! Messages of robots: schemas, fields by name, decoders and encoders.
 //!
-//! A [`Codec`] is made once for a channel from its schema. It decodes a whole message into a [`Value`], for people and for finding the fields
-//! that a log has ([`FieldTree`]), or is compiled for a few wanted fields into an [`Extract`], which walks a message's bytes once
-//! and writes numbers into a [`Row`].
+//! A [`Codec`] is made once for a channel from its schema. It decodes a whole message into a [`Value`], for people and
+//! for the list of a log's fields ([`FieldTree`]). It can also be compiled for a few wanted fields into an [`Extract`],
+//! which walks a message's bytes once and writes numbers into a [`Row`].
 //!
 //! Field names are paths ([`FieldPath`]): `twist.twist.linear.x`, `orientation_covariance[4]`, and, where an array stands beside an array of
 //! names or its elements carry a name, `position[left_crank]`, `transforms[base_link].transform.translation.x`.

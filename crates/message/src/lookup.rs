@@ -17,7 +17,7 @@ const NANOSECONDS: [&str; 4] = ["nanosec", "nsec", "nsecs", "nanos"];
 /// Fields that are the stamp of the struct that they stand in, after `header.stamp`.
 const STAMPS: [&str; 2] = ["stamp", "timestamp"];
 
-/// What stands for a value that is not there.
+/// Value of an element that is absent.
 static NULL: Value = Value::Null;
 
 /// Wanted fields of decoded messages.
@@ -80,7 +80,7 @@ impl Lookup {
     }
 }
 
-/// What stands at the end of a path, if the way there exists. `visit` sees every value on the way, from the outside in.
+/// Value at the end of a path, if the path exists. `visit` receives every value on the way, from the outside in.
 ///
 /// An element that has a name in the array beside but no value of its own is [`Value::Null`].
 pub(crate) fn follow<'a>(start: &'a Value, steps: &[Step], mut visit: impl FnMut(&'a Value)) -> Option<&'a Value> {
@@ -142,12 +142,12 @@ fn time(value: &Value) -> Option<i64> {
 pub(crate) struct Wanted {
     /// Fields of the struct, or of each of the array's structs; none at the end of a path.
     pub(crate) fields: Vec<(Arc<str>, Wanted)>,
-    /// How many of the array's first elements are looked at.
+    /// Number of leading elements of the array to decode.
     pub(crate) elements: usize,
 }
 
 impl Wanted {
-    /// What is looked at for some fields: themselves, the names that they are keyed by, and the stamps around them.
+    /// Parts of a message to decode for some fields: the fields, the names that key them, and the stamps around them.
     pub(crate) fn new(fields: &[FieldPath]) -> Self {
         let mut root = Self::default();
         root.want_stamp();

@@ -26,7 +26,7 @@ pub enum Step {
 pub struct PathError {
     /// The text.
     pub text: String,
-    /// What is wrong with it.
+    /// Description of the problem.
     pub problem: &'static str,
 }
 

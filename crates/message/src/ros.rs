@@ -1,4 +1,5 @@
-//! ROS 1 and ROS 2 messages: definitions in `.msg` and IDL, bytes in ROS 1's own layout and in CDR. ULog's messages are packed as ROS 1's are.
+//! ROS 1 and ROS 2 messages: definitions in `.msg` and IDL, bytes in the layout of ROS 1 and in CDR. ULog's messages
+//! are packed as those of ROS 1.
 
 mod block;
 mod compile;
@@ -53,7 +54,7 @@ pub(crate) fn codec(
     Ok(Box::new(RosCodec::new(schema, packed)))
 }
 
-/// What every decoder of a channel shares.
+/// Schema and sizes that all decoders of a channel share.
 #[derive(Debug)]
 struct Layouts {
     schema: Schema,

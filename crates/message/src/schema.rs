@@ -20,7 +20,7 @@ pub struct StructType {
     pub name: String,
     /// Its fields; at least one (an empty ROS message has a dummy octet).
     pub fields: Vec<Field>,
-    /// How it may evolve, where the schema says so; it decides headers in XCDR2.
+    /// Extensibility of the type, if the schema states it. It determines the headers in XCDR2.
     pub extensibility: Option<Extensibility>,
 }
 
@@ -35,7 +35,7 @@ pub struct Field {
     pub optional: bool,
 }
 
-/// How a type may evolve (DDS-XTypes 1.3, 7.2.3).
+/// Extensibility of a type (DDS-XTypes 1.3, 7.2.3).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Extensibility {
     /// Not at all.
@@ -69,17 +69,17 @@ pub enum Type {
     Array {
         /// The type of one element.
         element: Box<Type>,
-        /// How many.
+        /// Number of elements.
         length: Length,
     },
 }
 
-/// How many elements an array has.
+/// Number of elements of an array.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Length {
     /// Always this many, without a count in the message.
     Fixed(usize),
-    /// As many as the message says, at most this many where the schema bounds it.
+    /// As many as the message states, at most this many if the schema bounds it.
     Sequence(Option<usize>),
 }
 

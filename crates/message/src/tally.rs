@@ -7,7 +7,7 @@ const MAX_TEXTS: usize = 64;
 /// Bytes of a text that is kept; longer ones are descriptions or documents, no categories.
 const MAX_TEXT: usize = 256;
 
-/// What a field's values are. Wider kinds come later.
+/// Kind of a field's values. Wider kinds come later.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum FieldKind {

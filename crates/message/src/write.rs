@@ -1,10 +1,11 @@
 //! Well-known ROS 2 messages, written.
 //!
-//! What viewers and drivers know by name needs no explanation to be drawn or replayed. Each type here is a plain struct of borrowed data with
-//! its name, its definition and its bytes: little-endian CDR (XCDR version 1), as every ROS 2 middleware since Foxy reads it.
+//! Viewers and drivers know these types by name, so they draw or replay them without further settings. Each type here
+//! is a plain struct of borrowed data with its name, its definition and its bytes. The bytes are little-endian CDR
+//! (XCDR version 1), as every ROS 2 middleware since Foxy reads it.
 //!
-//! Vectors are `[x, y, z]` in metres, metres per second, radians per second, newtons or newton metres as their field says; quaternions are
-//! `[x, y, z, w]`; covariances are row-major.
+//! Vectors are `[x, y, z]` in SI units: metres, metres per second, radians per second, newtons or newton metres, as
+//! stated at their field. Quaternions are `[x, y, z, w]`; covariances are row-major.
 
 mod cdr;
 mod definition;
@@ -24,10 +25,10 @@ pub use sensor_msgs::{Illuminance, Imu, JointState};
 pub use std_msgs::{Bool, Float64, Float64MultiArray, MultiArrayDimension};
 pub use tf2_msgs::{TFMessage, TransformStamped};
 
-/// What MCAP calls the encoding of [`Message::encode`].
+/// MCAP's name for the encoding of [`Message::encode`].
 pub const MESSAGE_ENCODING: &str = "cdr";
 
-/// What MCAP calls the encoding of [`Message::SCHEMA`].
+/// MCAP's name for the encoding of [`Message::SCHEMA`].
 pub const SCHEMA_ENCODING: &str = "ros2msg";
 
 /// A message of a type that ROS 2 defines.

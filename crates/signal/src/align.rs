@@ -19,33 +19,35 @@ pub struct Record<'a> {
     pub values: &'a [f64],
 }
 
-/// Where a line between two clocks is looked for.
+/// Search range of the line between two clocks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Within {
     /// The lag about which is searched, s.
     pub about: f64,
-    /// How far from it to either side, s.
+    /// Half-width of the range of lags, s.
     pub reach: f64,
     /// The greatest skew to either side, seconds a second; 0 for clocks that run alike.
     pub skew: f64,
 }
 
-/// How much later one channel is than another.
+/// Lag of one channel behind another.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Alignment {
-    /// What the first channel shows at t, the second shows at t + offset + skew (t - at).
+    /// Line between the clocks: the first channel's value at t is the second's at t + offset + skew (t - at).
     pub line: ClockLine,
-    /// Standard deviation of the offset at that moment, s, from residuals summed over batches, so that correlated ones count as what they are.
+    /// Standard deviation of the offset at that moment, s. It is computed from residuals summed over batches, which
+    /// accounts for their correlation.
     pub deviation: f64,
     /// Standard deviation of the skew, seconds a second.
     pub skew_deviation: f64,
-    /// Lags, s, and the share of the first channel's variance that the second does not explain at each: the lag curve, at the skew that was found.
+    /// Lag curve, at the estimated skew: lags, s, and the share of the first channel's variance that the second does
+    /// not explain at each.
     pub curve: Vec<(f64, f64)>,
-    /// That share on the line.
+    /// Unexplained share of the variance on the line.
     pub unexplained: f64,
-    /// Whether the least lies at an end of what was searched: the lag or the skew may be larger.
+    /// True if the minimum lies at an end of the search range: the lag or the skew may be larger.
     pub at_end: bool,
-    /// How far the lag is off the line in each quarter of the record.
+    /// Deviation of the lag from the line in each quarter of the record.
     pub parts: Vec<PartLag>,
     /// Rows of the first and of the second channel that were left out as gross errors, in order.
     pub left_out: [Vec<usize>; 2],
@@ -166,21 +168,29 @@ impl Sums {
         if scale > 0.0 { (1.0 - self.xy / scale * self.xy).max(0.0) } else { 1.0 }
     }
 
-    /// What is left of x when a constant and y have explained what they can.
+    /// Residual of x after the regression on a constant and y.
     fn rest(&self, x: f64, y: f64) -> f64 {
         x - self.x - self.xy / self.yy * (y - self.y)
     }
 }
 
-/// How much later `second` is than `first`, and how much faster its clock goes: where a straight line of the one explains most of the other (the greatest squared correlation). Units, gains and offsets of
-/// the values do not matter, nor their rates.
+/// Estimates the lag of `second` behind `first` and the skew of its clock. The estimate maximises the squared
+/// correlation: the share of one channel that a straight line of the other explains. Units, gains and offsets of the
+/// values do not matter, nor their rates.
 ///
-/// The second channel is smoothed first, by a spline whose penalty is the likeliest, and interpolated by cubics between its stamps: between noisy stamps interpolation averages, so that
-/// lags which fall there would look better than they are. Of a channel that is at least twice as fast as the other means over the other's period are compared: what the other cannot follow tells nothing of a lag. Gross errors of both are left out before, since one of a hundred deviations weighs more than all of the motion. Lags are tried at steps of the shorter period, and skews at steps which displace the ends of the record by no more than the time
-/// over which the channel changes, so that no first guess is needed; then Gauss and Newton's steps go on from the best, in both at once.
+/// The second channel is smoothed first, by a spline with the likeliest penalty, and interpolated by cubics between its
+/// stamps. Without smoothing, interpolation between noisy stamps averages, and lags in between would look better than
+/// they are. If one channel is at least twice as fast, its means over the other's period are compared: faster motion
+/// has no information about the lag. Gross errors of both are left out before, since one of a hundred deviations weighs
+/// more than all of the motion.
+///
+/// Lags are tried at steps of the shorter period. Skews are tried at steps that displace the ends of the record by at
+/// most the time over which the channel changes. So no first guess is needed. Gauss and Newton's steps then refine the
+/// best lag and skew together.
 ///
 /// # Errors
-/// Stamps that do not increase, values that are infinite, a reach that is not positive, channels of fewer than 128 rows, that share fewer, or less than half of what they can, at every lag, or that stand still.
+/// Stamps that do not increase, values that are infinite, and a reach that is not positive. Channels that stand still,
+/// have fewer than 128 rows, or share fewer. Channels that share less than half of their possible rows at every lag.
 pub fn align(first: Record<'_>, second: Record<'_>, within: Within) -> Result<Alignment, SignalError> {
     let (first, second) = (first.check(LEAST)?, second.check(LEAST)?);
     let Within { about, reach, skew } = within;
@@ -374,7 +384,7 @@ impl Linear {
         self.inverse.map(|row| row[0] * score[0] + row[1] * score[1])
     }
 
-    /// What lag and skew change to.
+    /// Newton step of lag and skew.
     fn step(&self) -> [f64; 2] {
         let step = self.solve(Self::score(&self.rows));
         if step.iter().all(|own| own.is_finite()) { step } else { [0.0; 2] }

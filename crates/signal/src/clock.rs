@@ -1,4 +1,4 @@
-//! Stamps of a sensor that samples evenly, written by a computer that does not.
+//! Stamps of a sensor that samples evenly, written unevenly by a computer.
 
 use crate::{SignalError, error::check_stamps, outliers::median};
 

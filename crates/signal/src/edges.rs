@@ -7,17 +7,18 @@ mod even;
 
 use crate::{ClockLine, Record, SignalError, Within, error::check, outliers::median};
 
-/// What is known of a square wave and of those who saw it.
+/// Known properties of a square wave and of its two records.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct WaveOptions {
     /// By how much the stamps of either record may be wrong, s.
     pub margin: f64,
-    /// Whether a timer switches the wave, so that its rising edges are equally far apart by any clock that runs evenly, and its falling ones are. Each edge is then bounded by all others of its
-    /// kind, too, and with many edges the interval is a small part of a sample.
+    /// True if a timer switches the wave. Its rising edges are then equally far apart by any clock that runs evenly,
+    /// and so are its falling ones. Each edge is bounded by all others of its kind too. With many edges the interval is
+    /// a small part of a sample.
     pub even: bool,
 }
 
-/// What edges say of two clocks.
+/// Offset and skew of two clocks from the edges of a wave.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EdgeAlignment {
     /// The line that keeps the greatest distance from all bounds.
@@ -30,10 +31,11 @@ pub struct EdgeAlignment {
     pub edges: usize,
     /// Edges of the first and of the second that were not paired.
     pub alone: [usize; 2],
-    /// By how much the bounds of edges contradict each other, s; 0 where a line agrees with all. Else the intervals are those of bounds that are wider by twice as much, and hold the
-    /// truth only if no stamp is more wrong than that.
+    /// Size of the contradiction between the bounds of edges, s; 0 if a line agrees with all. If it is not 0, the
+    /// intervals are those of bounds widened by twice as much. They then hold the truth only if no stamp is more wrong
+    /// than that.
     pub contradiction: f64,
-    /// Other offsets, s, at which as many edges agree: a wave that repeats tells offsets apart only within its period.
+    /// Other offsets, s, at which as many edges agree: a periodic wave determines offsets only within its period.
     pub others: Vec<f64>,
 }
 

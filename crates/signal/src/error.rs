@@ -1,4 +1,4 @@
-//! What can be wrong with a signal or with what is asked of it.
+//! Errors of signals and of their processing.
 
 /// Why a signal cannot be smoothed, filtered or aligned.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -7,7 +7,7 @@ pub enum SignalError {
     /// Arrays of different lengths.
     #[error("{what} has {found} values, the stamps are {expected}: give one for every stamp")]
     Length {
-        /// Which array.
+        /// Name of the array.
         what: &'static str,
         /// Its length.
         found: usize,
@@ -19,9 +19,9 @@ pub enum SignalError {
         "{found} measured values; {needed} or more are needed: take a longer record, or one with fewer values missing"
     )]
     TooFew {
-        /// How many there are.
+        /// Number of measured values.
         found: usize,
-        /// How many it takes.
+        /// Number of values needed.
         needed: usize,
     },
     /// A stamp that does not come after the one before it.
@@ -58,24 +58,24 @@ pub enum SignalError {
         /// Its value.
         value: f64,
     },
-    /// A number that is not within what it may be.
+    /// A number out of its range.
     #[error("{what} = {value}: {expected}")]
     Parameter {
         /// Its name.
         what: &'static str,
-        /// What was given.
+        /// Value that was given.
         value: f64,
-        /// What may be given.
+        /// Allowed values.
         expected: &'static str,
     },
     /// A signal that is shorter than a filter needs.
     #[error("{rows} rows; {what} needs more than {needed}: take a longer record, or a shorter filter")]
     TooShort {
-        /// What needs them.
+        /// Filter that needs more rows.
         what: &'static str,
-        /// How many there are.
+        /// Number of rows.
         rows: usize,
-        /// How many it takes, and one more.
+        /// Number of rows that the filter must exceed.
         needed: usize,
     },
     /// An attitude that is no rotation.
@@ -93,7 +93,7 @@ pub enum SignalError {
         /// Why, and what to do.
         problem: &'static str,
     },
-    /// A wave that is said to be even, and is not.
+    /// A wave that is stated to be even, and is not.
     #[error(
         "no even wave passes between the stamps before and after its edges: even out the stamps (dejitter), leave out what one of them missed, or do not call the wave even"
     )]
@@ -101,7 +101,7 @@ pub enum SignalError {
     /// Two records that share too little time, or too little motion, to be aligned.
     #[error("{problem}: give records that share more of it")]
     NotAligned {
-        /// What they lack.
+        /// Reason why the signals cannot be aligned.
         problem: &'static str,
     },
 }

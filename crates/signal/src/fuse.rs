@@ -140,7 +140,8 @@ fn told_by_readings(runs: &[BodyRun<'_>]) -> Readings {
     told
 }
 
-/// What residuals are asked of the inertial sensor beside its densities, to begin with: what single readings scatter by, where they tell it, else what they do not exceed, and that jumps between readings may have been anywhere.
+/// First values of the inertial sensor's noise beside its densities. Single readings get their estimated deviation, or
+/// an upper bound if there is no estimate. Jumps between readings may have been at any moment.
 fn begin_noise(noise: &mut ImuNoise, runs: &[BodyRun<'_>], readings: &Readings) {
     noise.scatter = [[0.0; 3]; 2];
     for run in runs {
@@ -159,7 +160,7 @@ fn begin_noise(noise: &mut ImuNoise, runs: &[BodyRun<'_>], readings: &Readings) 
     }
 }
 
-/// Whether there is an accelerometer.
+/// Returns true if every run has an accelerometer.
 fn has_forces(runs: &[BodyRun<'_>]) -> bool {
     runs.iter().all(|run| run.imu.has_forces())
 }

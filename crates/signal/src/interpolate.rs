@@ -11,7 +11,7 @@ use crate::{
     error::{check_infinite, check_stamps, length},
 };
 
-/// How a curve goes through its points.
+/// Kind of curve through the points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Interpolation {
     /// The cubic spline with two continuous derivatives, the third continuous too at the second and at the last but one point (de Boor, "A Practical Guide to Splines",

@@ -5,12 +5,12 @@ use fleetfoot_data::parallel_all;
 /// Points of the grid.
 const POINTS: usize = 24;
 
-/// Where a function is least.
+/// Minimum of a function.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Least {
     /// The argument.
     pub(crate) at: f64,
-    /// Whether it is an end of the range: the least value may lie beyond.
+    /// True if the minimum is an end of the range: the least value may lie beyond.
     pub(crate) at_end: bool,
 }
 
@@ -33,7 +33,7 @@ fn about_best(points: &[f64], values: &[f64]) -> Result<[(f64, f64); 3], Least> 
     Ok([best - 1, best, best + 1].map(|i| (points[i], values[i])))
 }
 
-/// Where `f` is least between `low` and `high`, to `width` of the argument. NaN counts as greater than anything.
+/// The minimum of `f` between `low` and `high`, to `width` of the argument. NaN counts as greater than anything.
 ///
 /// The grid keeps the search out of local minima, which cross-validation has; its points are independent and go to all threads.
 pub(crate) fn least(low: f64, high: f64, width: f64, f: impl Fn(f64) -> f64 + Sync) -> Least {
@@ -85,7 +85,7 @@ pub(crate) fn least_of_many(low: f64, high: f64, width: f64, f: impl Fn(&[f64]) 
 /// Points to either side of a vertex.
 const SIDES: usize = 4;
 
-/// Where the parabola through three points, of which the middle one is least, is least. None where values are infinite.
+/// Minimum of the parabola through three points, of which the middle one is least; `None` if values are infinite.
 fn vertex([a, b, c]: &[(f64, f64); 3]) -> Option<f64> {
     let (left, right) = ((b.0 - a.0) * (b.1 - c.1), (b.0 - c.0) * (b.1 - a.1));
     let step = 0.5 * ((b.0 - a.0) * left - (b.0 - c.0) * right) / (left - right);

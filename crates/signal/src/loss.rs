@@ -1,4 +1,4 @@
-//! What residuals cost that are greater than their deviations explain.
+//! Losses of residuals, for those that exceed their deviations.
 
 use crate::{SignalError, error::check};
 
@@ -19,7 +19,7 @@ impl Default for Loss {
 }
 
 impl Loss {
-    /// What a residual of `count` numbers, the sum of whose squares this is, costs; and the weight of its square.
+    /// Loss of a residual of `count` numbers with this sum of squares, and the weight of its square.
     pub(crate) fn of(self, square: f64, count: f64) -> (f64, f64) {
         match self {
             Self::Huber(threshold) => {

@@ -1,4 +1,4 @@
-//! Values that a sensor did not measure: gross errors, stuck and saturated stretches.
+//! Values that are no measurements: gross errors, stuck and saturated stretches.
 
 use std::{collections::BTreeSet, ops::Range};
 
@@ -31,7 +31,7 @@ const RUN: usize = 3;
 /// Noises of a difference of neighbours beyond which a step is a jump.
 const JUMP: f64 = 6.0;
 
-/// How many times as high as the other of two jumps one may be, there and back.
+/// Largest ratio of the heights of two jumps that count as there and back.
 const BACK: f64 = 2.0;
 
 /// By how much the noise may grow when a burst is left out in place of what surrounds it.
@@ -40,14 +40,15 @@ const NO_WORSE: f64 = 1.05;
 /// A channel smoothed without its gross errors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rejected {
-    /// The spline through what is left.
+    /// The spline through the remaining rows.
     pub smoothed: Smoothed,
     /// Rows that are left out, in order.
     pub rows: Vec<usize>,
     /// Splines that were fitted to find them.
     pub passes: usize,
-    /// Whether the search was given up and nothing is left out: a fifth of the measurements would be, the noise without them would be larger than with them, or the curve goes through nearly every measurement. What stands
-    /// out is motion then, jumps of it, and no error of the sensor.
+    /// True if the search was given up and no row is left out, for one of three reasons. It would leave out a fifth of
+    /// the measurements. The noise without them would be larger than with them. The curve goes through nearly every
+    /// measurement. The outliers are then motion, with jumps, and no errors of the sensor.
     pub gave_up: bool,
 }
 
@@ -128,7 +129,7 @@ fn bursts(values: &[f64], left_out: &BTreeSet<usize>) -> Vec<usize> {
     rows
 }
 
-/// What is searched.
+/// Channel to search, with its settings.
 #[derive(Clone, Copy)]
 struct Channel<'a> {
     times: &'a [f64],
@@ -139,7 +140,7 @@ struct Channel<'a> {
     sigmas: f64,
 }
 
-/// How far the search is.
+/// Progress of the search.
 #[derive(Default)]
 struct Search {
     /// The values, NaN where they are left out.
@@ -213,7 +214,7 @@ impl Channel<'_> {
         smoothed.noise / self.weights.map_or(1.0, |weights| weights[row]).sqrt()
     }
 
-    /// How many of its deviations a row's residual has; 0 where nothing was measured.
+    /// Size of a row's residual in its deviations; 0 where nothing was measured.
     fn score(&self, smoothed: &Smoothed, values: &[f64], row: usize) -> f64 {
         let noise = self.noise(smoothed, row);
         let share = (smoothed.deviations[0][row] / noise).powi(2);

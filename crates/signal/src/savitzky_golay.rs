@@ -40,7 +40,7 @@ impl Gram {
         (0..=self.degree).map(scale).collect()
     }
 
-    /// What every row of a window counts in the derivative at `t`, rows from the middle.
+    /// Weights of the rows of a window in the derivative at `t`, rows from the middle.
     fn weights(&self, t: f64, derivative: usize) -> Vec<f64> {
         let scaled: Vec<f64> = self.at(t, derivative).iter().zip(self.scales()).map(|(p, scale)| p * scale).collect();
         let weight = |i: usize| {

@@ -36,7 +36,7 @@ const WIDTH: f64 = 1e-4;
 /// Deviations of white noise, of what differences say of it, beyond which there is none.
 const WHITE: f64 = 1.25;
 
-/// Which spline.
+/// Order of the spline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Spline {
     /// Penalises the second derivative (M = 2): value and slope.
@@ -66,15 +66,16 @@ impl Spline {
     }
 }
 
-/// How the penalty is chosen.
+/// Choice of the penalty.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Lambda {
     /// This one, s^(2M-1).
     Given(f64),
     /// The least score of generalised cross-validation, `n rss / (n - tr A)^2` (Craven and Wahba, 1979).
     Gcv,
-    /// The greatest marginal likelihood, sigma profiled out and the unknown start left out (REML; Wahba, "A comparison of GCV and GML", Annals of Statistics 13, 1985), of the penalties under which
-    /// the noise is no greater than white noise that the differences of neighbours allow: what oscillates is motion, not noise.
+    /// The greatest marginal likelihood with sigma profiled out and the unknown start left out (REML; Wahba, "A
+    /// comparison of GCV and GML", Annals of Statistics 13, 1985). Only penalties count whose noise is no greater than
+    /// the white noise that the differences of neighbours allow: oscillation is motion, not noise.
     #[default]
     Likelihood,
 }
@@ -84,7 +85,7 @@ pub enum Lambda {
 pub struct Smoothed {
     /// The penalty, s^(2M-1).
     pub lambda: f64,
-    /// Whether the choice stopped at an end of the range that was searched: the channel is without noise, or a polynomial.
+    /// True if the choice stopped at an end of the search range: the channel is without noise, or a polynomial.
     pub at_end: bool,
     /// Standard deviation of the error of a measurement of weight one: sqrt(rss / (n - tr A)).
     pub noise: f64,

@@ -35,7 +35,7 @@ const MOST: f64 = 1.0 / 3.0;
 pub struct Trend {
     /// The penalty, in units of the channel times s^k.
     pub lambda: f64,
-    /// Whether the choice stopped at an end of what was searched: at a polynomial, or at the measurements themselves.
+    /// True if the choice stopped at an end of the search range: at a polynomial, or at the measurements themselves.
     pub at_end: bool,
     /// Standard deviation of the error of a measurement of weight one: sqrt(rss / (n - freedom)).
     pub noise: f64,
@@ -49,11 +49,12 @@ pub struct Trend {
     pub objective: f64,
     /// The duality gap: the objective's least value is not less than `objective - gap`.
     pub gap: f64,
-    /// Whether the gap is a millionth of the objective or less.
+    /// True if the gap is at most a millionth of the objective.
     pub converged: bool,
     /// Steps of the interior point.
     pub iterations: usize,
-    /// x, its first derivative and, for k of 2 and 3, its second, at every stamp: at those without a measurement by the piece that they lie in.
+    /// x, its first derivative and, for k of 2 and 3, its second, at every stamp. A stamp without a measurement takes
+    /// the piece that it lies in.
     pub derivatives: Vec<Vec<f64>>,
 }
 

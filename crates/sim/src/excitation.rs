@@ -1,8 +1,8 @@
-//! Excitation: signals that move a robot so that its log says something about it.
+//! Excitation: signals that move a robot so that its log has information about it.
 //!
-//! Good data means a small variance of what is estimated from it: every direction of the regressors is moved, at the
-//! frequencies and over the range of states that matter. Which signal is better for a robot is told by the
-//! log-determinant of the regressors' Gram and by [`nonuniformity`].
+//! Good data give small variances of the estimates: every direction of the regressors is excited, at the frequencies
+//! and over the range of states that matter. The log-determinant of the regressors' Gram and [`nonuniformity`] compare
+//! signals for a robot.
 //!
 //! One [`Excitation`] drives one channel, e.g. the forward velocity; channels take streams of random numbers of their own
 //! and are independent.

@@ -28,7 +28,7 @@ struct Crank {
     motor_torque: f64,
 }
 
-/// How a leg sits in the trunk.
+/// Position and rate of a leg in the trunk.
 #[derive(Debug, Clone, Copy)]
 struct LegMotion {
     swing: f64,
@@ -142,7 +142,7 @@ impl HexapodWorld {
         load
     }
 
-    /// Where everything is.
+    /// Position and velocity of trunk and cranks.
     pub fn state(&self) -> HexapodState {
         let trunk = &self.mechanism.world.bodies[self.mechanism.trunk];
         HexapodState {
@@ -186,7 +186,7 @@ impl HexapodWorld {
         energy + self.cranks.iter().map(|crank| 0.5 * robot.motor.inertia() * crank.rate * crank.rate).sum::<f64>()
     }
 
-    /// Which feet bore load in the last step: left fore, middle, aft, then right.
+    /// Feet that bore load in the last step: left fore, middle, aft, then right.
     pub fn feet_down(&self) -> [bool; 6] {
         self.foot_impulse().map(|impulse| impulse > 0.0)
     }
@@ -201,12 +201,12 @@ impl HexapodWorld {
         })
     }
 
-    /// Whether every state is a number.
+    /// Returns true if every state is finite.
     pub fn is_finite(&self) -> bool {
         self.state().is_finite()
     }
 
-    /// Whether the engine has frozen a body because its motion was no longer finite.
+    /// Returns true if the engine has frozen a body whose motion was not finite.
     pub fn quarantined(&self) -> bool {
         let bodies = &self.mechanism.world.bodies;
         let mut handles = std::iter::once(&self.mechanism.trunk).chain(&self.mechanism.legs);

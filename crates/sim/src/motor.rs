@@ -42,7 +42,7 @@ impl Default for DcMotor {
     }
 }
 
-/// What the motor's terminals are connected to.
+/// Connection of the motor's terminals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Supply {
     /// A driver that holds this voltage, V. 0 brakes: the terminals are shorted.

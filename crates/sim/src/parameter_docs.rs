@@ -1,4 +1,5 @@
-//! What the parameters of simulated robots say of themselves: their doc comments, of this crate's types and of the controllers, gathered when it is built.
+//! Descriptions of the simulated robots' parameters: the doc comments of types of this crate and of the controllers,
+//! gathered when the crate is built.
 
 /// A struct or an enum of parameters.
 pub struct TypeDoc {
@@ -14,19 +15,19 @@ pub struct TypeDoc {
 
 /// A field.
 pub struct FieldDoc {
-    /// As world files call it.
+    /// Name in world files.
     pub name: &'static str,
-    /// The name of its type, of what it holds if that is a list or an option.
+    /// Name of its type; for a list or an option, of the type inside.
     pub kind: &'static str,
-    /// What it is, in a line.
+    /// Description in a line.
     pub doc: &'static str,
 }
 
 /// A variant of an enum.
 pub struct VariantDoc {
-    /// As world files call it.
+    /// Name in world files.
     pub name: &'static str,
-    /// What it is, in a line.
+    /// Description in a line.
     pub doc: &'static str,
     /// The struct that it holds, if it does.
     pub inner: &'static str,

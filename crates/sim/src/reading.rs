@@ -1,4 +1,4 @@
-//! What sensors say: readings in SI units, without the format that a log keeps them in.
+//! Readings of sensors in SI units, without the format of a log.
 
 use glam::{DQuat, DVec3};
 
@@ -7,9 +7,9 @@ use glam::{DQuat, DVec3};
 pub struct Topic {
     /// Its name, e.g. `/imu/data`.
     pub name: String,
-    /// What every message on it is.
+    /// Kind of every message on it.
     pub kind: Kind,
-    /// The frame that its values are told in; empty where there is none.
+    /// Frame of its values; empty without a frame.
     pub frame: String,
 }
 
@@ -67,14 +67,14 @@ pub enum Reading<'a> {
         /// N m or N
         effort: &'a [f64],
     },
-    /// Where a body is.
+    /// Pose of a body.
     Pose {
         /// m
         position: DVec3,
         /// Body to world.
         orientation: DQuat,
     },
-    /// Where a body is and how it moves.
+    /// Pose and velocity of a body.
     Odometry {
         /// In the topic's frame, m.
         position: DVec3,

@@ -1,4 +1,4 @@
-//! A regulator on a robot: what it reads found among what the robot's sensors show.
+//! A regulator on a robot: its columns are matched with the robot's readings.
 
 use fleetfoot_control::controller::{Controller, ControllerState, Regulator};
 
@@ -15,10 +15,10 @@ pub(crate) struct Regulated {
     inputs: Vec<f64>,
 }
 
-/// Whether a regulator can drive a robot that shows it `shown` and takes `commands`.
+/// Checks that a regulator can drive a robot with the readings `shown` and the inputs `commands`.
 ///
 /// # Errors
-/// What it is not shown, what it cannot drive, and laws that cannot be used.
+/// A reading or a command that the robot does not have, and laws that cannot be used.
 pub(crate) fn check(regulator: &Regulator, shown: &[&str], commands: &[&str]) -> Result<(), ParameterError> {
     regulator.validate()?;
     let known = |names: &[&str], name: &String| names.contains(&name.as_str());

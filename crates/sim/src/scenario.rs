@@ -7,9 +7,9 @@ use crate::{Reading, Stamps, Topic};
 /// Why a log could not be written.
 pub type SinkError = Box<dyn std::error::Error + Send + Sync>;
 
-/// Where a run's log goes.
+/// Receiver of a run's log.
 ///
-/// A sink that keeps messages does not need rows, and the other way round: each says nothing to what it does not keep.
+/// A sink that keeps messages does not need rows, and the other way round: the default of either method does nothing.
 pub trait Sink {
     /// A message on the topic with this index in [`Scenario::topics`]. Messages come in the order of their log stamps.
     fn message(&mut self, topic: usize, stamps: Stamps, reading: Reading<'_>) -> Result<(), SinkError> {
@@ -17,7 +17,8 @@ pub trait Sink {
         Ok(())
     }
 
-    /// What is true at a stamp (ns, true time): values in the order of [`Scenario::columns`]. Rows are [`Scenario::row_period`] apart.
+    /// Takes the true values at a stamp (ns, true time), in the order of [`Scenario::columns`]. Rows are
+    /// [`Scenario::row_period`] apart.
     fn row(&mut self, stamp: i64, values: &[f64]) -> Result<(), SinkError> {
         let _ = (stamp, values);
         Ok(())
@@ -32,7 +33,7 @@ pub trait Scenario: Send + Sync {
     /// The columns of its rows of truth, without the time: states first, then inputs, then what else is known.
     fn columns(&self) -> Vec<Column>;
 
-    /// How many of the columns are states, and how many after them are inputs.
+    /// Number of columns that are states, and number of inputs after them.
     fn regressors(&self) -> Regressors;
 
     /// Seconds between rows.
@@ -59,11 +60,11 @@ pub struct Regressors {
 pub struct Run {
     /// Its length, s of true time.
     pub seconds: f64,
-    /// Where its random numbers begin.
+    /// Seed of its random numbers.
     pub seed: u64,
 }
 
-/// How a run ended.
+/// End of a run.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum End {
@@ -73,14 +74,14 @@ pub enum End {
     Early {
         /// True time, s.
         seconds: f64,
-        /// What was over, in a few words.
+        /// Reason in a few words.
         reason: String,
     },
     /// The robot left where it may be, fell, or the like; the log ends there.
     Fault {
         /// True time, s.
         seconds: f64,
-        /// What happened.
+        /// Description of the fault.
         reason: String,
     },
 }

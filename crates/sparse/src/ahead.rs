@@ -28,7 +28,7 @@ struct Known {
 }
 
 impl Ahead {
-    /// Whether it pays for these rows.
+    /// Returns true if products made ahead are faster for these rows.
     pub(crate) fn pays(a: &Slab) -> bool {
         a.rows() * a.columns() > FEW_VALUES
     }

@@ -1,14 +1,16 @@
-//! Certificates: how far coefficients are from the minimum, computed from the statistic alone.
+//! Certificates: distance of coefficients from the minimum, computed from the statistic alone.
 //!
-//! In correlation form (unit columns, unit target) the problem is `1/2 |r|^2 + sum l_j |d_j| + 1/2 sum ridge_j d_j^2`, r = z - A d. With the
-//! ridge as rows below A, g = A'r - ridge d, and s in [0, 1] the largest factor that makes s g feasible for the dual (`|s g_j| <= l_j`, one-sided
-//! under a sign constraint), primal minus dual is
+//! In correlation form (unit columns, unit target) the problem is `1/2 |r|^2 + sum l_j |d_j| + 1/2 sum ridge_j d_j^2`,
+//! r = z - A d. With the ridge as rows below A, g = A'r - ridge d. Let s in [0, 1] be the largest factor that makes s g
+//! feasible for the dual (`|s g_j| <= l_j`, one-sided under a sign constraint). Primal minus dual is then
 //!
 //! `1/2 (1 - s)^2 |r|^2 + sum (l_j |d_j| - s g_j d_j)`,
 //!
-//! and likewise for any penalty that is a norm, with its dual norm in place of the limits ([`Shape`]): a sum of terms that are not negative: nothing cancels (the gap of Kim, Koh, Lustig, Boyd, Gorinevsky 2007, rearranged). Columns without an
-//! l1 penalty demand g_j = 0 of the dual, and next to none is as bad for the scaling: there the residual r - v, v = A step, is taken that has the
-//! gradients which such columns should have; it adds `1/2 |v|^2 + (1 - s) (r - v)'v`.
+//! and likewise for any penalty that is a norm, with its dual norm in place of the limits ([`Shape`]). It is a sum of
+//! terms that are not negative, so that nothing cancels (the gap of Kim, Koh, Lustig, Boyd, Gorinevsky 2007,
+//! rearranged). Columns without an l1 penalty demand g_j = 0 of the dual, and a tiny penalty is as bad for the scaling.
+//! For them the residual r - v, v = A step, is taken that has the gradients which such columns should have. It adds
+//! `1/2 |v|^2 + (1 - s) (r - v)'v`.
 
 use faer::Mat;
 use fleetfoot_data::parallel_pieces;
@@ -28,7 +30,7 @@ const REACHED: f64 = 1e-10;
 /// Coefficients that one thread certifies at once.
 const PIECE: usize = 1 << 13;
 
-/// How far coefficients are from the minimum.
+/// Distance of coefficients from the minimum.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Certificate {
     /// The largest violation of the Karush-Kuhn-Tucker conditions, as a correlation: violation of column j divided by the deviations of column

@@ -205,8 +205,9 @@ pub(crate) fn solve_dependent(matrix: &Mat<f64>, b: &[f64], level: f64) -> Vec<f
     solution
 }
 
-/// Where columns depend on each other, the direction along which their fit stays as it is while the penalty falls: what a step leaves of the gradient on the columns
-/// that it passed over, and what the others do about it. `None` where a step leaves nothing.
+/// Direction along which the fit of dependent columns stays constant while the penalty falls. It is the gradient that a
+/// step leaves on the columns that it passed over, with the answer of the other columns. `None` if a step leaves no
+/// gradient.
 pub(crate) fn flat(matrix: &Mat<f64>, wanted: &[f64], step: &[f64], level: f64) -> Option<Vec<f64>> {
     /// The part of the gradient that is more than rounding.
     const LEFT: f64 = 1e-9;

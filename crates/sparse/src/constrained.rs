@@ -35,10 +35,10 @@ use verdict::judge;
 
 use crate::{SparseError, Strength, penalty::Weights, structured::Assembled};
 
-/// How a constrained fit is solved.
+/// Options of the solver of a constrained fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ConstrainedOptions {
-    /// What [`ConstrainedCertificate::kkt`] and [`ConstrainedCertificate::violation`] must be below.
+    /// Upper limit for [`ConstrainedCertificate::kkt`] and [`ConstrainedCertificate::violation`].
     pub tolerance: f64,
     /// Iterations of the interior-point method, at most.
     pub max_iterations: u32,
@@ -50,7 +50,7 @@ impl Default for ConstrainedOptions {
     }
 }
 
-/// Whether the minimum was found.
+/// Status of a constrained solution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ConstrainedStatus {
@@ -82,9 +82,9 @@ pub struct Constrained {
     pub mse: f64,
     /// Constraints that hold with equality.
     pub active: Vec<Active>,
-    /// How far this is from the minimum.
+    /// Distance from the minimum.
     pub certificate: ConstrainedCertificate,
-    /// Whether that is near enough.
+    /// Status: solved if the certificate is below the tolerance.
     pub status: ConstrainedStatus,
 }
 

@@ -25,13 +25,14 @@ const MOST_EXACT: f64 = 1e-14;
 /// Share of its limit that rounding may leave a column below it.
 const TIED: f64 = 1e-6;
 
-/// How coordinate descent is done.
+/// Options of coordinate descent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CoordinateOptions {
     /// Share of the l1 penalty: 1 is the lasso, 0 is ridge.
     pub l1_ratio: f64,
-    /// The violation of the optimality conditions, as a correlation ([`Certificate::kkt`](crate::Certificate)), at which a solution is good; where the
-    /// penalty itself is smaller than a hundred times that, a hundredth of the penalty.
+    /// Tolerance on the violation of the optimality conditions, as a correlation
+    /// ([`Certificate::kkt`](crate::Certificate)). If the penalty is smaller than a hundred times that, the tolerance
+    /// is a hundredth of the penalty.
     pub tolerance: f64,
     /// The most sweeps over the working set, a lambda.
     pub max_epochs: usize,

@@ -1,4 +1,4 @@
-//! Problems from dense rows in memory, read where they lie: one pass, and a statistic for every group of rows.
+//! Problems from dense rows in memory, read in place: one pass, and a statistic for every group of rows.
 
 mod gather;
 mod nonzeros;
@@ -65,7 +65,7 @@ pub trait DenseRows: fmt::Debug + Send + Sync {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DenseError {
-    /// The rows, the weights or what they sum to are at fault.
+    /// The rows, the weights or their sums are invalid.
     #[error(transparent)]
     Problem(#[from] SparseError),
     /// A group label that is not below the number of groups.
@@ -78,7 +78,7 @@ pub enum DenseError {
         /// The largest label there may be.
         most: usize,
     },
-    /// What is kept of the rows needs more memory than there is.
+    /// The stored sums or rows need more memory than there is.
     #[error(transparent)]
     Memory(#[from] OutOfMemory),
     /// The user stopped it.
@@ -86,12 +86,15 @@ pub enum DenseError {
     Cancelled(#[from] Cancelled),
 }
 
-/// A dense design of n rows, p regressors and q targets, whose rows belong to groups: the statistic of any union of groups is at hand.
+/// A dense design of n rows, p regressors and q targets. Its rows belong to groups, and the statistic of any union of
+/// groups is at hand.
 ///
-/// What is kept depends on the shape. Few rows (no more than twice the columns, or so few that a factorisation is quick) are read where they lie for
-/// every problem, and factored directly. Many rows are read once, in parallel: their products are summed group by group in the coordinates that a
-/// pilot sample gives ([`Preconditioner`](fleetfoot_stats::Preconditioner)), so that little is lost to the square of the condition number, or as they
-/// are where there are more than 512 columns, or where few values are not zero and the columns do not lean on each other. Beside the statistics only the blocks in flight are held.
+/// The storage depends on the shape. Few rows are read in place for every problem, and factored directly: no more than
+/// twice the columns, or few enough for a quick factorisation. Many rows are read once, in parallel, and their products
+/// are summed group by group. The sums use the coordinates that a pilot sample gives
+/// ([`Preconditioner`](fleetfoot_stats::Preconditioner)), so that little is lost to the square of the condition number.
+/// Plain products are summed for more than 512 columns, or for few nonzero values in columns that are far from
+/// dependent. Beside the statistics only the blocks in flight are held.
 ///
 /// Answers do not depend on the number of threads.
 #[derive(Debug)]
@@ -104,7 +107,7 @@ pub struct DenseDesign {
     groups: usize,
     /// `None`: the rows are read anew.
     sums: Option<Sums>,
-    /// Whether problems keep their rows, however many.
+    /// True if problems keep their rows, however many.
     keeps_rows: bool,
 }
 
@@ -136,7 +139,7 @@ impl DenseDesign {
         Self::made((rows, weights), (Vec::new(), 1), true, progress)
     }
 
-    /// Whether rows are kept because few solutions are wanted.
+    /// Returns true if rows are kept because few solutions are wanted.
     pub fn keeps_rows(&self) -> bool {
         self.keeps_rows
     }
@@ -220,8 +223,8 @@ impl DenseDesign {
         self.rows.rows()
     }
 
-    /// Whether the sums of the rows show that every value of a row with weight is finite. They may not show it: where rows are read anew for every problem, and
-    /// where squares overflow.
+    /// Returns true if the sums of the rows show that every value of a row with weight is finite. The sums cannot show
+    /// it if rows are read anew for every problem, or if squares overflow.
     pub fn is_seen_finite(&self) -> bool {
         self.sums.as_ref().is_some_and(Sums::is_finite)
     }
@@ -296,13 +299,13 @@ impl DenseDesign {
         if k > 0 && errors.is_empty() { Err(SparseError::NoRows.into()) } else { Ok(errors) }
     }
 
-    /// Whether k models of the rows cost less than a factor of their products, and k products with that.
+    /// Returns true if k models from the rows cost less than one factor of their products and k products with it.
     fn rows_are_cheaper(&self, chosen: &[bool], k: usize) -> bool {
         let (p, rows) = (self.regressors() as f64, self.used(chosen).len() as f64);
         rows * k as f64 <= p * (p / 3.0 + k as f64 / 2.0)
     }
 
-    /// Whether each group is meant.
+    /// For each group: true if it is among `groups` (`None`: all).
     fn chosen(&self, groups: Option<&[usize]>) -> Vec<bool> {
         match groups {
             None => vec![true; self.groups],

@@ -103,7 +103,7 @@ impl Small {
         }
     }
 
-    /// Whether column j keeps its sign in a Newton step.
+    /// Returns true if column j keeps its sign in a Newton step.
     pub(crate) fn watched(&self, j: usize) -> bool {
         self.limit[j] > 0.0 || self.signs[j] != Sign::Free
     }
@@ -149,7 +149,7 @@ impl Small {
         if support.iter().zip(&far).any(ends) { far } else { step }
     }
 
-    /// What is left of the optimality conditions in the columns of the support.
+    /// Remaining gradient of the optimality conditions in the columns of the support.
     fn wanted(&self, delta: &[f64], support: &[usize]) -> Vec<f64> {
         let gradient = self.gradient(delta);
         support.iter().map(|&j| gradient[j] - self.limit[j] * sign_of(delta[j])).collect()

@@ -1,4 +1,4 @@
-//! What can be wrong with a problem or with the options of a fit.
+//! Errors of a problem or of the options of a fit.
 
 /// A problem that cannot be posed, or an option out of its range.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -31,9 +31,9 @@ pub enum SparseError {
     /// The statistic has fewer targets.
     #[error("target {target} is asked for, the statistic has {targets}")]
     NoSuchTarget {
-        /// The target that was asked for.
+        /// Number of the requested target.
         target: usize,
-        /// How many there are.
+        /// Number of targets.
         targets: usize,
     },
     /// A row weight is negative or not finite.
@@ -144,7 +144,7 @@ pub enum SparseError {
         column: usize,
         /// Its group.
         group: usize,
-        /// How many columns there are.
+        /// Number of columns.
         columns: usize,
     },
     /// The weight of a group is negative or not finite.

@@ -1,7 +1,8 @@
-//! Penalties, as everything that chooses, refits and reports knows them.
+//! Penalties as estimators, for selection, refits and reports.
 //!
-//! Selection, criteria, sweeps of supports, the recipes of `fit sparse` and `fit sindy` know an [`Estimator`] and nothing of its penalty; how it is solved stands in
-//! `path_solver.rs`. A new penalty is a module with its shape for the certificate (`shape`) and its solutions, a variant here, and a `PathSolver` there.
+//! Selection, criteria, sweeps of supports, and the recipes of `fit sparse` and `fit sindy` use an [`Estimator`]
+//! without its penalty; the solvers are in `path_solver.rs`. A new penalty is a module with its shape for the
+//! certificate (`shape`) and its solutions, a variant here, and a `PathSolver` there.
 
 use crate::{coordinate::CoordinateOptions, group::GroupLasso};
 
@@ -34,7 +35,7 @@ impl From<GroupLasso> for Estimator {
     }
 }
 
-/// Where a path ends.
+/// End of a path.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Stop {
     /// The smallest lambda, in the units of the target; 0: where the estimator ends its paths.

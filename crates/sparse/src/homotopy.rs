@@ -1,8 +1,9 @@
-//! The steps of the path: who is tied at a knot, which way the coefficients go, and where the next knot is.
+//! Steps of the path: ties at a knot, direction of the coefficients, and the next knot.
 //!
-//! In correlation form, with the active set S and signs s, the coefficients at lambda are `x - lambda y`, x = U^-1 q and y = U^-1 t, and all
-//! correlations with the residual are `e + lambda a` ([`Factor`]). An inactive column j meets the bound on side s where
-//! `s (e_j + lambda a_j) = lambda omega_j`, so at `lambda = s e_j / (omega_j - s a_j)`; an active one reaches zero at `x_j / y_j`.
+//! In correlation form, with the active set S and signs s, the coefficients at lambda are `x - lambda y`, x = U^-1 q
+//! and y = U^-1 t. All correlations with the residual are `e + lambda a` ([`Factor`]). An inactive column j meets the
+//! bound on side s where `s (e_j + lambda a_j) = lambda omega_j`, so at `lambda = s e_j / (omega_j - s a_j)`. An active
+//! one reaches zero at `x_j / y_j`.
 
 use fleetfoot_data::checkpoint;
 
@@ -23,7 +24,7 @@ pub(crate) enum Settled {
     Stalled,
 }
 
-/// Which solution the tied columns are chosen by.
+/// Solution by which the tied columns are chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Aim {
     /// `x`: least squares of the target itself, for the columns that are not penalised.
@@ -45,7 +46,7 @@ pub(crate) struct Homotopy<'a> {
     problem: &'a Quadratic,
     weights: &'a Weights,
     factor: Factor<'a>,
-    /// Whether coefficients must keep their signs (lasso).
+    /// True if coefficients must keep their signs (lasso).
     watch: bool,
     max_features: usize,
     /// Sign of every active column; 0 for those that are free to change it.

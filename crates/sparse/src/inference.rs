@@ -1,7 +1,9 @@
-//! What a fit on a support is worth: standard errors, intervals, coefficients that cannot be told apart, and the logs that carry it.
+//! Inference for a fit on a support: standard errors, intervals, coefficients that cannot be told apart, and the logs
+//! that determine the fit.
 //!
-//! Everything here is conditional on the support: a support that was chosen on the same rows makes intervals too short, by an amount that these formulas
-//! do not know. [`crate::bolasso::stability_selection`] and the replicates of the bolasso speak of the choice itself.
+//! Everything here is conditional on the support. A support that was chosen on the same rows makes intervals too short,
+//! by an unknown amount. [`crate::bolasso::stability_selection`] and the replicates of the bolasso measure the choice
+//! itself.
 
 mod bootstrap;
 mod confounded;

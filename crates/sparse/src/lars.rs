@@ -11,7 +11,7 @@ use crate::{
 /// The largest violation of the optimality conditions, as a correlation, that a knot may have.
 const CERTIFIED: f64 = 1e-8;
 
-/// Which path is followed.
+/// Kind of path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Method {
     /// The minimisers of the objective: columns leave where their coefficients reach zero.
@@ -21,14 +21,14 @@ pub enum Method {
     Lars,
 }
 
-/// How far a path goes.
+/// Options and end of a path.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct LarsOptions {
-    /// Which path is followed.
+    /// Kind of path.
     pub method: Method,
     /// Weight of the squares, the same along the path (elastic net).
     pub l2: f64,
-    /// Where the path ends, in the units of the target.
+    /// End of the path: the smallest lambda, in the units of the target.
     pub lambda_min: f64,
     /// The most columns with coefficients that are not zero; `None`: all.
     pub max_features: Option<usize>,

@@ -28,17 +28,18 @@ pub struct Path {
     pub knots: Vec<Solution>,
     /// Why it ended.
     pub status: PathStatus,
-    /// Columns left out because nothing but rounding tells them from the active ones at the end of the path: what they have beyond those is below 1e-9
-    /// of their length (square-root form; about 1e-7 in Gram form), or below their own rounding.
+    /// Columns left out because only rounding separates them from the active ones at the end of the path. Their
+    /// remainder beyond those is below 1e-9 of their length (square-root form; about 1e-7 in Gram form), or below their
+    /// own rounding.
     pub collinear: Vec<usize>,
     /// Columns left out because they do not vary.
     pub constant: Vec<usize>,
     pub(crate) columns: usize,
     pub(crate) penalty: Penalty,
     pub(crate) l2: f64,
-    /// What its solutions minimise.
+    /// Estimator whose objective the solutions minimise.
     pub(crate) estimator: Estimator,
-    /// Whether it is linear between its knots.
+    /// True if the path is linear between its knots.
     pub(crate) linear: bool,
 }
 

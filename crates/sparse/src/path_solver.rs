@@ -1,4 +1,4 @@
-//! How estimators are solved: the one seam between penalties and everything that chooses, refits and reports.
+//! Solvers of estimators: the one seam between penalties and everything that chooses, refits and reports.
 //!
 //! A penalty has an entry in the table of [`Estimator::solver`] and a [`PathSolver`]; the rest follows.
 
@@ -26,7 +26,7 @@ impl Estimator {
 }
 
 impl Estimator {
-    /// What people call it.
+    /// Name for people.
     pub fn name(&self) -> &'static str {
         self.solver().name()
     }
@@ -126,7 +126,7 @@ impl Estimator {
     }
 }
 
-/// What a penalty brings; the methods are those of [`Estimator`].
+/// Solver of a penalty; its methods are those of [`Estimator`].
 pub(crate) trait PathSolver {
     fn name(&self) -> &'static str;
 

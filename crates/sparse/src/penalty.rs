@@ -1,8 +1,8 @@
-//! What is penalised, how strongly, and which signs are allowed.
+//! Penalised columns, strengths of their penalties, and allowed signs.
 
 use crate::{Quadratic, SparseError};
 
-/// Which values a coefficient may take.
+/// Allowed values of a coefficient.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Sign {
     /// Any.
@@ -24,7 +24,7 @@ impl Sign {
         }
     }
 
-    /// Whether a coefficient may have this value.
+    /// Returns true if a coefficient may have this value.
     pub fn allows(self, value: f64) -> bool {
         match self {
             Self::Free => true,
@@ -39,9 +39,10 @@ impl Sign {
 /// The intercept is never penalised.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Penalty {
-    /// Whether coefficients are penalised in units of their column's deviation: u_j = [`Quadratic::deviation`], else u_j = 1.
+    /// True if coefficients are penalised in units of their column's deviation: u_j = [`Quadratic::deviation`]. False:
+    /// u_j = 1.
     pub standardise: bool,
-    /// Penalty factors w (p; empty: all 1): 0 is not penalised, infinity leaves the column out.
+    /// Penalty factors w (p; empty: all 1); 0: no penalty; infinity: the column is left out.
     pub factors: Vec<f64>,
     /// Sign constraints (p; empty: none).
     pub signs: Vec<Sign>,
@@ -136,7 +137,7 @@ impl Weights {
         Ok(weights)
     }
 
-    /// Whether a column takes part.
+    /// Returns true if a column takes part.
     pub(crate) fn used(&self, j: usize) -> bool {
         self.omega[j].is_finite()
     }

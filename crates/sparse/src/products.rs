@@ -76,7 +76,7 @@ impl<'a> Products<'a> {
         }
     }
 
-    /// Where products are made pair by pair: the columns that they are of, in the order of their matrix.
+    /// Columns of the products that are made pair by pair, in the order of their matrix; `None` for other products.
     pub(crate) fn joined(&self) -> Option<&[usize]> {
         match self {
             Self::Pairs { pairs, .. } => Some(&pairs.joined),

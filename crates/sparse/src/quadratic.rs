@@ -53,7 +53,7 @@ impl Quadratic {
         self.weight
     }
 
-    /// Whether an intercept was eliminated by centring; every solution then has it back.
+    /// Returns true if an intercept was eliminated by centring; every solution then has it back.
     pub fn has_intercept(&self) -> bool {
         self.means.is_some()
     }

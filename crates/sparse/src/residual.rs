@@ -1,4 +1,5 @@
-//! Coefficients that are carried from lambda to lambda, and what they leave of the correlations: for every solver that descends.
+//! Coefficients that are carried from lambda to lambda, with the remaining correlations: for every solver that
+//! descends.
 
 use crate::{Quadratic, products::Products};
 

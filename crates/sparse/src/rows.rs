@@ -71,7 +71,7 @@ impl Quadratic {
     }
 }
 
-/// How columns are centred and weighted.
+/// Centring and weighting of columns.
 pub(crate) struct Centring {
     rows: usize,
     /// Sum of the weights, n.
@@ -79,16 +79,16 @@ pub(crate) struct Centring {
     /// Weights over their sum, and their roots; `None` where all are 1.
     weights: Option<(Vec<f64>, Vec<f64>)>,
     intercept: bool,
-    /// Rounding relative to what is rounded.
+    /// Rounding error relative to the rounded value.
     level: f64,
 }
 
-/// What is known of a column once it is centred and weighted.
+/// Mean and length of a column that is centred and weighted.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Centred {
-    /// What was subtracted.
+    /// Mean that was subtracted.
     mean: f64,
-    /// Length of what is left; not finite where a value or the length is not.
+    /// Length of the centred column; not finite if a value or the length is not.
     length: f64,
 }
 
@@ -192,7 +192,7 @@ impl Centring {
         Ok(Quadratic { weight: self.total, length, size, means, noise, form: Form::Root { a, z, beyond: 0.0 } })
     }
 
-    /// What columns and target are centred around.
+    /// Means and length about which columns and target are centred.
     fn around(&self, stride: usize, columns: &[Centred], target: &[f64]) -> Result<Around, SparseError> {
         if let Some(column) = columns.iter().position(|column| !column.length.is_finite()) {
             return Err(SparseError::ColumnNotFinite { column });

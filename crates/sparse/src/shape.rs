@@ -1,4 +1,4 @@
-//! What a penalty is to a certificate: a shape in the space of gradients, whichever columns it joins.
+//! Shape of a penalty for the certificate: a set in the space of gradients, whichever columns it joins.
 
 use crate::penalty::{Sign, Weights};
 
@@ -21,7 +21,8 @@ pub(crate) trait Shape: Sync {
     /// The largest factor, at most 1, that makes the gradients feasible for the dual.
     fn feasible(&self, gradient: &[f64]) -> f64;
 
-    /// What the penalty, without its squares, is above `scale gradient'delta`: of feasible gradients a sum of terms that are not negative.
+    /// The penalty, without its squares, less `scale gradient'delta`: for feasible gradients a sum of terms that are
+    /// not negative.
     fn slack(&self, scale: f64, delta: &[f64], gradient: &[f64]) -> f64;
 }
 

@@ -31,9 +31,9 @@ pub struct Solution {
     pub mse: f64,
     /// Share of the target's variance that is explained (of its mean square, without an intercept); 0 for a target that does not vary.
     pub r2: f64,
-    /// How far this is from the minimum.
+    /// Distance from the minimum.
     pub certificate: Certificate,
-    /// Whether the solver met its tolerance; a knot of a path is exact up to rounding.
+    /// True if the solver met its tolerance; a knot of a path is exact up to rounding.
     pub converged: bool,
 }
 

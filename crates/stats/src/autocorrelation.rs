@@ -1,4 +1,4 @@
-//! How values hang together with those before them, in one pass, which may be made in parts.
+//! Autocorrelation of a sequence at chosen lags, in one pass; parts of the sequence can be merged.
 
 /// The autocorrelation of a sequence at chosen lags, with memory of the largest lag alone. Values that are not finite are in no pair.
 ///

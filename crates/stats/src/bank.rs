@@ -52,7 +52,7 @@ impl Bank {
         self.rows.len()
     }
 
-    /// Whether there are none.
+    /// Returns true if the bank has no rows.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }

@@ -1,4 +1,4 @@
-//! Batch means: how many of the rows of a log count as independent.
+//! Batch means: effective number of independent rows of a log.
 
 use fleetfoot_data::EpisodeId;
 

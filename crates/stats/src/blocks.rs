@@ -1,4 +1,4 @@
-//! Blocks of rows: neighbouring chunks together, where a question needs parts that are nearly independent.
+//! Blocks of rows: neighbouring chunks together, for methods that need nearly independent parts.
 
 use fleetfoot_data::EpisodeId;
 

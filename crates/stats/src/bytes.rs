@@ -10,7 +10,7 @@ const FORMAT: u64 = 1;
 const HEAD: usize = 24;
 /// Bytes of a key.
 const KEY: usize = 16 + 4 + 2 + 2 * 4 + 2 + 4;
-/// What stands for "no fold".
+/// Word that encodes "no fold".
 const NO_FOLD: u32 = u32::MAX;
 
 /// Bytes that are no statistics.

@@ -13,15 +13,16 @@ const PANEL: usize = 64;
 /// Share of the best pivot from which on the first of many open columns is taken in its place.
 const GOOD: f64 = 0.1;
 
-/// Part of a Cholesky factor of a positive semidefinite matrix: C with `C'C` its leading p columns up to what was set aside, and `C^-T` times the
-/// columns behind them.
+/// Part of a Cholesky factor of a positive semidefinite matrix: C with `C'C` its leading p columns without the ones set
+/// aside, and `C^-T` times the columns behind them.
 #[derive(Debug, Clone)]
 pub struct PivotedCholesky {
-    /// The pivots in their order: what is not among the p columns was set aside.
+    /// The pivots in their order: the others of the p columns were set aside.
     pub order: Vec<usize>,
-    /// As many rows as there are pivots count (p x d), columns in their own order: triangular in the order of the pivots only.
+    /// The factor (p x d), with as many valid rows as there are pivots. Columns are in matrix order, so that it is
+    /// triangular only in the order of the pivots.
     pub factor: Slab,
-    /// What the factor leaves of every diagonal entry (d).
+    /// Diagonal of the matrix that remains after the factor: `diag(A - C'C)` (d).
     pub left: Vec<f64>,
     /// The least share of its own diagonal entry that was left of a pivot; 1 without pivots.
     pub least: f64,
@@ -145,11 +146,11 @@ impl<E: Fn(usize, usize) -> f64> WithSimd for Eliminate<'_, E> {
     }
 }
 
-/// What some pivots leave of a symmetric matrix, in the columns that are open and those behind.
+/// Schur complement of a symmetric matrix after some pivots, in the open columns and those behind.
 struct Remainder {
     /// Place of a column among the open ones and those behind; no place for those that are done.
     place: Vec<usize>,
-    /// The open columns down to the last of those behind; what stands above the diagonal means nothing.
+    /// The open columns down to the last of those behind; entries above the diagonal are undefined.
     values: Slab,
     /// Places of columns that are done, before those of the others.
     done: usize,

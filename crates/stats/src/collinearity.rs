@@ -1,4 +1,5 @@
-//! How the columns of a Gram matrix move together: eigenvalues of their correlations, and the coefficients that each direction harms.
+//! Collinearity of the columns of a Gram matrix: eigenvalues of their correlations, and the coefficients that each
+//! direction harms.
 
 use faer::Mat;
 
@@ -29,7 +30,7 @@ impl Gram {
         (0..self.dimension()).map(|j| if moves(j) { deviation(j) } else { 0.0 }).collect()
     }
 
-    /// How the columns move together; `None` where none varies, or their moments are not finite.
+    /// The collinearity of the columns; `None` if no column varies, or if the moments are not finite.
     pub fn collinearity(&self) -> Option<Collinearity> {
         let deviation = self.deviations();
         let columns: Vec<usize> = (0..self.dimension()).filter(|&j| deviation[j] > 0.0).collect();

@@ -7,7 +7,7 @@ use crate::{SquareRoot, householder::fold_rows, kernel::Slab, square_root::sum_o
 /// Least squares of q targets on p columns without an intercept of its own: for coefficients b (p) of one target,
 /// `rss = |R b - z|^2 + residual`.
 ///
-/// What thresholding works on: the constant is a candidate, and may be fixed, penalised or dropped.
+/// The form that thresholding works on: the constant is a candidate, and may be fixed, penalised or dropped.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Compressed {
     /// Rows of positive weight.
@@ -18,14 +18,14 @@ pub struct Compressed {
     pub r: Mat<f64>,
     /// Q'y (p x q).
     pub z: Mat<f64>,
-    /// Squared norm of what no column explains (q).
+    /// Squared norm of the part that no column explains (q).
     pub residual: Vec<f64>,
     /// Sum of squares of every target about its mean (q).
     pub total: Vec<f64>,
-    /// Rounding of every column of `r` (p): what is shorter is no information.
+    /// Rounding of every column of `r` (p): shorter columns hold no information.
     pub noise: Vec<f64>,
-    /// Mean squared error that is in the targets themselves (q), such as that of a difference for a derivative: below it no model is better than another. 0
-    /// unless [`Compressed::known_to`] said otherwise.
+    /// Mean squared error of the targets (q), such as that of a difference for a derivative: below it no model is
+    /// better than another. 0 unless set by [`Compressed::known_to`].
     pub resolution: Vec<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! Whether few rows hold most of a column's variance.
+//! Columns whose variance comes mostly from few rows.
 
 use std::{collections::BTreeMap, ops::Range};
 
@@ -20,7 +20,7 @@ pub struct Concentration {
     pub rows: f64,
     /// Their share of the sum of squares about the mean.
     pub squares: f64,
-    /// Where the heaviest of them are: an episode, and a stretch of its rows.
+    /// Place of the heaviest rows: an episode, and a range of its rows.
     pub place: (EpisodeId, Range<u64>),
 }
 

@@ -81,7 +81,8 @@ impl Contraction {
 
     /// The coefficients nearest to `wanted` (s x q) within the bound, from `start` strictly within it, to a relative duality gap of `tolerance`.
     ///
-    /// What is within the bound already is returned as it is. `None` when `start` is not strictly within the bound or a number is not finite. The gap tells how far the search came.
+    /// Coefficients within the bound are returned unchanged. `None` if `start` is not strictly within the bound or a
+    /// number is not finite. The duality gap states how far the search converged.
     ///
     /// # Panics
     /// When the shapes disagree.

@@ -1,4 +1,4 @@
-//! How long so many operations take on this machine: a regression is timed, once.
+//! Expected duration of a count of operations on this machine, from one timed regression.
 
 use std::{sync::OnceLock, time::Instant};
 

@@ -1,4 +1,4 @@
-//! Sums of prediction errors: what absolute scores need a second pass over the rows for.
+//! Sums of prediction errors: absolute scores, from a second pass over the rows.
 
 /// Sums over rows of the errors `e = y - prediction` of one target, mergeable in order.
 ///

@@ -12,8 +12,9 @@ use crate::{
 /// Rows that are folded at once.
 const TILE: usize = 256;
 
-/// The R factor of weighted rows [1 x y], pushed block by block and merged by QR of the stack (TSQR; Demmel, Grigori, Hoemmen, Langou
-/// 2012): the accuracy of Householder QR on all rows, at two to four times the work of a Gram matrix.
+/// The R factor of weighted rows [1 x y], pushed block by block and merged by QR of the stack (TSQR; Demmel, Grigori,
+/// Hoemmen, Langou 2012). It has the accuracy of Householder QR on all rows, at two to four times the work of a Gram
+/// matrix.
 ///
 /// The columns are shifted by the mean of the first rows; shifting back and forth is exact up to the rounding of the column.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,7 +23,7 @@ pub struct Factor {
     targets: usize,
     rows: u64,
     weight: f64,
-    /// What is subtracted from x and y (p + q).
+    /// Values that are subtracted from x and y (p + q).
     shift: Vec<f64>,
     /// Upper triangular, columns 1, x, y.
     r: Mat<f64>,

@@ -1,9 +1,9 @@
-//! Folds: which rows are held out together, and which of their neighbours train nothing for them. One rule for every method.
+//! Folds: the rows held out together, and the neighbours that train nothing for them. One rule for every method.
 //!
-//! Neighbouring rows of a log resemble each other, so that no fold is drawn row by row. With enough episodes folds are whole episodes. With few, every
-//! episode is cut into contiguous spans, at least [`SPANS`] of them, that belong to the folds in turn: each fold sees every episode. The rows on either
-//! side of a held-out span train nothing for it: those that are made of the same samples, and those that are correlated with it, as far as these are no
-//! more than a tenth of a span.
+//! Neighbouring rows of a log resemble each other, so that no fold is drawn row by row. With enough episodes folds are
+//! whole episodes. With few, every episode is cut into contiguous spans, at least [`SPANS`] of them, that belong to the
+//! folds in turn: each fold sees every episode. Rows on either side of a held-out span train nothing for it if they are
+//! made of the same samples. The same holds for rows that are correlated with it, up to a tenth of a span.
 
 use std::{collections::BTreeMap, ops::Range};
 
@@ -22,14 +22,14 @@ const ROWS: usize = 10;
 /// Share of a span that its neighbours' purge gap takes, at most.
 const TENTH: usize = 10;
 
-/// What is held out together.
+/// Rule by which rows are held out together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum FoldRule {
     /// Ten folds, five of few rows.
     #[default]
     Auto,
-    /// So many folds.
+    /// This many folds.
     Count(usize),
     /// Every episode once.
     Episodes,
@@ -38,9 +38,9 @@ pub enum FoldRule {
 /// Rows on either side of a held-out span that train nothing for it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purge {
-    /// So many; it is for the caller to see that spans are longer.
+    /// Exactly this many; the caller must ensure that spans are longer.
     Exactly(usize),
-    /// What resembles the held-out rows, however that comes.
+    /// Rows that resemble the held-out rows, by shared samples or by correlation.
     Alike {
         /// Rows on either side that are made of the same samples as a row: lags and differences reach over them, smoothing mixed them. All of them are left
         /// out, up to the whole neighbouring span.
@@ -75,10 +75,10 @@ impl Purge {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FoldError {
-    /// Fewer than two, or more than can be told apart.
+    /// Fewer than two folds, or more than the limit.
     #[error("{count} folds are asked for: write a number from 2 to 65535 ({FOLDS})")]
     Count {
-        /// How many.
+        /// Number of folds asked for.
         count: usize,
     },
     /// One episode cannot be left out and fitted on.
@@ -86,7 +86,7 @@ pub enum FoldError {
         "leaving every episode out once needs 2 episodes or more, and there is {found}: {given_folds} cuts it into spans instead", given_folds = FOLDS.to(10)
     )]
     Episodes {
-        /// How many episodes have rows.
+        /// Number of episodes that have rows.
         found: usize,
     },
     /// A fold would hold out nothing.
@@ -94,7 +94,7 @@ pub enum FoldError {
         "{folds} folds of spans need episodes of {spans} rows or more, and the longest of {episodes} has {rows}: ask for fewer folds ({FOLDS}), or give more data"
     )]
     Rows {
-        /// How many folds.
+        /// Number of folds.
         folds: usize,
         /// Spans of an episode.
         spans: usize,
@@ -195,7 +195,7 @@ impl FoldLayout {
         self.folds
     }
 
-    /// Whether folds are whole episodes.
+    /// Returns true if folds are whole episodes.
     pub fn whole_episodes(&self) -> bool {
         matches!(self.cut, Cut::Episodes(_))
     }

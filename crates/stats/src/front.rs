@@ -1,6 +1,8 @@
-//! What nothing as small beats.
+//! Pareto front of models by size and error.
 
-/// Which of some models no other with as few coefficients beats: each is told by its number of coefficients and its error, which is not finite where it has none. Of equal ones the first stands for all.
+/// For each model, given as (number of coefficients, error): true if every other model with as few or fewer
+/// coefficients has a larger error. A model whose error is not finite is never on the front. Of equal models only the
+/// first is.
 pub fn front(models: &[(usize, f64)]) -> Vec<bool> {
     let mut order: Vec<usize> = (0..models.len()).filter(|&at| models[at].1.is_finite()).collect();
     order.sort_by(|&a, &b| {

@@ -234,7 +234,8 @@ impl Gram {
         selected
     }
 
-    /// Whether a column has one value in all rows, up to rounding: a deviation of less than 1e-13 of its mean. So is one without rows.
+    /// Returns true if the column has one value in all rows, up to rounding: its standard deviation is less than 1e-13
+    /// of its mean. A column without rows counts as constant.
     ///
     /// # Panics
     /// When the column does not exist.

@@ -1,6 +1,6 @@
 //! Orthogonal reductions: rows folded into a triangle, and the rank-revealing factorisation of a triangle.
 //!
-//! What does not stay in a processor's cache is reduced by blocks of reflectors (`blocked`).
+//! Rows that exceed a processor's cache are reduced by blocks of reflectors (`blocked`).
 //!
 //! faer's unpivoted QR (0.24) drops columns whose remainder is below `16 n eps`, so that its R is an echelon form. A remainder of
 //! `1e-12` is data here, and the decision about rank is taken elsewhere, once, with the noise of every column at hand.
@@ -61,7 +61,8 @@ pub fn fold_rows(r: &mut Mat<f64>, rows: &mut Slab) {
     rows.values[..to * rows.stride].fill(0.0);
 }
 
-/// What a step of [`Fold`] did: the factor of its reflector (0: none), and what it then multiplied its row of the triangle by.
+/// One step of [`Fold`]: the factor of its reflector (0: none), and the sign by which its row of the triangle was then
+/// multiplied.
 #[derive(Debug, Clone, Copy)]
 struct Step {
     beta: f64,
@@ -195,13 +196,13 @@ impl WithSimd for Reduce<'_> {
     }
 }
 
-/// What a column-pivoted QR found: `A[:, order] = Q [R11 R12; 0 R22]` with R22 below the noise.
+/// Column-pivoted QR: `A[:, order] = Q [R11 R12; 0 R22]` with R22 below the noise.
 pub(crate) struct Pivoted {
     /// Column of A at each position: first `rank` columns that carry the others, then the rest.
     pub(crate) order: Vec<usize>,
     /// Columns whose pivot stands above `threshold`.
     pub(crate) rank: usize,
-    /// R in pivoted order (p x p); rows from `rank` on are left unreduced.
+    /// R in pivoted order (p x p); rows from `rank` on are not reduced.
     pub(crate) r: Mat<f64>,
     /// `Q'B`.
     pub(crate) rhs: Mat<f64>,

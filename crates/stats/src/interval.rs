@@ -34,7 +34,7 @@ impl Estimate {
     }
 }
 
-/// What an interval compares.
+/// Units that an interval compares.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Basis {
     /// This many episodes.

@@ -1,4 +1,4 @@
-//! Statistics by key: what makes every sum exact, whoever computed its parts.
+//! Statistics by key: every sum is exact, in whichever parts it was computed.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,7 @@ use fleetfoot_data::EpisodeId;
 
 use crate::Gram;
 
-/// Where a row stands in cross-validation.
+/// Place of a row in cross-validation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub struct Fold {
     /// The fold that holds the row out.
@@ -16,7 +16,7 @@ pub struct Fold {
 }
 
 impl Fold {
-    /// Whether the row trains the model that is tested on `fold`.
+    /// Returns true if the row trains the model that is tested on `fold`.
     pub fn trains(&self, fold: u16) -> bool {
         self.own != fold && !self.purged.contains(&Some(fold))
     }
@@ -31,7 +31,7 @@ pub struct Key {
     pub chunk: u32,
     /// The chunk's place in cross-validation.
     pub fold: Fold,
-    /// Which of the partitions that share the pass.
+    /// Index of the partition, among those that share the pass.
     pub partition: u16,
     /// The region of that partition.
     pub region: u32,
@@ -59,7 +59,7 @@ pub trait Sum: Clone {
     /// Adds the rows of another.
     fn merge(&mut self, other: &Self);
 
-    /// What tells how many numbers it has: its columns, or its sums.
+    /// Size parameter that determines the number of words: its columns, or its sums.
     fn shape(&self) -> usize;
 
     /// Words of a sum of this shape; `None` where that overflows.
@@ -119,10 +119,10 @@ impl<S: Sum> Keyed<S> {
         Ok(())
     }
 
-    /// Whether [`Stats::merge`] would succeed.
+    /// Checks that [`Stats::merge`] would succeed.
     ///
     /// # Errors
-    /// What it would fail with.
+    /// The error that the merge would return.
     pub fn accepts(&self, other: &Self) -> Result<(), MergeError> {
         if self.plan != other.plan {
             return Err(MergeError::Plan { left: self.plan.clone(), right: other.plan.clone() });
@@ -184,7 +184,7 @@ impl<S: Sum> Keyed<S> {
         self.sums.len()
     }
 
-    /// Whether there are none.
+    /// Returns true if there are no statistics.
     pub fn is_empty(&self) -> bool {
         self.sums.is_empty()
     }

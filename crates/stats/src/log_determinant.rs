@@ -1,4 +1,5 @@
-//! How much a set of rows tells about an affine model: the log-determinant of its regressors' Gram matrix (D-optimality).
+//! Information that a set of rows holds about an affine model: the log-determinant of its regressors' Gram matrix
+//! (D-optimality).
 
 use crate::{Gram, PivotedCholesky};
 

@@ -1,4 +1,4 @@
-//! How far a distribution over bins is from the uniform one.
+//! Distance of a distribution over bins from the uniform one.
 
 /// Non-uniformity of a distribution, given by weights of any sum: `(norm sqrt(d) - 1) / (sqrt(d) - 1)` with the Euclidean norm
 /// of the normalised weights and their number d. 0 is uniform, 1 is all in one bin; NaN with fewer than 2 bins or without

@@ -1,7 +1,7 @@
-//! The plan of a scan: which rows make which chunk, and which fold each chunk belongs to.
+//! Plan of a scan: its chunks of rows, and the fold of each chunk.
 //!
-//! The chunk grid is anchored at the start of each episode and depends on nothing but the episodes' identities and lengths and the plan's
-//! numbers: not on files, their order, block sizes or threads.
+//! The chunk grid is anchored at the start of each episode. It depends only on the episodes' identities and lengths and
+//! on the plan's numbers: not on files, their order, block sizes or threads.
 
 use std::ops::Range;
 
@@ -23,7 +23,7 @@ pub struct Chunk {
     pub fold: Fold,
 }
 
-/// How a scan is cut.
+/// Division of a scan into chunks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Grid {
     /// Rows of a chunk, at most.
@@ -76,7 +76,7 @@ pub enum PlanError {
 }
 
 impl PlanError {
-    /// Whether less memory would have done.
+    /// Returns true if a plan that needs less memory would be accepted.
     pub fn is_memory(&self) -> bool {
         matches!(self, Self::Memory { .. } | Self::Room(_))
     }

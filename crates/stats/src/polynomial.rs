@@ -113,7 +113,8 @@ pub enum PolynomialError {
     Bytes,
 }
 
-/// What is fixed before a scan: the base columns' affine map, the basis, and how rows become moments.
+/// Settings that are fixed before a scan: the base columns' affine map, the basis, and the reduction of rows to
+/// moments.
 #[derive(Debug, Clone)]
 pub struct PolynomialPlan {
     degree: usize,
@@ -234,7 +235,7 @@ impl PolynomialPlan {
         self.condition
     }
 
-    /// Whether the moments are good enough for least squares: a condition below 1e3.
+    /// Returns true if the moments are good enough for least squares: their condition is below 1e3.
     pub fn is_well_conditioned(&self) -> bool {
         self.condition < WELL_CONDITIONED
     }

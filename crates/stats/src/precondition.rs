@@ -36,15 +36,15 @@ const PILOT_ROWS: usize = 256;
 ///
 /// `x~ = (x - c) P T^-1`, `y~ = (y - c - x~ B) diag(s)^-1`
 ///
-/// with P a permutation (the pilot's pivot order), T upper triangular, B the pilot's own regression of the targets on its strong
-/// directions, and s the size of what that leaves. Taking B out of the targets keeps the residual of an exact fit at the level of
-/// rounding squared, where the Gram matrix of y itself would only know it to `1e-16 y'y`.
+/// Here P is a permutation (the pilot's pivot order) and T upper triangular. B is the pilot's regression of the targets
+/// on its strong directions, and s the size of its residual. Taking B out of the targets keeps the residual of an exact
+/// fit at the level of rounding squared. The Gram matrix of y itself would have it only to `1e-16 y'y`.
 ///
 /// Any pilot gives a valid change of coordinates; a poor one costs accuracy, which [`SquareRoot::condition`](crate::SquareRoot)
 /// reports. A direction that the pilot does not show keeps the scale of its column, so T is always invertible.
 ///
-/// Where the pilot's condition number is below 100, T is diagonal and P the identity: columns are centred and scaled, and the coefficients may lose two digits
-/// more than else, of the sixteen.
+/// If the pilot's condition number is below 100, T is diagonal and P the identity: columns are centred and scaled. The
+/// coefficients may then lose two more of the sixteen digits.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Preconditioner {
     regressors: usize,
@@ -59,7 +59,7 @@ pub struct Preconditioner {
     solver: Solver,
 }
 
-/// How rows are brought to the new coordinates.
+/// Method that brings rows to the new coordinates.
 #[derive(Debug, Clone, PartialEq)]
 enum Solver {
     /// They are in them.
@@ -174,7 +174,7 @@ impl Preconditioner {
         found
     }
 
-    /// Whether rows are in these coordinates from the start, and were not brought there by arithmetic on the raw columns.
+    /// Returns true if rows are in these coordinates from the start, without arithmetic on the raw columns.
     pub(crate) fn is_native(&self) -> bool {
         self.solver == Solver::Nothing
     }

@@ -61,7 +61,7 @@ impl Preconditioner {
         self.left(&self.pivoted(gram).0)
     }
 
-    /// What a factor leaves of the targets, in raw units.
+    /// Sums of squared residuals of the targets after a factor, in raw units (q).
     fn left(&self, cholesky: &PivotedCholesky) -> Vec<f64> {
         let p = self.regressors();
         let residual = |t: usize| {

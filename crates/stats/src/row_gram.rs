@@ -1,4 +1,4 @@
-//! The Gram matrix of rows that come one by one.
+//! Gram matrix of rows that arrive one by one.
 
 use faer::MatRef;
 

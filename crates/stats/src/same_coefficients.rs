@@ -1,15 +1,17 @@
-//! Whether the least squares of two sets of rows are the same, from the sufficient statistics of each.
+//! Test that two sets of rows have the same least-squares coefficients, from the sufficient statistics of each.
 //!
-//! The rows of a set obey `y = B'[1 x] + e` with normal errors, of one covariance in both sets up to a factor. The likelihood ratio of two fits against one that serves both is
-//! a power of Wilks's statistic `|E_a + E_b| / |E_joint|`, with E the squares and products of the residuals (q x q); `E_joint - E_a - E_b` is the growth of the
-//! error by which cells are joined, and of one target this is the test of Chow (*Econometrica* 28, 1960). Its distribution is told by Rao's F approximation (C. R. Rao, *Linear Statistical Inference and its Applications*, section 8c.5), which is exact for one or two
-//! targets.
+//! The rows of a set obey `y = B'[1 x] + e` with normal errors, of one covariance in both sets up to a factor. The
+//! likelihood ratio of two fits against one joint fit is a power of Wilks's statistic `|E_a + E_b| / |E_joint|`. E are
+//! the squares and products of the residuals (q x q). `E_joint - E_a - E_b` is the growth of the error by which cells
+//! are joined. For one target this is the test of Chow (*Econometrica* 28, 1960). The distribution is Rao's F
+//! approximation (C. R. Rao, *Linear Statistical Inference and its Applications*, section 8c.5), which is exact for one
+//! or two targets.
 
 use fleetfoot_data::{packed, packed_row};
 
 use crate::{Gram, PivotedCholesky, Preconditioner, f_tail, square_root::noise_level};
 
-/// What the least squares of some rows leave of the targets.
+/// Residuals of the targets after the least squares of a set of rows, as sums of squares and products.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Leftover {
     /// Sum of the weights.
@@ -18,17 +20,18 @@ pub struct Leftover {
     numbers: usize,
     /// Squares and products of the residuals, lower triangle packed by rows, in the preconditioner's units: a ratio of determinants has none.
     residual: Vec<f64>,
-    /// What of a target's square is no more than rounding.
+    /// Part of each target's sum of squares that is indistinguishable from rounding (q).
     rounding: Vec<f64>,
 }
 
-/// What the likelihood says of one fit in the place of two.
+/// Likelihood-ratio test of two fits against one joint fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LikelihoodRatio {
     /// Twice the logarithm of the ratio: `n ln(|E_joint| / |E_a + E_b|)`, n the rows that count as independent; infinite where two fits leave nothing and one
     /// does.
     pub statistic: f64,
-    /// Numbers that two fits have more than one, of all targets: the degrees of freedom of the statistic, which is a chi-squared number where rows are many.
+    /// Degrees of freedom of the statistic, which is a chi-squared number for many rows. It is the number of
+    /// coefficients of two fits less those of one, over all targets.
     pub freedom: usize,
     /// Rao's F, and its degrees of freedom.
     pub f: f64,
@@ -39,7 +42,8 @@ pub struct LikelihoodRatio {
 }
 
 impl Preconditioner {
-    /// What the least squares of the rows of a Gram matrix leave of the targets. Its diagonal is [`Preconditioner::residual`], up to the targets' units.
+    /// Residual squares and products of the targets after the least squares of a Gram matrix. Their diagonal is
+    /// [`Preconditioner::residual`], up to the targets' units.
     ///
     /// # Panics
     /// When `gram` has another dimension.
@@ -83,7 +87,8 @@ impl Leftover {
         Some((0..q).flat_map(|s| (0..=s).map(move |t| (s, t))).map(entry).collect())
     }
 
-    /// How much larger the variances of these errors are than those of others, the geometric mean over the targets that both leave something of; 1 where nothing is told.
+    /// Ratio of these errors' variances to those of others: the geometric mean over the targets with residuals in both.
+    /// 1 if no target has.
     fn noise_over(&self, other: &Self) -> f64 {
         let free = |own: &Self| own.weight - own.numbers as f64;
         if free(self) <= 0.0 || free(other) <= 0.0 {
@@ -109,13 +114,15 @@ impl Leftover {
     }
 }
 
-/// Whether two sets of rows have the same coefficients, from their Gram matrices and what is left of each; `independent` is the share of their rows that counts as independent
-/// ([`crate::BatchMeans`]; 1: all of them).
+/// Tests two sets of rows for equal coefficients, from their Gram matrices and residuals. `independent` is the share of
+/// their rows that counts as independent ([`crate::BatchMeans`]; 1: all of them).
 ///
-/// Errors of one set may be larger than those of the other: its rows weigh less by that, as in weighted least squares. With equal weights a set of a quarter of the rows and twice the noise would be told
-/// apart in 30 of 100 cases at a level of 5.
+/// The errors of one set may be larger than those of the other: its rows then weigh less, as in weighted least squares.
+/// With equal weights the test at a level of 5 would reject 30 of 100 cases, for a set of a quarter of the rows and
+/// twice the noise.
 ///
-/// `None` where there is nothing to tell apart: fewer rows than the fits have numbers, or regressors that one fit and two have the same numbers of.
+/// `None` if there is nothing to tell apart: fewer rows than coefficients of the fits, or as many coefficients in one
+/// fit as in two.
 pub fn same_coefficients(
     preconditioner: &Preconditioner,
     grams: [&Gram; 2],

@@ -19,7 +19,7 @@ pub use ranges::{RegionRanges, extreme, extremes, widen};
 
 use crate::{Chunk, reduce};
 
-/// What became of some rows.
+/// Number of rows that were used and that were left out, by reason.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct RowCounts {
     /// Rows with all values.
@@ -44,7 +44,7 @@ impl RowCounts {
     }
 }
 
-/// Where the rows of a tile stand.
+/// Position of the rows of a tile.
 #[derive(Debug, Clone, Copy)]
 pub struct Place<'a> {
     /// Their chunk.
@@ -55,7 +55,7 @@ pub struct Place<'a> {
     pub first: usize,
 }
 
-/// What a chunk has found so far.
+/// Sums, counts and rows of a chunk so far.
 struct Part<S> {
     sums: S,
     counts: RowCounts,

@@ -1,4 +1,4 @@
-//! Scores: what the rows behind a statistic say about coefficients that were found elsewhere.
+//! Scores of given coefficients on the rows behind a statistic.
 
 use crate::{Gram, Preconditioner};
 

@@ -1,4 +1,4 @@
-//! Which columns the data can tell apart: the rank decision, made once, in units of each column's rounding noise.
+//! Columns that the data can distinguish: the rank decision, made once, in units of each column's rounding noise.
 
 use faer::Mat;
 use fleetfoot_data::{checkpoint, parallel_pieces};
@@ -8,7 +8,7 @@ use crate::{
     kernel::{MANY_COLUMNS, least_length, norm},
 };
 
-/// How far above its noise, in all directions, a triangle has to stand for its columns to be told apart without pivoting.
+/// Least ratio of a triangle to its noise, in all directions, at which its columns are independent without pivoting.
 const CLEAR: f64 = 8.0;
 /// Dependent columns that a thread rebuilds at once.
 const DEPENDENT_AT_ONCE: usize = 8;

@@ -28,12 +28,14 @@ pub struct Solution {
 
 /// Least squares: the minimiser of `sum w (y - x'beta - b)^2` over beta and b, per target.
 ///
-/// Where the rows leave a choice, the one of least `sum_j (scale_j beta_j)^2`: minimum norm in standardised units, the intercept free.
-/// `scale` (p) holds one positive unit a column, usually its standard deviation over the training rows; an entry that is not positive
-/// counts as 1. A regressor that is constant in the rows gets the coefficient 0.
+/// If several minimisers exist, this is the one of least `sum_j (scale_j beta_j)^2`: minimum norm in standardised
+/// units, the intercept free. `scale` (p) holds one positive unit a column, usually its standard deviation over the
+/// training rows; an entry that is not positive counts as 1. A regressor that is constant in the rows gets the
+/// coefficient 0.
 ///
-/// The rank is that of a column-pivoted QR in units of the columns' noise ([`SquareRoot::noise`]); with full rank `R beta = z` is solved by
-/// substitution, else a complete orthogonal decomposition gives the minimum norm (Golub and Van Loan 2013, section 5.5).
+/// The rank is that of a column-pivoted QR in units of the columns' noise ([`SquareRoot::noise`]). With full rank
+/// `R beta = z` is solved by substitution, else a complete orthogonal decomposition gives the minimum norm (Golub and
+/// Van Loan 2013, section 5.5).
 ///
 /// # Panics
 /// When `scale` has another length than p.

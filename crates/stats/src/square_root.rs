@@ -139,11 +139,12 @@ impl SquareRoot {
             .collect()
     }
 
-    /// The weighted sums of products of the errors of every two targets, as far as they depend on the model (packed lower triangle by rows, q (q + 1) / 2):
-    /// `(R beta_t - z_t)'(R beta_u - z_u) + weight mean_t mean_u`.
+    /// The weighted sums of products of the errors of every two targets, as far as they depend on the model:
+    /// `(R beta_t - z_t)'(R beta_u - z_u) + weight mean_t mean_u`. They are packed as a lower triangle by rows
+    /// (`q (q + 1) / 2`).
     ///
-    /// What no x explains, of which this form knows the squares alone, is the same for all models, so that the products of two models' errors differ by what
-    /// these differ by.
+    /// The part that no x explains is the same for all models (this form holds only its squares). The products of two
+    /// models' errors therefore differ by the difference of these sums.
     ///
     /// # Panics
     /// When the shapes disagree.

@@ -35,9 +35,9 @@ pub(crate) struct Tile {
     roots: Vec<f64>,
     /// Sum of the weights.
     pub(crate) weight: f64,
-    /// What was subtracted from each column.
+    /// Centre subtracted from each column.
     pub(crate) centre: Vec<f64>,
-    /// Weighted mean of what remained after the subtraction: the rounding of `centre`.
+    /// Weighted mean of the remainder after the subtraction: the rounding of `centre`.
     pub(crate) remainder: Vec<f64>,
     /// Lower triangle of the products, row-major, `padded x padded`.
     product: Vec<f64>,

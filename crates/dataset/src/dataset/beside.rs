@@ -1,4 +1,4 @@
-//! Columns that stand in other files of the same folder: files of one run that no `[files]` joins.
+//! Columns in other files of the same folder: files of one run that no `[files]` joins.
 
 use std::path::{Path, PathBuf};
 

@@ -1,26 +1,26 @@
-//! What is computed of rows: whether it needs to know when they were, and which of their columns it takes for numbers.
+//! Requirements of a computation on its rows: time stamps, and the columns that it reads as numbers.
 
 use std::{collections::BTreeSet, sync::Arc};
 
 use fleetfoot_library::Expr;
 use fleetfoot_model::{Equation, Model, Prediction, Rule};
 
-/// Whether rows must have stamps.
+/// Need for stamps of the rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Clock {
-    /// For rates, and for whatever reads seconds.
+    /// For rates, and for expressions that read seconds.
     Needed,
-    /// For what is computed of rows alone.
+    /// For computations on rows alone.
     Dispensable {
-        /// Whether it is computed of neighbouring rows too, by lags.
+        /// True if the computation also reads neighbouring rows, by lags.
         ordered: bool,
     },
 }
 
-/// What the expressions over the columns of a log ask of its rows.
+/// Requirements of expressions on the rows of a log.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Reads {
-    /// Whether rows must have stamps.
+    /// Need for stamps of the rows.
     pub(crate) clock: Clock,
     /// The columns that are read as numbers; states and inputs are, whether they stand here or not.
     pub(crate) numbers: BTreeSet<Arc<str>>,
@@ -53,7 +53,7 @@ pub(crate) fn reads<'a>(equations: &'a [Equation], expressions: impl Iterator<It
     Reads { clock, numbers }
 }
 
-/// What a model needs of its logs.
+/// The requirements of a model on its logs.
 pub fn reads_of_model(model: &Model) -> Reads {
     let places = model.partitions.iter().filter(|partition| !matches!(partition.rule, Rule::Labels { .. }));
     let partitions = places.flat_map(|partition| &partition.columns);

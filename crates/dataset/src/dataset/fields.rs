@@ -76,7 +76,7 @@ fn elements(recipe: &str, arrays: &[ArrayInfo]) -> Vec<Column> {
     names.into_iter().map(Column::float).collect()
 }
 
-/// What `[join]` says of no field of the first log: it is without effect.
+/// Notes on patterns of `[join]` that match no field of the first log, and so have no effect.
 pub(crate) fn idle_joins(recipe: &Recipe, read: &[String], logs: &Logs) -> Result<Vec<String>, Error> {
     let is_open = |pattern: &&String| !read.iter().any(|name| is_match(pattern, name));
     let open: Vec<&String> = recipe.join.keys().filter(is_open).collect();

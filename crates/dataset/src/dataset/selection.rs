@@ -1,4 +1,4 @@
-//! What is read of logs, and how: what a recipe says of clock, episodes and joins, and what the roles of columns ask for.
+//! Selection of a log's data: clock, episodes and joins from the recipe, and the roles of columns.
 
 use std::collections::BTreeSet;
 
@@ -33,7 +33,7 @@ fn max_gap(gap: Option<&Gap>, place: &str) -> Result<MaxGap, Error> {
     }
 }
 
-/// What the recipe says about the channels of a robot's log.
+/// The recipe's settings for the channels of a robot's log.
 fn join_spec(recipe: &Recipe, columns: &[String]) -> Result<JoinSpec, Error> {
     let time = &recipe.time;
     let mut join = JoinSpec { cache: recipe.cache.clone(), ..JoinSpec::default() };
@@ -120,7 +120,7 @@ pub(crate) fn full_selection(
     Ok(selection)
 }
 
-/// What the recipe says about clock and episodes.
+/// The recipe's settings for clock and episodes.
 fn selection(recipe: &Recipe, columns: Vec<String>) -> Result<Selection, Error> {
     let time = &recipe.time;
     let mut selection = Selection::new(columns);

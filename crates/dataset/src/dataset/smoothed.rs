@@ -1,4 +1,4 @@
-//! What errors on prepared logs are not: those from measurements.
+//! Note that errors on prepared logs are not errors against measurements.
 
 use std::{collections::BTreeMap, path::PathBuf};
 

@@ -1,4 +1,4 @@
-//! What opening robots' logs will cost, told before they are decoded.
+//! Estimate of the cost of opening robots' logs, before they are decoded.
 
 use fleetfoot_data::Progress;
 use fleetfoot_log::{Estimate, Selection};
@@ -11,7 +11,8 @@ use crate::{
     logs::Logs,
 };
 
-/// What opening robots' logs for a recipe will cost, with the columns and the task; `None` for tables, which are opened to count their rows.
+/// Estimates the cost of opening robots' logs for a recipe, with the columns and the task; `None` for tables, which are
+/// opened to count their rows.
 pub fn estimate(
     recipe: &Recipe,
     labels: &[String],
@@ -26,7 +27,8 @@ pub fn estimate(
     Ok(estimate.map(|estimate| (task, selection.columns, estimate)))
 }
 
-/// What opening robots' logs for a structured regression will cost, with its task and the fields that are read; `None` for tables.
+/// Estimates the cost of opening robots' logs for a structured regression, with its task and the fields that are read;
+/// `None` for tables.
 pub fn estimate_structure(
     recipe: &Recipe,
     logs: &Logs,
@@ -38,7 +40,8 @@ pub fn estimate_structure(
     Ok(estimate.map(|estimate| (task, selection.columns, estimate)))
 }
 
-/// What opening robots' logs for a fit of equations will cost, with its task and the fields that are read; `None` for tables.
+/// Estimates the cost of opening robots' logs for a fit of equations, with its task and the fields that are read;
+/// `None` for tables.
 pub fn estimate_equations(
     recipe: &Recipe,
     logs: &Logs,

@@ -1,4 +1,4 @@
-//! Logs opened for what a filter measures, which is not what the model was fitted on.
+//! Opening of logs for a filter's measurements, which differ from the columns that the model was fitted on.
 
 use fleetfoot_data::Progress;
 use fleetfoot_model::{Column as ModelColumn, Model, Role};
@@ -24,7 +24,7 @@ impl Dataset {
         Self::with_model(&read, changes, logs, (&|_| true, 1), progress)
     }
 
-    /// Whether the first of the logs has each of these fields, or what these expressions read.
+    /// For each source, a field or an expression: true if the first log has the fields that it reads.
     pub fn readable(recipe: &Recipe, logs: &Logs, sources: &[String]) -> Result<Vec<bool>, Error> {
         let (fields, _) = fields(recipe, logs)?;
         let column = |source: &String| ModelColumn {

@@ -91,7 +91,7 @@ impl Dataset {
         Ok(recipe)
     }
 
-    /// Which columns must be there, and which row is used.
+    /// Opens logs for a model. `needed` selects the columns that must exist, and one row of `every` is used.
     pub(crate) fn with_model(
         model: &Model,
         changes: &Recipe,

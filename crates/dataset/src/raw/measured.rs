@@ -1,4 +1,4 @@
-//! Measurements at the rows of prepared logs: the same rows, with what the raw logs have in the place of smoothed values.
+//! Measurements at the rows of prepared logs: values of the raw logs replace the smoothed ones.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -20,11 +20,11 @@ use crate::{dataset::Dataset, error::Error, logs::is_prepared, view::seen_throug
 pub struct Measured {
     rows: MeasuredRows,
     aliases: Vec<(Column, Expr)>,
-    /// The raw logs, by what was prepared of them.
+    /// Raw logs, with the logs that were prepared from each.
     raw: BTreeMap<PathBuf, Vec<PathBuf>>,
     /// The prepared files without measurements, and why.
     missing: Vec<String>,
-    /// What is said where there is no raw log.
+    /// Note for logs without a raw log.
     smoothed: Option<String>,
 }
 
@@ -164,7 +164,7 @@ impl Measured {
         seen_through(Box::new(Watched::new(&self.rows, None)), &self.aliases)
     }
 
-    /// Whether there is a measurement.
+    /// Returns true if there is no measurement.
     pub fn is_empty(&self) -> bool {
         self.raw.is_empty()
     }

@@ -98,13 +98,13 @@ impl OpenedRaw {
         Ok(Self { files: found.files.clone(), recipe: recipe.clone(), sets })
     }
 
-    /// Whether this is the raw log of another episode too, with these columns.
+    /// Returns true if this raw log is also that of another episode, with these columns.
     pub(super) fn serves(&self, found: &Found, columns: &BTreeSet<String>) -> bool {
         let own: BTreeSet<&String> = self.sets.iter().flat_map(|(own, _)| own).collect();
         self.files == found.files && self.recipe == found.recipe && own == columns.iter().collect()
     }
 
-    /// What was measured of every column of an episode, pause by pause, in seconds from the episode's start.
+    /// The measurements of every column of an episode, pause by pause, in seconds from the episode's start.
     pub(super) fn series(&self, raw: &RawLog) -> Result<BTreeMap<&str, Vec<Series>>, Error> {
         let mut all: BTreeMap<&str, Vec<Series>> = BTreeMap::new();
         for (number, (columns, dataset)) in self.sets.iter().enumerate() {

@@ -15,7 +15,7 @@ pub(super) fn relative(file: &Path, folder: &Path) -> String {
     parts.map(|part| part.as_os_str().to_string_lossy().into_owned()).collect::<Vec<_>>().join("/")
 }
 
-/// Where a file is that has this path from the folder of another one.
+/// Resolves a path that is relative to the folder of another file.
 pub(super) fn beside(prepared: &Path, path: &str) -> PathBuf {
     prepared.parent().unwrap_or(Path::new("")).join(path)
 }

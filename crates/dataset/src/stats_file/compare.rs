@@ -1,4 +1,4 @@
-//! Whether two plans are the same, and what differs.
+//! Comparison of two plans, with the lines that differ.
 
 use fleetfoot_data::setting::{PLAN, STATS_INFO, TIME_SECTION};
 
@@ -19,7 +19,7 @@ impl StatisticFile {
         format!("{}{equations}{rows}", self.tasks_text())
     }
 
-    /// What the recipe of the scan says of the rows in use; `None` where all are.
+    /// The condition of the scan's recipe for the rows in use; `None` if all rows are used.
     fn rows_in_use(&self) -> Option<String> {
         let recipe = Recipe::parse(&self.recipe, "the recipe of the statistic").ok()?;
         condition::stated(&recipe).map(str::to_owned)

@@ -1,4 +1,4 @@
-//! What a statistic holds, for people.
+//! Description of a statistic, for people.
 
 use std::collections::BTreeMap;
 
@@ -17,7 +17,7 @@ pub struct TaskSummary {
     pub name: String,
     /// Its target and terms.
     pub equation: String,
-    /// Whether it is a prior.
+    /// True for a prior.
     pub prior: bool,
     /// Its columns, the target left out.
     pub columns: usize,

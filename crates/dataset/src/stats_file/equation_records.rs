@@ -33,7 +33,7 @@ impl EquationsRecord {
         bytes
     }
 
-    /// What [`EquationsRecord::to_bytes`] wrote.
+    /// Reads the bytes of [`EquationsRecord::to_bytes`].
     pub(super) fn from_bytes(bytes: &[u8]) -> Result<Option<Self>, String> {
         let (mut equations, rest) =
             postcard::take_from_bytes::<Option<Self>>(bytes).map_err(|error| error.to_string())?;
@@ -49,7 +49,7 @@ impl EquationsRecord {
     }
 }
 
-/// What the data settled of a difference.
+/// Settled difference formula of a derivative.
 #[derive(Serialize, Deserialize)]
 pub(super) struct DifferenceRecord {
     reach: u8,
@@ -76,7 +76,8 @@ pub(super) struct GroupRecord {
 pub(super) struct WeakRecord {
     reach: u64,
     accuracy: f64,
-    /// What has a rate and whether it is an angle, where there is one; what is averaged.
+    /// For each target: the expression with a rate and true if it is an angle (if there is one), and the expression
+    /// that is averaged.
     targets: Vec<(Option<(String, bool)>, String)>,
 }
 
@@ -107,7 +108,7 @@ enum PlainRule {
     Tree(Vec<(u32, f64, i64, i64)>),
 }
 
-/// What is told of an episode.
+/// Counts and ranges of an episode.
 #[derive(Serialize, Deserialize)]
 pub(super) struct EpisodeSumsRecord {
     id: [u8; 16],

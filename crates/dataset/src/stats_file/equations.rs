@@ -1,8 +1,9 @@
-//! The sums of equations in a statistic: what `fit sindy` and `fit pwa` fit without the logs.
+//! Sums of equations in a statistic, from which `fit sindy` and `fit pwa` fit without the logs.
 //!
-//! Every partition that the recipe names has sums of its own, and so has the one region of all rows; where `fit pwa` measures a derivative otherwise than
-//! `fit sindy`, or over other functions, it has sums of its own too. What a pass over logs settles before it sums (the order
-//! of differences, the regions) is frozen with the plan, so that the sums of other logs go with them.
+//! Every partition of the recipe has separate sums, and so has the one region of all rows. So has `fit pwa` if it
+//! measures a derivative otherwise than `fit sindy`, or over other functions. A pass over logs makes some choices
+//! before it sums: the order of differences and the regions. They are frozen with the plan, so that the sums of other
+//! logs can be added.
 
 use fleetfoot_data::setting::{PARAMETERS, PARTITION};
 
@@ -22,7 +23,7 @@ use crate::error::Error;
 #[derive(Default, Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct EquationStatistic {
-    /// How the derivative of every fitted equation was settled; `None` where it is no central difference.
+    /// Difference formula of every fitted equation's derivative; `None` if it is no central difference.
     pub differences: Vec<Option<SettledDifference>>,
     /// The sums in one region, then those in the regions of every partition; then those that `fit pwa` needs beside them.
     pub groups: Vec<EquationGroup>,
@@ -31,7 +32,7 @@ pub struct EquationStatistic {
 /// The sums in the regions of one partition.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EquationGroup {
-    /// What was summed.
+    /// Plan of the sums.
     pub plan: SystemPlan,
     /// The sums.
     pub sums: SystemSums,
@@ -75,7 +76,7 @@ impl EquationStatistic {
     /// The equations in one region, then in each partition of the recipe, which has its wildcards written out.
     ///
     /// # Errors
-    /// What the recipe asks for is not there, is no system of equations, or needs rows.
+    /// A recipe that asks for absent fields, is no system of equations, or needs rows.
     pub fn tasks(recipe: &Recipe, fields: &[Column]) -> Result<Vec<EquationTask>, Error> {
         if let Some(name) = recipe.parameters.keys().next() {
             return Err(Error::needs_rows(format!(
@@ -166,7 +167,7 @@ impl EquationStatistic {
         })
     }
 
-    /// Whether all sums are of the plans, and of these episodes.
+    /// Checks that all sums belong to the plans and to these episodes.
     pub(crate) fn check(&self, known: impl Fn(EpisodeId) -> bool) -> Result<(), &'static str> {
         let fits = |group: &EquationGroup| {
             group.sums.are_of(&group.plan) && group.sums.episodes.keys().all(|&episode| known(episode))
@@ -184,7 +185,7 @@ impl EquationStatistic {
     }
 }
 
-/// What tells partitions apart before they have numbers.
+/// Features that distinguish partitions before they have numbers: the specification and the columns.
 fn looks(partition: Option<&Partition>) -> Option<(&str, &[Expr])> {
     partition.map(|partition| (partition.specification.as_str(), partition.columns.as_slice()))
 }
@@ -196,9 +197,10 @@ fn in_words(partition: Option<&Partition>) -> String {
     format!("{} over {}", partition.specification, columns.join(", "))
 }
 
-/// Where the functions of a system stand in another whose sums answer for it, whatever the numbers of its partition; `None` where they do not.
+/// For each function of the wanted system, its index in the held one, whose sums can replace a scan. The numbers of the
+/// partition do not matter. `None` if the held sums do not cover the wanted system.
 ///
-/// What the other has beside them are products of them, so that the same rows are complete.
+/// The other functions of the held system are products of the wanted ones, so that the same rows are complete.
 pub fn covers(held: &System, wanted: &System) -> Option<Vec<usize>> {
     let same = (&held.targets, &held.weight, &held.also, &held.weak)
         == (&wanted.targets, &wanted.weight, &wanted.also, &wanted.weak);
@@ -211,7 +213,7 @@ pub fn covers(held: &System, wanted: &System) -> Option<Vec<usize>> {
     wanted.functions.iter().map(|function| held.functions.iter().position(|known| known == function)).collect()
 }
 
-/// Whether an expression is one of some factors, or a product of powers of them.
+/// Returns true if an expression is one of the factors, or a product of powers of them.
 fn is_product(expression: &Expr, factors: &[Expr]) -> bool {
     factors.contains(expression)
         || match expression.node() {

@@ -59,7 +59,7 @@ pub struct EpisodeRecord {
     pub end: i64,
     /// Median sampling period, seconds; 0 for a single row.
     pub period: f64,
-    /// What its rows are recognised by in other logs ([`TrainedEpisode::marks`]).
+    /// Marks that identify its rows in other logs ([`TrainedEpisode::marks`]).
     pub marks: BTreeMap<String, Vec<u64>>,
 }
 
@@ -84,7 +84,7 @@ pub struct ColumnRecord {
 /// A scan, in memory and as a `.stats` file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StatisticFile {
-    /// What was summed, in which coordinates.
+    /// Plan of the sums, with their coordinates.
     pub plan: Plan,
     /// The sums.
     pub scanned: Scanned,
@@ -96,13 +96,13 @@ pub struct StatisticFile {
     pub files: Vec<FileRecord>,
     /// The recipe, as TOML, with its wildcards written out.
     pub recipe: String,
-    /// The fields of the logs that the recipe speaks of, for resolving it again.
+    /// Fields of the logs that the recipe uses, for resolving it again.
     pub fields: Vec<Column>,
     /// The columns of the regression.
     pub columns: Vec<ColumnRecord>,
     /// The version of fleetfoot that made the plan.
     pub version: String,
-    /// Which command this is the unfinished work of; `None` when it is finished.
+    /// Identity of the command that left this work unfinished; `None` when it is finished.
     pub command: Option<[u8; 32]>,
 }
 
@@ -165,7 +165,7 @@ impl StatisticFile {
         self.files.iter().find(|file| file.hash == episode.file)
     }
 
-    /// Whether this is what an interrupted scan has left.
+    /// Returns true if an interrupted scan left this file.
     pub fn is_partial(&self) -> bool {
         self.command.is_some()
     }

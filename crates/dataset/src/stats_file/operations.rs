@@ -9,7 +9,7 @@ use fleetfoot_data::EpisodeId;
 use super::{ContentHash, EpisodeRecord, FileRecord, StatisticFile};
 use crate::{error::Error, statistic_error::StatisticError};
 
-/// Which episodes are dropped.
+/// Selector of the episodes to drop.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Unwanted {
     /// By name, or by identity or at least eight digits of its beginning.

@@ -1,4 +1,4 @@
-//! What a `.stats` file says beside its numbers, as it stands in the file.
+//! Sections of a `.stats` file beside its numbers, as they stand in the file.
 
 use std::collections::BTreeMap;
 
@@ -14,7 +14,7 @@ use crate::statistic_error::StatisticError;
 /// Names of latents stand in every term of the plan's text: with this bound a small file has no huge text.
 const LONGEST_NAME: usize = 1000;
 
-/// Which plan, by which version, and whose unfinished work.
+/// Hash of the plan, the version that wrote it, and the command that left it unfinished.
 #[derive(Serialize, Deserialize)]
 pub(super) struct HeadRecord {
     pub(super) version: String,
@@ -41,7 +41,7 @@ struct TaskRecord {
     prior: bool,
 }
 
-/// Where the columns come from.
+/// Origin of the columns.
 #[derive(Serialize, Deserialize)]
 pub(super) struct SourceRecord {
     pub recipe: String,
@@ -145,7 +145,7 @@ pub(super) fn print(expr: &Expr) -> Result<String, StatisticError> {
     }
 }
 
-/// What [`print`] wrote.
+/// Reads the text of [`print`].
 pub(super) fn parse(text: &str) -> Result<Expr, String> {
     Expr::parse(text, &Scope::open()).map_err(|error| format!("`{text}`: {error}"))
 }

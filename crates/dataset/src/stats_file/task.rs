@@ -1,4 +1,4 @@
-//! What a statistic means for a recipe.
+//! Task of a statistic under a recipe.
 
 use fleetfoot_recipe::Recipe;
 use fleetfoot_task::StructuredTask;
@@ -18,11 +18,11 @@ impl StatisticFile {
         Ok((recipe, task))
     }
 
-    /// What a recipe means for the logs behind this statistic: penalties, signs, scales, strengths and bounds may be others than at the scan,
-    /// functions, tasks and columns may not.
+    /// Resolves a recipe for the logs behind this statistic. Penalties, signs, scales, strengths and bounds may differ
+    /// from those of the scan; functions, tasks and columns may not.
     ///
     /// # Errors
-    /// Those of [`StructuredTask::resolve`]; another plan, with the lines that differ.
+    /// The errors of [`StructuredTask::resolve`]; another plan, with the lines that differ.
     pub fn resolve(&self, recipe: &Recipe) -> Result<StructuredTask, Error> {
         let recipe = recipe.expand(&self.fields)?;
         let task = StructuredTask::resolve(&recipe, &self.fields)?;

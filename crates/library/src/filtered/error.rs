@@ -1,4 +1,4 @@
-//! What can be wrong with a filter.
+//! Errors of filters.
 
 use crate::UnknownColumn;
 
@@ -21,7 +21,7 @@ pub enum FilterError {
         filter: String,
         /// The value of its constant.
         value: f64,
-        /// What it may be.
+        /// The allowed range.
         allowed: &'static str,
     },
     /// The input reads a column that is not there.

@@ -40,7 +40,7 @@ pub(super) struct State {
 }
 
 impl State {
-    /// Where the lag starts.
+    /// State at the start of the lag.
     pub(super) fn starting(x: f64) -> Self {
         if x.is_finite() { Self { value: x, slope: 0.0 } } else { Self { value: f64::NAN, slope: f64::NAN } }
     }
@@ -71,7 +71,8 @@ pub(super) fn lag(x: &[f64], gains: &[Gain], first: State, mut each: impl FnMut(
 /// Stamps and delays that differ by less, in nanoseconds, are equal: seconds as floats do not hit whole nanoseconds.
 const SAME: f64 = 1e-3;
 
-/// Where `stamp[row] - delay` falls: the row at or before it, and the nanoseconds from there (0 at a row); negative when it lies before the first.
+/// Place of `stamp[row] - delay`: the row at or before it, and the nanoseconds from that row (0 at a row; negative
+/// before the first row).
 ///
 /// `at` is that of an earlier row, or 0.
 fn bracket(stamps: &[i64], row: usize, delay: f64, mut at: usize) -> (usize, f64) {

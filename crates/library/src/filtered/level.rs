@@ -16,10 +16,10 @@ use crate::{Expr, Filter, FilterKind, Program, Scratch, view::evaluate};
 /// Rows from one kept state to the next.
 const SEGMENT_ROWS: usize = 8_192;
 
-/// How rows are read from below: with as many neighbours as are asked for.
+/// Reader of rows of the level below, with a given number of neighbours.
 pub(super) type Read<'r> = dyn Fn(Range<usize>, Halo) -> Result<Block, Error> + 'r;
 
-/// Filters of the columns of what is below.
+/// Filters over the columns of the level below.
 pub(super) struct Level {
     columns: Vec<Column>,
     inputs: Vec<Input>,
@@ -27,7 +27,7 @@ pub(super) struct Level {
     constants: Vec<f64>,
     lags: Vec<Lag>,
     delays: Vec<Delay>,
-    /// What the inputs reach for.
+    /// Neighbouring rows that the inputs read.
     reach: Halo,
     /// The longest delay, seconds.
     longest: f64,

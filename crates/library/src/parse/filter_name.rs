@@ -1,4 +1,4 @@
-//! Filters read from the names of their columns, and what expressions read through them.
+//! Filters read from the names of their columns, and the columns that expressions read through them.
 
 use std::sync::Arc;
 
@@ -48,7 +48,8 @@ impl Expr {
         names
     }
 
-    /// Whether it has the same value at every row, whatever its names stand for: it reads neither time, nor another row, nor a filter.
+    /// Returns true if the expression has the same value at every row, for any values of its names. It then reads
+    /// neither time, nor another row, nor a filter.
     pub(crate) fn is_constant(&self) -> bool {
         self.fold(|part, arguments: &[bool]| match part.node() {
             Node::Time { .. } => false,
@@ -57,7 +58,7 @@ impl Expr {
         })
     }
 
-    /// Whether seconds matter to it: it reads the time, as differences by stamps do, or a filter.
+    /// Returns true if the expression depends on seconds: it reads the time, as differences by stamps do, or a filter.
     pub fn reads_clock(&self) -> bool {
         let timed = self.fold(|part, arguments: &[bool]| {
             matches!(part.node(), Node::Time { .. }) || arguments.iter().any(|&argument| argument)

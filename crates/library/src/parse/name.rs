@@ -2,7 +2,7 @@
 
 use crate::Filter;
 
-/// Whether a name can be written without backticks: an identifier, a topic's field, or a filter's definition.
+/// Returns true if a name can be written without backticks: an identifier, a topic's field, or a filter's definition.
 pub(crate) fn is_bare_name(name: &str) -> bool {
     let length = if name.starts_with('/') { topic_length(name) } else { identifier_length(name) };
     (length > 0 && length == name.len() && constant(name).is_none()) || Filter::of(name).is_some()

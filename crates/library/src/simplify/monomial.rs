@@ -1,4 +1,5 @@
-//! Expressions as a number times integer powers: what products of candidate functions are compared and collected by.
+//! Expressions as a number times integer powers, a form in which products of candidate functions are compared and
+//! collected.
 
 use crate::{Binary, Expr, Node, Unary, function::integer_power};
 
@@ -15,7 +16,7 @@ pub(crate) struct Monomial {
     above: f64,
     below: f64,
     pub(crate) powers: Vec<(Expr, i32)>,
-    /// Whether the expression had two numbers, the same base twice, or an even power of an absolute value.
+    /// True if the expression had two numbers, the same base twice, or an even power of an absolute value.
     pub(crate) collected: bool,
 }
 

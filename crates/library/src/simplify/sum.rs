@@ -1,4 +1,4 @@
-//! Expressions as a number plus multiples of distinct functions: what sums are collected by.
+//! Expressions as a number plus multiples of distinct functions, a form in which sums are collected.
 
 use std::collections::HashMap;
 
@@ -14,7 +14,7 @@ const MAX_PARTS: usize = 256;
 pub(crate) struct Sum {
     constant: f64,
     pub(crate) terms: Vec<Term>,
-    /// Whether the expression had two terms with the same function, or two numbers.
+    /// True if the expression had two terms with the same function, or two numbers.
     pub(crate) collected: bool,
 }
 

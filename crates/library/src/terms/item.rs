@@ -48,7 +48,7 @@ pub(super) fn parse_item(
     items.candidates(value, 0)
 }
 
-/// What a part of an item is.
+/// Value of a part of an item.
 enum Value {
     Expression(Expr),
     Library(Candidates),
@@ -324,7 +324,7 @@ impl Items<'_, '_> {
         Ok(of)
     }
 
-    /// What a library ranges over: a list in brackets, or one library or expression.
+    /// Argument of a library: a list in brackets, or one library or expression.
     fn of(&mut self) -> Result<Candidates, ParseError> {
         let start = self.parser.start();
         if self.parser.peek() != Some('[') {

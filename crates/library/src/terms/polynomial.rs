@@ -18,8 +18,9 @@ pub struct PolynomialLibrary {
 }
 
 impl PolynomialLibrary {
-    /// Whether a list of functions, in any order and with products however bracketed, is exactly all monomials of total degree
-    /// 1..=d of some variables, each once and without a number in front.
+    /// The polynomial library of `functions`; `None` unless they are exactly all monomials of total degree 1..=d of
+    /// some variables. Each must occur once and without a number in front; the order of the list and the brackets of
+    /// products do not matter.
     ///
     /// A variable is any expression that is no product, quotient or power itself. The constant must not be in the list.
     pub fn of(functions: &[Expr]) -> Option<Self> {

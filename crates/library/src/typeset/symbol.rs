@@ -6,7 +6,7 @@ const GREEK: [&str; 34] = [
     "Pi", "Sigma", "Upsilon", "Phi", "Psi", "Omega",
 ];
 
-/// Whether a word is the name of a Greek letter.
+/// Returns true if a word is the name of a Greek letter.
 pub(crate) fn is_greek(word: &str) -> bool {
     GREEK.contains(&word)
 }

@@ -1,9 +1,9 @@
-//! Units of expressions: what follows from those of the columns.
+//! Units of expressions, derived from those of the columns.
 
 use super::{Unit, UnitError};
 use crate::{Binary, Expr, Filter, FilterKind, Node, Terms, Unary};
 
-/// What is known of the unit of a part.
+/// Unit of a part, as far as it is known.
 #[derive(Debug, Clone)]
 enum Measure {
     /// Written numbers only: pure in products, and of any unit where they are added, as in `thrust/mass - 9.81`.

@@ -1,4 +1,4 @@
-//! The names of units: the SI Brochure (9th edition, tables 2, 4, 7 and 8) and what logs of machines have beside it.
+//! Names of units: the SI Brochure (9th edition, tables 2, 4, 7 and 8) and further units from logs of machines.
 
 use std::f64::consts::PI;
 

@@ -26,16 +26,16 @@ const STAMP: &str = "stamp of the row";
 /// The metadata's key.
 const META: &str = "fleetfoot.decoded";
 
-/// What is stored beside the columns.
+/// Metadata stored beside the columns.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Meta {
     pub columns: Vec<TableColumn>,
     pub notes: Vec<String>,
     /// The clock.
     pub stamp: Option<Stamp>,
-    /// What must be added to the stamps to get the log's, nanoseconds.
+    /// Offset to add to the stamps for the log's times, nanoseconds.
     pub log_offset: i64,
-    /// Where samples of the base are known to be lost.
+    /// Breaks at which samples of the base are known to be lost.
     pub breaks: Breaks,
 }
 
@@ -81,12 +81,12 @@ pub(super) fn slot(files: &[PathBuf], selection: &Selection) -> Result<Option<Sl
 }
 
 impl Slot {
-    /// Whether something is stored.
+    /// Returns true if the cache file exists.
     pub(super) fn exists(&self) -> bool {
         self.path.exists()
     }
 
-    /// What is stored, when it is there and whole.
+    /// Stored table and metadata, if the file is there and whole.
     pub(super) fn load(&self, cursors: &Arc<parquet::Cursors>) -> Option<(Box<dyn Table>, Meta)> {
         let meta = parquet::key_value(&self.path, META).ok()??;
         let meta = Meta::parse(&meta)?;

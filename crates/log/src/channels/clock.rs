@@ -13,7 +13,8 @@ pub(super) struct FieldClock {
     pub unit: TimeUnit,
 }
 
-/// Whether a column may be a field that is the clock. The seconds of a header's stamp are half a clock: the whole is `stamp = "header"`.
+/// Returns true if a column can be a field that is the clock. The seconds of a header's stamp are half a clock: the
+/// whole is `stamp = "header"`.
 pub(super) fn is_clock(column: &str) -> bool {
     let parts = [".sec", ".nanosec", ".secs", ".nsecs"];
     column.starts_with('/') && !parts.iter().any(|part| column.ends_with(part))

@@ -28,7 +28,7 @@ pub(super) struct Decoded {
     pub failed: Vec<(u64, String)>,
 }
 
-/// What the fields of a topic held, and the texts by their codes.
+/// Texts of a topic's fields by their codes, and the types of their values.
 #[derive(Default)]
 pub(super) struct FieldTexts {
     pub texts: Texts,
@@ -36,14 +36,14 @@ pub(super) struct FieldTexts {
     pub met: Vec<Met>,
 }
 
-/// What a field held.
+/// Types of the values in a field.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Met {
     pub text: bool,
     pub number: bool,
 }
 
-/// What one piece of the file gives of a topic.
+/// Samples of a topic in one piece of the file.
 struct TopicPart {
     groups: Vec<Samples>,
     texts: Texts,

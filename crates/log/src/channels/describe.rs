@@ -1,4 +1,4 @@
-//! What a robot's log holds, for people: topics, and the fields found in some or all of its messages.
+//! Description of a robot's log, for people: topics, and the fields of some or all of its messages.
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -15,7 +15,7 @@ use crate::{
     containers,
 };
 
-/// What a log holds.
+/// Description of a log.
 pub(crate) struct Description {
     pub columns: Vec<ColumnInfo>,
     pub arrays: Vec<ArrayInfo>,

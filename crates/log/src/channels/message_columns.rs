@@ -23,7 +23,7 @@ pub struct MessageColumns {
     pub header_stamp: Vec<i64>,
     /// The fields.
     pub fields: Vec<MessageField>,
-    /// What was left out.
+    /// Notes on skipped data.
     pub notes: Vec<String>,
 }
 
@@ -33,7 +33,7 @@ pub struct MessageColumns {
 pub struct MessageField {
     /// Its path within the message.
     pub name: String,
-    /// What it is. Texts are categories, in the order of their first appearance.
+    /// Type of the values. Texts are categories, in the order of their first appearance.
     pub kind: ColumnKind,
     /// One value a message: numbers as they are, codes for texts; NaN where a message has none.
     pub values: Vec<f64>,
@@ -163,7 +163,7 @@ impl Messages {
     }
 }
 
-/// What one piece of the file gives.
+/// Stamps and values in one piece of the file.
 #[derive(Default)]
 struct Part {
     log_time: Vec<i64>,

@@ -1,4 +1,4 @@
-//! Columns of a robot's log by name: which topic, and what in its messages.
+//! Columns of a robot's log by name: the topic, and the field in its messages.
 
 use std::collections::{HashMap, HashSet};
 

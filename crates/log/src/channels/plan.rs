@@ -1,4 +1,4 @@
-//! What is decoded of a robot's log, and how it is joined.
+//! Plan for decoding and joining a robot's log.
 
 use std::path::Path;
 
@@ -17,16 +17,16 @@ use crate::{
     join::{Base as JoinBase, JoinColumn},
 };
 
-/// What is decoded and how it is joined.
+/// Plan for decoding and joining.
 pub(super) struct Plan {
     pub topics: Vec<TopicPlan>,
-    /// The header's where a field of the messages stands for it.
+    /// The stamp; `Header` if a field of the messages is the clock.
     pub stamp: Stamp,
     /// The unit of the field that is the clock, where one is.
     pub clock: Option<TimeUnit>,
     pub columns: Vec<PlannedColumn>,
     pub base: JoinBase,
-    /// What had to be assumed.
+    /// Notes on assumptions.
     pub notes: Vec<String>,
 }
 
@@ -40,11 +40,11 @@ pub(super) struct TopicPlan {
     pub extract: Box<dyn Extract>,
     /// The field that is its clock, among its fields.
     pub clock: Option<usize>,
-    /// Where its computer's clock is not that of the others: what becomes of its stamps, one after the other.
+    /// Corrections of its stamps, one after the other, if its computer's clock is not that of the other topics.
     pub corrections: Vec<TopicClock>,
     /// The first of its groups among all series: a group of fields is a series.
     pub first_series: usize,
-    /// All its columns hold for good: a stamp of zero says that they always did.
+    /// True if all its columns hold without limit: a stamp of zero then means that they always held.
     pub latched: bool,
     /// Keys and fields that were seen, for messages.
     pub seen: Vec<FieldInfo>,
@@ -321,9 +321,9 @@ impl Builder<'_> {
         Ok(Some(FieldClock { slots, unit: taken }))
     }
 
-    /// The clock: the one asked for, else the headers' where all have one, else the log's.
+    /// The clock: the requested one, else the headers' if all messages have one, else the log's.
     ///
-    /// What is latched needs no header: it was said once, often with a stamp of zero.
+    /// A latched topic needs no header: it was sent once, often with a stamp of zero.
     fn stamp(&self, selection: &Selection, latched: &[bool], notes: &mut Vec<String>) -> Result<Stamp, Error> {
         let headers: Vec<Headers> =
             self.samples.iter().zip(&self.fields).map(|(sample, fields)| sample.headers(fields)).collect();
@@ -364,13 +364,13 @@ impl Builder<'_> {
     }
 }
 
-/// Whether all columns of a topic hold for good.
+/// Returns true if all columns of a topic hold without limit.
 fn is_latched(used: usize, slots: &[Slot]) -> bool {
     let mut own = slots.iter().filter(|slot| slot.used == used).peekable();
     own.peek().is_some() && own.all(|slot| slot.kind == JoinKind::Hold && slot.gap == MaxGap::Unlimited)
 }
 
-/// Where a column's values come from, before topics are compiled.
+/// Source of a column's values, before topics are compiled.
 struct Slot {
     used: usize,
     slot: usize,

@@ -1,4 +1,4 @@
-//! Some messages of each topic: what fields they have, and whether their headers are filled in.
+//! Sample of each topic's messages: their fields, and whether their headers are filled in.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -14,7 +14,7 @@ const BYTES: usize = 1 << 20;
 /// Further pieces that are searched for topics that were not met where they were expected.
 const SEARCH: usize = 64;
 
-/// What some messages of a topic tell.
+/// Decoder, fields and messages from a part of a topic.
 pub(super) struct Sample {
     /// Its decoder, or why there is none.
     pub codec: Result<Box<dyn Codec>, SchemaError>,
@@ -120,7 +120,7 @@ fn judge(container: &dyn Container, topic: usize, messages: Vec<Message>) -> Sam
     Sample { codec, tree, messages, failed }
 }
 
-/// What the headers of some messages say.
+/// Header stamps of some messages.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Headers {
     /// No message was decoded.
@@ -134,7 +134,7 @@ pub(super) enum Headers {
 }
 
 impl Sample {
-    /// What the headers around some fields say.
+    /// The header stamps around some fields.
     pub(super) fn headers(&self, fields: &[FieldPath]) -> Headers {
         let Ok(Ok(extract)) = self.codec.as_ref().map(|codec| codec.compile(fields)) else {
             return Headers::Unknown;

@@ -1,11 +1,11 @@
-//! What a damaged file has lost.
+//! Losses in a damaged file.
 
 use std::fmt;
 
 /// Places that are told one by one.
 const TOLD: usize = 3;
 
-/// What could not be read.
+/// Parts of a file that could not be read.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct Damage {
     /// Bytes of the file that were skipped.
@@ -58,12 +58,12 @@ impl Damage {
     }
 }
 
-/// What one damaged place costs.
+/// Loss at one damaged place.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Lost {
     pub(crate) bytes: usize,
     pub(crate) chunk: bool,
-    /// `None` where nothing tells how many.
+    /// `None` if the number is unknown.
     pub(crate) messages: Option<u64>,
 }
 

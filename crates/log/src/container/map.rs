@@ -17,10 +17,10 @@ const FREE_GROWTH: u64 = 1 << 30;
 /// Beyond [`FREE_GROWTH`], how many times its size a compressed file may grow: robots' logs shrink by 2 to 50.
 const MAX_RATIO: u64 = 1000;
 
-/// What the logs of PX4 begin with; the version follows.
+/// First bytes of PX4's logs; the version follows.
 pub(crate) const ULOG: &[u8] = b"ULog\x01\x12\x35";
 
-/// What a container's files begin with.
+/// Name and first bytes of a container's files.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Kind {
     /// e.g. `MCAP`.

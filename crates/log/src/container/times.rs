@@ -1,4 +1,4 @@
-//! What a recording tells without its messages: counts, rates and gaps from the indexes.
+//! Overview of a recording without its messages: counts, rates and gaps from the indexes.
 
 use std::collections::BTreeMap;
 
@@ -14,12 +14,12 @@ const MAX_STAMPS: u64 = 1 << 20;
 /// A period that many times the median is a gap.
 const GAP: i64 = 5;
 
-/// What a recording tells of itself.
+/// Times of a recording's topics.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct LogInfo {
     /// In the order of [`Container::topics`].
     pub(crate) topics: Vec<TopicTimes>,
-    /// Notes of opening, and what had to be read in full.
+    /// Notes of opening, and of topics that were read in full.
     pub(crate) notes: Vec<String>,
 }
 
@@ -183,7 +183,7 @@ pub(crate) fn piece_spans(container: &dyn Container, piece: usize) -> Result<BTr
 /// The messages of a topic in a piece.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Span {
-    /// How many.
+    /// Number of messages.
     pub(crate) count: u64,
     /// The earliest log time.
     pub(crate) first: i64,

@@ -1,10 +1,11 @@
-//! Columns separated by blanks: every run of them becomes one tab, and nothing moves, so that places in the text stay what they are.
+//! Columns separated by blanks: every run of blanks becomes one tab without moving a byte, so that offsets in the text
+//! stay the same.
 
 use std::{borrow::Cow, io::Read};
 
 use super::convert::{Convert, Converted};
 
-/// What separates the cells of a row.
+/// Separator of the cells of a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Delimiter {
     /// This byte.
@@ -47,7 +48,7 @@ impl Delimiter {
     }
 }
 
-/// Where a reader stands in a row.
+/// Position of a reader in a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Place {
     /// Before its first cell.

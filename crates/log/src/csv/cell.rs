@@ -1,6 +1,6 @@
 //! Cells of text to numbers.
 
-/// What a cell says.
+/// Value of a cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Cell {
     /// Nothing: empty, or a word for it.
@@ -19,7 +19,7 @@ const MISSING_WORDS: [&str; 17] = [
     "#num!", "#ref!", "#null!",
 ];
 
-/// What Windows' C library writes for what is no number, in lower case; digits may follow: `-1.#IND00`.
+/// Texts of Windows' C library for values that are no number, in lower case; digits may follow: `-1.#IND00`.
 const MICROSOFT_NAN: [&str; 3] = ["1.#ind", "1.#qnan", "1.#snan"];
 
 /// Reads a number; `decimal_comma` accepts `1,5`.
@@ -48,7 +48,7 @@ pub(super) fn number(cell: &[u8], decimal_comma: bool) -> Cell {
     Cell::Other
 }
 
-/// Whether the cell is empty or a word for a missing value.
+/// Returns true if the cell is empty or a word for a missing value.
 pub(super) fn is_missing(cell: &[u8]) -> bool {
     let cell = cell.trim_ascii();
     cell.is_empty() || is_missing_word(cell)
@@ -61,7 +61,7 @@ fn is_missing_word(cell: &[u8]) -> bool {
     cell.len() <= 12 && (is_word() || is_blank() || MICROSOFT_NAN.iter().any(|word| is_microsoft(cell, word)))
 }
 
-/// Whether a cell is such a word with or without a sign, and zeros behind it.
+/// Returns true if a cell is such a word with or without a sign, and zeros behind it.
 fn is_microsoft(cell: &[u8], word: &str) -> bool {
     let bare = cell.strip_prefix(b"-").or(cell.strip_prefix(b"+")).unwrap_or(cell);
     let parts = bare.split_at_checked(word.len());
@@ -82,7 +82,7 @@ pub(super) fn boolean(cell: &[u8]) -> Option<bool> {
     }
 }
 
-/// Whether a number is written as a whole one.
+/// Returns true if a number is written as a whole one.
 pub(super) fn is_whole(cell: &[u8]) -> bool {
     !cell.iter().any(|byte| matches!(byte, b'.' | b'e' | b'E' | b','))
 }

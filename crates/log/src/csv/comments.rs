@@ -1,4 +1,4 @@
-//! Comment lines of a text file: line ends take their place, so that nothing in them is read, no quote either.
+//! Comment lines of a text file: line ends take their place, so that no part of them is read, not even a quote.
 
 use std::{cell::Cell, rc::Rc};
 
@@ -22,18 +22,18 @@ pub(super) struct LeftOut {
 }
 
 impl LeftOut {
-    /// How many there are behind the header, and where the first of them begins.
+    /// Number of comments behind the header, and the offset of the first of them.
     pub(super) fn behind_header(&self) -> (u64, u64) {
         (self.count.get(), self.first.get())
     }
 
-    /// Whether the last line is one.
+    /// Returns true if the last line is a comment.
     pub(super) fn ends(&self) -> bool {
         self.is_last.get()
     }
 }
 
-/// Where a reader stands in a line.
+/// Position of a reader in a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Place {
     /// Before it.
@@ -51,11 +51,11 @@ enum Place {
 /// Puts line ends in the place of comment lines; a header that comes again behind a mark (`%time,x`) loses the mark instead.
 pub(super) struct Comments {
     delimiter: Delimiter,
-    /// Whether `;` begins a comment.
+    /// True if `;` begins a comment.
     semicolons: bool,
     /// The line of the header, without blanks around it.
     header: Option<Vec<u8>>,
-    /// Whether the header is still to come.
+    /// True while the header is still to come.
     above: bool,
     place: Place,
     /// Bytes behind.
@@ -75,7 +75,7 @@ impl Comments {
         Self { above: header.is_some(), header, ..self }
     }
 
-    /// What will be left out.
+    /// Record of the comments that are left out.
     pub(super) fn left_out(&self) -> LeftOut {
         self.left_out.clone()
     }
@@ -123,7 +123,7 @@ impl Comments {
         Some((Place::Comment, 0))
     }
 
-    /// Whether a comment or a quote may be in a text.
+    /// Returns true if the text can contain a comment or a quote.
     fn is_telling(&self, text: &[u8]) -> bool {
         let has = |byte: u8| text.contains(&byte);
         has(b'#') || has(b'%') || has(b'/') || has(b'"') || self.semicolons && has(b';')

@@ -1,4 +1,4 @@
-//! A reader that converts text on its way, byte for byte: places in the text stay what they are.
+//! Reader that converts text on its way, byte for byte: offsets in the text stay the same.
 
 use std::io::{self, Read};
 

@@ -26,18 +26,18 @@ use crate::{
     table::{MAX_CATEGORIES, MISSING, TableColumn},
 };
 
-/// What is to be decoded.
+/// Plan for decoding a file.
 pub(super) struct Plan<'a> {
     pub path: &'a Path,
     pub compression: Compression,
     pub head: Head,
     /// The fields of the selected columns.
     pub fields: Vec<usize>,
-    /// Where the stamps are; of several fields they are added up.
+    /// Fields of the stamps; several fields are added up.
     pub time: Vec<TimeField>,
 }
 
-/// Where the stamps are.
+/// A field of the stamps.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TimeField {
     pub field: usize,
@@ -61,10 +61,10 @@ struct Misfit {
     expected: &'static str,
 }
 
-/// What a date is expected to look like.
+/// Expected form of a date.
 const A_DATE: &str = "a date or a time of the day such as 2011-07-23 13:23:09, 23.07.2011 13:23 or 13:23:09.5";
 
-/// What is said of a last row that cannot be whole.
+/// Note on a last row that cannot be whole.
 const CUT: &str = "the last line was cut off and is left out";
 
 /// Decodes all rows.
@@ -216,7 +216,8 @@ impl Plan<'_> {
         }
     }
 
-    /// What to say of a last row without an end of its line: a copy that was cut ends like this, and its last number may have lost digits.
+    /// Note on a last row without an end of its line. A copy that was cut ends like this, and its last number may have
+    /// lost digits.
     fn cut_value(&self, last: &csv::ByteRecord) -> Option<String> {
         let field = last.len().checked_sub(1)?;
         let used = self.fields.contains(&field) || self.time.iter().any(|time| time.field == field);
@@ -229,7 +230,7 @@ impl Plan<'_> {
         })
     }
 
-    /// What to say of a column with infinite values.
+    /// Note on a column with infinite values.
     fn infinite(&self, decoder: &Decoder) -> Option<String> {
         let (count, offset, cell) = &decoder.infinite;
         let name = &self.head.columns[decoder.field].name;
@@ -242,7 +243,7 @@ impl Plan<'_> {
         })
     }
 
-    /// What to say of lines behind the header that are left out as comments.
+    /// Note on lines behind the header that are left out as comments.
     fn comments(&self, left_out: &LeftOut) -> Option<String> {
         let (count, first) = left_out.behind_header();
         let line = || line_of(self.path, self.compression, self.head.skipped + first, |_| false);

@@ -7,11 +7,11 @@ use super::{
 };
 use crate::dates;
 
-/// Where the header or the first row begins, and the delimiter that a line `sep=;` in front names.
+/// Start of the header or the first row, and the delimiter that a line `sep=;` in front names.
 pub(super) struct Preamble {
     pub begin: usize,
     pub delimiter: Option<u8>,
-    /// Whether `;` begins a comment.
+    /// True if `;` begins a comment.
     pub semicolons: bool,
 }
 
@@ -48,7 +48,8 @@ fn line_at(bytes: &[u8], at: usize) -> &[u8] {
     bytes[at..].split_inclusive(|&byte| byte == b'\n').next().unwrap_or_default()
 }
 
-/// Whether `;` begins comments: not where it delimits the first line without a mark, or, where all lines have one, the first that begins with it.
+/// Returns true if `;` begins comments. It does not if it delimits the first line without a mark, or, if all lines have
+/// one, the first that begins with it.
 fn has_semicolon_comments(bytes: &[u8], at: usize) -> bool {
     let lines = || bytes[at..].split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii).filter(|line| !line.is_empty());
     match lines().find(|line| !begins_comment(line, true)) {
@@ -71,12 +72,13 @@ fn separator_line(line: &[u8]) -> Option<u8> {
     }
 }
 
-/// Whether a byte is one of those in front of a comment.
+/// Returns true if a byte is one of those in front of a comment.
 pub(super) fn is_mark(byte: u8) -> bool {
     matches!(byte, b'#' | b'%' | b';' | b'/' | b' ' | b'\t')
 }
 
-/// Whether a line is a comment: it begins with `#`, `%` or `//`, or with `;` if that is not the delimiter. `#N/A` and the like are missing values.
+/// Returns true if a line is a comment: it begins with `#`, `%` or `//`, or with `;` if that is not the delimiter.
+/// `#N/A` and the like are missing values.
 pub(super) fn begins_comment(line: &[u8], semicolons: bool) -> bool {
     let line = line.trim_ascii_start();
     let is_end = |&byte: &u8| matches!(byte, b',' | b';' | b'|' | b' ' | b'\t' | b'\r' | b'\n');
@@ -88,7 +90,8 @@ pub(super) fn begins_comment(line: &[u8], semicolons: bool) -> bool {
     }
 }
 
-/// Whether a comment is the header of the row below it: it has as many fields, none of them is a number, and at least half of the row's cells are.
+/// Returns true if a comment is the header of the row below it. It then has as many fields, none of them is a number,
+/// and at least half of the row's cells are.
 fn is_header_of(comment: &[u8], row: &[u8]) -> bool {
     let agree = |names: &[u8], row: &[u8], delimiter: u8| {
         let cells = || row.split(|&byte| byte == delimiter);
@@ -140,7 +143,8 @@ pub(super) fn text_of(cell: &[u8]) -> String {
     }
 }
 
-/// How many cells of the header are columns: delimiters at its end, without a name and without a value below, are none.
+/// Number of the header's cells that are columns: delimiters at its end, without a name and without a value below, are
+/// none.
 pub(super) fn named_columns(header: &csv::ByteRecord, below: &[csv::ByteRecord]) -> usize {
     let is_nothing = |c: usize| {
         let cells = below.iter().filter_map(|record| record.get(c));

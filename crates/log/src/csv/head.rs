@@ -1,4 +1,4 @@
-//! The beginning of a text file: delimiter, header, and what the columns look like.
+//! Beginning of a text file: delimiter, header, and the types of the columns.
 
 use std::{collections::BTreeMap, io::Read, path::Path};
 
@@ -24,10 +24,10 @@ const HEAD: usize = 256 << 10;
 /// Rows looked at.
 const SAMPLE: usize = 1000;
 
-/// How the note ends about dates that can be read in two orders.
+/// End of the note on dates that can be read in two orders.
 const EITHER_ORDER: &str = "the other order of day and month fits its first rows as well";
 
-/// How it ends where other files tell that order.
+/// Its end if other files determine that order.
 const AS_OTHERS: &str = "in other files of this call that order alone fits";
 
 fn dates_note(column: &str, order: DateOrder, why: &str) -> String {
@@ -141,7 +141,7 @@ impl Head {
         if self.has_header { comments.below(first_line(&self.bytes)) } else { comments }
     }
 
-    /// Whether `;` begins a comment.
+    /// Returns true if `;` begins a comment.
     pub(super) fn semicolons(&self) -> bool {
         self.delimiter.byte() != b';'
     }
@@ -219,7 +219,7 @@ impl Head {
         self.dates.iter().filter_map(of).collect()
     }
 
-    /// What a column is, as far as the first rows tell.
+    /// Type of a column from the first rows.
     pub(super) fn kind(&self, c: usize) -> ColumnKind {
         let mut cells = self.sample.iter().filter_map(|record| record.get(c)).filter(|cell| !is_missing(cell));
         match self.sorts[c] {
@@ -254,7 +254,7 @@ fn header_column(index: usize, cell: &[u8], unit: Option<String>) -> Column {
     Column { unit, ..Column::float(if text.is_empty() { format!("c{index}") } else { text }) }
 }
 
-/// Whether a row is the header once more: another session of the same logger follows.
+/// Returns true if a row repeats the header: another session of the same logger follows.
 pub(super) fn is_header_again(record: &csv::ByteRecord, header: &csv::ByteRecord) -> bool {
     record.len() == header.len() && record.iter().zip(header).all(|(a, b)| a.trim_ascii() == b.trim_ascii())
 }
@@ -290,7 +290,7 @@ fn sniff_delimiter(bytes: &[u8], semicolons: bool, complete: bool) -> Delimiter 
     if separated && 2 * numbers > cells().count() { Delimiter::Blanks } else { Delimiter::Byte(best.1) }
 }
 
-/// Whether two rows have as many cells, but for a delimiter at the end of one of them.
+/// Returns true if two rows have as many cells, but for a delimiter at the end of one of them.
 fn as_long(record: &csv::ByteRecord, first: &csv::ByteRecord) -> bool {
     let (short, long) = if record.len() < first.len() { (record, first) } else { (first, record) };
     let is_end = || long.iter().next_back().is_some_and(|cell| cell.trim_ascii().is_empty());

@@ -25,10 +25,11 @@ pub(super) fn open(path: &Path, compression: Compression) -> Result<Box<dyn Read
     })
 }
 
-/// Leaves out the zero bytes at the end of a file: a logger that lost its power leaves the rest of its file like this. Zeros before other bytes come through.
+/// Skips the zero bytes at the end of a file, which a logger writes when it loses its power. Zeros before other bytes
+/// are passed on.
 struct WithoutZeroTail<R> {
     inner: R,
-    /// What was read: `held` zeros, and then the bytes from `given` on.
+    /// Number of zeros that were read; the bytes from `given` on follow them.
     held: usize,
     bytes: Vec<u8>,
     given: usize,
@@ -88,7 +89,7 @@ pub(super) struct Watched<R> {
     shared: Watch,
 }
 
-/// What a [`Watched`] reader saw.
+/// Position of a [`Watched`] reader since the last row and line.
 #[derive(Clone, Default)]
 pub(super) struct Watch {
     since_row: Rc<Cell<usize>>,
@@ -101,7 +102,7 @@ impl Watch {
         self.since_row.set(0);
     }
 
-    /// Whether the bytes so far end with a line.
+    /// Returns true if the bytes so far end with a line.
     pub(super) fn ends_with_line(&self) -> bool {
         matches!(self.last.get(), None | Some(b'\n' | b'\r'))
     }
@@ -130,7 +131,7 @@ impl<R: Read> Read for Watched<R> {
     }
 }
 
-/// What went wrong while reading, as far as the operating system and the decompressors tell.
+/// Error while reading, from the operating system or the decompressors.
 pub(super) fn read_error(path: &Path, compression: Compression, place: String, source: io::Error) -> Error {
     let mend = match (compression, source.kind()) {
         (Compression::None, io::ErrorKind::InvalidData) => {

@@ -4,21 +4,21 @@ use std::f64::consts::{PI, TAU};
 
 use crate::breaks::Breaks;
 
-/// Where a wanted stamp lies among samples.
+/// Position of a wanted stamp among samples.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Place {
     /// The last sample at or before.
     pub before: usize,
-    /// How far on the way to the next sample: 0 where the sample is the answer, NaN where there is none.
+    /// Fraction of the way to the next sample: 0 at the sample, NaN without an answer.
     pub fraction: f64,
 }
 
-/// How far a sample reaches.
+/// Reach of a sample in time.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Reach<'a> {
     /// Nanoseconds; `None` is no limit.
     pub limit: Option<u64>,
-    /// Where samples were lost, and the median step that tells whether.
+    /// Breaks at which samples were lost, and the median step that confirms them.
     pub breaks: Option<(&'a Breaks, Option<u64>)>,
 }
 

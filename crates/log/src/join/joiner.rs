@@ -33,7 +33,7 @@ pub(crate) enum Base {
     Rate(f64),
 }
 
-/// What a join made.
+/// Result of a join.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(crate) struct JoinReport {
     /// Rows of the joined table.
@@ -222,7 +222,7 @@ fn refuse_endless(series: &[Series], feeds: &[Feed], stretches: &[Stretch], lead
     })
 }
 
-/// What all blocks need.
+/// Data that all blocks share.
 struct Joiner<'a> {
     series: &'a [Series],
     feeds: &'a [Feed],

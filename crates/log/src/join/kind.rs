@@ -1,8 +1,8 @@
-//! How a column's values are found between its samples.
+//! Interpolation of a column's values between its samples.
 
-/// How a column's values are found between its samples.
+/// Interpolation of a column's values between its samples.
 ///
-/// At the stamp of a sample every kind gives that sample, bit by bit, but for what is said below.
+/// At the stamp of a sample every kind gives that sample, bit by bit, except as stated below.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub enum JoinKind {
     /// On the straight line between the two neighbours; for measured floats.
@@ -12,8 +12,9 @@ pub enum JoinKind {
     Hold,
     /// Radians, on the shorter arc between the two neighbours; always wrapped to (-pi, pi].
     Angle,
-    /// A quaternion (x, y, z, w), on the great arc between the two neighbours (Shoemake 1985). As q and -q are one rotation, each row takes the sign
-    /// nearer to the row before; the first has w >= 0. The neighbours need not be of unit length; what lies between them is.
+    /// A quaternion (x, y, z, w), on the great arc between the two neighbours (Shoemake 1985). As q and -q are one
+    /// rotation, each row takes the sign nearer to the row before; the first has w >= 0. The neighbours need not be of
+    /// unit length; the values between them are.
     Slerp,
 }
 

@@ -63,7 +63,7 @@ pub(super) fn matching<'a>(runs: &'a Runs, base: &[Sample], count: usize, latche
     runs.iter().rfind(|run| latched && log(run).1 < from)
 }
 
-/// What stands at `stamp`: one number, or the rotation matrix of a quaternion, row by row; `None` where there is no value.
+/// Value at `stamp`: one number, or the rotation matrix of a quaternion, row by row; `None` without a value.
 pub(super) fn value(run: &[Sample], stamp: i64, kind: JoinKind, limit: i64) -> Option<Vec<f64>> {
     let before = run.iter().filter(|sample| sample.stamp <= stamp).max_by_key(|sample| sample.stamp)?;
     let after = run.iter().filter(|sample| sample.stamp >= stamp).min_by_key(|sample| sample.stamp);

@@ -1,4 +1,4 @@
-//! Which runs of two series belong together, and what to say when none do.
+//! Pairing of the runs of two series, and the error when none overlap.
 
 use crate::{
     Error,
@@ -34,8 +34,8 @@ impl<'a> LogTimes<'a> {
 
     /// The run whose log times overlap most with those of `run`, of equals the first.
     ///
-    /// What is latched may also have been recorded before: then it is the last that was. `alone`: the base has no other run; when this
-    /// series has none either, there is no choice, whatever the log times say.
+    /// A latched run may also have been recorded before: then it is the last earlier one. `alone`: the base has no
+    /// other run. If this series has none either, there is no choice, whatever the log times are.
     pub(super) fn matching(&self, run: &Run, alone: bool, latched: bool) -> Option<usize> {
         if alone && self.runs.len() == 1 {
             return Some(0);

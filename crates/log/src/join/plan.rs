@@ -1,4 +1,4 @@
-//! What is asked of which series, gathered so that each sample is looked up once.
+//! Requests to each series, gathered so that each sample is looked up once.
 
 use crate::{
     MaxGap,
@@ -12,11 +12,12 @@ pub(crate) struct JoinColumn {
     pub series: usize,
     /// Its column in that series; not looked at when there is a `quaternion`.
     pub column: usize,
-    /// How it is joined.
+    /// Kind of join.
     pub kind: JoinKind,
-    /// How far a sample is trusted: between two samples further apart, a value is NaN; a held one is NaN where its sample is older.
-    /// Automatic is five median steps of the series, as for episodes; of bursts, five times what is between them. Unlimited bridges any gap, and a held value is latched then: it goes
-    /// on beyond the last sample too.
+    /// Time for which a sample is trusted. Between two samples further apart, a value is NaN; a held value is NaN if
+    /// its sample is older. Automatic is five median steps of the series, as for episodes; of bursts, five times the
+    /// step between them. Unlimited bridges any gap, and a held value is then latched: it continues beyond the last
+    /// sample too.
     pub gap: MaxGap,
     /// For [`JoinKind::Slerp`]: the columns of x, y, z and w in that series. A component without the other three is no rotation and is
     /// joined linearly.
@@ -29,11 +30,11 @@ pub(crate) struct JoinColumn {
 #[derive(Debug, PartialEq)]
 pub(super) struct Feed {
     pub series: usize,
-    /// A sample is good for what follows it, instead of for what lies between it and the next.
+    /// True if a sample is valid for the time after it, instead of the time between it and the next.
     pub held: bool,
     /// Nanoseconds; `None` is no limit.
     pub limit: Option<u64>,
-    /// Where samples are known to be lost, neighbours are none.
+    /// True if samples on both sides of a break are no neighbours.
     pub breaks: bool,
     pub scalars: Vec<Scalar>,
     pub rotations: Vec<Rotation>,

@@ -1,4 +1,4 @@
-//! How many rows a second the samples of channels justify.
+//! Row rate, per second, that the samples of channels justify.
 
 use std::path::Path;
 

@@ -64,8 +64,8 @@ impl Reorder {
 
     /// Takes samples whose stamps rise strictly, when the first of them lies after all that have come, and answers whether it has.
     ///
-    /// What leaves is what would leave if they came one by one: whatever a sample lets go, the next one would let go as well. So the newest
-    /// decides at once, and only the samples that stay are copied into the buffer.
+    /// The result is that of adding the samples one by one: every sample that one of them releases, the next one would
+    /// release as well. So the newest decides at once, and only the samples that stay are copied into the buffer.
     pub(super) fn extend(&mut self, samples: &Samples<'_>, rows: &mut Rows) -> Result<bool, Error> {
         let (Some(&first), Some(&newest)) = (samples.stamps.first(), samples.stamps.last()) else { return Ok(true) };
         let before = self.waiting.back().map(|sample| sample.stamp).max(self.released);
@@ -130,7 +130,7 @@ impl Reorder {
             || self.released.is_some_and(|released| stamp <= released)
     }
 
-    /// Where a stamp stands among the waiting. Samples mostly come in order, so the end is tried first.
+    /// Place of a stamp among the waiting samples. Samples mostly come in order, so the end is tried first.
     fn place(&self, stamp: i64) -> Result<usize, usize> {
         match self.waiting.back() {
             Some(newest) if stamp <= newest.stamp => self.waiting.binary_search_by_key(&stamp, |sample| sample.stamp),

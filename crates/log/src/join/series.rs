@@ -24,15 +24,15 @@ pub(crate) struct Series {
     pub source: PathBuf,
     /// Stamps and values.
     pub store: ColumnStore,
-    /// Where the stamps rise strictly; together they are all rows.
+    /// Runs in which the stamps rise strictly; together they are all rows.
     pub runs: Vec<Run>,
     /// Typical step between neighbours of a run ([`Steps::period`](crate::steps::Steps::period)), nanoseconds; `None` when no run has two rows.
     pub median_step: Option<u64>,
-    /// What became of the samples.
+    /// Counts of samples that were used and left out.
     pub counts: Counts,
     /// Median of log time less stamp, nanoseconds, over at most a few thousand rows spread evenly; `None` without rows.
     pub offset: Option<i64>,
-    /// Where samples are known to be lost.
+    /// Breaks at which samples are known to be lost.
     pub breaks: Breaks,
 }
 
@@ -52,7 +52,7 @@ pub(crate) struct Counts {
 }
 
 impl Counts {
-    /// What was left out, in sentences; `messages`: what the samples are called.
+    /// Notes on samples that were left out, in sentences; `messages`: the name of the samples.
     pub(crate) fn left_out(&self, messages: &str) -> impl Iterator<Item = String> {
         let counts = [
             (self.zero_stamps, "with a stamp of zero"),
@@ -67,14 +67,14 @@ impl Counts {
 
 /// Fills a [`Series`] in recorded order. The answer depends on the order of the samples alone.
 ///
-/// A sample that comes at most the window behind the newest of its run is put in its place. One or two that lie further behind are strays
-/// when the time then goes on as before, and so are one or two that leap ahead when the time then comes back to them. Where it
-/// stays back (three samples, or up to the end) a new run begins.
+/// A sample that comes at most the window behind the newest of its run is put in its place. One or two samples further
+/// behind are strays if the time then goes on as before. One or two that leap ahead are strays if the time then comes
+/// back. If the time stays back (three samples, or up to the end), a new run begins.
 pub(crate) struct SeriesBuilder {
     name: String,
     source: PathBuf,
     counts: Counts,
-    /// Whether a stamp of zero is one.
+    /// True if zero is a valid stamp.
     from_zero: bool,
     reorder: Reorder,
     rows: Rows,

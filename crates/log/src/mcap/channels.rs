@@ -1,4 +1,4 @@
-//! Schemas and channels: which topic a message belongs to, and what its bytes mean.
+//! Schemas and channels: the topic of a message, and the meaning of its bytes.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -121,7 +121,8 @@ impl Definitions {
         channel.schema == 0 || self.schemas.contains_key(&channel.schema)
     }
 
-    /// Whether every channel that the pieces are known to use is defined, and every schema that a channel names.
+    /// Returns true if every channel that the pieces are known to use is defined, and every schema that a channel
+    /// names.
     pub(super) fn explain(&self, pieces: &[Piece]) -> bool {
         let mut used = pieces.iter().filter_map(|piece| piece.counts.as_ref()).flatten();
         used.all(|(channel, _)| self.channels.contains_key(channel))

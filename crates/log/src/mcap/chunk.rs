@@ -6,10 +6,10 @@ use super::{
 };
 use crate::container::{Packing, with_unpacked};
 
-/// How chunks may be compressed, for messages.
+/// Readable compressions of chunks, for messages.
 pub(super) const KNOWN: &str = "zstd, lz4 or nothing";
 
-/// Whether chunks compressed in this way can be read.
+/// Returns true if chunks compressed in this way can be read.
 pub(super) fn is_known(compression: &[u8]) -> bool {
     compression.is_empty() || packing(compression).is_some()
 }

@@ -146,7 +146,7 @@ impl Container for McapContainer {
     }
 }
 
-/// Which topic a channel belongs to, fast.
+/// Fast map from channels to topics.
 struct Route {
     /// By channel id: the topic, or one of the two marks.
     topics: Vec<usize>,

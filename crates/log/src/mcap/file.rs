@@ -28,11 +28,11 @@ pub(super) struct McapFile {
     pub(super) map: Map,
     pub(super) pieces: Vec<Piece>,
     pub(super) definitions: Definitions,
-    /// Messages of each channel; `None` where neither indexes nor a believable summary tell.
+    /// Messages of each channel; `None` without an index and without a plausible summary.
     pub(super) counts: Option<BTreeMap<u16, u64>>,
     /// The bodies of its metadata records.
     pub(super) metadata: Vec<Range<usize>>,
-    /// What was lost before any chunk was read.
+    /// Losses before any chunk was read.
     pub(super) damage: Damage,
     pub(super) notes: Vec<String>,
 }

@@ -1,4 +1,4 @@
-//! Where the messages of a file lie: found by hopping from record to record, without looking into chunks.
+//! Layout of the messages in a file, from its record heads; chunks are not opened.
 
 use std::ops::Range;
 
@@ -32,7 +32,7 @@ impl Piece {
     }
 }
 
-/// What a [`Piece`] is.
+/// Kind of a [`Piece`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum PieceKind {
     /// A chunk record.
@@ -84,7 +84,7 @@ impl Layout {
     }
 }
 
-/// What the next record may add to.
+/// Piece that the next record may extend.
 enum Open {
     Nothing,
     Chunk { counts: Vec<(u16, u64)>, index: Range<usize> },
@@ -180,7 +180,8 @@ fn count(counts: &mut Vec<(u16, u64)>, channel: u16, more: u64) {
     }
 }
 
-/// Where the records of a chunk begin that is not compressed and longer than the file: they are read as if they stood outside.
+/// Offset of the first record in an uncompressed chunk that is longer than the file. Its records are read as if they
+/// stood outside.
 fn cut_chunk(bytes: &[u8], at: usize) -> Option<usize> {
     let body = bytes.get(at..)?.split_first().filter(|(opcode, _)| **opcode == op::CHUNK)?.1.get(8..)?;
     let begin = at + RECORD_HEAD + Chunk::uncompressed_records_at(body)?;
@@ -210,7 +211,7 @@ fn believable(bytes: &[u8], at: usize) -> bool {
     }
 }
 
-/// Whether sound records follow each other from `at` on, or reach the file's end.
+/// Returns true if sound records follow each other from `at` on, or reach the file's end.
 fn chain(bytes: &[u8], mut at: usize) -> bool {
     for _ in 1..CHAIN {
         if at == bytes.len() {

@@ -161,7 +161,7 @@ impl<'a> Chunk<'a> {
 }
 
 impl Chunk<'_> {
-    /// Where in a chunk's body its records begin, when they are not compressed; whether they end there is not looked at.
+    /// Offset of the first record in a chunk's body, if it is not compressed. The end of the records is not checked.
     pub(super) fn uncompressed_records_at(body: &[u8]) -> Option<usize> {
         let mut fields = Fields(body);
         fields.take(8 + 8 + 8 + 4)?;
@@ -171,7 +171,7 @@ impl Chunk<'_> {
     }
 }
 
-/// Where the messages of one channel lie in the chunk before.
+/// Index of the messages of one channel in the chunk before.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct MessageIndex<'a> {
     pub(super) channel: u16,

@@ -1,4 +1,4 @@
-//! The summary section at the end of a file, believed only as far as it fits the file.
+//! The summary section at the end of a file, used only as far as it agrees with the file.
 
 use std::collections::BTreeMap;
 

@@ -58,7 +58,7 @@ fn payload(topic: usize, i: u64) -> Vec<u8> {
     noise.chain([0; 20]).chain(i.to_le_bytes()).collect()
 }
 
-/// Which messages the test files have: topic, log time, publish time.
+/// Messages of the test files: topic, log time, publish time.
 fn schedule(count: u64) -> impl Iterator<Item = (usize, u64, u64, Vec<u8>)> {
     (0..count).map(|i| {
         let topic = if i % 10 == 9 { 2 } else { usize::from(i % 3 == 2) };

@@ -1,4 +1,4 @@
-//! The clock of a Parquet file: by name, else by what the first rows of its columns look like.
+//! The clock of a Parquet file: by name, else by the first rows of its columns.
 
 use parquet::errors::ParquetError;
 

@@ -1,9 +1,10 @@
-//! Decoders that stay where they stopped, so that a scan in chunks decompresses every page once.
+//! Decoders that keep their position, so that a scan in chunks decompresses every page once.
 //!
-//! A Parquet page holds far more or fewer rows than a chunk, and a column's dictionary comes before all its pages: a range decoded from
-//! nothing pays for both. So each column's decoder is put back at the row where it stopped, with the last few values for the next halo.
-//! Threads that scan neighbouring chunks follow each other through the columns: while the first decodes column 3 of its chunk, the second goes on with
-//! column 2. A read waits only for reads that begin at an earlier row of the same file, and these never wait for it, so no circle can form.
+//! A Parquet page holds far more or fewer rows than a chunk, and a column's dictionary comes before all its pages. A
+//! range that is decoded from the start pays for both. So each column's decoder is put back at the row where it
+//! stopped, with the last few values for the next halo. Threads that scan neighbouring chunks follow each other through
+//! the columns: while the first decodes column 3 of its chunk, the second goes on with column 2. A read waits only for
+//! reads that begin at an earlier row of the same file. These never wait for it, so no circle can form.
 
 use std::{
     ops::Range,

@@ -1,8 +1,8 @@
-//! The footer of a Parquet file, checked before it is believed.
+//! The footer of a Parquet file, checked before its use.
 //!
-//! The decoder of the `parquet` crate reserves memory for as many row groups and children as the footer claims. A walk over the bytes (Thrift's
-//! compact protocol) refuses lists that are longer than the footer itself and schemas that nest without end, so that a damaged or hostile
-//! footer costs an error and not the process.
+//! The decoder of the `parquet` crate reserves memory for as many row groups and children as the footer claims. A walk
+//! over the bytes (Thrift's compact protocol) refuses lists that are longer than the footer, and schemas that nest
+//! without end. A damaged or hostile footer therefore costs an error and not the process.
 
 use std::{fs::File, path::Path};
 

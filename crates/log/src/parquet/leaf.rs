@@ -1,4 +1,4 @@
-//! Leaf columns of a Parquet schema: how their values become numbers, stamps or texts.
+//! Leaf columns of a Parquet schema: conversion of their values to numbers, stamps or texts.
 
 use std::collections::BTreeMap;
 
@@ -12,7 +12,7 @@ use parquet::{
 
 use crate::{TimeUnit, dates, stamp, table::MISSING};
 
-/// What a leaf holds.
+/// Type of a leaf's values.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Meaning {
     /// Truth values.
@@ -132,7 +132,7 @@ fn nanoseconds(unit: &ParquetTimeUnit) -> i64 {
 
 /// A value that a column is decoded into: `f64` for data, `i64` nanoseconds for stamps.
 pub(super) trait Word: Copy + Send + 'static {
-    /// What stands for null.
+    /// Value that encodes null.
     const NONE: Self;
     fn to_bits(self) -> u64;
     fn from_bits(bits: u64) -> Self;
@@ -143,7 +143,7 @@ pub(super) trait Word: Copy + Send + 'static {
     fn from_text(text: &[u8], rule: &Rule) -> Self;
 }
 
-/// How the values of one leaf are converted.
+/// Conversion of the values of one leaf.
 #[derive(Debug, Clone)]
 pub(super) struct Rule {
     pub meaning: Meaning,

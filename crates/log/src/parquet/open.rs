@@ -38,10 +38,10 @@ const BATCH: usize = 8192;
 /// More rows than any log has; a count beyond it is a lie.
 const MAX_ROWS: usize = 1 << 40;
 
-/// What a file is, without reading its rows.
+/// Description of a file, without reading its rows.
 pub(crate) struct Description {
     pub rows: usize,
-    /// All leaves: column and the type's word; `Err` holds the type of an unsupported one.
+    /// All leaves: the column, and `Err` with the type of an unsupported one.
     pub columns: Vec<(Column, Result<(), String>)>,
     pub clock: Option<Clock>,
 }

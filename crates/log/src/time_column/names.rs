@@ -1,4 +1,4 @@
-//! Names of clocks, and the units that names and headers tell.
+//! Names of clocks, and the units in names and headers.
 
 use std::collections::HashMap;
 
@@ -31,7 +31,7 @@ const NAMES: [&str; 23] = [
     "date",
 ];
 
-/// How well a column's name fits a clock, and the unit in it.
+/// Rank of a column's name among those of clocks, and the unit in it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Named {
     /// Rank of the name among those of clocks, the best first; `None` where it is no name of a clock.
@@ -40,7 +40,7 @@ pub(super) struct Named {
     pub unit: Option<TimeUnit>,
 }
 
-/// What a column's name and its unit in the file say of a clock: `Time_ns`, `t [ms]`, `TimeUS`, `Zeit [s]`.
+/// Rank and unit of a clock from a column's name and its unit in the file: `Time_ns`, `t [ms]`, `TimeUS`, `Zeit [s]`.
 ///
 /// A capital `T` alone is a temperature as often as a time, and `t [V]` is a voltage: neither names a clock.
 pub(super) fn named(name: &str, unit: Option<&str>) -> Named {

@@ -1,7 +1,8 @@
-//! The units that the numbers of a clock may be in: by their size and by their steps.
+//! Possible units of a clock's numbers, by their size and by their steps.
 //!
-//! A unit is possible where the stamps are dates of this century or count from a start at most ten days ago, and where the rows come at a rate that logs
-//! have. Logs between 9 and 110 Hz leave one unit; others leave two, and only a name, a date or another file tells which.
+//! A unit is possible if it makes the stamps dates of this century, or counts from a start at most ten days ago. The
+//! rows must also come at a rate that logs have. Logs between 9 and 110 Hz leave one unit. Others leave two, and only a
+//! name, a date or another file decides.
 
 use std::fmt;
 
@@ -140,7 +141,7 @@ impl Steps {
         Some(Self { median, mean, even: steps.len() > 1 && 2 * near > steps.len() })
     }
 
-    /// Whether rows come at such a rate, by their median step or, of bursts, their mean one.
+    /// Returns true if rows come at such a rate, by their median step or, for bursts, their mean one.
     fn is_common(&self, unit: f64, [slowest, fastest]: [f64; 2]) -> bool {
         [self.median, self.mean].into_iter().any(|step| (slowest..=fastest).contains(&(1.0 / (step * unit))))
     }

@@ -1,4 +1,4 @@
-//! What a file says of itself: information, parameters, and how parameters were changed.
+//! Metadata of a file: information, parameters, and changes of parameters.
 
 use std::{collections::BTreeMap, fmt::Write};
 
@@ -7,7 +7,7 @@ use super::message::{Entry, Message};
 /// Numbers of an array that are written out; of more only how many.
 const WRITTEN: usize = 64;
 
-/// Where a file says something of itself, and when, nanoseconds; `None` before its data begin.
+/// Places of the metadata in a file, and their times, nanoseconds; `None` before its data begin.
 #[derive(Debug, Default)]
 pub(super) struct About {
     places: Vec<(usize, Option<i64>)>,

@@ -1,4 +1,4 @@
-//! Formats and subscriptions: which topic a message belongs to, where its time is, what its bytes mean.
+//! Formats and subscriptions: the topic of a message, the place of its time, and the meaning of its bytes.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -22,7 +22,7 @@ const LOGGED_FORMATS: [(usize, &str, &str); 2] = [
     (LOGGED_TAGGED, "logged_messages_tagged", "uint8_t log_level;uint16_t tag;uint64_t timestamp;char[] message;"),
 ];
 
-/// What is known of the messages of a format.
+/// Layout and schema of the messages of a format.
 #[derive(Debug)]
 struct Described {
     layout: UlogLayout,
@@ -128,7 +128,7 @@ impl Default for Definitions {
 }
 
 impl Definitions {
-    /// What was subscribed for.
+    /// The subscriptions.
     pub(super) fn found(&self) -> &[Found] {
         &self.found
     }

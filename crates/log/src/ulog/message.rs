@@ -1,4 +1,4 @@
-//! Messages of a ULog file, read in place. Every length is checked against the bytes that are there; nothing is copied.
+//! Messages of a ULog file, read in place without copies. Every length is checked against the available bytes.
 
 /// Bytes of the file before its first message: magic, version, time of its beginning.
 pub(super) const HEADER: usize = 16;
@@ -25,12 +25,12 @@ pub(super) struct Message<'a> {
     pub(super) payload: &'a [u8],
 }
 
-/// How far a message is to be believed.
+/// Plausibility of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Belief {
     /// Its parts fit each other.
     Sound,
-    /// Nothing speaks against it: something sound must follow.
+    /// No contradiction: a sound message must follow.
     Open,
 }
 
@@ -62,12 +62,12 @@ impl<'a> Message<'a> {
         }
     }
 
-    /// Whether its type is known. Those to come are to be skipped.
+    /// Returns true if its type is known. Unknown types, of later versions, are to be skipped.
     pub(super) fn is_known(&self) -> bool {
         b"BFIMPQARDLCSO".contains(&self.kind)
     }
 
-    /// Whether the parts of a message that is no data fit each other.
+    /// Checks that the parts of a message that is no data fit each other.
     pub(super) fn belief(&self) -> Result<Belief, &'static str> {
         let payload = self.payload;
         let (sound, otherwise) = match self.kind {
@@ -90,7 +90,7 @@ impl<'a> Message<'a> {
     }
 }
 
-/// Whether a value's key is a text of the length that it says.
+/// Returns true if a value's key is a text of the length that it states.
 fn has_key(payload: &[u8]) -> bool {
     let key = payload.split_first().and_then(|(&length, rest)| rest.get(..length.into()));
     key.is_some_and(|key| key.iter().all(|&byte| byte == b' ' || byte.is_ascii_graphic()))

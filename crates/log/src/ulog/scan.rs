@@ -1,4 +1,4 @@
-//! Where the messages of a file lie: found by hopping from head to head.
+//! Layout of the messages in a file, from their heads.
 
 use std::ops::Range;
 
@@ -23,11 +23,11 @@ const CHAIN: usize = 3;
 /// Of the flags without which a file cannot be read: data were appended, at offsets that the flags name.
 const APPENDED: u8 = 1;
 
-/// Where the version of the format stands, and the latest one.
+/// Byte of the format's version, and the latest version.
 const VERSION: usize = 7;
 const LATEST: u8 = 1;
 
-/// Where the time stands at which the file begins, microseconds.
+/// Byte of the time at which the file begins, microseconds.
 const BEGINNING: usize = 8;
 
 /// Places that appended data may have.
@@ -42,7 +42,7 @@ pub(super) struct Piece {
     pub(super) topics: Vec<(usize, Span)>,
 }
 
-/// What hopping over a file finds.
+/// Result of the scan over a file's message heads.
 #[derive(Debug, Default)]
 pub(super) struct Scan {
     /// In the order of the file.
@@ -82,7 +82,7 @@ impl Dropouts {
         }
     }
 
-    /// What a person should know.
+    /// Note for the user, if there were dropouts.
     pub(super) fn note(&self) -> Option<String> {
         let seconds = |milliseconds: u64| milliseconds as f64 / 1e3;
         (self.count > 0).then(|| {
@@ -149,7 +149,8 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// Where the parts of the file end that were written one after the other. Where data were appended, what was there may end inside a message.
+    /// Ends of the parts of the file that were written one after the other. If data were appended, the part before may
+    /// end inside a message.
     fn sections(&mut self) -> Result<Vec<usize>, String> {
         let length = self.map.len();
         let flags =
@@ -243,7 +244,7 @@ impl<'a> Scanner<'a> {
         self.at = next;
     }
 
-    /// Whether sound messages follow each other from a place on, or one at least reaches the end.
+    /// Returns true if sound messages follow each other from a place on, or one at least reaches the end.
     fn believable(&self, mut at: usize, end: usize) -> bool {
         // Data of numbers that are subscribed for on the way are as sound as the subscription.
         let mut subscribed: Vec<usize> = Vec::new();

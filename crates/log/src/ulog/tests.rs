@@ -21,7 +21,7 @@ use ulog_writer::{Ulog, flight};
 /// Messages of each topic: time and bytes.
 type Messages = BTreeMap<String, Vec<(i64, Vec<u8>)>>;
 
-/// Whether the sweeps are to have their full size (`make test-all`).
+/// Returns true if the sweeps have their full size (`make test-all`).
 fn full() -> bool {
     std::env::var_os("FLEETFOOT_SWEEPS").is_some_and(|size| size == "full")
 }
@@ -69,7 +69,7 @@ fn total(messages: &Messages) -> usize {
     messages.values().map(Vec::len).sum()
 }
 
-/// Whether anything says that messages are missing.
+/// Returns true if a problem, the damage or a note reports missing messages.
 fn tells(container: &UlogContainer) -> bool {
     let problem = container.topics().iter().any(|topic| topic.problem.is_some());
     problem || !container.damage().is_empty() || container.notes().len() > usize::from(!container.breaks().is_empty())
@@ -273,7 +273,7 @@ fn every_truncation_is_read_up_to_the_cut() {
     assert!(total(&whole) > 60);
 }
 
-/// Where the messages of a sound file end.
+/// Ends of the messages of a sound file.
 fn ends(bytes: &[u8]) -> Vec<usize> {
     let mut ends = vec![HEADER];
     while let Ok(message) = Message::at(bytes, *ends.last().unwrap()) {

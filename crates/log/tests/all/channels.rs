@@ -1,4 +1,4 @@
-//! Robots' logs as recordings: clocks, episodes, joins, names, the cache, and what is refused. The logs are written here.
+//! Robots' logs as recordings: clocks, episodes, joins, names, the cache, and refusals. The logs are written here.
 
 mod clocks;
 mod columns;

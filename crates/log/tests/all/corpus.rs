@@ -1,4 +1,4 @@
-//! Every input that fuzzing is known to need, through the very functions of the fuzz targets: what was repaired stays repaired, in every
+//! Known inputs from fuzzing, run through the functions of the fuzz targets: repaired faults stay repaired, in every
 //! build and without a nightly compiler.
 
 use std::{
@@ -12,7 +12,7 @@ mod cdr;
 #[path = "../../../../fuzz/fuzz_targets/body/reader.rs"]
 mod reader;
 
-/// What the targets call a hang.
+/// Duration that the targets call a hang.
 const HANG: Duration = Duration::from_secs(10);
 
 /// The inputs of a target, in the order of their names.

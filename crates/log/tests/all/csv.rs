@@ -1,4 +1,4 @@
-//! Text files: what is understood, and what is refused with its place.
+//! Text files: accepted forms, and refusals with their places.
 
 use std::{
     io::Write,

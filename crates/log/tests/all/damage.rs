@@ -68,7 +68,7 @@ fn a_parquet_file_cut_anywhere_is_an_error() {
     assert_eq!(exercise(&path, TimeSpec::Auto).unwrap(), (0..ROWS).map(|row| row as f64).collect::<Vec<_>>());
 }
 
-/// Whether the sweeps are to have their full size (`make test-all`).
+/// Returns true if the sweeps have their full size (`make test-all`).
 fn full() -> bool {
     std::env::var_os("FLEETFOOT_SWEEPS").is_some_and(|size| size == "full")
 }

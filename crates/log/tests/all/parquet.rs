@@ -1,4 +1,4 @@
-//! Parquet: what was written comes back, whatever the types, the row groups and the range asked for.
+//! Parquet: written values come back, for all types, row groups and ranges.
 
 use std::{collections::BTreeMap, path::Path};
 

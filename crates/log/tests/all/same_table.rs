@@ -1,4 +1,5 @@
-//! A table is the same numbers as Parquet and as CSV: any types, encodings, pages and row groups, whatever is read beside a column and in whichever steps.
+//! A table is the same numbers as Parquet and as CSV: for all types, encodings, pages, row groups, columns read beside
+//! it, and steps.
 
 use std::{fs::File, ops::Range, path::Path, sync::Arc};
 
@@ -16,7 +17,7 @@ use parquet::{
 };
 use proptest::{collection::vec, prelude::*, sample::select};
 
-/// What a column holds.
+/// Type of a column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Kind {
     Double,
@@ -29,7 +30,7 @@ enum Kind {
     Stamp,
 }
 
-/// How the clock is written.
+/// Format of the clock.
 #[derive(Debug, Clone, Copy)]
 enum ClockKind {
     Seconds,

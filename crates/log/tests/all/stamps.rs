@@ -1,4 +1,5 @@
-//! Stamps in every unit, at every rate, from every start, under every name and in every type: read right, or refused.
+//! Stamps in every unit, at every rate, from every start, under every name and in every type: read correctly, or
+//! refused.
 
 use std::{collections::BTreeSet, sync::Arc};
 
@@ -65,7 +66,7 @@ impl MemoryTable for InMemory {
     }
 }
 
-/// How the stamps are handed over.
+/// Type in which the stamps are passed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Type {
     Text,
@@ -128,7 +129,7 @@ fn stamps(recording: &Recording) -> Vec<i64> {
     (0..recording.episodes().len()).flat_map(|e| read(e).stamps().to_vec()).collect()
 }
 
-/// What became of a recording.
+/// Outcome of reading a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Outcome {
     Right,

@@ -1,4 +1,4 @@
-//! Decodes JSON, all of it or what is wanted.
+//! Decoding of JSON: all of it, or the wanted fields.
 
 use std::{collections::HashMap, fmt, sync::Arc};
 
@@ -64,7 +64,7 @@ fn without_non_finite(message: &[u8]) -> Option<Vec<u8>> {
     found.then_some(patched)
 }
 
-/// What is known of a value before it is read.
+/// Shape and wanted parts of a value, before it is read.
 #[derive(Clone, Copy)]
 struct Seed<'a> {
     shapes: &'a Shapes,

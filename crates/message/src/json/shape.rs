@@ -1,4 +1,4 @@
-//! Which numbers of a message are real, by its JSON Schema.
+//! Shapes of a message by its JSON Schema: they mark the numbers that are real.
 
 use std::collections::{HashMap, VecDeque};
 
@@ -7,13 +7,13 @@ use serde_json::Value as Json;
 /// References that lead to one another.
 const MAX_REFERENCES: usize = 16;
 
-/// What a schema says about the values of a message; the first shape is the message's. Types may contain themselves.
+/// Shapes of the values of a message; the first is that of the message. Types may contain themselves.
 #[derive(Debug, Default)]
 pub(super) struct Shapes {
     shapes: Vec<Shape>,
 }
 
-/// What a schema says about a value.
+/// Schema of one value.
 #[derive(Debug, Default)]
 struct Shape {
     is_real: bool,
@@ -43,7 +43,7 @@ impl Shapes {
         (!self.shapes.is_empty()).then_some(0)
     }
 
-    /// Whether a whole number of a shape stands for a real one.
+    /// Returns true if whole numbers of this shape stand for real ones.
     pub(super) fn is_real(&self, shape: Option<usize>) -> bool {
         self.get(shape).is_some_and(|shape| shape.is_real)
     }
@@ -83,7 +83,7 @@ impl<'a> Builder<'a> {
         place
     }
 
-    /// What a reference, or an alternative to null, stands for.
+    /// Target of a reference, or the alternative to null.
     fn meant(&self, mut part: &'a Json) -> &'a Json {
         for _ in 0..MAX_REFERENCES {
             let target =

@@ -1,8 +1,8 @@
-//! Decodes messages by a plan.
+//! Decoding of messages by a plan.
 //!
-//! Parts of a message may come in any order and more than once: the last of a number counts, the elements of arrays add up, and the parts of a
-//! message inside are read as if they stood behind one another. So the places of inner messages are collected first and read when the outer
-//! message has ended.
+//! Parts of a message may come in any order and more than once. Of parts with one number the last counts, and the
+//! elements of arrays add up. The parts of a message inside are read as if they stood behind one another. So the places
+//! of inner messages are collected first, and read when the outer message has ended.
 
 use std::collections::HashMap;
 
@@ -18,7 +18,7 @@ const VALUES_PER_BYTE: usize = 8;
 /// Values that any message may have.
 const VALUES_FREE: usize = 1 << 16;
 
-/// What was read of a field so far.
+/// Part of a field that was read so far.
 #[derive(Debug, Clone)]
 enum Slot {
     Absent,
@@ -217,7 +217,8 @@ impl Decoder<'_> {
     }
 }
 
-/// Whether a field may be written in a form; in another it is not the field of the schema, and skipped.
+/// Returns true if a field of the schema may be written in this form. In another form it counts as an unknown field,
+/// and is skipped.
 fn accepts(field: &FieldPlan, wire: WireType) -> bool {
     let form = field.form;
     form == Form::Unwanted

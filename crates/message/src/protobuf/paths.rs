@@ -1,4 +1,4 @@
-//! Whether a message type has the fields that are wanted.
+//! Check that a message type has the wanted fields.
 
 use fleetfoot_data::nearest_one;
 
@@ -11,7 +11,7 @@ use crate::{
 /// Steps of a path: as deep as messages are decoded, with an element between each two.
 const MAX_STEPS: usize = 128;
 
-/// What a part of a path leads to.
+/// Target of a part of a path.
 #[derive(Clone, Copy)]
 enum Place<'a> {
     Message(&'a MessageType),
@@ -58,7 +58,7 @@ pub(super) fn check(types: &[MessageType], path: &FieldPath) -> Result<(), Schem
     Err(SchemaError::NotAValue { path: path.to_string(), kind })
 }
 
-/// What a field, or an element of it, is.
+/// Place of a field, or of one of its elements.
 fn single<'a>(types: &'a [MessageType], field: &FieldType) -> Place<'a> {
     match field.form {
         Form::Message(place) => types.get(place).map_or(Place::Value, Place::Message),
@@ -67,7 +67,7 @@ fn single<'a>(types: &'a [MessageType], field: &FieldType) -> Place<'a> {
     }
 }
 
-/// Whether the elements of a repeated field have names: texts in themselves, else an array of texts beside.
+/// Returns true if the elements of a repeated field have names: texts inside them, or an array of texts beside.
 fn is_keyed(types: &[MessageType], field: &FieldType, around: &MessageType) -> bool {
     let is_key = |key: &FieldType| key.form == Form::Text && !key.is_list;
     let has_key = |own: &MessageType| KEY_FIELDS.iter().filter_map(|name| own.field(name)).any(is_key);

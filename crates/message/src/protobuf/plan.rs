@@ -1,4 +1,4 @@
-//! Which fields of which messages are decoded, and how.
+//! Fields to decode, by message, and their forms.
 
 use std::{collections::HashMap, sync::Arc};
 
@@ -31,11 +31,11 @@ pub(super) struct FieldPlan {
     pub(super) bytes: Keep,
     /// Setting it clears the other members of the same number.
     pub(super) oneof: Option<usize>,
-    /// What the field is where the message does not have it.
+    /// Value of the field in a message without it.
     pub(super) absent: Value,
 }
 
-/// How many elements of an array are decoded.
+/// Number of elements of an array to decode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Keep {
     pub(super) elements: usize,
@@ -86,7 +86,7 @@ impl Plan {
         Self::new(types, None)
     }
 
-    /// What is wanted of a message of the first of some types.
+    /// Plan for the wanted parts of a message of the first type.
     pub(super) fn wanted(types: &[MessageType], wanted: &Wanted) -> Self {
         Self::new(types, Some(wanted))
     }
@@ -140,7 +140,7 @@ impl<'a> Planner<'a> {
         plan
     }
 
-    /// How a field is written; none for a message that is wanted as if it were a number.
+    /// Form of a field; `None` for a message that is wanted as if it were a number.
     fn form(&mut self, field: &FieldType, part: Option<&'a Wanted>) -> Option<Form> {
         let Form::Message(own) = field.form else { return Some(field.form) };
         let next = self.todo.len();

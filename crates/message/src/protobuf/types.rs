@@ -39,17 +39,17 @@ impl MessageType {
 pub(super) struct FieldType {
     pub(super) name: Arc<str>,
     pub(super) number: u32,
-    /// How one value is written; a message is its place among the types.
+    /// Form of one value; a message is given by its place among the types.
     pub(super) form: Form,
     /// It is repeated or a map.
     pub(super) is_list: bool,
     /// Setting it clears the other members of the same number.
     pub(super) oneof: Option<usize>,
-    /// What the field is where the message does not have it.
+    /// Value of the field in a message without it.
     pub(super) absent: Value,
 }
 
-/// How one value is written.
+/// Form of one value on the wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Form {
     Bool,
@@ -69,12 +69,12 @@ pub(super) enum Form {
     Text,
     Bytes,
     Message(usize),
-    /// A member of a oneof that nobody wants: it only clears the others.
+    /// An unwanted member of a oneof: it only clears the others.
     Unwanted,
 }
 
 impl Form {
-    /// How a single value is written.
+    /// Wire type of a single value.
     pub(super) fn wire(self) -> WireType {
         match self {
             Self::Bool | Self::Int32 | Self::Int64 | Self::Uint32 | Self::Uint64 | Self::Sint32 | Self::Sint64 => {
@@ -91,7 +91,7 @@ impl Form {
         self.wire() != WireType::Length
     }
 
-    /// What an absent field is that cannot tell absence from zero.
+    /// Value of an absent field without presence, whose absence equals zero.
     fn zero(self) -> Value {
         match self {
             Self::Bool => Value::Bool(false),
@@ -108,7 +108,7 @@ impl Form {
 /// The types that a message uses; its own is the first.
 ///
 /// # Errors
-/// What is missing or not understood, in words.
+/// A message that names the missing or unsupported part.
 pub(super) fn resolve(set: &FileDescriptorSet, root: &str) -> Result<Vec<MessageType>, String> {
     let well_known = DescriptorPool::global();
     let well_known: Vec<_> = well_known.files().filter(|file| file.name().starts_with("google/protobuf/")).collect();
@@ -232,7 +232,7 @@ impl Resolver<'_> {
         Ok(MessageType { name, fields })
     }
 
-    /// How a field is written, none for groups; and of an enum the first value, which is its default.
+    /// Form of a field (`None` for groups); of an enum also the first value, which is its default.
     fn form(&mut self, message: &str, field: &FieldDescriptorProto) -> Result<Option<(Form, Option<Value>)>, String> {
         let kind = field.r#type.and_then(|kind| Type::try_from(kind).ok());
         let form = match kind {

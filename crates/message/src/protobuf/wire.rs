@@ -7,7 +7,7 @@ use crate::DecodeError;
 /// Groups inside each other that are skipped; also the depth of messages that are read.
 pub(super) const MAX_DEPTH: usize = 64;
 
-/// How a field is written.
+/// Wire type of a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum WireType {
     Varint,
@@ -32,7 +32,7 @@ impl<'a> Reader<'a> {
         Self { bytes: &message[..end], at: span.0.min(end) }
     }
 
-    /// Where the next byte stands.
+    /// Offset of the next byte.
     pub(super) fn offset(&self) -> usize {
         self.at
     }
@@ -115,7 +115,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Where something with a length starts and ends; reading goes on behind it.
+    /// Start and end of a part with a length; the reader then continues behind it.
     pub(super) fn span(&mut self) -> Result<(usize, usize), DecodeError> {
         let start = self.at;
         let length = self.varint()?;

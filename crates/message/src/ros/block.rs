@@ -1,11 +1,11 @@
-//! Operations as they are put one behind the other, with what is known of the place in the message.
+//! Operations in sequence, with the known alignment of the place in the message.
 
 use super::{
     program::{Load, Op},
     wire::Wire,
 };
 
-/// What is known of a place: it leaves this residue when divided by this modulus, a power of two.
+/// Known alignment of a place: its residue modulo a power of two.
 #[derive(Debug, Clone, Copy)]
 struct Phase {
     modulus: usize,

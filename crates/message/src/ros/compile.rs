@@ -330,7 +330,7 @@ fn fixed(length: Length) -> Option<usize> {
     }
 }
 
-/// What loading this writes.
+/// Slots, stamps and groups that loading this value writes.
 fn written(want: &Want) -> Written {
     fn collect(want: &Want, written: &mut Written) {
         written.slots.extend(&want.slots);

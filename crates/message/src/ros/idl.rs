@@ -11,7 +11,7 @@ use crate::{Extensibility, Length, Scalar, Schema, Type};
 /// Reads the definitions in `text` and joins those that `name` uses.
 ///
 /// # Errors
-/// What is wrong, and in which line.
+/// A message that names the problem and its line.
 pub(super) fn parse(name: &str, text: &str) -> Result<Schema, String> {
     let tokens = tokens(text)?;
     let mut parser = Parser { tokens: &tokens, place: 0, scope: Vec::new(), found: HashMap::new() };
@@ -21,7 +21,7 @@ pub(super) fn parse(name: &str, text: &str) -> Result<Schema, String> {
     Resolver { found: parser.found, list: Vec::new(), places: HashMap::new() }.schema(name)
 }
 
-/// What a name stands for.
+/// Declaration of a name.
 #[derive(Debug)]
 enum Declared {
     Struct {
@@ -52,7 +52,7 @@ enum Size {
     Named(String),
 }
 
-/// What annotations said of the thing behind them.
+/// Annotations that apply to the next declaration.
 #[derive(Debug, Default)]
 struct Notes {
     optional: bool,

@@ -73,7 +73,7 @@ pub(super) fn tokens(text: &str) -> Result<Vec<Token<'_>>, String> {
     Ok(tokens)
 }
 
-/// Whether this line is for the preprocessor or between definitions.
+/// Returns true if this line is for the preprocessor or between definitions.
 fn is_left_out(rest: &str) -> bool {
     let line = rest.lines().next().unwrap_or_default().trim();
     line.starts_with('#') || line.starts_with("IDL:") || re_ros_msg::is_schema_separator(line)

@@ -60,7 +60,7 @@ struct Linker<'a> {
     /// Definitions that are being joined, from the outside in.
     open: Vec<usize>,
     structs: Vec<StructType>,
-    /// Which of `structs` never have bytes.
+    /// For each of `structs`: true if it never has bytes.
     empty: Vec<bool>,
 }
 

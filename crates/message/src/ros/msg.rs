@@ -10,7 +10,7 @@ use re_ros_msg::{
 use super::link::{Definition, Kind, Member, link};
 use crate::{Length, Scalar, Schema, Type};
 
-/// Which ROS a definition is for.
+/// ROS version of a definition.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Ros {
     One,
@@ -23,7 +23,7 @@ const DUMMY: &str = "structure_needs_at_least_one_member";
 /// Reads the definitions in `text`, of which the first is `name`'s own.
 ///
 /// # Errors
-/// What is wrong: a line that is no field, a type that is missing or contains itself.
+/// A line that is no field; a type that is missing or contains itself.
 pub(super) fn parse(name: &str, text: &str, ros: Ros) -> Result<Schema, String> {
     if text.lines().any(|line| line.trim() == "---") {
         let service = name.strip_suffix("_Event").unwrap_or(name);

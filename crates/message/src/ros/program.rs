@@ -1,4 +1,4 @@
-//! What decoding some fields takes, as operations on the bytes.
+//! Decoding of selected fields, as operations on the bytes.
 
 use crate::Scalar;
 
@@ -69,7 +69,7 @@ pub(super) enum Load {
 pub(super) struct Numbers {
     pub(super) scalar: Scalar,
     pub(super) alignment: usize,
-    /// How many; `None` where the message says it.
+    /// Number of elements; `None` if the message states it.
     pub(super) length: Option<usize>,
     /// Places in the array, and slots.
     pub(super) indices: Box<[(usize, usize)]>,
@@ -80,11 +80,11 @@ pub(super) struct Numbers {
 /// An array of anything but numbers.
 #[derive(Debug, Clone)]
 pub(super) struct Elements {
-    /// How many; `None` where the message says it.
+    /// Number of elements; `None` if the message states it.
     pub(super) length: Option<usize>,
     /// The fewest bytes of an element.
     pub(super) least: usize,
-    /// How many need to be walked; `None` for all.
+    /// Number of elements to walk; `None` for all.
     pub(super) walked: Option<usize>,
     /// Walks over one element, and notes its name where it counts.
     pub(super) skip: Box<[Op]>,
@@ -105,7 +105,7 @@ pub(super) struct Picked {
     pub(super) ops: Box<[Op]>,
     /// The group that it makes present.
     pub(super) group: Option<usize>,
-    /// What an earlier element of the same name may have written.
+    /// Slots and stamps that an earlier element of the same name may have written.
     pub(super) written: Written,
 }
 

@@ -1,4 +1,4 @@
-//! Whole messages: a plain recursive decoder over the schema. It is what the compiled programs are held against.
+//! Whole messages: a plain recursive decoder over the schema, the reference for the compiled programs.
 
 use std::sync::Arc;
 
@@ -35,10 +35,10 @@ struct Reader<'a, const BIG: bool> {
     sizes: &'a Sizes,
     wire: Wire,
     message: &'a [u8],
-    /// Where alignment counts from.
+    /// Origin of alignment.
     origin: usize,
     place: usize,
-    /// Where the message or the innermost part with a length ends.
+    /// End of the message, or of the innermost part with a length.
     end: usize,
     /// Values that may still be kept.
     budget: usize,

@@ -60,11 +60,11 @@ impl Fault {
 
 struct Machine<'a, const BIG: bool> {
     program: &'a Program,
-    /// Whether nothing is aligned and texts have no NUL.
+    /// True if values are not aligned and texts have no NUL.
     packed: bool,
     body: &'a [u8],
     place: usize,
-    /// Where the body or the innermost part ends.
+    /// End of the body, or of the innermost part.
     end: usize,
     row: &'a mut Row,
     registers: &'a mut [u32],

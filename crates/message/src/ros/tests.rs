@@ -10,7 +10,7 @@ use self::random::Random;
 use super::{RosCodec, wire::Wire};
 use crate::{Codec, FieldPath, Row, Schema, Type, Value, lookup::Lookup, value::LONG_ARRAY};
 
-/// What [`Codec::value`] makes of a value: long arrays of numbers are counted.
+/// Value as [`Codec::value`] returns it: long arrays of numbers are only counted.
 fn shortened(value: &Value) -> Value {
     match value {
         Value::Array(elements) => {

@@ -1,4 +1,4 @@
-//! Format definitions of ULog, and where its messages have their time.
+//! Format definitions of ULog, and the place of the time in its messages.
 //!
 //! Format: <https://docs.px4.io/main/en/dev_log/ulog_file_format.html>. A message is a packed little-endian struct. A schema is a text with one
 //! definition a line, `name:type field;type[4] field;...`, the message's own among them. Fields go by the names that pyulog gives them: `q[0]`,
@@ -15,13 +15,13 @@ const TIMESTAMP: &str = "timestamp";
 /// Fields of such names mean nothing. At a message's end a writer may leave them out.
 const PADDING: &str = "_padding";
 
-/// How the messages of a ULog format lie in their bytes.
+/// Layout of the messages of a ULog format in bytes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct UlogLayout {
-    /// Where the time is: eight bytes, microseconds.
+    /// Offset of the time: eight bytes, microseconds.
     pub timestamp: usize,
-    /// How many bytes a message may have: with and without the padding at its end.
+    /// Allowed number of bytes of a message: with and without the padding at its end.
     pub bytes: RangeInclusive<usize>,
 }
 
@@ -60,7 +60,7 @@ pub fn ulog_layout(name: &str, definitions: &str) -> Result<UlogLayout, SchemaEr
 /// Reads the definitions in `text`, of which one is `name`'s own.
 ///
 /// # Errors
-/// What is wrong: a field that is none, a type that is missing or contains itself.
+/// A field that is none; a type that is missing or contains itself.
 pub(super) fn parse(name: &str, text: &str) -> Result<Schema, String> {
     link(&definitions_of(name, text)?.0, 0)
 }

@@ -9,7 +9,7 @@ use crate::{
     keys::{KEY_FIELDS, NAME_ARRAYS},
 };
 
-/// What is wanted of a value.
+/// Wanted parts of a value.
 #[derive(Debug, Default)]
 pub(super) struct Want {
     /// Of a number or text: the slots that it goes to.
@@ -18,11 +18,11 @@ pub(super) struct Want {
     pub(super) seconds: Vec<usize>,
     /// Of a number: the groups whose stamp has it as its nanoseconds.
     pub(super) nanoseconds: Vec<usize>,
-    /// Of a struct: what is wanted of its fields, by their places.
+    /// Of a struct: wanted parts of its fields, by their places.
     pub(super) fields: BTreeMap<usize, Want>,
-    /// Of a struct: what its array of names is looked through for.
+    /// Of a struct: wanted names in its array of names.
     pub(super) names: Option<Names>,
-    /// Of an array: what is wanted of its elements.
+    /// Of an array: wanted parts of its elements.
     pub(super) picks: Vec<Pick>,
 }
 
@@ -44,7 +44,7 @@ pub(super) struct Pick {
     pub(super) group: Option<usize>,
 }
 
-/// Which element of an array.
+/// Selector of an array's element.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Which {
     /// The one at this place.
@@ -77,7 +77,7 @@ enum Move {
 /// A path that is known to exist.
 struct Resolved {
     moves: Vec<Move>,
-    /// How many moves there are up to and with the last name, and how many steps; zero without one.
+    /// Number of moves, and of steps, up to and including the last name; zero without a name.
     key: (usize, usize),
 }
 

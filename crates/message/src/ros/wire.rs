@@ -1,4 +1,4 @@
-//! How a message's bytes are laid out: the encapsulation header, alignment, and the headers of XCDR2.
+//! Layout of a message's bytes: the encapsulation header, alignment, and the headers of XCDR2.
 //!
 //! Sources: DDS-XTypes 1.3, 7.4.3 (extended CDR, versions 1 and 2) and 7.6.3.1.2 (encapsulation identifiers).
 
@@ -21,7 +21,7 @@ impl Wire {
     /// All of them; a wire's place is `wire as usize`.
     pub(super) const ALL: [Self; 4] = [Self::Ros1, Self::Xcdr1, Self::Plain2, Self::Delimited2];
 
-    /// What a value of so many bytes is aligned to.
+    /// Alignment of a value of `size` bytes.
     pub(super) fn alignment(self, size: usize) -> usize {
         match self {
             Self::Ros1 => 1,
@@ -41,17 +41,17 @@ impl Wire {
         if is_wide && self == Self::Xcdr1 { 4 } else { 1 }
     }
 
-    /// Whether a length in bytes stands before an array.
+    /// Returns true if a length in bytes stands before an array of these elements.
     ///
     /// Numbers need none. Arrays of arrays of fixed length are one array with several dimensions, with one length in all.
     pub(super) fn array_header(self, element: &Type) -> bool {
         self.version2() && !is_numbers(element)
     }
 
-    /// Whether a length in bytes stands before a struct.
+    /// Returns true if a length in bytes stands before a struct.
     ///
-    /// A type that does not say how it may evolve follows the message's header. A writer that marks a message plain though its type is
-    /// appendable does not know of extensibility, and writes no lengths anywhere.
+    /// A type without stated extensibility follows the message's header. A writer that marks a message plain though its
+    /// type is appendable does not support extensibility, and writes no lengths anywhere.
     pub(super) fn struct_header(self, schema: &Schema, index: usize) -> bool {
         let extensibility = |index: usize| schema.structs.get(index).and_then(|own| own.extensibility);
         match self {
@@ -103,7 +103,7 @@ pub(super) fn encapsulation(message: &[u8]) -> Result<(Wire, bool), DecodeError>
     Ok((wire, low & 1 == 0))
 }
 
-/// What each struct of a schema costs on a wire.
+/// Least size of each struct of a schema on a wire.
 #[derive(Debug)]
 pub(super) struct Sizes {
     /// Bytes that a struct has at the least, padding not counted, by its index.

@@ -35,7 +35,7 @@ impl<'a> Cdr<'a> {
         self.out.extend_from_slice(&value.to_le_bytes());
     }
 
-    /// How many elements follow.
+    /// Number of elements that follow.
     pub(super) fn count(&mut self, length: usize) {
         // A count beyond 32 bits wraps; see `Message::encode` for why that reaches no file.
         self.u32(length as u32);

@@ -1,4 +1,4 @@
-//! What stamped messages begin with.
+//! Header of stamped messages.
 
 use super::cdr::Cdr;
 

@@ -13,11 +13,11 @@ pub struct Odometry<'a> {
     pub header: Header<'a>,
     /// The frame that moves, which the velocities are given in.
     pub child_frame_id: &'a str,
-    /// Where it is.
+    /// Pose.
     pub pose: Pose,
     /// Of x, y, z and the rotations about them, row-major.
     pub pose_covariance: [f64; 36],
-    /// How it moves.
+    /// Velocity.
     pub twist: Twist,
     /// Of the velocities along and about x, y, z, row-major.
     pub twist_covariance: [f64; 36],

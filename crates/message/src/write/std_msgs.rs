@@ -50,7 +50,7 @@ pub struct Float64MultiArray<'a> {
 pub struct MultiArrayDimension<'a> {
     /// Its name.
     pub label: &'a str,
-    /// How many elements it has.
+    /// Number of elements along this dimension.
     pub size: u32,
     /// Numbers from one element of the next outer dimension to the next.
     pub stride: u32,

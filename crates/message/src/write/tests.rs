@@ -1,5 +1,5 @@
-//! Every message is read back by its own definition: a reader that knows only CDR's rules and the text must find the fields that were written,
-//! in order, and nothing after them.
+//! Messages read back by their definitions: a reader of CDR's rules and the text finds the written fields, in order,
+//! and nothing after them.
 
 use std::collections::HashMap;
 

@@ -11,7 +11,7 @@ use pulp::{Simd, WithSimd};
 
 use super::state::{BORDER, BorderError, STATE, StateError};
 
-/// Where the columns of a row begin: a node, the next node, the right side, theta.
+/// First columns of a row's parts: a node, the next node, the right side, theta.
 pub(super) const NEXT_AT: usize = STATE;
 pub(super) const RIGHT: usize = 2 * STATE;
 pub(super) const BORDER_AT: usize = RIGHT + 1;
@@ -31,7 +31,7 @@ pub(super) type Row = [f64; WIDTH];
 /// Nodes between two that are kept.
 pub(super) const KEPT: usize = 1024;
 
-/// A chain: how many nodes it has, and what pushes the rows whose first node is `node`.
+/// A chain: its number of nodes, and a function that pushes the rows whose first node is `node`.
 pub(super) struct Chain<'a> {
     pub(super) nodes: usize,
     pub(super) rows: &'a (dyn Fn(usize, &mut Vec<Row>) + Sync),
@@ -39,7 +39,7 @@ pub(super) struct Chain<'a> {
     pub(super) damping: f64,
     /// Columns of a row up to which they hold anything, a multiple of eight: fewer than all where theta is given.
     pub(super) width: usize,
-    /// Whether what is left of every node is kept for the way back.
+    /// True if the eliminated rows of every node are kept for the backward pass.
     pub(super) keeps_all: bool,
 }
 
@@ -55,9 +55,9 @@ struct Squares {
 pub(super) struct Eliminated {
     /// The carried rows at every 1024th node.
     kept: Vec<Vec<Row>>,
-    /// What is left of every node, where that is kept: [`STATE`] rows each.
+    /// Remaining rows of every node, if they are kept: [`STATE`] rows each.
     heads: Vec<Row>,
-    /// What is left on theta.
+    /// Remaining rows on theta.
     pub(super) border: Vec<Row>,
     /// Squares of the columns of theta before elimination.
     pub(super) squares: BorderError,

@@ -1,4 +1,5 @@
-//! Where a fusion stands after a round, as bytes: a killed one goes on from there, and its answer is the same to the last bit.
+//! State of a fusion after a round, as bytes: a killed fusion resumes from there, and its answer is the same to the
+//! last bit.
 
 use fleetfoot_data::mix;
 use nalgebra::Quaternion;
@@ -14,7 +15,7 @@ use super::{
 
 /// Keeps where a fusion stands.
 pub trait Checkpoint {
-    /// What was kept last, if anything was.
+    /// The last saved state, if there is one.
     fn load(&mut self) -> Option<Vec<u8>>;
 
     /// Keeps this in place of what was kept before.
@@ -33,13 +34,13 @@ impl Checkpoint for () {
 /// The bytes of this version begin so.
 const VERSION: f64 = 2.0;
 
-/// How far the rounds are.
+/// Progress of the rounds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Progress {
     pub(super) round: usize,
     /// Steps of Gauss and Newton.
     pub(super) steps: usize,
-    /// Whether nodes are on their way.
+    /// True while nodes still move.
     pub(super) moving: bool,
     /// By how much they moved last, s.
     pub(super) last: f64,
@@ -47,7 +48,7 @@ pub(super) struct Progress {
     pub(super) contradicted: usize,
     /// Logarithms by which the variances of noise changed last.
     pub(super) changes: [f64; SINGLE],
-    /// Whether noise stays as it is.
+    /// True once the noise no longer changes.
     pub(super) rested: bool,
 }
 
@@ -100,7 +101,7 @@ impl Written {
     }
 }
 
-/// Where the problem stands.
+/// Bytes of the problem's state.
 pub(super) fn write(problem: &Problem<'_>, progress: &Progress, digest: u64) -> Vec<u8> {
     let Progress { round, steps, moving, last, contradicted, changes, rested } = *progress;
     let (border, setting) = (&problem.border, &problem.setting);

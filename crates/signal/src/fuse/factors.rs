@@ -66,7 +66,8 @@ impl<const N: usize> Block<N> {
     }
 }
 
-/// What is left of the preintegrated motion between two nodes, not yet in units of deviations (Forster et al., equation 45).
+/// Residual of the preintegrated motion between two nodes, not yet in units of deviations (Forster et al., equation
+/// 45).
 fn inertial_residual(between: &Preintegrated, reference: &[Vector; 2], states: [&State; 2], g: &Vector) -> [Vector; 3] {
     let [from, to] = states;
     let (rotation, velocity, position) =
@@ -99,7 +100,7 @@ pub(super) fn inertial(
     block
 }
 
-/// What a gyroscope alone says between two nodes.
+/// Residuals of a gyroscope alone between two nodes.
 fn turned_alone(between: &Preintegrated, reference: &[Vector; 2], states: [&State; 2]) -> Block<INERTIAL> {
     let mut block = Block::<INERTIAL>::zeros();
     let still = Border::default();
@@ -129,7 +130,7 @@ fn chain(block: &mut Block<INERTIAL>, states: [&State; 2], dt: f64, noise: &Body
     }
 }
 
-/// What position, velocity and acceleration of the second node are beside those that the first goes on to.
+/// Residuals of position, velocity and acceleration: the second node less the prediction from the first.
 fn chain_residual([from, to]: [&State; 2], dt: f64) -> [Vector; 3] {
     [
         to.position - from.position - from.velocity * dt - from.accelerometer * (0.5 * dt * dt),
@@ -151,7 +152,7 @@ fn whitening(dt: f64, jerk: f64) -> [[f64; 3]; 3] {
     back
 }
 
-/// What an inertial sensor says between two nodes.
+/// Residuals of an inertial sensor with an accelerometer between two nodes.
 fn moved_by_forces(
     between: &Preintegrated,
     reference: &[Vector; 2],
@@ -282,7 +283,8 @@ pub(super) struct Pose {
     pub(super) attitude: Rotation,
 }
 
-/// What is left of a pose, position and attitude, in units of their deviations; `turn` is how the body turns until it is seen.
+/// Residual of a pose, position and attitude, in units of their deviations; `turn` is the rotation of the body until
+/// the pose is seen.
 pub(super) fn pose_left(
     measured: &Pose,
     state: &State,
@@ -296,7 +298,7 @@ pub(super) fn pose_left(
     [position / noise.position, angle / noise.attitude]
 }
 
-/// How the body turns from a node until its pose is seen.
+/// Rotation of the body from a node until its pose is seen.
 pub(super) fn turn_until_seen(state: &State, border: &Border, reading: &Reading) -> Rotation {
     exp(&((reading.rate - state.gyro) * border.late))
 }

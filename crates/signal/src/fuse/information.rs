@@ -1,4 +1,4 @@
-//! How well residuals tell the noise: the information that they hold of the logarithms of its variances.
+//! Information that residuals hold about the logarithms of the noise variances.
 //!
 //! | symbol | here |
 //! |---|---|
@@ -6,8 +6,10 @@
 //! | R = 1 - J (J'J)^-1 J' | what the unknowns leave of residuals |
 //! | w_k | the part of every residual's variance that noise of kind k makes, 0 of what has none |
 //!
-//! The average of the observed and the expected information of the restricted likelihood is 1/2 (w_k r)' R (w_l r) of kinds k and l (Gilmour, Thompson, Cullis, "Average information REML: an efficient algorithm for variance
-//! parameter estimation in linear mixed models", Biometrics 51, 1995). R times a vector is what a step leaves of it as the right side: a kind costs as much as a step of Gauss and Newton, and no covariance is formed.
+//! The average of the observed and the expected information of the restricted likelihood is 1/2 (w_k r)' R (w_l r) of
+//! kinds k and l (Gilmour, Thompson, Cullis, "Average information REML: an efficient algorithm for variance parameter
+//! estimation in linear mixed models", Biometrics 51, 1995). R times a vector is the residual of a step with that
+//! vector as the right side. A kind therefore costs as much as a step of Gauss and Newton, and no covariance is formed.
 
 use fleetfoot_data::checkpoint;
 use nalgebra::DMatrix;
@@ -116,7 +118,7 @@ impl Problem<'_> {
         }
     }
 
-    /// What the solution leaves of the weighted residuals of a track, times the weighted residuals of all kinds.
+    /// Product of a track's remaining weighted residuals after the solution with the weighted residuals of all kinds.
     fn left_of(
         &self,
         at: usize,

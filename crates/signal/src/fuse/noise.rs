@@ -1,7 +1,9 @@
-//! What residuals say of the noise, and the noise that is taken for it.
+//! Estimates of the noise from residuals.
 //!
-//! Of a kind of noise that has residuals of its own the variance is squares over redundancy. White noise and what is missed between readings share theirs: both are told by a step of scoring, in which a residual counts for either by the
-//! square of the part that it makes of the variance (restricted likelihood: Harville, "Maximum likelihood approaches to variance component estimation and to related problems", Journal of the American Statistical Association 72, 1977).
+//! A kind of noise with separate residuals has the variance squares over redundancy. White noise and the uncertainty
+//! between readings share their residuals: a step of scoring estimates both. In it a residual counts for either by the
+//! square of its share of the variance (restricted likelihood: Harville, "Maximum likelihood approaches to variance
+//! component estimation and to related problems", Journal of the American Statistical Association 72, 1977).
 
 use super::{BodyNoise, ImuNoise};
 
@@ -20,7 +22,7 @@ const UNCERTAIN: f64 = 0.05;
 /// The least ratio of a variance to the one before where two kinds are told apart.
 const LEAST_RATIO: f64 = 0.2;
 
-/// How many kinds of noise are told one by one: position and attitude, the walks of both biases.
+/// Number of kinds of noise that are estimated one by one: position and attitude, the walks of both biases.
 pub(super) const SINGLE: usize = 4;
 
 /// The logarithm of a variance's ratio by which it goes ahead at most in a round.
@@ -54,7 +56,7 @@ impl Share {
         (self.squares / redundancy).clamp(1.0 / GREATEST_CHANGE, GREATEST_CHANGE)
     }
 
-    /// What is left over to tell.
+    /// Redundancy: number of residuals less the part that the unknowns explain.
     fn redundancy(&self) -> f64 {
         (self.count - self.taken).max(0.0)
     }
@@ -136,7 +138,7 @@ fn ratio(share: f64) -> f64 {
     (1.0 + share).clamp(LEAST_RATIO, GREATEST_CHANGE)
 }
 
-/// What residuals tell of the noise.
+/// Sums over residuals, by kind of noise.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Shares {
     /// Of rates and forces about each axis; without an accelerometer forces are the jerk.
@@ -204,19 +206,20 @@ impl Shares {
     }
 }
 
-/// What is sought of the noise.
+/// Kinds of noise to estimate.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sought {
-    /// Whether there is an accelerometer.
+    /// True if there is an accelerometer.
     pub(super) has_forces: bool,
-    /// Whether the walks of gyroscope and accelerometer are told, and what they are expected to be.
+    /// True if the walk of the gyroscope, and of the accelerometer, is estimated; and the expected walks.
     pub(super) walks: [bool; 2],
     pub(super) expected: ImuNoise,
-    /// The densities that the readings of rate and force tell.
+    /// Densities that the readings of rate and force determine.
     pub(super) densities: [[Option<f64>; 3]; 2],
 }
 
-/// How far a change goes if those that follow shrink by the ratio of this one to the last; what went far ahead is no measure of how changes shrink, and the last is zero then.
+/// Limit of a sequence of changes that shrink by the ratio of this change to the last. After an extrapolation the ratio
+/// is unknown, and `last` is then zero.
 fn ahead_of(change: f64, last: &mut f64) -> f64 {
     if change * *last > 0.0 && change.abs() < last.abs() {
         let whole = change / (1.0 - change / *last);

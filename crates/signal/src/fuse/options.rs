@@ -1,4 +1,4 @@
-//! What is fused, and what is known of it beforehand.
+//! Options of a fusion: its data, and prior knowledge of noise and constants.
 
 use crate::{
     Estimate, Loss, SignalError,
@@ -38,22 +38,25 @@ pub struct BodyRun<'a> {
     pub poses: PoseRecord<'a>,
 }
 
-/// Noise of an inertial sensor, as data sheets say it.
+/// Noise of an inertial sensor, as in data sheets.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImuNoise {
     /// Density of the rate's white noise about each axis, rad/s/sqrt(Hz).
     pub gyro: [f64; 3],
     /// Density of the force's white noise along each axis, m/s^2/sqrt(Hz).
     pub accelerometer: [f64; 3],
-    /// How the gyroscope's bias walks, rad/s^2/sqrt(Hz).
+    /// Random walk of the gyroscope's bias, rad/s^2/sqrt(Hz).
     pub gyro_walk: f64,
-    /// How the accelerometer's bias walks, m/s^3/sqrt(Hz).
+    /// Random walk of the accelerometer's bias, m/s^3/sqrt(Hz).
     pub accelerometer_walk: f64,
-    /// What rates and forces leave open between two readings: where neighbours jump by D beside the slopes on either side, their integral is off by up to half of D times the step. A moment of the jump that is uniform makes that a
-    /// variance of D^2 / 12 times the square of the step, which counts times the square of this. 0: nothing is missed, as of readings that are means.
+    /// Uncertainty of rate and force between two readings, as a factor. If neighbours jump by D beyond the slopes on
+    /// either side, their integral is off by up to half of D times the step. With a uniformly distributed moment of the
+    /// jump, the variance is D^2 / 12 times the square of the step. It is multiplied by the square of this factor. 0:
+    /// no uncertainty, as for readings that are means.
     pub missed: [f64; 2],
-    /// Deviations of the noise of single readings of rate and force, an axis: as the readings tell them, and where these do not, a bound by how neighbours differ. Densities tell what integrals miss, which may be more than what is wrong
-    /// with a reading. Infinite where nothing is known.
+    /// Deviations of the noise of single readings of rate and force, an axis. They are estimated from the readings, or
+    /// else bounded by the differences of neighbours. Densities describe the error of integrals, which may be larger
+    /// than the error of a reading. Infinite without any information.
     pub scatter: [[f64; 3]; 2],
 }
 
@@ -111,7 +114,7 @@ impl Default for BodyNoise {
     }
 }
 
-/// What is known of a constant beforehand.
+/// Prior of a constant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prior<T> {
     /// The value that is expected.
@@ -127,14 +130,16 @@ impl<T> From<T> for Prior<T> {
     }
 }
 
-/// How a body's sensors are fused.
+/// Options for the fusion of a body's sensors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FuseOptions {
     /// Noise of the sensors.
     pub noise: BodyNoise,
-    /// Whether the deviations of poses, the white noise of the inertial sensor and what it misses between its readings are estimated from the residuals, and the noise of single readings from the readings, `noise` being where that begins.
+    /// True to estimate noise from the residuals: the deviations of poses, the white noise of the inertial sensor, and
+    /// its uncertainty between readings. The noise of single readings is estimated from the readings. `noise` is the
+    /// first value.
     pub fit_noise: bool,
-    /// Whether the walks of the biases of gyroscope and accelerometer are estimated, too, where noise is.
+    /// True to estimate the walks of the biases of gyroscope and accelerometer as well; this needs `fit_noise`.
     pub fit_walks: [bool; 2],
     /// Gravity in the world, m/s^2. Its deviation is that of its direction, rad; the size stays. Infinite: the direction of the mean force is where the search begins.
     pub gravity: Prior<[f64; 3]>,
@@ -142,17 +147,17 @@ pub struct FuseOptions {
     pub lever: Prior<[f64; 3]>,
     /// The markers' frame to the body frame: a quaternion x, y, z, w; the deviation in rad. Infinite: found from the turns that both saw, however the markers are mounted.
     pub mounting: Prior<[f64; 4]>,
-    /// What is added to the stamps of the poses to get times of the inertial sensor, s.
+    /// Offset to add to the stamps of the poses for the times of the inertial sensor, s.
     pub offset: Prior<f64>,
     /// The gyroscope's bias at the beginning of every run, rad/s. Its deviation is not 0.
     pub gyro_bias: Prior<[f64; 3]>,
     /// The accelerometer's bias at the beginning of every run, m/s^2. Its deviation is not 0.
     pub accelerometer_bias: Prior<[f64; 3]>,
-    /// What residuals of a measured position, or of an attitude, cost.
+    /// Loss of the residuals of a measured position, or of an attitude.
     pub loss: Loss,
-    /// Deviations beyond which a measured position, or an attitude, is left out; 0: none is.
+    /// Deviations beyond which a measured position, or an attitude, is left out; 0: no gate.
     pub gate: f64,
-    /// What states are told from.
+    /// Measurements from which states are estimated.
     pub estimate: Estimate,
 }
 
@@ -187,10 +192,11 @@ fn check_rows<const N: usize>(what: &'static str, values: &[[f64; N]], stamps: u
 }
 
 impl BodyRun<'_> {
-    /// Whether the records are such as can be fused.
+    /// Checks that the records can be fused.
     ///
     /// # Errors
-    /// Records of different lengths or of fewer than two rows, stamps that do not increase, values that are not finite, an attitude that is no rotation.
+    /// Records of different lengths or of fewer than two rows. Stamps that do not increase; values that are not finite;
+    /// an attitude that is no rotation.
     pub fn check(&self) -> Result<(), SignalError> {
         let Self { imu, poses } = self;
         check_stamps(imu.times)?;

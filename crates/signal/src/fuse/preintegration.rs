@@ -1,8 +1,10 @@
-//! What an inertial sensor measures between two instants, summed once for all states that may stand there.
+//! Motion between two instants as an inertial sensor measures it, summed once for all candidate states.
 //!
-//! Forster, Carlone, Dellaert, Scaramuzza, "On-manifold preintegration for real-time visual-inertial odometry", IEEE Transactions on Robotics 33(1), 2017, sections V and VI.
-//! Between its stamps the sensor is interpolated by cubic curves, and means are held over their windows; the turn in the middle of a step stands for it, of second order in the step. The noise is white in continuous time, so that its covariance is
-//! positive however short the interval is.
+//! Forster, Carlone, Dellaert, Scaramuzza, "On-manifold preintegration for real-time visual-inertial odometry", IEEE
+//! Transactions on Robotics 33(1), 2017, sections V and VI. Between its stamps the sensor is interpolated by cubic
+//! curves, and means are held over their windows. Each step uses the rotation in its middle, which is of second order
+//! in the step. The noise is white in continuous time, so that its covariance is positive however short the interval
+//! is.
 
 use nalgebra::SMatrix;
 
@@ -21,7 +23,7 @@ pub(super) struct Preintegrated {
     pub(super) rotation: Rotation,
     /// The change of velocity, m/s.
     pub(super) velocity: Vector,
-    /// What the specific force displaced, m.
+    /// Displacement by the specific force, m.
     pub(super) position: Vector,
     /// Slopes with respect to the biases of gyroscope (g) and accelerometer (a).
     pub(super) rotation_g: Matrix,
@@ -33,7 +35,7 @@ pub(super) struct Preintegrated {
     pub(super) covariance: Covariance,
     /// Its Cholesky factor.
     pub(super) root: Covariance,
-    /// What of the variances of turn and velocity is missed between readings.
+    /// Part of the variances of turn and velocity that comes from motion between readings.
     pub(super) missed: [Vector; 2],
 }
 
@@ -65,18 +67,18 @@ impl ImuRecord<'_> {
         self.times.partition_point(|&time| time <= t).clamp(1, self.times.len() - 1) - 1
     }
 
-    /// Whether there is an accelerometer.
+    /// Returns true if there is an accelerometer.
     pub(super) fn has_forces(&self) -> bool {
         !self.forces.is_empty()
     }
 
-    /// Whether means over so many seconds are held over their windows.
+    /// Returns true if readings are means over windows of so many seconds that follow one another.
     fn is_held(&self, average: f64) -> bool {
         let span = self.times[self.times.len() - 1] - self.times[0];
         average > 0.0 && average * (self.times.len() - 1) as f64 <= TILED * span
     }
 
-    /// What of rates and forces may be missed between two readings.
+    /// For rates and for forces: true if motion between two readings is unmeasured.
     pub(super) fn misses(&self) -> [bool; 2] {
         self.averages.map(|average| !self.is_held(average))
     }
@@ -165,7 +167,7 @@ impl ImuRecord<'_> {
         })
     }
 
-    /// What neighbours jump by in the step after sample `k` beside the slopes on either side.
+    /// Jump between neighbours in the step after sample `k`, beyond the slopes on either side.
     fn jump(&self, values: &[[f64; 3]], k: usize) -> Vector {
         let width = |k: usize| self.times[k + 1] - self.times[k];
         let change = |k: usize| (Vector::from(values[k + 1]) - Vector::from(values[k])) / width(k);
@@ -181,7 +183,7 @@ impl ImuRecord<'_> {
         Vector::from_fn(|axis, _| (jump[axis] * jump[axis] - JUMPS * FOUR * variances[axis]).max(0.0))
     }
 
-    /// What rates (0) or forces (1) say.
+    /// Readings of rates (0) or forces (1).
     fn values(&self, which: usize) -> &[[f64; 3]] {
         if which == 0 { self.rates } else { self.forces }
     }
@@ -267,7 +269,7 @@ impl Preintegrated {
         }
     }
 
-    /// What the sensor measures from `from` to `to`, with these biases of gyroscope and accelerometer taken off.
+    /// Motion that the sensor measures from `from` to `to`, less these biases of gyroscope and accelerometer.
     pub(super) fn new(imu: &ImuRecord<'_>, from: f64, to: f64, biases: &[Vector; 2], noise: &ImuNoise) -> Self {
         let mut sum = Self::none();
         let misses = noise.missed.iter().any(|&missed| missed > 0.0);
@@ -401,7 +403,7 @@ mod tests {
         }
     }
 
-    /// What rates miss grows where they jump, and there alone; noise is no jump.
+    /// The uncertainty of rates grows where they jump, and only there; noise is no jump.
     #[test]
     fn what_is_missed_is_missed_where_readings_jump() {
         let times: Vec<f64> = (0..400).map(|row| 0.01 * f64::from(row)).collect();

@@ -30,9 +30,10 @@ pub(super) struct Problem<'a> {
     pub(super) border: Border,
     pub(super) setting: Setting,
     pub(super) options: FuseOptions,
-    /// What the last step eliminated, where it changed nothing any more and nothing changed since: the solution's covariances are made of it.
+    /// Elimination of the last step, if that step changed nothing and nothing changed since: the solution's covariances
+    /// are computed from it.
     pub(super) at_rest: Option<Whole>,
-    /// What the readings alone say of their noise.
+    /// Noise estimates from the readings alone.
     pub(super) readings: Readings,
 }
 
@@ -41,16 +42,16 @@ pub(super) type Readings = [[Option<Prior<f64>>; 3]; 2];
 
 /// A step of all unknowns.
 pub(super) struct Step<T> {
-    /// What was made of the states' errors, track by track.
+    /// Result for each state's error, track by track.
     pub(super) states: Vec<Vec<T>>,
     pub(super) border: BorderError,
-    /// What the step was made of.
+    /// Elimination that the step was computed from.
     whole: Whole,
     /// The greatest number of all errors.
     size: f64,
 }
 
-/// What Gauss and Newton's steps came to.
+/// Outcome of Gauss and Newton's steps.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Descent {
     pub(super) steps: usize,
@@ -73,12 +74,12 @@ impl<'a> Problem<'a> {
         })
     }
 
-    /// Whether there is an accelerometer.
+    /// Returns true if every track has an accelerometer.
     pub(super) fn has_forces(&self) -> bool {
         self.tracks.iter().all(|track| track.imu.has_forces())
     }
 
-    /// Which constants are given.
+    /// For each constant: true if its value is given.
     pub(super) fn given(&self) -> [bool; BORDER] {
         let FuseOptions { lever, mounting, offset, gravity, .. } = &self.options;
         let of = |at: usize| match at {
@@ -102,7 +103,7 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// What is known of the constants beforehand, as rows; a given one does not move.
+    /// Priors of the constants, as rows; a given constant does not move.
     pub(super) fn border_rows(&self, border: &Border) -> Vec<Row> {
         let FuseOptions { lever, mounting, offset, gravity, .. } = &self.options;
         let mut rows = Vec::new();
@@ -135,7 +136,7 @@ impl<'a> Problem<'a> {
         rows
     }
 
-    /// What these states and constants cost.
+    /// Objective of these states and constants.
     pub(super) fn cost(&self, states: &[Vec<State>], border: &Border) -> Result<f64, Undetermined> {
         let tracks = self.each(|at| Ok(self.tracks[at].cost(&states[at], border, &self.setting)))?;
         Ok(tracks.iter().sum::<f64>() + self.known_cost(border))
@@ -204,7 +205,7 @@ impl<'a> Problem<'a> {
         self.stepped(damping, StateError::zeros(), |_, error| *error)
     }
 
-    /// What the states that the tracks have now cost.
+    /// Objective of the tracks' present states.
     pub(super) fn cost_now(&self) -> Result<f64, Undetermined> {
         let tracks = self.each(|at| Ok(self.tracks[at].cost(&self.tracks[at].states, &self.border, &self.setting)))?;
         Ok(tracks.iter().sum::<f64>() + self.known_cost(&self.border))
@@ -260,7 +261,7 @@ impl<'a> Problem<'a> {
         Ok(Whole { tracks, covariance })
     }
 
-    /// What residuals say of the noise, track by track.
+    /// Noise estimates from residuals, track by track.
     pub(super) fn shares(&self, whole: &Whole) -> Result<Vec<Shares>, Undetermined> {
         let of_track = |at: usize| {
             let track = &self.tracks[at];
@@ -276,7 +277,7 @@ impl<'a> Problem<'a> {
         self.each(of_track)
     }
 
-    /// What `of` makes of every node of a track and the covariances of its error.
+    /// Results of `of` for every node of a track and the covariances of its error.
     pub(super) fn spread<T: Send>(
         &self,
         whole: &Whole,
@@ -295,7 +296,8 @@ impl<'a> Problem<'a> {
         self.each(of_track)
     }
 
-    /// What `of` makes of every state given the constants and what was measured up to it, and of its covariances; from the first that this determines on, whose node comes with them.
+    /// Results of `of` for every filtered state and its covariances, given the constants and the measurements up to it.
+    /// They start at the first node whose state is determined, which is returned with them.
     pub(super) fn filtered<T: Send>(
         &self,
         whole: &Whole,
@@ -382,7 +384,7 @@ impl<'a> Problem<'a> {
         self.readings[which].map(|own| own.map(|own| own.value * (all / rows as f64).sqrt()))
     }
 
-    /// Whether the poses are late within what was kept clear of the ends of the readings.
+    /// Returns true if the lateness of the poses is within the margin that was kept at the ends of the readings.
     pub(super) fn is_within_slack(&self) -> bool {
         let offset = &self.options.offset;
         (self.setting.anchor + self.border.late - offset.value).abs() <= slack(offset)

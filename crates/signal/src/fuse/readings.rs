@@ -1,11 +1,19 @@
-//! What the readings alone say of their own noise.
+//! Noise of the readings, estimated from the readings alone.
 //!
-//! Of a record's windows each is taken for a polynomial, a motion that is white noise integrated [`SMOOTH`] times, of a density of its own, and white noise of one variance, which all windows share. Differences of order [`ORDER`]
-//! have no polynomial left; in coordinates in which the covariances of motion and noise both are diagonal (a generalised eigenproblem) a window is [`LEFT`] independent numbers of variances q lambda_i + sigma^2. How q is distributed over
-//! the windows is left open (Laird, "Nonparametric maximum likelihood estimation of a mixing distribution", Journal of the American Statistical Association 73, 1978): its weights on a grid follow by expectation and
-//! maximisation, the variance by scoring under the same expectations. Windows in which nothing happens tell it, those of an impact hardly count.
+//! Each window of a record is modelled as the sum of three parts. The first is a polynomial. The second is a motion:
+//! white noise of an individual density, integrated [`SMOOTH`] times. The third is white noise of one variance, which
+//! all windows share.
 //!
-//! Noise that is not white, and a motion that is never smoother, look alike. In quiet windows all coordinates must be as large as their variances say, and no window much more than another: where they are not, as of a sensor that filters, or a body that is hit all the time, nothing is told.
+//! Differences of order [`ORDER`] remove the polynomial. A generalised eigenproblem gives coordinates in which the
+//! covariances of motion and noise are both diagonal. In them a window is [`LEFT`] independent numbers of variances q
+//! lambda_i + sigma^2. The distribution of q over the windows is free (Laird, "Nonparametric maximum likelihood
+//! estimation of a mixing distribution", Journal of the American Statistical Association 73, 1978). Its weights on a
+//! grid follow by expectation and maximisation, the variance by scoring under the same expectations. Windows at rest
+//! determine the variance; those of an impact hardly count.
+//!
+//! Noise that is not white, and a motion that is never smoother, look alike. In quiet windows all coordinates must be
+//! as large as their variances imply, and no window much larger than another. Otherwise no noise is estimated: the
+//! sensor may filter, or the body may be hit all the time.
 
 use std::sync::LazyLock;
 
@@ -19,7 +27,7 @@ const WINDOW: usize = 16;
 /// The order of the differences: no polynomial below that degree is left in a window.
 const ORDER: usize = 6;
 
-/// How often the white noise of a window's motion is integrated.
+/// Number of integrations from white noise to a window's motion.
 const SMOOTH: usize = 4;
 
 /// Numbers of a window that no polynomial makes.
@@ -34,7 +42,7 @@ const FEWEST: f64 = 50.0;
 /// By how much the mean square of a coordinate in quiet windows may be off what its variance says, either way.
 const EVEN: f64 = 1.5;
 
-/// How much more than white noise makes it the mean square of quiet windows may vary.
+/// Largest ratio of the variance of quiet windows' mean squares to that of white noise.
 const ALIKE: f64 = 2.0;
 
 /// Mean steps that are a gap.
@@ -127,9 +135,9 @@ struct Mixture {
     white: f64,
 }
 
-/// What is expected of all windows under the present estimates.
+/// Expectations over all windows under the present estimates.
 struct Expected {
-    /// How many windows are of every point of the grid, and the sums of their squares.
+    /// Number of windows at every point of the grid, and the sums of their squares.
     windows: Vec<f64>,
     squares: Vec<Numbers>,
     /// The sums of how far the mean of a window's squares, in units of their variances, is off one, squared.
@@ -226,7 +234,8 @@ impl Mixture {
         self.is_white().then(|| Prior { value, deviation: value * (0.5 * told.sqrt().recip()).hypot(MISTAKEN) })
     }
 
-    /// Whether in windows without motion all coordinates are as large as noise that is white makes them, and windows alike, as they are not where it is now and then a blow.
+    /// Returns true if the noise is white. In windows without motion, all coordinates must be as large as white noise
+    /// makes them. The windows must also be alike, unlike windows with an occasional blow.
     fn is_white(&self) -> bool {
         let expected = self.expected();
         let (mut windows, mut sums, mut spread) = (0.0, Numbers::zeros(), 0.0);

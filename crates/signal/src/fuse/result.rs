@@ -1,4 +1,4 @@
-//! What fusion found.
+//! Results of a fusion.
 
 use nalgebra::SMatrix;
 
@@ -52,7 +52,7 @@ pub struct BodyTrack {
     pub first: usize,
     /// One a pose.
     pub states: Vec<BodyState>,
-    /// What they are told from.
+    /// Measurements from which they are estimated.
     pub estimate: Estimate,
     /// Rows of the run whose position was left out.
     pub positions_rejected: Vec<usize>,
@@ -60,7 +60,7 @@ pub struct BodyTrack {
     pub attitudes_rejected: Vec<usize>,
 }
 
-/// The constants, as estimated: deviations are those that are left; 0 of what was given.
+/// The constants, as estimated. Deviations are those after the fusion; 0 for a given constant.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StaticEstimates {
     /// The origin of the markers' frame in the body frame, m, an axis each.
@@ -69,7 +69,7 @@ pub struct StaticEstimates {
     pub mounting: [f64; 4],
     /// Its deviations about the axes of the markers' frame, rad.
     pub mounting_deviations: [f64; 3],
-    /// What is added to the stamps of the poses to get times of the inertial sensor, s.
+    /// Offset to add to the stamps of the poses for the times of the inertial sensor, s.
     pub offset: Prior<f64>,
     /// In the world, m/s^2.
     pub gravity: [f64; 3],
@@ -77,7 +77,7 @@ pub struct StaticEstimates {
     pub gravity_deviations: [f64; 2],
 }
 
-/// What fusion found.
+/// Result of a fusion.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Fused {
@@ -87,17 +87,19 @@ pub struct Fused {
     pub constants: StaticEstimates,
     /// The noise: as given, or as estimated.
     pub noise: BodyNoise,
-    /// The standard deviations of its estimates, each in the unit of its own: 0 of what was given, infinite of what nothing tells. Those of `scatter` are finite where the readings themselves tell their noise, and infinite where it is a bound.
+    /// The standard deviations of its estimates, each in the same unit as the estimate: 0 for a given value, infinite
+    /// for one that no reading determines. Those of `scatter` are finite if the readings determine their noise, and
+    /// infinite if the value is a bound.
     pub noise_deviations: BodyNoise,
     /// Poses that are in no track, as there are no readings about them.
     pub outside: usize,
     /// Poses that are in no track, as fewer than two positions or no attitude of theirs lay within the gate.
     pub contradicted: usize,
-    /// What the residuals cost, in squares of deviations.
+    /// Objective: loss of the residuals, in squares of deviations.
     pub cost: f64,
     /// Steps of Gauss and Newton in all.
     pub steps: usize,
-    /// Whether steps, nodes, choice and noise all came to rest.
+    /// True if steps, nodes, choice and noise all converged.
     pub converged: bool,
 }
 
@@ -380,13 +382,14 @@ impl Carried {
         own
     }
 
-    /// Which part of what grows until the end has grown here.
+    /// Fraction of the growth until the end that has happened here.
     fn parts(&self, end: &Self, part: usize) -> Vector {
         let of = |i: usize| if end.grown[i] > 0.0 { (self.grown[i] / end.grown[i]).min(1.0) } else { 0.0 };
         Vector::from_fn(|axis, _| of(part + axis))
     }
 
-    /// What is open here when this state and that at the end are known: a bridge of independent increments, or, after this share of the time, that of what such increments are integrated to, the end's miss spread evenly.
+    /// Variance here when this state and that at the end are known. For independent increments it is that of a bridge.
+    /// For their integrals it is that after this share of the time, with the end's error spread evenly.
     fn bridge(&self, end: &Self, has_forces: bool, share: f64) -> StateError {
         let integrated = (share * (1.0 - share)).powi(2);
         StateError::from_fn(|i, _| match i / 3 * 3 {

@@ -1,4 +1,4 @@
-//! Where the iteration begins: tracks, states from the poses alone, and constants of which nothing is known.
+//! First values of the iteration: tracks, states from the poses alone, and constants without prior knowledge.
 
 use super::{
     BodyRun, FuseOptions, Prior,
@@ -68,7 +68,7 @@ pub fn gaps(times: &[f64]) -> Vec<[f64; 2]> {
     times.windows(2).filter(|pair| pair[1] - pair[0] > longest).map(|pair| [pair[0], pair[1]]).collect()
 }
 
-/// Whether one of these gaps lies in part between two instants.
+/// Returns true if one of these gaps lies in part between two instants.
 fn holds(gaps: &[[f64; 2]], from: f64, to: f64) -> bool {
     let next = gaps.partition_point(|gap| gap[1] <= from);
     gaps.get(next).is_some_and(|gap| gap[0] < to)

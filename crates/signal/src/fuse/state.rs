@@ -9,7 +9,7 @@ pub(super) const STATE: usize = 15;
 /// Numbers of the constants' errors: lever (3), mounting (3), offset (1), direction of gravity (2).
 pub(super) const BORDER: usize = 9;
 
-/// Where the parts of a state's error begin.
+/// First indices of the parts of a state's error.
 pub(super) mod part {
     pub(in crate::fuse) const ATTITUDE: usize = 0;
     pub(in crate::fuse) const POSITION: usize = 3;
@@ -63,7 +63,7 @@ pub(super) struct Border {
     pub(super) lever: Vector,
     /// The markers' frame to the body frame.
     pub(super) mounting: Rotation,
-    /// How much later than the nodes the poses were, s.
+    /// Lateness of the poses behind the nodes, s.
     pub(super) late: f64,
     /// In the world, m/s^2.
     pub(super) gravity: Vector,
@@ -81,7 +81,7 @@ impl Border {
         }
     }
 
-    /// How gravity changes with the two angles of its direction.
+    /// Derivative of gravity with respect to the two angles of its direction.
     pub(super) fn gravity_slope(&self) -> SMatrix<f64, 3, 2> {
         let size = self.gravity.norm();
         let down = self.gravity / size;

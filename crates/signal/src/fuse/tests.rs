@@ -97,8 +97,10 @@ fn constants_and_states_of_a_simulated_body() {
     assert!(middle[3..6].iter().all(|&own| own < 2e-3) && middle[6..9].iter().all(|&own| own < 5e-3), "{middle:?}");
 }
 
-/// What twenty recordings tell of the deviations: the mean of the squared errors in units of their covariances lies within the 95 % band of its law for nine tenths of the time (Bar-Shalom, Li,
-/// Kirubarajan, "Estimation with Applications to Tracking and Navigation", 2001, section 5.4), for all 15 numbers together and for each part.
+/// Consistency of the deviations over twenty recordings. The mean of the squared errors, in units of their covariances,
+/// lies within the 95 % band of its law for nine tenths of the time (Bar-Shalom, Li, Kirubarajan, "Estimation with
+/// Applications to Tracking and Navigation", 2001, section 5.4). This holds for all 15 numbers together and for each
+/// part.
 #[test]
 fn errors_are_as_large_as_stated() {
     const RUNS: usize = 20;
@@ -267,7 +269,8 @@ fn noise_is_told_by_the_residuals() {
     assert_eq!((stated.imu.gyro_walk, stated.jerk), (0.0, 0.0));
 }
 
-/// What is stated of walks and densities: over 24 recordings the logarithms of the estimates scatter as they are said to.
+/// Consistency of the estimated walks and densities: over 24 recordings the logarithms of the estimates scatter as
+/// their stated deviations.
 #[test]
 fn noise_is_as_wrong_as_stated() {
     const RUNS: u64 = 24;
@@ -335,8 +338,9 @@ fn a_gap_parts_a_run() {
     assert!(end < 3.0 && begin > 3.19, "{end} {begin}");
 }
 
-/// What a filter says at a pose is what a smoother says that has nothing after it. (Both linearise where they came to rest, so that they differ by what curves within a deviation.) Between poses readings
-/// alone carry it on, and its errors are as large as stated.
+/// A filter's state at a pose equals that of a smoother without later measurements. Both linearise at their solution,
+/// so that they differ by the curvature within a deviation. Between poses only readings propagate the state, and its
+/// errors agree with the stated deviations.
 #[test]
 fn a_filter_is_a_smoother_at_the_end_of_what_it_saw() {
     let recording = Recording::new(8.0, 12);

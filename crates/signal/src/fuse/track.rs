@@ -1,4 +1,4 @@
-//! One uninterrupted stretch of poses over which the inertial sensor was heard: a chain of nodes, one a pose.
+//! One uninterrupted stretch of poses with readings of the inertial sensor: a chain of nodes, one a pose.
 
 use super::{
     BodyNoise, ImuRecord, PoseRecord,
@@ -12,7 +12,7 @@ use crate::Loss;
 use fleetfoot_data::checkpoint;
 use std::borrow::Cow;
 
-/// What is known of a bias at the start: its value, and its deviation; infinite where nothing is known.
+/// Prior of a bias at the start: its value, and its deviation; infinite without prior knowledge.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BiasPrior {
     pub(super) value: Vector,
@@ -29,22 +29,22 @@ pub(super) struct Track<'a> {
     pub(super) stamps: &'a [f64],
     /// The run's poses.
     pub(super) poses: PoseRecord<'a>,
-    /// Whether position and attitude of a pose count.
+    /// For each pose: true if its position counts, and true if its attitude counts.
     pub(super) used: Vec<[bool; 2]>,
     pub(super) states: Vec<State>,
     /// The biases with which readings are summed.
     pub(super) reference: [Vector; 2],
-    /// What was measured between nodes, where that is kept: as long as neither nodes nor noise nor these biases change.
+    /// Preintegrated motion between nodes, if kept: valid until the nodes, the noise or these biases change.
     pub(super) sums: Vec<Preintegrated>,
 }
 
-/// What all tracks share besides the constants that are estimated.
+/// Settings that all tracks share, besides the constants that are estimated.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Setting {
     pub(super) noise: BodyNoise,
     pub(super) loss: Loss,
     pub(super) biases: [BiasPrior; 2],
-    /// What is added to the stamps of the poses to get the instants of the nodes, s.
+    /// Offset to add to the stamps of the poses for the instants of the nodes, s.
     pub(super) anchor: f64,
 }
 
@@ -53,7 +53,7 @@ impl Track<'_> {
         self.stamps.len()
     }
 
-    /// What was measured at a node.
+    /// Measured pose of a node.
     pub(super) fn measured(&self, node: usize) -> Pose {
         let row = self.first + node;
         Pose { position: self.poses.positions[row].into(), attitude: rotation(&self.poses.attitudes[row]) }
@@ -64,7 +64,7 @@ impl Track<'_> {
         self.stamps[node] + setting.anchor
     }
 
-    /// What was measured between a node and the next.
+    /// Measured motion between a node and the next.
     pub(super) fn between(&self, node: usize, setting: &Setting) -> Cow<'_, Preintegrated> {
         match self.sums.get(node) {
             Some(sum) => Cow::Borrowed(sum),
@@ -96,7 +96,7 @@ impl Track<'_> {
         pose(&self.measured(node), state, border, &reading, &setting.noise)
     }
 
-    /// What is left of the pose of a node, position and attitude.
+    /// Residual of the pose of a node, position and attitude.
     fn pose_left(&self, node: usize, state: &State, border: &Border, setting: &Setting) -> [Vector; 2] {
         let turn = match border.late == 0.0 {
             true => Rotation::identity(),
@@ -187,7 +187,7 @@ impl Track<'_> {
         changed
     }
 
-    /// Whether what counts tells where the track is, how fast it moves and how it is turned.
+    /// Returns true if the measurements in use determine position, velocity and attitude of the track.
     pub(super) fn is_determined(&self) -> bool {
         let counted = |which: usize| self.used.iter().filter(|used| used[which]).count();
         counted(0) >= 2 && counted(1) >= 1

@@ -1,4 +1,4 @@
-//! Whether two sensors err together, as a rate does that was computed from the same encoder.
+//! Detection of sensors whose errors are correlated, such as a rate that was computed from the same encoder.
 
 use std::collections::VecDeque;
 

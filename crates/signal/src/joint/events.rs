@@ -21,28 +21,30 @@ pub(super) struct Event {
     pub(super) row: u32,
 }
 
-/// What is known of a sensor at present, in units of the scale.
+/// Present constants of a sensor, in units of the scale.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Known {
     pub(super) quantity: Quantity,
     /// The variance of its noise, steps and windows aside.
     pub(super) variance: f64,
-    /// That of a step, a twelfth of its square.
+    /// Variance of a step, a twelfth of its square.
     pub(super) step: f64,
-    /// That of what the curve does within the window beyond its curvature.
+    /// Variance of the curve within the window beyond its curvature.
     pub(super) beyond: f64,
-    /// What the mean over the window has of the state.
+    /// Coefficients of the state in the mean over the window.
     pub(super) slopes: [f64; STATES],
     pub(super) bias: f64,
-    /// Seconds from the middle of what a reading is the mean of to its stamp.
+    /// Seconds from the middle of the averaging window to the stamp of the reading.
     pub(super) late: f64,
 }
 
 impl Known {
-    /// What a sensor of these constants is: `variance` and `density` (of the jerk) in units of the scale, `late` in s, `bias` in units of the sensor.
+    /// Constants of a sensor: `variance` and `density` (of the jerk) in units of the scale, `late` in s, `bias` in
+    /// units of the sensor.
     ///
-    /// The mean of a curve over a window w about a moment is its value there, a 24th of w^2 of its second derivative, and what the jerk adds: of variance q w^5 / 16128 for a position, q w^3 / 320 for a rate (the
-    /// chain's increments to either side, integrated over the window).
+    /// The mean of a curve over a window w about a moment has three parts. They are its value there, a 24th of w^2 of
+    /// its second derivative, and a term of the jerk. The variance of that term is q w^5 / 16128 for a position and q
+    /// w^3 / 320 for a rate. It comes from the chain's increments to either side, integrated over the window.
     pub(super) fn new(sensor: &JointSensor, scale: &Scale, variance: f64, density: f64, delay: f64, bias: f64) -> Self {
         let width = sensor.average / scale.unit;
         let (slopes, beyond) = match sensor.quantity {
@@ -67,7 +69,7 @@ impl Known {
     }
 }
 
-/// How many readings in a row say the same as each, itself included: they share the error of a step.
+/// For each reading, the number of equal readings in a row, itself included: they share the error of a step.
 pub(super) fn shared(values: &[f64]) -> Vec<u32> {
     let mut counts = Vec::with_capacity(values.len());
     for run in values.chunk_by(|a, b| a == b) {
@@ -169,7 +171,7 @@ impl Seen<'_> {
         known.variance + shared * known.step + known.beyond
     }
 
-    /// What is to be explained of a reading.
+    /// Right-hand side of a reading: its value, or its column for a constant that is sought.
     #[inline]
     pub(super) fn value(&self, sensor: usize, row: usize) -> f64 {
         match self.column {
@@ -181,7 +183,7 @@ impl Seen<'_> {
         }
     }
 
-    /// What a state leaves of a reading.
+    /// Residual of a reading for this mean state.
     #[inline]
     pub(super) fn left(&self, sensor: usize, row: usize, mean: &[f64; STATES]) -> f64 {
         let slopes = &self.known[sensor].slopes;

@@ -1,4 +1,4 @@
-//! What is fused of a joint, and what is known of it beforehand.
+//! Options for the fusion of a joint: its data, and prior knowledge of noise and constants.
 
 use crate::{
     Estimate, Loss, SignalError,
@@ -27,7 +27,7 @@ pub struct JointRun<'a> {
     pub at: &'a [f64],
 }
 
-/// What a sensor of a joint measures.
+/// Quantity that a sensor of a joint measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// Its position.
@@ -39,17 +39,18 @@ pub enum Quantity {
 /// A sensor of a joint; `u` is the unit of positions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointSensor {
-    /// What it measures.
+    /// Measured quantity.
     pub quantity: Quantity,
-    /// The step between two values that it can say, u or u/s; 0: none. The error of a step is uniform, and readings in a row that say the same share it.
+    /// Resolution: step between two neighbouring values, u or u/s; 0: none. The error of a step is uniform, and equal
+    /// readings in a row share it.
     pub resolution: f64,
     /// Seconds before the stamp over which a reading is the mean.
     pub average: f64,
-    /// Standard deviation of a reading, steps aside, u or u/s; `None`: the readings tell it.
+    /// Standard deviation of a reading, steps aside, u or u/s; `None`: estimated from the readings.
     pub noise: Option<f64>,
     /// Seconds by which readings are stamped late.
     pub delay: Prior<f64>,
-    /// What a reading says too much, u or u/s.
+    /// Bias of a reading (reading less true value), u or u/s.
     pub bias: Prior<f64>,
 }
 
@@ -60,18 +61,18 @@ impl JointSensor {
     }
 }
 
-/// How a joint's sensors are fused.
+/// Options for the fusion of a joint's sensors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointOptions {
     /// The sensors.
     pub sensors: Vec<JointSensor>,
-    /// Density of the white noise that the jerk is taken for, u/s^3/sqrt(Hz); `None`: the readings tell it.
+    /// Density of the white noise that models the jerk, u/s^3/sqrt(Hz); `None`: estimated from the readings.
     pub jerk: Option<f64>,
-    /// What residuals cost.
+    /// Loss of the residuals.
     pub loss: Loss,
-    /// Deviations beyond which a reading is left out; 0: none is.
+    /// Deviations beyond which a reading is left out; 0: no gate.
     pub gate: f64,
-    /// What states are told from.
+    /// Measurements from which states are estimated.
     pub estimate: Estimate,
 }
 

@@ -1,4 +1,4 @@
-//! The readings of all runs, what is known of the sensors at present, and what a pass over the readings says of it.
+//! The readings of all runs, the present constants of the sensors, and the results of a pass over the readings.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -28,7 +28,7 @@ const LEAST: f64 = 1e-8;
 /// The share of a constant's column that is left when the states have explained what they can, below which rounding is all that is left.
 const DETERMINED: f64 = 1e-9;
 
-/// What is said where the gate leaves too few readings.
+/// Error text if the gate leaves too few readings.
 const CONTRADICTED: &str = "more than half of the readings of a sensor lie beyond the gate of what the others tell: check clocks, signs and units, or state greater noise";
 
 /// A change of a weight that is one.
@@ -49,22 +49,22 @@ impl Sought {
     }
 }
 
-/// What the readings of a sensor say of its noise.
+/// Sums over the residuals of a sensor, which estimate its noise.
 #[derive(Debug, Clone, Copy, Default)]
 struct Share {
     /// Squares over variances, and how much of them the states explain.
     squares: f64,
     taken: f64,
-    /// Squares, and their redundancy, as far as they are of the noise that is told, and not of steps and windows.
+    /// Squares, and their redundancy, of the part that belongs to the estimated noise, without steps and windows.
     own: f64,
     redundancy: f64,
 }
 
-/// What a pass over a run leaves.
+/// Result of a pass over a run.
 pub(super) struct Pass {
-    /// What states leave of every reading, sensor by sensor.
+    /// Residual of every reading, sensor by sensor.
     left: Vec<Vec<f64>>,
-    /// How readings depend on a delay, of sensors whose delay is sought.
+    /// Derivative of the readings by a delay, for sensors whose delay is sought.
     slopes: Vec<Vec<f64>>,
     shares: Vec<Share>,
     /// The least value of the objective.
@@ -81,16 +81,16 @@ pub(super) struct Problem<'a> {
     scale: Scale,
     known: Vec<Known>,
     variances: Vec<f64>,
-    /// Where the variances began.
+    /// First values of the variances.
     first: Vec<f64>,
     density: f64,
     delays: Vec<f64>,
     biases: Vec<f64>,
     sought: Vec<Sought>,
     periods: Vec<f64>,
-    /// Whether the readings of a run tell its states.
+    /// For each run: true if its readings determine its states.
     told: Vec<bool>,
-    /// Whether instants are among the events.
+    /// True if instants are among the events.
     has_wanted: bool,
 }
 
@@ -266,7 +266,7 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// How the readings of a run depend on a constant, sensor by sensor.
+    /// Derivative of the readings of a run by a constant, sensor by sensor.
     fn column(&self, run: usize, pass: &Pass, sought: Sought) -> Vec<Vec<f64>> {
         let records = &self.runs[run].records;
         let of = |sensor: usize| match sought {
@@ -473,7 +473,7 @@ impl<'a> Problem<'a> {
         })
     }
 
-    /// What most readings of a sensor contradict is no motion of this joint.
+    /// Refuses a sensor if most of its readings were left out: it then measures no motion of this joint.
     fn is_rarely_used(&self) -> Result<(), SignalError> {
         let rare = |sensor: usize| {
             let weights = || self.events.iter().flat_map(|events| &events.weights[sensor]);
@@ -589,7 +589,7 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// What a constant's column says of it and of the others.
+/// Products of a constant's column with itself and with the others.
 struct BorderRow {
     products: Vec<f64>,
     right: f64,

@@ -1,4 +1,4 @@
-//! What the fusion of a joint's sensors found.
+//! Results of the fusion of a joint's sensors.
 
 use crate::fuse::Prior;
 
@@ -18,17 +18,18 @@ pub struct JointStates {
 pub struct JointSensorEstimate {
     /// Standard deviation of a reading, steps aside.
     pub noise: f64,
-    /// That of a reading about the sensor's own curve: where `noise` is far greater, the sensors contradict each other.
+    /// Standard deviation of a reading about the sensor's own curve. If `noise` is far greater, the sensors contradict
+    /// each other.
     pub alone: f64,
     /// Seconds by which readings are stamped late.
     pub delay: Prior<f64>,
-    /// What a reading says too much.
+    /// Bias of a reading: reading less true value.
     pub bias: Prior<f64>,
     /// Readings of all runs.
     pub readings: usize,
 }
 
-/// How the errors of two sensors go together.
+/// Correlation of the errors of two sensors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Correlation {
     /// A sensor.
@@ -37,17 +38,17 @@ pub struct Correlation {
     pub second: usize,
     /// Of their errors at one stamp, or at neighbouring ones: the greatest. Independent sensors have some hundredths.
     pub correlation: f64,
-    /// Pairs of readings that tell it.
+    /// Pairs of readings behind the estimate.
     pub readings: usize,
 }
 
-/// What the fusion of a joint's sensors found.
+/// Result of the fusion of a joint's sensors.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct FusedJoint {
     /// In the order of the runs.
     pub runs: Vec<JointStates>,
-    /// Density of the white noise that the jerk is taken for, u/s^3/sqrt(Hz).
+    /// Density of the white noise that models the jerk, u/s^3/sqrt(Hz).
     pub jerk: f64,
     /// In the order of the sensors.
     pub sensors: Vec<JointSensorEstimate>,
@@ -55,7 +56,7 @@ pub struct FusedJoint {
     pub correlations: Vec<Correlation>,
     /// Passes over the readings to find noise and constants.
     pub rounds: usize,
-    /// Whether these came to rest.
+    /// True if these converged.
     pub converged: bool,
     /// Seconds after which states share a hundredth of a reading.
     pub smoothed: f64,

@@ -27,7 +27,7 @@ impl Scale {
         value / self.back(quantity)
     }
 
-    /// What a deviation of one is.
+    /// Unit of a deviation.
     pub(super) fn back(&self, quantity: Quantity) -> f64 {
         match quantity {
             Quantity::Position => self.size,
@@ -35,12 +35,12 @@ impl Scale {
         }
     }
 
-    /// What a unit of the `k`-th derivative is.
+    /// Unit of the `k`-th derivative.
     pub(super) fn derivative(&self, k: usize) -> f64 {
         self.size / self.unit.powi(k as i32)
     }
 
-    /// What a unit of the density of the jerk is.
+    /// Unit of the density of the jerk.
     pub(super) fn density(&self) -> f64 {
         self.size * self.size / self.unit.powi(5)
     }

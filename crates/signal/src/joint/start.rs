@@ -1,4 +1,4 @@
-//! Where the noise of a joint's sensors is begun: what a smoothing spline says of each alone.
+//! First values of the noise of a joint's sensors: from a smoothing spline of each alone.
 
 use super::{JointOptions, JointRecord, JointRun, JointSensor, Quantity, scale::Scale};
 use crate::{Lambda, Record, Rejected, SignalError, Spline, Within, align, fuse::slack, reject, spline::median_step};
@@ -18,7 +18,7 @@ const FAR: f64 = 6.0;
 /// The share of a motion that two sensors must have in common to tell a delay.
 const COMMON: f64 = 0.5;
 
-/// What a sensor alone says of itself.
+/// Noise and motion of a sensor, from its readings alone.
 #[derive(Debug, Clone, Copy)]
 struct Alone {
     /// Deviation of a reading, steps aside.
@@ -52,7 +52,7 @@ fn curve(record: &JointRecord<'_>, quantity: Quantity) -> Result<Rejected, Signa
     reject(record.times, record.values, None, spline, Lambda::Likelihood, FAR)
 }
 
-/// What a sensor says alone by its curve, or, where nobody asked for that, what is given of it: its density counts for nothing then.
+/// Noise and motion of a sensor from its curve. Without a curve, the given noise; the density is then not used.
 fn alone(record: &JointRecord<'_>, sensor: &JointSensor, curve: Option<&Rejected>) -> Alone {
     let Some(Rejected { smoothed, .. }) = curve else {
         return Alone { noise: sensor.noise.unwrap_or(1.0), density: 1.0 };
@@ -66,7 +66,7 @@ fn alone(record: &JointRecord<'_>, sensor: &JointSensor, curve: Option<&Rejected
     Alone { noise, density: found.max(noise * noise) / smoothed.lambda }
 }
 
-/// Where a problem begins.
+/// First values of a problem.
 pub(super) struct Begin {
     /// Units.
     pub(super) scale: Scale,

@@ -1,4 +1,4 @@
-//! Which of the two splines a channel is.
+//! Choice between the cubic and the quintic spline for a channel.
 
 use super::{Channel, Lambda, Rows, Spline, scores};
 use crate::SignalError;

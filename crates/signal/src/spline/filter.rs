@@ -9,7 +9,7 @@ use super::{
     number::Number,
 };
 
-/// What is known of the state from the measurements up to a row.
+/// Distribution of the state given the measurements up to a row.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Belief<const M: usize, T = f64> {
     /// Mean.
@@ -18,7 +18,7 @@ pub(crate) struct Belief<const M: usize, T = f64> {
     pub(crate) factor: Matrix<M, T>,
 }
 
-/// What is known of the state from all measurements.
+/// Distribution of the state given all measurements.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Posterior<const M: usize> {
     /// Mean.
@@ -58,7 +58,7 @@ pub(super) struct Row<const M: usize, T> {
     noise: [T; M],
 }
 
-/// How the columns of the array count: D, and q dt.
+/// Weights of the array's columns: D, and q dt.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Weights<const M: usize, T> {
     own: [T; M],
@@ -198,7 +198,8 @@ impl<const M: usize> Belief<M> {
         parted(&self.factor)
     }
 
-    /// How D and L grow with a covariance: of X = L^-1 P' L^-T, P' its slope, D has the diagonal, and L^-1 L' is what lies below over D.
+    /// Derivatives of D and L by a covariance, with P' the slope of the covariance and X = L^-1 P' L^-T. The derivative
+    /// of D is the diagonal of X. L^-1 L' is the part of X below it, over D.
     pub(super) fn grown(&self, slope: &Matrix<M>) -> Matrix<M> {
         let (d, lower) = self.parted();
         let solved = |mut rows: Matrix<M>| {

@@ -1,8 +1,9 @@
-//! The first rows, up to the M-th measured one, where nothing is known of some direction of the state.
+//! The first rows, up to the M-th measured one, while some direction of the state is still unknown.
 //!
-//! There the filter has no covariance. What is known is rows of a least-squares problem, R s = z with errors of variance one (a square-root information filter:
-//! Dyer and McReynolds, "Extension of square-root filtering to include process noise", JOTA 3, 1969). No large number stands for "unknown", so that the spline is
-//! that of the penalty alone.
+//! There the filter has no covariance. The state is held as rows of a least-squares problem, R s = z with errors of
+//! variance one (a square-root information filter: Dyer and McReynolds, "Extension of square-root filtering to include
+//! process noise", JOTA 3, 1969). No large number stands for "unknown", so that the spline is that of the penalty
+//! alone.
 
 use super::{
     chain::{Matrix, Step, transposed},
@@ -27,11 +28,11 @@ pub(super) struct Eliminated<const M: usize> {
     right: [f64; M],
 }
 
-/// What is known of a state of which not all is known.
+/// Linear equations of a state that is not fully determined.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Information<const M: usize> {
     equations: Vec<Equation>,
-    /// What measurements beyond those that determine the state contradict each other by: a sum of squares.
+    /// Sum of squares by which measurements contradict each other, beyond those that determine the state.
     pub(super) squares: f64,
 }
 
@@ -102,7 +103,7 @@ impl<const M: usize> Information<M> {
         self.equations.truncate(M);
     }
 
-    /// Whether all directions of the state are seen, in units in which steps and weights are near one.
+    /// Returns true if all directions of the state are seen, in units in which steps and weights are near one.
     pub(crate) fn is_determined(&self) -> bool {
         let size = self.equations.iter().flat_map(|row| &row[..M]).fold(0.0_f64, |most, x| most.max(x.abs()));
         self.equations.len() == M && (0..M).all(|i| self.equations[i][i].abs() > SEEN * size)

@@ -1,4 +1,4 @@
-//! The way back: the state of a row from that of the next, what leads there made for several rows in a register.
+//! Backward pass: the state of a row from that of the next. Its matrices are made for several rows in a register.
 
 use pulp::{Simd, WithSimd};
 
@@ -8,10 +8,11 @@ use super::{
     number::{Abreast, Lanes, Number},
 };
 
-/// How the state of a row follows from that of the next.
+/// Dependence of a row's state on that of the next.
 ///
-/// The state is F^-1 (s - w), s the next state and w what the noise added. Given s, w has the mean J (s - F mean) with J = Q (F P F' + Q)^-1 and a covariance C, neither of which is a difference of covariances.
-/// Under a strong penalty w is nearly nothing and its share of s keeps its digits, which the textbook's gain P F' (F P F' + Q)^-1 would not.
+/// The state is F^-1 (s - w), with s the next state and w the noise of the step. Given s, w has the mean J (s - F mean)
+/// with J = Q (F P F' + Q)^-1, and a covariance C. Neither is a difference of covariances. Under a strong penalty w is
+/// nearly zero and its share of s keeps its digits. The textbook's gain P F' (F P F' + Q)^-1 would lose them.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Link<const M: usize, T = f64> {
     /// J.

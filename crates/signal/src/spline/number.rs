@@ -1,4 +1,4 @@
-//! What the filter computes with: a number, several side by side, or a number and its slope.
+//! Numbers of the filter: a number, several side by side, or a number and its slope.
 
 use std::ops::{Add, Mul, Sub};
 
@@ -6,10 +6,10 @@ use pulp::{Simd, bytemuck};
 
 /// A number of the filter.
 pub(crate) trait Number: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {
-    /// What is known of a step: one number for all that stand side by side, or one each.
+    /// Data of a step: one number for all that stand side by side, or one each.
     type Shared: Number<Shared = f64>;
 
-    /// What is known of a step as such a number.
+    /// Data of a step as such a number.
     fn of(self, shared: Self::Shared) -> Self;
 
     /// Times what is known of a step.

@@ -1,14 +1,16 @@
-//! What the filter tells of a channel under several penalties at once: a register holds a number of each.
+//! Filter of a channel under several penalties at once: a register holds a number of each.
 //!
-//! Cross-validation asks for the squares of what the smoother leaves and for the trace of its hat matrix. The smoother is not needed for either. With V = K + s W^-1, K what the prior says of the measurements and s the
-//! variance of an error of weight one, and P the projection that leaves polynomials out,
+//! Cross-validation needs the squares of the smoother's residuals and the trace of its hat matrix. Neither needs the
+//! smoother. Let V = K + s W^-1, with K the prior covariance of the measurements and s the variance of an error of
+//! weight one. With P the projection that removes polynomials,
 //!
 //! ```text
 //! y' P y = sum e^2 / v,   log |V|_P = sum log v
 //! -d/ds y' P y = y' P W^-1 P y = sum w (y - f)^2,   d/ds log |V|_P = tr(W^-1 P) = n - tr A   at s = 1
 //! ```
 //!
-//! so that both are slopes of what the filter sums (e its innovations, v their variances), which go along with it: nothing is kept of the rows.
+//! so that both are slopes of the filter's sums (e its innovations, v their variances). They are computed with the
+//! sums, and no rows are kept.
 
 use fleetfoot_data::parallel_all;
 use pulp::{Simd, WithSimd};
@@ -26,18 +28,18 @@ pub(super) const TOGETHER: usize = 8;
 /// Variances whose product no exponent is too small for: what is near one in the channel's units may be 1e77.
 const FACTORS: usize = 4;
 
-/// What the filter tells of a channel.
+/// Likelihood of a channel from the filter.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Likelihood {
     /// Sum of e^2 / v over the innovations: the least value of the spline's objective.
     pub(super) squares: f64,
     /// Sum of log v.
     pub(super) log_variance: f64,
-    /// How many innovations: measured rows less the M that determine the start.
+    /// Number of innovations: measured rows less the M that determine the start.
     pub(super) count: usize,
 }
 
-/// What the smoother would tell of a channel.
+/// Residuals of a channel after smoothing.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Rest {
     /// Weighted sum of squared residuals.
@@ -51,7 +53,7 @@ pub(super) fn likelihoods<const M: usize>(rows: Rows<'_>, lambdas: &[f64]) -> Ve
     of_all(lambdas, |lambdas| fleetfoot_data::arch().dispatch(Likelihoods::<M> { rows, lambdas }))
 }
 
-/// What each of these penalties leaves of the measurements.
+/// Residuals of the measurements for each of these penalties.
 pub(super) fn rests<const M: usize>(rows: Rows<'_>, lambdas: &[f64]) -> Vec<Rest> {
     of_all(lambdas, |lambdas| fleetfoot_data::arch().dispatch(Rests::<M> { rows, lambdas }))
 }
@@ -157,7 +159,7 @@ struct Rests<'a, const M: usize> {
     lambdas: &'a [f64],
 }
 
-/// What goes down with the variance of the errors, and what grows.
+/// Sums under one penalty: squares with their slope by the variance of the errors, and the slope of log |V| by it.
 struct RestSums<T> {
     squares: Sloped<T>,
     freedom: T,
@@ -210,7 +212,8 @@ impl<const M: usize> WithSimd for Rests<'_, M> {
     }
 }
 
-/// What errors of weight one of the first M measurements add to the covariance of the state at the last of these: the state that each of them makes of it, squared. Under any penalty that is the same.
+/// Covariance of the state at the last of the first M measurements due to their errors of weight one. It is the sum
+/// over the measurements of the squared state that each error makes, and is the same under any penalty.
 fn by_errors<const M: usize>(rows: Rows<'_>, first: usize) -> Matrix<M> {
     let mut sum = [[0.0; M]; M];
     let mut values = rows.values[..=first].to_vec();

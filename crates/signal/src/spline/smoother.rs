@@ -23,23 +23,23 @@ pub(super) struct Rows<'a> {
 
 /// Measurements in the order of their times, scaled so that steps, values and weights are near one.
 pub(crate) trait Sequence<const M: usize>: Copy {
-    /// How many rows there are.
+    /// Number of rows.
     fn rows(&self) -> usize;
 
     /// The time from the row before to this one; 0 where both are of one instant.
     fn step_to(&self, row: usize) -> f64;
 
-    /// What the row measured, if anything, is learnt.
+    /// Updates the belief with the measurement of the row, if there is one.
     fn learn(&self, row: usize, belief: &mut Belief<M>) -> Option<Innovation>;
 
     /// The same as long as not all of the state is known. Whether anything was measured.
     fn begin(&self, row: usize, known: &mut Information<M>) -> bool;
 
-    /// Whether so many measurements determine the state.
+    /// Returns true if this many measurements determine the state.
     fn is_begun(&self, measured: usize, known: &Information<M>) -> bool;
 }
 
-/// What the smoother tells of a channel.
+/// Residuals of a channel under the smoother.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Residuals {
     /// Weighted sum of squared residuals.
@@ -49,7 +49,7 @@ pub(super) struct Residuals {
 }
 
 impl Rows<'_> {
-    /// What was measured in a row, and its weight.
+    /// Measurement of a row, and its weight.
     #[inline]
     pub(super) fn measured(&self, row: usize) -> Option<(f64, f64)> {
         let (value, weight) = (self.values[row], self.weights.map_or(1.0, |weights| weights[row]));
@@ -102,15 +102,15 @@ pub(super) struct Start<const M: usize> {
     /// The row of the M-th measurement.
     pub(super) row: usize,
     pub(super) belief: Belief<M>,
-    /// What the first measurements contradict each other by.
+    /// Sum of squares by which the first measurements contradict each other.
     pub(super) squares: f64,
 }
 
-/// What the way out leaves for the way back.
+/// Beliefs that the forward pass keeps for the backward pass.
 struct Kept<const M: usize> {
     /// The beliefs of every [`STRETCH`]-th row from the start on.
     beliefs: Vec<Belief<M>>,
-    /// Those of all rows of the last stretch.
+    /// The beliefs of all rows of the last stretch.
     stretch: Beliefs<M>,
     /// The least value of the objective.
     squares: f64,
@@ -127,7 +127,7 @@ impl<S: Sequence<M>, const M: usize> Smoother<S, M> {
         Self { rows, chain: Chain::new(1.0 / lambda) }
     }
 
-    /// Whether the measurements determine the state.
+    /// Returns true if the measurements determine the state.
     pub(crate) fn is_determined(&self) -> bool {
         let (mut known, mut measured) = (Information::<M>::default(), 0);
         for row in 0..self.rows.rows() {

@@ -33,10 +33,10 @@ pub(super) struct Points {
     pub(super) variances: Vec<f64>,
 }
 
-/// What the filter's way forward leaves for the way back, whatever the data.
+/// Gain of the forward filter for the backward pass, independent of the data.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Gain<const M: usize> {
-    /// What a state learns of an innovation of one.
+    /// Change of the state for an innovation of one.
     gain: [f64; M],
     /// The variance of the innovation.
     variance: f64,

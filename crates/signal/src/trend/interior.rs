@@ -20,7 +20,7 @@ const GAP: f64 = 1e-6;
 /// The share of the objective at which the iteration ends, so that borders are told from what is not quite zero.
 const FINE: f64 = 1e-10;
 
-/// How near to the border of what is allowed a step may go.
+/// Largest share of the way to the border of the feasible set in a step.
 const NEAR: f64 = 0.99;
 
 /// A trend in the units of its points.
@@ -46,7 +46,7 @@ impl Solution {
     }
 }
 
-/// Where the iteration is.
+/// Current iterate.
 struct Iterate {
     x: Vec<f64>,
     u: Vec<f64>,
@@ -118,7 +118,7 @@ impl Iterate {
         (0..self.u.len()).map(|j| self.up[j] * self.above[j] + self.down[j] * self.below[j]).sum()
     }
 
-    /// What z+ and z- change by at once when u stays: mu / s - z, with the product of the affine changes taken into account.
+    /// Changes of z+ and z- for fixed u: mu / s - z, with the product of the affine changes taken into account.
     fn pushes(&self, centre: f64, affine: Option<&Direction>) -> Vec<[f64; 2]> {
         let push = |j: usize| {
             let [up, down] = affine.map_or([0.0; 2], |own| {

@@ -21,8 +21,9 @@ fn jitter_is_removed_and_gaps_are_kept() {
     assert!(worst < 4.0 * 2.0 * jitter / (rows as f64).sqrt() + 3e-7, "{worst:e}");
 }
 
-/// What computers do to stamps: a jitter of a third of a period, delays that only add, one stamp in a hundred that is late by up to three periods; beside a sample that is missing and a long gap. Counting
-/// every late stamp as missing samples had the period off by a hundredth, and the jitter at hundreds of milliseconds.
+/// Stamps as computers make them. The jitter is a third of a period, delays only add, and one stamp in a hundred is
+/// late by up to three periods. A missing sample and a long gap come with them. An earlier method counted every late
+/// stamp as missing samples. Its period was off by a hundredth, and its jitter at hundreds of milliseconds.
 #[test]
 fn late_stamps_are_no_missing_samples() {
     let (rows, period) = (4000_u64, 0.01);
@@ -320,7 +321,7 @@ fn edges_of_an_even_wave_bound_one_another() {
     assert!(even < 0.5 * bare && even < 3e-4, "{even} of {bare}");
 }
 
-/// What is switched by hand is not even, which is told and not believed.
+/// A wave that is switched by hand is not even. The alignment reports that and does not accept it as even.
 #[test]
 fn a_wave_that_is_not_even_is_refused() {
     let same = ClockLine { at: 0.0, offset: 0.0, skew: 0.0 };

@@ -1,4 +1,4 @@
-//! Random numbers, and how far apart lists are.
+//! Random numbers, and distances between lists.
 
 use fleetfoot_data::mix;
 

@@ -81,7 +81,7 @@ fn a_straight_line_passes_butterworth() {
     }
 }
 
-/// What lies above the new Nyquist frequency is gone, what lies well below it stays.
+/// Frequencies above the new Nyquist frequency are gone; those well below it stay.
 #[test]
 fn decimation_keeps_what_the_new_rate_can_hold() {
     let mixed = |row: u32| (TAU * 0.005 * f64::from(row)).sin() + (TAU * 0.24 * f64::from(row)).sin();

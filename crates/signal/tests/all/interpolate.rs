@@ -81,7 +81,7 @@ fn bad_points_are_told() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// What rises from point to point rises in between, and what is level stays level.
+    /// Points that rise have a rising curve in between, and level points a level one.
     #[test]
     fn monotone_points_have_a_monotone_curve(seed in 0u64..10_000, rows in 2u64..60, ratio in 1.0..1000.0_f64) {
         let times = stamps(rows, ratio, seed);

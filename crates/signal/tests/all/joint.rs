@@ -1,4 +1,4 @@
-//! Joints: sensors at their own rates, against dense least squares and against the truth of a simulated chain.
+//! Joints: sensors at different rates, against dense least squares and against the truth of a simulated chain.
 
 use fleetfoot_data::with_threads;
 use fleetfoot_signal::{
@@ -554,7 +554,8 @@ proptest! {
     }
 }
 
-/// What a filter says at an instant is what a smoother says that has no reading after it, deviations as well; before the third reading it says nothing.
+/// A filter's state at an instant equals that of a smoother without later readings, and so do the deviations. Before
+/// the third reading the filter has no state.
 #[test]
 fn a_filter_is_a_smoother_at_the_end_of_what_it_read() {
     let (_, readings) = recorded(1.0, 8);

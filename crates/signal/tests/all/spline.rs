@@ -259,7 +259,8 @@ fn an_oscillation_is_not_taken_for_noise() {
     }
 }
 
-/// What tells a cubic from a quintic channel: motions that are draws of either prior, seen with noise, are taken for what they are, and a smooth one for a quintic spline.
+/// Choice between a cubic and a quintic channel: noisy draws of either prior get that spline, and a smooth motion gets
+/// the quintic one.
 #[test]
 fn the_better_spline_is_the_one_that_a_motion_is_drawn_from() {
     let (rows, period) = (2000, 0.01);

@@ -23,17 +23,17 @@ pub struct Chirp {
     pub highest: f64,
     /// Of one sweep, s.
     pub duration: f64,
-    /// How the frequency goes.
+    /// Course of the frequency with time.
     pub sweep: Sweep,
 }
 
-/// How a chirp's frequency goes with time.
+/// Course of a chirp's frequency with time.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sweep {
-    /// As much time for each hertz.
+    /// The frequency changes at a constant rate in hertz.
     Linear,
-    /// As much time for each octave.
+    /// The frequency changes at a constant rate in octaves.
     #[default]
     Logarithmic,
 }

@@ -31,7 +31,7 @@ impl Axis {
     }
 }
 
-/// How often samples fell into each bin of a box, one axis for each of their values. Its size does not grow with the samples,
+/// Counts of samples in each bin of a box, one axis for each of their values. Its size does not grow with the samples,
 /// and histograms over the same axes merge.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Histogram {

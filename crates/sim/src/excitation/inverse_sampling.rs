@@ -1,4 +1,4 @@
-//! References where the state has been least.
+//! References drawn in inverse proportion to the visits of the state.
 
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};

@@ -24,7 +24,7 @@ pub struct Multisine {
     pub highest: f64,
     /// Number of sines.
     pub count: usize,
-    /// How their phases are chosen.
+    /// Choice of the phases.
     pub phases: Phases,
 }
 

@@ -1,11 +1,11 @@
-//! Which signal drives a channel.
+//! Parameters of the signal that drives a channel.
 
 use serde::{Deserialize, Serialize};
 
 use super::{Chirp, InverseSampling, Multisine, OrnsteinUhlenbeckNoise, Pink, Prbs, RandomSteps, RandomWalk, Sine};
 use crate::ParameterError;
 
-/// What drives one channel. Levels are in the channel's unit (m/s, rad/s, V), frequencies in Hz, times in s.
+/// Signal that drives one channel. Levels are in the channel's unit (m/s, rad/s, V), frequencies in Hz, times in s.
 ///
 /// In a world file: `excitation.v = { kind = "multisine", deviation = 0.3, lowest = 0.1, highest = 3.0, count = 20 }`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -94,10 +94,10 @@ impl Excitation {
         }
     }
 
-    /// Whether the parameters make a signal when sampled every `dt` seconds.
+    /// Checks that the parameters make a signal when sampled every `dt` seconds.
     ///
     /// # Errors
-    /// The first parameter that does not, with what is allowed.
+    /// The first invalid parameter, with its allowed values.
     pub fn validate(&self, dt: f64) -> Result<(), ParameterError> {
         match self {
             Self::None => Ok(()),

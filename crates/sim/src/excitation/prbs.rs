@@ -8,8 +8,9 @@ use super::check::{samples, that, time};
 use crate::ParameterError;
 use crate::parameter_error::{finite, not_negative};
 
-/// A binary sequence of maximum length from a linear feedback shift register: it repeats after `2^order - 1` clock periods, and
-/// its circular autocorrelation is that of white noise but for one count in the length. Each run starts elsewhere in it.
+/// A binary sequence of maximum length from a linear feedback shift register. It repeats after `2^order - 1` clock
+/// periods, and its circular autocorrelation is that of white noise but for one count in the length. Each run starts
+/// elsewhere in it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Prbs {
@@ -17,7 +18,7 @@ pub struct Prbs {
     pub offset: f64,
     /// Half their distance, in the channel's unit.
     pub amplitude: f64,
-    /// How long a level is held at least, s; whole samples.
+    /// Shortest hold time of a level, s; whole samples.
     pub clock: f64,
     /// Bits of the register, 2 to 24. The longest time at one level is as many clock periods.
     pub order: u32,

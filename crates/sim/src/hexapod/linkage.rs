@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::parameter_error::{ParameterError, in_range, not_negative};
 
-/// What a leg's linkage asks for at a crank angle, and how that changes with the angle.
+/// Position of a leg that its linkage demands at a crank angle, with derivatives by the angle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LegTarget {
     /// Fore-aft angle of the leg about the hip, forward positive, rad.
@@ -61,13 +61,13 @@ impl Linkage {
         not_negative("arc_radius", self.arc_radius)
     }
 
-    /// What a fore or aft leg is asked for at a crank angle (rad).
+    /// The target of a fore or aft leg at a crank angle (rad).
     pub fn outer(&self, crank_angle: f64) -> LegTarget {
         let (sine, cosine) = crank_angle.sin_cos();
         self.target(sine, cosine)
     }
 
-    /// What the middle leg is asked for at a crank angle (rad): half a turn behind.
+    /// The target of the middle leg at a crank angle (rad), half a turn behind.
     pub fn middle(&self, crank_angle: f64) -> LegTarget {
         let (sine, cosine) = crank_angle.sin_cos();
         self.target(-sine, -cosine)
@@ -86,7 +86,8 @@ impl Linkage {
         }
     }
 
-    /// How far the body goes per crank angle if no foot slips and no leg bends, m/rad: the radius r of the paper's equation (2).
+    /// Travel of the body per crank angle if no foot slips and no leg bends, m/rad: the radius r of the paper's
+    /// equation (2).
     ///
     /// A stance is half a turn and takes the foot from `leg_length sin A` before the hip to as much behind it.
     pub fn effective_radius(&self, leg_length: f64) -> f64 {

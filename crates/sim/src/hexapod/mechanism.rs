@@ -8,12 +8,13 @@ use super::Hexapod;
 use super::parameters::{LEGS, side};
 use crate::rigid::{Belt, add_ground, physics_world, robot_groups};
 
-/// How legs are held in the trunk.
+/// Method that holds the legs in the trunk.
 ///
-/// Measured with the default robot: in the air both give the same motion as the step goes to nothing. At 0.4 V both lock into the alternating
-/// tripod, at the same rate within 1 %, at speeds within 5 %; at 0.6 V the tree is 8 % faster. From 1 V on their free cranks settle to different
-/// leg phases (at 1 V the tripod for most starts, against a third of a turn off it), and the tree is slower by a fifth to a third. Given the same
-/// crank motion MuJoCo, whose joints are rigid, walks as far as either within 5 % up to 1 V; beyond, paths turn too much to be compared.
+/// Measured with the default robot: in the air both methods give the same motion as the step goes to zero. At 0.4 V
+/// both lock into the alternating tripod, at the same rate within 1 % and at speeds within 5 %. At 0.6 V the tree is 8
+/// % faster. From 1 V on their free cranks settle to different leg phases. At 1 V these are the tripod for most starts,
+/// against a third of a turn off it. The tree is then slower by a fifth to a third. Given the same crank motion MuJoCo,
+/// whose joints are rigid, walks as far as either within 5 % up to 1 V. Beyond, paths turn too much to be compared.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum JointMethod {
@@ -26,7 +27,7 @@ pub enum JointMethod {
     Multibody,
 }
 
-/// Where the robot's bodies are in the world.
+/// Handles of the robot's bodies in the world.
 pub(super) struct Mechanism {
     pub(super) world: PhysicsWorld,
     pub(super) ground: ColliderHandle,

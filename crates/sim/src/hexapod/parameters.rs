@@ -1,4 +1,4 @@
-//! What a hexapod is made of.
+//! Parameters of a hexapod.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -122,7 +122,7 @@ pub const fn side(leg: usize) -> usize {
     leg / 3
 }
 
-/// Whether a leg (0 to 5) is its side's middle one, in antiphase to the other two.
+/// Returns true for the middle leg of a side (legs 0 to 5), in antiphase to the other two.
 pub const fn is_middle(leg: usize) -> bool {
     leg % 3 == 1
 }
@@ -190,7 +190,7 @@ impl Hexapod {
         Err(ParameterError::new("step", self.step, allowed))
     }
 
-    /// How far it goes per crank angle if nothing slips or bends, m/rad: the effective leg radius of the paper's equation (2).
+    /// Travel per crank angle if nothing slips or bends, m/rad: the effective leg radius of the paper's equation (2).
     pub fn effective_radius(&self) -> f64 {
         self.linkage.effective_radius(self.leg.length)
     }
@@ -205,14 +205,14 @@ impl Hexapod {
         self.trunk.mass + LEGS as f64 * self.leg.mass
     }
 
-    /// Where a leg's hip is in the trunk at zero lift, m.
+    /// Position of a leg's hip in the trunk at zero lift, m.
     pub fn hip(&self, leg: usize) -> DVec3 {
         let along = [1.0, 0.0, -1.0][leg % 3];
         let across = [1.0, -1.0][side(leg)];
         DVec3::new(along * self.leg.hip_spacing, across * self.leg.hip_offset, -self.leg.hip_drop)
     }
 
-    /// What the linkage asks of a leg at its side's crank angle.
+    /// The linkage's target for a leg at its side's crank angle.
     pub fn target(&self, leg: usize, crank_angle: f64) -> super::LegTarget {
         if is_middle(leg) { self.linkage.middle(crank_angle) } else { self.linkage.outer(crank_angle) }
     }

@@ -1,4 +1,4 @@
-//! What moves in a hexapod.
+//! State of a hexapod.
 
 use glam::{DQuat, DVec3};
 
@@ -41,8 +41,9 @@ impl HexapodState {
         }
     }
 
-    /// How fast [`HexapodState::body_linear_velocity`], [`HexapodState::body_angular_velocity`] and the cranks' rates change at this instant, m/s^2 and rad/s^2: the change over the step of `step`
-    /// seconds in whose middle the pose is. `after` is the state one step later.
+    /// Rates of change of [`HexapodState::body_linear_velocity`], [`HexapodState::body_angular_velocity`] and the
+    /// cranks' rates at this instant, m/s^2 and rad/s^2. They are the change over the step of `step` seconds whose
+    /// middle has the pose. `after` is the state one step later.
     pub fn rates_at_its_instant(&self, after: &Self, step: f64) -> [f64; 8] {
         let now = self.with_velocities_of_its_instant(after);
         let in_body = |before: DVec3, after: DVec3| self.orientation.conjugate() * ((after - before) / step);
@@ -64,7 +65,7 @@ impl HexapodState {
         self.orientation.conjugate() * self.angular_velocity
     }
 
-    /// Whether every number is finite.
+    /// Returns true if every number is finite.
     pub fn is_finite(&self) -> bool {
         let cranks = self.crank_angle.iter().chain(&self.crank_rate).all(|v| v.is_finite());
         let body = self.position.is_finite() && self.orientation.is_finite();

@@ -62,7 +62,8 @@ fn open(world: &mut HexapodWorld, steps: usize, mut look: impl FnMut(&HexapodWor
     }
 }
 
-/// What 0.2 s of free fall with running cranks added to linear momentum besides the weight's impulse, and to angular momentum: shares of both.
+/// Drift of linear momentum (besides the weight's impulse) and of angular momentum in 0.2 s of free fall with running
+/// cranks, as shares of both.
 fn momentum_drift(robot: &Hexapod, method: JointMethod) -> (f64, f64) {
     let mut world = thrown(robot, method);
     let (linear, angular) = momentum(&world);
@@ -335,7 +336,7 @@ fn both_joint_methods_fly_the_same_as_the_step_goes_to_nothing() {
     }
 }
 
-/// Whether two robots are mirror images in the plane of x and z: largest differences in m and rad.
+/// Asymmetry of two robots that should be mirror images in the plane of x and z: largest differences in m and rad.
 fn asymmetry(a: &HexapodState, b: &HexapodState) -> f64 {
     let (p, q) = (a.position, b.position);
     let ([yaw, pitch, roll], [yaw_b, pitch_b, roll_b]) = (a.yaw_pitch_roll(), b.yaw_pitch_roll());

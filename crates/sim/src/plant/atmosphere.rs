@@ -1,4 +1,4 @@
-//! The International Standard Atmosphere up to 20 km, warmer or colder by a constant, and the speeds that hang on it.
+//! The International Standard Atmosphere up to 20 km, warmer or colder by a constant, and the speeds that depend on it.
 //!
 //! ISO 2533; the same model as in appendices A-C of the block-sparse bolasso paper, continued above 11 km. Altitude is
 //! pressure altitude: on a day that is not standard the pressure at an altitude stays, temperature and density change.
@@ -13,7 +13,7 @@ pub const HEAT_RATIO: f64 = 1.4;
 pub const SEA_LEVEL_PRESSURE: f64 = 101_325.0;
 /// Temperature at sea level, K.
 pub const SEA_LEVEL_TEMPERATURE: f64 = 288.15;
-/// Where the troposphere ends, m.
+/// Altitude of the top of the troposphere, m.
 pub const TROPOPAUSE: f64 = 11_000.0;
 /// Temperature gradient of the troposphere, K/m.
 const LAPSE: f64 = -0.0065;

@@ -33,7 +33,7 @@ pub struct Stage {
     pub viscous: f64,
     /// Dry friction, N.
     pub dry: f64,
-    /// What the dry friction is short of at rest: it is three quarters of it at this speed, m/s.
+    /// Speed at which the dry friction reaches three quarters of its value, m/s.
     pub creep: f64,
     /// A force that is always there, N.
     pub offset: f64,
@@ -137,7 +137,7 @@ impl<'a> Strokes<'a> {
         Self { stage, random: stream(seed, "strokes"), begun: 0.0, duration: 0.0, places: [0.0; 2] }
     }
 
-    /// Where the carriage is to be at a time, and how fast; times ascend.
+    /// Reference position and speed of the carriage at a time; times ascend.
     fn at(&mut self, seconds: f64) -> [f64; 2] {
         while seconds >= self.begun + self.duration {
             let Stage { stroke, durations: [shortest, longest], .. } = *self.stage;

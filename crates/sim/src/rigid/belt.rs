@@ -1,4 +1,4 @@
-//! A surface that moves under what stands on it.
+//! A surface that moves under the bodies on it.
 
 use glam::DVec3;
 use rapier3d_f64::prelude::*;

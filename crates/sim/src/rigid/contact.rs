@@ -1,4 +1,4 @@
-//! How surfaces touch.
+//! Friction and stiffness of touching surfaces.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,13 +6,14 @@ use crate::parameter_error::{ParameterError, in_range, not_negative, positive};
 
 /// Friction and stiffness of contacts.
 ///
-/// A contact is a spring and damper on the effective mass of what touches, implicit in time; Coulomb friction acts at every point.
+/// A contact is a spring and damper on the effective mass of the touching bodies, implicit in time; Coulomb friction
+/// acts at every point.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Contact {
     /// Coulomb coefficient, the same when it sticks and when it slips, 1.
     pub friction: f64,
-    /// How fast penetration is pushed out: undamped natural frequency of a contact, Hz.
+    /// Stiffness against penetration: undamped natural frequency of a contact, Hz.
     ///
     /// A foot of 0.3 g under a tenth of a newton sinks in by some 10 micrometres at the default.
     pub natural_frequency: f64,

@@ -8,17 +8,18 @@ use super::Contact;
 const GROUND: Group = Group::GROUP_1;
 const ROBOT: Group = Group::GROUP_2;
 
-/// Which contacts a robot's colliders have: with the ground, never with each other.
+/// Collision groups of a robot's colliders: contacts with the ground, never with each other.
 pub fn robot_groups() -> InteractionGroups {
     InteractionGroups::new(ROBOT, GROUND, InteractionTestMode::And)
 }
 
 /// An empty world with gravity (m/s^2) along -z and steps of `step` seconds.
 ///
-/// One solver substep a step: forces that are set once a step then act on positions and velocities of the same step, and the motion of
-/// smooth systems is that of the semi-implicit Euler method, which is symplectic (Hairer, Lubich, Wanner, *Geometric Numerical
-/// Integration*, theorem VI.3.3). The solver's own substeps would hold such forces over all of them and so pump energy into stiff springs.
-/// What depends on wall time, history or scale is off: continuous collision detection, contacts recycled from earlier steps.
+/// There is one solver substep a step: forces that are set once a step act on positions and velocities of the same
+/// step. The motion of smooth systems is then that of the semi-implicit Euler method, which is symplectic (Hairer,
+/// Lubich, Wanner, *Geometric Numerical Integration*, theorem VI.3.3). The solver's own substeps would hold such forces
+/// over all of them and so pump energy into stiff springs. Features that depend on wall time, history or scale are off:
+/// continuous collision detection, contacts recycled from earlier steps.
 pub fn physics_world(step: f64, gravity: f64, contact: &Contact) -> PhysicsWorld {
     let softness = SpringCoefficients::new(contact.natural_frequency, contact.damping_ratio);
     let integration_parameters = IntegrationParameters {

@@ -14,15 +14,16 @@ pub(crate) fn nanoseconds(seconds: f64) -> i64 {
     (seconds * NANOSECONDS).round() as i64
 }
 
-/// How a computer's clock departs from true time.
+/// Deviation of a computer's clock from true time.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ClockParameters {
-    /// What it shows more than true time at the beginning of a run, s; at most an hour either way.
+    /// Time shown less true time at the beginning of a run, s; at most an hour either way.
     pub offset: f64,
-    /// How much faster than true time it runs, ppm (microseconds a second); at most 10,000 either way. Quartz: up to 50.
+    /// Rate relative to true time, ppm (microseconds a second), positive: faster; at most 10,000 either way. Quartz: up
+    /// to 50.
     pub skew: f64,
-    /// Standard deviation between what it shows when a measurement is taken and the stamp that the program writes, s.
+    /// Standard deviation of the stamp that the program writes about the clock's time of the measurement, s.
     pub jitter: f64,
 }
 
@@ -65,12 +66,12 @@ impl Clock {
         Self { start: epoch, skew: 0.0, jitter: 0.0 }
     }
 
-    /// What it shows, ns since 1970, at a true time in ns since the run's beginning.
+    /// Time that the clock shows, ns since 1970, at a true time in ns since the run's beginning.
     pub fn read(&self, time: i64) -> i64 {
         self.start + self.elapsed(time)
     }
 
-    /// What it says has passed since the run's beginning, ns.
+    /// Time by the clock since the run's beginning, ns.
     pub fn elapsed(&self, time: i64) -> i64 {
         // The product alone is rounded, so that a year's nanoseconds keep their last digit.
         time + (time as f64 * self.skew).round() as i64

@@ -45,7 +45,7 @@ impl EncoderParameters {
     }
 }
 
-/// What the robot makes of a code.
+/// Decoded sample of an encoder: the code, and the robot's estimates from it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EncoderSample {
     /// 0 to 2^bits - 1.

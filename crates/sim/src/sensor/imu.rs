@@ -1,4 +1,4 @@
-//! An inertial measurement unit: specific force and angular velocity, as its registers say them.
+//! An inertial measurement unit: specific force and angular velocity, as in its registers.
 
 use glam::{DQuat, DVec3, EulerRot};
 use rand_pcg::Pcg64;
@@ -17,9 +17,9 @@ const STANDARD_GRAVITY: f64 = 9.80665;
 pub struct ImuParameters {
     /// Seconds between samples.
     pub period: f64,
-    /// Where the unit sits in the body's axes, from the point whose velocity is given (the centre of mass), m.
+    /// Position of the unit in the body's axes, from the point whose velocity is given (the centre of mass), m.
     pub position: [f64; 3],
-    /// How the unit is turned in the body: yaw, pitch, roll, rad.
+    /// Orientation of the unit in the body: yaw, pitch, roll, rad.
     pub mounting: [f64; 3],
     /// The gyroscope.
     pub gyroscope: GyroscopeParameters,
@@ -100,7 +100,7 @@ impl ImuParameters {
         triad([noise, bias, bias_walk], range, bits).map_err(|error| error.within("accelerometer"))
     }
 
-    /// What a topic of this unit carries.
+    /// Kind of this unit's topic.
     pub fn kind(&self) -> Kind {
         Kind::Imu {
             angular_velocity_deviation: self.gyroscope.noise,
@@ -117,7 +117,7 @@ fn triad([noise, bias, walk]: [f64; 3], range: f64, bits: u32) -> Result<(), Par
     check::within("bits", f64::from(bits), 0.0..=32.0)
 }
 
-/// How a body is turned and moves.
+/// Orientation and velocities of a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BodyMotion {
     /// Body to world.
@@ -128,7 +128,7 @@ pub struct BodyMotion {
     pub angular_velocity: DVec3,
 }
 
-/// What the unit says, in its own axes.
+/// Reading of the unit, in its own axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImuSample {
     /// rad/s
@@ -146,13 +146,13 @@ impl ImuSample {
 
 /// An inertial measurement unit on a body.
 ///
-/// The accelerometer says the mean of the specific force over the sample, `(change of its velocity) / period + g`, in the axes that the
-/// unit had in the middle of the sample: what a unit does that integrates between its samples, and what catches the whole of an impact
-/// shorter than that. The gyroscope says the rate at the sample's end.
+/// The accelerometer reports the mean of the specific force over the sample, `(change of its velocity) / period + g`,
+/// in the axes of the unit in the middle of the sample. A unit that integrates between its samples does the same, and
+/// this catches the whole of an impact shorter than a sample. The gyroscope reports the rate at the sample's end.
 #[derive(Debug, Clone)]
 pub struct Imu {
     period: f64,
-    /// What the unit feels at rest, in the world's axes.
+    /// Specific force at rest, in the world's axes.
     gravity: DVec3,
     position: DVec3,
     /// Unit's axes to body's.

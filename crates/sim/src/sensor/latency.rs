@@ -1,4 +1,4 @@
-//! How long a message is on its way.
+//! Delays of messages on a link.
 
 use rand::RngExt;
 use rand_pcg::Pcg64;

@@ -40,7 +40,7 @@ impl Default for MocapParameters {
     }
 }
 
-/// How tracking fails.
+/// Faults of the tracking.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct MocapFaultParameters {
@@ -50,8 +50,8 @@ pub struct MocapFaultParameters {
     pub dropout_length: f64,
     /// Times a second that a sample is wrong: another body is seen in the markers.
     pub outlier_rate: f64,
-    /// How far off a wrong position is, m: between the smallest and the largest distance, every order of magnitude alike. Its orientation is
-    /// any.
+    /// Distance of a wrong position from the true one, m: smallest and largest, every order of magnitude alike. Its
+    /// orientation is any.
     pub outlier_distance: [f64; 2],
 }
 
@@ -97,7 +97,7 @@ impl MocapParameters {
     }
 }
 
-/// What the system makes of one instant.
+/// Sample of the system at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MocapFrame {
     /// When it arrives at the controller: true time, ns since the run's beginning.
@@ -106,14 +106,14 @@ pub struct MocapFrame {
     pub pose: Option<MocapPose>,
 }
 
-/// Where the system sees a body.
+/// Pose of a body as the system sees it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MocapPose {
     /// Of the tracked point in the world, m.
     pub position: DVec3,
     /// Body to world.
     pub orientation: DQuat,
-    /// Whether it is wrong. No machine knows: for tests of what finds out.
+    /// True for a wrong pose. Logs do not hold this: it is for tests of outlier detection.
     pub outlier: bool,
 }
 

@@ -32,7 +32,7 @@ struct Ticket {
 struct Place {
     header: i64,
     body: Body,
-    /// What the reading borrowed.
+    /// Numbers that the reading borrowed.
     numbers: Vec<f64>,
 }
 
@@ -52,19 +52,20 @@ impl Outbox {
         Self { horizon: i64::MIN, ..Self::default() }
     }
 
-    /// How many messages are on their way.
+    /// Number of messages on their way.
     pub fn len(&self) -> usize {
         self.queue.len()
     }
 
-    /// Whether no message is on its way.
+    /// Returns true if no message is on its way.
     pub fn is_empty(&self) -> bool {
         self.queue.is_empty()
     }
 
     /// Sends a message on the topic with this index.
     ///
-    /// What should have been logged before the time of the last [`Outbox::flush_until`] is logged at that time: a log's stamps never go back.
+    /// A message whose time is before that of the last [`Outbox::flush_until`] is logged at that time: a log's stamps
+    /// never go back.
     pub fn push(&mut self, topic: usize, stamps: Stamps, reading: Reading<'_>) {
         let place = self.free.pop().unwrap_or_else(|| {
             self.places.push(Place { header: 0, body: Body::Numbers, numbers: Vec::new() });

@@ -6,12 +6,12 @@ use rand_pcg::Pcg64;
 
 /// The stream of random numbers for one purpose of the run with this seed.
 ///
-/// What one purpose draws never moves another's numbers: a sensor that is switched off, or reads more often, leaves the physics and the other
-/// sensors as they are. A purpose is a path, e.g. `imu/noise`; each is used for one generator.
+/// The draws of one purpose never move another's numbers. A sensor that is switched off, or reads more often, leaves
+/// the physics and the other sensors unchanged. A purpose is a path, e.g. `imu/noise`; each is used for one generator.
 ///
-/// The generator begins at `Pcg64::from_seed(h)`, with `h` the 32 bytes of BLAKE3 over the seed (8 bytes, little-endian) followed by the
-/// purpose (UTF-8): all 256 bits of state and increment differ between purposes, since PCG streams that share the state are correlated.
-/// This is fixed; another function would change every simulated log.
+/// The generator begins at `Pcg64::from_seed(h)`, with `h` the 32 bytes of BLAKE3 over the seed (8 bytes,
+/// little-endian) followed by the purpose (UTF-8). So all 256 bits of state and increment differ between purposes: PCG
+/// streams that share the state are correlated. This is fixed; another function would change every simulated log.
 pub fn stream(seed: u64, purpose: &str) -> Pcg64 {
     let mut hasher = blake3::Hasher::new();
     hasher.update(&seed.to_le_bytes());

@@ -5,10 +5,10 @@ use serde::{Deserialize, Serialize};
 use super::{Clock, check, clock::nanoseconds};
 use crate::{ParameterError, Reading};
 
-/// A square wave on a lamp, after II-B of *Automatic Identification of Dynamic Piecewise Affine Models for a Running Robot* (Buchan, Haldane,
-/// Fearing): driven by the controller, recorded by the robot and seen by the motion capture.
+/// A square wave on a lamp, driven by the controller, recorded by the robot and seen by the motion capture. After II-B
+/// of *Automatic Identification of Dynamic Piecewise Affine Models for a Running Robot* (Buchan, Haldane, Fearing).
 ///
-/// Which edge is which is known only while two clocks differ by less than half a period.
+/// Edges can be told apart only while two clocks differ by less than half a period.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SyncWaveParameters {
@@ -16,7 +16,7 @@ pub struct SyncWaveParameters {
     pub period: f64,
     /// The share of a period that the lamp is lit.
     pub duty: f64,
-    /// How long after a run's beginning the first rising edge comes, s, by the driving clock.
+    /// Time of the first rising edge after a run's beginning, s, by the driving clock.
     pub delay: f64,
     /// Light of the lamp when lit, lx.
     pub light: f64,
@@ -122,7 +122,8 @@ mod tests {
         }
     }
 
-    /// Where in the sampling of 1 kHz and of 100 Hz the first 240 edges fall: no gap between neighbours is greater than the golden sequence's greatest, 1.618 / 240 of a period.
+    /// The first 240 edges are spread over the sampling of 1 kHz and of 100 Hz. No gap between neighbours is greater
+    /// than the golden sequence's greatest, 1.618 / 240 of a period.
     #[test]
     fn edges_are_spread_over_the_sampling() {
         let half = nanoseconds(0.5 * SyncWaveParameters::default().period);

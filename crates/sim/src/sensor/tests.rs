@@ -1,4 +1,4 @@
-//! Sensors together: what a log of two computers tells about their clocks, and what one sensor owes to another.
+//! Sensors together: information in a log of two computers about their clocks, and independence of the sensors.
 
 use glam::{DQuat, DVec3};
 
@@ -14,7 +14,7 @@ const IMU: usize = 2;
 const JOINTS: usize = 3;
 const MOCAP: usize = 4;
 
-/// What came on a topic: stamps and numbers.
+/// Messages received on each topic: stamps and numbers.
 #[derive(Debug, Default, Clone, PartialEq)]
 struct Log {
     topics: [Vec<(Stamps, Vec<f64>)>; 5],

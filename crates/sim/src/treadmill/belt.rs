@@ -61,12 +61,12 @@ impl Belt {
         Self { speed: parameters.speed, ramp: parameters.ramp, noise, random }
     }
 
-    /// What the controller asks for, `seconds` after switching on, m/s.
+    /// Commanded speed `seconds` after switching on, m/s.
     pub(super) fn commanded(&self, seconds: f64) -> f64 {
         if seconds < self.ramp { self.speed * seconds / self.ramp } else { self.speed }
     }
 
-    /// What it does, m/s.
+    /// Speed of the belt, m/s.
     pub(super) fn next(&mut self, seconds: f64) -> f64 {
         // A standing motor has no speed error.
         let share = if self.speed > 0.0 { self.commanded(seconds) / self.speed } else { 0.0 };

@@ -1,4 +1,4 @@
-//! What a run's log holds: topics and columns.
+//! Contents of a run's log: topics and columns.
 
 use fleetfoot_data::Column;
 
@@ -28,10 +28,10 @@ const CRANKS: [&str; 2] = ["left_crank", "right_crank"];
 /// Names of the feet, as arrays of six have them.
 const FEET: [&str; 6] = ["left_fore", "left_middle", "left_aft", "right_fore", "right_middle", "right_aft"];
 
-/// How the states' velocities change.
+/// Rates of change of the states' velocities.
 const RATES: [&str; 8] =
     ["vx_dot", "vy_dot", "vz_dot", "wx_dot", "wy_dot", "wz_dot", "alpha_l_rate_dot", "alpha_r_rate_dot"];
-/// What is wrong with the motion capture's sample of an instant.
+/// Faults of the motion capture's sample of an instant.
 const MOCAP_FAULTS: [&str; 2] = ["outlier", "missing"];
 
 fn names(names: &[&str]) -> Vec<String> {

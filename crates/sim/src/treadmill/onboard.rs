@@ -1,4 +1,4 @@
-//! The robot's own computer: from a velocity command to the motors' voltages.
+//! The robot's computer: from a velocity command to the motors' voltages.
 
 use std::collections::VecDeque;
 
@@ -55,7 +55,7 @@ impl Onboard {
         self.coming.push_back((now + self.latency, command));
     }
 
-    /// What has arrived by now is the command.
+    /// Takes the last command that has arrived by `now`.
     pub(super) fn receive(&mut self, now: i64) {
         while self.coming.front().is_some_and(|(arrival, _)| *arrival <= now) {
             if let Some((_, command)) = self.coming.pop_front() {

@@ -1,4 +1,4 @@
-//! Everything physical about the experiment.
+//! Physical parameters of the experiment.
 
 use fleetfoot_control::controller::{DifferentialDrive, Regulator, Treadmill};
 use serde::{Deserialize, Serialize};
@@ -12,9 +12,9 @@ use crate::sensor::{
 };
 use crate::{Excitation, Hexapod, ParameterError};
 
-/// What a regulator is shown: the last pose, and the belt's speed.
+/// Readings of a regulator: the last pose, and the belt's speed.
 pub(super) const SHOWN: [&str; 4] = ["x", "y", "yaw", "belt_speed"];
-/// What it may drive.
+/// Commands that a regulator may drive.
 pub(super) const COMMANDS: [&str; 2] = ["u_v", "u_w"];
 
 /// A hexapod that runs on a treadmill, kept there by a controller that sees it through a motion capture.
@@ -29,20 +29,21 @@ pub struct HexapodTreadmill {
     pub command_latency: f64,
     /// The trunk's up axis may lean this far before the robot counts as fallen, rad.
     pub greatest_tilt: f64,
-    /// How the robot is put on the belt.
+    /// Placement of the robot on the belt.
     pub start: StartParameters,
     /// The belt.
     pub belt: BeltParameters,
     /// Equation (1), on the controller.
     pub controller: Treadmill,
-    /// A law in the place of equation (1), made from a model of the robot: it reads x, y, yaw and belt_speed and drives u_v and u_w, whose limits stay.
+    /// A law in the place of equation (1), made from a model of the robot. It reads x, y, yaw and belt_speed and drives
+    /// u_v and u_w, whose limits stay.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub regulator: Option<Regulator>,
     /// Equation (2), on the robot.
     pub drive: DriveParameters,
     /// The cranks' controllers, on the robot.
     pub crank: CrankControl,
-    /// What is added to commands.
+    /// Signals that are added to commands.
     pub excitation: TreadmillExcitation,
     /// The robot.
     pub hexapod: Hexapod,
@@ -70,7 +71,7 @@ pub struct DriveParameters {
     pub width: f64,
 }
 
-/// How the robot is put on the belt: level and at rest, the cranks at any angle.
+/// Placement of the robot on the belt: level and at rest, the cranks at any angle.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct StartParameters {
@@ -78,7 +79,7 @@ pub struct StartParameters {
     pub place: f64,
     /// Standard deviation of its yaw, rad.
     pub yaw: f64,
-    /// How often it is put on the belt anew when it leaves the belt or falls before the log begins.
+    /// Number of new placements on the belt when the robot leaves it or falls before the log begins.
     pub retries: u32,
 }
 
@@ -88,7 +89,7 @@ impl Default for StartParameters {
     }
 }
 
-/// What is added to commands. In a world file: `excitation.velocity = { kind = "prbs", ... }`.
+/// Signals that are added to commands. In a world file: `excitation.velocity = { kind = "prbs", ... }`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TreadmillExcitation {

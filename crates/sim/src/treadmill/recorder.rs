@@ -1,4 +1,4 @@
-//! From what happens to messages and rows.
+//! Recording of events as messages and rows.
 
 use glam::DVec3;
 
@@ -7,7 +7,7 @@ use super::parameters::HexapodTreadmill;
 use crate::sensor::{self, BodyMotion, Clocks, Imu, Latency, MocapFrame, Outbox, Stamper, SyncWave};
 use crate::{HexapodState, Reading, Sink, SinkError, Stamps};
 
-/// What is true at an instant.
+/// True values at an instant.
 pub(super) struct Instant {
     /// True time, ns.
     pub(super) now: i64,
@@ -15,12 +15,12 @@ pub(super) struct Instant {
     /// The command that the robot follows, m/s and rad/s.
     pub(super) command: [f64; 2],
     pub(super) belt_speed: f64,
-    /// How far the belt has gone since the log began, m.
+    /// Travel of the belt since the log began, m.
     pub(super) belt_way: f64,
     pub(super) voltage: [f64; 2],
     pub(super) torque: [f64; 2],
     pub(super) feet: [bool; 6],
-    /// How the states' velocities change: [`HexapodState::rates_at_its_instant`].
+    /// Rates of change of the states' velocities: [`HexapodState::rates_at_its_instant`].
     pub(super) rates: [f64; 8],
     /// Of the motion capture's sample of this instant: whether it is wrong, and whether there is none.
     pub(super) mocap: [bool; 2],
@@ -84,7 +84,7 @@ impl Recorder {
         }
     }
 
-    /// What the robot's computer knows of its cranks and sees of the lamp, and what it gives the motors.
+    /// Records the robot computer's readings of cranks and lamp, and its voltages for the motors.
     pub(super) fn robot(&mut self, now: i64, seen: &[sensor::EncoderSample; 2], voltage: [f64; 2]) {
         let header = self.stampers.encoders.stamp(now);
         let stamps = self.telemetry(now, header);

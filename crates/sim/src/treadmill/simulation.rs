@@ -206,7 +206,7 @@ impl<'a> Simulation<'a> {
         faults
     }
 
-    /// What is true now, but for the velocities of this instant.
+    /// True values now, but for the velocities of this instant.
     fn instant(&self, now: i64, state: HexapodState, mocap: [bool; 2]) -> Instant {
         Instant {
             now,

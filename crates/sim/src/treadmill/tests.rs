@@ -1,4 +1,4 @@
-//! The experiment runs, and does not depend on what it should not.
+//! Runs of the experiment, and their independence of irrelevant settings.
 
 use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};

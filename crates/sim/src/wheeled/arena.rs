@@ -15,9 +15,10 @@ pub struct Arena {
     pub width: f64,
     /// Of the walls, m.
     pub height: f64,
-    /// Whether there are walls: without them the floor is endless, and references avoid nothing.
+    /// True for an arena with walls: without them the floor is endless, and references avoid nothing.
     pub walls: bool,
-    /// How much of the free floor runs start in, from 0: in the middle, heading along x, to 1: anywhere, heading anywhere.
+    /// Share of the free floor that runs start in, from 0: in the middle, heading along x, to 1: anywhere, heading
+    /// anywhere.
     pub scatter: f64,
 }
 

@@ -8,14 +8,14 @@ use crate::parameter_error::{in_range, not_negative, positive};
 /// Collision avoidance by the procedure of Towards Sim-to-Real via Real-to-Sim, section 4.2: (1) check whether the reference
 /// velocity leads out of a bounding box; (2) if so, reverse it; (3) if that fails, reduce it by a fixed share until the check passes.
 ///
-/// Where it departs from the paper, whose robot moves in any direction and so has a reversal for each axis: this one leaves
-/// the box by its forward velocity alone (it is round and turns on the spot), which is what is reversed and reduced. The check looks
-/// further than one period of the references, as a robot with inertia needs its stopping time. A robot that has come out of
-/// the box nevertheless may move inwards.
+/// It departs from the paper in two ways. The paper's robot moves in any direction and so has a reversal for each axis.
+/// This robot is round and turns on the spot: it leaves the box by its forward velocity alone, which is reversed and
+/// reduced. The check looks further than one period of the references, as a robot with inertia needs its stopping time.
+/// A robot that has come out of the box nevertheless may move inwards.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Avoidance {
-    /// Whether references are checked at all.
+    /// True if references are checked at all.
     pub enabled: bool,
     /// Time over which the check follows the reference, s.
     pub lookahead: f64,
@@ -46,7 +46,7 @@ impl Avoidance {
     }
 }
 
-/// Where a robot is in the plane: x and y in m, yaw in rad.
+/// Pose in the plane: x and y in m, yaw in rad.
 pub(super) type Pose2 = [f64; 3];
 
 /// The avoidance along a run. A reversal stays until the reference draws another level or changes its sign: taken back at
@@ -100,12 +100,12 @@ impl AvoidanceState {
         0.0
     }
 
-    /// How often a reference has been reversed.
+    /// Number of references that were reversed.
     pub fn reversals(&self) -> u64 {
         self.reversals
     }
 
-    /// Whether a velocity leads out of the box, or further out.
+    /// Returns true if a velocity leads out of the box, or further out.
     fn collides(&self, velocity: f64, turn: f64, pose: Pose2) -> bool {
         let next = arc(pose, velocity, turn, self.parameters.lookahead);
         let outside = |pose: Pose2, axis: usize| (pose[axis].abs() - self.half[axis]).max(0.0);

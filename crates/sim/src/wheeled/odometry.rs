@@ -2,7 +2,7 @@
 
 use fleetfoot_control::controller::DifferentialDrive;
 
-/// Where a differential drive believes to be from its wheels' turns: it takes slip for motion.
+/// Odometry of a differential drive from its wheels' turns: it takes slip for motion.
 #[derive(Debug, Clone)]
 pub struct WheelOdometry {
     drive: DifferentialDrive,

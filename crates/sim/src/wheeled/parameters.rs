@@ -11,15 +11,16 @@ use crate::parameter_error::{in_range, positive};
 use crate::regulated;
 use crate::sensor::{ClockParameters, EncoderParameters, ImuParameters, LatencyParameters};
 
-/// What a regulator is shown: where a localisation without error places the robot, and what odometry and encoders say.
+/// Readings of a regulator: the pose of a localisation without error, and the values of odometry and encoders.
 pub(super) const SHOWN: [&str; 7] = ["x", "y", "yaw", "v", "w", "left_rate", "right_rate"];
-/// What it may drive.
+/// Commands that a regulator may drive.
 pub(super) const COMMANDS: [&str; 2] = ["v_command", "w_command"];
 
 /// A differential-drive robot that follows velocity references in a walled arena: a [`Scenario`](crate::Scenario).
 ///
-/// References come from excitation signals through collision avoidance; wheel-rate controllers follow them by what the encoders say,
-/// once an encoder sample; motors turn the wheels; friction does the rest. One computer makes, stamps and logs all messages.
+/// References come from excitation signals through collision avoidance. Wheel-rate controllers follow them once an
+/// encoder sample, and motors turn the wheels. Friction moves the robot. One computer makes, stamps and logs all
+/// messages.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Wheeled {
@@ -31,7 +32,7 @@ pub struct Wheeled {
     pub row_period: f64,
     /// Time that the robot stands before a run begins, s.
     pub settle: f64,
-    /// Which of the commands are the inputs of a model: the rows hold all of them.
+    /// Commands that are the inputs of a model: the rows hold all of them.
     pub inputs: Inputs,
     /// The robot has tipped over, and the run ends, when it leans more than this, rad.
     pub tilt_limit: f64,
@@ -39,14 +40,15 @@ pub struct Wheeled {
     pub epoch: i64,
     /// The bodies and motors.
     pub robot: WheeledRobot,
-    /// Where it drives.
+    /// Floor and walls.
     pub arena: Arena,
-    /// What it is asked to do.
+    /// Reference velocities.
     pub commands: Commands,
-    /// A law in the place of the references, made from a model of the robot: it reads x, y, yaw, v, w, left_rate and right_rate and drives v_command and w_command.
+    /// A law in the place of the references, made from a model of the robot. It reads x, y, yaw, v, w, left_rate and
+    /// right_rate and drives v_command and w_command.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub regulator: Option<Regulator>,
-    /// What keeps commands out of the walls.
+    /// Collision avoidance at the walls.
     pub avoidance: Avoidance,
     /// Of each wheel's rate: from rad/s to V, once an encoder sample. Its limits are also the drivers'.
     #[serde(deserialize_with = "defaults::pid")]
@@ -179,7 +181,7 @@ impl Wheeled {
         ((period / self.step).round() as u64).max(1)
     }
 
-    /// What the robot's programs believe of its geometry: the truth.
+    /// Geometry that the robot's programs assume: the true one.
     pub fn drive(&self) -> DifferentialDrive {
         DifferentialDrive { radius: self.robot.wheel.radius, width: self.robot.wheel.track }
     }

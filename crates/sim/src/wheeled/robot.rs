@@ -17,7 +17,7 @@ pub struct WheeledRobot {
     pub chassis: Chassis,
     /// Both wheels.
     pub wheel: Wheel,
-    /// What holds the other end up.
+    /// Caster that supports the other end.
     pub caster: Caster,
     /// Of each wheel.
     #[serde(deserialize_with = "defaults::motor")]

@@ -250,7 +250,7 @@ impl<'a> WheeledRun<'a> {
     }
 }
 
-/// Where a run begins, by its seed: `[x, y, yaw]`.
+/// Pose at the beginning of a run, by its seed: `[x, y, yaw]`.
 fn start(parameters: &Wheeled, seed: u64) -> [f64; 3] {
     let mut random = stream(seed, "start");
     let mut uniform = || 2.0 * random.random::<f64>() - 1.0;

@@ -24,7 +24,7 @@ impl Sink for Record {
     }
 }
 
-/// Whether the sweeps are to have their full size (`make test-all`).
+/// Returns true if the sweeps have their full size (`make test-all`).
 fn full() -> bool {
     std::env::var_os("FLEETFOOT_SWEEPS").is_some_and(|size| size == "full")
 }
@@ -43,7 +43,7 @@ impl Record {
     }
 }
 
-/// How far from the middle of the arena the robot's shell came, m along either axis.
+/// Largest distance of the robot's shell from the middle of the arena, m along either axis.
 fn reach(record: &Record, robot: &Wheeled) -> f64 {
     let coordinates = [record.column(robot, "x"), record.column(robot, "y")].concat();
     coordinates.into_iter().fold(0.0, |most: f64, x| most.max(x.abs())) + robot.robot.chassis.radius

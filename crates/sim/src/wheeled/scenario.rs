@@ -1,4 +1,4 @@
-//! What a run of the wheeled robot logs.
+//! Log of a run of the wheeled robot.
 
 use fleetfoot_data::{Column, ColumnKind};
 

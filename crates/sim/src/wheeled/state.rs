@@ -1,4 +1,4 @@
-//! What moves in a wheeled robot.
+//! State of a wheeled robot.
 
 use glam::{DQuat, DVec3};
 
@@ -51,7 +51,7 @@ impl WheeledState {
         [forward - turn - radius * self.wheel_rate[0], forward + turn - radius * self.wheel_rate[1]]
     }
 
-    /// Whether every number is finite.
+    /// Returns true if every number is finite.
     pub fn is_finite(&self) -> bool {
         let wheels = self.wheel_angle.iter().chain(&self.wheel_rate).all(|value| value.is_finite());
         let body = self.position.is_finite() && self.orientation.is_finite();

@@ -110,7 +110,7 @@ impl WheeledWorld {
         self.touching = touching;
     }
 
-    /// Where everything is.
+    /// Position and velocity of chassis and wheels.
     pub fn state(&self) -> WheeledState {
         let chassis = &self.world.bodies[self.chassis];
         let orientation = *chassis.rotation();
@@ -130,17 +130,17 @@ impl WheeledWorld {
         }
     }
 
-    /// Whether the robot's shell touched a wall in the last step.
+    /// Returns true if the robot's shell touched a wall in the last step.
     pub fn touching(&self) -> bool {
         self.touching
     }
 
-    /// How often it has come to touch one.
+    /// Number of times that the shell came to touch a wall.
     pub fn wall_contacts(&self) -> u64 {
         self.wall_contacts
     }
 
-    /// Whether every state is a number and no body has been frozen by the engine because it was none.
+    /// Returns true if every state is finite and the engine has frozen no body for not being finite.
     pub fn is_sound(&self) -> bool {
         let enabled = |&body: &RigidBodyHandle| self.world.bodies[body].is_enabled();
         self.state().is_finite() && enabled(&self.chassis) && self.wheels.iter().all(enabled)

@@ -6,7 +6,7 @@ use pulp::{Simd, WithSimd};
 
 /// 2^64 over the golden ratio: the increment of SplitMix64 (Steele, Lea, Flood 2014).
 const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
-/// What keeps draws of units, halves and counts of rows with one seed apart.
+/// Seeds that separate the draws of units, halves and counts of rows under one seed.
 const DRAWS: u64 = 0x6472_6177_7321_0001;
 const HALVES: u64 = 0x6861_6c76_6573_0002;
 /// Replicates that share a run of 64-bit numbers: the low half of each counts for one of the first eight, the high half for one of the others.

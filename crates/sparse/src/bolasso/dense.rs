@@ -16,11 +16,11 @@ use crate::{
 pub struct DenseBootstrap {
     /// Strength of every target's lasso, in raw units (q).
     pub lambdas: Vec<f64>,
-    /// Whether there is a free intercept.
+    /// True with a free intercept.
     pub intercept: bool,
-    /// Whether coefficients must not be negative.
+    /// True if coefficients must not be negative.
     pub positive: bool,
-    /// How often every replicate draws every row (b rows of n counts).
+    /// Number of draws of every row by every replicate (b vectors of n counts).
     pub counts: Vec<Vec<f64>>,
     /// [`BootstrapOptions::threshold`](crate::bolasso::BootstrapOptions::threshold).
     pub threshold: f64,

@@ -1,4 +1,4 @@
-//! What can be wrong with a bootstrap.
+//! Errors of a bootstrap.
 
 use fleetfoot_data::Cancelled;
 
@@ -29,7 +29,7 @@ pub enum BolassoError {
     Threshold {
         /// The value.
         value: f64,
-        /// What it must be above.
+        /// Exclusive lower limit of the value.
         least: f64,
     },
     /// Too few episodes or chunks to resample.
@@ -37,11 +37,11 @@ pub enum BolassoError {
         "there are {units} {unit}s to resample, at least {needed} are needed: scan more logs, or resample smaller units"
     )]
     TooFewUnits {
-        /// How many there are.
+        /// Number of units.
         units: usize,
-        /// What they are.
+        /// Name of a unit.
         unit: &'static str,
-        /// How many are needed.
+        /// Number of units needed.
         needed: usize,
     },
     /// No lambdas were given.

@@ -31,8 +31,8 @@ pub(crate) struct Joint<'a> {
     raw: bool,
 }
 
-/// Where the moments of a unit stand: the weight, the products of x~, sums of squares of B's columns over measured tasks and over priors, and, for
-/// tasks whose scales are deviations, the sums of their columns.
+/// Layout of the moments of a unit. It holds the weight, the products of x~, and the sums of squares of B's columns
+/// over measured tasks and over priors. For tasks whose scales are deviations, the sums of their columns follow.
 #[derive(Debug, Clone)]
 struct Layout {
     p: usize,
@@ -50,9 +50,9 @@ struct Centred {
     factor: f64,
     /// Columns of B that are its columns.
     columns: Vec<usize>,
-    /// What is subtracted of them, in units: their means over the whole statistic.
+    /// Centres subtracted from them, in units: their means over the whole statistic.
     centre: Vec<f64>,
-    /// Where their sums begin; their sums of squares follow.
+    /// Index of their first sum; their sums of squares follow.
     first: usize,
 }
 
@@ -112,10 +112,11 @@ struct TaskMap<'a> {
     /// Preconditioned columns to x~ (d x (p + 1)), and x~ of their centre.
     map: Mat<f64>,
     centre: Vec<f64>,
-    /// Preconditioned columns to the task's regressors in units (d x (d - 1)), their centre, and what is subtracted of it in the sums.
+    /// Map from preconditioned columns to the task's regressors in units (d x (d - 1)), and their centre less the one
+    /// that the sums subtract.
     regressors: Mat<f64>,
     offset: Vec<f64>,
-    /// Where its sums stand, when its scales are deviations.
+    /// Index of its sums, if its scales are deviations.
     sums: Option<usize>,
 }
 

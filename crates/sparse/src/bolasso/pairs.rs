@@ -1,8 +1,9 @@
-//! Which products of columns the Grams of all replicates are made of: the columns of E.
+//! Products of columns that the Grams of all replicates consist of: the columns of E.
 //!
-//! The sum of squares over tasks, `sum_t s_t (y_t - sum_k c_tk phi_k'theta_k)^2`, needs of two latents k and l only `a_kl phi_k phi_l'`, with the one
-//! coefficient `a_kl = sum_t s_t c_tk c_tl` a row, however many tasks they share. Where two latents have the same library and the same coefficient up to a
-//! number, one block serves both. The target is one more latent, whose library is the function 1 and whose coefficients are the y_t.
+//! The sum of squares over tasks, `sum_t s_t (y_t - sum_k c_tk phi_k'theta_k)^2`, needs only `a_kl phi_k phi_l'` for
+//! two latents k and l. `a_kl = sum_t s_t c_tk c_tl` is one coefficient a row, however many tasks they share. If two
+//! latents have the same library and the same coefficient up to a number, one block serves both. The target is one more
+//! latent, whose library is the function 1 and whose coefficients are the y_t.
 
 use fleetfoot_data::{packed, packed_row};
 use fleetfoot_library::Expr;

@@ -14,7 +14,8 @@ use crate::{
     warm::lasso_from,
 };
 
-/// What all resamples of a regression share: the coordinates x~ of the rows of B and y, `(B / unit, y / size) = x~ [T z; 0 r]`, and the penalty.
+/// Coordinates and penalty that all resamples of a regression share: x~ of the rows of B and y, with
+/// `(B / unit, y / size) = x~ [T z; 0 r]`.
 #[derive(Debug, Clone)]
 pub(crate) struct Frame<'a> {
     /// Upper triangular, (p + 1) x (p + 1).
@@ -46,9 +47,9 @@ pub(crate) struct Fitted {
     pub(crate) weight: f64,
     /// Violation of the optimality conditions, as a correlation.
     pub(crate) kkt: f64,
-    /// Whether rounding ended the path before lambda, and coordinate descent finished.
+    /// True if rounding ended the path before lambda, and coordinate descent finished.
     pub(crate) stalled: bool,
-    /// Whether the solver that finished met its tolerance.
+    /// True if the solver that finished met its tolerance.
     pub(crate) converged: bool,
 }
 

@@ -72,7 +72,7 @@ struct Scaled {
     centre: f64,
 }
 
-/// What is evaluated, and what its products are.
+/// Columns to evaluate, and their products.
 struct Columns {
     pairs: Pairs,
     libraries: Vec<Library>,

@@ -1,11 +1,11 @@
-//! What the replicates selected.
+//! Selection of columns by the replicates.
 
 use faer::Mat;
 
 use super::{BolassoError, resample::Fitted};
 use crate::SparseError;
 
-/// How a bolasso is done.
+/// Options of a bolasso.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BootstrapOptions {
     /// Number of bootstrap replicates, b.
@@ -47,7 +47,7 @@ pub fn bach_lambda(lambda_0: f64, n: f64) -> f64 {
     lambda_0 / n.sqrt()
 }
 
-/// What b bootstrap replicates of a lasso selected, p columns.
+/// Columns that b bootstrap replicates of a lasso selected, out of p.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Selection {
@@ -67,9 +67,10 @@ pub struct Selection {
     pub worst_kkt: f64,
     /// Replicates whose path ended before lambda and that coordinate descent finished. They count as all others do.
     pub stalled: usize,
-    /// Replicates whose solver did not meet its tolerance; they count, and [`Selection::worst_kkt`] says how far off they are.
+    /// Replicates whose solver did not meet its tolerance. They count; [`Selection::worst_kkt`] is their largest
+    /// violation.
     pub unconverged: usize,
-    /// Replicates that drew no rows at all: they say nothing and are left out of frequencies and signs.
+    /// Replicates that drew no rows at all: they are left out of frequencies and signs.
     pub empty: usize,
 }
 

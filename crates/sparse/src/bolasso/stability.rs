@@ -18,7 +18,7 @@ use crate::{
 };
 use fleetfoot_sums::structured::{Banks, Structure};
 
-/// How a stability selection is done.
+/// Options of a stability selection.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StabilityOptions {
     /// Number of complementary pairs of halves, B: twice as many lassos. Shah and Samworth recommend 50.
@@ -31,7 +31,7 @@ pub struct StabilityOptions {
     pub threshold: f64,
 }
 
-/// What a stability selection found, p columns.
+/// Result of a stability selection, p columns.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Stability {

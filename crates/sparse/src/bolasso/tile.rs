@@ -48,7 +48,7 @@ impl Library {
     }
 }
 
-/// What a tile is filled from.
+/// Columns that fill a tile.
 pub(crate) struct Pool<'a> {
     pub(crate) pairs: &'a Pairs,
     /// The target's, last, is the function 1.

@@ -1,9 +1,10 @@
-//! What is drawn of a statistic: episodes or chunks.
+//! Unit of resampling of a statistic: episodes or chunks.
 
 use super::BolassoError;
 use crate::SparseError;
 
-/// What a block bootstrap draws. Rows of a log are correlated, so a unit should be longer than the correlation time.
+/// Unit of resampling of a block bootstrap. Rows of a log are correlated, so a unit should be longer than the
+/// correlation time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum BootstrapUnit {
     /// Chunks, short ones joined: non-overlapping blocks of consecutive rows (Kuensch 1989 with a fixed grid).

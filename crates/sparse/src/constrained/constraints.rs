@@ -1,11 +1,11 @@
-//! What coefficients may be: bounds, linear equalities and inequalities.
+//! Constraints on coefficients: bounds, linear equalities and inequalities.
 
 use super::ConstrainedError;
 
 /// A linear form of the coefficients and a number: `sum_j c_j theta_j` against `bound`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LinearConstraint {
-    /// What it is called in messages: `T >= 0 at 250 kt`.
+    /// Name in messages: `T >= 0 at 250 kt`.
     pub name: String,
     /// Coefficients `(j, c_j)`, in the units of theta; an index may repeat.
     pub coefficients: Vec<(usize, f64)>,
@@ -22,7 +22,7 @@ pub struct Constraints {
     pub equalities: Vec<LinearConstraint>,
     /// Forms that are at least their bound.
     pub inequalities: Vec<LinearConstraint>,
-    /// What the coefficients are called in messages (p; empty: by number).
+    /// Names of the coefficients in messages (p; empty: by number).
     pub names: Vec<String>,
 }
 

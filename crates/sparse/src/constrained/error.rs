@@ -1,4 +1,4 @@
-//! What can be wrong with constraints.
+//! Errors of constraints.
 
 use fleetfoot_data::{Cancelled, Error};
 use fleetfoot_library::UnknownColumn;
@@ -24,7 +24,7 @@ pub enum ConstrainedError {
         name: String,
         /// The coefficient.
         coefficient: usize,
-        /// How many there are.
+        /// Number of coefficients.
         coefficients: usize,
     },
     /// A constraint holds NaN or an infinity.
@@ -52,7 +52,7 @@ pub enum ConstrainedError {
     /// The decomposition or the interior-point solver refused the problem.
     #[error("the convex program cannot be solved ({reason}): look for huge or tiny numbers among the constraints")]
     Program {
-        /// What it says.
+        /// Reason, in the words of the solver.
         reason: String,
     },
     /// Entries that are not the lower triangle of a matrix.
@@ -60,7 +60,7 @@ pub enum ConstrainedError {
     NoMatrix {
         /// The limit.
         name: String,
-        /// How many it has.
+        /// Number of entries.
         entries: usize,
     },
     /// A limit that says something else at every row, and no rows.
@@ -74,7 +74,7 @@ pub enum ConstrainedError {
     NoSuchLatent {
         /// The latent.
         latent: usize,
-        /// How many there are.
+        /// Number of latents.
         latents: usize,
     },
     /// The source has no such column.

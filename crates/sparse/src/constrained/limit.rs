@@ -1,6 +1,8 @@
-//! What a fit keeps at every row: a form that is linear in the latents, or a symmetric matrix of such forms, on one side of a bound.
+//! Limits that a fit keeps at every row. A form that is linear in the latents, or a symmetric matrix of such forms,
+//! stays on one side of a bound.
 //!
-//! A form is a matrix of one entry, so both are the same condition: the least eigenvalue (the greatest) of the matrix is at least (at most) the bound.
+//! A form is a matrix of one entry, so both are the same condition. The least eigenvalue is at least the bound, or the
+//! greatest is at most the bound.
 
 use fleetfoot_data::packed_row;
 use fleetfoot_library::{Expr, Node};
@@ -18,7 +20,7 @@ pub enum Limit {
 }
 
 impl Limit {
-    /// What the form is multiplied with to be at least its bound.
+    /// Factor that turns the limit into a lower bound.
     pub(super) fn sign(self) -> f64 {
         match self {
             Self::AtLeast => 1.0,
@@ -34,19 +36,20 @@ impl Limit {
     }
 }
 
-/// `sum of coefficient(x) latent(x) + rest(x)`: what the power of a friction `F*v`, or an entry of an inertia matrix, is of the latents.
+/// Linear form of the latents, `sum of coefficient(x) latent(x) + rest(x)`, such as the power of a friction `F*v` or an
+/// entry of an inertia matrix.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Form {
     /// Terms, each of another latent.
     pub terms: Vec<Term>,
-    /// What no latent is in.
+    /// Term without latents.
     pub rest: Expr,
 }
 
-/// What a fit keeps at every row.
+/// Limit that a fit keeps at every row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RowLimit {
-    /// What it is called in messages: `D`, `inertia`.
+    /// Name in messages: `D`, `inertia`.
     pub name: String,
     /// The matrix (packed lower triangle by rows): one form for a number.
     pub forms: Vec<Form>,
@@ -68,7 +71,7 @@ impl RowLimit {
         (1..).find(|&order| packed_row(order) >= self.forms.len()).unwrap_or(1)
     }
 
-    /// Whether it says the same at every row: then no rows are needed to keep it.
+    /// Returns true if the limit is the same at every row: then no rows are needed to keep it.
     pub fn is_constant(&self, regression: &Regression) -> bool {
         let varies = |expression: &Expr| {
             expression.fold(|part, arguments: &[bool]| {
@@ -78,7 +81,8 @@ impl RowLimit {
         !self.expressions(regression).iter().any(varies)
     }
 
-    /// What is evaluated at a row: for every form the products of its coefficients with their functions, then the rest; then the bound.
+    /// Expressions to evaluate at a row: for every form the products of its coefficients with their functions, then the
+    /// rest; then the bound.
     pub(super) fn expressions(&self, regression: &Regression) -> Vec<Expr> {
         let product = |term: &Term, function: &Expr| match term.coefficient.as_number() {
             // As it stands, so that a bound of a latent has the bits of its functions.

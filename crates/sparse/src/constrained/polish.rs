@@ -1,5 +1,6 @@
-//! From an interior point to a minimiser with the digits that the data have: the active constraints, signs and zeros are taken from the point, the
-//! problem with these as equalities is solved by orthogonal factors, and the guess is mended until the conditions of the minimum hold.
+//! From an interior point to a minimiser with the digits that the data have. The active constraints, signs and zeros
+//! are taken from the point, and the problem with these as equalities is solved by orthogonal factors. The guess is
+//! corrected until the conditions of the minimum hold.
 
 use faer::{Mat, MatRef};
 use fleetfoot_stats::{Svd, svd};
@@ -14,7 +15,7 @@ pub(super) struct Point {
     pub(super) multipliers: Vec<f64>,
 }
 
-/// What is believed about the minimum.
+/// Guess of the active set at the minimum.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Guess {
     /// Rows that hold with equality, the surest first.

@@ -18,10 +18,10 @@ use crate::kernel::norm;
 
 /// Weight of the directions that A does not see: least norm where nothing else decides.
 const UNSEEN: f64 = 1e-9;
-/// What the interior-point solver aims at; what it reaches is judged by the certificate.
+/// Tolerance of the interior-point solver; its result is judged by the certificate.
 const TOLERANCE: f64 = 1e-11;
 
-/// What the interior-point solver found.
+/// Result of the interior-point solver.
 pub(super) enum Outcome {
     /// Coefficients (k), multipliers (rows), rows that hold with equality (rows), penalised coefficients that are zero (k).
     Point { delta: Vec<f64>, multipliers: Vec<f64>, active: Vec<bool>, zero: Vec<bool> },

@@ -24,7 +24,7 @@ pub(super) struct Row {
     /// d.
     pub(super) bound: f64,
     pub(super) equality: bool,
-    /// What the raw row was divided by.
+    /// Divisor of the raw row.
     pub(super) length: f64,
 }
 

@@ -20,7 +20,7 @@ pub(super) struct Breach {
     bound: f64,
 }
 
-/// What a pass finds of one limit.
+/// Result of a pass for one limit.
 #[derive(Debug, Clone)]
 pub(super) struct Found {
     /// Least distance from the bound; negative where it is broken.
@@ -195,7 +195,7 @@ impl<'a> Tile<'a> {
     }
 }
 
-/// What no eigenvalue is below: the least end of Gershgorin's discs. The number itself, of one.
+/// Lower bound of the eigenvalues: the least end of Gershgorin's discs. For a matrix of one entry, that entry.
 fn discs(matrix: &[f64], order: usize) -> f64 {
     let disc = |i: usize| {
         let beside: f64 = (0..order).filter(|&j| j != i).map(|j| matrix[packed(i, j)].abs()).sum();

@@ -1,7 +1,8 @@
-//! How far a point is from the constrained minimum, from the statistic and the constraints alone.
+//! Distance of a point from the constrained minimum, from the statistic and the constraints alone.
 //!
-//! With r = z - A delta and q = A'r + C'mu (mu not negative where rows are inequalities), a correction v in the range of A with `A'v = e` makes
-//! `|q_j + e_j| <= limit_j` exactly, so that r + v and mu are feasible for the dual, and primal minus dual is
+//! Let r = z - A delta and q = A'r + C'mu, with mu not negative for inequalities. A correction v in the range of A with
+//! `A'v = e` makes `|q_j + e_j| <= limit_j` exactly. Then r + v and mu are feasible for the dual, and primal minus dual
+//! is
 //!
 //! `sum_j (limit_j |delta_j| - (q_j + e_j) delta_j) + mu'(C delta - d) + 1/2 |v|^2`.
 //!
@@ -12,14 +13,14 @@ use super::{
     scaled::{Scaled, product},
 };
 
-/// How far constrained coefficients are from the minimum.
+/// Distance of constrained coefficients from the minimum.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ConstrainedCertificate {
-    /// The largest violation of the conditions of the minimum (stationarity, signs of multipliers, complementarity), as a correlation: columns and
-    /// target of unit length, constraints of unit length in these coefficients.
+    /// The largest violation of the conditions of the minimum (stationarity, signs of multipliers, complementarity), as
+    /// a correlation. Columns, target and constraints have unit length in these coefficients.
     pub kkt: f64,
-    /// The largest violation of a constraint, in coefficients of unit columns and a unit target, relative to the largest of 1 and the terms of
-    /// the constraint.
+    /// The largest violation of a constraint, in coefficients of unit columns and a unit target. It is relative to the
+    /// largest of 1 and the terms of the constraint.
     pub violation: f64,
     /// Bound on objective minus minimum, divided by the objective of zero coefficients.
     pub gap: f64,

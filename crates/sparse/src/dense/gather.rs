@@ -1,4 +1,4 @@
-//! Few rows: read where they lie whenever they are needed.
+//! Few rows: read in place whenever they are needed.
 
 use faer::{Accum, Mat, MatRef, Par, linalg::matmul::matmul};
 use fleetfoot_data::{Progress, checkpoint, parallel_map};

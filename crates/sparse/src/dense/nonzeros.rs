@@ -1,4 +1,5 @@
-//! Rows of few values that are not zero: their products, in rows times the square of these.
+//! Sparse rows: products of their nonzero values, in time proportional to the rows times the square of the values a
+//! row.
 
 use std::ops::Range;
 
@@ -14,13 +15,14 @@ const FEW: f64 = 0.1;
 const BLOCK: usize = 1 << 16;
 /// Parts of the matrix that are summed each by itself.
 const PARTS: usize = 16;
-/// What columns leave beside the ones before, relative to their lengths, down to which products as they are lose two digits at most.
+/// Least remainder of a column beside the ones before, relative to its length, at which plain products lose at most two
+/// digits.
 const APART: f64 = 1e-2;
 
 /// The regressors of some rows that are not zero.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Nonzeros {
-    /// Where every row begins among the values, and the end of the last (rows + 1).
+    /// Index of every row's first value, and the end of the last row (rows + 1).
     pub starts: Vec<usize>,
     /// Column of every value, ascending within a row.
     pub columns: Vec<u32>,
@@ -55,7 +57,7 @@ impl Sums {
         Ok((plain || sums.stands_apart(design)).then_some(sums))
     }
 
-    /// Whether every column that varies leaves enough beside the ones before.
+    /// Returns true if every column that varies has a large enough remainder beside the ones before.
     fn stands_apart(&self, design: &DenseDesign) -> bool {
         let root = self.root(&vec![true; design.groups]);
         (0..root.regressors()).all(|j| {

@@ -68,12 +68,12 @@ impl Sums {
         Ok(Self { preconditioner, grams, plain })
     }
 
-    /// Whether the sums are plain products, in no other coordinates than those of the rows.
+    /// Returns true if the sums are plain products, in the coordinates of the rows.
     pub(super) fn is_plain(&self) -> bool {
         self.plain
     }
 
-    /// Whether all sums are finite.
+    /// Returns true if all sums are finite.
     pub(super) fn is_finite(&self) -> bool {
         self.grams.iter().all(|gram| gram.mean.iter().chain(&gram.scatter).all(|value| value.is_finite()))
     }

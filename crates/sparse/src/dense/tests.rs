@@ -207,9 +207,9 @@ fn few_solutions_of_many_columns_are_found_on_the_rows() {
 struct Scattered {
     rows: usize,
     regressors: usize,
-    /// Whether it tells which these are.
+    /// True if the source reports its density, and so its nonzero values.
     tells: bool,
-    /// Whether a column repeats another one but for little.
+    /// True if a column nearly repeats another one.
     leans: bool,
 }
 

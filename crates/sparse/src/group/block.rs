@@ -63,7 +63,7 @@ impl Block {
         self.columns.iter().copied().zip(self.units.iter().copied())
     }
 
-    /// Whether it is penalised at all.
+    /// Returns true if the block is penalised at all.
     pub(super) fn penalised(&self) -> bool {
         self.l1 > 0.0 || self.group > 0.0
     }
@@ -94,7 +94,7 @@ impl Block {
     }
 }
 
-/// How far a gradient pushes a coefficient from zero to where it is allowed to go.
+/// Size of a gradient's push on a coefficient from zero into its allowed range.
 fn push(sign: Sign, gradient: f64) -> f64 {
     sign.sides().iter().map(|side| side * gradient).fold(0.0, f64::max)
 }
@@ -105,7 +105,7 @@ impl Rule<'_> {
         (push(self.signs[at], gradient) - self.l1).max(0.0).copysign(gradient)
     }
 
-    /// Whether gradients at zero coefficients leave them there.
+    /// Returns true if the gradients leave all coefficients at zero.
     pub(super) fn holds(&self, gradient: &[f64]) -> bool {
         norm(gradient.iter().enumerate().map(|(at, &c)| self.beyond(at, c))) <= self.group
     }

@@ -1,13 +1,14 @@
-//! Which columns belong together.
+//! Groups of columns.
 
 use crate::{Penalty, SparseError};
 
-/// Which columns belong together.
+/// Groups of columns.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Groups {
     /// The group of every column (p), numbered from 0 and below p; the columns of a group need not be neighbours.
     pub of: Vec<usize>,
-    /// Weights w_g of the groups' norms, by number (empty: the root of the number of penalised columns of the group); 0 leaves the norm unpenalised.
+    /// Weights w_g of the groups' norms, by number; 0: no penalty on the norm. Empty: the root of the number of
+    /// penalised columns of the group.
     pub weights: Vec<f64>,
 }
 
@@ -22,7 +23,7 @@ impl Groups {
         self.of.iter().max().map_or(0, |last| last + 1)
     }
 
-    /// Whether there are no columns.
+    /// Returns true if there are no columns.
     pub fn is_empty(&self) -> bool {
         self.of.is_empty()
     }

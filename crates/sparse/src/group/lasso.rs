@@ -18,12 +18,14 @@ use crate::{
 ///
 /// with penalty factors f and units u of the [`Penalty`], whose signs hold too.
 ///
-/// Block coordinate descent on the compressed problem: a group at a time, exactly (by the eigenvalues of its Gram block and a secular equation) where the penalty is
-/// its norm alone, by proximal steps where coefficients may also leave alone; working sets by the sequential strong rule, checked against all groups; Newton
-/// steps for the last digits. Every solution carries its duality gap, the dual point scaled by the exact dual norm. The same bits on any number of threads.
+/// Block coordinate descent on the compressed problem, a group at a time. If the penalty is the group's norm alone, the
+/// step is exact (by the eigenvalues of its Gram block and a secular equation). If single coefficients may also become
+/// zero, the steps are proximal. Working sets follow the sequential strong rule and are checked against all groups;
+/// Newton steps give the last digits. Every solution has its duality gap, the dual point scaled by the exact dual norm.
+/// The bits are the same on any number of threads.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GroupLasso {
-    /// Which columns belong together.
+    /// Groups of columns.
     pub groups: Groups,
     /// Share of the absolute values in the penalty: 0 is the group lasso, 1 the lasso.
     pub l1_ratio: f64,

@@ -41,7 +41,7 @@ pub(super) fn critical(pushes: impl Iterator<Item = f64> + Clone, l1: f64, group
 mod tests {
     use super::*;
 
-    /// What the condition leaves at lambda.
+    /// Left side less right side of the condition at lambda.
     fn left(pushes: &[f64], l1: f64, group: f64, lambda: f64) -> f64 {
         norm(pushes.iter().map(|push| (push - lambda * l1).max(0.0))) - lambda * group
     }

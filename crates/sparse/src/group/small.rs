@@ -229,7 +229,7 @@ impl Small<'_> {
         &self.parts[after - 1]
     }
 
-    /// Whether column i keeps its sign in a Newton step.
+    /// Returns true if column i keeps its sign in a Newton step.
     fn watched(&self, i: usize) -> bool {
         let part = self.part(i);
         part.rule.l1 > 0.0 || part.rule.signs[i - part.first].sides().len() == 1

@@ -5,7 +5,7 @@ use faer::MatRef;
 use super::InferenceError;
 use crate::SparseError;
 
-/// What replicates say of one coefficient.
+/// Interval of one coefficient from replicates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BootstrapInterval {
     /// Quantiles `(1 - level)/2` and `(1 + level)/2` of the replicates (Efron).

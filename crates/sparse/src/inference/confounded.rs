@@ -1,4 +1,4 @@
-//! Coefficients that cannot be told apart, and how much the others inflate the variance of each.
+//! Coefficients that cannot be told apart, and the variance inflation of each by the others.
 
 use faer::Mat;
 
@@ -10,14 +10,15 @@ use crate::structured::Assembled;
 pub struct Confounded {
     /// The coefficient whose column the others rebuild.
     pub dependent: usize,
-    /// What its column has beyond those of the others, relative to its length: the sine of the angle between them; at most the limit.
+    /// Remainder of its column beyond the others, relative to its length: the sine of the angle between them; at most
+    /// the limit.
     pub remainder: f64,
-    /// Coefficients that take part, ascending, with the direction in raw units: `sum_j direction_j column_j` is shorter than `remainder` says. In units of the
-    /// columns' lengths its largest entry is 1.
+    /// Coefficients that take part, ascending, with the direction in raw units: `sum_j direction_j column_j` is at most
+    /// as long as `remainder` implies. In units of the columns' lengths its largest entry is 1.
     pub direction: Vec<(usize, f64)>,
 }
 
-/// What a support cannot tell apart.
+/// Coefficients of a support that the rows cannot tell apart.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Confounding {
     /// Directions, one a dependent column; together with their multiples and sums they are the (near) null space.

@@ -1,4 +1,4 @@
-//! Why a question about a fit has no answer.
+//! Errors of inference for a fit.
 
 use fleetfoot_data::Cancelled;
 
@@ -19,7 +19,7 @@ pub enum InferenceError {
     NoSuchCoefficient {
         /// The coefficient.
         column: usize,
-        /// How many there are.
+        /// Number of columns.
         columns: usize,
     },
     /// Coefficients that depend on the others of their support.
@@ -41,19 +41,19 @@ pub enum InferenceError {
         "{clusters} cluster(s): the spread between clusters needs two; cluster by chunk, or scan with shorter chunks"
     )]
     TooFewClusters {
-        /// How many there are.
+        /// Number of clusters.
         clusters: usize,
     },
     /// No spread between fewer than two replicates.
     #[error("{replicates} replicate(s): quantiles need at least two, and useful ones some hundreds")]
     TooFewReplicates {
-        /// How many there are.
+        /// Number of replicates.
         replicates: usize,
     },
     /// A level or limit out of range.
     #[error("{name} is {value}: it lies between 0 and 1")]
     Share {
-        /// What it is.
+        /// Name of the share.
         name: &'static str,
         /// The value.
         value: f64,

@@ -1,4 +1,4 @@
-//! What every log does to the fit: the exact answer without it.
+//! Influence of every log on the fit: the exact answer without it.
 
 use fleetfoot_data::{EpisodeId, Progress, parallel_map};
 use fleetfoot_stats::{Gram, SquareRoot};

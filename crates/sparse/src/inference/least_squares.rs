@@ -5,7 +5,8 @@ use faer::Mat;
 use super::InferenceError;
 use crate::{kernel::norm, quadratic::Form, structured::Assembled};
 
-/// What a column has beyond the others, relative to its length, below which its coefficient is not identified: errors of the rows are divided by it.
+/// Least remainder of a column beyond the others, relative to its length, for an identified coefficient: errors of the
+/// rows are divided by it.
 pub(super) const IDENTIFIED: f64 = 1e-9;
 
 /// A factored support. Columns are in units of their length over the rows, `unit`.

@@ -111,7 +111,7 @@ fn score(problem: &Compressed, coefficients: MatRef<'_, f64>) -> Mat<f64> {
     score
 }
 
-/// Whether no column is the sum of others, up to rounding.
+/// Returns true if no column is a linear combination of others, up to rounding.
 fn identified(own: &Compressed) -> bool {
     (0..own.columns()).all(|k| own.r[(k, k)].abs() > own.noise[k])
 }

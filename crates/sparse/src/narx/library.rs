@@ -1,4 +1,4 @@
-//! Candidates of a NARX model, and which orders have them.
+//! Candidates of a NARX model, and the orders that contain them.
 
 use std::collections::HashSet;
 
@@ -23,9 +23,10 @@ pub struct NarxLibrary {
 pub struct Addend {
     /// The function.
     pub function: Expr,
-    /// Whether it reads an output: its lags go as far back as those of the outputs, and it is not known at row k.
+    /// True if the addend reads an output. Its lags then go as far back as those of the outputs, and it is not known at
+    /// row k.
     pub outputs: bool,
-    /// Whether it reads anything else: its lags go as far back as those of the inputs.
+    /// True if the addend reads anything else: its lags go as far back as those of the inputs.
     pub inputs: bool,
 }
 

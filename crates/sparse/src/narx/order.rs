@@ -1,4 +1,4 @@
-//! How far back a NARX model looks, and its degree.
+//! Lags and degree of a NARX model.
 
 use std::fmt;
 
@@ -19,7 +19,7 @@ pub struct NarxOrder {
     pub inputs: usize,
     /// Total degree of the polynomial; 1 for a sum of given functions.
     pub degree: usize,
-    /// Whether inputs act at once: `u(k)` stands beside its past.
+    /// True if inputs act at once: `u(k)` stands beside its past.
     pub direct: bool,
     /// Rows between two past values, 1 or more: `y(k-1)`, `y(k-1-every)`, `y(k-1-2*every)` and so on.
     pub every: usize,
@@ -37,22 +37,22 @@ impl NarxOrder {
         }
     }
 
-    /// Whether every term of `self` is one of `other`.
+    /// Returns true if every term of `self` is one of `other`.
     pub fn is_within(self, other: Self) -> bool {
         self.union(other) == other
     }
 
-    /// Whether there are past values of which one could say how far apart they are.
+    /// Returns true if some variable has two past values or more, so that their spacing matters.
     fn is_spread(self) -> bool {
         self.outputs.max(self.inputs) > 1
     }
 
-    /// How many rows the earliest of so many past values lies before row k.
+    /// Number of rows from the earliest of `lags` past values to row k.
     pub fn back(self, lags: usize) -> usize {
         if lags == 0 { 0 } else { 1 + (lags - 1) * self.every }
     }
 
-    /// How many rows the earliest of all past values lies before row k.
+    /// Number of rows from the earliest of all past values to row k.
     pub fn reach(self) -> usize {
         self.back(self.outputs.max(self.inputs))
     }

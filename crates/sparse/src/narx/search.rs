@@ -13,13 +13,13 @@ use crate::threshold::{
 /// A training set and the rows that it did not see, both with the constant as their first column.
 #[derive(Debug, Clone)]
 pub struct NarxFold {
-    /// What trains.
+    /// Training rows.
     pub train: Compressed,
-    /// What is predicted, one step ahead.
+    /// Held-out rows, which are predicted one step ahead.
     pub test: Compressed,
 }
 
-/// What orders are compared by.
+/// Criterion by which orders are compared.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum OrderChoice {
@@ -27,18 +27,18 @@ pub enum OrderChoice {
     Criterion(Criterion, CriterionOptions),
     /// One-step errors on rows that did not train, over the variance of the target on those that did.
     CrossValidation {
-        /// Whether the one with the fewest terms within one standard error of the best is chosen, or the best.
+        /// True: the order with the fewest terms within one standard error of the best is chosen. False: the best.
         one_standard_error: bool,
     },
 }
 
-/// How orders are compared.
+/// Options for the comparison of orders.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct OrderOptions {
     /// The most terms of an equation, taken by forward regression, their number being chosen with the order; `None`: all candidates of the order.
     pub max_terms: Option<usize>,
-    /// What the comparison is by.
+    /// Criterion of the comparison.
     pub choice: OrderChoice,
 }
 
@@ -60,7 +60,7 @@ pub struct OrderScore {
     pub terms: Vec<usize>,
     /// Sum of squared one-step errors of every target on all rows.
     pub rss: Vec<f64>,
-    /// What it is compared by; the least is the best.
+    /// Value of the criterion; the least is the best.
     pub value: f64,
     /// Standard error of the value over the folds; `None` for a criterion.
     pub standard_error: Option<f64>,

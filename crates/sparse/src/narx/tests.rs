@@ -1,4 +1,4 @@
-//! Orders found again, and the columns of a smaller order beside a scan of its own.
+//! Tests: known orders are recovered, and the columns of a smaller order agree with a separate scan.
 
 use faer::Mat;
 use fleetfoot_data::{Column, MemorySource, Silent, mix, with_threads};

@@ -10,26 +10,27 @@ use crate::{
 };
 use fleetfoot_sums::structured::Structure;
 
-/// What the noise variance is taken for.
+/// Estimate of the noise variance.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum NoiseVariance {
     /// The mean squared error of every model itself: `-2 log likelihood = N (ln(2 pi mse) + 1)`.
     #[default]
     Profiled,
-    /// That of least squares on all columns, `N mse / (N - df)`, the same for all models: `N ln(2 pi v) + N mse / v` (Zou, Hastie, Tibshirani 2007;
-    /// scikit-learn's `LassoLarsIC`). It needs a path down to lambda = 0.
+    /// The variance of least squares on all columns, `N mse / (N - df)`, the same for all models:
+    /// `N ln(2 pi v) + N mse / v` (Zou, Hastie, Tibshirani 2007; scikit-learn's `LassoLarsIC`). It needs a path down to
+    /// lambda = 0.
     LeastSquares,
     /// Known.
     Known(f64),
 }
 
-/// How models are compared.
+/// Options for the comparison of models.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CriteriaOptions {
     /// Number of independent observations N; `None`: the sum of the row weights, times the number of measured tasks. Rows of a log are correlated: give
     /// [`effective_rows`](crate::select::effective_rows), times the tasks.
     pub observations: Option<f64>,
-    /// What the noise variance is taken for.
+    /// Estimate of the noise variance.
     pub variance: NoiseVariance,
     /// EBIC's gamma, 0 (BIC) to 1: 0.5 is the usual choice, 1 is consistent for any number of columns that grows like a power of N.
     pub gamma: f64,

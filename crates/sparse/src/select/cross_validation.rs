@@ -13,28 +13,29 @@ use crate::{
 };
 use fleetfoot_sums::structured::{Banks, Structure};
 
-/// Which lambdas are compared.
+/// Lambdas to compare.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Lambdas {
     /// `count` of them, in equal factors, from the largest of the problem on all rows down to `ratio` of it.
     Grid {
-        /// How many.
+        /// Number of lambdas.
         count: usize,
         /// The smallest over the largest.
         ratio: f64,
     },
     /// These.
     List(Vec<f64>),
-    /// The knots of all folds' paths, exactly, down to the largest lambda at which one of them ends: the error is a piecewise quadratic between them.
+    /// The knots of all folds' paths, exactly, down to the largest lambda at which one of them ends. The error is a
+    /// piecewise quadratic between them.
     Knots,
 }
 
-/// How models are fitted and compared.
+/// Options for fitting and comparing models.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SelectOptions {
-    /// Which lambdas are compared.
+    /// Lambdas to compare.
     pub lambdas: Lambdas,
-    /// What is fitted at each of them.
+    /// Estimator to fit at each of them.
     pub estimator: Estimator,
 }
 
@@ -175,7 +176,7 @@ pub struct GridSolutions {
     pub coefficients: Mat<f64>,
     /// Intercepts; 0 for problems without one.
     pub intercepts: Vec<f64>,
-    /// Whether the solver met its tolerance.
+    /// True if the solver met its tolerance, for each lambda.
     pub exact: Vec<bool>,
 }
 

@@ -1,4 +1,4 @@
-//! How many rows count as independent.
+//! Effective number of independent rows.
 
 use fleetfoot_stats::BatchMeans;
 

@@ -1,4 +1,4 @@
-//! What can be wrong with a choice of lambda.
+//! Errors of a choice of lambda.
 
 use fleetfoot_data::Cancelled;
 use fleetfoot_data::setting::{CHUNK_ROWS, FOLDS};
@@ -12,7 +12,7 @@ pub enum SelectError {
     /// Fewer than two folds.
     #[error("{count} folds are asked for: cross-validation needs at least 2")]
     FoldCount {
-        /// How many.
+        /// Number of folds.
         count: usize,
     },
     /// Too little to make folds of.
@@ -20,9 +20,9 @@ pub enum SelectError {
     TooFew {
         /// Chunks, episodes or groups.
         what: &'static str,
-        /// How many there are.
+        /// Number of units.
         found: usize,
-        /// How many folds were asked for.
+        /// Number of folds asked for.
         needed: usize,
     },
     /// The share of held-out rows is out of range.
@@ -58,9 +58,9 @@ pub enum SelectError {
     /// A task that does not exist.
     #[error("task {task} is asked for, there are {tasks}")]
     NoSuchTask {
-        /// The task that was asked for.
+        /// Number of the requested task.
         task: usize,
-        /// How many there are.
+        /// Number of tasks.
         tasks: usize,
     },
     /// The noise variance of least squares is not known.
@@ -73,7 +73,7 @@ pub enum SelectError {
         observations: f64,
         /// Degrees of freedom at the end of the path.
         features: f64,
-        /// Where the path ends.
+        /// Lambda at the end of the path.
         end: f64,
     },
     /// EBIC's gamma is out of range.

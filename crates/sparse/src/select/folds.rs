@@ -1,4 +1,4 @@
-//! Folds: which stored statistics train and which test, as weights of the members.
+//! Folds: training and test statistics, as weights of the members.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -198,7 +198,7 @@ impl Folds {
         Self::new(train, test)
     }
 
-    /// How rows are held out, for people.
+    /// Rule by which rows are held out, for people.
     pub fn rule(&self) -> &str {
         &self.rule
     }
@@ -208,7 +208,7 @@ impl Folds {
         self.train.ncols()
     }
 
-    /// Whether there are none.
+    /// Returns true if there are no folds.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -228,7 +228,7 @@ impl Folds {
         self.test.as_ref()
     }
 
-    /// Whether a member is held out by more than one fold, as in repeated random splits.
+    /// Returns true if a member is held out by more than one fold, as in repeated random splits.
     pub fn overlap(&self) -> bool {
         (0..self.members()).any(|m| (0..self.len()).filter(|&fold| self.test[(m, fold)] > 0.0).count() > 1)
     }

@@ -89,7 +89,7 @@ impl HeldOut {
         self.tasks.len()
     }
 
-    /// Whether nothing is scored.
+    /// Returns true if there is nothing to score.
     pub fn is_empty(&self) -> bool {
         self.tasks.is_empty()
     }

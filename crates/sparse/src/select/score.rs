@@ -1,4 +1,4 @@
-//! What the held-out errors say: their mean, its standard error, and the choice.
+//! Held-out errors: their mean, its standard error, and the choice.
 
 use faer::Mat;
 
@@ -38,7 +38,7 @@ pub struct CrossValidation {
     pub inexact: Vec<usize>,
 }
 
-/// What one fold found.
+/// Scores of one fold.
 pub(crate) struct Scored {
     /// Error of every lambda.
     pub(crate) errors: Vec<f64>,
@@ -46,7 +46,7 @@ pub(crate) struct Scored {
     pub(crate) tasks: Mat<f64>,
     /// Coefficients that are not zero.
     pub(crate) features: Vec<usize>,
-    /// Whether the solver met its tolerance.
+    /// True if the solver met its tolerance, for each lambda.
     pub(crate) exact: Vec<bool>,
     /// Held-out and training rows.
     pub(crate) rows: [f64; 2],

@@ -21,11 +21,11 @@ pub struct Tikhonov {
     pub strength: f64,
     /// Gamma (m x p).
     pub gamma: Mat<f64>,
-    /// What the coefficients are believed to be (p).
+    /// Prior mean of the coefficients (p).
     pub prior: Vec<f64>,
 }
 
-/// How tasks are put together.
+/// Weights and penalties by which tasks are combined.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Assembly {
     /// Weight s_t of the squared errors of every task (tasks): 1 over the square of its scale; of a prior, lambda_t over that.

@@ -11,10 +11,10 @@ use crate::{
 
 /// Least squares on the support, with priors, Tikhonov term and signs, without an l1 penalty: the last line of Algorithm 1. `theta` (p) is 0 elsewhere.
 ///
-/// Where columns of the support depend on each other, the first ones carry the fit.
+/// If columns of the support depend on each other, the first ones carry the fit.
 ///
 /// # Errors
-/// As [`assemble()`]; when a column of the support does not exist.
+/// The errors of [`assemble()`]; a column of the support that does not exist.
 pub fn refit(
     structure: &Structure,
     roots: &[SquareRoot],

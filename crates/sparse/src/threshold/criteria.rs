@@ -21,7 +21,7 @@ pub enum Criterion {
     Ebic,
 }
 
-/// How models are compared.
+/// Options for the comparison of models.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CriterionOptions {
     /// Number of independent observations N; `None`: the rows of positive weight. Rows of a log are correlated: give the effective number

@@ -1,4 +1,4 @@
-//! What held-out rows say about supports: each is refitted on every fold's training rows.
+//! Held-out errors of supports: each is refitted on every fold's training rows.
 
 use faer::Mat;
 use fleetfoot_data::{Progress, parallel_map};

@@ -11,12 +11,12 @@ use super::{
     select::{check_terms, same_shape},
 };
 
-/// How an ensemble is made.
+/// Options of an ensemble.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EnsembleOptions {
     /// Candidate functions that are left out of each model at random (library bagging); 0: none.
     pub leave_out: usize,
-    /// Models of each replicate; more than one makes sense only where candidates are left out.
+    /// Models of each replicate; more than one is useful only with library bagging.
     pub draws: usize,
     /// Seed of the draws.
     pub seed: u64,
@@ -31,7 +31,7 @@ impl Default for EnsembleOptions {
     }
 }
 
-/// What the models of one target agree on, p candidate columns.
+/// Consensus of the models of one target, p candidate columns.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Ensemble {

@@ -1,4 +1,4 @@
-//! What can be wrong with a thresholding.
+//! Errors of a thresholding.
 
 use fleetfoot_data::Cancelled;
 
@@ -35,11 +35,11 @@ pub enum ThresholdError {
     /// A candidate function that does not exist.
     #[error("column {column} is named as {what}, the problem has {columns} columns")]
     NoSuchColumn {
-        /// What it is named as.
+        /// Role in which the column is named.
         what: &'static str,
         /// The column.
         column: usize,
-        /// How many there are.
+        /// Number of columns.
         columns: usize,
     },
     /// A term that is fixed and not allowed.
@@ -71,9 +71,9 @@ pub enum ThresholdError {
         "{what} {index} has {columns} columns and {targets} targets, the problem on all rows has {expected_columns} and {expected_targets}"
     )]
     OtherProblem {
-        /// "the training problem of fold", say.
+        /// Kind of the problem, such as "the training problem of fold".
         what: &'static str,
-        /// Which one.
+        /// Number of the problem.
         index: usize,
         /// Its columns.
         columns: usize,
@@ -87,17 +87,17 @@ pub enum ThresholdError {
     /// Nothing to choose from.
     #[error("{what}: {mend}")]
     Nothing {
-        /// What is missing.
+        /// Description of the missing part.
         what: &'static str,
-        /// What to do.
+        /// Remedy.
         mend: &'static str,
     },
     /// A library draw that leaves no candidate.
     #[error("{dropped} of {candidates} candidate functions are to be left out of every model: leave at least one in")]
     Dropped {
-        /// How many are left out.
+        /// Number of candidates that are left out.
         dropped: usize,
-        /// How many there are, the fixed ones not counted.
+        /// Number of candidates, the fixed ones not counted.
         candidates: usize,
     },
     /// The columns have no finite condition number.

@@ -15,8 +15,9 @@ use crate::kernel::{LANES, Slab, add_scaled, dot};
 /// Candidates whose reductions differ by a smaller share reduce alike, as `s` and `s^3` of a sign do: the first one is taken, the simpler one of a library.
 const TIE: f64 = 1e-9;
 
-/// Forward regression by orthogonal least squares (Billings, Chen and Korenberg 1989; Billings 2013, chapter 3): one term after the other, always the one
-/// with the largest error reduction ratio, `ERR_j = (w_j'y)^2 / (w_j'w_j y'y)`, w_j what column j has beyond the terms that are in.
+/// Forward regression by orthogonal least squares (Billings, Chen and Korenberg 1989; Billings 2013, chapter 3). It
+/// adds one term after the other, always the one with the largest error reduction ratio. The ratio is
+/// `ERR_j = (w_j'y)^2 / (w_j'w_j y'y)`, with w_j the remainder of column j beyond the terms in the model.
 ///
 /// The sums of squares are about zero, not about the mean, as there: the constant is a term like the others. The columns are orthogonalised by Householder
 /// reflections of R, which do not lose orthogonality where Gram and Schmidt do.
@@ -28,13 +29,13 @@ pub struct Frols {
     pub alpha: f64,
     /// Units of the coefficients that the ridge is on; the selection does not depend on it.
     pub scaling: Scaling,
-    /// Whether the coefficients are those of plain least squares.
+    /// True if the coefficients are those of plain least squares.
     pub unbias: bool,
-    /// Which of the models is chosen.
+    /// Rule by which a model is chosen.
     pub choice: FrolsChoice,
 }
 
-/// How forward regression chooses among its models.
+/// Rule by which forward regression chooses among its models.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum FrolsChoice {
@@ -44,7 +45,7 @@ pub enum FrolsChoice {
         /// Weight of the number of terms, relative to the condition number of the columns.
         kappa: f64,
     },
-    /// The first model that leaves at most this share of `y'y` (Billings 2013, equation 3.24).
+    /// The first model whose residual is at most this share of `y'y` (Billings 2013, equation 3.24).
     ErrorSum(f64),
     /// The model with the least value of a criterion.
     Criterion(Criterion, CriterionOptions),
@@ -127,7 +128,7 @@ impl Frols {
 
 /// Terms in the order in which they entered.
 pub(super) struct Entered {
-    /// How many of them are fixed: the first ones.
+    /// Number of fixed terms, which come first.
     pub(super) fixed: usize,
     pub(super) order: Vec<usize>,
     /// Error reduction ratio of each.

@@ -1,4 +1,5 @@
-//! All targets at once, under one rule: what pysindy's optimisers answer for several targets, iteration by iteration.
+//! All targets at once, under one rule: the answers of pysindy's optimisers for several targets, iteration by
+//! iteration.
 
 use fleetfoot_stats::Compressed;
 
@@ -17,7 +18,7 @@ use crate::{SparseError, kernel::norm};
 pub struct Joint {
     /// The model of each target (q).
     pub steps: Vec<Step>,
-    /// Coefficients before the last refit (q x p): what decided the support.
+    /// Coefficients before the last refit (q x p), which decided the support.
     pub decided: Vec<Vec<f64>>,
     /// Coefficients (q x p) that each iteration left. STLSQ and SR3: the first entry is where they start.
     pub history: Vec<Vec<Vec<f64>>>,
@@ -27,7 +28,7 @@ pub struct Joint {
     pub ratios: Vec<Vec<f64>>,
     /// Iterations made: the most of any target.
     pub iterations: usize,
-    /// Whether the rule ended the iteration, not their number.
+    /// True if the rule ended the iteration, and not the limit on their number.
     pub converged: bool,
 }
 

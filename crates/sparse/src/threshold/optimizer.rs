@@ -1,4 +1,4 @@
-//! Which method makes a model sparse.
+//! Method that makes a model sparse.
 
 use fleetfoot_stats::Compressed;
 

@@ -18,17 +18,18 @@ use crate::{
 pub struct PenalisedPath {
     /// The penalty.
     pub estimator: Estimator,
-    /// Whether coefficients are penalised in units of their column's root mean square. Fixed terms are not penalised: fix the constant for a free intercept.
+    /// True if coefficients are penalised in units of their column's root mean square. Fixed terms are not penalised:
+    /// fix the constant for a free intercept.
     pub standardise: bool,
-    /// Where the path ends, in the units of the target.
+    /// End of the path: the smallest lambda, in the units of the target.
     pub lambda_min: f64,
     /// The most terms; `None`: all.
     pub max_terms: Option<usize>,
-    /// Whether each support is refitted by least squares; then knots with the support of the knot before make no model of their own.
+    /// True if each support is refitted by least squares; knots with the support of the knot before then make no model.
     pub refit: bool,
-    /// What the chosen model is best in.
+    /// Criterion by which a model is chosen.
     pub criterion: Criterion,
-    /// How the criterion is computed.
+    /// Options of the criterion.
     pub options: CriterionOptions,
 }
 

@@ -11,7 +11,7 @@ use super::{
 };
 use crate::{SparseError, kernel::norm};
 
-/// How far above its rounding, in all directions, a triangle has to stand for plain substitution.
+/// Least ratio of a triangle to its rounding, in all directions, for plain substitution.
 const CLEAR: f64 = 8.0;
 
 /// One problem, ready for one optimiser and any of its thresholds and targets.
@@ -23,7 +23,7 @@ pub(super) struct Prepared<'a> {
     pub(super) unit: Vec<f64>,
     /// Columns that may be used and are not zero, ascending.
     pub(super) open: Vec<usize>,
-    /// Whether a column is always in (p).
+    /// For each column: true if it is always in the model (p).
     pub(super) fixed: Vec<bool>,
     /// Least and greatest value of every coefficient (p); empty where all are free.
     bounds: Vec<[f64; 2]>,
@@ -85,7 +85,7 @@ impl<'a> Prepared<'a> {
         norm(z.chain([self.problem.residual[target].max(0.0).sqrt()]))
     }
 
-    /// What a threshold in the user's units is on `unit_j b_j`.
+    /// Threshold on `unit_j b_j` for a threshold in the user's units.
     pub(super) fn cut(&self, threshold: f64, target: usize) -> f64 {
         if self.scaling == Scaling::Share { threshold * self.target_length(target) } else { threshold }
     }
@@ -135,12 +135,12 @@ impl<'a> Prepared<'a> {
         self.ridge[column]
     }
 
-    /// Whether any coefficient has bounds.
+    /// Returns true if any coefficient has bounds.
     pub(super) fn bounded(&self) -> bool {
         !self.bounds.is_empty()
     }
 
-    /// Whether a coefficient may have a value.
+    /// Returns true if a coefficient may have a value.
     pub(super) fn within(&self, column: usize, value: f64) -> bool {
         self.bounds.get(column).is_none_or(|&[low, high]| low <= value && value <= high)
     }
@@ -150,17 +150,18 @@ impl<'a> Prepared<'a> {
         self.bounds.get(column).map_or(value, |&[low, high]| value.max(low).min(high))
     }
 
-    /// Whether a coefficient is at one of its bounds.
+    /// Returns true if a coefficient is at one of its bounds.
     pub(super) fn at_bound(&self, column: usize, value: f64) -> bool {
         self.bounds.get(column).is_some_and(|bounds| bounds.contains(&value))
     }
 
-    /// Whether a term is held at 0 by a bound: it is not in the model then.
+    /// Returns true if a term is held at 0 by a bound: it is then not in the model.
     pub(super) fn held_out(&self, column: usize, value: f64) -> bool {
         value == 0.0 && !self.fixed[column] && self.at_bound(column, value)
     }
 
-    /// How much the error falls along a coefficient where it may move, half its derivative; `slope` is `x_j'(y - X b)`.
+    /// Descent of the error along a coefficient in its allowed directions, half its derivative; `slope` is
+    /// `x_j'(y - X b)`.
     pub(super) fn inwards(&self, column: usize, value: f64, slope: f64) -> f64 {
         match self.bounds.get(column) {
             Some(&[low, high]) if low == high => 0.0,

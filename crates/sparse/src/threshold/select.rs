@@ -9,7 +9,7 @@ use super::{
     score_supports,
 };
 
-/// How one of the models is chosen.
+/// Rule by which one of the models is chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Choice {
@@ -22,22 +22,22 @@ pub enum Choice {
     LeastError,
     /// The least value of a criterion.
     Criterion(Criterion),
-    /// What the optimiser itself chooses.
+    /// The optimiser's own choice.
     Optimizer,
 }
 
-/// How models are made and compared.
+/// Options for making and comparing models.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SweepOptions {
-    /// Which thresholds.
+    /// Thresholds to compare.
     pub thresholds: Thresholds,
-    /// What competes beside the optimiser's own models.
+    /// Models that compete with those of the optimiser.
     pub rivals: Rivals,
-    /// How one model is chosen.
+    /// Rule by which one model is chosen.
     pub choice: Choice,
-    /// How criteria are computed.
+    /// Options of the criteria.
     pub criteria: CriterionOptions,
-    /// Whether held-out rows repeat between folds ([`Folds::overlap`](crate::select::Folds::overlap)).
+    /// True if held-out rows repeat between folds ([`Folds::overlap`](crate::select::Folds::overlap)).
     pub overlap: bool,
 }
 

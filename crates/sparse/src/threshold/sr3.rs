@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{SparseError, kernel::norm};
 
-/// What the sparse copy of the coefficients is penalised by.
+/// Penalty of the sparse copy of the coefficients.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Regularizer {
@@ -46,9 +46,9 @@ pub struct Sr3 {
     pub max_iterations: usize,
     /// Units of the coefficients. With [`Scaling::Share`] they are relative to the target's length, and so are the threshold and the tolerance.
     pub scaling: Scaling,
-    /// Whether the terms of v are refitted by least squares.
+    /// True if the terms of v are refitted by least squares.
     pub unbias: bool,
-    /// Where v starts (p, raw units); `None`: at least squares.
+    /// First value of v (p, raw units); `None`: least squares.
     pub initial: Option<Vec<f64>>,
 }
 

@@ -10,21 +10,22 @@ use super::{
     triangle::Triangle,
 };
 
-/// Which term stepwise regression removes.
+/// Rule by which stepwise regression removes a term.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Removal {
     /// The one with the smallest |coefficient|.
     #[default]
     Coefficient,
-    /// The one without which the regression on the others leaves the least error.
+    /// The term whose removal increases the error of the regression least.
     Residual,
 }
 
 /// Stepwise sparse regression (Boninsegna, Nuske and Clementi 2018): regress on all terms with a ridge, remove one, regress on the rest, down to one term.
 ///
-/// Defaults, the order of removal and the choice are those of pysindy's `SSR`. Between bounds of [`Terms`] each regression is least squares within them; what a bound holds at 0 leaves
-/// first, and what one holds elsewhere stays there as the errors without another term are compared.
+/// Defaults, the order of removal and the choice are those of pysindy's `SSR`. Between bounds of [`Terms`] each
+/// regression is least squares within them. A term that a bound holds at 0 is removed first. A term at another bound
+/// stays there while the errors without another term are compared.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ssr {
     /// The ridge; it is not multiplied by the number of rows.
@@ -33,12 +34,12 @@ pub struct Ssr {
     pub max_removals: usize,
     /// Units of the coefficients that are compared and penalised.
     pub scaling: Scaling,
-    /// Which term is removed.
+    /// Rule by which a term is removed.
     pub removal: Removal,
     /// `Some`: chosen is the model with the least `rss + kappa cond(X) terms`. `None`: the one after which removing one more term raises the error by the
     /// largest factor.
     pub kappa: Option<f64>,
-    /// Whether the models are refitted without the ridge. The choice looks at the errors with the ridge.
+    /// True if the models are refitted without the ridge. The choice uses the errors with the ridge.
     pub unbias: bool,
 }
 

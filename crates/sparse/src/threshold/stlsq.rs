@@ -11,11 +11,13 @@ use super::{
 };
 use crate::SparseError;
 
-/// Sequentially thresholded least squares (Brunton, Proctor and Kutz 2016; with a ridge, Rudy et al. 2017): regress, drop what is below the threshold,
-/// regress on the rest, until nothing is dropped.
+/// Sequentially thresholded least squares (Brunton, Proctor and Kutz 2016; with a ridge, Rudy et al. 2017): regress,
+/// drop the terms below the threshold, regress on the rest, until no term is dropped.
 ///
-/// Each regression minimises `sum w (y - x'b)^2 + alpha sum_j (u_j b_j)^2` over the columns that are left, u the units of [`Scaling`]; dropped is
-/// `|u_j b_j| < threshold`. Between bounds of [`Terms`] each regression is least squares within them, and what a bound holds at 0 is dropped. Defaults, stopping rule and last refit are those of pysindy's `STLSQ`.
+/// Each regression minimises `sum w (y - x'b)^2 + alpha sum_j (u_j b_j)^2` over the remaining columns, u the units of
+/// [`Scaling`]; dropped is `|u_j b_j| < threshold`. Between bounds of [`Terms`] each regression is least squares within
+/// them, and a term that a bound holds at 0 is dropped. Defaults, stopping rule and last refit are those of pysindy's
+/// `STLSQ`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stlsq {
     /// Coefficients below it are dropped, in the units of `scaling`.
@@ -26,10 +28,10 @@ pub struct Stlsq {
     pub max_iterations: usize,
     /// Units of the coefficients that are thresholded and penalised.
     pub scaling: Scaling,
-    /// Whether the terms that are left are refitted without the ridge.
+    /// True if the remaining terms are refitted without the ridge.
     pub unbias: bool,
-    /// A first guess (p). As in pysindy, the first regression is on all columns whatever it is; only the stopping rule compares with it: the iteration ends
-    /// when the first regression keeps the terms that the guess has.
+    /// A first guess (p). As in pysindy, the first regression is on all columns whatever the guess is. Only the
+    /// stopping rule compares with it: the iteration ends when the first regression keeps the terms of the guess.
     pub initial: Option<Vec<f64>>,
 }
 

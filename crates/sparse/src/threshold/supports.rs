@@ -1,4 +1,4 @@
-//! Supports that compete: those of an optimiser's own path, of backward elimination, and the plainest there are.
+//! Supports that compete: those of an optimiser's path, of backward elimination, and the simplest ones.
 
 use fleetfoot_stats::Compressed;
 
@@ -9,10 +9,10 @@ use super::{
     sweep::sweep_thresholds,
 };
 
-/// What competes beside the optimiser's own path.
+/// Models that compete with the optimiser's path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Rivals {
-    /// The supports of backward elimination: the term without which the regression on the others errs least leaves first.
+    /// The supports of backward elimination: the first term removed is the one whose removal increases the error least.
     pub backward: bool,
     /// The model without any term that is not fixed.
     pub zero: bool,
@@ -88,7 +88,7 @@ fn backward(problem: &Compressed, target: usize, terms: &Terms, path: &Trail) ->
     Ok(ssr.trail(problem, target, &terms)?.steps)
 }
 
-/// What the optimiser would be given for such a model: half of the largest threshold that keeps all its terms, or their number.
+/// Optimiser parameter of such a model: half of the largest threshold that keeps all its terms, or their number.
 fn parameter(prepared: &Prepared<'_>, target: usize, optimizer: &Optimizer, step: &Step) -> f64 {
     let scaling = match optimizer {
         Optimizer::Stlsq(stlsq) => stlsq.scaling,

@@ -11,22 +11,23 @@ use super::{
     run::Run,
 };
 
-/// Which thresholds (lambdas, for SR3) are compared. Other optimisers make their own sequence of models.
+/// Thresholds (lambdas, for SR3) to compare. Other optimisers make their own sequence of models.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Thresholds {
-    /// `count` of them in equal factors: from just above the largest coefficient of the first regression, where nothing is left, down to `ratio` of it.
+    /// `count` of them in equal factors: from just above the largest coefficient of the first regression, where no term
+    /// remains, down to `ratio` of it.
     Grid {
-        /// How many.
+        /// Number of thresholds.
         count: usize,
         /// The smallest over the largest.
         ratio: f64,
     },
     /// These.
     List(Vec<f64>),
-    /// Every threshold at which an iteration of STLSQ, or of SR3 with l0, goes another way, from 0 up; one model for every support, at the (geometric) middle of
-    /// the thresholds that give it, so that data a little different have it there too. Where there would be more than `most`, the upper half of the budget
-    /// is spread in equal factors.
+    /// Every threshold, from 0 up, at which an iteration of STLSQ, or of SR3 with l0, selects other terms. There is one
+    /// model for every support, at the (geometric) middle of the thresholds that give it: slightly different data have
+    /// it there too. If there would be more than `most`, the upper half of the budget is spread in equal factors.
     Changes {
         /// The most thresholds that are tried.
         most: usize,
@@ -81,7 +82,7 @@ struct Reign {
     step: Step,
     from: f64,
     to: f64,
-    /// Whether the iterations go the same way under all of them.
+    /// True if the iterations take the same steps under all of them.
     one_way: bool,
 }
 

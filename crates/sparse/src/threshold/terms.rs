@@ -1,10 +1,10 @@
-//! Which columns an equation may use, and which it must.
+//! Columns that an equation may use, and those that it must use.
 
 use fleetfoot_stats::Compressed;
 
 use super::ThresholdError;
 
-/// What an equation may be made of, p candidate columns.
+/// Candidate columns of an equation, p in all.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Terms {
     /// Columns that may be used (p); `None`: all.
@@ -20,7 +20,7 @@ pub struct Terms {
 pub(super) struct Checked {
     /// Columns that may be used, fixed ones included, ascending.
     pub(super) open: Vec<usize>,
-    /// Whether a column is always in (p).
+    /// For each column: true if it is always in the model (p).
     pub(super) fixed: Vec<bool>,
     /// Least and greatest value of every coefficient (p); empty where all are free.
     pub(super) bounds: Vec<[f64; 2]>,

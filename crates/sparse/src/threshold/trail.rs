@@ -1,4 +1,4 @@
-//! What an optimiser found: models, one after the other.
+//! Models of an optimiser, one after the other.
 
 /// Why an optimiser stopped at a model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -12,7 +12,7 @@ pub enum Status {
     Empty,
 }
 
-/// What can be checked about a model without running its optimiser again.
+/// Checks of a model that need no second run of its optimiser.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct StepCertificate {
@@ -45,10 +45,10 @@ pub struct Step {
     pub parameter: f64,
     /// Forward regression: the error reduction ratio of each term, in the order of [`Trail::order`]. Their sum is `1 - rss / y'y`.
     pub err: Option<Vec<f64>>,
-    /// Groups of columns of the support that the rows cannot tell apart; their coefficients are the ones of least norm in units of the columns' root mean
-    /// squares.
+    /// Groups of columns of the support that the rows cannot tell apart. Their coefficients are those of least norm in
+    /// units of the columns' root mean squares.
     pub confounded: Vec<Vec<usize>>,
-    /// What can be checked about it.
+    /// Certificate of the model.
     pub certificate: StepCertificate,
 }
 

@@ -1,4 +1,5 @@
-//! Thresholding between bounds: every set of held coefficients tried as oracle, another solver, and what all models keep.
+//! Thresholding between bounds, against an enumeration of held coefficients, another solver, and properties of all
+//! models.
 
 use faer::{Mat, linalg::solvers::Solve};
 use fleetfoot_data::{Silent, mix};
@@ -136,7 +137,7 @@ fn many_columns_meet_the_conditions_and_agree_with_the_interior_point() {
     }
 }
 
-/// What the constrained fit of structured regressions finds.
+/// Solution of the constrained fit of structured regressions.
 fn interior_point(rows: &Mat<f64>, bounds: &[[f64; 2]]) -> Vec<f64> {
     let p = bounds.len();
     let mut factor = Factor::new(p, 1);

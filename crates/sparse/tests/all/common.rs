@@ -1,4 +1,4 @@
-//! Problems that every solver is run on: random ones, degenerate ones, and their rows, for checks that use no statistic.
+//! Problems for every solver: random ones, degenerate ones, and their rows, for checks that use no statistic.
 
 #![allow(dead_code, reason = "every test binary uses its own part")]
 
@@ -11,17 +11,17 @@ use rand_pcg::Pcg64;
 pub(crate) mod aircraft;
 pub(crate) mod tasks;
 
-/// Rows, and what they are called.
+/// Rows, with a name.
 #[derive(Debug, Clone)]
 pub(crate) struct Rows {
     pub(crate) name: String,
     pub(crate) x: Mat<f64>,
     pub(crate) y: Vec<f64>,
-    /// Whether the minimiser is unique at every lambda > 0.
+    /// True if the minimiser is unique at every lambda > 0.
     pub(crate) unique: bool,
 }
 
-/// Which statistic a problem is handed over as.
+/// Statistic that a problem is made of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Form {
     Root,
@@ -39,7 +39,7 @@ impl Rows {
         self.x.ncols()
     }
 
-    /// Whether nothing is tied.
+    /// Returns true if there are no ties.
     pub(crate) fn ordinary(&self) -> bool {
         ["random", "leaves"].iter().any(|word| self.name.starts_with(word))
     }
@@ -206,7 +206,8 @@ pub(crate) fn polynomials() -> Rows {
     Rows { name: "polynomials".into(), x, y, unique: false }
 }
 
-/// What an aircraft's latents are made of: one variable times a polynomial in two others, degree 4 and 3, all slowly varying (25 columns).
+/// Features of an aircraft's latents: one variable times a polynomial in two others, degree 4 and 3, all slowly varying
+/// (25 columns).
 pub(crate) fn features(seed: u64, spread: f64) -> Rows {
     let n = 400;
     let mut rng = Pcg64::seed_from_u64(seed);

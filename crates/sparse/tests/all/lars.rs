@@ -185,7 +185,8 @@ fn ill_conditioned_columns_end_at_least_squares() {
     assert!(exact.condition > 1e6 && root < 1e-8 && gram > 100.0 * root, "{root:e} {gram:e}");
 }
 
-/// Where the Gram matrix has lost all digits, its path ends before the first knot that is wrong; the square-root form goes all the way.
+/// If the Gram matrix has lost all digits, its path ends before the first wrong knot; the square-root form goes all the
+/// way.
 #[test]
 fn paths_of_ill_conditioned_features_end_before_they_are_wrong() {
     let mut ended = 0;

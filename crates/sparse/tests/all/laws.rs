@@ -1,4 +1,4 @@
-//! Laws of the minimiser as properties: scaling, permutation, shifts, and certificates of problems nobody chose.
+//! Laws of the minimiser as properties: scaling, permutation, shifts, and certificates of random problems.
 
 use crate::common::{Form, integers, random};
 use faer::Mat;

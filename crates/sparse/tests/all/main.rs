@@ -1,4 +1,4 @@
-//! Sparse regression, against certificates, peers and its own laws.
+//! Sparse regression, against certificates, peers and laws.
 
 mod bolasso;
 mod bounded;

@@ -1,4 +1,4 @@
-//! Problems from every kind of statistic, what is refused, and the adaptive lasso.
+//! Problems from every kind of statistic, refusals, and the adaptive lasso.
 
 use crate::common::{Form, degenerate, random};
 use faer::Mat;

@@ -82,7 +82,7 @@ fn condition(problem: &Compressed) -> f64 {
     s[0] / s[p - 1]
 }
 
-/// Whether the answer's coefficients are those of a last refit.
+/// Returns true if the answer's coefficients are those of a last refit.
 fn refitted(answer: &Answer) -> bool {
     let flag = match answer.kind.as_str() {
         "stlsq" | "ssr" | "frols" => 3,

@@ -1,4 +1,5 @@
-//! Reflectors by the block: what does not stay in a processor's cache is read once a block, by matrix products on all threads.
+//! Reflectors by the block: data that exceed a processor's cache are read once a block, by matrix products on all
+//! threads.
 //!
 //! A block of reflectors is `I - V T V'` with T upper triangular (the compact WY form; Schreiber and Van Loan 1989). Its columns are reduced one by one, the
 //! columns behind them at once. Pieces of columns have a fixed width, so that the bits do not depend on the threads.
@@ -14,7 +15,7 @@ const BLOCK: usize = 32;
 /// Values from which on blocks are faster: twice what a second-level cache holds.
 const LARGE: usize = 1 << 18;
 
-/// Whether blocks are faster than one reflector after the other.
+/// Returns true if blocks are faster than one reflector after the other.
 pub(super) fn pays(rows: &Slab) -> bool {
     rows.columns() >= 4 * BLOCK && rows.values.len() >= LARGE
 }

@@ -36,7 +36,7 @@ impl PolynomialBank {
         self.rows.len()
     }
 
-    /// Whether there are none.
+    /// Returns true if the bank has no rows.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }

@@ -1,4 +1,4 @@
-//! A plan of moments as bytes: what defines its basis, from which everything else follows.
+//! A plan of moments as bytes: the definition of its basis, from which everything else follows.
 
 use super::{AffineMap, PolynomialError, PolynomialPlan, check_size};
 
@@ -6,7 +6,7 @@ use super::{AffineMap, PolynomialError, PolynomialPlan, check_size};
 const COUNTS: usize = 3;
 
 impl PolynomialPlan {
-    /// What defines the basis and the centres, and the condition of the pilot, little-endian.
+    /// Bytes of the basis, the centres and the condition of the pilot, little-endian.
     pub fn to_bytes(&self) -> Vec<u8> {
         let counts = [self.variables(), self.degree(), self.targets()];
         let numbers = self.map.values().chain(&self.target_centre).chain([&self.condition]);
@@ -44,7 +44,7 @@ impl PolynomialPlan {
 }
 
 impl PartialEq for PolynomialPlan {
-    /// Whether rows give the same sums.
+    /// Returns true if rows give the same sums under both plans.
     fn eq(&self, other: &Self) -> bool {
         self.to_bytes() == other.to_bytes()
     }

@@ -1,4 +1,4 @@
-//! Twice the working precision for the small sums and products that must add no error of their own.
+//! Twice the working precision, for small sums and products that must add no error.
 //!
 //! Error-free transformations: T. J. Dekker, "A floating-point technique for extending the available precision" (1971); D. E. Knuth, TAOCP 2, 4.2.2.
 

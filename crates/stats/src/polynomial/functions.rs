@@ -14,7 +14,7 @@ pub(super) const STRIDE: usize = TILE + LANES;
 /// The widest vector, in values.
 pub(super) const LANES: usize = 8;
 
-/// How a function follows from earlier ones.
+/// Formula of a function in terms of earlier ones.
 #[derive(Debug, Clone, Copy)]
 enum Recipe {
     One,
@@ -34,9 +34,10 @@ enum Recipe {
 pub(super) struct Functions {
     /// The functions that are stored, in graded order.
     recipes: Vec<Recipe>,
-    /// For each function of the group the two stored ones that it is the product of (of a stored one: itself and 0); empty when all are stored.
+    /// For each function of the group, the two stored functions whose product it is (of a stored one: itself and 0).
+    /// Empty when all are stored.
     leaves: Vec<(usize, usize)>,
-    /// How many functions from the first on are stored, at their places in graded order.
+    /// Number of leading functions that are stored at their places in graded order.
     prefix: usize,
 }
 
@@ -81,17 +82,17 @@ impl Functions {
         Self { recipes: stored.iter().map(|&i| recipe(list.exponent(i), from, place)).collect(), leaves, prefix }
     }
 
-    /// How many are stored.
+    /// Number of stored functions.
     pub(super) fn len(&self) -> usize {
         self.recipes.len()
     }
 
-    /// Whether every function is stored, at its place in graded order.
+    /// Returns true if every function is stored at its place in graded order.
     pub(super) fn all_stored(&self) -> bool {
         self.leaves.is_empty()
     }
 
-    /// Whether these functions are stored at their places in graded order.
+    /// Returns true if the functions of this range are stored at their places in graded order.
     pub(super) fn are_stored(&self, range: &Range<usize>) -> bool {
         range.end <= self.prefix
     }

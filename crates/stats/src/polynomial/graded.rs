@@ -59,7 +59,7 @@ impl Graded {
         self.starts[degree]..self.starts[degree + 1]
     }
 
-    /// Where an exponent vector stands; `None` above the degree of the list.
+    /// Place of an exponent vector in the list; `None` if its degree is above that of the list.
     pub(super) fn index(&self, exponent: &[u8]) -> Option<usize> {
         self.lookup.get(exponent).copied()
     }

@@ -39,14 +39,14 @@ impl Buffer {
     }
 }
 
-/// What the kernel needs to know of a plan.
+/// The kernel's part of a plan.
 #[derive(Debug, Clone)]
 pub(super) struct Program {
     pub(super) first: Functions,
     pub(super) second: Functions,
     /// The targets, which are stored.
     pub(super) targets: Functions,
-    /// Functions of the first group up to the library's degree: what a target is multiplied by.
+    /// Functions of the first group up to the library's degree: factors of a target.
     pub(super) low: usize,
     pub(super) moments: Tiling,
     /// Sums of the functions of the first group that are not stored.
@@ -288,11 +288,11 @@ fn product_of<S: Simd>(simd: S, values: &[f64], factors: &[f64], out: &mut [f64]
 /// Adds the products of all tiles to their sums.
 struct Products<'a> {
     tiling: &'a Tiling,
-    /// The second group, of which what is not stored is made strip by strip.
+    /// The second group; its functions that are not stored are made strip by strip.
     functions: &'a Functions,
-    /// What the functions that are made are multiplied by.
+    /// Row weights of the functions that are made strip by strip; `None`: 1.
     factors: Option<&'a [f64]>,
-    /// Where a strip is made: it stays in first-level cache.
+    /// Buffer for one strip, which stays in first-level cache.
     leaves: &'a mut [f64],
     first: &'a [f64],
     second: &'a [f64],

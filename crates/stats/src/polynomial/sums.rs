@@ -6,14 +6,14 @@ use crate::Sum;
 /// Weighted sums over rows: Chebyshev moments of the base columns up to twice the library's degree, moments of the library with
 /// each target, and products of the targets. Made by [`PolynomialPlan::moments`].
 ///
-/// Every 1,024 rows the plain sums go into totals with a compensation term (Knuth's exact sum), so the rounding does not
-/// grow with the number of rows. The result depends on the rows of each `add` and on the order of adds and merges, on nothing else (on
-/// one instruction set: another vector width adds in another order).
+/// Every 1,024 rows the plain sums go into totals with a compensation term (Knuth's exact sum). The rounding therefore
+/// does not grow with the number of rows. The result depends only on the rows of each `add`, the order of adds and
+/// merges, and the instruction set (another vector width adds in another order).
 #[derive(Debug, Clone, PartialEq)]
 pub struct PolynomialMoments {
     rows: u64,
     totals: Vec<f64>,
-    /// What rounding took from each total.
+    /// Rounding error of each total (compensated summation).
     lost: Vec<f64>,
 }
 
@@ -79,7 +79,7 @@ impl PolynomialMoments {
         }
     }
 
-    /// Whether all sums are finite: no NaN came in, and nothing overflowed.
+    /// Returns true if all sums are finite: no row had a NaN, and no sum overflowed.
     pub fn is_finite(&self) -> bool {
         self.totals.iter().all(|total| total.is_finite())
     }

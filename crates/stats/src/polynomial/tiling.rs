@@ -1,9 +1,10 @@
-//! Which products make the moments, and how they are cut into register tiles.
+//! Products that make the moments, cut into register tiles.
 //!
-//! The variables are split into two groups. A Chebyshev product over all of them is a function of the first group times a function of the
-//! second, so the sums over rows of all products up to a total degree form a staircase-shaped part of the matrix (functions of
-//! group one)' x (functions of group two). Functions of one degree are neighbours in graded order: the staircase is a set of
-//! rectangles, and the rectangles are cut into tiles whose sums fit into registers.
+//! The variables are split into two groups. A Chebyshev product over all of them is a function of the first group times
+//! a function of the second. The sums over rows of all products up to a total degree are therefore a part of the matrix
+//! (functions of group one)' x (functions of group two). It has the shape of a staircase. Functions of one degree are
+//! neighbours in graded order, so that this staircase is a set of rectangles. The rectangles are cut into tiles whose
+//! sums fit into registers.
 
 use std::ops::Range;
 
@@ -18,9 +19,9 @@ pub(super) struct Tile {
     pub(super) second: usize,
     pub(super) rows: usize,
     pub(super) columns: usize,
-    /// Whether the short side is the strip.
+    /// True if the short side is the strip.
     pub(super) swapped: bool,
-    /// Where the tile's sums start.
+    /// Index of the tile's first sum.
     pub(super) slot: usize,
 }
 
@@ -45,7 +46,7 @@ pub(super) const STRIP: usize = 16;
 /// Longest short side and long side that the kernel has code for.
 pub(super) const LIMITS: (usize, usize) = (4, 8);
 
-/// Whether a tile keeps its sums in registers, with a quarter left for operands.
+/// Returns true if a tile's sums fit into registers, with a quarter left for operands.
 fn fits(rows: usize, columns: usize, registers: usize) -> bool {
     let (short, long) = (rows.min(columns), rows.max(columns));
     short <= LIMITS.0 && long <= LIMITS.1 && short * long <= (registers * 3 / 4).max(1)
@@ -150,7 +151,7 @@ impl Tiling {
     }
 }
 
-/// How many variables the first group has: the split with the fewest functions to evaluate.
+/// Number of variables in the first group: the split with the fewest functions to evaluate.
 pub(super) fn best_split(variables: usize, degree: usize) -> usize {
     let functions =
         |split: usize| graded::count(split, degree).saturating_add(graded::count(variables - split, degree));

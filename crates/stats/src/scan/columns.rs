@@ -111,12 +111,12 @@ impl<'r> Tile<'r> {
         self.rows.rows()
     }
 
-    /// Whether there are none.
+    /// Returns true if the tile has no rows.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// What became of the rows of the tile.
+    /// Number of rows of the tile that were used and that were left out.
     pub fn counts(&self) -> RowCounts {
         RowCounts::of(self.rows)
     }

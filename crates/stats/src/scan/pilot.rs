@@ -1,4 +1,4 @@
-//! The pilot sample: rows that are looked at before a pass, to fix its coordinates.
+//! The pilot sample: rows that fix a pass's coordinates before it begins.
 
 use std::ops::Range;
 

@@ -145,7 +145,7 @@ fn fewer_rows_than_columns_interpolate_with_minimum_norm() {
     }
 }
 
-/// Whether row n of `rows` is a combination of rows 0..n (first 8 columns), by Gram-Schmidt.
+/// Returns true if row n of `rows` is a combination of rows 0..n (first 8 columns), by Gram-Schmidt.
 fn in_range(rows: &Mat<f64>, n: usize) -> bool {
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let mut basis: Vec<Vec<f64>> = Vec::new();

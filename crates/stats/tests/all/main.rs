@@ -1,4 +1,4 @@
-//! Statistics and solves, against higher precision and their own laws.
+//! Statistics and solves, against higher precision and laws.
 
 mod accuracy;
 mod degenerate;

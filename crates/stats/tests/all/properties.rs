@@ -1,4 +1,4 @@
-//! What must hold for any rows: merging, weights, permutations, scales, and held-out errors.
+//! Properties that hold for any rows: merging, weights, permutations, scales and held-out errors.
 
 use faer::{Mat, MatRef};
 use fleetfoot_stats::{Factor, Gram, Preconditioner, Solution, SquareRoot, least_squares, ridge};
@@ -48,7 +48,8 @@ fn close(a: f64, b: f64, size: f64) -> bool {
     (a - b).abs() <= 1e-12 * size
 }
 
-/// Whether two statistics agree to rounding, entry by entry, relative to the diagonal and to the spread of the means.
+/// Returns true if two statistics agree to rounding, entry by entry, relative to the diagonal and to the spread of the
+/// means.
 fn same(a: &Gram, b: &Gram) -> bool {
     let d = a.dimension();
     let size = |i: usize| a.get(i, i).max(b.get(i, i)).sqrt() + a.weight.sqrt() * a.mean[i].abs();

@@ -1,4 +1,4 @@
-//! Cut and changed files: nothing panics, nothing is invented, and what is missing is told.
+//! Cut and changed files: no panic, no invented message, and every loss is reported.
 
 use super::*;
 use crate::mcap::record::{Fields, Record, for_each_message, record_at, sound_record_at};
@@ -15,7 +15,7 @@ impl Random {
     }
 }
 
-/// Whether the sweeps are to have their full size, which takes minutes (`make test-all`).
+/// Returns true if the sweeps have their full size, which takes minutes (`make test-all`).
 fn full() -> bool {
     std::env::var_os("FLEETFOOT_SWEEPS").is_some_and(|size| size == "full")
 }
@@ -24,7 +24,7 @@ fn total(messages: &Messages) -> usize {
     messages.values().map(Vec::len).sum()
 }
 
-/// How many messages are not true ones in their order.
+/// Number of messages that are not true ones in their order.
 fn invented(read: &Messages, truth: &Messages) -> usize {
     let none = Vec::new();
     read.iter()

@@ -1,4 +1,4 @@
-//! What stands in the rows: joins by kind, arrays by name, other names, the base.
+//! Values in the rows: joins by kind, arrays by name, other names, the base.
 
 use std::f64::consts::PI;
 

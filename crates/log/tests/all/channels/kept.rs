@@ -1,4 +1,4 @@
-//! The cache, and what must not change the answer: threads and memory.
+//! The cache, and independence of the answer from threads and memory.
 
 use std::{fs, path::PathBuf};
 

@@ -1,4 +1,4 @@
-//! Logs of a made-up robot, and what is read of them.
+//! Logs of a made-up robot, and the columns read from them.
 
 use std::path::{Path, PathBuf};
 

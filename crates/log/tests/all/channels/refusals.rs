@@ -1,4 +1,4 @@
-//! One clear message each for what cannot be read.
+//! Refusals: one clear message for each kind of unreadable log.
 
 use fleetfoot_log::{Base, Messages, Selection, inspect, open};
 use fleetfoot_message::write::{Float64, JointState};

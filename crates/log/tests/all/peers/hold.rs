@@ -1,4 +1,4 @@
-//! Holds a log, as it is read here, against what another decoder tells of it.
+//! Comparison of a log as this crate reads it with another decoder's output.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -10,7 +10,7 @@ use fleetfoot_log::Messages;
 
 use super::oracle::Topic;
 
-/// What was compared.
+/// Result of a comparison with another decoder.
 #[derive(Debug, Default)]
 pub(crate) struct Held {
     pub(crate) topics: usize,
@@ -19,9 +19,9 @@ pub(crate) struct Held {
     pub(crate) numbers: usize,
     /// Values that are missing on both sides.
     pub(crate) missing: usize,
-    /// The topics that are refused here and that the other decoder could not decode either, with what is said here.
+    /// Topics that both decoders refuse, with the error of this crate.
     pub(crate) refused: BTreeMap<String, String>,
-    /// Where the two differ; one line a field at most.
+    /// Differences between the two; one line a field at most.
     pub(crate) differences: Vec<String>,
 }
 

@@ -1,4 +1,4 @@
-//! What other people's decoders find in log files: the lines of `tests/peers/columns.py`.
+//! Output of other people's decoders for log files: the lines of `tests/peers/columns.py`.
 
 use std::{
     collections::BTreeMap,
@@ -8,7 +8,7 @@ use std::{
     process::Command,
 };
 
-/// What a decoder tells of a topic.
+/// A topic as a decoder reports it.
 #[derive(Debug, Default)]
 pub(crate) struct Topic {
     pub(crate) name: String,
@@ -22,11 +22,11 @@ pub(crate) struct Topic {
     pub(crate) columns: Vec<(String, Vec<f64>)>,
 }
 
-/// What a decoder tells of a file.
+/// A file as a decoder reports it.
 #[derive(Debug, Default)]
 pub(crate) struct Told {
     pub(crate) topics: Vec<Topic>,
-    /// What ended the reading, where the file is damaged.
+    /// Error that ended the reading, if the file is damaged.
     pub(crate) damage: Option<String>,
 }
 
@@ -42,14 +42,14 @@ pub(crate) fn write_logs(python: &OsStr) -> tempfile::TempDir {
     folder
 }
 
-/// What the decoders tell of some files, by the names of the files; `long` arrays too when asked for.
+/// Reports of the decoders on some files, by the names of the files; with `long`, long arrays too.
 pub(crate) fn read_logs(python: &OsStr, files: &[PathBuf], long: bool) -> BTreeMap<String, Told> {
     let option: &[&OsStr] = if long { &[OsStr::new("--long")] } else { &[] };
     let arguments: Vec<&OsStr> = option.iter().copied().chain(files.iter().map(|file| file.as_os_str())).collect();
     read_lines(&run(python, "read_logs.py", &arguments))
 }
 
-/// What lines tell, by the names of the files.
+/// Reports in the lines, by the names of the files.
 pub(crate) fn read_lines(lines: &str) -> BTreeMap<String, Told> {
     let mut told: BTreeMap<String, Told> = BTreeMap::new();
     for line in lines.lines() {
@@ -73,7 +73,7 @@ pub(crate) fn truth(file: &Path) -> Option<Vec<Topic>> {
     Some(topics)
 }
 
-/// What a script prints.
+/// Output of a script.
 pub(crate) fn run(python: &OsStr, script: &str, arguments: &[&OsStr]) -> String {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/peers").join(script);
     let output = Command::new(python).arg(script).args(arguments).output().unwrap();

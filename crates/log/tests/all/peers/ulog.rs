@@ -1,4 +1,4 @@
-//! ULog files, held against what pyulog reads in them: every number of every message, and what the file says of itself.
+//! ULog files compared with pyulog: every number of every message, and the file's metadata.
 
 use std::{
     collections::BTreeMap,
@@ -15,7 +15,7 @@ use super::{
 };
 use crate::{outside, ulog_writer::flight};
 
-/// What pyulog tells of a file: its topics, and what it says of itself.
+/// Report of pyulog on a file: its topics and its metadata.
 fn told(python: &std::ffi::OsStr, path: &Path) -> (Told, serde_json::Value) {
     let text = run(python, "read_ulogs.py", &[path.as_os_str()]);
     let (lines, about) = text.trim_end().rsplit_once('\n').unwrap();

@@ -1,4 +1,4 @@
-//! Bytes made by hand, one for each wire and byte order, and what is refused.
+//! Bytes made by hand, one for each wire and byte order, and refusals.
 
 use super::super::codec;
 use crate::{Codec, Extract, MISSING, Row, SchemaError, Value};

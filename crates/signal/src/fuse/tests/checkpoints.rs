@@ -47,7 +47,7 @@ fn a_killed_fusion_goes_on_to_the_same_bits() {
     }
 }
 
-/// What was kept of another problem, or is damaged, does not count.
+/// A checkpoint of another problem, or a damaged one, is ignored.
 #[test]
 fn what_is_kept_of_another_problem_does_not_count() {
     let recordings = [Recording::new(1.0, 32), Recording::new(1.0, 33)];

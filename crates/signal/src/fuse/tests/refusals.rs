@@ -1,4 +1,4 @@
-//! What cannot be fused, is left out, or is stopped.
+//! Data that are refused, left out, or stopped.
 
 use fleetfoot_data::{Cancelled, Stop, stoppable};
 

@@ -1,4 +1,4 @@
-//! A body whose motion is known in closed form, and what its sensors would say.
+//! A body with a motion in closed form, and the readings of its sensors.
 
 use fleetfoot_data::mix;
 
@@ -147,7 +147,7 @@ impl Recording {
         own
     }
 
-    /// What kicks add up to until now: the angle and its rate, the displacement and its rate.
+    /// Sum of the kicks until now: the angle and its rate, the displacement and its rate.
     fn kicked_by(&self, t: f64) -> (f64, f64, Vector, Vector) {
         let before = self.kicks.iter().filter(|kick| kick.at <= t);
         before.fold((0.0, 0.0, Vector::zeros(), Vector::zeros()), |(angle, rate, place, speed), kick| {

@@ -9,7 +9,7 @@ use crate::OrnsteinUhlenbeck;
 use crate::plant::atmosphere::{Air, GRAVITY, TROPOPAUSE};
 use crate::sensor::stream;
 
-/// What the guidance asks for until the next row.
+/// Targets of the guidance until the next row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Reference {
     /// True airspeed, m/s.

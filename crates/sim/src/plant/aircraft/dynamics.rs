@@ -6,7 +6,7 @@ use crate::plant::atmosphere::{Air, GRAVITY};
 /// State and controls: h (m), V (true airspeed, m/s), gamma (rad), m (kg), alpha (rad), N1 (1).
 pub(super) type State = [f64; 6];
 
-/// What the state and the air make of the latent functions.
+/// Forces, air and flow of a state, from the latent functions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Forces {
     /// The air around.

@@ -1,4 +1,4 @@
-//! The aircraft of a fleet, and what is drawn for each of their flights.
+//! The aircraft of a fleet, and the random conditions of their flights.
 
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
@@ -55,7 +55,7 @@ impl Airplane {
     }
 }
 
-/// What one flight is flown with.
+/// Conditions of one flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Conditions {
     /// At the beginning, kg.
@@ -66,7 +66,7 @@ pub struct Conditions {
     pub calibrated_speed: f64,
     /// From the crossover.
     pub mach: f64,
-    /// Where the climb ends, m.
+    /// Altitude at the end of the climb, m.
     pub cruise_altitude: f64,
     /// Taken off the fan speed in the lower climb, 1.
     pub derate: f64,

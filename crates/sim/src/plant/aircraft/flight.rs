@@ -55,7 +55,7 @@ pub struct Flight {
     pub aircraft: u32,
     /// Of the aircraft.
     pub number: u32,
-    /// What it was flown with.
+    /// Conditions of the flight.
     pub conditions: Conditions,
     /// Seconds between rows; the first is at 0.
     pub row_period: f64,
@@ -70,7 +70,7 @@ impl Flight {
         COLUMNS.iter().map(|&(name, unit)| Column { unit: Some(unit.to_owned()), ..Column::float(name) }).collect()
     }
 
-    /// How many of the columns are true; those after them are what the recorder kept.
+    /// Number of columns with true values; those after them are the recorder's.
     pub const TRUE_COLUMNS: usize = COLUMNS.len() - Recorder::CHANNELS;
 
     /// Number of rows.
@@ -148,7 +148,8 @@ impl<'a> Climb<'a> {
         self.rows as f64 * self.airplane.parameters.row_period
     }
 
-    /// What went wrong, where something did: parameters can be valid one by one and still make no aircraft that flies.
+    /// Reason why the flight cannot continue, if there is one: parameters can be valid one by one and still describe no
+    /// aircraft that flies.
     pub(super) fn lost(&self) -> Option<String> {
         let [h, speed, path, ..] = self.state;
         // Negated, so that what is no number counts.
@@ -156,7 +157,7 @@ impl<'a> Climb<'a> {
         (!flies).then(|| format!("left the envelope at h = {h:.0} m, V = {speed:.1} m/s, gamma = {path:.3} rad"))
     }
 
-    /// How it ended, once there are no more rows.
+    /// End of the flight, once there are no more rows.
     pub(super) fn end(&self) -> End {
         let seconds = self.seconds();
         match self.lost() {

@@ -1,4 +1,4 @@
-//! What can be set about the climbs of a fleet.
+//! Parameters of the climbs of a fleet.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,22 +9,22 @@ use crate::parameter_error::{ParameterError, in_range, not_negative, positive};
 /// Climbs of twin-engine narrow-body jets from 5,000 ft to their cruise altitude, as quick access recorders keep them.
 ///
 /// Flight mechanics in the vertical plane, equations (26)-(29) of the block-sparse bolasso paper, with latent functions
-/// that are polynomials with known terms. A recording is one climb; it ends at its top. As in the paper there is no wind,
-/// and pressure altitude stands for height in (26) on warm and cold days too.
+/// that are polynomials with known terms. A recording is one climb; it ends at its top. As in the paper there is no
+/// wind, and height in (26) is pressure altitude on warm and cold days too.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct AircraftClimb {
-    /// Which aircraft of the fleet flies, from 0.
+    /// Number of the aircraft in the fleet, from 0.
     pub aircraft: u32,
     /// Seconds between rows.
     pub row_period: f64,
-    /// Steps of the integrator between rows: with two, a climb is within 1 mm of what 32 times shorter steps say.
+    /// Steps of the integrator between rows: with two, a climb is within 1 mm of one with 32 times shorter steps.
     pub substeps: u32,
     /// When a recording begins, s since 1970. Default: 2025-01-01 00:00:00 UTC.
     pub epoch: i64,
-    /// How the aircraft of the fleet differ.
+    /// Differences between the aircraft of the fleet.
     pub fleet: Fleet,
-    /// How the flights differ.
+    /// Differences between the flights.
     pub flights: Flights,
     /// Engine ratings, guidance and control.
     pub autopilot: Autopilot,
@@ -53,12 +53,12 @@ impl Default for AircraftClimb {
     }
 }
 
-/// How the aircraft of the fleet differ from their type: every function by a factor, and every one of its terms by
-/// another.
+/// Differences of the fleet's aircraft from their type: a factor on every function, and another on every one of its
+/// terms.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Fleet {
-    /// Which fleet: aircraft k of fleet s is always the same.
+    /// Number of the fleet: aircraft k of fleet s is always the same.
     pub seed: u64,
     /// Relative standard deviation of thrust (wear of the engines), 1.
     pub thrust: f64,
@@ -92,11 +92,11 @@ pub struct Spread {
     pub most: f64,
 }
 
-/// How the flights differ.
+/// Differences between the flights.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Flights {
-    /// Where a recording begins, m.
+    /// Altitude at the beginning of a recording, m.
     pub initial_altitude: f64,
     /// Below this altitude (10,000 ft) the first speed holds, m.
     pub transition_altitude: f64,
@@ -104,7 +104,7 @@ pub struct Flights {
     pub initial_calibrated_speed: f64,
     /// Mass at the beginning, kg.
     pub mass: Spread,
-    /// How much warmer than standard the day is, K.
+    /// Temperature of the day above standard, K.
     pub isa_deviation: Spread,
     /// Calibrated airspeed up to the crossover to the Mach number, m/s.
     pub calibrated_speed: Spread,
@@ -112,11 +112,11 @@ pub struct Flights {
     pub mach: Spread,
     /// Cruise altitude of an aircraft of mean mass, m; rounded to flight levels of 1,000 ft.
     pub cruise_altitude: Spread,
-    /// How much lower a heavier aircraft cruises, m/kg.
+    /// Reduction of the cruise altitude for a heavier aircraft, m/kg.
     pub cruise_altitude_per_mass: f64,
     /// Chance of a climb with the thrust reduced by `autopilot.derate`, and, beyond it, by twice that, 1.
     pub derate_chance: f64,
-    /// Where the climb ends for want of thrust: climb rate, m/s.
+    /// Climb rate at which the climb ends for want of thrust, m/s.
     pub residual_climb_rate: f64,
     /// The longest recording, s.
     pub longest: f64,
@@ -150,7 +150,7 @@ pub struct Autopilot {
     pub fan_speed: f64,
     /// Climb rating at 11 km, 1.
     pub fan_speed_high: f64,
-    /// What one step of reduced thrust takes from the fan speed up to 3 km; it is gone at 6 km. 1.
+    /// Reduction of the fan speed by one step of reduced thrust, up to 3 km; it is gone at 6 km. 1.
     pub derate: f64,
     /// Standard deviation of the rating from flight to flight, 1.
     pub fan_speed_flight: f64,
@@ -166,17 +166,17 @@ pub struct Autopilot {
     pub normal_wander: f64,
     /// Its correlation time, s.
     pub normal_correlation: f64,
-    /// Acceleration asked for an error of speed, 1/s.
+    /// Demanded acceleration for an error of speed, 1/s.
     pub speed_gain: f64,
     /// The most deceleration that it asks for, m/s^2.
     pub deceleration: f64,
     /// The most of the excess thrust that it spends on acceleration, 1.
     pub acceleration_share: f64,
-    /// Rate of the path angle asked for an error of it, 1/s.
+    /// Demanded rate of the path angle for an error of it, 1/s.
     pub path_gain: f64,
     /// Time constant of the loop that holds the normal acceleration by the angle of attack, s.
     pub load_lag: f64,
-    /// What that loop takes for the slope of lift over dynamic pressure, m^2/rad.
+    /// Slope of lift over dynamic pressure that the loop assumes, m^2/rad.
     pub lift_slope: f64,
     /// The most angle of attack, rad.
     pub alpha_most: f64,
@@ -228,10 +228,10 @@ impl Default for Turbulence {
 }
 
 impl AircraftClimb {
-    /// Whether every parameter is one that a climb can be computed with.
+    /// Checks that a climb can be computed with these parameters.
     ///
     /// # Errors
-    /// The first parameter that is not, its value, and what it may be.
+    /// The first invalid parameter, with its value and its allowed range.
     pub fn validate(&self) -> Result<(), ParameterError> {
         in_range("row_period", self.row_period, 0.01, 10.0, "from 0.01 to 10 s")?;
         in_range("substeps", f64::from(self.substeps), 1.0, 1000.0, "from 1 to 1000")?;

@@ -1,5 +1,4 @@
-//! What the quick access recorder keeps: the channels of section 9.1 of the block-sparse bolasso paper, with noise and
-//! resolution.
+//! Quick access recorder: the channels of section 9.1 of the block-sparse bolasso paper, with noise and resolution.
 
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -14,7 +13,7 @@ use crate::sensor::stream;
 pub struct Channel {
     /// Standard deviation of its noise, in its unit.
     pub deviation: f64,
-    /// What one bit is, in its unit; 0: not quantised.
+    /// Value of one bit, in the channel's unit; 0: not quantised.
     pub resolution: f64,
 }
 
@@ -91,7 +90,7 @@ impl Recording {
         }
     }
 
-    /// What is kept of the true values, in the order of the channels.
+    /// Recorded values of the true ones, in the order of the channels.
     pub(super) fn keep(&mut self, truth: [f64; Recorder::CHANNELS]) -> [f64; Recorder::CHANNELS] {
         std::array::from_fn(|i| {
             let (channel, random) = &mut self.channels[i];

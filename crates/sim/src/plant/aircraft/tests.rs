@@ -1,4 +1,4 @@
-//! The climbs against the equations that they are to obey.
+//! The climbs against their equations.
 
 use fleetfoot_data::{Cancelled, Halo, MemorySource, Silent, Source, parallel_map, with_threads};
 
@@ -64,8 +64,8 @@ fn every_row_obeys_the_equations() {
     assert!(airplane(&AircraftClimb::default()).flight(3).column("eps_V").unwrap().iter().all(|&eps| eps == 0.0));
 }
 
-/// What the states do is what their derivatives say: integrals by Simpson's rule against differences, for a guidance
-/// that does not wander. The mass lost is the integral of T / Isp.
+/// The states are the integrals of their derivatives: Simpson's rule against differences, for a guidance that does not
+/// wander. The mass lost is the integral of T / Isp.
 #[test]
 fn states_are_the_integrals_of_their_derivatives() {
     let mut steady = AircraftClimb { row_period: 0.1, substeps: 1, ..AircraftClimb::default() };
@@ -98,8 +98,8 @@ fn step_error(parameters: &AircraftClimb, row: usize, substeps: u32) -> f64 {
     at(substeps).iter().zip(at(64)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-/// Where no limit of the control is met, the method is of fourth order; with the default parameters, which accelerate
-/// at a limit at 10,000 ft, the default step is good to a millimetre.
+/// If no limit of the control is met, the method is of fourth order. With the default parameters, which accelerate at a
+/// limit at 10,000 ft, the default step is good to a millimetre.
 #[test]
 fn halving_the_step_divides_the_error_by_sixteen() {
     let mut smooth = AircraftClimb::default();

@@ -56,7 +56,7 @@ impl Default for Airframe {
     }
 }
 
-/// Where it is and how it moves.
+/// Position and motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct QuadrotorState {
     /// m
@@ -107,13 +107,13 @@ impl QuadrotorState {
     }
 }
 
-/// What acts on the body.
+/// Forces and torques on the body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Loads {
     /// Sum of the rotors' thrusts along the body's z axis, N.
     pub thrust: f64,
-    /// Force of the air on rotors and body beside the thrust, in the world's axes, N: f_a of the Neural-Fly model m v'
-    /// = m g + R f_u + f_a.
+    /// Force of the air on rotors and body beside the thrust, in the world's axes, N. It is f_a of the Neural-Fly model
+    /// m v' = m g + R f_u + f_a.
     pub air: DVec3,
     /// In the body's axes, N m.
     pub torque: DVec3,
@@ -163,10 +163,11 @@ impl Airframe {
         self.arm * std::f64::consts::FRAC_1_SQRT_2
     }
 
-    /// What acts on the body in this wind (world's axes, m/s).
+    /// Forces and torques on the body in this wind (world's axes, m/s).
     ///
-    /// A rotor at r turning at w gives the thrust c w^2 along z, the moment of its drag, and, in the air that it meets
-    /// at the speed u_r, the force -w K u_r with K diagonal (rotor drag); the body -rho/2 |u| A u with A diagonal.
+    /// A rotor at r turning at w gives the thrust c w^2 along z and the moment of its drag. In air of relative speed
+    /// u_r it also gives the force -w K u_r, with K diagonal (rotor drag). The body gives -rho/2 |u| A u, with A
+    /// diagonal.
     pub fn loads(&self, state: &QuadrotorState, wind: DVec3) -> Loads {
         let to_body = state.orientation.conjugate();
         let airspeed = to_body * (state.velocity - wind);

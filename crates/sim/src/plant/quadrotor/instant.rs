@@ -1,4 +1,4 @@
-//! What is true of a flight at one time.
+//! True values of a flight at one time.
 
 use glam::{DVec3, DVec4};
 

@@ -1,4 +1,4 @@
-//! What can be set about a flight of the quadrotor.
+//! Parameters of a flight of the quadrotor.
 
 use serde::{Deserialize, Serialize};
 
@@ -15,8 +15,8 @@ use crate::sensor::{
 /// A quadrotor that tracks a trajectory in wind.
 ///
 /// Equations (1)-(4) of chapter 3 of *Sparse Non-linear System Identification in Robotics Using Meta-Learning
-/// Approaches*, with the forces of the air as [`Airframe`] says and rotors that follow their commands with a lag. There
-/// is no ground.
+/// Approaches*. The forces of the air are those of [`Airframe`], and rotors follow their commands with a lag. There is
+/// no ground.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct QuadrotorFlight {
@@ -24,7 +24,7 @@ pub struct QuadrotorFlight {
     pub row_period: f64,
     /// Steps of the integrator between rows. One of 2 ms is good to 1e-8 m in half a second of tumbling.
     pub substeps: u32,
-    /// Where it is farther from its trajectory than this, m, it is lost.
+    /// Distance from its trajectory beyond which the quadrotor is lost, m.
     pub lost_distance: f64,
     /// Standard deviation of noise on every rotor's command, of the full command, new with every row: excitation.
     pub command_noise: f64,
@@ -32,9 +32,9 @@ pub struct QuadrotorFlight {
     pub airframe: Airframe,
     /// The wind.
     pub wind: Wind,
-    /// Where it is to fly.
+    /// Trajectory to fly.
     pub reference: Reference,
-    /// How it is controlled.
+    /// Controller.
     pub tracking: Tracking,
     /// The clocks of its computers.
     pub clocks: ClocksParameters,
@@ -45,7 +45,7 @@ pub struct QuadrotorFlight {
     pub imu: ImuParameters,
     /// The motion-capture system.
     pub mocap: MocapParameters,
-    /// What the robot thinks of its own motion.
+    /// The robot's estimate of its own motion.
     pub odometry: Odometry,
 }
 
@@ -92,10 +92,10 @@ impl Default for QuadrotorFlight {
 }
 
 impl QuadrotorFlight {
-    /// Whether a flight can be computed with these parameters.
+    /// Checks that a flight can be computed with these parameters.
     ///
     /// # Errors
-    /// The first parameter with which it cannot, its value, and what it may be.
+    /// The first invalid parameter, with its value and its allowed range.
     pub fn validate(&self) -> Result<(), ParameterError> {
         in_range("row_period", self.row_period, 1e-4, 0.02, "from 0.0001 to 0.02 s")?;
         in_range("substeps", f64::from(self.substeps), 1.0, 100.0, "from 1 to 100")?;
@@ -115,7 +115,7 @@ impl QuadrotorFlight {
         self.rows_in("odometry.period", self.odometry.period).map(drop)
     }
 
-    /// How many rows a sensor's period has.
+    /// Number of rows in a sensor's period.
     pub(super) fn rows_in(&self, name: &str, period: f64) -> Result<u64, ParameterError> {
         let rows = (period / self.row_period).round();
         if rows >= 1.0 && (period - rows * self.row_period).abs() < 1e-9 * period {

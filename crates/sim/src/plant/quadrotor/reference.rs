@@ -1,4 +1,4 @@
-//! Where the quadrotor is to fly.
+//! Reference trajectories of the quadrotor.
 
 use std::f64::consts::TAU;
 
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::parameter_error::{ParameterError, finite, in_range, positive};
 use crate::sensor::stream;
 
-/// Where the quadrotor is to fly.
+/// Trajectory to fly.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Reference {

@@ -111,7 +111,7 @@ impl QuadrotorScenario {
         row
     }
 
-    /// What went wrong, where something did.
+    /// Reason why the quadrotor is lost, if it is.
     fn lost(&self, state: &QuadrotorState, target: &Target) -> Option<String> {
         let distance = state.position.distance(target.position);
         let up = (state.orientation * DVec3::Z).z;

@@ -1,4 +1,4 @@
-//! What is measured on a flight and logged.
+//! Measurements of a flight that are logged.
 
 use glam::{DQuat, DVec3};
 use rand_distr::{Distribution, StandardNormal};

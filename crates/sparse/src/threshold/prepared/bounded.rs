@@ -33,7 +33,7 @@ struct Search<'a> {
     triangle: &'a Triangle,
     columns: &'a [usize],
     values: Vec<f64>,
-    /// Which coefficients are constants.
+    /// For each coefficient: true if it is held constant.
     held: Vec<bool>,
     /// The last one that was let go, and those that went back at once: their slope was rounding.
     released: Option<usize>,
