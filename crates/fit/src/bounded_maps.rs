@@ -1,4 +1,4 @@
-//! How the maps of piecewise-affine models are bounded, as people, programs and pages are told.
+//! Contraction and passivity of the maps of piecewise-affine models, for texts, JSON and report pages.
 
 use fleetfoot_pwa::{PassiveRegion, Passivity, Score, Stability, StableRegion};
 use fleetfoot_report::words::{number, ratio};
@@ -6,13 +6,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::text_table::TextTable;
 
-/// How the maps of a partition's regions contract in one metric; numbers by region, before and after.
+/// Contraction of the maps of a partition's regions in one metric, before and after bounding; one number a region.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct BoundedMaps {
     /// The bound of the norms over one sampling period.
     pub bound: f64,
-    /// What the maps advance.
+    /// Variables that the maps advance by one sampling period.
     pub variables: Vec<String>,
     /// States that act as inputs.
     pub inputs: Vec<String>,
@@ -35,12 +35,12 @@ pub struct BoundedMaps {
     /// Relative duality gaps.
     #[serde(deserialize_with = "fleetfoot_dataset::json::numbers")]
     pub gaps: Vec<f64>,
-    /// What the maps take in at ports, where they are passive.
+    /// Energy gain of the maps at their ports; `None` unless they are passive.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub passivity: Option<PassiveMaps>,
 }
 
-/// What the maps of a partition's regions take in at ports.
+/// Energy gain of the maps of a partition's regions at their ports.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct PassiveMaps {
@@ -62,7 +62,7 @@ pub struct PassivePort {
     pub input: String,
     /// The state with which it is a power.
     pub state: String,
-    /// What it may be short of.
+    /// Allowed energy gain per sample.
     pub shortage: Option<f64>,
 }
 
@@ -106,7 +106,7 @@ impl From<&Passivity> for PassiveMaps {
 pub struct BoundedCandidate {
     /// Its specification.
     pub partition: String,
-    /// How its maps are bounded.
+    /// Contraction of its maps.
     pub maps: BoundedMaps,
     /// The held-out loss without bounds.
     pub free_loss: f64,
@@ -128,7 +128,7 @@ impl BoundedCandidate {
         candidates.iter().filter_map(of).collect()
     }
 
-    /// What there is to tell of them: a table of how they contract, and one of how they are passive, where they are.
+    /// Tables of the candidates: contraction, and passivity where the maps are passive.
     pub fn tables(candidates: &[Self]) -> Vec<TextTable> {
         let Some(first) = candidates.first() else { return Vec::new() };
         let contracting = TextTable {
@@ -166,7 +166,7 @@ impl BoundedCandidate {
 }
 
 impl BoundedMaps {
-    /// What is bounded, in a sentence.
+    /// One sentence: the bound, the variables and the inputs.
     pub fn in_words(&self) -> String {
         let inputs = match self.inputs.as_slice() {
             [] => String::new(),
@@ -181,7 +181,7 @@ impl BoundedMaps {
 }
 
 impl PassiveMaps {
-    /// What is passive, in a sentence.
+    /// One sentence: the ports at which the maps are passive.
     pub fn in_words(&self) -> String {
         let ports: Vec<String> = self.ports.iter().map(|port| format!("{}:{}", port.input, port.state)).collect();
         format!(

@@ -1,10 +1,10 @@
-//! Which rows of a statistic are held out, as users ask for it.
+//! Rule by which rows of a statistic are held out, as users write it.
 
 use fleetfoot_library::Expr;
 use fleetfoot_sparse::select::{Folds, RandomSplits, SelectError};
 use fleetfoot_stats::{FoldRule as Layout, Key, Purge};
 
-/// Which rows are held out.
+/// Rule by which rows are held out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FoldRule {
     /// Ten folds, or five of few rows.
@@ -19,7 +19,7 @@ pub enum FoldRule {
 }
 
 impl FoldRule {
-    /// How many folds there will be, at most; `episodes`: how many there are, where they are known.
+    /// Number of folds, at most; `episodes`: number of episodes, if known.
     pub(crate) fn expected(self, episodes: Option<usize>) -> usize {
         match self {
             Self::Auto => 10,
@@ -45,10 +45,10 @@ impl FoldRule {
     }
 }
 
-/// What [`parse`] reads.
+/// Values that [`parse`] accepts.
 pub(crate) const WORDS: &str = "`auto`, a number of folds from 2 on, `episodes`, or `splits:30`";
 
-/// Which rows are held out.
+/// Reads a rule by which rows are held out; `None` for any other text.
 pub(crate) fn parse(text: &str) -> Option<FoldRule> {
     let number =
         |text: &str, least: usize| text.parse().ok().filter(|&count: &usize| count >= least && count <= 10_000);

@@ -25,11 +25,11 @@ pub struct KnownModel {
     pub episodes: usize,
     /// Files.
     pub files: usize,
-    /// What the user should know.
+    /// Notes for the user.
     pub notes: Vec<String>,
 }
 
-/// Whether every state of a recipe is given, and so nothing is to be fitted.
+/// Returns true if every state of a recipe is given, so that nothing is fitted.
 pub fn is_known(recipe: &Recipe) -> bool {
     let of_states =
         matches!(recipe.model.predict.as_deref(), None | Some("derivative" | "next" | "delta" | "difference"));

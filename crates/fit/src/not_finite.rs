@@ -71,7 +71,7 @@ pub(crate) fn with_reasons(error: Error, dataset: &Dataset, functions: impl Into
     }
 }
 
-/// Whether rows are too few for what was asked.
+/// Returns true if the error says that there are too few rows.
 pub(crate) fn is_too_few(error: &Error) -> bool {
     match error {
         Error::Request(request) => matches!(request.cause, Cause::TooFewRows { .. }),
@@ -164,7 +164,8 @@ fn halo(expression: &Expr) -> Halo {
     Halo { before: back as usize, after: ahead as usize }
 }
 
-/// What becomes of finite values in a row; `None` where one is missing already, or beyond the episode.
+/// Reason why an expression is not finite at a row whose values are. `None` if a value is missing or lies beyond the
+/// episode.
 fn reason(expression: &Expr, source: &dyn Source, block: &Block, row: usize) -> Option<String> {
     let rows: Range<i64> = 0..block.time.len() as i64;
     let place = |lag: i32| {

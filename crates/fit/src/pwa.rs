@@ -38,8 +38,8 @@ const PASSES: usize = 3;
 
 /// `fit pwa`.
 ///
-/// Where `[pwa]` asks for it, and where a state's span is open (`derivative = { over = "auto" }`), the partition (and the span) are those whose rollouts on spans that
-/// did not train err least.
+/// Rollouts on held-out spans choose the partition on request (`[pwa]`). They also choose a state's open span
+/// (`derivative = { over = "auto" }`).
 #[derive(Debug, Clone)]
 pub struct Pwa {
     options: PwaOptions,
@@ -277,7 +277,7 @@ impl Method for Pwa {
 }
 
 impl Pwa {
-    /// How these rows are fitted.
+    /// Options of the identification for these rows.
     fn of(&self, data: Data<'_, Task>) -> Options {
         let mut options = self.options.of_step(data.step);
         options.keep_all = self.rivals;
@@ -289,7 +289,7 @@ impl Pwa {
     }
 }
 
-/// What the models of all regions and folds take.
+/// Work of the models of all regions and folds.
 fn work(problem: &Problem, cost: &fleetfoot_pwa::Cost) -> Work {
     Work {
         operations: cost.operations,

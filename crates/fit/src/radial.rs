@@ -12,10 +12,9 @@ use crate::error::Error;
 /// Most radial functions.
 const MOST: usize = 2_000;
 
-/// How many radial functions `[library]` asks for.
+/// Number of radial functions in `[library]`.
 ///
-/// # Errors
-/// None, or too many.
+/// Zero, or too many.
 pub(crate) fn count(recipe: &Recipe) -> Result<Option<usize>, Error> {
     match recipe.library.radial {
         Some(count) if !(1..=MOST).contains(&count) => Err(Error::value(format!(

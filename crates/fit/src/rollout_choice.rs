@@ -12,7 +12,7 @@ use serde::{Serialize, Serializer};
 
 use crate::{error::Error, spans::Spans};
 
-/// How candidates are compared by rollouts.
+/// Rule by which rollouts compare candidates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct RolloutRule {
@@ -59,13 +59,13 @@ impl RolloutCandidate {
     }
 }
 
-/// What was chosen by rollouts.
+/// Candidate chosen by rollouts.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct RolloutChoice {
-    /// How.
+    /// Rule of the comparison.
     pub rule: RolloutRule,
-    /// What was compared.
+    /// Compared candidates.
     pub candidates: Vec<RolloutCandidate>,
     /// Index of the one that was taken.
     pub chosen: usize,
@@ -95,7 +95,7 @@ impl RolloutChoice {
         Ok(Self { rule, candidates, chosen })
     }
 
-    /// How the choice was made, for people.
+    /// The rule of the choice, in words.
     pub fn in_words(&self) -> String {
         let RolloutRule { horizon, folds, starts } = self.rule;
         format!(
@@ -106,7 +106,7 @@ impl RolloutChoice {
 }
 
 impl Serialize for RolloutChoice {
-    /// What was compared, and what was taken.
+    /// Writes the rule, the candidates and the chosen index.
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         #[derive(Serialize)]
         struct Choice<'a> {

@@ -11,7 +11,8 @@ use crate::{
     rollout_choice::{HeldOut, RolloutRule},
 };
 
-/// How models are simulated on rows that did not train them. Simulations begin at the same rows for all models of the same recording.
+/// Rule by which models are simulated on held-out rows. Simulations of one recording begin at the same rows for all
+/// models.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Simulations {
     /// Folds, steps, and the most simulations of a fold.
@@ -65,7 +66,7 @@ pub fn against_persistence(horizon: &Horizon) -> (Vec<f64>, Vec<f64>) {
     (over_steps(&horizon.model.rmse, states), still)
 }
 
-/// How auto simulates: steps of the fourth order, where a model is one of derivatives.
+/// Options of `auto`'s simulations; models of derivatives take Runge-Kutta steps of the fourth order.
 pub fn simulation_options(horizon: usize) -> RolloutOptions {
     let mut options = RolloutOptions::new(horizon);
     options.method = Integration::Rk4;

@@ -64,9 +64,9 @@ const SHOWN: usize = 12;
 #[derive(Debug, Clone)]
 pub struct Sindy {
     options: SindyOptions,
-    /// Whether the models of other numbers of terms are wanted.
+    /// True to keep the models of other numbers of terms.
     front: bool,
-    /// How open spans of derivatives are chosen, where there are any.
+    /// Rule by which rollouts choose open spans of derivatives; `None` without such spans.
     rollouts: Option<RolloutRule>,
     /// The column of labels that regions come from.
     label: Option<String>,

@@ -264,7 +264,7 @@ impl Sparse {
     }
 }
 
-/// What is fitted: a statistic, and what the recipe means for it.
+/// A statistic, and the task of its recipe.
 struct Evidence<'a> {
     method: &'a Sparse,
     data: Data<'a, StructuredTask>,

@@ -45,9 +45,10 @@ pub struct NarxCandidate {
     /// Akaike's.
     #[serde(skip)]
     pub aic: Option<f64>,
-    /// Whether no other model of as few coefficients errs less on the spans that did not train, or as little with fewer.
+    /// True on the front: no other model of as few coefficients has a lower held-out error, and none has the same error
+    /// with fewer.
     pub front: bool,
-    /// Whether it is the one that is written.
+    /// True for the model that is written.
     pub chosen: bool,
 }
 

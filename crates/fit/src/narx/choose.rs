@@ -1,4 +1,4 @@
-//! Which partition, order and terms a fit writes: those that were given, those of one-step errors, or those of free runs.
+//! Choice of partition, order and terms: as given, by one-step errors, or by free runs.
 
 use std::collections::BTreeMap;
 
@@ -30,7 +30,7 @@ use crate::{error::Error, spans::Spans};
 /// The shortest span has as many rows for every lag that is looked for.
 const ROWS_PER_LAG: usize = 8;
 
-/// What is written.
+/// The chosen model.
 pub(crate) struct Chosen {
     /// Index among the partitions.
     pub partition: usize,
@@ -48,7 +48,7 @@ pub(crate) struct Chosen {
     pub(crate) rivals: Vec<(usize, Chosen)>,
 }
 
-/// How it was chosen.
+/// The choice, its candidates and its searches.
 #[derive(Default)]
 pub(crate) struct How {
     pub(crate) text: Option<String>,

@@ -45,7 +45,7 @@ pub struct Narx {
     options: NarxOptions,
     /// Files to run the model on that did not train it.
     free_run: Logs,
-    /// Whether the models of the front are wanted.
+    /// True to keep the other models of the front.
     rivals: bool,
 }
 

@@ -19,14 +19,14 @@ use crate::error::Error;
 
 /// The highest degree that is looked for.
 const MOST_DEGREE: usize = 3;
-/// What a simulated step costs beside its terms, in terms.
+/// Fixed cost of a simulated step, beside its terms; unit: terms.
 const STEP: u64 = 20;
 /// Products of a scan that cost as much as a term of a simulation.
 const PRODUCTS: u64 = 100;
 /// Training rows that a candidate needs.
 const ROWS_PER_CANDIDATE: usize = 5;
 
-/// What was looked at, and what was not.
+/// Search for lags and degree: work, stages, and orders that the limit cut.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct NarxSearch {
@@ -47,7 +47,7 @@ pub struct NarxSearch {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct NarxStage {
-    /// What was tried, for people.
+    /// Name of the stage, for people.
     pub name: String,
     /// Orders.
     pub orders: usize,

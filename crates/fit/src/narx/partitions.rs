@@ -84,7 +84,7 @@ impl Fit<'_> {
         Ok(found)
     }
 
-    /// What rows have all lags of; regions look at columns of their own.
+    /// Task whose rows have all lags, for the regions, which have columns of their own.
     fn task_of_regions(&self) -> Result<NarxTask, Error> {
         let order = match self.options.order {
             OrderRule::Fixed(order) | OrderRule::UpTo(order) => order,
@@ -108,7 +108,7 @@ pub(crate) fn with_starts(asked: &[Specification]) -> Vec<Specification> {
     all
 }
 
-/// What is said of a choice of cells that only refinements asked for.
+/// Note about a starting partition that only refinements named.
 pub(crate) fn start_note(asked: &[Specification], chosen: &Choice) -> Option<String> {
     if asked.contains(&chosen.specification) {
         return None;

@@ -23,7 +23,7 @@ use super::{
 };
 use crate::{error::Error, spans::Spans};
 
-/// What models are compared by.
+/// Errors by which models are compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum By {
     /// Simulations, of models of one scan after another.
@@ -38,7 +38,7 @@ pub(crate) enum By {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Job {
     pub(crate) order: NarxOrder,
-    /// How many of its terms.
+    /// Number of terms.
     pub(crate) terms: TermRule,
 }
 
@@ -97,7 +97,7 @@ struct Training<'a> {
 }
 
 impl Training<'_> {
-    /// Whether its regions are its own, and not those of all rows.
+    /// Returns true if the fold has regions of its own training rows instead of those of all rows.
     fn is_anew(&self) -> bool {
         matches!(self.scan, Cow::Owned(_))
     }
@@ -112,7 +112,7 @@ struct Wanted {
 /// Squared relative errors of every output over free runs; `None` where no run could begin.
 type Squares = Option<Vec<f64>>;
 
-/// What a model of the other spans does on those of a fold.
+/// Held-out error of a model on a fold.
 #[derive(Debug, Clone)]
 enum Held {
     Simulated(Squares),
@@ -120,7 +120,7 @@ enum Held {
     OneStep(Option<f64>),
 }
 
-/// What information criteria need of the rows that train: those that count as independent, and the variance of every output.
+/// Inputs of the information criteria: number of independent training rows, and the variance of every output.
 struct Scale {
     independent: f64,
     variance: Vec<f64>,
@@ -166,7 +166,7 @@ impl Selection<'_> {
         Ok(found)
     }
 
-    /// What a partition trains on, from the scans of all rows without regions and with them.
+    /// Training statistics of a partition, from the scans of all rows with and without regions.
     fn sets<'s>(
         &'s self,
         index: usize,
@@ -244,7 +244,7 @@ impl Selection<'_> {
         folds.map(|_| None).collect()
     }
 
-    /// What models of the other spans do on those of a fold, one for each number of terms that is wanted.
+    /// Held-out errors on a fold of the models of the other spans, one for each wanted number of terms.
     fn runs(
         &self,
         (sets, scale): (&Sets<'_>, Option<&Scale>),
@@ -309,7 +309,7 @@ fn relative(squares: &Squares) -> f64 {
     mean_of_moving(outputs.iter().copied()).sqrt()
 }
 
-/// What the statistic of all rows tells of a model.
+/// Information criteria of a model on the statistic of all rows.
 #[derive(Debug, Clone, Copy)]
 struct Criteria {
     coefficients: usize,
@@ -331,7 +331,7 @@ fn scale(whole: &SystemScan) -> Result<Scale, Error> {
     Ok(Scale { independent, variance })
 }
 
-/// What the statistic of all rows tells of the models of an order.
+/// Information criteria, on the statistic of all rows, of the models of an order.
 fn criteria(sets: &Sets<'_>, scale: Option<&Scale>, wanted: &[Wanted]) -> Result<Vec<Criteria>, Error> {
     let of = |own: &Wanted| {
         let coefficients_of = count(&own.supports);

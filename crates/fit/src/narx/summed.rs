@@ -28,7 +28,7 @@ use crate::{error::Error, sindy::keys};
 
 /// The candidates that a scan sums for `fit narx`: those of all lags up to the recipe's, in one of its partitions.
 pub(crate) struct Summed {
-    /// How the recipe says that the autoregression is found.
+    /// Options of the autoregression, from the recipe.
     pub(crate) options: NarxOptions,
     /// The largest lags and degree.
     pub(crate) order: NarxOrder,
@@ -36,10 +36,10 @@ pub(crate) struct Summed {
 }
 
 impl Summed {
-    /// Of a recipe that has its wildcards written out; `None` where it has no `[narx]`: lags of every output and input are not summed unasked.
+    /// Takes a recipe whose wildcards are written out. `None` without `[narx]`: lags of outputs and inputs are summed
+    /// on request only.
     ///
-    /// # Errors
-    /// What the recipe asks for is not there, or needs rows.
+    /// A column that is not there; a setting that needs rows.
     pub(crate) fn of(recipe: &Recipe, fields: &[fleetfoot_data::Column]) -> Result<Option<Self>, Error> {
         if recipe.narx == NarxSection::default() {
             return Ok(None);
@@ -56,23 +56,23 @@ impl Summed {
         Ok(Some(Self { options, order, task }))
     }
 
-    /// What is summed, in one region.
+    /// System whose products are summed, in one region.
     pub(crate) fn system(&self) -> System {
         self.task.task.system()
     }
 
-    /// What regions are made of.
+    /// Problem in which regions are made.
     pub(crate) fn problem(&self, step: f64) -> Problem {
         self.task.task.problem(step)
     }
 
-    /// What regions look at.
+    /// Columns of the partition.
     pub(crate) fn partition_columns(&self) -> &[Expr] {
         &self.task.task.partition_columns
     }
 }
 
-/// What the sums of every row cannot answer.
+/// Refuses settings that sums over all rows cannot serve.
 fn refuse_rows(options: &NarxOptions) -> Result<(), Error> {
     let wish = if options.decimate > 1 {
         format!("{}: every n-th row is picked from rows", NARX.entry("decimate").is(options.decimate))
@@ -84,7 +84,7 @@ fn refuse_rows(options: &NarxOptions) -> Result<(), Error> {
     Err(Error::needs_rows(format!("{wish}, which a statistic has not; leave it away, or give the logs")))
 }
 
-/// Where the sums of a fit come from.
+/// Source of the sums of a fit.
 #[derive(Clone, Copy)]
 pub(crate) enum Evidence<'a> {
     /// Rows that train.

@@ -20,7 +20,7 @@ pub struct NarxBase {
     candidates: Candidates,
 }
 
-/// What the candidates are made of.
+/// Construction of the candidates.
 #[derive(Debug, Clone)]
 enum Candidates {
     /// Products of lags.
@@ -34,7 +34,7 @@ enum Candidates {
 pub(crate) struct NarxTask {
     /// The system with all candidates.
     pub(crate) task: EquationTask,
-    /// Which of them an order has.
+    /// Candidates by order.
     pub(crate) library: NarxLibrary,
 }
 
@@ -135,7 +135,7 @@ impl NarxBase {
         }
     }
 
-    /// What a row needs, whatever the order.
+    /// Functions that every row needs, for any order.
     pub(crate) fn row_functions(&self) -> Vec<Expr> {
         let mut functions = self.task.row_functions();
         if let Candidates::Polynomial { outputs, inputs } = &self.candidates {
@@ -239,7 +239,8 @@ fn with_functions(task: &EquationTask, functions: Vec<Expr>) -> EquationTask {
     task
 }
 
-/// What a function of a library reads. A column that is neither an output nor computed from one comes from outside, as inputs do.
+/// Addend of a library's function: the column that it reads. A column that is neither an output nor computed from one
+/// counts as an input.
 fn addend(function: &Expr, task: &EquationTask) -> Result<Addend, Error> {
     let several = fleetfoot_library::Program::compile(std::slice::from_ref(function), &names(task))
         .is_ok_and(|program| program.leaves().iter().any(|leaf| leaf.lag() != 0));

@@ -55,7 +55,7 @@ pub(crate) struct Trails {
 pub(crate) struct EquationTerms {
     /// Candidate, coefficient and error reduction ratio, in the order in which they entered.
     pub(crate) terms: Vec<(usize, f64, f64)>,
-    /// Whether the region saw too few rows and has the terms of all of them.
+    /// True if the region has too few rows and takes the terms of all rows.
     pub(crate) shared: bool,
 }
 
@@ -116,12 +116,12 @@ impl Trails {
     }
 }
 
-/// Which candidates an equation has in a region.
+/// Candidates of an equation in a region.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Support {
     /// Columns of the problem.
     pub(crate) columns: Vec<usize>,
-    /// Whether they are those of all rows.
+    /// True if they are those of all rows.
     pub(crate) shared: bool,
 }
 

@@ -24,7 +24,7 @@ impl Bound {
         Ok(Self(Contracting::new(problem, stability)?))
     }
 
-    /// How a model of the set is bounded.
+    /// Contraction of a model of the set.
     pub(crate) fn told(&self, before: &Stability, model: &Model) -> Bounded {
         let told = self.0.told(before, model);
         let greatest = |of: fn(&fleetfoot_pwa::StableRegion) -> f64| told.regions.iter().map(of).fold(0.0, f64::max);

@@ -1,4 +1,4 @@
-//! What moved coefficients leave, without a pass over the rows.
+//! Residual covariance after a change of coefficients, computed from sums without a pass over the rows.
 
 use std::collections::BTreeMap;
 

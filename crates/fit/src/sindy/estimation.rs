@@ -22,7 +22,7 @@ pub struct ParameterReport {
     pub standard_error: f64,
     /// Its unit, when known.
     pub unit: Option<String>,
-    /// Whether the estimate is at one of its bounds.
+    /// True if the estimate is at one of its bounds.
     pub at_bound: bool,
 }
 

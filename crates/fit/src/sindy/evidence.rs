@@ -1,4 +1,4 @@
-//! What equations are fitted on: a task whose parameters are known, and the statistic of its rows.
+//! Evidence for equations: a task whose parameters are known, and the statistic of its rows.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -53,7 +53,7 @@ pub struct Evidence {
 
 /// Too few rows, or windows of them, for the candidates of an equation.
 struct Few {
-    /// Where there are several.
+    /// Region; `None` if there is one only.
     region: Option<String>,
     rows: u64,
     windows: bool,
@@ -146,7 +146,7 @@ impl Evidence {
         self
     }
 
-    /// What was frozen, and the statistic of its rows, and the episodes that these may be of.
+    /// Makes the evidence of a frozen task and the statistic of its rows. `known`: episodes by identity.
     pub(super) fn new(
         frozen: Frozen,
         system: System,
@@ -213,7 +213,7 @@ impl Evidence {
         squares.into_iter().map(|square| MARGIN * weak.accuracy.powi(2) * square).collect()
     }
 
-    /// What a model of this evidence carries.
+    /// Provenance that a model of this evidence carries.
     pub fn provenance(&self, method: &str, recipe: &Recipe, seed: u64) -> Provenance {
         Provenance {
             method: method.to_owned(),

@@ -1,4 +1,4 @@
-//! What a fit of equations found, for people and for programs.
+//! Report of an equation fit, for people and for programs.
 
 use fleetfoot_model::factor;
 use fleetfoot_stats::Compressed;
@@ -12,21 +12,21 @@ use crate::{
     summary::FitSummary,
 };
 
-/// What a fit of equations found.
+/// Report of an equation fit.
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct SindyReport {
     /// Rows of positive weight.
     pub rows: u64,
-    /// How terms were found, for people.
+    /// Method of the term selection, for people.
     pub method: String,
-    /// How many terms there are was chosen so, for people.
+    /// Criterion of the number of terms, for people.
     pub choice: String,
     /// Folds of the held-out errors; 0 where there are none.
     pub folds: usize,
-    /// How rows were held out, for people; `None` where they were not.
+    /// Rule by which rows were held out, for people; `None` without folds.
     pub fold_rule: Option<String>,
-    /// What an ensemble varied, for people.
+    /// The part that an ensemble varied, for people.
     pub ensemble: Option<String>,
     /// The windows that equations are fitted on in the place of rows, for people; `None` where rows are taken as they are.
     #[serde(rename = "weak", skip_serializing_if = "Option::is_none")]
@@ -41,10 +41,10 @@ pub struct SindyReport {
     /// The equations that were found in turn with smoothed states, where that was done.
     #[serde(rename = "smooth_states", skip_serializing_if = "Option::is_none")]
     pub smoothing: Option<StateSmoothing>,
-    /// What coefficients keep, where the recipe has `[constraints]`.
+    /// Bounds of coefficients under `[constraints]`.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub limits: Vec<LimitReport>,
-    /// What the reports of all methods say.
+    /// The part of the report that all methods share.
     #[serde(flatten)]
     pub summary: FitSummary,
 }
@@ -95,14 +95,14 @@ pub struct EquationReport {
     /// unit of the left side. Of very many functions those with the largest contributions.
     #[serde(skip)]
     pub along: Vec<(String, Vec<f64>)>,
-    /// How many functions any model of [`Self::front`] has.
+    /// Number of functions that any model of [`Self::front`] has.
     #[serde(skip)]
     pub entered: usize,
     /// Share of an ensemble's members that have each candidate, where there is an ensemble (candidates of [`SindyReport::candidates`]).
     pub inclusion: Option<Vec<f64>>,
     /// Groups of terms that the rows cannot tell apart.
     pub confounded: Vec<Vec<String>>,
-    /// Where the left side is measured by central differences, what is known of their error.
+    /// Error of central differences, if the left side is measured by them.
     pub difference: Option<DifferenceErrors>,
 }
 
@@ -123,7 +123,7 @@ pub struct TermReport {
     pub standard_error: f64,
     /// Share of an ensemble's members that have the term, where there is one.
     pub inclusion: Option<f64>,
-    /// Whether it is there in any case.
+    /// True if the term is in every model.
     pub fixed: bool,
 }
 
@@ -140,7 +140,7 @@ pub struct FrontPoint {
     pub held_out: f64,
     /// The threshold, lambda or number of terms.
     pub parameter: f64,
-    /// Whether it is the model that was taken.
+    /// True for the model that was taken.
     pub chosen: bool,
     /// Its terms.
     pub functions: Vec<String>,
@@ -244,7 +244,7 @@ pub(super) fn equation(
     }
 }
 
-/// What each function contributes to the models of a front, the largest first, and how many functions there are.
+/// Contribution of each function to the models of a front, the largest first, and the number of functions.
 fn along(
     task: &EquationTask,
     found: &Solved,

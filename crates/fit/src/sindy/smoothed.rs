@@ -35,7 +35,7 @@ const UNASKED: usize = 20_000;
 /// Folds that are held out in turn.
 const FOLDS: usize = 5;
 
-/// Whether these equations are to be found in turn with the states.
+/// Returns true if these equations alternate with smoothed states.
 fn applies(asked: SmoothStates, evidence: &Evidence, recipe: &Recipe) -> Result<bool, Error> {
     if asked == SmoothStates::Off {
         return Ok(false);
@@ -53,7 +53,8 @@ fn applies(asked: SmoothStates, evidence: &Evidence, recipe: &Recipe) -> Result<
     }
 }
 
-/// Whether the states of so many rows may be smoothed, before it is known how noisy they are; `regions`: whether there is a partition.
+/// Returns true if states of so many rows may be smoothed, before their noise is known. `regions`: true with a
+/// partition.
 pub(super) fn may_apply(asked: SmoothStates, task: &EquationTask, recipe: &Recipe, regions: bool, rows: usize) -> bool {
     let asked = match asked {
         SmoothStates::Off => false,
@@ -63,7 +64,7 @@ pub(super) fn may_apply(asked: SmoothStates, task: &EquationTask, recipe: &Recip
     asked && obstacle(task, recipe, false, regions).is_none()
 }
 
-/// What keeps states from being smoothed.
+/// Obstacle to state smoothing, in words.
 fn obstacle(task: &EquationTask, recipe: &Recipe, estimated: bool, regions: bool) -> Option<String> {
     Some(if !task.parameters.is_empty() || estimated {
         format!("numbers inside expressions are estimated ({PARAMETERS})")
@@ -275,7 +276,7 @@ impl<'a> Alternation<'a> {
     }
 }
 
-/// What held-out rows say.
+/// Held-out errors.
 struct Held {
     /// Without smoothing and with it.
     misfit: [f64; 2],

@@ -1,4 +1,4 @@
-//! What every log does to a sparse fit, by name.
+//! Influence of every episode on a sparse fit, by name.
 
 use fleetfoot_data::Progress;
 use fleetfoot_dataset::StatisticFile;
@@ -22,7 +22,7 @@ pub struct LeaveOneOutReport {
     pub episodes: Vec<EpisodeInfluence>,
 }
 
-/// What leaving an episode out does.
+/// Change of the fit without an episode.
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct EpisodeInfluence {

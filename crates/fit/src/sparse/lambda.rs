@@ -31,13 +31,13 @@ const LEAST_LAMBDA: f64 = 1e-8;
 pub struct LambdaChoice {
     /// Lambda, in the objective of `fleetfoot_sparse`.
     pub value: f64,
-    /// How it was chosen, for people.
+    /// Criterion of the choice, for people.
     pub how: String,
     /// The smallest lambda at which every penalised coefficient is zero.
     pub largest: f64,
     /// Number of folds of the held-out errors; 0 where there are none.
     pub folds: usize,
-    /// How rows were held out, for people; `None` where they were not.
+    /// Rule by which rows were held out, for people; `None` without folds.
     pub fold_rule: Option<String>,
     /// The held-out errors of the penalised fits at every lambda that was compared, where there are folds.
     pub validation: Option<CrossValidation>,

@@ -135,7 +135,7 @@ impl Limited<'_> {
         Ok(found.fit.theta)
     }
 
-    /// What is kept, and how near to its bound.
+    /// The kept bounds, and the distance to each.
     pub(super) fn report(&self) -> Vec<LimitReport> {
         let of = |(at, (limit, clearance)): (usize, (&RowLimit, &Clearance))| LimitReport {
             name: limit.name.clone(),

@@ -97,7 +97,7 @@ fn ranges(file: &StatisticFile, episodes: &BTreeSet<fleetfoot_data::EpisodeId>, 
     ranges
 }
 
-/// What a latent's functions looked like.
+/// Spread of a latent's functions over the training rows.
 fn spread(problem: &Problem<'_>, also: &Gram, latent: usize) -> Spread {
     let count = problem.structure.functions[latent];
     match problem.task.moments[latent] {

@@ -25,7 +25,7 @@ pub(super) struct Problem<'a> {
     pub(super) roots: Vec<SquareRoot>,
     pub(super) assembly: Assembly,
     pub(super) assembled: Assembled,
-    /// What is fitted at every lambda.
+    /// Estimator at every lambda.
     pub(super) estimator: Estimator,
     /// The error of every task that counts as one.
     pub(super) scales: Vec<f64>,

@@ -31,7 +31,7 @@ const GROUP_ROWS: usize = 1 << 18;
 /// Bytes that the statistics of all chunks should fit into.
 const BUDGET: usize = 256 << 20;
 
-/// What a user may choose of a scan.
+/// Options of a scan.
 #[derive(Debug, Clone, Default)]
 pub struct ScanOptions {
     /// Labels from the files' paths; they stand above the recipe's.
@@ -40,7 +40,7 @@ pub struct ScanOptions {
     pub chunk_rows: Option<NonZeroUsize>,
 }
 
-/// What a scan did beside what it found.
+/// Counts and notes of a scan.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct ScanReport {
@@ -52,7 +52,7 @@ pub struct ScanReport {
     pub rows: u64,
     /// Files and episodes that were there already, each with the reason.
     pub skipped: Vec<String>,
-    /// What had to be assumed or left out.
+    /// Assumptions and omissions.
     pub notes: Vec<String>,
 }
 
@@ -129,12 +129,12 @@ pub fn scan_part(
 pub(super) struct Scan<'a> {
     recipe: &'a Recipe,
     options: &'a ScanOptions,
-    /// What is complete, file by file.
+    /// Statistic of the complete files.
     pub(super) file: Option<StatisticFile>,
     whose: String,
     pub(super) report: ScanReport,
     pub(super) group_rows: usize,
-    /// Whether the equations of the recipe are summed, where there is no base that tells.
+    /// True to sum the equations of the recipe, if there is no base that decides.
     equations: bool,
 }
 
@@ -189,7 +189,7 @@ impl<'a> Scan<'a> {
         Ok(())
     }
 
-    /// What there is; else a plan from a pilot sample, without rows.
+    /// Takes the statistic of the complete files; else makes a plan from a pilot sample, without rows.
     fn begin(&mut self, opened: &OpenedStructure, progress: &dyn Progress) -> Result<StatisticFile, Error> {
         let OpenedStructure { dataset, task, recipe, fields, equations } = opened;
         self.report.notes.extend_from_slice(dataset.notes());
@@ -319,7 +319,7 @@ impl<'a> Scan<'a> {
         Ok(logs)
     }
 
-    /// What was found.
+    /// Ends the scan with its statistic and report.
     pub(super) fn finish(self) -> Result<(StatisticFile, ScanReport), Error> {
         let Self { file, mut report, .. } = self;
         let Some(mut file) = file else { return Err(Error::missing("no file is given".into())) };

@@ -35,7 +35,7 @@ const FINE: f64 = 1e-9;
 /// Variances that change by less are settled.
 const SETTLED: f64 = 0.05;
 
-/// Where a search stands.
+/// State of a search.
 #[derive(Clone)]
 pub(super) struct Place {
     /// Numbers of the candidates that are in, ascending.
@@ -43,7 +43,7 @@ pub(super) struct Place {
     pub(super) settled: Settled,
 }
 
-/// What a search found.
+/// Result of a search.
 pub(super) struct Found {
     pub(super) place: Place,
     pub(super) variances: Variances,
@@ -235,7 +235,7 @@ impl Search<'_> {
         }))
     }
 
-    /// What a term costs.
+    /// Price of a term, in twice the objective.
     pub(super) fn price(&self) -> f64 {
         let measured = self.smoother.measured().iter().sum::<usize>().max(1) as f64;
         measured.ln() + 2.0 * (self.smoother.candidates().len().max(1) as f64).ln()
