@@ -369,7 +369,7 @@ struct Track<'a> {
     run: &'a Run<'a>,
     slots: Aligned,
     first: Aligned,
-    /// How far each slot may go from the first.
+    /// Largest distance of each slot from the first.
     limit: Aligned,
     cell: Cell,
     /// The region of the present step.

@@ -1,4 +1,4 @@
-//! How a simulator comes about: equations compiled, the fast path laid out, a controller bound.
+//! Assembly of a simulator: equations compiled, the fast path laid out, a controller bound.
 
 use std::sync::Arc;
 
@@ -78,7 +78,7 @@ impl Simulator {
         Ok(simulator)
     }
 
-    /// How far back and ahead the equations look.
+    /// Finds the rows back and ahead that the equations read.
     fn find_reach(&mut self) -> Result<(), Error> {
         let count = self.columns.len();
         let mut reach: Vec<Option<(i32, i32)>> = vec![None; count];

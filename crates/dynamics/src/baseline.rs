@@ -1,4 +1,4 @@
-//! What a model must beat: predictions that need no model.
+//! Baselines of a model: predictions that need no model.
 
 use std::ops::Range;
 
@@ -46,7 +46,7 @@ pub(crate) struct OneStepBaselines {
     wrapped: Vec<bool>,
 }
 
-/// How a baseline follows from the target one (`t1`) and two (`t2`) samples before.
+/// Form of a baseline, by the targets one (`t1`) and two (`t2`) samples before.
 #[derive(Clone, Copy, PartialEq)]
 enum Form {
     Zero,

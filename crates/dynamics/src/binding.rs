@@ -55,7 +55,7 @@ fn find(simulator: &Simulator, name: &str) -> Result<usize, Error> {
     })
 }
 
-/// Where the values of a column come from while a trajectory is simulated.
+/// Source of a column's values while a trajectory is simulated.
 fn read(simulator: &mut Simulator, drives: &[(usize, i32)], column: usize) -> Result<Read, Error> {
     if let Some(state) = simulator.states.iter().position(|state| state.column == column) {
         return Ok(Read::State(state));

@@ -41,7 +41,7 @@ pub(crate) struct Latents {
     pub(crate) library: usize,
     /// Index of the first function among the outputs of `functions`.
     pub(crate) first: usize,
-    /// Which functions of the library are in use, ascending.
+    /// Functions of the library in use, ascending.
     pub(crate) kept: Vec<usize>,
     /// The features of the latents: the functions in use, then those of the basis.
     pub(crate) features: Vec<usize>,
@@ -229,7 +229,7 @@ impl pulp::WithSimd for EvaluateLatents<'_> {
 }
 
 impl Latents {
-    /// Whether its latents are affine in the functions of the library alone.
+    /// Returns true if its latents are affine in the functions of the library alone.
     pub(crate) fn is_affine(&self) -> bool {
         self.basis.is_none()
     }
@@ -239,7 +239,7 @@ impl Latents {
         self.basis.as_ref().map_or(&[], |(_, places)| places)
     }
 
-    /// Where the values of a feature stand among those of a workspace.
+    /// Column of a feature among the values of a workspace.
     pub(crate) fn column(&self, feature: usize) -> usize {
         match feature.checked_sub(self.kept.len()) {
             None => self.first + feature,

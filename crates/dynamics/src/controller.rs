@@ -1,4 +1,4 @@
-//! What a controller has to offer that closes the loop around a model in a rollout.
+//! Interface of a controller that closes the loop around a model in a rollout.
 
 mod driver;
 
@@ -8,7 +8,7 @@ pub(crate) use driver::{Drive, Driver, Read};
 
 pub use crate::parameter_error::ParameterError;
 
-/// What drives inputs of a model in a closed loop: immutable, shared by all trajectories.
+/// Law that drives inputs of a model in a closed loop: immutable, shared by all trajectories.
 pub trait Controller: fmt::Debug + Send + Sync {
     /// Columns that it looks at: states, or columns of the recording such as a belt's speed.
     fn reads(&self) -> Vec<String>;
@@ -16,10 +16,10 @@ pub trait Controller: fmt::Debug + Send + Sync {
     /// Inputs of the model that it drives.
     fn drives(&self) -> Vec<String>;
 
-    /// Whether the parameters can be used.
+    /// Checks the parameters.
     ///
     /// # Errors
-    /// The first parameter that cannot.
+    /// The first parameter that cannot be used.
     fn validate(&self) -> Result<(), ParameterError> {
         Ok(())
     }

@@ -127,7 +127,7 @@ pub enum Error {
     Times {
         /// Index among the times.
         place: usize,
-        /// What is wrong there.
+        /// The problem there, in words.
         problem: String,
     },
     /// The times of a simulation are not a row apart, of a model that goes by rows.
@@ -150,7 +150,7 @@ pub enum Error {
     Controller {
         /// The column that it names.
         column: String,
-        /// What is wrong with it.
+        /// The problem with it, in words.
         problem: String,
     },
     /// A controller's parameter cannot be used.

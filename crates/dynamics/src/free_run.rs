@@ -1,7 +1,7 @@
 //! Free runs: a model simulated through whole episodes from their first complete rows, and how far it stays from the recording.
 //!
-//! What tells a model of dynamics from a predictor: the outputs it starts from are recorded, all later ones are its own,
-//! and so is what follows from them; inputs stay recorded.
+//! Free runs tell a model of dynamics from a one-step predictor. Only the starting outputs come from the recording. All
+//! later outputs, and the columns computed from them, are simulated; inputs stay recorded.
 
 use std::ops::Range;
 
@@ -19,7 +19,7 @@ mod tests;
 
 pub use sums::{FreeRunScore, OutputErrors};
 
-/// How to run free.
+/// Options of free runs.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct FreeRunOptions {
@@ -27,13 +27,13 @@ pub struct FreeRunOptions {
     pub horizon: Option<usize>,
     /// Rows of an episode before the first start at least: with the same number, models of few lags and of many are scored on the same rows.
     pub first: usize,
-    /// How derivatives are integrated.
+    /// Integration method of derivatives.
     pub method: Method,
-    /// How long a step is.
+    /// Length of a step.
     pub step: Step,
     /// A state this many training standard deviations away from where it started has diverged; infinite: only what is no longer finite.
     pub divergence: f64,
-    /// Whether the trajectories are kept.
+    /// True to keep the trajectories.
     pub keep: bool,
 }
 
@@ -45,7 +45,7 @@ impl Default for FreeRunOptions {
     }
 }
 
-/// What free runs showed.
+/// Scores of free runs.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct FreeRun {
@@ -69,7 +69,7 @@ pub struct FreeRunOutcome {
     pub start: Start,
     /// Steps that there were to make.
     pub steps: usize,
-    /// How it ended.
+    /// End of the run.
     pub end: End,
     /// Row of the episode that was not reached, where the run ended early.
     pub lost_at: Option<usize>,

@@ -1,5 +1,5 @@
-//! Where states live: on a line, on a circle, or several of them together among the rotations. It says what the difference of two states is, and brings back what a
-//! step of time has made.
+//! Geometry of states: on a line, on a circle, or several of them together as a rotation. It gives the difference of
+//! two states, and brings back a state after a step of time.
 
 use std::ops::Range;
 
@@ -29,7 +29,7 @@ pub enum Shape {
 pub struct Group {
     /// The name of the rotation.
     pub name: String,
-    /// How its parts tell the rotation.
+    /// Representation of the rotation by its parts.
     pub kind: RotationKind,
     /// Place of each part among the states.
     pub places: Vec<usize>,
@@ -73,7 +73,7 @@ impl Geometry {
         }
     }
 
-    /// What a state is where nothing is known of it: 0, of a quaternion's first part 1.
+    /// Neutral value of an unknown state: 0, or 1 for a quaternion's first part.
     pub fn neutral(&self, state: usize) -> f64 {
         match self.group(state) {
             Some((Group { kind: RotationKind::Quaternion, .. }, 0)) => 1.0,

@@ -12,7 +12,7 @@ use crate::{
     window::Window,
 };
 
-/// How far a model's rollouts are from the recording, by step.
+/// Errors of a model's rollouts against the recording, by step.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Horizon {
@@ -28,11 +28,11 @@ pub struct Horizon {
     pub ended: Vec<f64>,
     /// The model's errors against raw measurements, where these are at hand.
     pub raw: Option<RawHorizon>,
-    /// How long the model is worth using.
+    /// Horizon up to which the model beats the baselines.
     pub useful: UsefulHorizon,
     /// The steps at which the model's mean Mahalanobis score is below that of each baseline.
     pub better: Vec<(Baseline, Vec<StepSpan>)>,
-    /// What the intervals compare.
+    /// Parts that the intervals compare.
     pub basis: Basis,
 }
 
@@ -54,7 +54,8 @@ pub struct HorizonScore {
     pub displacement_summary: Option<RolloutSummary>,
 }
 
-/// What rollouts come to, each rollout counting as much (section 7.1 of *Towards Sim-to-Real via Real-to-Sim*: average displacement, and how fast it grows).
+/// Averages over rollouts of equal weight: displacement and its growth (section 7.1 of *Towards Sim-to-Real via
+/// Real-to-Sim*).
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct RolloutSummary {
@@ -98,12 +99,12 @@ pub struct StepSpan {
 /// The baselines of rollouts.
 pub(crate) const ROLLOUT_BASELINES: [Baseline; 3] = [Baseline::Null, Baseline::Persistence, Baseline::ConstantVelocity];
 
-/// What is needed to score windows.
+/// Scorer of windows.
 pub(crate) struct HorizonScorer {
     pub(crate) horizon: usize,
     /// States that are advanced.
     states: usize,
-    /// What errors are told by: states and rotations.
+    /// Components of the reported errors: states and rotations.
     told: Vec<Component>,
     /// The parts of the errors that enter the Mahalanobis score: one of a state, the rotation vector's three of a rotation.
     scored: Vec<Range<usize>>,
@@ -130,7 +131,7 @@ impl Velocity {
         Self { states: (0..measured.len()).map(rate).collect(), rotations: turning.collect() }
     }
 
-    /// Where rotations are that have turned on for so many seconds.
+    /// Turns rotations on at their rate for `seconds`.
     fn turn(&self, geometry: &Geometry, measured: &[&[f64]], seconds: f64, value: &mut [f64]) {
         for (group, rate) in geometry.groups.iter().zip(&self.rotations) {
             let moved = group.kind.moved(&group.of(|s| measured[s][1]), rate.map(|part| part * seconds));
@@ -389,7 +390,8 @@ fn summary(series: &[(f64, f64)]) -> Option<[f64; SUMMARY]> {
     Some([average, last, if end > begin { (last - first) / (end - begin) } else { 0.0 }])
 }
 
-/// Whether the model is better at a step; `None` where nothing was measured or there is no baseline. A score that is not a number beats nothing.
+/// Returns true if the model is better at a step; `None` without a measurement or a baseline. A score that is not a
+/// number beats nothing.
 fn beats(model: &HorizonScore, k: usize, other: Option<(Baseline, f64)>) -> Option<bool> {
     let (_, other) = other.filter(|(_, value)| value.is_finite())?;
     Some(model.mahalanobis[k].value.partial_cmp(&other) == Some(std::cmp::Ordering::Less))

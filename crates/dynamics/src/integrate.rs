@@ -5,10 +5,10 @@ use fleetfoot_model::Prediction;
 
 use crate::angle::wrap;
 
-/// How derivatives are integrated from row to row.
+/// Integration method of derivatives from row to row.
 ///
-/// Recorded columns are held from one row to the next (zero-order hold), also within a step. Equations for a next value or a
-/// difference advance once a step with either method.
+/// Recorded columns are held from one row to the next (zero-order hold), also within a step. Equations for a next value
+/// or a difference advance once a step with either method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Method {
     /// `x + h f(x)`: what the paper's simulations use.
@@ -44,8 +44,9 @@ pub fn typical_period(source: &dyn Source) -> Option<f64> {
     })
 }
 
-/// How one state advances: `factor * x + h * f`, with (factor, h) = (1, step) for a derivative, (1, 1) for a difference, (0, 1)
-/// for a next value, (exp(-step/c), 1 - exp(-step/c)) for a first-order lag of f; then wrapped if it is an angle.
+/// Advance of one state: `factor * x + h * f`, then wrapped if it is an angle. (factor, h) is (1, step) for a
+/// derivative, (1, 1) for a difference and (0, 1) for a next value. For a first-order lag of f it is (exp(-step/c), 1 -
+/// exp(-step/c)).
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Advance {
     /// The factor of the state itself; of a lag it depends on the step ([`Advance::factor`]).

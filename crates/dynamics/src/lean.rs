@@ -6,7 +6,7 @@ use fleetfoot_library::{Leaf, Scratch};
 
 use crate::{End, Method, Simulator, Trajectory, integrate::runge_kutta_mean, run::Run, state::State};
 
-/// Where a right side finds what it reads.
+/// Source of a value that a right side reads.
 #[derive(Debug, Clone, Copy)]
 enum Reading {
     State(usize),

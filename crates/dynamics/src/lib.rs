@@ -1,4 +1,4 @@
-//! What a model does: integrate, roll out; scores.
+//! Simulation of models: integration, rollouts, scores.
 //!
 //! - [`Predictor`]: one step, row by row: measured target, prediction, region, distance from the training domain.
 //! - [`score`]: one-step errors of a model on a recording, beside the null model, persistence and constant velocity.

@@ -1,4 +1,4 @@
-//! What a score says.
+//! Values of a score.
 
 use fleetfoot_data::EpisodeId;
 
@@ -28,7 +28,7 @@ pub struct Scores {
     pub calibration: Vec<CalibrationBin>,
     /// One entry an episode with scored rows, in the order of the source.
     pub episodes: Vec<EpisodeScore>,
-    /// What the intervals compare.
+    /// Parts that the intervals compare.
     pub basis: Basis,
 }
 
@@ -79,7 +79,7 @@ pub struct TargetScore {
 /// A baseline, on the rows for which it and the target are known.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BaselineScore {
-    /// Which.
+    /// The baseline.
     pub baseline: Baseline,
     /// Rows on which it is known.
     pub rows: u64,
@@ -103,7 +103,7 @@ pub struct EpisodeScore {
     pub id: EpisodeId,
     /// For people.
     pub name: String,
-    /// Whether the model was trained on it: then its scores are in-sample.
+    /// True if the model was trained on it; its scores are then in-sample.
     pub in_training: bool,
     /// Rows scored.
     pub rows: u64,

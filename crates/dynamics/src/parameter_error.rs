@@ -1,4 +1,4 @@
-//! What is wrong with a parameter of a controller or of a simulated robot.
+//! Errors in a parameter of a controller or of a simulated robot.
 
 use std::fmt;
 
@@ -8,9 +8,9 @@ use std::fmt;
 pub struct ParameterError {
     /// Its name, in a world file its path, e.g. `leg.mass`.
     pub name: String,
-    /// What it was.
+    /// The given value.
     pub value: String,
-    /// What it may be, in words.
+    /// The allowed values, in words.
     pub allowed: String,
 }
 

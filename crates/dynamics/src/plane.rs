@@ -22,13 +22,13 @@ const CHUNK_ROWS: usize = 65_536;
 /// One axis of a plane.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
-    /// What is projected, over the columns of the source.
+    /// Projected expression, over the columns of the source.
     pub expression: Expr,
     /// Lower end, in the expression's unit.
     pub low: f64,
     /// Upper end; values there and beyond are outside.
     pub high: f64,
-    /// Whether values are angles (rad), brought into the range by whole turns.
+    /// True if values are angles (rad), brought into the range by whole turns.
     pub periodic: bool,
 }
 
@@ -91,7 +91,7 @@ impl Axis {
     }
 }
 
-/// What fell into a cell.
+/// Counts of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PlaneCell {
     /// Rows.
@@ -281,15 +281,15 @@ impl Projector<'_> {
     }
 }
 
-/// Where a trajectory is.
+/// Place of a trajectory: cell and region.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Place {
     cell: usize,
     region: u32,
 }
 
-/// What consecutive rows of an episode add up to. Two traces of which one continues the other are appended exactly: a passage that the cut
-/// divides is counted once.
+/// Sums over consecutive rows of an episode. Two traces of which one continues the other are appended exactly: a
+/// passage that the cut divides is counted once.
 #[derive(Debug, Clone)]
 struct Trace {
     cells: Vec<PlaneCell>,
@@ -297,9 +297,9 @@ struct Trace {
     rows: u64,
     first: Option<Place>,
     last: Option<Place>,
-    /// Whether all rows so far are one passage, which may have begun before the first.
+    /// True if all rows so far are one passage, which may have begun before the first.
     single: bool,
-    /// Whether the region changed within the passage of the first row, and of the last.
+    /// True if the region changed within the passage of the first row, and of the last.
     first_changed: bool,
     last_changed: bool,
 }
@@ -349,7 +349,7 @@ impl Trace {
         self.rows += 1;
     }
 
-    /// What follows is another trajectory.
+    /// Ends the trajectory; the next row belongs to another one.
     fn leave(&mut self) {
         self.last = None;
         self.single &= self.rows == 0;

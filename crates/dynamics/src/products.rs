@@ -11,7 +11,7 @@ use crate::{
     recursion::{NONE, Places, Stage},
 };
 
-/// What segments add to products of their derivatives J (n x p) with one vector.
+/// Sums over segments: products of their derivatives J (n x p) with one vector.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Products {
@@ -27,7 +27,7 @@ pub struct Products {
     pub segments: u64,
     /// Segments that ended early.
     pub ended: u64,
-    /// Whether all of it is finite.
+    /// True if all of it is finite.
     pub finite: bool,
 }
 
@@ -66,7 +66,7 @@ pub struct NormalBlocks {
     coefficients: Vec<Coefficient>,
     /// Numbers of the coefficients of every block.
     ranges: Vec<Range<usize>>,
-    /// Where the block of a coefficient begins among the values, and which it is.
+    /// Offset of each coefficient's block among the values, and the block's number.
     places: Vec<(usize, usize)>,
     values: Vec<f64>,
 }
@@ -136,7 +136,7 @@ impl Met<'_> {
         own.filter(|(number, _)| **number != NONE).map(|(&number, &feature)| (number as usize, feature))
     }
 
-    /// What a latent changes by along a direction.
+    /// Change of a latent along a direction.
     fn along(&self, latent: usize, direction: &[f64]) -> f64 {
         match self.run(latent) {
             Some(first) => direction[first..][..self.features.len()]
@@ -279,12 +279,12 @@ impl Along<'_> {
         }
     }
 
-    /// Whether a stage reads a state moved by the slope of the stage before.
+    /// Returns true if a stage reads a state moved by the slope of the stage before.
     fn moves(&self, &(state, lag): &(usize, usize)) -> bool {
         lag == 0 && self.simulator.states[state].advance.continuous
     }
 
-    /// Where what is read at row `k` stands; the rows in front of the start are recorded.
+    /// Index of a value read at row `k`; the rows in front of the start are recorded.
     fn at(&self, k: usize, &(state, lag): &(usize, usize)) -> Option<usize> {
         Some(k.checked_sub(lag)? * self.simulator.states.len() + state)
     }

@@ -45,7 +45,7 @@ pub(crate) struct RawWorkspace {
     scratch: Scratch,
 }
 
-/// What is measured of an equation's left side.
+/// Measured expression of an equation's left side; `None` for a derivative.
 fn level(equation: &Equation) -> Option<Expr> {
     match equation.prediction {
         Prediction::Derivative => None,
@@ -71,7 +71,8 @@ impl<'a> RawTargets<'a> {
         self.levels[0].halo()
     }
 
-    /// How far the raw measurements of some core rows of a block are above the smoothed values, equations x rows; NaN where nothing was measured.
+    /// Raw measurements minus smoothed values at some core rows of a block (equations x rows); NaN without a
+    /// measurement.
     pub(crate) fn shifts(
         &self,
         episode: usize,

@@ -10,9 +10,9 @@ use crate::{Simulator, compiled::Workspace, kernel::LANES, slopes::SlopeRows};
 /// No coefficient.
 pub(crate) const NONE: u32 = u32::MAX;
 
-/// What stands where among a simulator's derivatives.
+/// Layout of a simulator's derivatives.
 pub(crate) struct Places {
-    /// What the right sides are differentiated by: a state (its place in the simulator), rows back.
+    /// Variables by which the right sides are differentiated: a state (its place in the simulator), rows back.
     pub(crate) variables: Vec<(usize, usize)>,
     /// The right sides that read latents: side, latent.
     pub(crate) readers: Vec<(usize, usize)>,
@@ -144,7 +144,7 @@ impl<'a> Recursion<'a> {
         }
     }
 
-    /// What the right sides change by what they read: states of this stage and of earlier rows.
+    /// Adds the change of the right sides by the states that they read, of this stage and of earlier rows.
     fn chain(&mut self, stage: &Stage, k: usize, past: &[f64], moved: bool) {
         let (states, width, readings) = (self.simulator.states.len(), self.width, &self.places.variables);
         let mut read: Vec<&[f64]> = Vec::with_capacity(2 * readings.len());
@@ -174,7 +174,7 @@ impl<'a> Recursion<'a> {
         });
     }
 
-    /// What the right sides change by the coefficients themselves.
+    /// Adds the change of the right sides by the coefficients themselves.
     fn sources(&mut self, stage: &Stage, k: usize) {
         let (states, width, compiled) = (self.simulator.states.len(), self.width, &self.simulator.compiled);
         let Workspace { stride, values, regions, .. } = &stage.workspace;
@@ -205,7 +205,7 @@ struct Product<'a> {
     states: usize,
     width: usize,
     panels: &'a [usize],
-    /// What is read x states.
+    /// Factors (values read x states).
     factors: &'a [f64],
     /// Rows of the width.
     read: &'a [&'a [f64]],

@@ -1,28 +1,28 @@
-//! How to roll out.
+//! Options of rollouts.
 
 use crate::{Error, Method, Step};
 
-/// How to roll out.
+/// Options of rollouts.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct RolloutOptions {
     /// Steps ahead, one a row.
     pub horizon: usize,
-    /// How derivatives are integrated.
+    /// Integration method of derivatives.
     pub method: Method,
-    /// How long a step is.
+    /// Length of a step.
     pub step: Step,
     /// A state this many training standard deviations away from where it started has diverged.
     pub divergence: f64,
-    /// What becomes of a trajectory that leaves the training domain.
+    /// Treatment of a trajectory that leaves the training range.
     pub outside: Outside,
     /// States whose Euclidean distance from the recording is told too; they share a unit.
     pub position: Vec<String>,
-    /// Whether [`crate::rollout`] keeps the trajectories.
+    /// True to keep the trajectories in [`crate::rollout`].
     pub keep: bool,
 }
 
-/// What becomes of a trajectory where a regressor is outside the range that its region saw in training.
+/// Treatment of a trajectory with a regressor outside the training range of its region.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Outside {
     /// It goes on, and tells when it left ([`Trajectory::left_domain`](crate::Trajectory::left_domain)).

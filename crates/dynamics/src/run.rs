@@ -13,14 +13,14 @@ pub(crate) struct Run<'a> {
     pub(crate) horizon: usize,
     /// [`RolloutOptions::divergence`].
     pub(crate) divergence: f64,
-    /// Whether it ends where it leaves the training domain.
+    /// True to end the run at the border of the training range.
     pub(crate) ends_outside: bool,
     /// The states where it begins, in the order of [`Simulator::states`](crate::Simulator::states); the recorded ones where none are given.
     pub(crate) beginning: Option<&'a [f64]>,
     /// Of every state, the share of what its measurement differs by that it is moved by before the next step: a filter of constant gain. None for a simulation that
     /// sees no measurement.
     pub(crate) gains: &'a [f64],
-    /// Whether all steps are `time[1]` long.
+    /// True if all steps are `time[1]` long.
     uniform: bool,
 }
 

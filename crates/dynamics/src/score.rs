@@ -19,7 +19,7 @@ const SAMPLE_ROWS: usize = 262_144;
 /// Spans that a single episode is cut into for intervals.
 const SPANS: usize = 10;
 
-/// How to score.
+/// Options of scores.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct ScoreOptions {
@@ -110,11 +110,11 @@ struct Tile {
     baseline_workspace: BaselineWorkspace,
     baselines: Vec<f64>,
     raw_workspace: RawWorkspace,
-    /// How far raw measurements are above smoothed values, targets x rows.
+    /// Raw measurements minus smoothed values (targets x rows).
     shifts: Vec<f64>,
 }
 
-/// What a chunk adds up to.
+/// Sums of a chunk.
 #[derive(Clone)]
 struct Sums {
     rows: u64,
@@ -359,7 +359,7 @@ fn target_scores(model: &Model, total: &Sums, groups: &[Sums]) -> Vec<TargetScor
         .collect()
 }
 
-/// What is below it is rounding of a target.
+/// Resolution of a target: smaller values are rounding.
 fn resolution(model: &Model, target: usize) -> f64 {
     1e-13 * model.training.target_mean[target].abs()
 }

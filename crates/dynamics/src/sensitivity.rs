@@ -96,12 +96,12 @@ impl Tangents {
         &self.values[(step * states + state) * self.width..][..self.active.len()]
     }
 
-    /// How a state after so many steps moves with the gains; none where the run has none.
+    /// Derivatives of a state by the gains after `step` steps; empty if the run has no gains.
     pub(crate) fn by_gains(&self, step: usize, state: usize, states: usize) -> &[f64] {
         &self.values[(step * states + state) * self.width + self.active.len()..][..self.gains]
     }
 
-    /// How a state after so many steps moves with the states at the beginning; of tangents that were asked for them.
+    /// Derivatives of a state by the states at the beginning, after `step` steps; for tangents made with them.
     pub(crate) fn by_beginning(&self, step: usize, state: usize, states: usize) -> &[f64] {
         &self.values[(step * states + state) * self.width + self.active.len() + self.gains..][..states]
     }
@@ -299,7 +299,7 @@ fn places(group: &Latents, number: &HashMap<Coefficient, u32>) -> Vec<u32> {
     places
 }
 
-/// What the equations read at the rows of a trajectory.
+/// Values that the equations read at the rows of a trajectory.
 pub(crate) struct Path<'a> {
     simulator: &'a Simulator,
     window: &'a Window<'a>,

@@ -26,15 +26,15 @@ use crate::{
     window::Window,
 };
 
-/// How segments are simulated.
+/// Options of the simulated segments.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct ShootingOptions {
     /// Steps of a segment, N.
     pub steps: usize,
-    /// How derivatives are integrated.
+    /// Integration method of derivatives.
     pub method: Method,
-    /// How long a step is.
+    /// Length of a step.
     pub step: Step,
     /// A state this many training standard deviations away from where its segment began has diverged: the segment ends, and its last good state stands for the
     /// rest.
@@ -65,7 +65,7 @@ pub struct Shooting<'a> {
     scale: Vec<f64>,
 }
 
-/// What one segment leaves.
+/// Residuals of one segment, with their derivatives.
 #[derive(Debug, Clone, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Segment {
@@ -77,12 +77,12 @@ pub struct Segment {
     pub slopes: Vec<f64>,
     /// Sum of the squares of what is measured, in the units of the residuals.
     pub size: f64,
-    /// Whether it ended early.
+    /// True if the simulation ended early.
     pub ended: bool,
 }
 
 impl Segment {
-    /// Whether all of it is finite.
+    /// Returns true if all residuals and derivatives are finite.
     pub fn is_finite(&self) -> bool {
         self.residuals.iter().chain(&self.slopes).all(|value| value.is_finite())
     }
@@ -203,7 +203,7 @@ impl<'a> Shooting<'a> {
         segment
     }
 
-    /// What a cell leaves.
+    /// Residual of a cell.
     fn residual(&self, run: &Run<'_>, &(step, state, _): &(usize, usize, f64), trajectory: &Trajectory) -> f64 {
         self.scale[state] * run.error(self.simulator.moved(), state, step, |s| trajectory.state(step)[s])
     }
@@ -248,7 +248,7 @@ impl<'a> Shooting<'a> {
         into.ended += u64::from(trajectory.end != End::Horizon);
     }
 
-    /// What is compared: step, state, measured value.
+    /// Compared cells: step, state, measured value.
     fn cells(&self, window: &Window<'_>) -> Vec<(usize, usize, f64)> {
         let horizon = self.options.horizon;
         let counts = (0..self.scale.len()).filter(|&state| self.scale[state] > 0.0);

@@ -9,9 +9,9 @@ use crate::{Method, Points, Stepper, StepperWorkspace, TimeGrid, Tolerance, adap
 pub struct InputSequence<'a> {
     /// Steps x inputs, or steps x inputs x points; with [`Course::Lines`] one row more, and as many more as the model looks ahead.
     pub values: &'a [f64],
-    /// Whether every point has its own.
+    /// True if every point has inputs of its own.
     pub by_point: bool,
-    /// What inputs do from one time to the next.
+    /// Course of the inputs between two times.
     pub course: Course,
 }
 
@@ -35,14 +35,14 @@ impl InputSequence<'_> {
     }
 }
 
-/// How a simulation passes from one time to the next.
+/// Step rule of a simulation between two times.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Integration {
     /// By steps whose estimated error is within a tolerance: the pair 5(4) of Dormand and Prince.
     Adaptive(Tolerance),
     /// By equal steps.
     Fixed {
-        /// How derivatives are integrated.
+        /// Integration method of derivatives.
         method: Method,
         /// Steps from one time to the next; `None`: as many as make no step longer than the model's sampling period.
         substeps: Option<usize>,

@@ -21,7 +21,7 @@ pub struct Simulator {
     pub(crate) columns: Vec<String>,
     /// The states that equations advance, then the first-order lags of what is computed.
     pub(crate) states: Vec<State>,
-    /// Where these states live.
+    /// Geometry of these states.
     pub(crate) geometry: Geometry,
     /// Columns that are computed, over the others.
     pub(crate) computed: Vec<(String, Expr)>,
@@ -45,7 +45,7 @@ impl Simulator {
         self.driver.as_ref().map_or(&[], |driver| &driver.names)
     }
 
-    /// Whether the model runs on the fast path for piecewise-affine models.
+    /// Returns true if the model runs on the fast path for piecewise-affine models.
     pub fn is_affine(&self) -> bool {
         self.kernel.is_some()
     }
@@ -115,7 +115,7 @@ impl Simulator {
         Ok(map)
     }
 
-    /// Whether everything that a rollout reads is finite.
+    /// Returns true if everything that a rollout reads is finite.
     pub(crate) fn is_complete(&self, window: &Window<'_>, horizon: usize) -> bool {
         let back = self.history.max(1) as i64;
         let finite = |column: usize, from: i64, to: i64| window.values(column, from, to).iter().all(|v| v.is_finite());

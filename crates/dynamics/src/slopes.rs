@@ -27,7 +27,7 @@ pub(crate) struct Slopes {
     latents: usize,
 }
 
-/// What a right side is differentiated by.
+/// Variable by which a right side is differentiated.
 #[derive(Debug, Clone, Copy)]
 enum Variable {
     /// A column, by its number among the variables.

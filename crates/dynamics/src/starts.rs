@@ -1,4 +1,4 @@
-//! Where rollouts start.
+//! Starts of rollouts.
 
 use std::collections::BTreeSet;
 
@@ -15,14 +15,14 @@ pub struct Start {
     pub row: usize,
 }
 
-/// Which starts to use.
+/// Rule that chooses starts.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Starts {
     /// This many, evenly spread over all possible rows.
     Even(usize),
     /// This many different ones, chosen by a seed.
     Random {
-        /// How many.
+        /// Number of starts.
         count: usize,
         /// The seed.
         seed: u64,

@@ -5,7 +5,7 @@
 
 use crate::{Points, Stepper};
 
-/// How exactly a simulation follows the equations.
+/// Tolerance of a simulation's steps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tolerance {
     /// Error of a step over the size of a state.
@@ -52,7 +52,7 @@ pub(crate) struct StepControl {
     forced: Vec<f64>,
 }
 
-/// What becomes of a step.
+/// Verdict on a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Verdict {
     /// It is tried again, shorter.

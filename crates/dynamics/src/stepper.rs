@@ -21,7 +21,7 @@ pub struct Stepper {
     pub(crate) lags: Vec<FirstOrderLag>,
     names: Vec<String>,
     pub(crate) states: Vec<State>,
-    /// Where these states live.
+    /// Geometry of these states.
     pub(crate) geometry: Geometry,
     pub(crate) inputs: Vec<usize>,
     /// Index of the right side of every fitted equation.
@@ -121,8 +121,8 @@ impl Stepper {
         self.states.iter().map(|state| self.names[state.column].as_str())
     }
 
-    /// What is given from outside: the model's inputs, its states that no equation advances, and whatever else it reads and cannot compute; in the order of
-    /// its columns, fields that computed columns read behind them.
+    /// Names of the values given from outside, in the order of the model's columns: inputs, states that no equation
+    /// advances, and other columns that it reads and cannot compute. Fields that computed columns read follow them.
     pub fn inputs(&self) -> impl ExactSizeIterator<Item = &str> {
         self.inputs.iter().map(|&column| self.names[column].as_str())
     }
@@ -152,7 +152,7 @@ impl Stepper {
         self.ahead
     }
 
-    /// Whether the equations speak of time.
+    /// Returns true if the equations contain the time.
     pub fn uses_time(&self) -> bool {
         self.uses_time
     }
@@ -162,17 +162,17 @@ impl Stepper {
         self.step
     }
 
-    /// Whether a derivative is integrated.
+    /// Returns true if a derivative is integrated.
     pub fn is_continuous(&self) -> bool {
         self.states.iter().any(|state| state.advance.continuous)
     }
 
-    /// Whether some states are first-order lags of what is computed.
+    /// Returns true if some states are first-order lags of computed values.
     pub fn has_lags(&self) -> bool {
         !self.lags.is_empty()
     }
 
-    /// Whether derivatives are integrated of some states, while others have a next value or a difference.
+    /// Returns true if derivatives are integrated of some states, while others have a next value or a difference.
     pub fn is_mixed(&self) -> bool {
         let continuous = self.is_continuous();
         self.states.iter().any(|state| state.advance.continuous != continuous)
@@ -188,7 +188,7 @@ impl Stepper {
         self.states[state].order
     }
 
-    /// Where the states live.
+    /// Geometry of the states.
     pub fn geometry(&self) -> &Geometry {
         &self.geometry
     }

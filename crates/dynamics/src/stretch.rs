@@ -22,7 +22,7 @@ pub struct Stretch {
     pub steps: usize,
 }
 
-/// What a simulation through a stretch leaves.
+/// Errors and derivatives of a simulation through a stretch.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct StretchPath {
@@ -41,7 +41,7 @@ pub struct StretchPath {
 pub struct Stretches<'a> {
     source: &'a dyn Source,
     simulator: Simulator,
-    /// Where the equations allow it.
+    /// Lean form of the equations, if they allow it.
     lean: Option<Lean>,
     sensitivity: Sensitivity,
     options: RolloutOptions,

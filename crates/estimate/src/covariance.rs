@@ -1,4 +1,4 @@
-//! How well the rows determine the parameters.
+//! Covariance of the parameters, and parameters that the rows do not determine.
 
 use faer::Mat;
 use fleetfoot_stats::svd;

@@ -50,7 +50,7 @@ pub enum Status {
 }
 
 impl Status {
-    /// Whether this is a minimum.
+    /// Returns true for a minimum.
     pub fn converged(self) -> bool {
         self != Self::Iterations
     }
@@ -80,7 +80,7 @@ impl Options {
 /// does not go on falling.
 const LOWER_GRADIENT: f64 = 0.95;
 
-/// Where the iteration stands.
+/// State of the iteration.
 pub(crate) struct Descent<'a> {
     objective: &'a dyn Objective,
     options: &'a Options,
@@ -89,7 +89,7 @@ pub(crate) struct Descent<'a> {
     /// Lengths of the columns of the Jacobian, half of what they were remembered (p).
     scale: Vec<f64>,
     radius: f64,
-    /// Whether a step was tried.
+    /// True once a step was tried.
     started: bool,
 }
 

@@ -17,7 +17,7 @@ pub struct EquationError {
     pub estimate: Estimate,
     /// Standard deviation of what each equation leaves, in its own unit.
     pub deviations: Vec<f64>,
-    /// Whether the alternation came to rest.
+    /// True if the alternation converged.
     pub settled: bool,
 }
 

@@ -32,7 +32,7 @@ pub(crate) trait Objective {
     fn evaluate(&self, theta: &[f64]) -> Result<Pass, EstimateError>;
 }
 
-/// What a pass finds.
+/// Result of a pass.
 pub(crate) enum Pass {
     Finite(Evaluation),
     /// Parameters that cannot be, and why.

@@ -28,7 +28,7 @@ use crate::{
     output_error::{Minimum, minimum},
 };
 
-/// How parameters are estimated by filter error.
+/// Options of estimation by filter error.
 #[derive(Debug, Clone, Default, PartialEq)]
 #[non_exhaustive]
 pub struct FilterErrorOptions {
@@ -62,7 +62,7 @@ pub struct Gain {
     pub error: f64,
     /// Half the width of its 95 % interval, which ends at 0 and 1.
     pub half_width: f64,
-    /// Whether it is at a bound that pushes back: 0 or 1 itself.
+    /// True if the gain is at an active bound: 0 or 1 itself.
     pub at_bound: bool,
 }
 

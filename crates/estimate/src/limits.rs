@@ -26,7 +26,7 @@ use crate::{
 /// A number that is affine in the parameters: `constant + sum_j c_j theta_j`.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Affine {
-    /// What no parameter is in.
+    /// The constant part, without parameters.
     pub constant: f64,
     /// Parameters by number, and their coefficients.
     pub coefficients: Vec<(usize, f64)>,
@@ -50,11 +50,11 @@ impl Affine {
 /// A symmetric matrix of parameters whose eigenvalues stay on one side of a bound; of one entry a number.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MatrixLimit {
-    /// What it is called in messages: `inertia`.
+    /// Its name in messages: `inertia`.
     pub name: String,
     /// Its lower triangle by rows.
     pub entries: Vec<Affine>,
-    /// Whether no eigenvalue is below the bound; else none is above it.
+    /// True if no eigenvalue is below the bound; else none is above it.
     pub at_least: bool,
     /// The bound.
     pub bound: f64,
@@ -83,7 +83,7 @@ impl MatrixLimit {
         })
     }
 
-    /// How it changes with a parameter.
+    /// Derivative by a parameter.
     fn slope(&self, parameter: usize) -> Mat<f64> {
         let (n, sign) = (self.order(), self.sign());
         Mat::from_fn(n, n, |i, j| sign * self.entries[packed(i.max(j), i.min(j))].slope(parameter))
@@ -196,7 +196,7 @@ impl Limits {
         Ok(Some(Self { limits: of.limits.to_vec(), bounds, inside }))
     }
 
-    /// Whether all are kept strictly.
+    /// Returns true if all are kept strictly.
     pub(crate) fn kept(&self, theta: &[f64]) -> bool {
         self.limits.iter().all(|limit| limit.clearance(theta) > 0.0)
     }
@@ -230,7 +230,8 @@ impl Limits {
         Step { step, length, predicted, ..*free_step }
     }
 
-    /// What pushes at theta against slopes (half the derivatives of the cost), in units of `lengths`, over the free parameters: the slopes that are left, and the directions (by parameter) in which nothing may move.
+    /// Effect of the active limits at theta on slopes (half the derivatives of the cost), in units of `lengths`, over
+    /// the free parameters. Returns the remaining slopes, and the directions (by parameter) in which nothing may move.
     pub(crate) fn pushed(
         &self,
         theta: &[f64],
@@ -322,7 +323,7 @@ struct Program<'a> {
     free: Vec<usize>,
     H: Mat<f64>,
     g: Vec<f64>,
-    /// How each matrix changes with each free parameter, in its unit.
+    /// Derivatives of each matrix by each free parameter, in its unit.
     slopes: Vec<Vec<Mat<f64>>>,
 }
 

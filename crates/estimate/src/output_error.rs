@@ -37,17 +37,17 @@ use crate::{
 use coloured::{Coloured, coloured};
 use segments::{Segments, Standing};
 
-/// How parameters are estimated by output error.
+/// Options of estimation by output error.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct OutputErrorOptions {
-    /// How segments are simulated; the steps do not count.
+    /// Simulation of the segments; the steps do not count.
     pub shooting: ShootingOptions,
     /// Rows of a segment at most; `None`: whole episodes.
     pub rows: Option<usize>,
     /// The states that are compared with what was measured; all where none is named.
     pub outputs: Vec<String>,
-    /// Where else the search may begin, beside the initial values: it begins where the cost is least.
+    /// Further starting points beside the initial values; the search begins at the one of least cost.
     pub starts: Vec<Vec<f64>>,
     /// When a minimisation for given noise ends.
     pub descent: Options,
@@ -63,7 +63,7 @@ impl Default for OutputErrorOptions {
     }
 }
 
-/// Where a segment begins under the model.
+/// Beginning of a segment under the model.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Begun {
@@ -88,7 +88,8 @@ pub struct OutputError {
     pub white: Mat<f64>,
     /// Rows over which residuals are correlated, as it was found; 0 where they look white.
     pub memory: usize,
-    /// Whether that is as far as was looked, a fifth of the longest segment: the correlation may last for longer, and then standard errors are too small.
+    /// True if the memory reaches the longest lag that is tried, a fifth of the longest segment. The correlation may
+    /// last longer, and standard errors are then too small.
     pub lasting: bool,
     /// The states that were compared.
     pub outputs: Vec<String>,
@@ -96,7 +97,7 @@ pub struct OutputError {
     pub deviations: Vec<f64>,
     /// All states, in the order of [`Begun::states`].
     pub states: Vec<String>,
-    /// Where the segments begin.
+    /// Beginnings of the segments.
     pub beginnings: Vec<Begun>,
     /// Segments left out because a value that they need is missing.
     pub missing: usize,
@@ -173,7 +174,7 @@ pub fn output_error<'a>(
     Ok(minimum(model, &parameters.into(), None, source, options, progress)?.parameters)
 }
 
-/// What a minimum tells, of the parameters and of the gains behind them.
+/// A minimum over the parameters and, behind them, the gains.
 pub(crate) struct Minimum {
     pub(crate) parameters: OutputError,
     /// Values of the gains (m), none by output error; so what follows.
@@ -234,7 +235,7 @@ pub(crate) fn minimum(
     }
 }
 
-/// Where minimisations and noise in turn stand.
+/// State of minimisations that alternate with estimates of the noise.
 struct Rounds {
     theta: Vec<f64>,
     standing: Standing,
@@ -315,7 +316,7 @@ fn best_start(
     Ok(best.1)
 }
 
-/// What is known where a descent ended.
+/// Result at the end of a descent.
 fn found(
     segments: &Segments<'_>,
     descent: &Descent<'_>,

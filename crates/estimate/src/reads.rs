@@ -1,4 +1,4 @@
-//! What expressions read: their parameters, and the columns that say whether a row is complete.
+//! Parameters and columns that expressions read; the columns decide if a row is complete.
 
 use std::collections::HashSet;
 
@@ -33,7 +33,7 @@ impl<'a> Reads<'a> {
         Ok(())
     }
 
-    /// What has to be finite at a row of the problem.
+    /// Expressions that must be finite at a row of the problem.
     ///
     /// # Errors
     /// A parameter that nothing reads.
@@ -66,7 +66,7 @@ impl<'a> Reads<'a> {
         Ok(leaves)
     }
 
-    /// Whether there is a parameter in a filter.
+    /// Returns true if a filter has a parameter.
     fn varies(&self, filter: &Filter) -> bool {
         filter.sources().iter().any(|name| self.parameters.iter().any(|parameter| parameter.name == **name))
     }

@@ -1,4 +1,4 @@
-//! What was recorded, at the rows of a grid.
+//! Recorded values at the rows of a grid.
 
 /// An episode at the rows of its grid.
 pub(crate) struct Recorded {
@@ -11,11 +11,11 @@ pub(crate) struct Recorded {
     pub(crate) seconds: Vec<f64>,
     /// States and free inputs (r x columns): angles without jumps, what is missing between its neighbours.
     pub(crate) values: Vec<f64>,
-    /// Whether a value was recorded (r x columns).
+    /// True at every recorded value (r x columns).
     pub(crate) there: Vec<bool>,
-    /// What is replayed (r x replayed).
+    /// Replayed columns (r x replayed).
     pub(crate) replayed: Vec<f64>,
-    /// Whether all of it was recorded (r).
+    /// True at rows of which all values were recorded (r).
     pub(crate) whole: Vec<bool>,
 }
 
@@ -46,7 +46,7 @@ impl Recorded {
     }
 }
 
-/// What the recordings show of every column.
+/// Facts about every column of the recordings.
 pub(crate) struct Survey {
     columns: Vec<Seen>,
 }

@@ -29,7 +29,7 @@ use crate::{
 };
 use descent::{Followed, follow};
 
-/// How recordings are followed.
+/// Options of recordings that a model follows.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct ResimulationOptions {
@@ -57,7 +57,7 @@ impl Default for ResimulationOptions {
     }
 }
 
-/// How the programs of an episode ended.
+/// End of the programs of an episode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Ending {
@@ -69,7 +69,7 @@ pub enum Ending {
     Iterations,
 }
 
-/// How far a solution is from what it should be: each 0 at a minimum.
+/// Distance of a solution from a minimum: each number is 0 at one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Certificate {
@@ -92,15 +92,15 @@ pub struct Resimulated {
     pub rows: Vec<usize>,
     /// Their stamps, nanoseconds (r).
     pub stamps: Vec<i64>,
-    /// What was recorded (r x columns); NaN where nothing was.
+    /// Recorded values (r x columns); NaN without a value.
     pub recorded: Vec<f64>,
-    /// What follows it (r x columns).
+    /// Values that follow them under the model (r x columns).
     pub followed: Vec<f64>,
     /// The states of a simulation from the recorded beginning with the recorded inputs (r x states); NaN behind where it diverged.
     pub open_loop: Vec<f64>,
-    /// What the solution is worth.
+    /// Distance of the solution from a minimum.
     pub certificate: Certificate,
-    /// How the programs ended.
+    /// End of the programs.
     pub ending: Ending,
     /// Convex programs.
     pub programs: usize,
@@ -112,9 +112,9 @@ pub struct Resimulated {
 pub struct Resimulation {
     /// The columns that are followed: states in the model's order, then the inputs that may move.
     pub columns: Vec<String>,
-    /// How many of them are states.
+    /// Number of states among them.
     pub states: usize,
-    /// What was replayed from the recording.
+    /// Columns replayed from the recording.
     pub replayed: Vec<String>,
     /// Deviation of each column.
     pub deviations: Vec<f64>,
@@ -122,7 +122,7 @@ pub struct Resimulation {
     pub bounds: Vec<[f64; 2]>,
     /// Spread of each column in the recordings: the unit of the certificate.
     pub spreads: Vec<f64>,
-    /// Whether derivatives are integrated, by Hermite and Simpson's rule of order 4; else equations give the next row.
+    /// True if derivatives are integrated, by Hermite and Simpson's rule of order 4; else equations give the next row.
     pub continuous: bool,
     /// The episodes.
     pub episodes: Vec<Resimulated>,
@@ -223,7 +223,7 @@ pub fn resimulate(
 pub(crate) struct Scale {
     /// Spread in the recordings.
     pub(crate) spreads: Vec<f64>,
-    /// What a column may be off.
+    /// Deviation of each column.
     pub(crate) deviations: Vec<f64>,
     pub(crate) bounds: Vec<[f64; 2]>,
 }
@@ -240,7 +240,7 @@ fn check(options: &ResimulationOptions) -> Result<(), EstimateError> {
     }
 }
 
-/// Whether the equations are derivatives.
+/// Returns true if the equations are derivatives.
 fn kind(model: &Model) -> Result<bool, EstimateError> {
     let advances = |of: fn(Prediction) -> bool| {
         model.equations.iter().find(|equation| of(equation.prediction)).map(|equation| equation.subject.clone())

@@ -9,12 +9,12 @@ use fleetfoot_stats::{Chunk, Factor, Grid, reduce};
 
 use crate::{EstimateError, parameter::substitute};
 
-/// What is evaluated at every row.
+/// Expressions that are evaluated at every row.
 #[derive(Debug, Clone)]
 pub(crate) struct Layout {
     /// Names of the parameters.
     pub(crate) names: Vec<String>,
-    /// What is measured, one a residual.
+    /// Measured expressions, one a residual.
     pub(crate) targets: Vec<Expr>,
     /// For every residual, expressions over columns and parameters; the last of each is the factor's right-hand side.
     pub(crate) outputs: Vec<Vec<Expr>>,
@@ -30,7 +30,7 @@ pub(crate) struct Rows<'a> {
     progress: &'a dyn Progress,
 }
 
-/// What a pass finds.
+/// Result of a pass.
 pub(crate) enum Scan {
     Complete(Sums),
     /// Parameters that cannot be: an expression is not finite at some row, or a filter does not take its constant.
@@ -196,7 +196,7 @@ impl Part {
     }
 }
 
-/// Where the rows of the data stand among the rows that have values.
+/// Places of the data's rows among the rows that have values.
 enum Places {
     Same,
     At(Vec<usize>),

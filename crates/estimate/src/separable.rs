@@ -18,9 +18,9 @@ use objective::{Layer, Projected};
 /// One equation: `target = sum_j c_j function_j`, the coefficients c free.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LinearTarget {
-    /// What it is called in messages; unique among the targets of a problem.
+    /// Its name in messages; unique among the targets of a problem.
     pub name: String,
-    /// What is measured: an expression over columns.
+    /// Measured expression, over columns.
     pub target: Expr,
     /// Candidate functions: expressions over columns, filters and parameters; `1` for a constant.
     pub functions: Vec<Expr>,
@@ -40,7 +40,7 @@ impl LinearTarget {
     }
 }
 
-/// Where the search begins and when it ends.
+/// Start and end of the search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SeparableOptions {
     /// The iteration over the nonlinear parameters.
@@ -95,7 +95,7 @@ pub struct Separable {
     pub parameters: usize,
     /// One a target.
     pub targets: Vec<LinearFit>,
-    /// What was tried before the iteration, the initial values first.
+    /// Points that were tried before the iteration, the initial values first.
     pub starts: Vec<Start>,
 }
 

@@ -32,7 +32,7 @@ pub use many::{Hold, MOST_PRODUCTS, ManyOptions};
 /// Coefficients up to which J'J, of which every chunk in flight has one, is held whole: it takes 32 MiB at most.
 pub const WHOLE_COEFFICIENTS: usize = 2_000;
 
-/// How coefficients are fitted by simulation error.
+/// Options of a fit by simulation error.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct SimulationOptions {
@@ -40,7 +40,7 @@ pub struct SimulationOptions {
     pub shooting: ShootingOptions,
     /// When the iteration ends; a trial step is one pass.
     pub descent: Options,
-    /// How more coefficients are fitted than [`WHOLE_COEFFICIENTS`], or a model that has to keep within a set.
+    /// Options of a fit of more coefficients than [`WHOLE_COEFFICIENTS`], or of a model that has to keep within a set.
     pub many: ManyOptions,
 }
 
@@ -201,7 +201,7 @@ impl Segments<'_> {
         Ok(total)
     }
 
-    /// What a descent asks for; `None` where a number is not finite.
+    /// Evaluation for a descent; `None` if a number is not finite.
     fn evaluation(&self, sums: &Sums) -> Result<Option<Evaluation>, EstimateError> {
         if sums.broken.is_some() {
             return Ok(None);

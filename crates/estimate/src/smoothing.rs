@@ -33,7 +33,7 @@ use crate::{
 use candidates::{Candidates, with_inputs};
 use chain::{Border, Eliminated, eliminate};
 
-/// How states are smoothed.
+/// Options of state smoothing.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct SmoothingOptions {
@@ -72,7 +72,7 @@ pub struct Variances {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tracks(pub Vec<Vec<f64>>);
 
-/// Where a descent ended.
+/// End of a descent.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Settled {
@@ -82,7 +82,7 @@ pub struct Settled {
     pub coefficients: Vec<f64>,
     /// J.
     pub cost: f64,
-    /// What a further step would lower J by if everything were linear: the certificate.
+    /// Reduction of J by a further step, if everything were linear: the certificate.
     pub promise: f64,
     /// Logarithm of the determinant of the second derivatives of J by the states alone (of the linearised residuals).
     pub log_determinant: f64,
@@ -92,7 +92,7 @@ pub struct Settled {
     pub covariance: Vec<Vec<f64>>,
     /// Steps that were taken.
     pub steps: usize,
-    /// Whether the last promise is within the tolerance.
+    /// True if the last promise is within the tolerance.
     pub converged: bool,
 }
 
@@ -197,7 +197,7 @@ impl StateSmoother {
             .collect()
     }
 
-    /// What was recorded; between neighbours where something is missing.
+    /// Recorded values; interpolated between neighbours if one is missing.
     pub fn recorded(&self) -> Tracks {
         Tracks(self.segments.iter().map(|own| own.values.clone()).collect())
     }
@@ -403,7 +403,7 @@ impl StateSmoother {
         })
     }
 
-    /// What the defect of a state is multiplied by.
+    /// Weight of a state's defect.
     fn weight(&self, variances: &Variances, state: usize, step: f64) -> f64 {
         (variances.process[state] * step / self.period).sqrt().recip()
     }

@@ -19,9 +19,9 @@ pub(crate) struct Step {
     pub(crate) length: f64,
     /// The same of the step that the region holds back, where limits of matrices shorten it: at their border steps end while the region is to stay.
     pub(crate) reach: f64,
-    /// What the linear model takes off the cost.
+    /// Reduction of the cost by the linear model.
     pub(crate) predicted: f64,
-    /// Whether the region held it back.
+    /// True if the region held it back.
     pub(crate) bounded: bool,
     /// The damping mu with which it is least, of the parameters that no bound held.
     pub(crate) damping: f64,

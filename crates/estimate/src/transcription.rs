@@ -47,11 +47,11 @@ pub(crate) struct Defects {
     pub(crate) behind: Vec<f64>,
 }
 
-/// What the rule of Hermite and Simpson is made of in the middles of the intervals (r - 1).
+/// Values at the middles of the intervals (r - 1) for the rule of Hermite and Simpson.
 pub(crate) struct Middles {
     /// States and free inputs (intervals x columns).
     pub(crate) values: Vec<f64>,
-    /// What is replayed (intervals x replayed).
+    /// Replayed columns (intervals x replayed).
     pub(crate) replayed: Vec<f64>,
     /// Seconds since the episode's start.
     pub(crate) seconds: Vec<f64>,
@@ -110,7 +110,7 @@ impl Transcription {
         self.angle[column]
     }
 
-    /// Whether a column is an angle or a part of a rotation: what its range is does not bound it.
+    /// Returns true if a column is an angle or a part of a rotation: its range is no bound.
     pub(crate) fn goes_round(&self, column: usize) -> bool {
         self.angle[column] || self.rotations.iter().any(|(_, places)| places.contains(&column))
     }

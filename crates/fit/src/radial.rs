@@ -14,6 +14,7 @@ const MOST: usize = 2_000;
 
 /// Number of radial functions in `[library]`.
 ///
+/// # Errors
 /// Zero, or too many.
 pub(crate) fn count(recipe: &Recipe) -> Result<Option<usize>, Error> {
     match recipe.library.radial {

@@ -4,13 +4,13 @@
 //!
 //! `A_i x + b_i - (A_j x + b_j) = c (w . z + d)`
 //!
-//! for some vector c, one number a target: two affine functions that agree on a plane differ by a multiple of what vanishes on it (the hinges of Breiman, "Hinging hyperplanes
-//! for regression, classification, and function approximation", 1993). Around every closed walk over borders the right sides must sum to zero, which ties the c of borders that meet.
-//! What is left free is a null space of these equations, the same for all targets: along a tree of borders all maps follow from that of one region and from the c, and c = Z g. So the
-//! maps of all regions are one affine map and hinges, features of the rows that are affine in x within each region, and least squares over them are unconstrained: exact,
-//! on reflectors, from the square-root forms of the regions ([`SquareRoot::pooled`]). What the null space leaves of a jump is rounding, and it is told.
+//! The free numbers form a null space of these equations, the same for all targets. Along a tree of borders all maps
+//! follow from that of one region and from the c, and c = Z g. So the maps of all regions are one affine map and
+//! hinges: features of the rows that are affine in x within each region. Least squares over them are unconstrained and
+//! exact, on reflectors, from the square-root forms of the regions ([`SquareRoot::pooled`]). The jump that remains is
+//! rounding, and it is reported.
 //!
-//! Which regions have a border is told by rows (`borders`): borders that lie where no row is are not looked at.
+//! Rows tell which regions have a border (`borders`); a border where no row lies is ignored.
 
 mod borders;
 
@@ -25,7 +25,7 @@ pub(crate) use borders::{Border, borders, check};
 /// Singular values of the equations below this share of the largest are zero: borders at smaller angles are parallel.
 const PARALLEL: f64 = 1e-10;
 
-/// What is free in maps that meet at their borders.
+/// Free numbers of maps that meet at their borders.
 #[derive(Debug, Clone)]
 pub(crate) struct Ties {
     regions: usize,
@@ -54,7 +54,7 @@ pub(crate) struct Fitted {
     pub(crate) numbers: usize,
 }
 
-/// What it costs that the maps of neighbouring regions meet at their border.
+/// Cost of continuity: the loss with maps that meet at the borders of neighbouring regions, beside the loss without.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Continuity {
@@ -81,7 +81,7 @@ impl Ties {
         Self { regions, borders, places, centre, scale, parts }
     }
 
-    /// How many borders there are.
+    /// Number of borders.
     pub(crate) fn borders(&self) -> usize {
         self.borders.len()
     }

@@ -88,7 +88,7 @@ pub enum Error {
     TooManyLabels {
         /// The column.
         column: String,
-        /// How many are allowed.
+        /// The largest number allowed.
         limit: usize,
     },
     /// A column that does not come round.
@@ -189,7 +189,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// Whether less memory would have done.
+    /// Returns true if the error says that memory is too small.
     pub fn is_memory(&self) -> bool {
         match self {
             Self::Plan(error) | Self::Sums(fleetfoot_sums::system::SystemError::Plan(error)) => error.is_memory(),

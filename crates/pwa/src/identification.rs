@@ -1,4 +1,4 @@
-//! What an identification finds: the model, and the score of every partition.
+//! Result of an identification: the model, and the score of every partition.
 
 use std::collections::BTreeMap;
 
@@ -35,11 +35,11 @@ pub struct Identification {
     pub incomplete: u64,
     /// Rows that count as independent.
     pub effective_rows: f64,
-    /// Whether the scores are of rows that did not train (cross-validation).
+    /// True if the scores are of held-out rows (cross-validation).
     pub held_out: bool,
-    /// Which rows were held out, for people; `None` where none were.
+    /// Rule by which rows were held out, for people; `None` without folds.
     pub fold_rule: Option<String>,
-    /// What the intervals of the scores compare.
+    /// Parts that the intervals of the scores compare.
     pub basis: Basis,
     /// Condition number of the standardised regressors of the one-region regression.
     pub condition: f64,
@@ -47,9 +47,9 @@ pub struct Identification {
     pub preconditioned: f64,
     /// For each target the few rows that hold most of its variance, where they do; empty where that is not known.
     pub concentrated: Vec<Option<Concentration>>,
-    /// What the user should know.
+    /// Notes for the user.
     pub notes: Vec<String>,
-    /// What of it is of how partitions were found.
+    /// Those notes that are about the partitions.
     pub partition_notes: Vec<PartitionNote>,
 }
 
@@ -63,7 +63,8 @@ pub struct Score {
     pub regions: usize,
     /// Numbers that its maps have, of all regions and targets, constants among them; of maps that meet at borders those that are free.
     pub coefficients: usize,
-    /// Whether no other partition of as few coefficients errs less on rows that did not train, or as little with fewer; false where no rows are held out.
+    /// True on the front: no other partition of as few coefficients has a lower held-out error, and none has the same
+    /// error with fewer. False without held-out rows.
     pub front: bool,
     /// Shrinkage used, rows.
     pub shrinkage: f64,
@@ -87,9 +88,9 @@ pub struct Score {
     pub losses: Vec<f64>,
     /// Bayesian information criterion.
     pub bic: f64,
-    /// What it costs that maps meet at their borders, where they do.
+    /// Cost of continuity; `None` unless maps meet at their borders.
     pub continuity: Option<Continuity>,
-    /// How its maps contract, where [`Options::stability`](crate::Options::stability) asks for it.
+    /// Contraction of its maps; `None` without [`Options::stability`](crate::Options::stability).
     pub stability: Option<Stability>,
     /// The loss of the free models in place of the bounded ones; the same where nothing is bounded, and of the training rows where none are held out.
     pub free_loss: f64,

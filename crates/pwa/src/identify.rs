@@ -221,7 +221,7 @@ impl Fit<'_> {
         rows.min(base.root.weight)
     }
 
-    /// What the model of a candidate that is joined of cells tells of the tree.
+    /// Description of the tree behind a candidate whose regions are joined cells.
     fn lattice(&self, candidate: usize, orders: &[Order], weight: f64) -> Option<Lattice> {
         let (candidates, (_, trees)) = (&self.segmentation.candidates, self.joined?);
         candidates[candidate].specification.joined()?;
@@ -257,7 +257,8 @@ impl Fit<'_> {
         span(self.problem.equations.iter().filter(|equation| equation.target.is_some()))
     }
 
-    /// What whitens the residuals of a candidate, where their correlation is kept: a model without regressors leaves more than least squares do.
+    /// Whitening of a candidate's residuals, if their correlation is kept. A model without regressors has larger
+    /// residuals than least squares, and has none.
     fn whitening(&self, candidate: usize, order: &Order, solver: &Solver<'_>) -> Option<Whitening> {
         let Candidate { specification, full, .. } = &self.segmentation.candidates[candidate];
         let asked = self.rows_over().is_some() && *specification != Specification::Null;

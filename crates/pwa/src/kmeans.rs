@@ -34,7 +34,7 @@ pub use run::{KMeansRun, KMeansStep, kmeans_from, plus_plus_draws, starting_cent
 
 use fleetfoot_data::{Cancelled, Progress};
 
-/// Where the centroids start.
+/// Starting centroids.
 #[derive(Debug, Clone, Copy)]
 pub enum Start<'a> {
     /// Greedy k-means++, `restarts` times (at least once); the result with the lowest inertia counts, of equal ones the first.
@@ -48,7 +48,7 @@ pub enum Start<'a> {
     Centroids(&'a [f64]),
 }
 
-/// What to compute.
+/// Options of k-means.
 #[derive(Debug, Clone, Copy)]
 pub struct KMeansOptions {
     /// Clusters wanted, k.
@@ -77,7 +77,7 @@ pub struct KMeans {
     pub inertia: f64,
     /// Iterations made.
     pub iterations: usize,
-    /// Whether the labels, or the centroids up to the tolerance, stood still.
+    /// True if the labels, or the centroids up to the tolerance, stood still.
     pub converged: bool,
 }
 
@@ -100,11 +100,11 @@ pub enum KMeansError {
     /// Slices that do not fit together.
     #[error("{expected} {what} expected, {found} found")]
     Shape {
-        /// What was counted.
+        /// Name of the counted items.
         what: &'static str,
-        /// How many there should be.
+        /// Required number.
         expected: usize,
-        /// How many there are.
+        /// Actual number.
         found: usize,
     },
     /// A column cannot be standardised.
@@ -113,7 +113,7 @@ pub enum KMeansError {
         column + 1
     )]
     Scale {
-        /// Which column, from 0.
+        /// Index of the column, from 0.
         column: usize,
         /// Its centre.
         centre: f64,
@@ -127,9 +127,9 @@ pub enum KMeansError {
         column + 1
     )]
     Value {
-        /// Which row, from 0.
+        /// Index of the row, from 0.
         row: usize,
-        /// Which column, from 0.
+        /// Index of the column, from 0.
         column: usize,
         /// The value, in the unit of the column.
         value: f64,
@@ -137,7 +137,7 @@ pub enum KMeansError {
     /// A weight that is no number of rows.
     #[error("row {}: its weight is {value}; weights are finite, not negative and at most 1e30", row + 1)]
     Weight {
-        /// Which row, from 0.
+        /// Index of the row, from 0.
         row: usize,
         /// Its weight.
         value: f64,
@@ -148,9 +148,9 @@ pub enum KMeansError {
     /// A starting centroid that is nowhere.
     #[error("coordinate {} of starting centroid {} is {value}", column + 1, cluster + 1)]
     Centroid {
-        /// Which centroid, from 0.
+        /// Index of the centroid, from 0.
         cluster: usize,
-        /// Which coordinate, from 0.
+        /// Index of the coordinate, from 0.
         column: usize,
         /// Its value.
         value: f64,

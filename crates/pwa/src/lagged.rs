@@ -1,4 +1,4 @@
-//! How residuals hang on those of the rows before: their autocovariances, whitened by region, over the rows in their order.
+//! Correlation of residuals from row to row: their autocovariances, whitened by region, over the rows in their order.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -38,7 +38,8 @@ pub(crate) fn span<'e>(fitted: impl Iterator<Item = &'e Equation>) -> Option<usi
     fitted.map(rows).try_fold(1, |most, rows| Some(most.max(rows?)))
 }
 
-/// What whitens the residuals of each region: the inverse of the lower Cholesky factor of their covariance, column by column of padded length; none where they are no more than rounding.
+/// Whitening of the residuals of each region: the inverse of the lower Cholesky factor of their covariance, column by
+/// column of padded length. `None` if they are no more than rounding.
 pub(crate) struct Whitening {
     regions: Vec<Option<Vec<f64>>>,
 }
@@ -200,7 +201,8 @@ impl Lagged {
         self.episode = next.episode;
     }
 
-    /// What the residuals of targets that are measured over so many rows hang on: the order of least BIC, where they are correlated over more rows than they share. `None` where they are as good as independent.
+    /// Correlation of the residuals of targets that are measured over `span` rows: the order of least BIC. `None`
+    /// unless they are correlated over more rows than they share.
     pub(crate) fn correlation(&self, span: usize) -> Option<ResidualCorrelation> {
         let (q, width) = (self.targets, padded(self.targets));
         let rows = self.weight / q as f64;

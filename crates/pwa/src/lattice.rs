@@ -26,7 +26,8 @@ pub(crate) use tree::{Cell, Limits, Tree};
 
 /// Cells at most (but two for each region).
 const CELLS: usize = 256;
-/// How much more a border between regions weighs than one between the cells of a region, a standard deviation from either: it is moved by one over this.
+/// Weight of a border between regions, relative to one between cells of a region, a standard deviation from either. It
+/// moves by one over this.
 const SHARP: f64 = 1e4;
 /// Rows of a cell that its place is found from, on average.
 const PLACED: usize = 32;
@@ -43,7 +44,7 @@ pub(crate) struct Lattice {
     pub(crate) rule: Arc<Rule>,
     cells: Cells,
     regressors: usize,
-    /// Whether there would be more cells with more memory.
+    /// True if more memory would give more cells.
     cut: bool,
 }
 
@@ -62,7 +63,7 @@ pub(crate) fn bytes(rows: usize, shape: (usize, usize), regions: usize, folds: u
     wanted(rows, shape, regions, folds) * grams_of_a_cell(folds) * gram_bytes(shape.0 + shape.1)
 }
 
-/// How many cells are made for so many regions.
+/// Number of cells for so many regions.
 fn wanted(rows: usize, (regressors, targets): (usize, usize), regions: usize, folds: u16) -> usize {
     cell_count(rows, regressors, regions, CELLS).min(most_cells(regressors + targets, folds)).max(1)
 }
@@ -99,12 +100,12 @@ impl Lattice {
         Ok(Self { partition, rule: Arc::new(rule), cells: cells.cells, regressors: shape.0, cut })
     }
 
-    /// How many cells there are.
+    /// Number of cells.
     pub(crate) fn count(&self) -> usize {
         self.cells.centroids.len()
     }
 
-    /// What the user should know.
+    /// Note for the user if memory limits the number of cells.
     pub(crate) fn note(&self) -> Option<PartitionNote> {
         let (cells, memory) = (self.count(), STATS_BUDGET >> 20);
         self.cut.then(|| PartitionNote::new("lattice", Finding::CellsLackMemory { cells, memory }))

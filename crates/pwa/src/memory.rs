@@ -1,4 +1,4 @@
-//! What an identification keeps in memory.
+//! Memory of an identification.
 
 use crate::{
     Options, Problem, Specification,
@@ -10,7 +10,7 @@ use crate::{
 /// Passes of an identification: where regions are, the sums in them, and the errors.
 const PASSES: usize = 3;
 
-/// What an identification will keep in memory, and how often it reads the rows.
+/// Memory of an identification, and its passes over the rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Cost {

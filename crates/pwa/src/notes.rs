@@ -1,4 +1,4 @@
-//! What a user should know about a fit beside its numbers.
+//! Notes for the user about a fit.
 
 use fleetfoot_data::setting::SHRINKAGE;
 use fleetfoot_stats::SquareRoot;
@@ -12,7 +12,7 @@ use crate::{
     walks::MOST_REGIONS,
 };
 
-/// What the rows cannot tell apart.
+/// Adds notes about regressors that the rows cannot tell apart.
 pub(crate) fn confounded(problem: &Problem, base: &Base, notes: &mut Vec<String>) {
     let name = |&function: &usize| problem.library[function].to_string();
     for group in &base.average.confounded {

@@ -1,4 +1,4 @@
-//! Which pairs of regions have the same map: the likelihood ratio of two against one.
+//! Pairs of regions that have the same map: the likelihood ratio of two maps against one.
 
 use std::collections::BTreeMap;
 

@@ -24,12 +24,12 @@ use crate::{
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Partitioned {
-    /// What was asked for and what it gave, in the order of [`Options::partitions`]. What their regions saw is not known
-    /// yet; [`fleetfoot_model::Rule::count`] tells how many there are.
+    /// Specifications and their partitions, in the order of [`Options::partitions`]. Rows of the regions are not
+    /// counted yet; [`fleetfoot_model::Rule::count`] gives the number of regions.
     pub partitions: Vec<(Specification, Partition)>,
     /// Rows with all values: of library, targets, partition columns, labels and weight.
     pub rows: u64,
-    /// What the user should know: k-means on a sample, or not converged.
+    /// Notes for the user: k-means on a sample, or not converged.
     pub notes: Vec<String>,
 }
 
@@ -97,16 +97,16 @@ pub(crate) fn join_cells(
     Ok(Some((sets, trees)))
 }
 
-/// What stands before the regression.
+/// Preparations for the regression.
 pub(crate) struct Prepared {
     pub(crate) rows: Rows,
     pub(crate) grid: Grid,
-    /// Which rows are held out, where there are folds.
+    /// Layout of the held-out rows; `None` without folds.
     pub(crate) folds: Option<FoldLayout>,
     pub(crate) chunks: Vec<Chunk>,
     pub(crate) survey: Survey,
     pub(crate) segmentation: Segmentation,
-    /// What the phase's values are bins of, where there is one.
+    /// Bins of the phase's values, if there is a phase.
     pub(crate) phase: Option<Scale>,
 }
 

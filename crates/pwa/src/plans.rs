@@ -1,4 +1,4 @@
-//! What is summed of the partitions that are made on all rows: the plans of their statistic.
+//! Plans of the statistic, for partitions that are made on all rows.
 
 use fleetfoot_data::Source;
 use fleetfoot_library::Expr;

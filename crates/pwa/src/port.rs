@@ -1,6 +1,6 @@
-//! Where a model exchanges energy with what is around it.
+//! Ports, at which a model exchanges energy with its surroundings.
 
-/// Where a model exchanges energy.
+/// A port, at which a model exchanges energy.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Port {
     /// The input.

@@ -66,7 +66,7 @@ pub(crate) struct Refined {
     pub(crate) rule: Rule,
     /// The objective after every pass.
     pub(crate) objective: Vec<f64>,
-    /// What of the borders is for a pass over all rows to decide, where they were found on a sample.
+    /// Borders that a pass over all rows is to decide, if they come from a sample.
     pub(crate) open: Option<Open>,
 }
 
@@ -141,7 +141,7 @@ impl Ground {
         Ok(Begun { separators, objective, few: few.is_some() })
     }
 
-    /// What was begun, refined on all rows.
+    /// Completes a refinement that was begun, on all rows.
     fn finished(&self, found: Begun, sample: Option<Sample>, progress: &dyn Progress) -> Result<Refined, Error> {
         let Begun { mut separators, mut objective, few } = found;
         if few && separators.regions > 1 {

@@ -18,7 +18,7 @@ const PARTITION: usize = 3;
 const LABELS: usize = 4;
 const PHASE: usize = 5;
 
-/// What the columns of the rows are.
+/// Layout of the columns of the rows.
 pub(crate) struct Rows {
     /// Regressors, targets, states, partition columns, labels, the phase where there is one, and the weight.
     pub(crate) columns: Columns,

@@ -36,7 +36,7 @@ pub(crate) struct Scan {
     pub(crate) cells: Option<CellSums>,
 }
 
-/// What a pass sums: plans of the partitions that are made on all rows, and everything by chunks of the folds.
+/// Sums that a pass makes: plans of the partitions that are made on all rows, and everything by chunks of the folds.
 pub(crate) struct Wanted<'a> {
     /// By partition.
     pub(crate) plans: &'a [Option<SystemPlan>],
@@ -54,7 +54,7 @@ impl Wanted<'_> {
     }
 }
 
-/// What a chunk of the pass has found so far.
+/// Sums of a chunk so far.
 struct Part {
     /// By partition; none where there is no plan, or one of moments.
     whole: Vec<Option<RegionGrams>>,
@@ -80,7 +80,7 @@ struct Piece {
     cells: Option<CellPart>,
 }
 
-/// What all parts share.
+/// Inputs that all parts share.
 struct Pass<'a> {
     rows: &'a Rows,
     segmentation: &'a Segmentation,

@@ -22,7 +22,7 @@ const SAME: f64 = 1e-3;
 /// Losses up to this differ by what rounding leaves of sums of squares.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
-/// What the statistic says about a candidate.
+/// Errors of a candidate, from the statistic.
 #[derive(Debug, Clone)]
 pub(crate) struct Order {
     /// Shrinkage used.
@@ -45,11 +45,11 @@ pub(crate) struct Order {
     pub(crate) full: Vec<RegionModel>,
     /// Numbers that are free in these, of each target.
     pub(crate) numbers: usize,
-    /// What it costs that maps meet at their borders, where they do.
+    /// Cost of continuity; `None` unless maps meet at their borders.
     pub(crate) continuity: Option<Continuity>,
-    /// How the models from all rows contract, where that is asked for, and the loss of the free ones.
+    /// Contraction of the models from all rows, if requested, and the loss of the free ones.
     pub(crate) stability: Option<(Stability, f64)>,
-    /// What the models from all rows were solved from, where this is the only candidate.
+    /// Sums from which the models of all rows were solved, if this is the only candidate.
     pub(crate) training: Option<BTreeMap<u32, SquareRoot>>,
 }
 
@@ -182,7 +182,7 @@ struct Set<'a> {
     testing: BTreeMap<u32, SquareRoot>,
 }
 
-/// What maps of the training rows of every fold are worth on the rows that it holds out.
+/// Held-out loss of every fold, by maps of its training rows.
 fn held_out(
     sets: &[Set<'_>],
     folds: u16,

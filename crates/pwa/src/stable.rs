@@ -46,7 +46,7 @@ pub use region::RegionWeight;
 pub struct Stability {
     /// rho: the bound of all regions' norms over one sampling period.
     pub bound: f64,
-    /// What the maps advance: states, and earlier rows of them, `lag(y, 1)`.
+    /// Variables that the maps advance: states, and earlier rows of them, `lag(y, 1)`.
     pub variables: Vec<String>,
     /// States that the regions read and that act as inputs here: their equations are given and not linear, or read through bounded functions alone.
     pub inputs: Vec<String>,
@@ -54,7 +54,7 @@ pub struct Stability {
     pub metric: Vec<f64>,
     /// One a region.
     pub regions: Vec<StableRegion>,
-    /// What they take in at ports, where they are passive: then the metric is twice the energy.
+    /// Passivity at ports; `None` unless the maps are passive. The metric is then twice the energy.
     pub passivity: Option<Passivity>,
 }
 

@@ -1,4 +1,4 @@
-//! Which regions rows are in along a phase, and which follows which from stride to stride, counted over the rows in their order.
+//! Regions of the rows along a phase, and transitions from stride to stride, counted over the rows in their order.
 
 use std::collections::BTreeMap;
 
@@ -46,7 +46,7 @@ impl Run {
         Self { episode, first: step, last: step, turns: 0, begun: [Vec::new(), Vec::new()] }
     }
 
-    /// Whether a row is the next one.
+    /// Returns true if a row is the next one.
     fn goes_on(&self, episode: usize, step: Step) -> bool {
         self.episode == episode && self.last.row + 1 == step.row
     }

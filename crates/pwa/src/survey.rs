@@ -44,7 +44,7 @@ pub(crate) fn kept_bytes(partition_columns: usize, labels: usize) -> usize {
     16 * (partition_columns + labels)
 }
 
-/// What the first pass found.
+/// Result of the first pass.
 pub(crate) struct Survey {
     /// Moments of the partition columns over all rows, whatever the folds.
     all: Option<Moments>,
@@ -56,7 +56,7 @@ pub(crate) struct Survey {
     pub(crate) kept: Kept,
     /// The rows that regions are refined on, that cells are made of, and that tell borders ([`Tile::example`]).
     pub(crate) examples: Kept,
-    /// Whether these are fewer than they would be with more memory.
+    /// True if more memory would give more of them.
     pub(crate) examples_lack_memory: bool,
     /// The values of the phase, where there is one.
     pub(crate) phase: Option<Seen>,
@@ -64,7 +64,7 @@ pub(crate) struct Survey {
     pub(crate) scales: Gram,
     /// The targets' own by chunk.
     targets: Stats,
-    /// What became of the rows.
+    /// Counts of the rows: complete, at borders, incomplete.
     pub(crate) counts: RowCounts,
 }
 
@@ -182,11 +182,11 @@ impl Survey {
     }
 }
 
-/// Which rows are kept for what.
+/// Shares of the rows that are kept, by use.
 struct Shares {
     kept: Share,
     examples: Share,
-    /// Whether the memory allows fewer examples than there would be.
+    /// True if the memory limits the examples.
     short: bool,
 }
 

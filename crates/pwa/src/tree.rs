@@ -101,7 +101,7 @@ impl Grown {
         self.depth += 1;
     }
 
-    /// Which nodes are cut in the subtree that costs least.
+    /// Marks of the nodes that are cut in the subtree of least cost.
     fn pruned(&self, depth: usize) -> Vec<bool> {
         let (p, q) = (self.examples.regressors, self.examples.targets);
         let cut = |node: &Grew| node.cut.filter(|_| node.depth < depth);

@@ -1,4 +1,4 @@
-//! Which region follows which, counted over the rows in their order.
+//! Transitions from region to region, counted over the rows in their order.
 
 use fleetfoot_model::{Phases, Transitions};
 

@@ -15,7 +15,7 @@ use fleetfoot_model::{Column, Model, Prediction, Role, Rule};
 
 const DT: f64 = 0.01;
 
-/// What the aliases stand for: over fields, and over the columns of the model.
+/// Definitions of the aliases: over fields, and over the columns of the model.
 const ALIASES: [(&str, &str, &str); 5] = [
     ("slip", "2*(/y*/v + /u)", "2*(y*v + u)"),
     ("gust", "wind*/v - cos(/y)", "wind*v - cos(y)"),

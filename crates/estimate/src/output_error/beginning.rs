@@ -52,7 +52,7 @@ pub(super) struct Residuals {
 /// A segment at its best beginning.
 pub(super) struct Best {
     pub(super) beginning: Vec<f64>,
-    /// How the beginning moves with the parameters (n x p).
+    /// Derivatives of the beginning by the parameters (n x p).
     pub(super) response: Mat<f64>,
     /// The derivatives by the parameters are those that no beginning takes up.
     pub(super) residuals: Residuals,
@@ -126,7 +126,7 @@ impl Objective for Segment<'_> {
         1
     }
 
-    /// What the rows do not determine of a beginning stays as it was measured.
+    /// Parts of a beginning that the rows do not determine stay as measured.
     fn unknowns(&self) -> usize {
         0
     }

@@ -49,7 +49,7 @@ pub(super) struct Segments<'a> {
     missing: usize,
     /// From where beginnings are searched for: what was found at the best parameters so far.
     known: Mutex<Known>,
-    /// Whether beginnings are searched for to the last digits.
+    /// True to search for beginnings to the last digits.
     pub(super) exact: bool,
     passes: AtomicUsize,
 }
@@ -63,7 +63,7 @@ struct Known {
     responses: Vec<Mat<f64>>,
 }
 
-/// What a search has found beside parameters, and goes on from.
+/// State of a search beside the parameters, from which it goes on.
 #[derive(Clone)]
 pub(super) struct Standing {
     deviations: Vec<f64>,
@@ -82,7 +82,7 @@ struct Part {
     size: f64,
 }
 
-/// What is known at the end.
+/// Results at the end of a search.
 pub(super) struct Last {
     pub(super) beginnings: Vec<Begun>,
     pub(super) series: Vec<Series>,
@@ -330,7 +330,7 @@ impl Objective for Segments<'_> {
     }
 }
 
-/// Which states are compared.
+/// Numbers of the compared states.
 fn outputs(states: &[String], named: &[String]) -> Result<Vec<usize>, EstimateError> {
     let place = |name: &String| {
         let unknown = || EstimateError::NoState { name: name.clone(), states: states.join(", ") };
@@ -339,7 +339,7 @@ fn outputs(states: &[String], named: &[String]) -> Result<Vec<usize>, EstimateEr
     if named.is_empty() { Ok((0..states.len()).collect()) } else { named.iter().map(place).collect() }
 }
 
-/// How far the outputs spread: where the noise begins.
+/// Spread of the outputs: the starting value of the noise.
 struct Spread {
     sums: Vec<[f64; 3]>,
 }

@@ -18,7 +18,7 @@ use crate::{
     transcription::{Defects, Transcription},
 };
 
-/// Where the iteration ends: defects in spreads, and stationarity.
+/// Convergence limits: defects in spreads, and stationarity.
 const DEFECT: f64 = 1e-10;
 const STATIONARY: f64 = 1e-8;
 /// The region at first, and where it is given up, in spreads.
@@ -39,7 +39,7 @@ pub(super) struct Followed {
     pub(super) programs: usize,
 }
 
-/// Where the iteration stands.
+/// Place of the iteration.
 struct Place {
     z: Vec<f64>,
     /// In units of the deviations.
@@ -64,7 +64,7 @@ struct Search<'a> {
     radius: f64,
     nu: f64,
     programs: usize,
-    /// Where a step that the merit could not judge came from.
+    /// Origin of a step that the merit could not judge.
     before: Option<(Place, Vec<f64>, Certificate)>,
 }
 
@@ -157,7 +157,7 @@ impl<'a> Search<'a> {
 }
 
 impl Certificate {
-    /// How far from where a minimum is told, which is at 1 and below.
+    /// Distance from a certified minimum, which is at 1 and below.
     fn of_minimum(&self) -> f64 {
         (self.dynamics / DEFECT).max(self.stationarity / STATIONARY)
     }
@@ -172,7 +172,7 @@ impl<'a> Problem<'a> {
         Self { transcription, own, scale, weights, n: transcription.states() }
     }
 
-    /// What the column of a place may be off: its unit.
+    /// Unit of a place's column: its deviation.
     fn unit(&self, at: usize) -> f64 {
         self.scale.deviations[at % self.scale.deviations.len()]
     }
@@ -227,7 +227,7 @@ impl<'a> Problem<'a> {
         place.objective + nu * place.defects.values.iter().map(|value| value.abs()).sum::<f64>()
     }
 
-    /// What the defects' rounding does to the merit: they are differences of states.
+    /// Effect of the defects' rounding on the merit: they are differences of states.
     fn rounding(&self, place: &Place, nu: f64) -> f64 {
         let c = self.scale.spreads.len();
         let own = |at: usize| if at % c < self.n { (place.z[at] / self.unit(at)).abs() } else { 0.0 };
@@ -244,7 +244,7 @@ impl<'a> Problem<'a> {
         lowered + nu * (sum(&place.defects.values) - sum(&left))
     }
 
-    /// Where a step leads; no place where the model has no value.
+    /// End of a step; `None` if the model has no value there.
     fn moved(&self, place: &Place, step: &[f64]) -> Option<Place> {
         let c = self.scale.spreads.len();
         let moved = |at: usize| {
@@ -254,7 +254,7 @@ impl<'a> Problem<'a> {
         self.at((0..place.z.len()).map(moved).collect())
     }
 
-    /// Where a step leads, and what share of what was promised it brings.
+    /// End of a step, and the share of the promised reduction that it brings.
     fn tried(&self, place: &Place, found: &Step, promised: f64, nu: f64) -> (f64, Option<Place>) {
         match self.moved(place, &found.step) {
             Some(next) => ((self.merit(place, nu) - self.merit(&next, nu)) / promised, Some(next)),
@@ -277,7 +277,7 @@ impl<'a> Problem<'a> {
         Ok(next.filter(|_| ratio >= TAKEN).map(|next| (ratio, next)))
     }
 
-    /// How far a place with these multipliers is from a minimum.
+    /// Distance from a minimum of a place with these multipliers.
     fn certificate(&self, place: &Place, multipliers: &[f64]) -> Certificate {
         let c = self.scale.spreads.len();
         let slope = self.slope(&place.z);

@@ -1,4 +1,4 @@
-//! How far columns are off, from a recording beside the model: the noise of inputs and states under which it is likeliest.
+//! Deviations of columns, from a recording and the model: the noise of inputs and states with the greatest likelihood.
 //!
 //! Along the recording the constraints are linear in what is wrong with it: e = x - y of the states, and w = u - v of the inputs, held over an interval,
 //!
@@ -6,10 +6,7 @@
 //! e_k+1 = Phi_k e_k + Gamma_k w_k - b_k,    0 = e_k + noise
 //! ```
 //!
-//! with independent w of variances q, and noise of variances r. The variances of maximum likelihood are approached by expectation and maximisation (Shumway and Stoffer
-//! 1982), the smoother being that of Bryson and Frazier with one scalar measurement at a time: no covariance is inverted. Such steps are short where a variance is on its
-//! way to a border: they are lengthened as long as the likelihood grows (Salakhutdinov and Roweis 2003).
-//! What the model is off by for many rows is told by both, as it explains the recording better.
+//! An error of the model that lasts for many rows counts in both, as it explains the recording better.
 
 // Matrices are capitals.
 #![allow(non_snake_case)]
@@ -20,11 +17,11 @@ use crate::{recorded::Recorded, transcription::Transcription};
 
 /// Steps of expectation and maximisation, at most.
 const STEPS: usize = 300;
-/// Where they end: no step changes the logarithm of a variance by more.
+/// Convergence limit: the largest change of the logarithm of a variance.
 const SETTLED: f64 = 1e-3;
 /// By how much steps are lengthened from one to the next, and at most.
 const LONGER: [f64; 2] = [1.5, 100.0];
-/// Where they begin, as a share of the spread: states and inputs. From free inputs there is no plateau.
+/// Starting deviations as shares of the spread: states and inputs. From free inputs there is no plateau.
 const BEGIN: [f64; 2] = [0.03, 1.0];
 /// No column is known better than this share of its spread.
 const LEAST: f64 = 1e-3;
@@ -41,7 +38,7 @@ struct System {
     measured: Vec<bool>,
 }
 
-/// What a scalar measurement did to the belief: the gain (n), and what was predicted of it with its variance.
+/// Update of the belief by a scalar measurement: the gain (n), and the innovation with its variance.
 struct Update {
     state: usize,
     gain: Vec<f64>,

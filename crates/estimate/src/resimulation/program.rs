@@ -17,9 +17,9 @@ use fleetfoot_data::checkpoint;
 use crate::EstimateError;
 use crate::transcription::Defects;
 
-/// What the solver aims at; what it reaches is judged by the certificate.
+/// Tolerance of the solver; the certificate judges the result.
 const TOLERANCE: f64 = 1e-10;
-/// How far outside of a bound a step may end, in deviations, before it is put on it.
+/// Largest distance beyond a bound, in deviations, at which a step is put on it.
 const NEAR: f64 = 1e-10;
 /// The least unit of a program with bounds: in a smaller one they would be far away.
 const BOUNDED_UNIT: f64 = 1e-3;
@@ -36,7 +36,8 @@ pub(super) struct Program<'a> {
     pub(super) defects: &'a Defects,
     /// zeta (intervals x states).
     pub(super) values: &'a [f64],
-    /// What the multipliers are thought to be (intervals x states): the solver is asked for what is missing to them, which has as many digits as it has.
+    /// Expected multipliers (intervals x states). The solver is asked for the remainder, which then has as many digits
+    /// as the solver gives.
     pub(super) known: &'a [f64],
     pub(super) low: &'a [f64],
     pub(super) high: &'a [f64],
@@ -51,7 +52,7 @@ pub(super) struct Step {
     pinned: Vec<(usize, f64)>,
 }
 
-/// What a program is solved with.
+/// Kind of a program.
 #[derive(Clone, Copy, PartialEq)]
 enum Kind {
     Equations,

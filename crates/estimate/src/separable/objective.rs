@@ -15,7 +15,7 @@ use crate::{
     step::rank_level,
 };
 
-/// What is evaluated for every target: its functions, their slopes, itself.
+/// Expressions that are evaluated for every target: its functions, their slopes, itself.
 pub(super) struct Layer {
     layout: Layout,
     bounds: Vec<[f64; 2]>,
@@ -68,7 +68,7 @@ pub(super) struct Projected<'a> {
     rows: Rows<'a>,
 }
 
-/// What is left of one target at its best coefficients, without weight.
+/// Residual of one target at its best coefficients, without weight.
 struct Left {
     /// `-P D c` (m x q).
     jacobian: Mat<f64>,

@@ -1,6 +1,6 @@
 //! Simulation error over many coefficients, J'J never formed, near to the coefficients that it begins with.
 //!
-//! What is minimised over the coefficients theta, from those of one step theta_1, is
+//! The objective over the coefficients theta, with theta_1 those of one step, is
 //!
 //! ```text
 //! F(theta) = |r(theta)|^2 + tau |theta - theta_1|_H^2
@@ -14,8 +14,9 @@
 //! product `J'J v`, one pass over the rows, of which a part of the segments tells enough (Byrd, Chin, Neveitt and Nocedal, On the use of stochastic Hessian information in optimization methods for
 //! machine learning, 2011); a step that is refused is tried again, shorter, in the same subspace. H is the preconditioner, the metric of trust and that of the prior.
 //!
-//! Where a model has to keep within a convex set ([`Hold`]), the quadratic model is minimised in the set by spectral projected gradients in the metric H, one product `J'J v` a direction, and a trial
-//! step goes the way to the point that they end at, as far as the radius says: all points on that way are of the set.
+//! A model may have to keep within a convex set ([`Hold`]). The quadratic model is then minimised in the set by
+//! spectral projected gradients in the metric H, one product `J'J v` a direction. A trial step goes towards their end
+//! point, as far as the radius allows: all points on that way are of the set.
 
 // Matrices are capitals.
 #![allow(non_snake_case)]
@@ -35,7 +36,7 @@ use crate::{EstimateError, Status, descent::radius_after};
 
 /// Numbers in the blocks of H, of which every chunk in flight has a copy in the first pass: 128 MiB.
 pub const MOST_PRODUCTS: usize = 1 << 24;
-/// How a model of many coefficients is fitted.
+/// Options of a fit of many coefficients.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct ManyOptions {
@@ -164,7 +165,7 @@ struct Pass {
 }
 
 impl Rows<'_> {
-    /// What the segments leave, and the normal matrix of one step.
+    /// Sums over the segments, and the normal matrix of one step.
     fn begin(&mut self, theta: &[f64], blocks: NormalBlocks) -> Result<(Pass, NormalBlocks), EstimateError> {
         let mut found = self.pass(theta, None, Some(&blocks))?;
         let normal = found.normal.take().unwrap_or(blocks);
@@ -304,7 +305,7 @@ impl Metric {
     }
 }
 
-/// Where a descent stands.
+/// State of a descent.
 struct Near<'a> {
     rows: Rows<'a>,
     metric: &'a Metric,

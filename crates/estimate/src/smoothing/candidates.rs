@@ -1,4 +1,4 @@
-//! How the constraints of Hermite and Simpson move with the coefficients of a model.
+//! Derivatives of the constraints of Hermite and Simpson by the coefficients of a model.
 //!
 //! A coefficient c of a function phi in the derivative of the state s moves f at both rows and in the middle, and the middle itself:
 //!

@@ -115,7 +115,7 @@ impl Row<'_> {
     }
 }
 
-/// What rows say of the coefficients: `|R dc + rho|^2 + residual`.
+/// Objective of the coefficients, from the rows: `|R dc + rho|^2 + residual`.
 #[derive(Debug, Clone)]
 pub(super) struct Border {
     /// R, then rho (p x (p + 1)).
@@ -161,7 +161,7 @@ impl Border {
 pub(super) struct Eliminated {
     states: usize,
     border: usize,
-    /// What is left of every state, n rows of two states, the border and the right side; empty where it is not kept.
+    /// Eliminated equations of every state: n rows of two states, the border and the right side; empty if not kept.
     heads: Vec<f64>,
     pub(super) on_border: Border,
     /// Of the matrix of the squares by the states alone.

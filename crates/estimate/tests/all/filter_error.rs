@@ -41,7 +41,7 @@ const LAG: System = System {
 };
 const STEP: f64 = 0.1;
 
-/// What a Runge-Kutta step of [`LAG`] multiplies state and held input by.
+/// Factors of state and held input in a Runge-Kutta step of [`LAG`].
 fn factors(a: f64, g: f64) -> [f64; 2] {
     let z = -a * STEP;
     let mean = 1.0 + z / 2.0 + z * z / 6.0 + z * z * z / 24.0;

@@ -87,7 +87,7 @@ impl System {
         self.states.iter().map(of).collect()
     }
 
-    /// Where a search begins: thirty percent off the truth.
+    /// Start of a search: thirty percent off the truth.
     pub(crate) fn start(&self) -> Vec<Parameter> {
         let off = |(j, (name, truth)): (usize, &(&str, f64))| Parameter::new(*name, truth * [1.3, 0.7][j % 2]);
         self.parameters.iter().enumerate().map(off).collect()
@@ -211,7 +211,8 @@ fn threads_change_no_bit() {
     assert_eq!((&found[0].covariance, found[0].passes), (&found[1].covariance, found[1].passes));
 }
 
-/// What is not compared needs no measurement beyond the first row; segments cut an episode and leave no row out.
+/// A state that is not compared needs no measurement beyond the first row; segments cut an episode and leave no row
+/// out.
 #[test]
 fn outputs_and_segments_are_chosen() {
     let mut columns = SHORT_PERIOD.rows(3, 300, 0.02, GYRO);

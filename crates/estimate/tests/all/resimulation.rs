@@ -328,7 +328,7 @@ fn rows_of_next_values_follow_with_gaps_and_the_bits_do_not_know_of_threads() {
     }
 }
 
-/// What the columns may be off is the noise that was put on them.
+/// The estimated deviations of the columns are the noise that was put on them.
 #[test]
 fn noise_is_found_beside_the_model() {
     let model = model(&[("x", "0.95*x + 0.2*u")], &["u"], Prediction::Next, 0.1);

@@ -88,7 +88,7 @@ pub(crate) fn model(
     model
 }
 
-/// What a region of so many functions might have seen.
+/// Region summary of so many functions, as training might give it.
 fn region(index: usize, functions: usize, residual_covariance: Vec<f64>) -> RegionSummary {
     RegionSummary {
         name: index.to_string(),

@@ -53,8 +53,8 @@ impl FileRuns {
     }
 }
 
-/// Returns true if a model gives the next value of its outputs from outputs and inputs alone, so that it can run
-/// through a whole file.
+/// Returns true if a model gives the next value of its outputs from outputs and inputs alone. It can then run through a
+/// whole file.
 fn is_autoregression(model: &Model) -> bool {
     model.method.starts_with("narx") && model.equations.iter().all(|equation| equation.prediction == Prediction::Next)
 }

@@ -39,6 +39,7 @@ impl Summed {
     /// Takes a recipe whose wildcards are written out. `None` without `[narx]`: lags of outputs and inputs are summed
     /// on request only.
     ///
+    /// # Errors
     /// A column that is not there; a setting that needs rows.
     pub(crate) fn of(recipe: &Recipe, fields: &[fleetfoot_data::Column]) -> Result<Option<Self>, Error> {
         if recipe.narx == NarxSection::default() {

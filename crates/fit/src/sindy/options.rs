@@ -146,6 +146,7 @@ impl SindyOptions {
 impl SindyOptions {
     /// The same where coefficients have bounds.
     ///
+    /// # Errors
     /// An option that cannot keep bounds.
     pub(super) fn within(mut self, recipe: &Recipe) -> Result<Self, Error> {
         let Some(name) = recipe.constraints.keys().next() else { return Ok(self) };

@@ -60,8 +60,6 @@ pub struct SparseOptions {
 }
 
 impl SparseOptions {
-    /// Reads the words of a recipe's `[sparse]`.
-    ///
     /// Work of the choice of lambda among `coefficients` and of the replicates of a bolasso, without passes over rows.
     /// A path costs some factorisations. Measured against fits of 90 to 180 functions.
     pub fn work(&self, coefficients: usize, folds: usize) -> Work {
@@ -80,7 +78,10 @@ impl SparseOptions {
         self.work(coefficients, self.folds.expected(episodes))
     }
 
-    /// A word or number that is not allowed, with those that are.
+    /// Reads the settings of a recipe's `[sparse]`.
+    ///
+    /// # Errors
+    /// A word or number that is not allowed; the message lists those that are.
     pub fn new(section: &SparseSection) -> Result<Self, Error> {
         let threshold = section.threshold;
         if let Some(value) = threshold.filter(|value| !(*value > 0.0 && *value <= 1.0)) {

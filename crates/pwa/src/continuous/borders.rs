@@ -1,4 +1,4 @@
-//! Which regions have a border, and the plane that it lies on.
+//! Pairs of regions that have a border, and the plane of each border.
 
 use std::collections::BTreeSet;
 

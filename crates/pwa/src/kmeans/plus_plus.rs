@@ -30,7 +30,7 @@ struct Closest {
     squared: Vec<f64>,
 }
 
-/// What a round found in a chunk.
+/// Result of a round in a chunk.
 struct Found {
     /// Sum of the squared distances to the nearest centroids.
     total: f64,
@@ -98,7 +98,8 @@ pub(super) fn plus_plus(
     Ok(centroids)
 }
 
-/// Where the running sum passes `target`, and what is left of the target there. If rounding carries it past the end: the last value that counts.
+/// Index at which the running sum passes `target`, and the rest of the target there. If rounding carries it past the
+/// end: the last value that counts.
 fn pass(values: &[f64], mut target: f64) -> (usize, f64) {
     for (i, value) in values.iter().enumerate() {
         if target < *value {

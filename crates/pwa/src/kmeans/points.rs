@@ -46,7 +46,7 @@ pub(super) struct ChunkRows<'a> {
     dimensions: usize,
     /// Coordinates rounded towards zero, row-major.
     pub(super) high: &'a [f32],
-    /// What the rounding took away.
+    /// Remainders of the rounding.
     pub(super) low: &'a [u32],
     /// Weights, where there are any.
     pub(super) weights: Option<&'a [f64]>,

@@ -16,9 +16,9 @@ pub struct KMeansRun {
     pub inertia: f64,
     /// Iterations made.
     pub iterations: usize,
-    /// Whether the labels, or the centroids up to the tolerance, stood still.
+    /// True if the labels, or the centroids up to the tolerance, stood still.
     pub converged: bool,
-    /// What the sum of the squared shifts was compared with.
+    /// Threshold of the sum of the squared shifts.
     pub threshold: f64,
     /// Every iteration, when it was asked for; else empty.
     pub history: Vec<KMeansStep>,
@@ -53,7 +53,7 @@ pub fn kmeans_from(
     iterate(points, start.to_vec(), options, history, progress)
 }
 
-/// How many uniform numbers [`starting_centroids`] needs for `k` centroids.
+/// Number of uniform random numbers that [`starting_centroids`] needs for `k` centroids.
 pub fn plus_plus_draws(k: usize) -> usize {
     1 + k.saturating_sub(1) * plus_plus::trials(k)
 }

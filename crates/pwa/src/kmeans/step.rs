@@ -21,7 +21,7 @@ use super::{
 /// Outweighs the rounding of a subtraction and of its own multiplication.
 const DOWN: f32 = 1.0 - 2.4e-7;
 
-/// What is known of the rows of one chunk.
+/// State of the rows of one chunk: labels, and gaps to the second centroid.
 pub(super) struct Rows {
     pub(super) labels: Vec<u32>,
     gaps: Vec<f32>,

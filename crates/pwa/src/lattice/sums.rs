@@ -1,4 +1,4 @@
-//! What one pass over the rows keeps of cells: Gram matrices of the rows that train and of those that are held out, and ranges.
+//! Sums of one pass over the rows, by cell: Gram matrices of training and of held-out rows, and ranges.
 
 use std::collections::BTreeMap;
 
@@ -41,7 +41,7 @@ impl CellPart {
     }
 }
 
-/// What rows are to a training set.
+/// Use of a row in a training set.
 enum Use {
     Trains,
     Tests(usize),

@@ -22,7 +22,7 @@ pub(crate) struct Cell {
     pub(crate) neighbours: BTreeSet<u32>,
 }
 
-/// What may be joined, and how far.
+/// Limits of the joins.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Limits {
     /// Regions that are left in the end, at least one.
@@ -109,7 +109,8 @@ struct Region {
     error: f64,
 }
 
-/// What a join costs, as the queue sorts it: starved regions before others, then growth of the error, bounds before prices, then distance.
+/// Cost of a join, in the queue's order: starved regions before others, then growth of the error, bounds before prices,
+/// then distance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Price {
     fed: bool,
@@ -167,7 +168,7 @@ impl<E: Fn(&Gram) -> f64> Growing<E> {
         self.queue.insert(price);
     }
 
-    /// What the join of a pair costs: growth of the error, then distance.
+    /// Cost of joining a pair: growth of the error, then distance.
     fn price(&self, (a, b): (u32, u32)) -> (f64, f64) {
         let (a, b) = (&self.regions[&a], &self.regions[&b]);
         let mut gram = a.cell.gram.clone();

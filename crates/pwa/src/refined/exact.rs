@@ -72,7 +72,8 @@ fn near_rows(separators: &Separators) -> usize {
     NEAR.min(WORK / (separators.regions * (separators.dimensions + 1)))
 }
 
-/// Whether an error falls by more than its price in the Bayesian information criterion for all numbers of the separators.
+/// Returns true if the error falls by more than the price, in the Bayesian information criterion, of all numbers of the
+/// separators.
 fn pays((before, after): (f64, f64), (rows, targets): (f64, usize), separators: &Separators) -> bool {
     let gain = rows * targets as f64 * (before.max(f64::MIN_POSITIVE) / after.max(f64::MIN_POSITIVE)).ln();
     let numbers = (separators.regions - 1) * (separators.dimensions + 1);
@@ -139,7 +140,7 @@ impl State {
 }
 
 impl Look {
-    /// What lies between the best and the second best score of every row of a chunk.
+    /// Margins of a chunk: best minus second best score of every row.
     fn margins(&self, chunk: &Chunk) -> Vec<f64> {
         let scores = self.separators.scores(chunk);
         let mut best = vec![[f64::NEG_INFINITY; 2]; chunk.rows];
@@ -238,7 +239,7 @@ pub(crate) struct Near {
     costs: Vec<f64>,
     /// The greatest of the partition columns, and 1, over all rows that were seen.
     largest: Vec<f64>,
-    /// What rows that are not near have at least between their two best scores; none where all are near.
+    /// Least margin between the two best scores among rows that are not near; `None` if all are near.
     margin: Option<f64>,
 }
 
@@ -427,7 +428,8 @@ mod tests {
             prop_assert_eq!(error, State::of(&examples, found).error);
         }
 
-        /// What the sums of passing rows say is what the costs of all rows by their winners say. A row that a border passes within rounding may count on either side.
+        /// The sums of passing rows equal the costs of all rows by their winners. A row that a border passes within
+        /// rounding may count on either side.
         #[test]
         fn the_fall_is_that_of_the_costs(table in prop::collection::vec(-3.0..3.0f64, 9), rows in 40usize..200) {
             let examples = rows_of(&waves(rows));

@@ -13,7 +13,7 @@ use fleetfoot_data::packed_row;
 
 use crate::examples::{Chunk, Examples};
 
-/// What the offsets are penalised with beside the weights: enough to fix the direction in which all move together.
+/// Penalty of the offsets, relative to the weights': enough to fix the direction in which all move together.
 const OFFSET: f64 = 1e-6;
 
 /// A pair of regions in a row below this has no part in the Hessian.
@@ -199,7 +199,7 @@ impl Separators {
         0.5 * penalty * squares / examples.weight
     }
 
-    /// What a number of the table counts in the penalty.
+    /// Penalty factor of a number of the table.
     fn penalised(&self, at: usize) -> f64 {
         if at % (self.dimensions + 1) == self.dimensions { OFFSET } else { 1.0 }
     }

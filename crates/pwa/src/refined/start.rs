@@ -1,4 +1,4 @@
-//! Where a descent begins: regions of the rows, and separators.
+//! Start of a descent: regions of the rows, and separators.
 
 use fleetfoot_data::{Progress, mix};
 use fleetfoot_stats::{Gram, ridge};
@@ -19,7 +19,7 @@ const APART: usize = 50;
 /// The regions of the rows, by chunk, and separators to begin with.
 pub(super) type Start = (Vec<Vec<u32>>, Separators);
 
-/// How many cells are joined to so many regions.
+/// Number of cells that are joined to so many regions.
 pub(super) fn cells(examples: &Examples, regions: usize) -> usize {
     cell_count(examples.rows, examples.regressors, regions, CELLS)
 }

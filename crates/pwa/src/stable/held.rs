@@ -85,7 +85,7 @@ impl Contracting {
         Some(out)
     }
 
-    /// What a fit with the bound tells, of the regions of another model of the set.
+    /// Report of the bound for the regions of another model of the set.
     pub fn told(&self, before: &Stability, model: &Model) -> Stability {
         let mut told = before.clone();
         for (at, region) in told.regions.iter_mut().enumerate() {

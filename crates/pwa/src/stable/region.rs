@@ -15,7 +15,7 @@ const UNTOLD: f64 = 1e-9;
 /// Pull on how the other coefficients follow, in squares of a row at one standard deviation. Where the rows of a region tell less than that they stay: rows elsewhere would pay for it.
 const FOLLOWED: f64 = 1.0;
 
-/// What the rows of a region weigh, as the nearest coefficients are sought.
+/// Weights of the rows of a region in the search for the nearest coefficients.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct RegionWeight {
@@ -41,7 +41,7 @@ pub(crate) struct Region {
     right: Mat<f64>,
     /// `L'` (s x s).
     upper: Mat<f64>,
-    /// How the other coefficients follow (others x s).
+    /// Dependence of the other coefficients on these (others x s).
     follow: Mat<f64>,
     others: Vec<usize>,
     /// 1 / sigma of every target (q).

@@ -1,4 +1,4 @@
-//! Where a node is best cut along a column.
+//! Best cut of a node along a column.
 
 use std::ops::Range;
 
@@ -87,7 +87,7 @@ impl<'a> Ordered<'a> {
         examples.chunks[chunk].column(column)[at]
     }
 
-    /// Whether a cut before this row separates two values.
+    /// Returns true if a cut before this row separates two values.
     fn separates(&self, at: usize) -> bool {
         at > 0 && at < self.rows.len() && self.rows[at - 1].0 < self.rows[at].0
     }

@@ -1,4 +1,5 @@
-//! What tests of maps that contract, and of maps that are passive, have in common: two states and an input, rows of next values, and what is least and nearest within a bound.
+//! Common parts of the tests of contracting and of passive maps: two states and an input, rows of next values, and the
+//! least and nearest maps within a bound.
 
 // Matrices are capitals.
 #![allow(non_snake_case)]

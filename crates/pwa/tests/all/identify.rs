@@ -305,7 +305,7 @@ fn a_constant_column_and_a_copy_are_named() {
     );
 }
 
-/// What explains nothing on rows that did not train is told; the null model, which promises nothing, is not.
+/// A note names a model that explains nothing on held-out rows; the null model, which promises nothing, gets none.
 #[test]
 fn a_model_that_predicts_no_better_than_the_mean_is_told() {
     let mut random = Pcg64::seed_from_u64(7);

@@ -1,4 +1,4 @@
-//! What models tell of regions beside their maps: where they lie along a phase, strides, and which pairs have the same map.
+//! Region facts in a model beside the maps: phase, strides, and pairs of regions with the same map.
 
 use fleetfoot_data::{Column as DataColumn, MemorySource, Silent, with_threads};
 use fleetfoot_library::{Expr, Scope};

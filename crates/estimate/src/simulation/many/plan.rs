@@ -1,4 +1,4 @@
-//! What a trial step is made of: a Krylov subspace, or in a convex set the way to a point of it.
+//! Plan of a trial step: a Krylov subspace, or in a convex set the way to a point of it.
 
 use faer::{Mat, Side, linalg::solvers::Solve};
 use fleetfoot_stats::kernel::norm;
@@ -98,7 +98,7 @@ impl Way {
 }
 
 impl Near<'_> {
-    /// What to try at theta, for half the derivative of F; every direction is a pass.
+    /// Plan of a trial step at theta, for half the derivative of F; every direction is a pass.
     pub(super) fn plan(&mut self, gradient: &[f64]) -> Result<Plan, EstimateError> {
         match self.held {
             None => Ok(Plan::Free(self.subspace(gradient)?)),

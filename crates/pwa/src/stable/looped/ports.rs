@@ -36,7 +36,7 @@ pub struct Passivity {
     pub regions: Vec<PassiveRegion>,
 }
 
-/// How much of what it may a region's map uses: `|T [M N] L^-T|_2`, at most 1 where it is passive.
+/// Use of the allowed energy by a region's map: `|T [M N] L^-T|_2`, at most 1 if it is passive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct PassiveRegion {
@@ -56,7 +56,7 @@ pub(crate) struct Ports {
     pub(crate) step: f64,
 }
 
-/// How much more than what sampling takes a port may be short of.
+/// Default energy gain of a port, over the discretisation error.
 const ROOM: f64 = 2.0;
 
 /// Iterations of the storage at most: time constants of so many rows.
