@@ -15,7 +15,7 @@ use crate::{
 /// Most regions: a region and the codes of failures are numbers of 16 bits.
 const MOST_REGIONS: usize = 30_000;
 
-/// What the languages print.
+/// A model, its plan and its code, ready for printing in a language.
 pub(crate) struct Assembled<'a> {
     /// The model as it was given.
     pub(crate) own: &'a Model,

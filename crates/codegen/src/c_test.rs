@@ -68,7 +68,7 @@ impl Program<'_> {
         out
     }
 
-    /// Whether a function takes the length of a step.
+    /// Returns true if a function takes the length of a step.
     fn steps(&self) -> bool {
         let has = |public: &Public<'_>| public.inner.parameters.iter().any(|parameter| parameter.name == "dt");
         self.assembled.public().iter().any(has)

@@ -42,7 +42,7 @@ pub enum ExportError {
     NotFinite {
         /// The value.
         value: f64,
-        /// Where it stands.
+        /// Its place.
         place: String,
     },
     /// A number that does not fit into 32 bits.
@@ -50,7 +50,7 @@ pub enum ExportError {
     TooLarge {
         /// The value.
         value: f64,
-        /// Where it stands.
+        /// Its place.
         place: String,
     },
     /// More regions than codes.
@@ -72,7 +72,7 @@ pub enum ExportError {
     Prefix {
         /// The prefix.
         prefix: String,
-        /// What is wrong with it.
+        /// The problem with it, in words.
         problem: &'static str,
     },
 }

@@ -25,13 +25,13 @@ pub(crate) const NO_REGION: i64 = -32767;
 /// See [`NO_REGION`].
 pub(crate) const NOT_FINITE: i64 = -32766;
 
-/// What a run gave.
+/// Result of a run.
 #[derive(Debug, Clone)]
 pub(crate) struct Run {
     pub(crate) code: i64,
     /// Output arrays by name.
     pub(crate) outputs: Vec<(&'static str, Vec<Bounded>)>,
-    /// Whether rounding could have taken another branch.
+    /// True if rounding could have taken another branch.
     pub(crate) ambiguous: bool,
 }
 
@@ -264,7 +264,7 @@ impl<'a> Interpreter<'a> {
         }
     }
 
-    /// Whether rounding could exchange the order of two values that are not exact.
+    /// Returns true if rounding could exchange the order of two values that are not exact.
     fn near(&self, a: Bounded, b: Bounded) -> bool {
         let room = 64.0 * self.roundoff * (a.error + b.error);
         room > 0.0 && (a.value - b.value).abs() <= room

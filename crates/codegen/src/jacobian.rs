@@ -264,7 +264,7 @@ fn remainder(rows: usize, states: usize, inputs: usize) -> Statement {
 }
 
 impl Plan<'_> {
-    /// Where a signal's present value is read.
+    /// Present value of a signal.
     pub(crate) fn present(&self, source: Source) -> Real {
         match source {
             Source::State(i) => Real::at("x", i),
@@ -274,7 +274,7 @@ impl Plan<'_> {
     }
 }
 
-/// What a function returns when a call before it failed.
+/// Return statement behind a call: passes on its code if it failed.
 pub(crate) fn unless_failed(code: &str) -> Statement {
     Statement::If(
         crate::code::Condition::Failed(code.to_owned()),

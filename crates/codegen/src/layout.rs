@@ -1,4 +1,4 @@
-//! How long lists of numbers are broken into lines.
+//! Line breaks in long lists of numbers.
 
 /// Values in rows of `row`, each row on lines of its own, separated by commas.
 pub(crate) fn rows(values: &[String], row: usize, out: &mut String) {

@@ -85,7 +85,7 @@ impl ExportedFile {
 pub struct Export {
     /// The files.
     pub files: Vec<ExportedFile>,
-    /// What the code takes; `None` where there is none (LaTeX, npz).
+    /// Cost of the code; `None` without code (LaTeX, npz).
     pub cost: Option<Cost>,
 }
 

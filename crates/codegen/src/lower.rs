@@ -251,7 +251,7 @@ impl Lowering<'_> {
         group.cells.map_or_else(|| 0.into(), |cells| Index::local(&region_name(cells)))
     }
 
-    /// Whether the functions are finite and within what their region saw in training.
+    /// Statements that check that the functions are finite and within the training range of their region.
     fn check(&mut self, index: usize, group: &Group) -> Vec<Statement> {
         let functions = group.functions;
         if functions == 0 {
@@ -392,7 +392,7 @@ pub(crate) fn region_name(index: usize) -> String {
 }
 
 impl Plan<'_> {
-    /// What right sides read: `x`, `u`, `u_next`, `past`, `t`, as far as there is something.
+    /// Parameters that right sides read: `x`, `u`, `u_next`, `past`, `t`, those that are not empty.
     pub(crate) fn parameters(&self) -> Vec<Parameter> {
         let next = if self.next_inputs { self.inputs.len() } else { 0 };
         let arrays = [("x", self.states.len()), ("u", self.inputs.len()), (NEXT_INPUTS, next), ("past", self.memory())];
@@ -404,7 +404,7 @@ impl Plan<'_> {
         all
     }
 
-    /// Where a leaf is read.
+    /// Value of a leaf.
     pub(crate) fn leaf(&self, leaf: Leaf) -> Real {
         let (source, lag) = match leaf {
             Leaf::Time { lag } => (Some(Source::Time), lag),

@@ -66,7 +66,7 @@ impl Assembled<'_> {
         }
     }
 
-    /// What `u_next` is, where there is one.
+    /// Sentence about `u_next`; empty without it.
     pub(crate) fn next_inputs_doc(&self) -> &'static str {
         if self.plan.next_inputs {
             " u are the inputs of the present row, u_next those of the row that is stepped to."
@@ -75,7 +75,7 @@ impl Assembled<'_> {
         }
     }
 
-    /// Whether `dt` is the caller's.
+    /// Returns true if the caller gives `dt`.
     pub(crate) fn free_step(&self) -> bool {
         self.step.is_none()
     }
@@ -144,7 +144,7 @@ impl Assembled<'_> {
         lines
     }
 
-    /// What the first-order lags among the states are, and where they start.
+    /// Lines about the first-order lags among the states, and their initial values.
     fn lags_doc(&self) -> Vec<String> {
         if !self.plan.lags() {
             return Vec::new();

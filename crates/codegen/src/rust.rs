@@ -275,7 +275,7 @@ impl Rust {
         text
     }
 
-    /// How the methods of the model give an inner function its parameters.
+    /// Arguments with which the methods of the model call an inner function.
     fn own_arguments(function: &Function, next: &str) -> String {
         let arguments: Vec<String> = function
             .parameters

@@ -28,11 +28,11 @@ pub struct TestVector {
     pub t: f64,
     /// Length of a step, seconds.
     pub dt: f64,
-    /// What each function gives.
+    /// Results of each function.
     pub results: Vec<TestResult>,
 }
 
-/// What a function of the code gives at a point.
+/// Result of a function of the code at a point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TestResult {
     /// The public name of the function: `derivative`, `next`, `predict`, `jacobian`, ...
@@ -41,18 +41,18 @@ pub struct TestResult {
     pub code: i64,
     /// The numbers, output by output.
     pub values: Vec<f64>,
-    /// How far code in the precision asked for may be from each.
+    /// Tolerance of each number for code in the chosen precision.
     pub tolerances: Vec<f64>,
 }
 
-/// What the vectors are made of.
+/// Names of the signals in the vectors.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Signals {
     /// Names of the states, in the order of the code.
     pub states: Vec<String>,
     /// Names of the inputs, in the order of the code.
     pub inputs: Vec<String>,
-    /// Whether the code takes the inputs of the next row too.
+    /// True if the code takes the inputs of the next row too.
     pub next_inputs: bool,
     /// Names of the outputs.
     pub outputs: Vec<String>,
@@ -60,10 +60,10 @@ pub struct Signals {
     pub past: Vec<(Option<String>, usize)>,
 }
 
-/// How many roundings beyond the bound's first order are forgiven.
+/// Roundings, beyond the bound's first order, that a tolerance allows.
 const ROOM: f64 = 8.0;
 
-/// What the code of a model reads and gives.
+/// Names of a code's inputs and results.
 ///
 /// # Errors
 /// [`ExportError`].
@@ -113,7 +113,7 @@ pub fn test_vectors(
     Ok(vectors)
 }
 
-/// What the code gives at points of the caller's, whether or not they are near to a border; their `results` are replaced.
+/// Results of the code at the caller's points, near a border or not; replaces their `results`.
 ///
 /// # Errors
 /// [`ExportError`].

@@ -85,7 +85,7 @@ impl Writer {
         self.depth -= 1;
     }
 
-    /// What was written.
+    /// The written text.
     pub(crate) fn into_text(self) -> String {
         self.text
     }

@@ -18,7 +18,7 @@ pub(crate) struct Pieces {
     pub(crate) whole: Stepper,
     pub(crate) states: Vec<String>,
     pub(crate) inputs: Vec<String>,
-    /// Whether derivatives are integrated.
+    /// True if derivatives are integrated.
     pub(crate) continuous: bool,
     /// Mean and standard deviation of the states in training, then of the inputs, where they are known.
     pub(crate) seen: Vec<Option<[f64; 2]>>,
@@ -81,7 +81,7 @@ impl Pieces {
         Ok(Self { regions, whole, states, inputs, continuous, seen, partition })
     }
 
-    /// What is large for a state or, behind these, an input: its standard deviation in training; 1 where that is not known.
+    /// Typical size of a state or, behind these, an input: its standard deviation in training; 1 if that is unknown.
     pub(crate) fn size(&self, variable: usize) -> f64 {
         let known = if variable < self.states.len() { self.whole.state_size(variable) } else { 1.0 };
         self.seen[variable].map_or(known, |[_, deviation]| if deviation > 0.0 { deviation } else { known })

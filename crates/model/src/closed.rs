@@ -32,7 +32,7 @@ pub struct Closed {
     pub model: Model,
     /// First-order lags that the model reads: further states, in the order of their columns.
     pub lags: Vec<FirstOrderLag>,
-    /// What the computed columns are, over the columns of the model.
+    /// Definitions of the computed columns, over the columns of the model.
     pub computed: Vec<(String, Expr)>,
 }
 
@@ -96,7 +96,7 @@ struct Closing<'a> {
     step: f64,
     driven: &'a [String],
     index: HashMap<&'a str, usize>,
-    /// Whether a column changes with what is simulated or driven.
+    /// True for a column that changes with simulated or driven values.
     moving: Vec<bool>,
 }
 
@@ -276,7 +276,7 @@ impl<'a> Closing<'a> {
     }
 }
 
-/// Whether any latent depends on a function.
+/// Returns true if any latent depends on a function.
 fn is_used(model: &Model, library: usize, function: usize) -> bool {
     model.latents.iter().any(|latent| latent.library == library && latent.map.reads(function))
 }

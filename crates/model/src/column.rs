@@ -13,7 +13,7 @@ pub struct Column {
     pub unit: Option<String>,
     /// Its part in the model.
     pub role: Role,
-    /// Whether it is an angle: wrapped to (-pi, pi], standing in libraries and partitions as its cosine and sine.
+    /// True for an angle: wrapped to (-pi, pi], replaced in libraries and partitions by its cosine and sine.
     pub angle: bool,
     /// Its part in a rotation that several columns are together; `None` for a column of its own.
     pub rotation: Option<RotationPart>,

@@ -36,7 +36,7 @@ pub enum FileError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         source: std::io::Error,
     },
     /// Not JSON, cut off, or not of a model's shape.
@@ -44,7 +44,7 @@ pub enum FileError {
     Syntax {
         /// The file or other origin.
         name: String,
-        /// What the parser said, with line and column.
+        /// Error of the parser, with line and column.
         source: serde_json::Error,
     },
     /// Another version of the format.

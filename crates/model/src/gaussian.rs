@@ -80,7 +80,7 @@ impl Gaussian {
         (Expr::number(-self.factor()) * sum).exp()
     }
 
-    /// Whether its parts fit together, and to a library of so many functions.
+    /// Checks that its parts fit together, and to a library of so many functions.
     ///
     /// # Errors
     /// The contradiction, in words.

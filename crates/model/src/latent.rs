@@ -11,7 +11,7 @@ pub struct Latent {
     pub library: usize,
     /// Index into the model's partitions.
     pub partition: usize,
-    /// How its value follows from the functions, region by region.
+    /// Map from the functions to its value, region by region.
     pub map: Map,
 }
 

@@ -1,4 +1,4 @@
-//! What equations need of a model's latents, in groups that are one affine map a region each.
+//! Latents that equations use, in groups that are one affine map a region each.
 
 use std::collections::BTreeMap;
 

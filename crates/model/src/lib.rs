@@ -1,4 +1,4 @@
-//! What a model is: latents, partitions, equations; saved, printed.
+//! The model type: latents, partitions, equations; saved, printed.
 //!
 //! One type, [`Model`], for whatever method produced it. Its [`Latent`] functions are each a library of candidate
 //! functions x a [`Partition`] of the state space into regions x a [`Map`] from the functions' values (affine in most models); its
@@ -97,15 +97,15 @@ pub struct Model {
     pub libraries: Vec<Vec<Expr>>,
     /// Partitions of the state space.
     pub partitions: Vec<Partition>,
-    /// What the training rows in the regions of every partition were like.
+    /// Statistics of the training rows in the regions of every partition.
     pub summaries: Vec<Summary>,
     /// Fitted functions.
     pub latents: Vec<Latent>,
-    /// What is predicted.
+    /// Equations of the predicted quantities.
     pub equations: Vec<Equation>,
     /// The sampling period of the training data, seconds: the step of a discrete model, the default step of a continuous one.
     pub step: f64,
-    /// Where it comes from, and the scale of what it saw.
+    /// Training data of the model, and the scale of their values.
     pub training: Training,
 }
 
@@ -161,7 +161,7 @@ impl Model {
         self.equations.iter().filter(|equation| equation.target.is_some())
     }
 
-    /// Whether any equation advances time by one sample instead of integrating a derivative.
+    /// Returns true if any equation advances time by one sample instead of integrating a derivative.
     pub fn is_discrete(&self) -> bool {
         self.equations.iter().any(|e| matches!(e.prediction, Prediction::Next | Prediction::Difference))
     }

@@ -16,27 +16,27 @@ use crate::Tree;
 pub struct Partition {
     /// As the user wrote it: `kmeans:10`.
     pub specification: String,
-    /// What it looks at, over the model's columns. With [`Rule::Labels`] the last one is the label.
+    /// Partition columns, as expressions over the model's columns. With [`Rule::Labels`] the last one is the label.
     pub columns: Vec<Expr>,
     /// Subtracted from each column (0 for a label).
     pub centre: Vec<f64>,
     /// Divides each column (1 for a label).
     pub scale: Vec<f64>,
-    /// How the region follows.
+    /// Rule that gives the region.
     pub rule: Rule,
-    /// Which region follows which, where it was counted.
+    /// Transitions between regions, if they were counted.
     pub transitions: Option<crate::Transitions>,
-    /// How they lie along a phase, where one was named.
+    /// Distribution of the regions along a phase, if one was named.
     pub phases: Option<crate::Phases>,
-    /// Which of them have the same dynamics, where transitions were counted: pairs ascending.
+    /// Pairs of regions and their test for the same dynamics, if transitions were counted: pairs ascending.
     pub pairs: Vec<crate::RegionPair>,
     /// The tree of joins that the regions are a level of, where they are.
     pub lattice: Option<crate::Lattice>,
-    /// How residuals go on from row to row, where they do.
+    /// Correlation of residuals from row to row, if they are correlated.
     pub correlation: Option<crate::ResidualCorrelation>,
 }
 
-/// How a region follows from standardised columns.
+/// Rule that gives a region from standardised columns.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Rule {
     /// One region.
@@ -70,12 +70,12 @@ pub enum Rule {
         names: Vec<String>,
         /// The rule within each label.
         rules: Vec<Rule>,
-        /// What happens to other labels.
+        /// Treatment of other labels.
         unseen: UnseenLabel,
     },
 }
 
-/// What happens to a row whose label was not seen in training.
+/// Treatment of a row whose label was not seen in training.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum UnseenLabel {
     /// It has no region: an error for the caller to report.
@@ -162,7 +162,7 @@ impl Partition {
         }
     }
 
-    /// Whether its regions were drawn where the maps of targets differ: refined regions, joined cells, trees, alone or within labels.
+    /// Returns true if the targets decided its regions: refined regions, joined cells, trees, alone or within labels.
     ///
     /// The specification ends with the kind of regions and their number; a column of labels may have any name.
     pub fn is_drawn_by_targets(&self) -> bool {

@@ -87,7 +87,7 @@ fn describe_latent(out: &mut String, model: &Model, latent: &Latent) {
     }
 }
 
-/// What the rows cannot tell apart.
+/// Describes regressors that the rows cannot tell apart.
 fn describe_confounded(out: &mut String, info: &RegionSummary, library: &[Expr], indent: &str) {
     if info.confounded.is_empty() {
         return;

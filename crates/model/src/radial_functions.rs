@@ -13,7 +13,7 @@ use crate::{Gaussian, Map, Model, Partition, RadialMap, RegionSummary, Rule};
 /// ([`RadialFunctions::gather`]).
 #[derive(Debug, Clone, PartialEq)]
 pub struct RadialFunctions {
-    /// What they are functions of.
+    /// Columns, or expressions, of which they are functions.
     pub inputs: Vec<Expr>,
     /// Centres in the units of the inputs, one row a radial function.
     pub centres: Vec<Vec<f64>>,

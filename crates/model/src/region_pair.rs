@@ -1,6 +1,6 @@
-//! Which pairs of regions have the same dynamics.
+//! Pairs of regions that may have the same dynamics.
 
-/// Whether one affine map would do for two regions: the likelihood ratio of a map for each against one for both.
+/// Test of one affine map for two regions: the likelihood ratio of a map for each against one for both.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RegionPair {
     /// The regions, the smaller number first.

@@ -1,4 +1,4 @@
-//! How a rotation is written in columns, and what can be computed with it.
+//! Representations of a rotation in columns, and computations with them.
 //!
 //! A rotation R takes vectors of the body to the world. As a unit quaternion it has four columns w, x, y, z (q and -q are the same rotation), as a rotation
 //! vector (axis times angle, rad) three, x, y, z, of length pi at most (the axis times a whole turn more is the same rotation). Differences of rotations are
@@ -10,7 +10,7 @@ use std::f64::consts::{PI, TAU};
 
 use serde::{Deserialize, Serialize};
 
-/// How a rotation is written in columns.
+/// Representation of a rotation in columns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum RotationKind {
     /// A unit quaternion: w, x, y, z.
@@ -26,9 +26,9 @@ pub enum RotationKind {
 pub struct RotationPart {
     /// The rotation's name.
     pub group: String,
-    /// How it is written.
+    /// Representation of the rotation.
     pub kind: RotationKind,
-    /// Which part the column is, in the order of [`RotationKind::letters`].
+    /// Index of the column's part, in the order of [`RotationKind::letters`].
     pub part: usize,
 }
 
@@ -57,7 +57,7 @@ impl RotationKind {
         }
     }
 
-    /// What `word` stands for.
+    /// The representation that `word` names.
     pub fn of_word(word: &str) -> Option<Self> {
         [Self::Quaternion, Self::Vector].into_iter().find(|kind| kind.word() == word)
     }
@@ -153,7 +153,8 @@ impl RotationKind {
         }
     }
 
-    /// What turns `b` into `a`, a vector in the body's axes, rad, of length pi at most: Log(b^-1 a). Its length is the angle between the two.
+    /// Rotation vector that turns `b` into `a`, in the body's axes, rad, of length pi at most: Log(b^-1 a). Its length
+    /// is the angle between the two.
     pub fn difference(self, a: &[f64], b: &[f64]) -> [f64; 3] {
         let [w, x, y, z] = self.quaternion(b);
         logarithm(product([w, -x, -y, -z], self.quaternion(a)))
@@ -168,7 +169,8 @@ impl RotationKind {
         }
     }
 
-    /// How the parts change as the rotation at `x` turns about the axes of the body, each rad (parts x 3, row by row): `x (0, phi)/2` of a quaternion, `Jr(x)^-1 phi` of a vector. [`RotationKind::turning`] undoes it.
+    /// Derivatives of the parts as the rotation at `x` turns about the axes of the body, each rad (parts x 3, row by
+    /// row). They are `x (0, phi)/2` of a quaternion, `Jr(x)^-1 phi` of a vector. [`RotationKind::turning`] undoes it.
     pub fn turned(self, x: &[f64]) -> Vec<f64> {
         match self {
             Self::Quaternion => {
@@ -190,8 +192,8 @@ impl RotationKind {
         }
     }
 
-    /// How small changes of the parts turn the rotation at `x`, rad in the body's axes (3 x parts, row by row): `2 vec(x^-1 dx)` of a quaternion, `Jr(x) dx` of a
-    /// vector.
+    /// Turn of the rotation at `x` by small changes of the parts, rad in the body's axes (3 x parts, row by row):
+    /// `2 vec(x^-1 dx)` of a quaternion, `Jr(x) dx` of a vector.
     pub fn turning(self, x: &[f64]) -> Vec<f64> {
         match self {
             Self::Quaternion => {
@@ -275,7 +277,7 @@ mod tests {
     }
 
     proptest! {
-        /// What the parts do while a rotation turns is undone by what turns it, and is the slope of moving it.
+        /// `turning` undoes `turned`, which is the slope of moving a rotation.
         #[test]
         fn turned_parts_turn_back(phi in vectors(3.0), axis in 0..3usize) {
             for kind in KINDS {
@@ -337,7 +339,7 @@ mod tests {
             }
         }
 
-        /// What a step has made is the same rotation after it is brought back, and bringing back twice changes nothing but the last bits.
+        /// A retraction keeps the rotation of a step, and a second one changes nothing but the last bits.
         #[test]
         fn retractions_keep_the_rotation(at in vectors(9.0), scale in 0.5..2.0f64) {
             for kind in KINDS {

@@ -1,8 +1,9 @@
-//! What the training rows were like: in each region, and over all.
+//! Statistics of the training rows: in each region, and over all.
 
 use crate::TrainedEpisode;
 
-/// What the training rows of a partition's regions were like. A partition says where regions are; this says what was seen there.
+/// Statistics of the training rows in a partition's regions. A partition says where regions are; this says which values
+/// occurred there.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Summary {
     /// One entry per region.
@@ -29,7 +30,7 @@ impl From<Vec<RegionSummary>> for Summary {
     }
 }
 
-/// What a region saw in training, so that a filter can use it and extrapolation is noticed.
+/// Statistics of a region's training rows, for filters and for the detection of extrapolation.
 ///
 /// The vectors speak of the functions of the library of the partition's first latent (regressors x) and of the fitted equations (targets y). NaN stands for
 /// what was not measured: a fit from statistics of several tasks does not know how the residuals of two equations go together, nor absolute errors.
@@ -55,7 +56,7 @@ pub struct RegionSummary {
     pub confounded: Vec<Vec<usize>>,
 }
 
-/// Where a model comes from, and the scale of what it saw.
+/// Training data of a model, and the scale of their values.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Training {
     /// Version of fleetfoot.
@@ -87,7 +88,7 @@ pub struct Training {
 /// A number inside the equations that was estimated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Estimated {
-    /// What the recipe calls it.
+    /// Its name in the recipe.
     pub name: String,
     /// Its value, which stands in the equations.
     pub value: f64,

@@ -64,7 +64,7 @@ pub(crate) fn keep_marks(episodes: &mut [TrainedEpisode], columns: &[Column]) {
     }
 }
 
-/// What is searched for in other logs.
+/// Marks of the training rows to search for in other logs.
 pub fn known(episodes: &[TrainedEpisode]) -> Known {
     Known {
         fields: episodes.iter().flat_map(|episode| episode.marks.keys().cloned()).collect(),

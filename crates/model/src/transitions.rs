@@ -1,6 +1,7 @@
-//! Which region follows which.
+//! Transitions between regions.
 
-/// How many training rows of each region were followed, one sample later in the same episode, by a row of each: regions x regions, from the row to the column.
+/// Counts of transitions: training rows of each region that were followed, one sample later in the same episode, by a
+/// row of each. Regions x regions, from the row to the column.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Transitions {
     /// The counts.

@@ -103,7 +103,7 @@ impl Model {
 }
 
 impl Rule {
-    /// Whether its parts fit together, and to this many columns.
+    /// Returns true if its parts fit together, and to this many columns.
     pub fn fits(&self, columns: usize) -> bool {
         check_rule(self, columns).is_ok()
     }

@@ -1,4 +1,4 @@
-//! How closely the functions that a region's coefficients use move together.
+//! Condition of the functions that a region's coefficients use: their correlation in the training rows.
 
 use fleetfoot_model::{Model, RegionSummary};
 use fleetfoot_stats::Gram;

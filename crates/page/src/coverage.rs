@@ -1,4 +1,4 @@
-//! How far the rows reach, column by column, beside what the training rows saw.
+//! Ranges of the rows, column by column, beside the training range.
 
 use fleetfoot_data::Column;
 use fleetfoot_model::Model;
@@ -23,10 +23,11 @@ pub(crate) struct Coverage {
     pub(crate) unit: Option<String>,
     /// Its place in the rows that are read.
     pub(crate) place: usize,
-    /// Whether a prediction speaks of it, or nothing does: what only says how a target is measured goes with its errors by itself.
+    /// True if a prediction reads the column, or nothing does. A column that serves only to measure a target correlates
+    /// with its errors by construction.
     pub(crate) explains: bool,
     bins: Bins,
-    /// What the training rows saw of it, where the model knows; and values outside of it.
+    /// Its training range, if the model knows it; then the number of values outside.
     trained: Option<[f64; 2]>,
     outside: u64,
     /// Rows without a value, by the time since the first log's start, logs one behind the other.

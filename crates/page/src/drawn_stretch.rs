@@ -103,7 +103,7 @@ fn near<'a>(recorded: &[f64], all: impl Iterator<Item = &'a f64>) -> Option<[f64
 }
 
 impl RolledOn {
-    /// Where the model's simulations of a state are marked.
+    /// Marks on the model's simulations of a state: left the training range, ended early.
     fn marks(&self, state: &State, name: &str, several: bool) -> Vec<Series> {
         let of = |what: &str| if several { format!("{name} {what}") } else { what.to_owned() };
         let marked = |what: &str, places: &[usize], stroke| {

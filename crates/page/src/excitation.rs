@@ -1,4 +1,4 @@
-//! What training rows could tell: how the functions that a model uses move together.
+//! Excitation of the training rows: correlation of the functions that a model uses.
 
 use std::collections::BTreeSet;
 
@@ -28,7 +28,8 @@ struct Excitation {
     found: Collinearity,
 }
 
-/// What the rows of all partitions tell apart; nothing where the model does not know, or no function has company. `place` tells the figure from others.
+/// Parts about the excitation of all partitions. Empty if the model does not know it, or every partition has one
+/// function. `place` distinguishes the figures.
 pub(crate) fn parts(model: &Model, place: usize) -> Vec<Part> {
     let all: Vec<Excitation> =
         (0..model.partitions.len()).filter_map(|partition| Excitation::of(model, partition)).collect();
@@ -98,7 +99,7 @@ impl Excitation {
     }
 }
 
-/// How many times each standard error is what it would be if the function moved alone.
+/// Inflation of each standard error: its ratio to that of a function that moves alone.
 fn figure(all: &[Excitation], place: usize) -> Figure {
     let mut inflated: Vec<(String, f64)> = all.iter().flat_map(|own| own.inflated(all.len() > 1)).collect();
     inflated.sort_by(|a, b| b.1.total_cmp(&a.1));

@@ -135,7 +135,7 @@ pub(crate) fn best_at_the_end<'a>(judged: &'a [Judged<'_>]) -> Option<&'a str> {
     Some(compared.models[last.model].0)
 }
 
-/// Which of several models is best to simulate with, and when.
+/// Sentence about the best of several models in simulation, by horizon.
 pub(crate) fn best(judged: &[Judged<'_>]) -> Option<Sentence> {
     let compared = match Compared::of(judged)? {
         Ok(compared) => compared,

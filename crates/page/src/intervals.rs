@@ -1,4 +1,4 @@
-//! How well each coefficient is known: tables beside the equations.
+//! Intervals of the coefficients: tables beside the equations.
 
 use fleetfoot_data::packed;
 use fleetfoot_data::setting::FIT;
@@ -22,7 +22,7 @@ const TWO_SIDED: f64 = 1.959_963_984_540_054;
 
 /// The coefficients of a function in a region.
 struct Known {
-    /// What it makes.
+    /// Label of the function.
     label: String,
     /// Names and values of the terms, and half the widths of their intervals; NaN where that is not known.
     terms: Vec<(String, f64, f64)>,
@@ -30,7 +30,7 @@ struct Known {
     confounded: Vec<String>,
 }
 
-/// What intervals are made of.
+/// Basis of the intervals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Basis {
     /// Standard errors in the report of the fit.
@@ -127,7 +127,7 @@ fn terms(model: &Model, latent: &Latent, region: usize) -> Vec<(String, f64)> {
     named.filter(|(_, value)| *value != 0.0).collect()
 }
 
-/// Whether a partition's statistics speak of the functions of a latent.
+/// Returns true if a partition's statistics are about the functions of a latent.
 fn is_described(model: &Model, latent: &Latent) -> bool {
     let first = model.latents.iter().find(|own| own.partition == latent.partition);
     first.is_some_and(|first| first.library == latent.library)
@@ -172,7 +172,7 @@ impl Known {
         table
     }
 
-    /// Whether a coefficient is told from zero.
+    /// Verdict on a coefficient: different from zero, or not.
     fn told(&self, name: &str, value: f64, half: f64) -> (Light, &'static str) {
         match half {
             _ if self.confounded.iter().any(|own| own == name) => (Light::Bad, "not told from other terms"),
@@ -214,7 +214,7 @@ fn side_by_side(known: &[Known]) -> Table {
     })
 }
 
-/// How many are not shown of what there is.
+/// Sentence about the number of rows that a table leaves out; empty if none.
 fn beyond(all: usize, shown: usize, what: &str) -> String {
     if all > shown { format!(" Shown are {shown} of {all} {what}.") } else { String::new() }
 }
@@ -223,7 +223,7 @@ fn named(term: &str) -> Cell {
     Cell::Text(if term == "1" { "constant" } else { term }.to_owned())
 }
 
-/// Whether a number is told from zero.
+/// Verdict on a number: different from zero, or not.
 fn told(value: f64, half: f64) -> (Light, &'static str) {
     match half {
         half if half.is_infinite() => (Light::Bad, "not determined"),

@@ -49,7 +49,7 @@ use passed::Passed;
 use rolled_on::Wanted;
 use serde_json::Value;
 
-/// What a page shows beside what its models and logs say.
+/// Options of a page beside its models and logs.
 #[derive(Clone)]
 #[non_exhaustive]
 pub struct ReportOptions {
@@ -59,7 +59,7 @@ pub struct ReportOptions {
     pub horizon: Option<usize>,
     /// Simulations of every model, evenly spread.
     pub starts: usize,
-    /// What drives the inputs of the simulations; `None`: what was recorded.
+    /// Controller of the inputs in simulations; `None`: recorded inputs.
     pub controller: Option<Arc<dyn Controller>>,
     /// Two columns, or expressions over columns: the page shows on their plane where the best model errs, and where its regions change. `None`: the angles of a model
     /// that has two, else none.
@@ -93,7 +93,7 @@ pub struct Report {
     pub episodes: usize,
     /// Names of those that one of the models was trained on: scores on them are in-sample.
     pub in_sample: Vec<String>,
-    /// What was assumed or left out.
+    /// Assumptions and omissions.
     pub notes: Vec<String>,
 }
 
@@ -208,7 +208,7 @@ fn lead(models: &[(String, Model)], seen: Option<&logs::Seen>) -> String {
     }
 }
 
-/// What the page was made by and from.
+/// Versions and models that made the page.
 fn source(models: &[(String, Model)]) -> Vec<String> {
     let one = |(name, model): &(String, Model)| {
         format!("{name}: model {}, fitted by fleetfoot {}.", model.hash(), model.training.version)
@@ -218,7 +218,7 @@ fn source(models: &[(String, Model)]) -> Vec<String> {
 }
 
 impl Report {
-    /// What the page says first.
+    /// Sentences of the first section.
     pub fn findings(&self) -> impl Iterator<Item = &Sentence> {
         let parts = self.page.sections.first().into_iter().flat_map(|section| &section.parts);
         let findings = parts.filter_map(|part| match part {

@@ -34,7 +34,8 @@ pub(crate) fn section(judged: &[Judged<'_>], fits: &[Fit]) -> Section {
     Section::new("model", if one { "Model" } else { "Models" }, parts)
 }
 
-/// What the training rows of a model tell apart; where those of a model before it told the same, only that. `known` are names with what was told.
+/// Parts about the excitation of a model's training rows; a reference if they equal those of a model before. `known`:
+/// names of models, with their parts.
 fn told_apart<'a>(judged: &Judged<'a>, number: usize, known: &mut Vec<(&'a str, Vec<Part>)>) -> Vec<Part> {
     let parts = excitation::parts(judged.model, number);
     // Figures have addresses of their own, and their numbers may differ by rounding; captions have what matters of them.
@@ -115,12 +116,12 @@ fn about(model: &Model) -> String {
     format!("{kind}{step}.{coefficients}")
 }
 
-/// Whether an equation is a fitted function that differs from region to region.
+/// Returns true if an equation is a fitted function that differs from region to region.
 fn is_by_region(model: &Model, equation: &ModelEquation) -> bool {
     model.latent_of(equation).is_some_and(|latent| latent.map.regions() > 1)
 }
 
-/// Whether a fitted function stands in equations by its name.
+/// Returns true if a fitted function stands in equations by its name.
 fn is_shared(model: &Model, latent: &Latent) -> bool {
     !model.equations.iter().any(|equation| model.latent_of(equation).is_some_and(|own| own.name == latent.name))
 }
@@ -144,7 +145,7 @@ fn capped(mut equations: Vec<Equation>) -> Vec<Part> {
     shown.into_iter().chain(rest).collect()
 }
 
-/// Where it comes from that is not fitted.
+/// Origin of an equation that is not fitted: `given`; empty for a fitted one.
 fn how(equation: &ModelEquation) -> String {
     if equation.target.is_none() { "given".into() } else { String::new() }
 }

@@ -31,7 +31,7 @@ impl<'a> Opened<'a> {
     }
 }
 
-/// Whether two models see the same in any logs: columns, clock, and what is said of them.
+/// Returns true if two models open any logs alike: same columns, clock and recipe.
 fn see_alike(a: &Model, b: &Model) -> bool {
     let labels = |model: &Model| model.partitions.iter().any(|own| matches!(own.rule, Rule::Labels { .. }));
     a.columns == b.columns

@@ -21,7 +21,7 @@ const REGIONS: usize = 64;
 /// Rows of a chunk.
 const CHUNK_ROWS: usize = 65_536;
 
-/// What a pass over the rows saw, or over some of them.
+/// Results of a pass over the rows, or over some of them.
 #[derive(Clone)]
 pub(crate) struct Passed {
     /// The episode that is drawn over time.
@@ -30,7 +30,7 @@ pub(crate) struct Passed {
     pub(crate) columns: Vec<Coverage>,
     /// Rows that a missing value takes from the scores.
     pub(crate) lost: Lost,
-    /// Which region of the first partition followed which, where there are several.
+    /// Transitions between the regions of the first partition, if there are several.
     pub(crate) transitions: Option<Transitions>,
     /// The regions of the first and of the last row.
     ends: Option<[u32; 2]>,

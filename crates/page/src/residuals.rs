@@ -1,4 +1,4 @@
-//! What a model leaves: whether its errors hang together over time, and whether they go with a column.
+//! Residuals of a model: their correlation over time, and with columns.
 
 use fleetfoot_report::{Axis, Chart, Figure, Light, Lines, Panels, Scale, Sentence, Series, words::series};
 

@@ -17,19 +17,19 @@ use crate::starts::{Place, Recorded};
 const SIMULATIONS: usize = 4;
 const DRAWN: [usize; 2] = [60, 25];
 
-/// What simulations are asked for.
+/// Requested simulations.
 pub(crate) struct Wanted<'a> {
     /// That of the models before this one.
     pub(crate) stretch: Option<&'a Stretch>,
-    /// Whether there are several models on the page.
+    /// True if there are several models on the page.
     pub(crate) several: bool,
     /// Rows that the simulations of the models on the page read beside a start.
     pub(crate) reach: Halo,
-    /// Where the simulations of the models before this one began.
+    /// Starts of the simulations of the models before this one.
     pub(crate) starts: Option<&'a [Place]>,
 }
 
-/// Where simulations are begun, in the rows of an episode.
+/// Starts of the simulations, in the rows of an episode.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Stretch {
     pub(crate) episode: Recorded,
@@ -49,7 +49,7 @@ pub(crate) struct RolledOn {
     /// Seconds since the start of the episode.
     pub(crate) time: Vec<f64>,
     pub(crate) states: Vec<State>,
-    /// Where simulations left the range of the training rows, and where they ended early: places among the drawn ones.
+    /// Places, among the drawn ones, of simulations that left the training range, and of those that ended early.
     pub(crate) left: Vec<usize>,
     pub(crate) ended: Vec<usize>,
     /// Regions of the first partition, as they were recorded and as they were simulated, where there are several.
@@ -125,7 +125,7 @@ impl RolledOn {
         Ok(Some(on))
     }
 
-    /// What was recorded on the stretch.
+    /// Recorded values on the stretch.
     fn recorded(
         model: &Model,
         rows: &Dataset,

@@ -50,7 +50,7 @@ pub(crate) fn shared<'a>(judged: &'a [Judged<'_>]) -> Vec<&'a str> {
     names(first).filter(|name| others.iter().all(|other| names(other).any(|own| own == *name))).collect()
 }
 
-/// Which of several models has the least error in what all of them predict.
+/// Sentence about the model with the least error in the outputs that all models predict.
 pub(crate) fn best(judged: &[Judged<'_>]) -> Option<Sentence> {
     let shared = shared(judged);
     let scored: Vec<&Judged<'_>> = judged.iter().filter(|one| one.scored().is_some()).collect();

@@ -1,4 +1,4 @@
-//! Where the simulations of several models begin: at the same rows, else their errors say nothing of each other.
+//! Common starts of the simulations of several models: errors from different rows cannot be compared.
 
 use fleetfoot_data::{Episode, Halo};
 use fleetfoot_dataset::Dataset;
@@ -58,7 +58,7 @@ pub(crate) fn common(
     Ok(Starts::Even(count).choose(&rows.view()?, horizon, reach.before.max(1), after).ok().map(Starts::At))
 }
 
-/// Where simulations began.
+/// Starts of the simulations.
 pub(crate) fn places(rows: &Dataset, rolled: &RolledOut) -> Vec<Place> {
     let place = |start: Start| (Recorded::of(&rows.episodes()[start.episode]), start.row);
     rolled.rollouts.outcomes.iter().map(|outcome| place(outcome.start)).collect()

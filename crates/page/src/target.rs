@@ -1,4 +1,4 @@
-//! What is kept of a target over the rows: its values over time, its errors, and what is left in them.
+//! Sums of a target over the rows: its values over time, its errors, and its residuals.
 
 use fleetfoot_data::Episode;
 use fleetfoot_dynamics::Predicted;

@@ -1,4 +1,5 @@
-//! Which region follows which (Fig. 9 of Buchan, Haldane, Fearing shows where they lie; this shows how they are walked).
+//! Transitions between regions (Fig. 9 of Buchan, Haldane, Fearing shows the regions; this shows the passages between
+//! them).
 
 use fleetfoot_model::{Partition, Phases, Summary, Transitions};
 use fleetfoot_report::{

@@ -1,4 +1,4 @@
-//! What a reader wants to know first.
+//! Findings at the top of a page.
 
 use fleetfoot_dynamics::{Baseline, TargetScore};
 use fleetfoot_fit::{interval_in_words, replayed_in_words, spans_in_words};
@@ -41,7 +41,7 @@ fn named(name: &str, finding: Sentence) -> Sentence {
     Sentence { head: format!("{name}. {}", finding.head), ..finding }
 }
 
-/// What there is to say of one model.
+/// Findings about one model.
 pub(crate) fn of_model(judged: &Judged<'_>) -> Vec<Sentence> {
     let mut findings = Vec::new();
     match &judged.scores {
@@ -60,7 +60,7 @@ pub(crate) fn of_model(judged: &Judged<'_>) -> Vec<Sentence> {
     findings
 }
 
-/// What was fitted to what.
+/// Sentence about the fit: model, method and training logs.
 pub(crate) fn fitted(judged: &Judged<'_>) -> Sentence {
     let (model, training) = (judged.model, &judged.model.training);
     // A model has its episodes in the order of their identities, which says nothing to people.

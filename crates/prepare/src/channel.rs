@@ -328,7 +328,7 @@ impl Channel<'_> {
         })
     }
 
-    /// What is above the Nyquist frequency of the rows that will be written is taken out.
+    /// Takes out frequencies above the Nyquist frequency of the rows that will be written.
     fn without_aliases(&self, list: Vec<f64>, own: f64) -> Result<Vec<f64>, SignalError> {
         let rows = self.rows.map_or(own, median_step);
         let ratio = self.decimate as f64 * rows / own;

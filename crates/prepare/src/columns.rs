@@ -21,7 +21,7 @@ pub(crate) struct Planned {
 }
 
 impl Planned {
-    /// What becomes of the columns of a view.
+    /// Plans of the columns of a view.
     pub(crate) fn all(recipe: &Recipe, model: &[ModelColumn], view: &[Column]) -> Result<Vec<Self>, Error> {
         check_channels(recipe)?;
         let of_view = |column: &ModelColumn| view.iter().find(|own| own.name == column.name);
@@ -35,12 +35,12 @@ impl Planned {
         model.iter().map(plan).collect()
     }
 
-    /// How many derivatives beside the value are written.
+    /// Number of derivatives that are written beside the value.
     pub(crate) fn rates(&self) -> usize {
         self.options.map_or(0, |options| options.method.rates())
     }
 
-    /// Whether standard deviations are written.
+    /// Returns true if standard deviations are written.
     pub(crate) fn has_deviations(&self) -> bool {
         self.options.is_some_and(|options| options.method.is_smoothing())
     }

@@ -7,7 +7,7 @@ pub(crate) struct Merged {
     pub(crate) times: Vec<f64>,
     /// The samples; NaN at stamps that are a row's alone.
     pub(crate) values: Vec<f64>,
-    /// Where each row is.
+    /// Index of each row.
     pub(crate) rows: Vec<usize>,
 }
 

@@ -38,7 +38,7 @@ use samples::{Samples, Topics};
 use serde::Serialize;
 use write::{Names, Written};
 
-/// Where clean episodes go.
+/// Output folder of clean episodes.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct PrepareRequest {
     /// The folder, made if it is not there.
@@ -47,11 +47,11 @@ pub struct PrepareRequest {
     pub force: bool,
 }
 
-/// What was written.
+/// Result of a preparation.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Prepared {
-    /// What was done.
+    /// Report of the preparation.
     pub report: PrepareReport,
     /// The recipe for `fit`.
     pub recipe: PathBuf,
@@ -169,7 +169,7 @@ fn committed(folder: Folder, report: PrepareReport, recipe: &Recipe) -> Result<P
     Ok(Prepared { report, recipe, files })
 }
 
-/// What a prepared file says of itself.
+/// Metadata of a prepared file.
 fn metadata(recipe: &Recipe) -> BTreeMap<String, String> {
     let pairs = [(PREPARED_BY, recipe.to_toml()), ("fleetfoot.version", env!("CARGO_PKG_VERSION").to_owned())];
     pairs.map(|(key, value)| (key.to_owned(), value)).into()
@@ -212,7 +212,7 @@ struct Rows<'a> {
     block: &'a Block,
     /// Seconds of the rows.
     times: &'a [f64],
-    /// What was sampled at other stamps, by the places of the columns.
+    /// Samples with other stamps, by the places of the columns.
     samples: &'a BTreeMap<usize, Samples>,
 }
 

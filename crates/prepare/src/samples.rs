@@ -20,7 +20,7 @@ pub(crate) struct Samples {
     /// Seconds of the rows' episode, rising.
     pub(crate) times: Vec<f64>,
     pub(crate) values: Vec<f64>,
-    /// What the stamps say of their clock, of the longest run of them.
+    /// Clock of the longest run of stamps.
     pub(crate) clock: Option<ClockReport>,
 }
 

@@ -68,7 +68,7 @@ pub(crate) fn unique(columns: Vec<WriteColumn>, why: &str) -> Result<Vec<WriteCo
     }
 }
 
-/// What is written of a column, in the order of [`columns`]; `values` are those of the rows that are written.
+/// Written values of a column, in the order of [`columns`]; `values`: those of the written rows.
 pub(crate) fn values<'a>(own: &'a Planned, values: Vec<f64>, curve: Option<Curve>) -> Vec<Written<'a>> {
     if let Some(curve) = curve {
         return curve.derivatives.into_iter().chain(curve.deviations).map(Written::Numbers).collect();

@@ -60,7 +60,7 @@ pub fn controller(what: &str, settings: &[String]) -> Result<Arc<dyn Controller>
 /// The controller that was made for a model: `what` is its file, or the text of one.
 ///
 /// # Errors
-/// What is neither.
+/// A `what` that is neither.
 pub fn controller_file(what: &str) -> Result<ControllerFile, Error> {
     made(what)?.ok_or_else(|| refused(what, format!("no file that {CONTROL_LQR} made")))
 }
@@ -76,7 +76,7 @@ pub fn made_controller(path: &Path) -> Result<Option<ControllerFile>, Error> {
     marked.then(|| ControllerFile::from_json(&text, &path.display().to_string())).transpose()
 }
 
-/// What is text of JSON, or a file of it, as a controller.
+/// Controller in a text of JSON, or in a file of it; `None` for other files.
 fn made(what: &str) -> Result<Option<ControllerFile>, Error> {
     if is_json(what) {
         return ControllerFile::from_json(what, "the controller").map(Some);
@@ -90,12 +90,12 @@ fn is_json(text: &str) -> bool {
     text.trim_start().starts_with('{')
 }
 
-/// What a message calls a controller.
+/// Name of a controller in messages.
 fn short(what: &str) -> String {
     if is_json(what) { "the controller".to_owned() } else { what.to_owned() }
 }
 
-/// What is wrong with the settings, held against the default ones.
+/// Checks the settings against the names of the default ones.
 fn check_keys(table: &Table, known: &Table) -> Result<(), String> {
     for (key, value) in table {
         let Some(default) = known.get(key) else {
@@ -154,7 +154,7 @@ pub(crate) fn with_columns(model: &Model, controller: &dyn Controller) -> Result
     Ok(model)
 }
 
-/// What a name means in the fields of the log.
+/// Expression of a name in the fields of the log.
 pub(crate) fn source(recipe: &Recipe, name: &str) -> String {
     let mut scope = Scope::open();
     let aliased = scope.define_all(&recipe.columns).ok().and_then(|()| Expr::parse(name, &scope).ok());

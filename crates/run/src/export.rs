@@ -17,13 +17,13 @@ const VECTORS: usize = 32;
 /// Seed of the test vectors' points.
 const SEED: u64 = 1;
 
-/// What was written.
+/// Files that an export wrote.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Exported {
     /// The files.
     pub files: Vec<PathBuf>,
-    /// What the code takes; `None` for documents.
+    /// Cost of the code; `None` for documents.
     pub cost: Option<Cost>,
     /// Points at which the code and the engine were compared.
     pub compared: usize,

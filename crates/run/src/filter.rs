@@ -28,7 +28,7 @@ use writer::FilteredWriter;
 
 use crate::output;
 
-/// What filtering logs gave.
+/// Result of filtering logs.
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct Filtered {
@@ -42,13 +42,13 @@ pub struct Filtered {
     pub states: Vec<String>,
     /// The regions.
     pub regions: usize,
-    /// How they follow one another.
+    /// Rule by which they follow one another.
     pub switching: FilterSwitching,
     /// Factor on the process noise; of one that was found the mean of the episodes' last ones.
     pub process: f64,
     /// Rows before that the process noise of a row hangs on; 0 where it is white.
     pub noise_rows: usize,
-    /// Whether every step is the exact one of an affine region; else regions are made linear about the present mean.
+    /// True if every step is the exact one of an affine region; else regions are linearised about the present mean.
     pub exact: bool,
     /// The sensors.
     pub sensors: Vec<SensorReport>,
@@ -64,7 +64,7 @@ pub struct Filtered {
     pub held_inputs: u64,
     /// Names of the episodes that the model was trained on.
     pub in_sample_episodes: Vec<String>,
-    /// What was assumed or left out.
+    /// Assumptions and omissions.
     pub notes: Vec<String>,
 }
 
@@ -76,7 +76,7 @@ pub struct SensorReport {
     pub state: String,
     /// Its standard deviation; of one that was found or told row by row the mean of the episodes' last ones.
     pub deviation: f64,
-    /// Where that is from.
+    /// Source of the deviation.
     pub deviation_from: DeviationFrom,
     /// Innovations.
     pub rows: u64,
@@ -84,11 +84,11 @@ pub struct SensorReport {
     pub share: f64,
     /// The correlation of normalised innovations with those of the row before: none, where they are white.
     pub correlation: f64,
-    /// How large that is, with 95 % probability, where they are.
+    /// Bound of the correlation of white innovations, with 95 % probability.
     pub white: f64,
 }
 
-/// Where a sensor's deviation is from.
+/// Source of a sensor's deviation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DeviationFrom {
@@ -110,7 +110,7 @@ pub struct SquareReport {
     pub freedom: usize,
     /// The mean, by them.
     pub mean: f64,
-    /// Where 95 % of the means of consistent filters lie.
+    /// Lower end of the 95 % band of the means of consistent filters.
     pub low: f64,
     /// See `low`.
     pub high: f64,
@@ -137,7 +137,7 @@ impl SquareReport {
         Some(Self { rows: found.rows(), freedom: found.freedom(), mean: mean.mean, low, high, share: found.share() })
     }
 
-    /// Whether the mean lies in its band.
+    /// Returns true if the mean lies in its band.
     pub fn holds(&self) -> bool {
         (self.low..=self.high).contains(&self.mean)
     }

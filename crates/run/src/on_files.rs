@@ -31,7 +31,7 @@ pub struct Scored {
     pub episodes: usize,
     /// Names of those that the model was trained on: their scores are in-sample.
     pub in_sample: Vec<String>,
-    /// What was assumed or left out.
+    /// Assumptions and omissions.
     pub notes: Vec<String>,
 }
 
@@ -124,7 +124,7 @@ fn refuse_unseen_labels(model: &Model, without_region: u64, scored: u64) -> Resu
     }
 }
 
-/// What was written.
+/// Counts of the written rows.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct Written {
@@ -136,7 +136,7 @@ pub struct Written {
     pub compared: u64,
     /// Of the predicted rows, those outside what their region saw in training.
     pub outside_domain: u64,
-    /// What was assumed or left out.
+    /// Assumptions and omissions.
     pub notes: Vec<String>,
 }
 
@@ -146,7 +146,7 @@ pub struct Written {
 pub struct PredictedRows<'a> {
     /// The episode that they are of.
     pub episode: &'a fleetfoot_data::Episode,
-    /// What must be added to the stamps to get the times of the recording, nanoseconds.
+    /// Offset from the stamps to the times of the recording, nanoseconds.
     pub log_offset: i64,
     /// Their stamps, nanoseconds.
     pub stamps: &'a [i64],
@@ -158,8 +158,8 @@ pub struct PredictedRows<'a> {
     pub predicted: &'a Predicted,
 }
 
-/// Whether a run of a model needs a column: all but those that only the targets speak of, which say what a prediction is compared with. A rollout starts from
-/// the states that it advances, so it needs these too.
+/// Returns true if a run of a model needs a column. Columns that only the targets read are not needed: a prediction is
+/// merely compared with them. A rollout starts from the states that it advances, so it needs these too.
 pub fn is_needed(model: &Model, name: &str, rollout: bool) -> bool {
     let speaks =
         |expression: &Expr| expression.columns().iter().chain(&expression.sources()).any(|column| **column == *name);
@@ -258,7 +258,7 @@ pub struct RolledOut {
     pub episodes: usize,
     /// Names of those that the model was trained on.
     pub in_sample: Vec<String>,
-    /// What was assumed or left out.
+    /// Assumptions and omissions.
     pub notes: Vec<String>,
 }
 

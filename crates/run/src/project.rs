@@ -23,7 +23,7 @@ pub struct Projected {
     pub episodes: usize,
     /// Names of those that the model was trained on.
     pub in_sample: Vec<String>,
-    /// What was assumed or left out.
+    /// Assumptions and omissions.
     pub notes: Vec<String>,
 }
 

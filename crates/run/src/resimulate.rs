@@ -20,7 +20,7 @@ use crate::{on_files::is_needed, output};
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Followed {
-    /// What was found.
+    /// Result of the resimulation.
     pub found: Resimulation,
     /// Units of the columns, where they are known.
     pub units: Vec<Option<String>>,
@@ -30,7 +30,7 @@ pub struct Followed {
     pub left_out: Vec<String>,
     /// Names of those that the model was trained on.
     pub in_sample: Vec<String>,
-    /// What was assumed or left out.
+    /// Assumptions and omissions.
     pub notes: Vec<String>,
 }
 
@@ -89,7 +89,7 @@ impl Followed {
         self.found.episodes.iter().filter(|own| own.ending == Ending::Minimum).count()
     }
 
-    /// What the user should be warned of, in sentences.
+    /// Warnings for the user, in sentences.
     pub fn warnings(&self) -> Vec<String> {
         let mut told = Vec::new();
         for (own, name) in self.found.episodes.iter().zip(&self.names) {
@@ -160,7 +160,7 @@ pub fn resimulate(
     Ok(followed)
 }
 
-/// What was asked for and cannot be is an error of the request.
+/// Turns a request that cannot be met into an error of the request.
 fn refused(error: EstimateError) -> Error {
     match &error {
         EstimateError::Option { .. } | EstimateError::Bounds { .. } | EstimateError::TooLong { .. } => {
@@ -176,7 +176,7 @@ fn refused(error: EstimateError) -> Error {
     }
 }
 
-/// What `[resimulate]` says, checked as far as it can be without the model.
+/// Options of `[resimulate]`, checked as far as possible without the model.
 fn options(said: &ResimulateSection) -> Result<ResimulationOptions, Error> {
     let mut options = ResimulationOptions::default();
     options.every = said.every.unwrap_or(options.every);

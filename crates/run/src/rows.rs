@@ -21,11 +21,11 @@ pub struct Rows {
     pub seconds: Vec<f64>,
     /// The columns.
     pub columns: Vec<(Column, Vec<f64>)>,
-    /// What had to be assumed or left out.
+    /// Assumptions and omissions.
     pub notes: Vec<String>,
 }
 
-/// What a model says of rows.
+/// Values of a model at rows.
 #[derive(Debug, Clone, Default)]
 #[non_exhaustive]
 pub struct ModelRows {
@@ -33,7 +33,7 @@ pub struct ModelRows {
     pub rows: Rows,
     /// Names of the targets.
     pub targets: Vec<String>,
-    /// Whether each target is an angle, so that errors wrap.
+    /// True for a target that is an angle, so that errors wrap.
     pub wrapped: Vec<bool>,
     /// Measured targets, one column each; NaN where they cannot be measured.
     pub measured: Vec<Vec<f64>>,

@@ -51,7 +51,7 @@ pub fn bounds<'a>(
     bounds
 }
 
-/// What has coefficients: an unknown function, or what is learnt of an equation.
+/// Owner of coefficients: an unknown function, or the fitted part of an equation.
 pub(crate) struct Owner {
     /// By what it may be called; the first is what it is called to people.
     pub(crate) names: Vec<String>,
@@ -164,7 +164,7 @@ pub(crate) fn sides(section: &ConstraintSection, place: &str) -> Result<Vec<(Lim
     Ok(found)
 }
 
-/// Whether two functions are the same one, up to the order of factors.
+/// Returns true if two functions are equal up to the order of factors.
 pub(crate) fn same(known: &Expr, function: &Expr) -> bool {
     let scope = Scope::open();
     let vocabulary = Vocabulary { variables: &[], scope: &scope };

@@ -65,7 +65,7 @@ impl EquationTask {
         same.for_each(|one| one.target = Some(equation.measured.clone()));
     }
 
-    /// How the derivative of every fitted equation was settled; `None` where it is no central difference.
+    /// Settled derivative of every fitted equation; `None` unless it is a central difference.
     pub fn settled_differences(&self) -> Vec<Option<SettledDifference>> {
         let of = |equation: &FittedEquation| {
             let Difference { form, errors, .. } = equation.central.as_ref()?;

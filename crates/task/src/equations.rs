@@ -21,7 +21,8 @@ use crate::{
     windows::Windows,
 };
 
-/// What a recipe means for a recording: a system of equations, each `target = sum_j c_j function_j + error`, over one library of candidates.
+/// A recipe resolved for a recording: a system of equations, each `target = sum_j c_j function_j + error`, over one
+/// library of candidates.
 ///
 /// Candidates are numbered with the constant first where there is one ([`EquationTask::constant`]), then the functions in their order.
 #[derive(Debug, Clone)]
@@ -35,7 +36,7 @@ pub struct EquationTask {
     pub equations: Vec<Equation>,
     /// The fitted equations, in the order of [`EquationTask::equations`].
     pub fitted: Vec<FittedEquation>,
-    /// Whether 1 is a candidate of any equation.
+    /// True if 1 is a candidate of any equation.
     pub constant: bool,
     /// All candidate functions, the constant left out.
     pub functions: Vec<Expr>,
@@ -43,15 +44,15 @@ pub struct EquationTask {
     pub weight: Option<Expr>,
     /// Numbers inside the expressions that are not known; none once they are estimated.
     pub parameters: Vec<Parameter>,
-    /// What partitions look at.
+    /// Partition columns.
     pub partition_columns: Vec<Expr>,
-    /// Whether the library that nobody named is `poly(1)`, because `poly(2)` would have more than 500 functions.
+    /// True if the default library is `poly(1)`, because `poly(2)` would have more than 500 functions.
     pub narrowed: bool,
     /// The windows of the weak form, where equations are fitted on windows in the place of rows.
     pub windows: Option<Windows>,
     /// Bounds of coefficients; the owners are the fitted equations.
     pub limits: Vec<CoefficientLimit>,
-    /// What libraries are made of: states and inputs, angles as cosine and sine, and their past.
+    /// Variables of the libraries: states and inputs, angles as cosine and sine, and their past.
     pub variables: Vec<Expr>,
     /// The radial functions among the candidates, the last of them, once their centres are known.
     pub radial: Option<RadialFunctions>,
@@ -65,17 +66,17 @@ pub struct FittedEquation {
     pub label: String,
     /// Name of the latent that is learnt.
     pub latent: String,
-    /// What the left side is measured as, over the columns.
+    /// Measured left side, over the columns.
     pub measured: Expr,
-    /// What is known of the right side, where something is.
+    /// Known part of the right side, if there is one.
     pub nominal: Option<Expr>,
-    /// What the candidates explain: what is measured less the nominal part.
+    /// Target of the candidates: the measured left side minus the nominal part.
     pub target: Expr,
-    /// Whether the equation may have a candidate (candidates).
+    /// True for each candidate that the equation may have (candidates).
     pub allowed: Vec<bool>,
     /// Candidates that it has in any case, ascending.
     pub fixed: Vec<usize>,
-    /// Where what is measured is a central difference, an estimate of its error without noise.
+    /// Estimate, without noise, of the error of the left side, if that is a central difference.
     pub difference: Option<Expr>,
     /// That central difference, and what is known of it.
     pub central: Option<Difference>,
@@ -207,7 +208,7 @@ impl EquationTask {
         Ok(if task.parameters.is_empty() { task.settled(&BTreeMap::new()) } else { task })
     }
 
-    /// Whether a fitted equation gives a rate of change.
+    /// Returns true if a fitted equation gives a rate of change.
     pub fn is_rate(&self, fitted: usize) -> bool {
         let mut own = self.equations.iter().filter(|equation| equation.target.is_some());
         own.nth(fitted).is_some_and(|equation| equation.prediction == Prediction::Derivative)
@@ -244,7 +245,7 @@ impl EquationTask {
         }
     }
 
-    /// Which radial function a candidate function is, if it is one.
+    /// Number of the radial function that a candidate is; `None` for other candidates.
     pub(crate) fn radial_function(&self, function: usize) -> Option<usize> {
         let first = self.functions.len() - self.radial.as_ref()?.centres.len();
         function.checked_sub(first)
@@ -438,7 +439,7 @@ impl Own {
         Ok(())
     }
 
-    /// What the equation may and must have, by the numbers of the candidates.
+    /// Marks the candidates that the equation may have, and those that it has in any case.
     fn mark(&self, equation: &mut FittedEquation, constant: bool, functions: &[Expr]) {
         let first = usize::from(constant);
         let places: HashMap<&Expr, usize> = functions.iter().zip(first..).collect();

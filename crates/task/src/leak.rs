@@ -1,4 +1,4 @@
-//! What must not decide about a prediction: the predicted value itself.
+//! Leaks of the predicted value into its prediction.
 
 use std::collections::BTreeSet;
 
@@ -38,7 +38,7 @@ pub(crate) fn refuse_target_in_partition(
     Ok(())
 }
 
-/// Whether a column is what a plain regression predicts.
+/// Returns true if a plain regression predicts the column.
 pub(crate) fn predicted(equations: &[Equation], name: &str) -> bool {
     equations.iter().any(|equation| equation.prediction == Prediction::Value && equation.subject == name)
 }

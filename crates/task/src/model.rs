@@ -10,7 +10,7 @@ use fleetfoot_sums::{structured::Spread, system::SystemScan};
 
 use crate::equations::EquationTask;
 
-/// What a model carries beside its coefficients.
+/// Parts of a model beside its coefficients.
 #[derive(Debug, Clone, Default)]
 pub struct Provenance {
     /// The method: `sindy stlsq`.
@@ -185,7 +185,7 @@ impl EquationTask {
     }
 }
 
-/// What was seen over all rows.
+/// Facts over all training rows.
 fn training(scan: &SystemScan, fitted: usize, states: usize, provenance: &Provenance) -> Training {
     let also = scan.also();
     Training {

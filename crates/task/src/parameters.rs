@@ -20,7 +20,7 @@ pub struct ParametersTask {
     pub parameters: Vec<Parameter>,
     /// Measured derivatives beside right sides, of the equations that have parameters.
     pub residuals: Vec<Residual>,
-    /// What matrices of parameters keep.
+    /// Bounds of matrices of parameters.
     pub limits: Vec<MatrixLimit>,
 }
 

@@ -23,7 +23,7 @@ use crate::{
     task::{equations, library, state_equation},
 };
 
-/// What a recipe means for a recording: the regression of `fit sparse`, and the model that will follow from it.
+/// A recipe resolved for a recording: the regression of `fit sparse`, and the model that will follow from it.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct StructuredTask {
@@ -46,15 +46,15 @@ pub struct StructuredTask {
     pub penalties: Vec<f64>,
     /// Sign of every coefficient (p).
     pub signs: Vec<Sign>,
-    /// What is kept at every row of the training data: bounds of latents, then what latents keep together.
+    /// Limits at every row of the training data: bounds of latents, then constraints between latents.
     pub limits: Vec<RowLimit>,
     /// Bounds of coefficients; the owners are the latents.
     pub coefficients: Vec<CoefficientLimit>,
-    /// Where the moments of every latent's functions are found (latents).
+    /// Source of the moments of every latent's functions (latents).
     pub moments: Vec<Moments>,
 }
 
-/// Where the moments of a latent's candidate functions are found.
+/// Source of the moments of a latent's candidate functions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Moments {
     /// In a task's statistic, whose columns from `first` on are the functions times `factor`.
@@ -63,17 +63,17 @@ pub enum Moments {
         task: usize,
         /// The first column.
         first: usize,
-        /// What the functions are multiplied with.
+        /// Factor of the functions.
         factor: f64,
     },
     /// In the statistic of [`StructuredTask::also`], from this column on.
     Also(usize),
 }
 
-/// What is found while a recipe is read.
+/// Parts of a task while a recipe is read.
 struct Parts {
     latents: Vec<Latent>,
-    /// What latents keep together.
+    /// Constraints between latents.
     limits: Vec<RowLimit>,
     coefficients: Vec<CoefficientLimit>,
     tasks: Vec<RegressionTask>,
@@ -88,7 +88,7 @@ impl StructuredTask {
     /// `fit sindy` alone.
     ///
     /// # Errors
-    /// What the recipe asks for does not exist, is not linear in the latents, or contradicts itself.
+    /// A recipe that names something that does not exist, is not linear in the latents, or contradicts itself.
     pub fn resolve(recipe: &Recipe, fields: &[DataColumn]) -> Result<Self, Error> {
         let mut aliases = Aliases::of_recipe(recipe, fields)?;
         let parts = match (recipe.latents.is_empty(), recipe.tasks.is_empty()) {
@@ -210,7 +210,7 @@ impl Parts {
     }
 }
 
-/// Where the moments of a latent's functions are found; adds the functions to `also` where no task has them.
+/// Source of the moments of a latent's functions; adds the functions to `also` if no task has them.
 fn moments(regression: &Regression, latent: usize, also: &mut Vec<Expr>) -> Moments {
     for (task, found) in regression.tasks.iter().enumerate() {
         let mut first = 0;

@@ -15,7 +15,8 @@ impl EquationTask {
         Unit::parse(self.fitted[target].unit.as_deref()?).ok()
     }
 
-    /// What does not fit: inside a candidate function, inside a nominal part, and between it and what it stands beside.
+    /// Notes on units that do not fit: inside a candidate function, inside a nominal part, and between it and its
+    /// neighbours.
     pub fn unit_notes(&self) -> Vec<String> {
         let unit = |expression: &Expr| expression.unit(|name| self.unit_of(name));
         let mut notes = Vec::new();

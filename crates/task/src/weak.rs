@@ -125,7 +125,7 @@ impl EquationTask {
         Ok(LAGS[LAGS.len() - 1] as usize)
     }
 
-    /// What is summed over windows.
+    /// Sums over windows.
     pub(crate) fn weak(&self, windows: &Windows) -> Weak {
         let target = |equation: &FittedEquation| match &equation.central {
             None => WeakTarget { rate: None, mean: equation.target.clone() },

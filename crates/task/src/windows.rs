@@ -4,10 +4,10 @@ use fleetfoot_data::setting::{SINDY, WEAK};
 use fleetfoot_recipe::{Error, SindySection, Tunable};
 use fleetfoot_sums::system::{LEAST_REACH, Weak};
 
-/// Whether there are windows, as users ask for it.
+/// Setting of the windows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum WeakForm {
-    /// Where noise is more than a fifth of what differences vary by.
+    /// Windows if noise is more than a fifth of the variance of differences.
     ByNoise,
     /// Never.
     Off,
@@ -33,7 +33,7 @@ pub struct Windows {
 pub(super) const NOISE: f64 = 0.2;
 
 impl Windows {
-    /// Whether noise is more of some state's differences than they are taken for.
+    /// Returns true if noise is more than the allowed share of some state's differences.
     pub fn noisy(&self) -> bool {
         self.noise.as_ref().is_some_and(|(_, share)| *share > NOISE)
     }

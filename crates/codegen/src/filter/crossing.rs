@@ -45,7 +45,7 @@ impl Filter<'_> {
         });
     }
 
-    /// Whether a point that stood in a region now stands in another one; where none stood there, all count.
+    /// Writes the test that a point left its region for another one; if no point was in the region, all count.
     pub(super) fn went(&self, w: &mut Writer) {
         let Self { p, points, .. } = self;
         w.comment(

@@ -12,9 +12,9 @@ pub(super) struct Filter<'a> {
     pub(super) model: &'a Model,
     /// Places of the code's inputs among those of the tables.
     pub(super) inputs: Vec<usize>,
-    /// Whether the state decides the region.
+    /// True if the state decides the region.
     pub(super) by_state: bool,
-    /// Whether a table of probabilities decides the next region.
+    /// True if a table of probabilities decides the next region.
     pub(super) switches: bool,
     /// The prefix of all names.
     pub(super) p: &'a str,

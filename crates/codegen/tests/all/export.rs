@@ -46,7 +46,7 @@ impl Drop for Folder {
     }
 }
 
-/// Whether a program is there; says so where it is not.
+/// Returns true if a program is there; prints a line if it is not.
 pub(crate) fn present(program: &str) -> bool {
     let found = Command::new(program).arg("--version").output().is_ok();
     if !found {

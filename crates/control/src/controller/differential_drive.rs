@@ -25,7 +25,7 @@ impl Default for DifferentialDrive {
 }
 
 impl DifferentialDrive {
-    /// Whether the parameters can be used.
+    /// Checks the parameters.
     ///
     /// # Errors
     /// A radius or a width that is not positive.

@@ -43,7 +43,7 @@ impl Default for Pid {
 }
 
 impl Pid {
-    /// Whether the parameters can be used.
+    /// Checks the parameters.
     ///
     /// # Errors
     /// A gain that is no number, a negative filter, limits in the wrong order.

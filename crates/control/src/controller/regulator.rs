@@ -34,7 +34,7 @@ pub struct Regulator {
     /// Errors that are integrated, indices, q of them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub integrated: Vec<usize>,
-    /// How the region follows; `None`: there is one.
+    /// Choice of the region; `None`: there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub partition: Option<RegionChoice>,
     /// One a region.
@@ -47,11 +47,12 @@ pub struct Regulator {
 pub struct RegulatedState {
     /// Its column.
     pub name: String,
-    /// Where it is kept.
+    /// Its set point.
     pub at: f64,
-    /// How far from there is far: its standard deviation in training, 1 where that is not known. Exported code is tested within twice that.
+    /// Typical deviation: its standard deviation in training, 1 if that is unknown. Exported code is tested within
+    /// twice that.
     pub size: f64,
-    /// Whether its error is taken within half a turn.
+    /// True if its error is taken within half a turn.
     #[serde(default)]
     pub angle: bool,
 }
@@ -62,13 +63,13 @@ pub struct RegulatedState {
 pub struct RegulatedRotation {
     /// Its name.
     pub name: String,
-    /// How its columns write it.
+    /// Representation of the rotation in its columns.
     pub kind: RotationKind,
     /// Its columns, in the order of [`RotationKind::letters`].
     pub columns: Vec<String>,
-    /// Where it is kept, as its columns write it.
+    /// Its set point, in its columns.
     pub at: Vec<f64>,
-    /// How far from there is far, rad about each axis of the body: standard deviations in training, 1 where they are not known.
+    /// Typical deviation, rad about each axis of the body: standard deviations in training, 1 if they are unknown.
     pub size: [f64; 3],
 }
 
@@ -96,17 +97,17 @@ pub struct MeasuredColumn {
     pub size: f64,
 }
 
-/// How the region of a row follows: [`fleetfoot_model::Partition`] without what its regions are.
+/// Choice of a row's region: [`fleetfoot_model::Partition`] without the names of its regions.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RegionChoice {
-    /// What it looks at: expressions over columns.
+    /// Partition columns: expressions over columns.
     pub columns: Vec<String>,
     /// Subtracted from each.
     pub centre: Vec<f64>,
     /// Divides each.
     pub scale: Vec<f64>,
-    /// How the region follows.
+    /// Rule that gives the region.
     pub rule: Rule,
 }
 
@@ -155,7 +156,7 @@ impl Regulator {
         self.states.iter().map(|state| state.name.clone()).chain(axes).collect()
     }
 
-    /// What is far of each error.
+    /// Typical deviation of each error.
     pub fn sizes(&self) -> Vec<f64> {
         self.states.iter().map(|state| state.size).chain(self.rotations.iter().flat_map(|own| own.size)).collect()
     }
@@ -190,7 +191,7 @@ impl Regulator {
         reads.into_iter().filter(|name| !known(name)).collect()
     }
 
-    /// What the region's columns are made of, compiled: for every leaf its place among what is read, or among the inputs behind these.
+    /// Compiled partition columns, with the place of every leaf among the read columns or the inputs behind them.
     fn compiled(&self) -> Option<Chooser> {
         let partition = self.partition.as_ref()?;
         let names: Vec<String> =

@@ -13,7 +13,8 @@ impl Regulator {
     /// The law as a model of its own memory: states are the inputs that it drives, then the integrals; inputs are the columns that it reads; a step is a sample. After a step
     /// the first states are the commands.
     ///
-    /// What the law leaves as it is where no region holds or something is missing, exported code leaves too: it gives a code, and its variable stays.
+    /// Without a region, or with a missing value, the law leaves its memory as it is. Exported code does the same: it
+    /// gives a code, and its variable stays.
     ///
     /// # Errors
     /// Those of [`Controller::validate`].
@@ -102,7 +103,7 @@ impl Regulator {
         (partition, regions)
     }
 
-    /// What every input would be with the integrals as they are, and with them grown by a sample.
+    /// Value of every input with the present integrals, and with the integrals grown by a sample.
     fn latents(&self, names: &Names) -> Vec<Latent> {
         let n = self.sizes().len();
         let row = |law: &super::RegionLaw, j: usize, grown: bool| -> Vec<f64> {
@@ -183,7 +184,7 @@ impl Regulator {
 
 /// The vector that turns the set point of a rotation into what its columns say: twice the half angle along the vector part of `q*^-1 q`, the shorter way round.
 ///
-/// Where nothing is off the direction is none, and the least positive length in its place gives zero.
+/// Without an error there is no direction; the least positive length in its place gives zero.
 fn rotation_error(own: &RegulatedRotation) -> [Expr; 3] {
     let column = |part: usize| Expr::column(own.columns[part].as_str());
     let q = match own.kind {
@@ -210,7 +211,7 @@ fn rotation_error(own: &RegulatedRotation) -> [Expr; 3] {
     vector.map(|part| part * &scale)
 }
 
-/// What everything is called.
+/// Names of all columns of the model.
 struct Names {
     driven: Vec<String>,
     read: Vec<String>,

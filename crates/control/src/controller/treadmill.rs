@@ -47,7 +47,7 @@ impl Default for Treadmill {
 }
 
 impl Treadmill {
-    /// Whether the parameters can be used.
+    /// Checks the parameters.
     ///
     /// # Errors
     /// A period that is not positive, limits in the wrong order, gains that are no numbers.

@@ -31,7 +31,7 @@ pub struct TreadmillLoop {
     pub u_w: String,
 }
 
-/// Where the belt's speed comes from.
+/// Source of the belt's speed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum TreadmillSpeed {

@@ -18,7 +18,7 @@ use crate::{
 /// Axes of a body.
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// How far from 1 the length of a quaternion may be that somebody writes down.
+/// Largest deviation from 1 of the length of a quaternion that a user writes down.
 const UNIT: f64 = 1e-3;
 
 /// One number.
@@ -30,7 +30,7 @@ pub(super) struct Coordinate {
     pub(super) of: Of,
 }
 
-/// What it is of.
+/// Subject of the number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Of {
     /// A state.
@@ -135,7 +135,7 @@ impl<'a> Coordinates<'a> {
         Affine { a: &to * &affine.a * &from, b: &to * &affine.b, c: (0..self.len()).map(|row| c[(row, 0)]).collect() }
     }
 
-    /// Which of `kept` (places of coordinates) a name is of: one, or all three of a rotation.
+    /// Places among `kept` (places of coordinates) that a name stands for: one, or all three of a rotation.
     pub(super) fn find(
         &self,
         of: &'static str,
@@ -239,7 +239,7 @@ impl<'a> Coordinates<'a> {
     }
 }
 
-/// What a name that is none may have meant.
+/// Suggestion for an unknown name.
 fn hint(name: &str, known: &[&str]) -> String {
     match nearest(name, known.iter().copied()).as_slice() {
         [] => format!("there is {}", known.join(", ")),
@@ -247,7 +247,7 @@ fn hint(name: &str, known: &[&str]) -> String {
     }
 }
 
-/// What is said of a rotation.
+/// Values given for a rotation.
 #[derive(Debug, Clone, Copy, Default)]
 struct Turned {
     parts: [Option<f64>; 4],

@@ -32,11 +32,11 @@ const TAKES_PART: f64 = 0.1;
 pub struct Lqr {
     /// The law.
     pub regulator: Regulator,
-    /// Where it keeps the model.
+    /// Set point of the model.
     pub setpoint: SetPoint,
     /// One entry a law.
     pub regions: Vec<LqrRegion>,
-    /// What a person should know.
+    /// Notes for the user.
     pub notes: Vec<String>,
 }
 
@@ -50,9 +50,10 @@ pub struct SetPoint {
     pub inputs: Vec<Named>,
     /// The region that rests there; `None` where it is found for the mean of all.
     pub region: Option<usize>,
-    /// What moves there all the same: derivatives, or changes a sample, of the states that are kept.
+    /// Remaining motion there: derivatives, or changes a sample, of the states that are kept.
     pub drift: Vec<Named>,
-    /// Whether nothing does, as far as the model's numbers are known: what is left is within three of their standard errors.
+    /// True if the model rests there within its accuracy: the drift is within three standard errors of the model's
+    /// numbers.
     pub at_rest: bool,
 }
 
@@ -70,9 +71,9 @@ pub struct LqrRegion {
     pub radius: f64,
     /// Residual of the Riccati equation, relative to its solution.
     pub residual: f64,
-    /// Whether its submodel can rest near the set point.
+    /// True if its submodel can rest near the set point.
     pub rests: bool,
-    /// Whether its law is that of the set point, for want of an own one.
+    /// True if its law is that of the set point, because it has no law itself.
     pub borrowed: bool,
 }
 
@@ -84,7 +85,7 @@ struct Design<'a> {
     period: f64,
     /// Places of the coordinates that are kept.
     kept: Vec<usize>,
-    /// Where the search for a set point begins, and which coordinates, then inputs, it gives.
+    /// Start of the search for a set point, and marks of the given coordinates, then inputs.
     start: Vec<f64>,
     given: Vec<bool>,
     /// Indices of the inputs that are driven.
@@ -463,7 +464,7 @@ impl<'a> Design<'a> {
     }
 }
 
-/// Where the search for a set point begins, states, then inputs, and which coordinates, then inputs, are given.
+/// Start of the search for a set point (states, then inputs), and marks of the given coordinates, then inputs.
 fn given(
     model: &Model,
     pieces: &Pieces,

@@ -1,4 +1,4 @@
-//! Whether a filter's deviations are what its errors are: normalised squares and their bands.
+//! Consistency of a filter: normalised squares of its errors, and their bands.
 
 use fleetfoot_data::EpisodeId;
 use fleetfoot_stats::BatchMeans;
@@ -87,12 +87,13 @@ impl Chunk {
 pub struct MeanBand {
     /// The mean.
     pub mean: f64,
-    /// Where 95 % of the means of a consistent filter lie, for as many independent rows as the squares' own correlation leaves.
+    /// The 95 % band of the means of a consistent filter, for as many independent rows as the squares' correlation
+    /// leaves.
     pub band: [f64; 2],
 }
 
 impl MeanBand {
-    /// Whether the mean lies in its band.
+    /// Returns true if the mean lies in its band.
     pub fn holds(&self) -> bool {
         (self.band[0]..=self.band[1]).contains(&self.mean)
     }

@@ -46,9 +46,11 @@ pub(super) fn white_noise(model: &Model, pieces: &Pieces, region: usize) -> Resu
 
 /// The noise of a region whose residuals hang on those of the rows before: what the whitened residuals of a row become in the states, and the little that given equations may be off.
 ///
-/// What a residual is in a row it is over the whole step, as inputs are. Residuals of central differences are means over two rows; they do over many rows what those of one row do, and are somewhat smaller over one.
-/// `time`: rows that say as much as an independent one. Few rows fit their own noise, and what coefficients are off by it adds to that of other rows: the covariance is that of rows which did not train,
-/// `(n + p) / (n - p)` times that of those which did, n of them independent (Akaike, "Fitting autoregressive models for prediction", Ann. Inst. Statist. Math. 21, 1969).
+/// A residual of a row lasts over the whole step, as inputs do. Residuals of central differences are means over two
+/// rows: over many rows they act like those of one row, over one row they are somewhat smaller. `time`: rows that count
+/// as an independent one. Few rows fit their own noise, and the errors of the coefficients add to the noise of other
+/// rows. The covariance is therefore that of held-out rows: `(n + p) / (n - p)` times that of the training rows, n of
+/// them independent (Akaike, "Fitting autoregressive models for prediction", Ann. Inst. Statist. Math. 21, 1969).
 pub(super) fn coloured_noise(
     model: &Model,
     pieces: &Pieces,
@@ -83,7 +85,7 @@ pub(super) fn described<'m>(model: &'m Model, pieces: &Pieces) -> Option<(&'m Pa
     model.partitions.get(index).zip(model.summaries.get(index))
 }
 
-/// What makes a covariance over all rows one over the degrees of freedom.
+/// Factor from a covariance over all rows to one over the degrees of freedom.
 fn over_freedom(own: &RegionSummary) -> f64 {
     let (rows, spent) = (own.rows as f64, own.rank as f64 + 1.0);
     if rows > spent { rows / (rows - spent) } else { 1.0 }

@@ -12,7 +12,7 @@ const FIRST_SLOPE: f64 = 20.0;
 /// A row moves that factor, and the deviation of a sensor, no more than this many times the expected square says: outliers are no noise.
 const MOST_OVER: f64 = 20.0;
 
-/// What a filter knows at a row.
+/// State of a filter at a row.
 pub struct Track {
     /// The probability of every region.
     weights: Vec<f64>,
@@ -35,7 +35,7 @@ pub struct Track {
 #[derive(Debug, Clone, Copy)]
 struct Process {
     factor: f64,
-    /// How much the normalised innovations so far would have changed with the logarithm; `None`: it is given.
+    /// Derivative of the normalised innovations so far by the logarithm of the factor; `None`: the factor is given.
     slope: Option<f64>,
 }
 
@@ -59,7 +59,7 @@ struct Mode {
     places: Vec<Option<usize>>,
 }
 
-/// What is known of a sensor.
+/// State of a sensor.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sensor {
     /// The innovation at the present row, NaN for none, and its variance.
@@ -107,7 +107,7 @@ impl Mode {
         inside.max(0.5) / self.places.len() as f64
     }
 
-    /// What lies where a test says so, as a normal distribution; the whole, where all does or nothing.
+    /// Part of the distribution inside a test, as a normal distribution; the whole if all points or none are inside.
     fn part(&self, inside: &dyn Fn(usize) -> bool, geometry: &Geometry) -> Gaussian {
         let n = self.offsets.len().checked_div(self.places.len()).unwrap_or(0);
         let count = (0..self.places.len()).filter(|&point| inside(point)).count();
@@ -118,7 +118,8 @@ impl Mode {
         self.state.around(n, count, offsets.map(|(_, offset)| offset), geometry)
     }
 
-    /// Where this went from a region: probabilities and states by region, by what its points, which stood at `before`, have crossed. What stays is the whole, as it was.
+    /// Result of a step from a region: probabilities and states by the regions to which its points moved; `before` are
+    /// their regions before. The part that stays is the whole, unchanged.
     fn crossed(&self, from: usize, before: &[Option<usize>], geometry: &Geometry) -> Vec<(usize, f64, Gaussian)> {
         let began = |point: usize| before[point] == Some(from);
         // Where no point stood in the region, all of them count.

@@ -22,7 +22,7 @@ const DEPENDENT: f64 = 1e-9;
 pub struct Mode {
     /// Its eigenvalue, real and imaginary part (not negative).
     pub eigenvalue: [f64; 2],
-    /// How much every state takes part in it (n), the largest one 1: the left eigenvector, by absolute value.
+    /// Share of every state in it (n), the largest one 1: the left eigenvector, by absolute value.
     pub share: Vec<f64>,
 }
 

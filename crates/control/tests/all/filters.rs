@@ -317,7 +317,7 @@ pub(crate) fn simulated(
     states
 }
 
-/// How consistent a filter is over seeds.
+/// Consistency of a filter over seeds.
 #[derive(Debug)]
 struct Found {
     mean: MeanBand,

@@ -12,7 +12,7 @@ pub enum ClosedError {
     Ahead {
         /// The column.
         column: String,
-        /// What it is.
+        /// Its definition.
         definition: String,
         /// The simulated column that it reads.
         state: String,

@@ -1,4 +1,4 @@
-//! Where regions lie: centres, thresholds and borders in the units of the columns that a partition looks at.
+//! Places of regions: centres, thresholds and borders in the units of the partition columns.
 
 use super::short;
 use crate::{Column, Partition, Rule, UnseenLabel};
@@ -149,7 +149,7 @@ fn centre(weights: &[f64], axes: &[Axis]) -> String {
     format!("centre {}", weights.iter().zip(axes).map(of).collect::<Vec<_>>().join(", "))
 }
 
-/// Where the score of a region is the largest.
+/// Set in which the score of a region is the largest, in words.
 fn border(scores: &[Score], region: usize, axes: &[Axis], of_all: &str) -> String {
     let own = &scores[region];
     match (axes, scores) {

@@ -16,7 +16,7 @@ use super::{
     sensors::Sensors,
 };
 
-/// How far a quaternion's length may be from one before that is told.
+/// Deviation of a quaternion's length from one above which a note warns.
 const LENGTH: f64 = 0.01;
 
 /// The square of the length of a quaternion below which it is none.
@@ -25,7 +25,8 @@ const NONE: f64 = 1e-6;
 /// A bias of an accelerometer, m/s^2, and of a gyroscope, rad/s, that no sensor has which works.
 const BIASES: [f64; 2] = [1.0, 0.3];
 
-/// How much noisier than by themselves readings may be beside the poses before it is told that they contradict each other.
+/// Ratio of the readings' noise beside the poses to their noise alone above which a note says that they contradict each
+/// other.
 const NOISIER: f64 = 20.0;
 
 /// The poses of a log, in seconds after the first of its readings.
@@ -84,7 +85,8 @@ impl Poses {
     }
 }
 
-/// What fusion found that no body and no sensor is like: units, signs and frames are wrong then, and the motion that is written is, too.
+/// Notes about fused values that no body and no sensor can have. Units, signs or frames are then wrong, and so is the
+/// written motion.
 pub(super) fn doubts(fused: &Fused, rows: &[LogRows], sensors: &Sensors) -> Vec<String> {
     let mut doubts = Vec::new();
     let states = || fused.tracks.iter().flat_map(|track| &track.states);

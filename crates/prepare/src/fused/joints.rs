@@ -26,7 +26,8 @@ const TOLD: f64 = 0.15;
 /// Deviations by which a correlation differs from none.
 const SURE: f64 = 6.0;
 
-/// How much noisier than about its own curve a sensor may be before it is told that sensors contradict each other.
+/// Ratio of a sensor's noise to that about its separate curve above which a note says that sensors contradict each
+/// other.
 const CONTRADICTED: f64 = 3.0;
 
 /// A joint and its sensors, checked.
@@ -143,7 +144,7 @@ pub(super) struct Joint {
     records: Vec<Vec<LogRows>>,
 }
 
-/// What is read for joints.
+/// Inputs of the joints' logs.
 #[derive(Clone, Copy)]
 pub(super) struct Opening<'a> {
     pub(super) recipe: &'a Recipe,

@@ -9,7 +9,7 @@ use fleetfoot_signal::dejitter;
 /// Rows that are read at a time.
 const CHUNK: usize = 65_536;
 
-/// What of a data set is kept.
+/// Layout of the kept columns of a data set.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Layout {
     /// Rows count in which the first so many columns have values.

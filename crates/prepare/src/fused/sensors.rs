@@ -51,7 +51,7 @@ fn prior<const N: usize>(
     }
 }
 
-/// How many channels a sensor has.
+/// Number of channels of a sensor.
 pub(super) fn channels(kind: SensorKind) -> usize {
     match kind {
         SensorKind::Pose => 7,
@@ -70,7 +70,7 @@ pub(super) fn seconds(name: &str, what: &str, said: Option<f64>) -> Result<f64, 
     }
 }
 
-/// What residuals cost: `huber` or `student` of a section.
+/// Loss of the residuals: `huber` or `student` of a section.
 pub(super) fn loss(place: &str, huber: Option<f64>, student: Option<f64>) -> Result<Loss, Error> {
     match (huber, student) {
         (Some(_), Some(_)) => Err(Error::conflict(format!("{place}: huber and student; say one of them"))),
@@ -142,7 +142,7 @@ impl Sensors {
         Ok(own)
     }
 
-    /// Whether there is an accelerometer.
+    /// Returns true if there is an accelerometer.
     pub(super) fn has_forces(&self) -> bool {
         self.readings.len() > 3
     }
@@ -169,7 +169,7 @@ impl Sensors {
         Ok(())
     }
 
-    /// What a section knows beside its channels.
+    /// Reads the settings of a section beside its channels.
     fn read(&mut self, name: &str, sensor: &SensorSection) -> Result<(), Error> {
         let (options, is_pose) = (&mut self.options, sensor.kind == SensorKind::Pose);
         if !is_pose && (sensor.lever.is_some() || sensor.mounting.is_some() || sensor.delay.is_some()) {

@@ -80,10 +80,10 @@ struct JointColumns {
     angle: bool,
 }
 
-/// What is written.
+/// Columns that are written.
 pub(super) struct Columns {
     pub(super) write: Vec<WriteColumn>,
-    /// What the attitude of the body is, where there is one.
+    /// Form of the body's attitude, if it has one.
     attitude: Option<AttitudeForm>,
     joints: Vec<JointColumns>,
 }
@@ -204,7 +204,7 @@ fn known(text: &str) -> State {
     State { known: Some(text.to_owned()), ..State::default() }
 }
 
-/// How far a body's nose points up or down at most, rad.
+/// Largest pitch of a body's nose, up or down, rad.
 pub(super) fn steepest(states: &[BodyState]) -> f64 {
     states.iter().map(|own| angles(own.attitude)[1].abs()).fold(0.0, f64::max)
 }

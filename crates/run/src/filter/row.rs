@@ -203,7 +203,7 @@ impl FilteredRows {
         &self.episode
     }
 
-    /// What must be added to the stamps to get the times of the recording, nanoseconds.
+    /// Offset from the stamps to the times of the recording, nanoseconds.
     pub fn log_offset(&self) -> i64 {
         self.log_offset
     }
@@ -260,7 +260,7 @@ impl FilteredRows {
         own[best].is_finite().then_some(best)
     }
 
-    /// What a sensor measured; NaN for nothing.
+    /// Measurement of a sensor; NaN without one.
     pub fn measured(&self, row: usize, sensor: usize) -> f64 {
         self.measured[row * self.sensors + sensor]
     }

@@ -28,7 +28,7 @@ pub(super) struct Sums {
     lost: u64,
     first_lost: Option<(String, usize)>,
     lost_episodes: usize,
-    /// What the present episode's rows say so far; `None` before its first one.
+    /// Sums of the present episode so far; `None` before its first row.
     episode: Option<Along>,
 }
 

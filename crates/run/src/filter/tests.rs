@@ -72,7 +72,7 @@ fn whatever_is_filtered_at_a_time_gives_the_same_bits_and_keeps_no_more() {
     assert_ne!(filtered_alike(&white, &logs), filtered_alike(&coloured, &logs));
 }
 
-/// What is told of some recordings, however many rows are filtered at a time.
+/// Report on some recordings; the same for any number of rows that are filtered at a time.
 fn filtered_alike(model: &Model, logs: &[PathBuf]) -> String {
     let changes = Recipe::default();
     let found = |at_a_time: usize, threads: usize| {

@@ -150,7 +150,7 @@ fn write_table(
     Ok(())
 }
 
-/// What no sensor measured leaves a gap in the lines that a viewer draws.
+/// Writes the messages. A missing measurement leaves a gap in the lines that a viewer draws.
 fn write_messages(
     overlay: &mut Overlay,
     topics: &[SeriesId; 6],

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 use super::{Kind, kind};
 
-/// What the files are called behind the name of the messages'.
+/// Suffixes of the layout files, behind the name of the messages' file.
 const SUFFIXES: [&str; 2] = ["foxglove.json", "plotjuggler.xml"];
 /// Plots that a layout has: a screen has no room for more.
 const PLOTS: usize = 8;
@@ -20,7 +20,7 @@ const COLOURS: [&str; 6] = ["#5b6168", "#1f5fae", "#c2560c", "#1b7f5c", "#8d3f9c
 
 /// A plot of a layout.
 pub(crate) struct Plot {
-    /// What it shows.
+    /// Its title.
     pub(crate) title: String,
     /// Its lines; the measured one is the first.
     pub(crate) lines: Vec<Line>,
@@ -33,7 +33,7 @@ pub(crate) struct Line {
     /// The name of the number, and its place among the names.
     pub(crate) name: String,
     pub(crate) place: usize,
-    /// What the line is called.
+    /// Label of the line.
     pub(crate) label: String,
 }
 

@@ -87,7 +87,7 @@ fn write_table(path: &Path, model: &Model, view: &dyn Source, rollouts: &Rollout
     Ok(())
 }
 
-/// What the recording says of the simulated states.
+/// Recorded values of the simulated states.
 struct Measured<'a> {
     view: &'a dyn Source,
     /// Column of the view of each state.
