@@ -162,7 +162,7 @@ fn encoder(seconds: f64) -> (Vec<f64>, Vec<f64>) {
     (times, values)
 }
 
-/// Where a fusion stands, in a file that is there whole or not at all.
+/// State of a fusion, in a file that is there whole or not at all.
 struct Kept(PathBuf);
 
 impl Checkpoint for Kept {

@@ -36,7 +36,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     rows()
 }
 
-/// What a walk came to.
+/// Result of a walk.
 struct Walk {
     distance: f64,
     height: f64,

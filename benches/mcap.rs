@@ -337,7 +337,7 @@ fn tell_memory(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// What [`tell_memory`] runs in a process of its own.
+/// Job that [`tell_memory`] runs in a separate process.
 fn memory_job(path: &Path) -> Result<()> {
     let six = rates_and_accelerations();
     let six: Vec<&str> = six.iter().map(String::as_str).collect();

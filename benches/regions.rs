@@ -1,8 +1,9 @@
 //! Regions that fit the dynamics, beside k-means: `refined:K`, `lattice:1..50` and `tree:1..6` on 1e6 rows of 16 random columns, whose eight targets follow ten maps between random linear
 //! separators in three of the columns, with noise; once with regions by all columns, and once by the three. There is no peer at this size; what is held against another is checked in the same run.
 //!
-//! What must be done at least: k-means goes over the rows some ten times (16 K FMA a row); a scan of one partition sums Gram matrices of 24 columns (300 FMA a row). Refinements see a sample of the rows, whatever
-//! their number, and the scan sees all.
+//! Lower bound of the work: k-means goes over the rows some ten times (16 K FMA a row), and a scan of one partition
+//! sums Gram matrices of 24 columns (300 FMA a row). Refinements see a sample of the rows, whatever their number, and
+//! the scan sees all.
 
 use std::{
     ops::Range,
@@ -31,7 +32,7 @@ const TELLING: usize = 3;
 const NOISE: f64 = 0.3;
 /// Most times of k-means' CPU seconds that refined regions may take, at ten regions.
 const SLOWEST: f64 = 8.0;
-/// How far the error of joined cells may be above that of regions refined for themselves.
+/// Largest ratio of the error of joined cells to that of separately refined regions.
 const FARTHEST: f64 = 1.03;
 /// Regions at which all partitions are compared.
 const COMPARED: [usize; 5] = [2, 5, 10, 20, 50];
@@ -111,7 +112,7 @@ impl Source for Counted {
     }
 }
 
-/// What a fit took and found.
+/// Cost and result of a fit.
 struct Run {
     seconds: f64,
     cpu: f64,
@@ -197,7 +198,7 @@ fn on_columns(partitioned: usize, source: &Counted) {
     compare(&lattice, &run);
 }
 
-/// What the tree of joins says of a level is what its model does on the rows.
+/// Checks the errors that the tree of joins gives for a level against those of its model on the rows.
 fn levels(lattice: &Run) {
     let last = lattice.found.models.last().expect("models");
     let levels = &last.partitions[0].lattice.as_ref().expect("a tree").levels;

@@ -1,4 +1,5 @@
-//! What `--objective steps:N` is made of: sensitivities of a rollout by the coefficients beside the same rollout without them, and a refinement of a million rows.
+//! Parts of `--objective steps:N`: sensitivities of a rollout by the coefficients beside the same rollout without them,
+//! and a refinement of a million rows.
 //!
 //! **Sensitivities**: segments of 20 steps of a piecewise-affine model with K = 50, 16 states, 2 inputs, all of whose numbers are free (15,200). The tangents S of a
 //! segment are 16 x p for the p numbers of the regions that it meets, 304 a region, and a step multiplies them by the map's 16 x 16: 256 p multiply-adds, where the rollout
@@ -38,7 +39,7 @@ const ROWS: usize = 20_000;
 const NOISE: f64 = 0.01;
 /// Trial steps.
 const ITERATIONS: usize = 5;
-/// How far from the truth the fit begins.
+/// Relative distance of the fit's start from the truth.
 const BESIDE: f64 = 0.02;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -217,7 +218,7 @@ fn sparse(hertz: f64) -> Model {
     model
 }
 
-/// What the model does in episodes of its own, from beginnings and with inputs of oscillations; measured with noise.
+/// Simulated episodes of the model, from beginnings and with inputs of oscillations, measured with noise.
 fn measured(model: &Model, hertz: f64) -> Result<MemorySource, Box<dyn Error>> {
     let mut random = Pcg64::seed_from_u64(11);
     let mut asked = MemorySource::new(hybrid::names().into_iter().map(Column::float).collect());

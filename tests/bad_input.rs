@@ -518,7 +518,7 @@ fn slips_are_told_with_their_mend() {
     assert!(told.contains(hash.trim_end_matches(':')), "{told}\n{shown}");
 }
 
-/// What `info` tells of files that are given together is what a fit of them takes: the unit that fits all of them.
+/// `info` on several files reports the unit that a fit of them takes: the one that fits all of them.
 #[test]
 fn info_of_several_files_agrees_with_a_fit_of_them() {
     let text = |period: i64| {

@@ -4,7 +4,7 @@ use std::{fs, path::PathBuf};
 
 use crate::{report::models, runner::*};
 
-/// Where a browser is.
+/// Path of a browser.
 fn chromium() -> Option<PathBuf> {
     let paths = std::env::var_os("PATH")?;
     let names = ["chromium", "chromium-browser", "google-chrome"];

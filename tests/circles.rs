@@ -137,7 +137,7 @@ fn raw(signs: &[char], at: usize) -> Option<usize> {
     Some(end + hashes + 1)
 }
 
-/// Whether an item of tests begins here.
+/// Returns true if an item of tests begins here.
 pub(crate) fn is_test(tokens: &[String], at: usize) -> bool {
     is(tokens, at, &["#", "[", "cfg", "(", "test"]) || is(tokens, at, &["#", "[", "cfg", "(", "all", "(", "test"])
 }
@@ -146,7 +146,7 @@ fn is(tokens: &[String], at: usize, what: &[&str]) -> bool {
     what.iter().enumerate().all(|(i, w)| tokens.get(at + i).is_some_and(|t| t == w))
 }
 
-/// What a file imports and names, its tests left out.
+/// Imports and names of a file, without its tests.
 fn module(tokens: &[String]) -> Module {
     let (mut module, mut at) = (Module::default(), 0);
     let is = |at: usize, what: &[&str]| is(tokens, at, what);
@@ -296,7 +296,7 @@ fn stands(modules: &Crate, from: &[String], path: &[String], depth: usize) -> Op
     None
 }
 
-/// What goes on between the modules of one parent: each stands for all that is below it.
+/// Dependencies between the modules of one parent: each stands for all that is below it.
 fn between_siblings(modules: &Crate) -> Edges {
     let mut edges: Edges = modules.keys().map(|module| (module.clone(), BTreeMap::new())).collect();
     for module in modules.keys() {

@@ -13,7 +13,7 @@ use crate::{outside::data, runner::*};
 
 const START: i64 = 1_700_000_000_000_000_000;
 
-/// What the cameras' clock shows more than the robot's, t seconds after the start: 0.3 s, and 40 parts in a million.
+/// Offset of the cameras' clock from the robot's, t seconds after the start: 0.3 s, and 40 parts in a million.
 fn ahead(t: f64) -> f64 {
     0.3 + 40e-6 * t
 }

@@ -1,4 +1,4 @@
-//! How derivatives are measured: orders of central differences, and mean slopes over spans.
+//! Measured derivatives: orders of central differences, and mean slopes over spans.
 
 use std::{fmt::Write, fs};
 

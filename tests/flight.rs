@@ -31,7 +31,8 @@ impl Table {
     }
 }
 
-/// What the whole flight says of its noise (`fit_noise` from the densities of the data sheet on): rotors shake the sensor, whose readings scatter twenty times more than its data sheet says.
+/// Noise of the whole flight (`fit_noise` from the densities of the data sheet on): rotors shake the sensor, whose
+/// readings scatter twenty times more than its data sheet says.
 const NOISE: BodyNoise =
     BodyNoise { imu: ImuNoise::even(7e-3, 4e-2, 1.9393e-5, 3e-3), position: 2e-4, attitude: 2e-3, jerk: 100.0 };
 

@@ -67,10 +67,10 @@ fn write_body(path: &Path, rows: usize) {
     write_wrong(path, rows, &|_, _| {}, &|_, _, _| {});
 }
 
-/// What is done to rates and forces.
+/// Change of rates and forces.
 type Read<'a> = &'a dyn Fn(&mut [f64; 3], &mut [f64; 3]);
 
-/// What is done to positions and quaternions at a second.
+/// Change of positions and quaternions at a second.
 type See<'a> = &'a dyn Fn(f64, &mut [f64; 3], &mut [f64; 4]);
 
 /// The same with readings and poses as somebody's log has them.
@@ -380,7 +380,8 @@ fn a_killed_preparation_writes_the_same_bytes() {
     assert!(files() == whole && !kept.exists());
 }
 
-/// What people's logs have in place of what is asked for: degrees, units of gravity, forces without gravity, parts of quaternions in another order or the other way round. Something is written, and what is wrong is told.
+/// Common faults of logs: degrees, units of gravity, forces without gravity, parts of quaternions in another order or
+/// the other way round. A file is written, and a note names the fault.
 #[test]
 fn wrong_units_and_frames_are_told() {
     let folder = tempfile::tempdir().unwrap();

@@ -216,7 +216,7 @@ fn a_folder_whose_name_is_no_text_is_told() {
     assert!(shown(&told[0]["file"]), "{told}");
 }
 
-/// What `mcap-ros2-support` says of a log.
+/// Content of a log as `mcap-ros2-support` reads it.
 #[derive(Default)]
 struct Told {
     /// Messages and undecoded ones of each topic.

@@ -1,4 +1,5 @@
-//! What a command refuses, or says, before and instead of a wrong answer: outputs that would destroy something, models for other rows, values that are none.
+//! Refusals and warnings in place of a wrong answer: outputs that would destroy a file, models for other rows, values
+//! that are none.
 
 use std::{fmt::Write, fs};
 

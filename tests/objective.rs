@@ -323,7 +323,7 @@ fn sprung(rows: usize) -> String {
     text
 }
 
-/// What eigenvalues by an arc cosine are known to, which costs half of the digits where two are near each other.
+/// Accuracy of eigenvalues by an arc cosine, which costs half of the digits if two are near each other.
 const ROUNDED: f64 = -1e-7;
 
 /// The least eigenvalue of the dissipation inequality of every region for a port f:v, from the files' numbers, in units of its diagonal.

@@ -1,7 +1,7 @@
-//! What tests need from outside the checkout: recordings of real machines, and a Python with other readers and writers.
+//! Needs of tests from outside the checkout: recordings of real machines, and a Python with other readers and writers.
 //!
-//! Where they are said to be (`FLEETFOOT_DATA`, `FLEETFOOT_PYTHON`), or lie beside the checkout, a test that does not find what it needs fails. A fresh clone
-//! alone passes: its tests say what they did not do.
+//! These are named by `FLEETFOOT_DATA` and `FLEETFOOT_PYTHON`, or lie beside the checkout. A test then fails if a part
+//! of them is missing. In a fresh clone alone the tests pass, and print the parts that they skipped.
 
 #![allow(dead_code, reason = "each test binary includes this file and uses what it needs")]
 

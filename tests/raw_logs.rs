@@ -151,7 +151,7 @@ fn a_raw_log_that_is_gone_or_another_one_is_told() {
     assert!(said["targets"][0]["raw"]["rows"].as_u64() < said["rows"].as_u64());
 }
 
-/// What `prepare` has rejected is no measurement, and a pause has none.
+/// A value that `prepare` rejected is no measurement, and a pause has none.
 #[test]
 fn gross_errors_and_gaps_are_no_measurements() {
     let folder = tempfile::tempdir().expect("a folder");

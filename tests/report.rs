@@ -348,7 +348,7 @@ fn channels_and_clocks_are_told() {
     assert_eq!(shown, ["/truth/cmd_vel", "/truth/odometry", "/truth/wheels"]);
 }
 
-/// What `prepare` rejects, or a channel does not tell, stands in a log as an empty value.
+/// A value that `prepare` rejects, or that a channel lacks, stands in a log as an empty value.
 #[test]
 fn missing_values_are_shown_where_they_are() {
     let folder = models(600);
@@ -462,7 +462,7 @@ fn names_are_text_and_many_columns_have_room() {
     assert!(html.len() < 1_500_000, "{} bytes", html.len());
 }
 
-/// What a fit keeps stands on the page as it is told on the terminal: maps that are bounded, and coefficients with limits.
+/// The bounds of a fit stand on the page as on the terminal: maps that are bounded, and coefficients with limits.
 #[test]
 fn what_a_fit_keeps_is_shown() {
     let folder = models(400);

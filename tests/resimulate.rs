@@ -4,7 +4,7 @@ use std::fs;
 
 use crate::runner::*;
 
-/// What is said of columns and equations: the truth below v = 0.5 of [`robot_csv`], so that the model is wrong above it.
+/// Recipe of columns and equations: the truth of [`robot_csv`] below v = 0.5, so that the model is wrong above it.
 const RECIPE: &str = r#"
 [columns]
 v = "`v [m/s]`"

@@ -16,7 +16,7 @@ const OFFSET: i64 = LOG_START - 5_000_000_000;
 /// Rate of change of the speeds towards the commanded ones, 1/s.
 const GAINS: [f64; 2] = [2.0, 5.0];
 
-/// What a log is written with.
+/// Options of a written log.
 #[derive(Clone, Copy)]
 struct Robot {
     prefix: &'static str,

@@ -316,7 +316,8 @@ fn a_library_speaks_of_a_rotation_by_name() {
     assert!(rolled.out.contains("replayed from the recording: nothing"), "{}", rolled.out);
 }
 
-/// What is no rotation is refused in words: with the file and the row where it is recorded, with the mend where it is a recipe.
+/// Columns that are no rotation are refused in words: with the file and the row if recorded, with the remedy if a
+/// recipe names them.
 #[test]
 fn what_is_no_rotation_is_refused() {
     let folder = folder();

@@ -10,7 +10,7 @@ pub(crate) use std::{
     process::{Command, Output},
 };
 
-/// What a run said.
+/// Exit code and output of a run.
 pub(crate) struct Said {
     pub(crate) code: i32,
     pub(crate) out: String,
@@ -101,7 +101,7 @@ impl Running {
         assert!(sent.expect("kill runs").success(), "{} is there no more", self.what);
     }
 
-    /// Whether it has ended by itself.
+    /// Returns true if it has ended by itself.
     pub(crate) fn has_ended(&mut self) -> bool {
         self.child.try_wait().expect("a child").is_some()
     }

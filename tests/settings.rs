@@ -1,4 +1,5 @@
-//! What a fit is told: flags above the recipe, the recipe above the defaults; and the recipe that a model carries says all of it.
+//! Precedence of settings: flags above the recipe, the recipe above the defaults; the recipe in a model has all of
+//! them.
 
 use std::fs;
 
@@ -74,7 +75,7 @@ const METHODS: [(&str, &[&str], &str); 8] = [
     ),
 ];
 
-/// What is modelled, as every recipe and every command line here has it.
+/// Columns, states and inputs of every recipe and command line here.
 const COLUMNS: &str =
     "columns = { v = \"`v [m/s]`\" }\nstates = { v = {} }\ninputs = { u = \"u\" }\ntime = { column = \"t\" }\n";
 

@@ -178,7 +178,8 @@ fn lorenz_by_finite_differences() {
     assert!((3.5..4.5).contains(&ratio), "{ratio}");
 }
 
-/// What explains the error of the differences is no dynamics: clean states give the true terms at every rate that resolves them, without a threshold.
+/// Functions that explain the error of the differences are no dynamics. Clean states give the true terms at every rate
+/// that resolves them, without a threshold.
 #[test]
 fn terms_do_not_explain_the_error_of_differences() {
     for dt in [0.002, 0.01] {

@@ -10,7 +10,7 @@ fn lines(text: &str, range: std::ops::Range<usize>) -> String {
     text.lines().enumerate().filter(wanted).map(|(_, line)| format!("{line}\n")).collect()
 }
 
-/// Whether scores on a file are said to flatter.
+/// Returns true if a note says that scores on a file are in-sample.
 #[track_caller]
 fn flatters(folder: &Path, model: &str, log: &str) -> bool {
     let said = fleetfoot(folder, &["score", model, log, "--json"]).ok();

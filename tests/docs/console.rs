@@ -22,7 +22,7 @@ struct Shown {
     code: i32,
 }
 
-/// What a page shows, and what was said.
+/// Difference between a page and the output of its command.
 pub(crate) struct Difference {
     command: String,
     at: usize,
@@ -30,7 +30,7 @@ pub(crate) struct Difference {
     said: Vec<String>,
 }
 
-/// What came of a page's commands.
+/// Result of a page's commands.
 #[derive(Default)]
 pub(crate) struct Ran {
     pub(crate) commands: usize,
@@ -134,7 +134,7 @@ fn shell(folder: &Path, line: &str) -> Output {
     Command::new("sh").args(["-ec", line]).current_dir(folder).env("PATH", path).output().expect("sh runs")
 }
 
-/// Whether lines are as shown.
+/// Returns true if lines are as shown.
 fn matches<A: AsRef<str>, B: AsRef<str>>(shown: &[A], said: &[B]) -> bool {
     match shown.split_first() {
         None => said.is_empty(),
@@ -147,8 +147,8 @@ fn matches<A: AsRef<str>, B: AsRef<str>>(shown: &[A], said: &[B]) -> bool {
     }
 }
 
-/// Whether a line is as shown: `[..]` stands for anything, a run of blanks for another one, and numbers are the same to a unit of their last digit, since
-/// other instruction sets round otherwise.
+/// Returns true if a line is as shown. `[..]` stands for any text, and a run of blanks for another one. Numbers are the
+/// same to a unit of their last digit, since other instruction sets round otherwise.
 fn matches_line(shown: &str, said: &str) -> bool {
     let (shown, said) = (shown.trim_end(), said.trim_end());
     shown == said || matches_from((shown, 0), (said, 0))
@@ -209,7 +209,8 @@ fn number(line: &str, at: usize) -> Option<&str> {
     (!goes_on && !is_open).then(|| &text[..end])
 }
 
-/// Whether two numbers differ by no more than a unit of the last digit of the one with more digits. Counts, which have neither point nor exponent, are equal.
+/// Returns true if two numbers differ by at most a unit of the last digit of the one with more digits. Counts, which
+/// have neither point nor exponent, are equal.
 fn same_number(one: &str, other: &str) -> bool {
     if one == other {
         return true;

@@ -11,7 +11,7 @@ pub(crate) struct Block {
     pub(crate) needs: Vec<String>,
     /// The number of its fence's line, from 1.
     pub(crate) line: usize,
-    /// What it holds, without the fence's indentation.
+    /// Its lines, without the fence's indentation.
     pub(crate) lines: Vec<String>,
 }
 

@@ -41,7 +41,7 @@ pub(crate) struct Rows {
     pub(crate) columns: usize,
     /// Rows in front of every simulation.
     pub(crate) before: usize,
-    /// Whether rows have stamps, so that derivatives can be measured.
+    /// True if rows have stamps, so that derivatives can be measured.
     pub(crate) clock: bool,
     /// Rows a second, where they can be made anew; `None` where they cannot.
     pub(crate) rate: Option<f64>,

@@ -127,7 +127,7 @@ pub(crate) fn drafted(
     Ok(draft)
 }
 
-/// What a recipe says, above a draft.
+/// Merges a recipe over a draft.
 fn merged(recipe: &Recipe, draft: Recipe) -> Recipe {
     let mut found = recipe.clone();
     found.states = draft.states;
@@ -245,7 +245,7 @@ fn is_clock(steps: &[f64]) -> bool {
     mean > 0.0 && steps.iter().all(|step| *step > 0.0) && spread < 1e-3 * mean
 }
 
-/// How many values there are, up to [`VALUES`].
+/// Number of distinct values, up to [`VALUES`].
 fn distinct(values: impl Iterator<Item = f64>) -> usize {
     let mut seen: Vec<f64> = Vec::new();
     for value in values {

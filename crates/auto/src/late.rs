@@ -76,7 +76,7 @@ fn delay(rows: &dyn Source, [state, input]: [usize; 2], most: usize) -> Result<O
     Ok((best <= most && found[best] > LEAST && found[best] > LARGER * usual).then_some((best, found[best])))
 }
 
-/// What the two rows before do not tell of a row, by least squares; NaN of the first two.
+/// Innovations of each row by least squares on the two rows before; NaN for the first two.
 fn innovations(x: &[f64]) -> Vec<f64> {
     let count = x.iter().filter(|x| x.is_finite()).count().max(1) as f64;
     let mean = x.iter().filter(|x| x.is_finite()).sum::<f64>() / count;

@@ -70,11 +70,11 @@ pub struct Auto {
     pub linear: Option<Model>,
     /// The recipe that gives the same again.
     pub recipe: Recipe,
-    /// What `check` found in the logs; `None` where it could not read them.
+    /// Findings of `check` in the logs; `None` if it could not read them.
     pub checked: Option<Checked>,
     /// The candidates, from cheap to dear.
     pub candidates: Vec<Candidate>,
-    /// Which of them was chosen.
+    /// Index of the chosen candidate.
     pub chosen: usize,
     /// Steps of all simulations.
     pub horizon: HorizonChoice,
@@ -86,9 +86,9 @@ pub struct Auto {
     pub outside: f64,
     /// Share of them that diverge.
     pub diverged: f64,
-    /// What stands above all where the model is not worth having.
+    /// Warning above all else, if the model is of no use.
     pub warning: Option<String>,
-    /// What was fitted, how good it is, from when to when, what is weak, what to record next.
+    /// Sentences about the fit: model, errors, useful horizon, weak points, and the motion to record next.
     pub sentences: Vec<String>,
     /// Assumptions.
     pub notes: Vec<String>,
@@ -96,11 +96,11 @@ pub struct Auto {
     pub stopped: bool,
     /// Rows of which the model sees one.
     every: usize,
-    /// What the fit of the chosen model says of itself.
+    /// Report of the chosen model's fit.
     fit: Value,
 }
 
-/// What is written of a result: nothing that a second run from the written recipe would say differently.
+/// Written part of a result: a second run from the written recipe gives the same.
 #[derive(Serialize)]
 struct Summary<'a> {
     warning: &'a Option<String>,
@@ -116,7 +116,7 @@ struct Summary<'a> {
     stopped: bool,
 }
 
-/// What is told to programs.
+/// Result for programs.
 #[derive(Serialize)]
 struct Told<'a> {
     #[serde(flatten)]
@@ -157,7 +157,7 @@ pub fn auto(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progress) -> 
     Ok(found)
 }
 
-/// What the training rows say before the first fit.
+/// Facts about the training rows before the first fit.
 struct Looked {
     horizon: HorizonChoice,
     rows: Rows,
@@ -186,7 +186,7 @@ impl Search<'_> {
         }
     }
 
-    /// What candidates must know of the training rows.
+    /// Facts about the training rows that candidates need.
     fn look(&self, progress: &dyn Progress) -> Result<Looked, Error> {
         let training = self.logs.only(Part::Training);
         let dataset = Dataset::for_columns(self.recipe, None, training, progress)?;

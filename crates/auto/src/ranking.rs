@@ -18,7 +18,7 @@ use crate::{
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Candidate {
-    /// What it is.
+    /// Name of the candidate.
     pub name: String,
     /// The command that fits it.
     pub method: String,
@@ -36,12 +36,12 @@ pub struct Candidate {
     pub reason: Option<String>,
 }
 
-/// What is kept of a candidate that could be fitted.
+/// A candidate that could be fitted.
 pub(crate) struct Tried {
     pub(crate) model: Model,
     /// Rows of which it sees one.
     pub(crate) every: usize,
-    /// What the fit says of itself.
+    /// Report of the fit.
     pub(crate) report: serde_json::Value,
 }
 
@@ -122,7 +122,7 @@ impl Ranking {
         })
     }
 
-    /// What needs no model and is not beaten by the chosen one beyond the standard error.
+    /// Name of a baseline that the chosen model does not beat by more than the standard error; `None` if it beats all.
     pub(crate) fn unbeaten(&self, chosen: usize) -> Option<&'static str> {
         let own = &self.candidates[chosen];
         if own.name == MEAN {
@@ -140,7 +140,7 @@ impl Ranking {
 /// Errors that differ by less are alike, however sure the difference is: a person reads the smaller model.
 const ALIKE: f64 = 1.05;
 
-/// Whether errors are less than others, fold by fold, by more than one standard error of the difference.
+/// Returns true if errors are lower than others, fold by fold, by more than one standard error of the difference.
 fn is_better(folds: &[f64], others: &[f64]) -> bool {
     let differences: Vec<f64> = others.iter().zip(folds).map(|(other, own)| other - own).collect();
     let (mean, spread) = mean_and_error(&differences);

@@ -20,7 +20,7 @@ const MARGIN: f64 = 1.1;
 /// An error over that of persistence below which a model is exact.
 const EXACT: f64 = 1e-6;
 
-/// What stands above all where a result is not worth having.
+/// Warning above all else, if a result is of no use.
 pub(crate) fn warning(found: &Auto, unbeaten: Option<&str>) -> Option<String> {
     if let Some(unbeaten) = unbeaten {
         return Some(format!(

@@ -21,7 +21,7 @@ pub const FILES: [&str; 4] = ["model.json", "recipe.toml", "report.html", "auto.
 /// The folder of the exported code.
 const CODE: &str = "c";
 
-/// Where a result goes.
+/// Output of a result.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct AutoOutput {
     /// The folder, which must not be there.

@@ -179,7 +179,7 @@ impl Sums {
         self.changes as f64 / self.rows.max(1) as f64
     }
 
-    /// Whether the channel has one value in all rows.
+    /// Returns true if the channel has one value in all rows.
     pub(crate) fn is_dead(&self) -> bool {
         self.rows > 0 && self.least == self.most
     }

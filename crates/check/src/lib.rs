@@ -44,7 +44,7 @@ pub struct Checked {
     pub notes: Vec<String>,
 }
 
-/// What a recipe says of a channel.
+/// Role of a channel in a recipe.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Part {
     /// A state.
@@ -62,7 +62,7 @@ pub(crate) struct Channel {
     /// Its place among the columns of the rows.
     pub(crate) place: usize,
     pub(crate) part: Part,
-    /// Whether the recipe says that it is an angle.
+    /// True if the recipe calls it an angle.
     pub(crate) angle: bool,
 }
 
@@ -130,7 +130,7 @@ fn channel(recipe: &Recipe, column: &Column, place: usize) -> Channel {
 }
 
 impl Channel {
-    /// Whether it is a measured real number, and no label or switch.
+    /// Returns true for a measured real number, false for a label or a switch.
     pub(crate) fn is_measured(&self) -> bool {
         self.column.kind == ColumnKind::Float
     }

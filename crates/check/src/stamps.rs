@@ -23,7 +23,7 @@ const FEW: usize = 8;
 /// Seconds that two clocks may run apart: messages come later or sooner by less.
 const APART: f64 = 0.05;
 
-/// What the files themselves say of their clocks.
+/// Findings about the clocks of files.
 pub(crate) fn of_files(infos: &[FileInfo]) -> Vec<Finding> {
     let mut findings = Vec::new();
     for info in infos {
@@ -90,7 +90,7 @@ struct Periods {
     bursts: u64,
 }
 
-/// What the stamps of the rows say.
+/// Findings about the stamps of the rows.
 pub(crate) fn of_rows(view: &dyn Source, progress: &dyn Progress) -> Result<Vec<Finding>, Error> {
     progress.stage("stamps");
     let episodes = parallel_map(view.episodes().len(), progress, |at| {

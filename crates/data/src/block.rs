@@ -2,7 +2,7 @@
 
 use arrow_buffer::ScalarBuffer;
 
-/// How many neighbouring rows a read should bring along on either side.
+/// Neighbouring rows that a read brings along on either side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Halo {
     /// Rows before the range.

@@ -16,7 +16,7 @@
 pub struct Canonical(Vec<u8>);
 
 impl Canonical {
-    /// Which variant of a type follows. Its number stays its own in all versions.
+    /// Appends the number of a type's variant, which is the same in all versions.
     pub fn tag(&mut self, tag: u8) {
         self.0.push(tag);
     }

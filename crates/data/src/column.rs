@@ -7,11 +7,11 @@ pub struct Column {
     pub name: String,
     /// The unit, when the file tells it.
     pub unit: Option<String>,
-    /// What the numbers stand for.
+    /// Kind of the numbers.
     pub kind: ColumnKind,
 }
 
-/// What the `f64` values of a column stand for.
+/// Kind of a column's `f64` values.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ColumnKind {
     /// A measured real number.

@@ -23,7 +23,7 @@ pub struct Episode {
     pub end: i64,
     /// Median sampling period, seconds; 0 for a single row.
     pub period: f64,
-    /// What its rows are recognised by in other logs.
+    /// Marks by which its rows are recognised in other logs.
     pub marks: Vec<Mark>,
 }
 

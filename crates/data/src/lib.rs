@@ -1,4 +1,4 @@
-//! What a recording is: sources, episodes, columns with units, blocks, ordered parallel work.
+//! The model of recordings: sources, episodes, columns with units, blocks, ordered parallel work.
 //!
 //! A [`Source`] holds [`Episode`]s: uninterrupted stretches of rows with time stamps and columns of `f64`.
 //! Nothing is read until a range of an episode's rows is asked for ([`Source::read`]); the answer is a

@@ -72,7 +72,7 @@ pub(crate) fn value_key(value: f64) -> u64 {
     mix(if value.is_nan() { f64::NAN } else { value }.to_bits())
 }
 
-/// Whether enough of the values are numbers and differ from one another.
+/// Returns true if enough of the values are numbers and differ from one another.
 fn differ(values: &[f64]) -> bool {
     let numbers: BTreeSet<u64> = values.iter().filter(|value| value.is_finite()).map(|value| value.to_bits()).collect();
     numbers.len() >= DIFFERENT

@@ -17,7 +17,7 @@ pub trait Progress: Sync {
     /// `units` more pieces are done, of `total` in this stage.
     fn advance(&self, units: usize, total: usize);
 
-    /// Whether the work should stop at the next piece.
+    /// Returns true if the work should stop at the next piece.
     fn cancelled(&self) -> bool {
         false
     }
@@ -36,7 +36,7 @@ pub struct Work {
     pub operations: f64,
     /// Parts of it that threads can do at the same time.
     pub parts: usize,
-    /// What makes it less, as a clause: `fewer folds make it shorter`.
+    /// Remedy that makes it less, as a clause: `fewer folds make it shorter`.
     pub mend: String,
 }
 
@@ -207,7 +207,7 @@ impl Begun {
 }
 
 thread_local! {
-    /// What this thread computes a piece of.
+    /// The work of which this thread computes a piece.
     static INSIDE: RefCell<Option<Arc<Begun>>> = const { RefCell::new(None) };
 }
 

@@ -1,4 +1,4 @@
-//! How a message names a setting, a section of a recipe, or a command.
+//! Names of settings, of sections of a recipe, and of commands in messages.
 //!
 //! A library never writes `--folds`. It writes the constant, and the front end words it: the command line as `--folds 2`, Python as `folds=2`.
 //! A front end says how by [`word_as`], once, when it starts; without it messages have the words of the command line.
@@ -17,7 +17,7 @@ use std::{
     sync::OnceLock,
 };
 
-/// How a front end words settings, sections and commands.
+/// Wording of settings, sections and commands in a front end.
 pub trait Wording: Send + Sync {
     /// A setting, with its value where the message has one.
     fn setting(&self, setting: Setting, value: Option<&str>) -> String;
@@ -25,7 +25,7 @@ pub trait Wording: Send + Sync {
     fn section(&self, section: &str, entry: Option<&str>, value: Option<&str>) -> String;
     /// A place, worded already, with the text that stands there.
     fn assigned(&self, place: &str, text: &str) -> String;
-    /// How a clock and the unit of its numbers are named.
+    /// Wording of a clock and the unit of its numbers.
     fn clock(&self, column: &str, unit: &str) -> String;
     /// A value of a recipe.
     fn value(&self, value: &str) -> String;
@@ -82,7 +82,7 @@ pub fn assigned(place: &str, text: &str) -> String {
     wording().assigned(place, text)
 }
 
-/// How a clock and the unit of its numbers are named: `--time t --time-unit ms`.
+/// Wording of a clock and the unit of its numbers: `--time t --time-unit ms`.
 pub fn clock(column: &str, unit: &str) -> String {
     wording().clock(column, unit)
 }
@@ -102,7 +102,7 @@ fn in_shell(value: &str) -> String {
     }
 }
 
-/// What a setting takes.
+/// Kind of a setting's value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// A value.
@@ -118,7 +118,7 @@ pub enum Kind {
 pub struct Setting {
     /// Its name, with underscores.
     pub name: &'static str,
-    /// What it takes.
+    /// Kind of its value.
     pub kind: Kind,
 }
 

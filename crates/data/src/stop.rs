@@ -23,7 +23,7 @@ thread_local! {
 #[error("stopped")]
 pub struct Cancelled;
 
-/// Whether work should stop; all clones are one.
+/// Request to stop work; all clones are one.
 #[derive(Debug, Clone, Default)]
 pub struct Stop(Arc<AtomicBool>);
 
@@ -33,7 +33,7 @@ impl Stop {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Whether the work was told to end.
+    /// Returns true if the work was told to end.
     pub fn is_set(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }

@@ -171,7 +171,7 @@ mod tests {
         Known { fields: ["x".to_owned()].into(), episodes: marks.collect() }
     }
 
-    /// Whether rows that are read in pieces of `piece` are recognised.
+    /// Returns true if rows that are read in pieces of `piece` are recognised.
     fn recognised(known: &Known, source: &MemorySource, piece: usize) -> bool {
         let watch = Watch::new(known, source.columns()).unwrap();
         let watched = Watched::new(source, Some(&watch));

@@ -15,7 +15,7 @@ use crate::write_column::{WriteColumn, WriteKind};
 /// The key of the file's metadata under which it stands.
 pub const KEY: &str = "ARROW:schema";
 
-/// What comes before a message that has a length: a continuation marker.
+/// Continuation marker before a message that has a length.
 const CONTINUES: [u8; 4] = [255; 4];
 
 /// The kind of a `Message`, and the version of the format that has been written since Arrow 1.0.
@@ -38,7 +38,7 @@ const DURATION_DEFAULT: usize = 1;
 /// Structs in structs; deeper ones have no units.
 const DEEPEST: usize = 64;
 
-/// Where a table's entry for its field number `place` stands in its layout.
+/// Position of field number `place` in a table's layout.
 const fn slot(place: VOffsetT) -> VOffsetT {
     4 + 2 * place
 }
@@ -176,7 +176,7 @@ fn root(bytes: &[u8]) -> Option<Table<'_>> {
 }
 
 impl<'a> Table<'a> {
-    /// Where the value of a field stands, if the table has one.
+    /// Position of a field's value, if the table has one.
     fn place(&self, field: VOffsetT) -> Option<usize> {
         // The layout stands at a signed distance before (or after) the table.
         let distance = word(self.bytes, self.at)? as u32 as i32;
@@ -187,7 +187,7 @@ impl<'a> Table<'a> {
         if offset == 0 { None } else { self.at.checked_add(offset) }
     }
 
-    /// What the offset in a field points to.
+    /// Position that the offset in a field points to.
     fn target(&self, field: VOffsetT) -> Option<usize> {
         let place = self.place(field)?;
         place.checked_add(word(self.bytes, place)?)

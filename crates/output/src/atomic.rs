@@ -24,7 +24,7 @@ thread_local! {
 /// Files of this process that have got their names.
 static WRITTEN: AtomicUsize = AtomicUsize::new(0);
 
-/// How many files this process has written whole, and given their names: what it can say of them where it is stopped.
+/// Number of files that this process has completed and named; a stopped process can report it.
 pub fn written_files() -> usize {
     WRITTEN.load(Ordering::Relaxed)
 }
@@ -33,7 +33,7 @@ pub fn written_files() -> usize {
 ///
 /// A symbolic link is followed and stays. A device, a pipe or a socket gets all bytes at the end, and stays what it is.
 ///
-/// What killed processes have left of earlier ones goes when the next one begins.
+/// Remains of killed processes are removed when the next file begins.
 #[derive(Debug)]
 pub struct AtomicFile {
     work: Work,
@@ -60,7 +60,7 @@ impl AtomicFile {
         Ok(Self { work, target })
     }
 
-    /// Where the file will be.
+    /// Path of the final file.
     pub fn target(&self) -> &Path {
         &self.target
     }

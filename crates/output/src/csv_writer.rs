@@ -85,7 +85,7 @@ impl CsvWriter {
     /// Completes the file and gives it its name.
     ///
     /// # Errors
-    /// What the system refuses; then there is no file.
+    /// A refusal of the system; there is then no file.
     pub fn finish(self) -> Result<(), Error> {
         let Self { path, writer, .. } = self;
         let error = |source: io::Error| Error::Io { path: path.clone(), action: "write", source };

@@ -1,4 +1,4 @@
-//! Where an output goes: a file that is replaced whole, or a device, a pipe or a socket that is written through.
+//! Destination of an output: a file that is replaced whole, or a device, a pipe or a socket that is written through.
 
 use std::{
     collections::BTreeMap,
@@ -12,7 +12,7 @@ use crate::error::Error;
 /// Links that lead from one to the next; more are a loop.
 const MAX_LINKS: usize = 40;
 
-/// What an output's name stands for.
+/// Destination behind an output's name.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Destination {
     /// A regular file, there or not yet, at the end of all symbolic links.
@@ -47,8 +47,8 @@ impl Destination {
     }
 }
 
-/// Whether an output is no file but takes bytes: a device, a pipe, a socket, another process's open file. Nothing is lost by writing to it, and nothing can be
-/// kept beside it.
+/// Returns true if an output takes bytes but is no file: a device, a pipe, a socket, another process's open file.
+/// Nothing is lost by writing to it, and nothing can be kept beside it.
 pub fn is_stream(output: &Path) -> bool {
     matches!(Destination::of(output), Ok(Destination::Stream(_)))
 }
@@ -61,7 +61,7 @@ pub(crate) fn folder(path: &Path) -> &Path {
     }
 }
 
-/// What two names of one file have in common.
+/// Identity of a file, which all its names share.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 enum Identity {
     /// Device and number of a file that is there: hard links share them.
@@ -119,7 +119,7 @@ fn identities(input: &Path) -> Vec<Identity> {
     }
 }
 
-/// Whether an open file is the one that has this name.
+/// Returns true if an open file is the one that has this name.
 #[cfg(unix)]
 pub(crate) fn is_at(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
@@ -127,7 +127,7 @@ pub(crate) fn is_at(file: &File, path: &Path) -> bool {
     file.metadata().ok().zip(fs::metadata(path).ok()).is_some_and(|(own, there)| same(own, there))
 }
 
-/// Whether an open file is the one that has this name.
+/// Returns true if an open file is the one that has this name.
 #[cfg(not(unix))]
 pub(crate) fn is_at(_file: &File, _path: &Path) -> bool {
     true

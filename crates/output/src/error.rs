@@ -11,7 +11,7 @@ pub enum Error {
     Io {
         /// The file.
         path: PathBuf,
-        /// What was tried, as an infinitive.
+        /// The attempted action, as an infinitive.
         action: &'static str,
         /// The system's reason.
         source: std::io::Error,
@@ -41,7 +41,7 @@ pub enum Error {
     BadBatch {
         /// The file being written.
         path: PathBuf,
-        /// What does not fit.
+        /// The mismatch, in words.
         problem: String,
     },
 }

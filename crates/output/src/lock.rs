@@ -38,7 +38,7 @@ impl WriteLock {
         }
     }
 
-    /// Whether nobody else can have it: the file system has locks.
+    /// Returns true if the lock excludes others: the file system has locks.
     pub fn is_exclusive(&self) -> bool {
         self.exclusive
     }

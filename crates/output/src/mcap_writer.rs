@@ -21,7 +21,7 @@ pub const METADATA_RECORD: &str = "fleetfoot";
 /// Channels of one file. MCAP numbers them by 16 bits.
 const MAX_CHANNELS: usize = 65_000;
 
-/// How an MCAP file is written.
+/// Options of an MCAP file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct McapOptions {
     /// Files that must not be overwritten: the inputs of the command.
@@ -44,7 +44,7 @@ impl Default for McapOptions {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct ChannelId(usize);
 
-/// What is known of a channel.
+/// Facts about a channel.
 struct Channel {
     /// Its number in the file.
     id: u16,
@@ -167,7 +167,7 @@ impl McapWriter {
     /// Completes the file, with its index, and gives it its name.
     ///
     /// # Errors
-    /// What the system refuses, or refused before; then there is no file.
+    /// A refusal of the system, now or before; there is then no file.
     pub fn finish(self) -> Result<(), Error> {
         self.refuse_after_failure()?;
         let Self { path, mut writer, .. } = self;
@@ -177,7 +177,7 @@ impl McapWriter {
         file.commit()
     }
 
-    /// Where the file will be.
+    /// Path of the final file.
     pub fn path(&self) -> &Path {
         &self.path
     }

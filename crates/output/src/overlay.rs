@@ -77,7 +77,7 @@ impl Overlay {
     /// Completes the file and gives it its name.
     ///
     /// # Errors
-    /// What the system refuses; then there is no file.
+    /// A refusal of the system; there is then no file.
     pub fn finish(self) -> Result<(), Error> {
         self.writer.finish()
     }

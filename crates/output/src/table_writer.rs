@@ -48,7 +48,7 @@ impl TableWriter {
     /// Completes the file and gives it its name.
     ///
     /// # Errors
-    /// What the system refuses; then there is no file.
+    /// A refusal of the system; there is then no file.
     pub fn finish(self) -> Result<(), Error> {
         match self {
             Self::Parquet(writer) => writer.finish(),
@@ -57,7 +57,7 @@ impl TableWriter {
     }
 }
 
-/// Whether text is written: the name says so, or a device or a pipe has a name that says nothing.
+/// Returns true if text is written: the name says so, or a device or a pipe has a name without an extension.
 fn is_text(path: &Path) -> bool {
     match path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase).as_deref() {
         Some("csv" | "tsv" | "txt") => true,

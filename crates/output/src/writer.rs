@@ -41,7 +41,7 @@ pub enum Values<'a> {
     Text(&'a [&'a str]),
 }
 
-/// How a Parquet file is written.
+/// Options of a Parquet file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WriteOptions {
     /// Key-value metadata of the file.

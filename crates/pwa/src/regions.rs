@@ -241,8 +241,8 @@ impl Maker<'_> {
         kept.training_runs(self.held).into_iter().flatten().filter(wanted).collect()
     }
 
-    /// Share of all rows that the kept ones are; `None` if all are kept. Maps that meet are tied at the borders of the
-    /// sample.
+    /// Sample that the kept rows are, with their share of all rows; `None` if all are kept. Maps that meet are tied at
+    /// the borders of the sample.
     fn sample(&self) -> Option<Sample> {
         let (kept, all) = (self.survey.examples.rows(), self.survey.counts.complete);
         let own = self.options.partitions.iter().filter(|one| matches!(one, Specification::Refined(_))).count();

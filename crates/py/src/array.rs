@@ -19,7 +19,7 @@ const TURNED: usize = 64;
 #[derive(Debug)]
 struct Owner(#[expect(dead_code, reason = "held, not read")] AssertUnwindSafe<Py<PyAny>>);
 
-/// What a cell is.
+/// Type of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Scalar {
     Bool,
@@ -102,12 +102,12 @@ impl Array {
         self.columns
     }
 
-    /// What its cells are.
+    /// Type of its cells.
     pub(crate) fn scalar(&self) -> Scalar {
         self.scalar
     }
 
-    /// Whether a column's values are `f64` one after the other.
+    /// Returns true if a column's values are `f64` one after the other.
     fn is_contiguous(&self) -> bool {
         self.scalar == Scalar::F64
             && self.strides[0] == 8
@@ -115,7 +115,7 @@ impl Array {
             && self.strides[1] % 8 == 0
     }
 
-    /// Where a column begins, at a row.
+    /// Address of a cell.
     fn at(&self, row: usize, column: usize) -> *const u8 {
         // Both products stay within the array's memory, and so within `isize`.
         self.data.wrapping_offset(row as isize * self.strides[0]).wrapping_offset(column as isize * self.strides[1])
@@ -215,7 +215,7 @@ pub(crate) fn plain<'py>(object: &Bound<'py, PyAny>, what: &str, function: &str)
     object.py().import("fleetfoot._arrays")?.call_method1(function, (object, what))
 }
 
-/// What the cells of an array are; `None` when they are no numbers of this machine.
+/// Type of an array's cells; `None` if they are no numbers of this machine.
 fn scalar(array: &Bound<'_, PyUntypedArray>) -> PyResult<Option<Scalar>> {
     let kind = array.dtype();
     if kind.is_native_byteorder() == Some(false) {

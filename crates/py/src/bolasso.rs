@@ -27,7 +27,7 @@ use crate::{
     run::{Failure, guard, run_any},
 };
 
-/// What is resampled, and how: a dictionary in Python.
+/// Request of a bolasso: a dictionary in Python.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct BolassoRequest {
@@ -39,7 +39,7 @@ pub(crate) struct BolassoRequest {
     positive: bool,
     replicates: usize,
     seed: u64,
-    /// What a replicate draws: rows, blocks of rows, or groups.
+    /// Unit that a replicate draws: rows, blocks of rows, or groups.
     unit: String,
     /// Rows of every block or group, one after the other; of rows the whole.
     lengths: Vec<usize>,
@@ -145,7 +145,7 @@ impl BolassoRequest {
         })
     }
 
-    /// How often every replicate draws every row.
+    /// Counts with which every replicate draws every row (replicates x rows).
     fn counts(&self) -> Vec<Vec<f64>> {
         if self.unit == "rows" {
             let rows = self.lengths.iter().sum();
@@ -224,7 +224,8 @@ fn unpacked<'py>(
     ))
 }
 
-/// How often every replicate draws every row (replicates x rows), of groups of these lengths one after the other: Poisson(1) counts.
+/// Counts with which every replicate draws every row (replicates x rows), of groups of these lengths one after the
+/// other: Poisson(1) counts.
 #[pyfunction]
 pub(crate) fn row_counts<'py>(
     py: Python<'py>,
@@ -243,7 +244,8 @@ pub(crate) fn row_counts<'py>(
     })
 }
 
-/// How often every replicate draws every unit (replicates x units): as many draws with replacement as there are units.
+/// Counts with which every replicate draws every unit (replicates x units): as many draws with replacement as there are
+/// units.
 #[pyfunction]
 pub(crate) fn unit_counts<'py>(
     py: Python<'py>,

@@ -27,7 +27,7 @@ fn invalid(error: ArrowError) -> PyErr {
     PyValueError::new_err(format!("the Arrow data cannot be taken over: {error}"))
 }
 
-/// What a capsule of this name points to.
+/// Pointer of a capsule of this name.
 fn pointer<T>(capsule: &Bound<'_, PyAny>, name: &CStr) -> PyResult<NonNull<T>> {
     Ok(capsule.cast::<PyCapsule>()?.pointer_checked(Some(name))?.cast())
 }

@@ -167,7 +167,7 @@ impl Design {
         (self.of.rows(), self.of.regressors(), self.of.targets(), self.of.groups())
     }
 
-    /// Whether the sums of the rows show that all values are finite; false where they do not show it.
+    /// True if the sums of the rows show that all values are finite; false if they do not show it.
     #[getter]
     fn seen_finite(&self) -> bool {
         self.of.is_seen_finite()

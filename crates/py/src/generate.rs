@@ -22,7 +22,7 @@ pub(crate) fn robots() -> Vec<&'static str> {
     all_robots()
 }
 
-/// What a job may say beside its robot and folder.
+/// Options of a job beside its robot and folder.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 struct Wanted {

@@ -79,13 +79,13 @@ impl LarsPath {
         self.path.collinear.clone()
     }
 
-    /// Whether rounding ended the path before it was at its end.
+    /// True if rounding ended the path early.
     #[getter]
     fn stalled(&self) -> bool {
         self.path.status == PathStatus::Stalled
     }
 
-    /// Whether the end of the path goes through all rows.
+    /// True if the end of the path interpolates all rows.
     #[getter]
     fn interpolating(&self) -> bool {
         self.interpolating
@@ -116,15 +116,15 @@ impl LarsPath {
     }
 }
 
-/// Which path is followed, and how far: a dictionary in Python.
+/// Request of a path: a dictionary in Python.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct LarsRequest {
-    /// Whether columns leave where their coefficients reach zero.
+    /// True if columns leave at zero coefficients.
     lasso: bool,
-    /// Whether coefficients must not be negative.
+    /// True if coefficients must not be negative.
     positive: bool,
-    /// Where the path ends.
+    /// Penalty at the end of the path.
     alpha_min: f64,
     /// The most steps.
     max_iter: usize,

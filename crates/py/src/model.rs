@@ -91,7 +91,7 @@ impl Model {
     }
 }
 
-/// How derivatives are integrated.
+/// Integration method of derivatives, by name.
 pub(crate) fn method(name: &str) -> PyResult<Method> {
     match name {
         "rk4" => Ok(Method::Rk4),
@@ -240,7 +240,8 @@ impl Model {
         })
     }
 
-    /// What is predicted for the consecutive rows of a run: rows x fitted equations, and the regions; NaN and -1 where a row has no past.
+    /// Predictions for the consecutive rows of a run (rows x fitted equations), and the regions; NaN and -1 at a row
+    /// without a past.
     #[pyo3(signature = (x=None, u=None, t=None))]
     fn fitted<'py>(
         &self,
@@ -344,7 +345,7 @@ impl Model {
     }
 }
 
-/// What code is wanted.
+/// Options of an export.
 fn export_options(target: &str, prefix: &str, precision: &str, method_name: &str) -> PyResult<ExportOptions> {
     let mut options = ExportOptions::new(match target {
         "c" => Target::C,

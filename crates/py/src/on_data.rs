@@ -37,7 +37,7 @@ pub(crate) fn score<'py>(
     object(py, &scored.to_json())
 }
 
-/// What a page shows, and where it is written.
+/// Content of a page, and its path.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct ReportRequest {
@@ -91,7 +91,7 @@ pub(crate) fn report<'py>(
     object(py, &told)
 }
 
-/// What to do where an answer does not fit into memory.
+/// Advice for an answer that does not fit into memory.
 const PARTS: &str = "give the recordings in parts";
 
 /// Rows with their predictions, while they are collected.
@@ -106,7 +106,7 @@ struct Collected {
     residual: Vec<f64>,
     region: Vec<i64>,
     distance: Vec<f64>,
-    /// Whether the row has target and prediction, and how far it is outside of the training domain.
+    /// True for a row with target and prediction; then the position of the row relative to the training range.
     complete: Vec<bool>,
     domain: Vec<u8>,
 }
@@ -182,12 +182,12 @@ pub(crate) fn predict_rows<'py>(
     Ok(dict)
 }
 
-/// Where rollouts start, and how they go.
+/// Request of rollouts: their starts and options.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct RolloutRequest {
     horizon: usize,
-    /// How many starts, when `at` is empty.
+    /// Number of starts, when `at` is empty.
     count: usize,
     seed: Option<u64>,
     /// Episode and row.

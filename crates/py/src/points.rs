@@ -37,7 +37,7 @@ impl Floats {
     }
 }
 
-/// What a call at points is given.
+/// Arguments of a call at points.
 pub(crate) struct Given<'a, 'py> {
     pub(crate) x: Option<&'a Bound<'py, PyAny>>,
     pub(crate) u: Option<&'a Bound<'py, PyAny>>,
@@ -55,7 +55,7 @@ pub(crate) struct Asked {
 /// Values of states or inputs at points: (width), (points, width), or with rows in between.
 struct Block {
     values: Vec<f64>,
-    /// Whether every point has its own.
+    /// True if every point has values of its own.
     by_point: bool,
     rows: usize,
     width: usize,

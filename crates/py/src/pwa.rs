@@ -99,7 +99,7 @@ impl From<fleetfoot::pwa::Error> for Failure {
     }
 }
 
-/// How regions are made and chosen: a dictionary in Python.
+/// Request of regions and a choice among them: a dictionary in Python.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct PwaRequest {
@@ -112,7 +112,7 @@ pub(crate) struct PwaRequest {
     folds: u16,
     /// Rows of shrinkage; `None`: by cross-validation.
     shrinkage: Option<f64>,
-    /// Whether maps meet at borders.
+    /// True if maps meet at borders.
     continuous: bool,
     bic: bool,
     seed: u64,
@@ -271,7 +271,7 @@ impl PwaFit {
         }
     }
 
-    /// Whether the weights are centroids.
+    /// True if the weights are centroids.
     #[getter]
     fn is_voronoi(&self) -> bool {
         matches!(self.found.candidates[self.found.chosen].specification, Specification::KMeans(_))
@@ -316,7 +316,7 @@ impl PwaFit {
         self.found.chosen
     }
 
-    /// What the user should know, and whether it is of an iteration that has not converged.
+    /// Notes for the user; the flag is true if the note is about an iteration that has not converged.
     #[getter]
     fn notes(&self) -> Vec<(String, bool)> {
         let unconverged = self.found.partition_notes.iter().filter(|note| note.is_unconverged());

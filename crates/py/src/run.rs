@@ -19,7 +19,7 @@ use pyo3::prelude::*;
 
 use crate::error::{Kind, of_engine};
 
-/// How often Ctrl-C and the progress are looked at.
+/// Period between two checks for Ctrl-C and reports of progress.
 const PERIOD: Duration = Duration::from_millis(50);
 
 /// The most threads that can be asked for.
@@ -136,7 +136,7 @@ pub(crate) fn run<R: Send>(
     run_any(py, progress, |progress| work(progress).map_err(Failure::Engine))
 }
 
-/// What work that is not a pipeline fails with: a kind and a message, or a pipeline's error.
+/// Failure of work that is not a pipeline: a kind and a message, or a pipeline's error.
 pub(crate) enum Failure {
     /// Of a pipeline.
     Engine(fleetfoot::Error),

@@ -58,7 +58,7 @@ pub(crate) fn time_grid(model: &Model, t: &Bound<'_, PyAny>) -> PyResult<TimeGri
     Ok(TimeGrid { grid: model.stepper().grid(t.values).or_raise(Kind::Model)? })
 }
 
-/// How a simulation passes from one time to the next: a dictionary in Python.
+/// Step rule of a simulation between two times: a dictionary in Python.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct Passing {

@@ -14,7 +14,7 @@ const CHECKED: usize = 65_536;
 #[derive(Debug)]
 pub(crate) struct SparseRows {
     columns: usize,
-    /// Where every row begins among the values, and the end of the last.
+    /// Start of every row among the values, and the end of the last.
     starts: Vec<usize>,
     /// Column of every value.
     places: Array,

@@ -37,7 +37,7 @@ impl Statistic {
     }
 }
 
-/// What a scan reads beside recordings: labels from paths, rows of a chunk.
+/// Options of a scan beside recordings: labels from paths, rows of a chunk.
 fn options(keys: &[String], chunk_rows: Option<usize>) -> PyResult<ScanOptions> {
     let keys: Result<Vec<LabelKey>, _> = keys.iter().map(|key| key.parse()).collect();
     let chunk_rows = match chunk_rows {

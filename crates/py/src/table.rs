@@ -144,7 +144,7 @@ impl Table {
         Ok(units)
     }
 
-    /// What had to be assumed or left out while reading.
+    /// Assumptions and omissions of the reading.
     #[getter]
     fn notes(&self) -> Vec<String> {
         self.notes.clone()

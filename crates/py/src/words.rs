@@ -65,7 +65,7 @@ fn call(name: &str, setting: Option<&str>) -> String {
 /// Sections that are no argument of any call: they stand in a recipe.
 const OF_RECIPES: [&str; 5] = ["clocks", "[episodes]", "files", "join", "prepare"];
 
-/// Whether the entries of a section have the names that a user gives: of states, of constraints.
+/// Returns true if the user gives the names of a section's entries: of states, of constraints.
 fn named_by_user(section: &str) -> bool {
     ["states", "inputs", "latents", "tasks", "parameters", "columns", "constraints", "join", "files", "clocks"]
         .contains(&section)

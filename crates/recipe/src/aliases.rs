@@ -14,7 +14,7 @@ use crate::{
 
 /// The aliases of a model or recipe while they are collected.
 pub struct Aliases<'a> {
-    /// What the logs hold.
+    /// Fields of the logs.
     pub fields: &'a [DataColumn],
     scope: Scope,
     /// The columns named so far.
@@ -185,7 +185,7 @@ impl<'a> Aliases<'a> {
         Ok(())
     }
 
-    /// Whether a name stands for a column already.
+    /// Returns true if a name stands for a column already.
     pub fn has(&self, name: &str) -> bool {
         self.own_names(&[]).contains(&name)
     }

@@ -11,11 +11,11 @@ use crate::{
     recipe::{Frame, Kind, State},
 };
 
-/// What stands between a rotation's name and its part's.
+/// Separators between a rotation's name and its part's.
 const SEPARATORS: [&str; 3] = [".", "_", ""];
 
 impl Kind {
-    /// How a rotation of this kind is written; `None` for what is none.
+    /// Representation of a rotation of this kind; `None` if it is no rotation.
     pub fn rotation(self) -> Option<RotationKind> {
         match self {
             Self::Quaternion => Some(RotationKind::Quaternion),
@@ -26,7 +26,7 @@ impl Kind {
 }
 
 impl State {
-    /// Whether its equation is given: `known`, or the kinematics of a rotation.
+    /// Returns true if its equation is given: `known`, or the kinematics of a rotation.
     pub fn is_given(&self) -> bool {
         self.known.is_some() || self.kind.and_then(Kind::rotation).is_some()
     }

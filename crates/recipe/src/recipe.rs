@@ -52,32 +52,32 @@ pub use sparse::{ConstraintSection, LatentSection, SparseSection, TaskSection};
 
 use crate::error::Error;
 
-/// What a user says about the recordings and the model.
+/// Settings of a user about the recordings and the model.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Recipe {
     /// Short names: alias = a field of the log, or an expression over fields and earlier aliases.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub columns: IndexMap<String, String>,
-    /// What the model advances in time.
+    /// States that the model advances in time.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub states: IndexMap<String, State>,
-    /// What is given from outside.
+    /// Inputs from outside.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub inputs: IndexMap<String, Input>,
     /// Unknown functions, each a library over its own variables, that the equations of `[tasks]` and `[states]` may share.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub latents: IndexMap<String, LatentSection>,
-    /// What the latents are regressed on.
+    /// Tasks on which the latents are regressed.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub tasks: IndexMap<String, TaskSection>,
-    /// What the latents keep together.
+    /// Constraints between the latents.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub constraints: IndexMap<String, ConstraintSection>,
-    /// How a piecewise-affine model is found: what the flags of `fit pwa` say when they are not given.
+    /// Options of a piecewise-affine fit: defaults of the flags of `fit pwa`.
     #[serde(skip_serializing_if = "is_default")]
     pub pwa: PwaSection,
-    /// How a sparse regression goes: what the flags of `fit sparse` say when they are not given.
+    /// Options of a sparse regression: defaults of the flags of `fit sparse`.
     #[serde(skip_serializing_if = "is_default")]
     pub sparse: SparseSection,
     /// Candidate functions of the equations of `fit sindy`.
@@ -86,31 +86,32 @@ pub struct Recipe {
     /// Numbers inside expressions that are not known.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub parameters: IndexMap<String, ParameterSection>,
-    /// How parameters of given equations are estimated: what the flags of `fit parameters` say when they are not given.
+    /// Options of the estimation of parameters in given equations: defaults of the flags of `fit parameters`.
     #[serde(skip_serializing_if = "is_default")]
     pub estimate: EstimateSection,
-    /// How equations are found: what the flags of `fit sindy` say when they are not given.
+    /// Options of an equation fit: defaults of the flags of `fit sindy`.
     #[serde(skip_serializing_if = "is_default")]
     pub sindy: SindySection,
-    /// How an autoregression is found: what the flags of `fit narx` say when they are not given.
+    /// Options of an autoregression: defaults of the flags of `fit narx`.
     #[serde(skip_serializing_if = "is_default")]
     pub narx: NarxSection,
-    /// What a regulator is to do: what the flags of `control lqr` say when they are not given.
+    /// Options of a regulator: defaults of the flags of `control lqr`.
     #[serde(skip_serializing_if = "is_default")]
     pub control: ControlSection,
-    /// How channels are prepared: what the flags of `prepare` say when they are not given.
+    /// Options of the preparation of channels: defaults of the flags of `prepare`.
     #[serde(skip_serializing_if = "is_default")]
     pub prepare: PrepareSection,
-    /// How states are filtered by a model: what the flags of `filter` say when they are not given.
+    /// Options of a filter by a model: defaults of the flags of `filter`.
     #[serde(skip_serializing_if = "is_default")]
     pub filter: FilterSection,
-    /// How recordings are followed by a model: what the flags of `resimulate` say when they are not given.
+    /// Options of recordings that a model follows: defaults of the flags of `resimulate`.
     #[serde(skip_serializing_if = "is_default")]
     pub resimulate: ResimulateSection,
-    /// How `auto` looks for a model: what its flags say when they are not given.
+    /// Options of the search by `auto`: defaults of its flags.
     #[serde(skip_serializing_if = "is_default")]
     pub auto: AutoSection,
-    /// How single states and inputs are prepared, where not as `[prepare]` says: its entries that speak of a channel.
+    /// Options of the preparation of single states and inputs: the entries of `[prepare]` that concern a channel, with
+    /// other values.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub channels: IndexMap<String, PrepareSection>,
     /// A rigid body whose motion `prepare` fuses of the sensors that `[sensor]` names.
@@ -128,7 +129,8 @@ pub struct Recipe {
     /// Clocks of other computers, by names of their own, and what tells how they go beside the one that stamps the other topics. A clock may be compared with those before it.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub clocks: IndexMap<String, ClockSection>,
-    /// How fields of other channels than the base are brought to its stamps, by field or wildcard, where their types do not say it right.
+    /// Resampling of fields of other channels to the stamps of the base, by field or wildcard, in place of the rule of
+    /// their types.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub join: IndexMap<String, Join>,
     /// The files of a run, a file a topic, joined as topics of one log are: topics, and what their files are called in the run's folder (`imu = "imu*.csv"`).
@@ -137,13 +139,13 @@ pub struct Recipe {
     /// Topics as this recipe calls them, and as the files do.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub rename: IndexMap<String, String>,
-    /// What is predicted, from which functions.
+    /// Predicted quantity, and candidate functions.
     #[serde(skip_serializing_if = "is_default")]
     pub model: ModelSection,
     /// Labels for the episodes of matching files.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub episodes: Vec<EpisodeRule>,
-    /// Where decoded columns of robot logs are kept; no part of what is written.
+    /// Folder of decoded columns of robot logs; no part of a written recipe.
     #[serde(skip)]
     pub cache: Option<fleetfoot_log::Cache>,
 }
@@ -159,17 +161,18 @@ pub struct State {
     /// Field or expression, when the name is not an alias or a field itself.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub column: Option<String>,
-    /// How its derivative is measured: `auto` (a central difference; `fit sindy` chooses its order by the data), `central`, `central4`, `central6` (of order 2, 4,
-    /// 6), `forward`, `backward`, a field or expression, or the mean slope over a span, `{ over = 20 }`, `{ over = "auto" }`.
+    /// Measurement of its derivative. `auto` is a central difference, whose order `fit sindy` chooses by the data.
+    /// Others: `central`, `central4`, `central6` (of order 2, 4, 6), `forward`, `backward`, or a field or expression.
+    /// The mean slope over a span is `{ over = 20 }` or `{ over = "auto" }`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub derivative: Option<Derivative>,
     /// Its derivative is this expression: integrated, never fitted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub known: Option<String>,
-    /// What is predicted of it, over columns and latents: `(T*cos(alpha) - D)/m - 9.80665*sin(gamma)`.
+    /// Its predicted quantity, over columns and latents: `(T*cos(alpha) - D)/m - 9.80665*sin(gamma)`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub equation: Option<String>,
-    /// What is known of the right side, an expression over columns and parameters: only the rest is learnt.
+    /// Known part of the right side, an expression over columns and parameters: only the rest is fitted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub nominal: Option<String>,
     /// Candidate functions of its equation, in place of `[library]`.
@@ -178,7 +181,7 @@ pub struct State {
     /// Terms that its equation has in any case.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub fixed: Vec<String>,
-    /// Whether it stands in the library and the partition; yes unless said otherwise.
+    /// True to have it in the library and the partition; the default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub regressor: Option<bool>,
     /// `angle`, `quaternion`, `rotation-vector` or `linear`.
@@ -214,7 +217,7 @@ pub enum Frame {
     World,
 }
 
-/// What kind of quantity a column is.
+/// Kind of a column's quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
@@ -294,7 +297,7 @@ pub struct Time {
     pub smoothed: Option<f64>,
 }
 
-/// How a field is brought to the stamps of the base: `"hold"` or `{ kind = "hold", max_gap = 1.0 }`.
+/// Resampling of a field to the stamps of the base: `"hold"` or `{ kind = "hold", max_gap = 1.0 }`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(
     untagged,
@@ -339,7 +342,7 @@ pub enum Gap {
     Word(String),
 }
 
-/// What is predicted, from which functions.
+/// Predicted quantity, and candidate functions.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ModelSection {
@@ -358,7 +361,7 @@ pub struct ModelSection {
     /// Partitions: `kmeans:10`, `null,average,zscore:1.5,kmeans:2,5,10`, `refined:2..20`, `lattice:2..50`, `tree:1..6`, `labels:COLUMN+kmeans:3`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub partition: Option<String>,
-    /// What partitions look at, when not the states.
+    /// Partition columns, in place of the states.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub partition_on: Option<Vec<String>>,
 }
@@ -415,7 +418,7 @@ impl Recipe {
     /// Reads a recipe from JSON of the same shape; `name` is its origin, for messages.
     ///
     /// # Errors
-    /// What cannot be understood, with the place in the recipe as TOML.
+    /// A text that cannot be understood, with the place in the recipe as TOML.
     pub fn from_json(text: &str, name: &str) -> Result<Self, Error> {
         let refused = |problem: String| Error::Recipe { name: name.to_owned(), problem };
         let recipe: Self = serde_json::from_str(text).map_err(|problem: serde_json::Error| {

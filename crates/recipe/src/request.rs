@@ -1,4 +1,4 @@
-//! What was asked for and cannot be done: a cause that a program can act on, and a message for people.
+//! Requests that cannot be met: a cause that a program can act on, and a message for people.
 
 /// A request that cannot be met.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -6,7 +6,7 @@
 pub struct RequestError {
     /// Why.
     pub cause: Cause,
-    /// Where, what, and what to do about it.
+    /// Place, problem and remedy.
     pub message: String,
 }
 
@@ -34,7 +34,7 @@ pub enum Cause {
     TooFewRows {
         /// Rows that can be used.
         rows: u64,
-        /// How many it takes at least.
+        /// The least number of rows.
         needed: u64,
     },
     /// It takes the rows of logs, and a statistic has none.

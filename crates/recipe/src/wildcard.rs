@@ -49,7 +49,7 @@ fn parts(text: &str) -> Option<Vec<Part<'_>>> {
     found.then_some(parts)
 }
 
-/// What the stars stand for in `name`, as it is appended to an alias.
+/// Part of `name` under the stars, as it is appended to an alias.
 fn suffix(parts: &[Part<'_>], name: &str) -> Option<String> {
     let (mut rest, mut suffix) = (name, String::new());
     for part in parts {
@@ -84,7 +84,7 @@ fn matches(text: &str, fields: &[Column], place: &str) -> Result<Option<Vec<(Str
     Ok(Some(found))
 }
 
-/// Whether a column's name matches a pattern: a wildcard as in a recipe, or the name itself.
+/// Returns true if a column's name matches a pattern: a wildcard as in a recipe, or the name itself.
 pub fn is_match(pattern: &str, name: &str) -> bool {
     pattern == name || parts(pattern).is_some_and(|parts| suffix(&parts, name).is_some())
 }

@@ -99,7 +99,7 @@ impl Bins {
         self.first + self.bins.len() as i64 - 1
     }
 
-    /// Whether bins from one index to another can stand beside those that there are.
+    /// Returns true if bins from one index to another can stand beside the present ones.
     fn has_room(&self, from: i64, to: i64) -> bool {
         let (from, to) = if self.bins.is_empty() { (from, to) } else { (from.min(self.first), to.max(self.last())) };
         // A sum of squares of whole numbers this large still fits.

@@ -37,13 +37,13 @@ pub struct Figure {
     pub name: String,
     /// Its title.
     pub title: String,
-    /// What one sees, in a sentence or two.
+    /// Caption: the content of the figure, in a sentence or two.
     pub caption: String,
-    /// What is drawn.
+    /// Chart of the figure.
     pub chart: Chart,
 }
 
-/// What is drawn.
+/// Chart of a figure.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Chart {
@@ -104,7 +104,7 @@ impl Figure {
         canvas.finish(&self.title, &self.alternative(), style)
     }
 
-    /// What somebody is told who does not see the figure.
+    /// Text in place of the figure, for readers who cannot see it.
     pub fn alternative(&self) -> String {
         let what = match &self.chart {
             Chart::Lines(lines) => lines.in_words(),

@@ -12,7 +12,7 @@ use crate::{
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
 pub struct Table {
-    /// What it shows, in a sentence.
+    /// Content of the table, in a sentence.
     pub caption: String,
     /// Heads of the columns.
     pub head: Vec<String>,

@@ -30,7 +30,7 @@ pub use statistic::SystemScan;
 pub use sums::{EpisodeSums, SystemSums};
 pub use weak::{LEAST_REACH, Rate, Weak, WeakTarget, weak_accuracy};
 
-/// What is regressed on what: `target_t = constant_t + sum_j b_jt function_j`, in every region anew.
+/// A regression `target_t = constant_t + sum_j b_jt function_j`, separate in every region.
 #[derive(Debug, Clone, PartialEq)]
 pub struct System {
     /// Candidate functions over the columns of a source (p). The constant is not among them: it is known of any rows, as their weight and means.
@@ -55,7 +55,7 @@ impl System {
         Self { functions, targets, also: Vec::new(), sampled: Vec::new(), weight: None, partition: None, weak: None }
     }
 
-    /// What a row's place in the regression is made of: functions, targets, and the columns of the partition.
+    /// Expressions of a row in the regression: functions, targets, and the columns of the partition.
     pub fn expressions(&self) -> impl Iterator<Item = &Expr> {
         let partition = self.partition.iter().flat_map(|partition| &partition.columns);
         self.functions.iter().chain(&self.targets).chain(partition)
@@ -66,7 +66,7 @@ impl System {
         self.partition.as_ref().map_or(1, |partition| partition.rule.count())
     }
 
-    /// What it says, one line a fact, the numbers of the partition left out.
+    /// Text of the system, one line a fact, without the numbers of the partition.
     fn text(&self) -> String {
         let mut text = String::new();
         let mut lines = |what: &str, expressions: &[Expr]| {
@@ -152,7 +152,7 @@ pub enum SystemError {
     /// Statistics that do not go together.
     #[error(transparent)]
     Merge(#[from] fleetfoot_stats::MergeError),
-    /// What was kept of a plan is no plan.
+    /// The kept part of a plan is damaged.
     #[error("the coordinates of the plan are damaged or of another version")]
     Coordinates,
     /// The source has no such column.

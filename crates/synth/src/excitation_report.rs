@@ -1,4 +1,4 @@
-//! How well a run excites its robot: what its rows could tell a model, before any model is fitted.
+//! Excitation of a run: information in its rows about a model, before any model is fitted.
 
 use fleetfoot_recipe::{Kind, Recipe};
 use fleetfoot_sim::{
@@ -8,7 +8,7 @@ use fleetfoot_sim::{
 use fleetfoot_stats::{Gram, RowGram};
 use serde::{Serialize, Serializer, ser::SerializeSeq};
 
-/// What the rows of a run, or of all runs, could tell an affine model of the robot.
+/// Information in the rows of a run, or of all runs, about an affine model of the robot.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Excitation {
@@ -23,8 +23,8 @@ pub struct Excitation {
     pub regressors: Vec<String>,
     /// Those that are constant or combinations of the others.
     pub dependent: Vec<String>,
-    /// How unevenly the rows spread over bins of [`Excitation::spread`]: 0 is even, 1 is all in one bin (Towards Sim-to-Real via Real-to-Sim,
-    /// section 6.4). NaN where there are none.
+    /// Nonuniformity of the rows over bins of [`Excitation::spread`]: 0 is even, 1 is all in one bin (Towards
+    /// Sim-to-Real via Real-to-Sim, section 6.4). NaN without bins.
     pub nonuniformity: f64,
     /// The columns of the bins, with their ranges and numbers of bins.
     #[serde(serialize_with = "axes")]
@@ -48,14 +48,14 @@ fn axes<S: Serializer>(spread: &[(String, Axis)], to: S) -> Result<S::Ok, S::Err
     list.end()
 }
 
-/// What is gathered of rows: their regressors, and the columns that they should spread over.
+/// Quantities that are gathered from rows: their regressors, and the columns that they should spread over.
 #[derive(Debug, Clone)]
 pub(super) struct Terms {
     regressors: Vec<Term>,
     spread: Vec<(usize, String, Axis)>,
 }
 
-/// What was gathered; it merges.
+/// Gathered sums, which merge.
 #[derive(Debug, Clone)]
 pub(super) struct Gathered {
     gram: Gram,
@@ -70,7 +70,8 @@ struct Term {
 }
 
 impl Terms {
-    /// What the affine model of a recipe sees of rows with these columns; if that is nothing, all states and inputs as they are.
+    /// Regressors of a recipe's affine model on rows with these columns; if there are none, all states and inputs as
+    /// they are.
     pub(super) fn new(recipe: &Recipe, scenario: &dyn Scenario, spread: &[(&str, Axis)]) -> Self {
         let (columns, regressors) = (scenario.columns(), scenario.regressors());
         let find = |name: &str| columns.iter().position(|column| column.name == name);
@@ -95,13 +96,13 @@ impl Terms {
         Self { regressors: terms, spread: spread.collect() }
     }
 
-    /// What no rows gather.
+    /// Sums of no rows.
     pub(super) fn nothing(&self) -> Gathered {
         let axes = self.spread.iter().map(|&(_, _, axis)| axis);
         Gathered { gram: Gram::new(self.regressors.len()), visits: Histogram::new(axes) }
     }
 
-    /// What rows could tell.
+    /// Excitation of the gathered rows.
     pub(super) fn excitation(&self, gathered: &Gathered) -> Excitation {
         let found = gathered.gram.log_determinant();
         let name = |term: &Term| term.name.clone();

@@ -1,4 +1,4 @@
-//! What a robot is to the generator, whichever parameters it has.
+//! Common interface of the robots, for any parameters.
 
 use std::any::type_name;
 
@@ -8,7 +8,7 @@ use toml::Table;
 
 use super::recipes::RecipeParts;
 
-/// What is the same for all worlds of one robot, whose parameters are a `P`.
+/// Common facts about all worlds of one robot, whose parameters are a `P`.
 pub(super) struct Kind<P> {
     /// As the user calls it, and the beginning of its files' names.
     pub(super) name: &'static str,
@@ -18,9 +18,9 @@ pub(super) struct Kind<P> {
     pub(super) excite: Option<Excite<P>>,
     /// The columns, with their ranges and bins, that runs should spread over evenly.
     pub(super) spread: &'static [(&'static str, Axis)],
-    /// Whether its logs are tables rather than messages unless the user says otherwise.
+    /// True if its logs are tables by default, and no messages.
     pub(super) tables: bool,
-    /// How its logs are identified.
+    /// Recipe of its logs.
     pub(super) recipe: RecipeParts,
     /// Seconds of a run unless the user says otherwise.
     pub(super) seconds: f64,

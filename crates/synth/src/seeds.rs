@@ -1,4 +1,4 @@
-//! Where the random numbers of each run begin.
+//! Seeds of each run's random numbers.
 
 use fleetfoot_data::mix;
 

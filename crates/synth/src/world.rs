@@ -56,7 +56,7 @@ impl World {
     /// The same robot with the parameters that a TOML text gives, the default ones where it is silent; `name` is its origin, for messages.
     ///
     /// # Errors
-    /// What is no TOML, unknown keys with the nearest known one and the line, and values that are not allowed.
+    /// A text that is no TOML; unknown keys, with the nearest known one and the line; values that are not allowed.
     pub fn parse(&self, text: &str, name: &str) -> Result<Self, Error> {
         let table = self.robot.parse(text).map_err(|problem| world_error(name, &problem))?;
         Ok(Self { robot: self.robot, table })
@@ -142,7 +142,7 @@ impl World {
         self.robot.speed()
     }
 
-    /// Whether [`World::excite`] can do anything.
+    /// Returns true if [`World::excite`] has an effect.
     pub fn excitable(&self) -> bool {
         self.robot.excitable()
     }

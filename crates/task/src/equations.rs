@@ -115,7 +115,7 @@ impl EquationTask {
     /// constant. Where there is no degree it is 2, or 1 where there would be more than 500 monomials.
     ///
     /// # Errors
-    /// What the recipe asks for does not exist or contradicts itself.
+    /// A recipe that names something that does not exist, or contradicts itself.
     pub fn resolve(recipe: &Recipe, fields: &[DataColumn]) -> Result<Self, Error> {
         refuse_other_sections(recipe)?;
         let mut aliases = Aliases::of_recipe(recipe, fields)?;

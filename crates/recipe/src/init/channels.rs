@@ -194,7 +194,7 @@ fn columns_section(
 /// Fields of a log from which only those of the draft's topics are listed.
 const MANY_FIELDS: usize = 300;
 
-/// What a field of the draft is.
+/// Role of a field in the draft.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Role {
     State,
@@ -225,7 +225,7 @@ const DRAFTS: [(Role, &[&str]); 2] = [
     ),
 ];
 
-/// What is drafted: fields by their roles, and the attitude that turns with the rates among them.
+/// Content of the draft: fields by their roles, and the attitude that turns with the rates among them.
 #[derive(Clone, Copy)]
 struct Drafted<'a> {
     roles: &'a BTreeMap<String, Role>,
@@ -289,7 +289,7 @@ impl Attitude {
     }
 }
 
-/// What fields of a draft are usually called: p, q and r are the rates of turn about the body's axes, u0, u1, ... inputs.
+/// Usual names of fields in a draft: p, q and r are the rates of turn about the body's axes, u0, u1, ... inputs.
 fn usual_name(role: Role, field: &str) -> Option<String> {
     let (array, element) = field.strip_suffix(']')?.rsplit_once('[')?;
     let element: usize = element.parse().ok()?;
@@ -376,7 +376,7 @@ impl Odometry {
     }
 }
 
-/// What may be a state or an input: no text, no stamp of a header, no covariance.
+/// Returns true for a possible state or input: no text, no stamp of a header, no covariance.
 fn is_signal(column: &Column) -> bool {
     let stamp =
         [".sec", ".nanosec", ".secs", ".nsecs", ".seconds", ".nanos", ".nsec", ".timestamp", ".timestamp_sample"];

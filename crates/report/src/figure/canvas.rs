@@ -1,4 +1,4 @@
-//! What all charts share: the drawing, its frame, its axes and its legend.
+//! Common parts of all charts: the drawing, its frame, its axes and its legend.
 
 use super::scale::Ruler;
 use crate::markup::{Element, trace};
@@ -34,7 +34,7 @@ pub(crate) struct Frame {
     pub(crate) bottom: f64,
 }
 
-/// How something looks in the legend.
+/// Sample of a series in the legend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Sample {
     Line,

@@ -30,7 +30,7 @@ pub struct Lines {
     pub range: Option<([f64; 2], String)>,
 }
 
-/// How much of a chart of lines is drawn.
+/// Extent of a drawn chart of lines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Form {
     /// All of it.
@@ -51,11 +51,11 @@ pub struct Series {
     pub y: Vec<f64>,
     /// Lower and upper ends of a band around it.
     pub band: Option<[Vec<f64>; 2]>,
-    /// How it looks.
+    /// Stroke of the line.
     pub stroke: Stroke,
 }
 
-/// How a line looks.
+/// Stroke of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stroke {
     /// In a colour of its own.
@@ -117,7 +117,7 @@ impl Lines {
         self
     }
 
-    /// Where the lines begin and end.
+    /// Beginnings and ends of the lines, in words.
     pub(super) fn in_words(&self) -> String {
         let ends = |series: &Series| {
             if series.is_marks() {
@@ -191,7 +191,7 @@ impl Lines {
         canvas
     }
 
-    /// What is drawn within the frame, and cut at its edges.
+    /// Draws the curves within the frame, and cuts them at its edges.
     fn curves(&self, canvas: &mut Canvas, frame: &Frame, across: &Ruler, vertical: &Ruler) {
         let clip = canvas.id("clip");
         let edge = Element::new("rect").at("x", frame.left).at("y", frame.top);
@@ -230,7 +230,7 @@ impl Lines {
         }
     }
 
-    /// What the legend says; nothing where there is nothing to tell apart.
+    /// Entries of the legend; empty for a single series.
     pub(super) fn entries(&self) -> Vec<(Sample, String, String)> {
         let sample = |series: &Series| if series.is_marks() { Sample::Mark } else { Sample::Line };
         let entry = |(index, series): (usize, &Series)| (sample(series), self.class(index), series.name.clone());

@@ -10,9 +10,9 @@ use crate::{
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Matrix {
-    /// What the values are.
+    /// Name of the values.
     pub what: String,
-    /// What the rows and the columns are.
+    /// Names of the row axis and the column axis.
     pub sides: [String; 2],
     /// Names of the rows, from the top.
     pub rows: Vec<String>,

@@ -2,7 +2,7 @@
 
 use crate::words::typeset;
 
-/// What an axis measures.
+/// Axis of a chart.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Axis {
@@ -10,15 +10,15 @@ pub struct Axis {
     pub label: String,
     /// Its unit, where it has one.
     pub unit: Option<String>,
-    /// How values are spaced.
+    /// Spacing of values.
     pub scale: Scale,
-    /// Whether zero is on it, of a linear axis.
+    /// True if zero is on the axis; for linear axes.
     pub zero: bool,
     /// Its ends; those of the values where there are none.
     pub range: Option<[f64; 2]>,
 }
 
-/// How values are spaced.
+/// Spacing of values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scale {
     /// By their differences.
@@ -93,7 +93,7 @@ pub(crate) fn extent(values: impl Iterator<Item = f64>) -> [f64; 2] {
         .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
 }
 
-/// Where values stand on a drawing.
+/// Ruler that places values on a drawing.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Ruler {
     pub(crate) low: f64,
@@ -126,7 +126,7 @@ impl Ruler {
         share.is_finite().then(|| self.from + share.clamp(-2.0, 3.0) * (self.to - self.from))
     }
 
-    /// Whether a value is beyond the end.
+    /// Returns true if a value is beyond the end.
     pub(crate) fn is_beyond(&self, value: f64) -> bool {
         value > self.high
     }

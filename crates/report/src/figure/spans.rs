@@ -24,9 +24,9 @@ pub struct Spans {
 /// A span.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Span {
-    /// Where it begins.
+    /// Beginning of the span.
     pub from: f64,
-    /// Where it ends.
+    /// End of the span.
     pub to: f64,
     /// Index of its kind.
     pub kind: usize,

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-/// What was found on a page.
+/// Parts of a page.
 #[derive(Debug, Default)]
 pub(crate) struct Found {
     /// Names of the elements, in order.
@@ -12,7 +12,7 @@ pub(crate) struct Found {
     pub(crate) text: String,
     /// Identifiers.
     pub(crate) ids: BTreeSet<String>,
-    /// What refers to one.
+    /// References to identifiers.
     pub(crate) references: Vec<String>,
     /// Values of attributes.
     pub(crate) values: Vec<(String, String)>,

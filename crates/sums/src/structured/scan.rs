@@ -58,7 +58,7 @@ pub struct TaskStats {
     pub stats: Stats,
 }
 
-/// What a scan found.
+/// Result of a scan.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scanned {
     /// Statistics of every task.
@@ -108,7 +108,7 @@ impl Plan {
         Ok(Self { regression, also, chunk_rows, preconditioners })
     }
 
-    /// What the plan says, for people and for comparison: one line a fact.
+    /// Text of the plan, for people and for comparison: one line a fact.
     pub fn text(&self) -> String {
         let mut text = format!("chunk_rows = {}\n", self.chunk_rows);
         for latent in &self.regression.latents {
@@ -165,7 +165,7 @@ impl Plan {
         Ok(found)
     }
 
-    /// What a scan of no rows finds.
+    /// Result of a scan of no rows.
     pub fn empty(&self) -> Scanned {
         let hash = self.hash();
         let tasks = self.preconditioners.iter();

@@ -1,4 +1,4 @@
-//! How well coefficients fit every task, from the tasks' statistics.
+//! Errors of coefficients in every task, from the tasks' statistics.
 
 use faer::Mat;
 use fleetfoot_stats::SquareRoot;

@@ -1,4 +1,4 @@
-//! What is fixed before the pass: coordinates from a pilot sample, and the chunks.
+//! Plan of the pass: coordinates from a pilot sample, and the chunks.
 
 use fleetfoot_data::{Canonical, Source};
 use fleetfoot_library::Expr;
@@ -60,8 +60,9 @@ impl Coordinates {
 impl SystemPlan {
     /// Makes a plan for a source: the coordinates come from a strided pilot sample of its rows.
     ///
-    /// Where the functions are all monomials of some variables up to a degree of two or more, there is one region, and the pilot shows that it costs no
-    /// digits that the rows have, the scan sums Chebyshev moments instead of products of pairs of functions.
+    /// The scan may sum Chebyshev moments instead of products of pairs of functions. It does so under three conditions:
+    /// the functions are all monomials of some variables up to a degree of two or more; there is one region; and the
+    /// pilot shows that it costs no significant digits.
     ///
     /// Without `chunk_rows` the chunks are as long as 192 MiB of statistics ask for, and otherwise some 200, of four rows or more.
     ///
@@ -130,7 +131,8 @@ impl SystemPlan {
         Ok(Self { system, chunk_rows, coordinates })
     }
 
-    /// What the plan says, for people and for comparison: one line a fact, the numbers of coordinates and partition left out.
+    /// Text of the plan, for people and for comparison: one line a fact, without the numbers of coordinates and
+    /// partition.
     pub fn text(&self) -> String {
         Self::text_of(&self.system, self.chunk_rows)
     }
@@ -222,12 +224,12 @@ impl SystemPlan {
         tile_rows(columns, weak.as_ref())
     }
 
-    /// Whether the scan sums Chebyshev moments.
+    /// Returns true if the scan sums Chebyshev moments.
     pub fn is_polynomial(&self) -> bool {
         matches!(self.coordinates, Coordinates::Polynomial(_))
     }
 
-    /// What is evaluated on the rows in the place of the functions.
+    /// Expressions that are evaluated on the rows in the place of the functions.
     pub(super) fn regressors(&self) -> &[Expr] {
         match &self.coordinates {
             Coordinates::General(_) => &self.system.functions,
@@ -236,7 +238,7 @@ impl SystemPlan {
     }
 }
 
-/// Whether rows must be assigned to regions.
+/// Returns true if rows must be assigned to regions.
 fn is_partitioned(system: &System) -> bool {
     system.partition.as_ref().is_some_and(|partition| !partition.columns.is_empty())
 }

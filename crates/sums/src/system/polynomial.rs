@@ -38,7 +38,8 @@ pub(super) struct Polynomial {
 }
 
 impl Monomials {
-    /// What `functions` are, if they are that. Variables are whatever the products are made of: columns, lags, functions of them.
+    /// Monomials of `functions`; `None` if they are not that. Variables are the factors of the products: columns, lags,
+    /// functions of them.
     pub(super) fn recognise(functions: &[Expr]) -> Option<Self> {
         let mut variables: Vec<Expr> = Vec::new();
         let mut index: HashMap<Expr, usize> = HashMap::new();
@@ -103,11 +104,13 @@ impl Monomials {
 }
 
 impl Polynomial {
-    /// Whether the rounding of the moments of `rows` rows stays a small part of what a fit does not know anyway.
+    /// Returns true if the rounding of the moments of `rows` rows stays a small part of a fit's uncertainty.
     ///
-    /// Errors e of the rows move X'y by about `sqrt(n) |x| |e|`. The moments sum squares of targets and functions themselves: their rounding moves it by at most
-    /// `n eps |x| |y|`, and by as much times the condition through X'X, and both go through the same inverse to the coefficients. So what counts is
-    /// `sqrt(n) eps condition |y| / |e|`. A plan of products takes the pilot's prediction out of the targets first, and keeps the digits of exact data.
+    /// Errors e of the rows move X'y by about `sqrt(n) |x| |e|`. The moments sum squares of targets and functions
+    /// themselves. Their rounding moves X'y by at most `n eps |x| |y|`, and by as much times the condition through X'X.
+    /// Both go through the same inverse to the coefficients. The test is therefore on
+    /// `sqrt(n) eps condition |y| / |e|`. A plan of products takes the pilot's prediction out of the targets first, and
+    /// keeps the digits of exact data.
     fn tells(&self, base: &[&[f64]], targets: &[&[f64]], rows: usize) -> bool {
         let mut moments = self.plan.moments();
         moments.add(&self.plan, &mut self.plan.scratch(), base, targets, None);

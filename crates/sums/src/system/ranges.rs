@@ -29,7 +29,7 @@ pub(super) struct MonomialRanges {
 struct Recipe {
     parent: Option<usize>,
     variable: usize,
-    /// Whether the monomial is an even power of one variable, and so not negative.
+    /// True if the monomial is an even power of one variable, and so not negative.
     even: bool,
 }
 

@@ -84,7 +84,7 @@ impl SystemPlan {
     }
 }
 
-/// What several designs need.
+/// Halo that covers several designs.
 fn widest(a: Halo, b: Halo) -> Halo {
     Halo { before: a.before.max(b.before), after: a.after.max(b.after) }
 }
@@ -189,7 +189,7 @@ impl Sample {
     }
 }
 
-/// What one chunk has found so far.
+/// Sums of one chunk so far.
 pub struct ChunkSums {
     sums: PartSums,
     also: Gram,
@@ -341,7 +341,7 @@ impl ChunkSums {
     }
 }
 
-/// Where there is one region no row is told of it.
+/// Regions of the rows; `None` if there is one region only.
 fn regions(found: &[u32]) -> Option<&[u32]> {
     (!found.is_empty()).then_some(found)
 }

@@ -1,4 +1,4 @@
-//! What a pass has found, and what is asked of it.
+//! Statistic of a pass, and its queries.
 
 use std::collections::HashMap;
 
@@ -153,7 +153,7 @@ impl SystemScan {
         self.regions[region].sums.rows()
     }
 
-    /// What became of the rows.
+    /// Counts of the rows: complete, at borders, incomplete.
     pub fn counts(&self) -> RowCounts {
         self.counts
     }
@@ -218,7 +218,8 @@ impl SystemScan {
         roots
     }
 
-    /// What the functions looked like in a region: mean, covariance, rank, condition, and what its rows cannot tell apart.
+    /// Spread of the functions in a region: mean, covariance, rank, condition, and functions that its rows cannot tell
+    /// apart.
     pub fn spread(&self, region: usize) -> Spread {
         Spread::of(&self.root(region), 0..self.functions(), 1.0)
     }

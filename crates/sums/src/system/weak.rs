@@ -27,7 +27,7 @@ use super::SystemError;
 pub const LEAST_REACH: usize = 4;
 /// Windows begin at every so many rows of their reach: their test functions overlap by half of their height.
 const STEPS: usize = 4;
-/// What the test function has fallen to in the row beside the end of its window: tau of WSINDy.
+/// Value of the test function in the row beside the end of its window: tau of WSINDy.
 const TAIL: f64 = 1e-10;
 
 /// Windows in the place of rows.
@@ -35,7 +35,7 @@ const TAIL: f64 = 1e-10;
 pub struct Weak {
     /// Rows from the middle of a window to either end, m: a window has 2 m + 1 rows.
     pub reach: usize,
-    /// What every target is over a window (q).
+    /// Every target over a window (q).
     pub targets: Vec<WeakTarget>,
     /// Error of the integrals, relative to a rate ([`weak_accuracy`]).
     pub accuracy: f64,
@@ -46,16 +46,17 @@ pub struct Weak {
 pub struct WeakTarget {
     /// Whose derivative moves onto the test function.
     pub rate: Option<Rate>,
-    /// What is averaged like the candidates: what is known of the right side, taken away, or all of a target that is no derivative.
+    /// Expression that is averaged like the candidates: minus the known part of the right side, or all of a target that
+    /// is no derivative.
     pub mean: Expr,
 }
 
-/// What changes over a window.
+/// Rate of change over a window.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rate {
     /// Over the columns of a source.
     pub of: Expr,
-    /// Whether it is an angle, whose steps from row to row are wrapped.
+    /// True for an angle, whose steps from row to row are wrapped.
     pub angle: bool,
 }
 
@@ -87,7 +88,7 @@ impl Weak {
         Ok(())
     }
 
-    /// What is averaged for every target; what has a rate.
+    /// Expressions that are averaged for every target, then those that have a rate.
     pub(super) fn expressions(&self) -> (Vec<Expr>, Vec<Expr>) {
         let means = self.targets.iter().map(|target| target.mean.clone());
         (means.collect(), self.rates().map(|(_, rate)| rate.of.clone()).collect())
@@ -98,7 +99,7 @@ impl Weak {
         self.targets.iter().enumerate().filter_map(|(at, target)| Some((at, target.rate.as_ref()?)))
     }
 
-    /// What it says, one line a fact.
+    /// Text of the windows, one line a fact.
     pub(super) fn text(&self) -> String {
         let mut text = format!("weak form over windows of {} rows, every {} rows\n", self.rows(), self.stride());
         for target in &self.targets {
@@ -171,7 +172,8 @@ impl Window {
         self.rate.iter_mut().for_each(|rate| *rate /= slope);
     }
 
-    /// What the rate of the square, or of the cube, differs by from the mean of its derivative; the time runs from -1 to 1.
+    /// Difference between the rate of the square, or of the cube, and the mean of its derivative; the time runs from -1
+    /// to 1.
     fn defect(&self, stamps: &[i64]) -> f64 {
         let half = (stamps[stamps.len() - 1] - stamps[0]) as f64 * 5e-10;
         let at = |k: usize| (stamps[k] - stamps[0]) as f64 * 1e-9 / half - 1.0;

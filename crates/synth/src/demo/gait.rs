@@ -1,5 +1,6 @@
-//! How a hexapod runs at each speed of its belt: Fig. 5 of Buchan, Haldane, Fearing, "Automatic Identification of Dynamic Piecewise Affine Models for
-//! a Running Robot", stride frequency, and the speed over the belt beside what equation (2) predicts without slip.
+//! Gait of a hexapod at each speed of its belt (Fig. 5 of Buchan, Haldane, Fearing, "Automatic Identification of
+//! Dynamic Piecewise Affine Models for a Running Robot"). Stride frequency, and the speed over the belt beside the
+//! prediction of equation (2) without slip.
 
 use std::{
     f64::consts::{FRAC_PI_4, PI, TAU},
@@ -20,7 +21,7 @@ pub const PHASE_BINS: usize = 24;
 /// Rows of a chunk.
 const CHUNK_ROWS: usize = 65_536;
 
-/// What the gait was in one run.
+/// Gait of one run.
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct Gait {

@@ -56,7 +56,7 @@ pub(crate) struct Ports {
     pub(crate) step: f64,
 }
 
-/// Default energy gain of a port, over the discretisation error.
+/// Default of a port's allowed energy gain, over the discretisation error.
 const ROOM: f64 = 2.0;
 
 /// Iterations of the storage at most: time constants of so many rows.
