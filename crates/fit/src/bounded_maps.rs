@@ -46,7 +46,7 @@ pub struct BoundedMaps {
 pub struct PassiveMaps {
     /// The ports.
     pub ports: Vec<PassivePort>,
-    /// Norms of what the free maps give over what they may.
+    /// Norms of the free maps: the energy that they give, over the allowed energy.
     #[serde(deserialize_with = "fleetfoot_dataset::json::numbers")]
     pub free_norms: Vec<f64>,
     /// Those of the maps that are written: at most 1.
@@ -101,7 +101,7 @@ impl From<&Passivity> for PassiveMaps {
     }
 }
 
-/// A partition whose maps are bounded, and what that costs one step ahead.
+/// A partition whose maps are bounded, and the cost in one-step error.
 #[derive(Debug, Clone)]
 pub struct BoundedCandidate {
     /// Its specification.
@@ -115,7 +115,7 @@ pub struct BoundedCandidate {
 }
 
 impl BoundedCandidate {
-    /// Those among candidates; `held_out` tells whether their losses are of rows that did not train.
+    /// Those among candidates; `held_out`: true if their losses are of held-out rows.
     pub fn of(candidates: &[Score], held_out: bool) -> Vec<Self> {
         let of = |score: &Score| {
             Some(Self {
@@ -196,7 +196,7 @@ pub fn unexplained(r2: &[f64]) -> f64 {
     1.0 - r2.iter().sum::<f64>() / r2.len() as f64
 }
 
-/// Four decimals, as long as nobody has to count digits before them.
+/// Four decimals, unless there are many digits before them.
 fn fixed(value: f64) -> String {
     if value < 1e4 { format!("{value:.4}") } else { number(value) }
 }

@@ -73,7 +73,7 @@ pub enum Error {
     /// Statistics that do not go together.
     #[error(transparent)]
     Merge(#[from] fleetfoot_stats::MergeError),
-    /// An error, and what may be behind it.
+    /// An error, and its possible reasons.
     #[error("{error}; {reasons}")]
     WithReasons {
         /// The error.
@@ -90,7 +90,7 @@ pub enum Error {
         /// The coefficient that is not finite.
         what: String,
     },
-    /// The user stopped a scan, and what is complete is kept.
+    /// The user stopped a scan; its complete part is kept.
     #[error("stopped; what is done is kept in {}: the same command goes on from there", path.display())]
     Paused {
         /// The file that keeps it.

@@ -31,7 +31,7 @@ impl FoldRule {
     /// The folds of the chunks of a statistic.
     ///
     /// # Errors
-    /// Folds that cannot be made as they are asked for.
+    /// Folds that cannot be made.
     pub(crate) fn folds(self, keys: &[Key], rows: &[u64], seed: u64, purge: Purge) -> Result<Folds, SelectError> {
         let of = |layout| Folds::of(keys, rows, layout, purge);
         match self {
@@ -61,8 +61,8 @@ pub(crate) fn parse(text: &str) -> Option<FoldRule> {
     }
 }
 
-/// The gap beside held-out rows that are made of the same samples as `shared` rows on either side, and correlated with so many; as far as a tenth of a span
-/// where that is not known.
+/// The gap beside held-out rows. A row shares samples with `shared` rows on either side, and is correlated with
+/// `correlated` rows; if that number is unknown, the gap is a tenth of a span.
 pub(crate) fn purge(shared: usize, correlated: Option<f64>) -> Purge {
     Purge::Alike { shared, correlated: correlated.map_or(usize::MAX, |rows| rows.ceil() as usize) }
 }

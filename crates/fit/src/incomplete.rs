@@ -1,4 +1,4 @@
-//! Rows that a fit leaves out because a value is missing: how many, and where the first is. Every fit tells them so.
+//! Note of every fit about rows that it leaves out because a value is missing: their number, and the first of them.
 
 use std::collections::BTreeSet;
 
@@ -13,8 +13,8 @@ use crate::{error::Error, not_finite};
 /// Rows read at once.
 const ROWS: usize = 65_536;
 
-/// Notes about the `incomplete` rows of a dataset that were left out: their number, the first of them, and the
-/// expressions among `read` that made them incomplete. Empty if there are none.
+/// Notes about the `incomplete` rows of a dataset that were left out. They give the number of rows, the first of them,
+/// and the expressions among `read` that made them incomplete. Empty if there are none.
 ///
 /// The rows up to the first missing value are read again, and a bounded number for the expressions.
 ///

@@ -96,7 +96,7 @@ impl LimitReport {
         }
     }
 
-    /// The table of what is kept at every row, and where it is nearest to its bound.
+    /// Table of the limits that hold at every row, with the row nearest to each bound.
     pub fn table(limits: &[Self]) -> TextTable {
         let with_free = limits.iter().any(|limit| limit.free_nearest.is_some());
         let row = |limit: &Self| {

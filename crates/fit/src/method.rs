@@ -30,7 +30,8 @@ use crate::{
 /// Options of a fit that the recipe does not have.
 #[derive(Debug, Clone, Default)]
 pub struct FitRequest {
-    /// The models of the other candidates too: of `pwa` those of all partitions, of `sindy` and `narx` those of the front of error against number of terms.
+    /// True to return the models of the other candidates too: of `pwa` those of all partitions, of `sindy` and `narx`
+    /// those of the front of error against number of terms.
     pub rivals: bool,
     /// Steps of the rollouts that choose open spans of derivatives (`over = "auto"`) in `fit sindy`; [`crate::USUAL_HORIZON`] when not given.
     pub horizon: Option<usize>,
@@ -54,7 +55,7 @@ pub struct Fitted<R> {
     pub value: Option<String>,
     /// The model.
     pub model: Model,
-    /// The models of other candidates, where they were asked for ([`FitRequest::rivals`]).
+    /// The models of other candidates, on request ([`FitRequest::rivals`]).
     pub rivals: Vec<Rival>,
     /// Scores, candidates, certificates.
     pub report: R,
@@ -91,7 +92,7 @@ impl<R> Fitted<R> {
         std::iter::once(own).chain(rivals).collect()
     }
 
-    /// Writes the model and its rivals, all or none, and tells the files.
+    /// Writes the model and its rivals, all or none, and returns the files.
     ///
     /// # Errors
     /// Those of writing.
@@ -178,7 +179,8 @@ pub struct RowFacts {
     pub concentrated: Vec<(String, Option<Concentration>)>,
 }
 
-/// A method of fitting: what it lists as candidates, and how it solves one of them. Everything else is the pipeline's ([`crate::fit`]).
+/// A method of fitting: its candidates, and the solution of one of them. Everything else is the pipeline's
+/// ([`crate::fit`]).
 pub trait Method: Sized {
     /// Its name on the command line: `fit NAME`.
     const NAME: &'static str;
@@ -191,7 +193,7 @@ pub trait Method: Sized {
     /// The candidates, solved, and the one that was chosen.
     type Found;
 
-    /// Reads what the recipe says of the method.
+    /// Reads the method's settings from the recipe.
     ///
     /// # Errors
     /// Words and numbers that are not allowed, with those that are.
@@ -233,7 +235,7 @@ pub trait Method: Sized {
         Ok(None)
     }
 
-    /// The recipe of a fit of a statistic: what is said, above the recipe of the scan.
+    /// The recipe of a fit of a statistic: the fit's settings above the recipe of the scan.
     ///
     /// # Errors
     /// Another condition for rows; a question that needs rows.
@@ -249,7 +251,7 @@ pub trait Method: Sized {
     /// The task and the sums of a statistic.
     ///
     /// # Errors
-    /// A question that needs rows, and what was not summed.
+    /// A fit that needs rows, or sums that the statistic does not have.
     fn of_statistic(
         &self,
         recipe: &Recipe,
@@ -312,7 +314,7 @@ pub trait Method: Sized {
         progress: &dyn Progress,
     ) -> Result<Self::Sums, Error>;
 
-    /// Sums the logs of the fit, and settles what of the task follows from their rows.
+    /// Sums the logs of the fit, and settles the parts of the task that depend on their rows.
     ///
     /// # Errors
     /// Those of reading; too few rows.
@@ -379,7 +381,7 @@ pub trait Method: Sized {
         Ok(self.again(data, found, progress)?.0)
     }
 
-    /// Takes the coefficients of a fit to simulations where it is the better one, and tells what bounds them.
+    /// Takes the coefficients of a fit to simulations if it is the better one, and reports their bounds.
     ///
     /// # Errors
     /// Those of posing the set that the coefficients keep.

@@ -24,7 +24,8 @@ use crate::{
 
 /// Rollouts of every fold, at most, by which the two models are compared.
 const STARTS: usize = 200;
-/// Numbers that the derivatives of a segment may take where its length is not said: 128 MiB, of which every chunk in flight has one.
+/// Numbers that the derivatives of a segment may take if its length is not given: 128 MiB, of which every chunk in
+/// flight has one.
 const DERIVATIVES: usize = 1 << 24;
 /// Factor of the second, longer horizon of the comparison: a model fitted to N steps may diverge later.
 const FAR: usize = 10;
@@ -77,7 +78,7 @@ pub(crate) fn note(objective: Objective, refinement: Option<&Refinement>) -> Opt
     })
 }
 
-/// Refuses what needs rows where there are none.
+/// Refuses an objective that needs rows for a statistic, which has none.
 pub(crate) fn refuse_statistic(objective: Objective) -> Result<(), Error> {
     match objective {
         Objective::OneStep => Ok(()),
@@ -192,7 +193,8 @@ impl HeldOutErrors {
 /// A model of one step, and the set in which a fit to simulations has to keep it.
 pub(crate) type Beginning = (Model, Option<Box<dyn Hold>>);
 
-/// Fits to simulations, one a weight of the prior where there is one, up to so many; what is too short for it is told with the mend.
+/// Fits to simulations, one a weight of the prior if there is one, up to so many. A recording that is too short is
+/// refused, with the remedy.
 fn fitted(
     objective: Objective,
     (model, hold): &Beginning,
@@ -211,7 +213,8 @@ fn fitted(
     })
 }
 
-/// The weight of least error over the steps of the segments, among those that are not worse over more of them than the model of one step; where all are, the one that is least so.
+/// The weight of least error over the steps of the segments, among those whose error over more steps is no higher than
+/// that of the one-step model. If all are higher, the one of the least such error.
 fn chosen(weights: &[WeightErrors], one_far: f64) -> usize {
     let key = |at: &usize| {
         let own = &weights[*at];
@@ -288,7 +291,7 @@ pub(crate) fn refine(
     Ok(Some(refinement))
 }
 
-/// Steps of a free run through so many rows, as far as its derivatives have room in memory.
+/// Steps of a free run through so many rows, limited by the memory of its derivatives.
 fn longest(model: &Model, source: &dyn Source, rows: usize) -> Result<usize, Error> {
     let simulator = Simulator::for_source(model, source, RolloutOptions::new(1).step)?;
     let taken = |steps: usize| {

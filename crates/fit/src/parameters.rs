@@ -194,7 +194,7 @@ impl Method for Parameters {
         &found.model
     }
 
-    /// Simulations are what the estimate itself is of.
+    /// Does nothing: the estimate itself is a fit to simulations.
     fn refine(&self, _: Data<'_, ParametersTask>, (): &(), _: &mut Estimated, _: &mut Refinement) -> Result<(), Error> {
         Ok(())
     }
@@ -282,7 +282,7 @@ fn estimate(
     })
 }
 
-/// The same method on other rows of the logs, from what was found before.
+/// The same method on other rows of the logs, from an earlier estimate.
 fn again(
     task: &ParametersTask,
     open: &Model,

@@ -13,7 +13,7 @@ pub struct FitPlan {
     /// Data that its passes would read.
     #[serde(flatten)]
     pub reading: ReadPlan,
-    /// Left sides of what is fitted: equations, outputs, tasks.
+    /// Left sides of the fit: equations, outputs, tasks.
     pub equations: Vec<String>,
     /// Candidate functions of any equation, at most.
     pub candidates: usize,

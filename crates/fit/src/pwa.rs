@@ -1,4 +1,5 @@
-//! Piecewise-affine models: a map for every region of a partition, of several partitions the one that predicts best what did not train.
+//! Piecewise-affine models: a map for every region of a partition, of several partitions the one with the lowest
+//! held-out error.
 
 mod options;
 mod report;
@@ -46,7 +47,7 @@ pub struct Pwa {
     rivals: bool,
     /// The partition that rollouts chose.
     chosen: Option<usize>,
-    /// Radial functions among the candidates, and what is to be known of them.
+    /// Radial functions among the candidates.
     radial: Option<RadialFunctions>,
     notes: Vec<String>,
 }
@@ -142,7 +143,7 @@ impl Method for Pwa {
         Ok((task, Some(summed)))
     }
 
-    /// As it was said, which finds the model again.
+    /// The recipe unchanged, which gives the model again.
     fn carried(&self, recipe: &Recipe, _over: Option<u32>) -> Recipe {
         recipe.clone()
     }

@@ -27,7 +27,8 @@ pub(crate) fn count(recipe: &Recipe) -> Result<Option<usize>, Error> {
     }
 }
 
-/// The radial functions that a recipe asks for, around the centroids of k-means on all rows that `problem` counts; targets are not looked at.
+/// The radial functions of a recipe, around the centroids of k-means on all rows that `problem` counts; targets have no
+/// part in them.
 ///
 /// # Errors
 /// Those of reading; fewer rows than centres.

@@ -1,7 +1,7 @@
 //! Choice of models by rollouts of rows that did not train.
 //!
-//! One-step errors say little about a simulation: what is wrong with a derivative adds up. Here every candidate is fitted on the training rows of each fold, and simulated
-//! over the spans that were kept back.
+//! One-step errors say little about a simulation: errors of a derivative add up. Here every candidate is fitted on the
+//! training rows of each fold, and simulated over the held-out spans.
 
 use fleetfoot_data::setting::{HORIZON, SELECT};
 use fleetfoot_data::{Progress, Silent, Source};
@@ -180,7 +180,7 @@ impl<'a> HeldOut<'a> {
         self.rule.horizon = steps;
     }
 
-    /// A horizon of so many steps, shortened to half of what every fold has room for; that of the rule at least.
+    /// A horizon of so many steps, shortened to half of the room in every fold; that of the rule at least.
     pub(crate) fn far(&self, steps: usize) -> usize {
         steps.min(self.room() / 2).max(self.rule.horizon)
     }

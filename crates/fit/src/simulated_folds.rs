@@ -1,4 +1,5 @@
-//! Simulations of the rows that every fold keeps back, by models that were fitted to the other folds: what models of different methods are compared by.
+//! Simulations of every fold's held-out rows by models fitted to the other folds, for the comparison of different
+//! methods.
 
 use fleetfoot_data::{Progress, Silent, Source};
 use fleetfoot_dynamics::{Baseline, Horizon, Method as Integration, RolloutOptions, Starts};
@@ -75,7 +76,7 @@ pub fn simulation_options(horizon: usize) -> RolloutOptions {
     options
 }
 
-/// Rows of the longest span that every one of so many folds keeps back: what a horizon must be shorter than.
+/// Rows of the longest span that every one of so many folds holds out: an upper limit of the horizon.
 ///
 /// # Errors
 /// Too few rows for the folds.

@@ -1,7 +1,8 @@
-//! From logs, or from their statistic, to equations: sparse sums of candidate functions, beside what is known of the dynamics.
+//! From logs, or from their statistic, to equations: sparse sums of candidate functions, beside the known part of the
+//! dynamics.
 //!
-//! A recipe becomes an [`EquationTask`](fleetfoot_task::EquationTask); one pass over the rows makes its [`Evidence`]; everything else (models of every size, held-out errors, ensembles,
-//! standard errors) follows from the statistic.
+//! A recipe becomes an [`EquationTask`](fleetfoot_task::EquationTask); one pass over the rows makes its [`Evidence`].
+//! Everything else follows from the statistic: models of every size, held-out errors, ensembles, standard errors.
 
 mod estimation;
 mod evidence;

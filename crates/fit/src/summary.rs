@@ -18,7 +18,7 @@ pub struct FitSummary {
     pub left_out: Vec<u64>,
     /// Choice of open spans and candidates by rollouts; `None` without rollouts.
     pub rollouts: Option<RolloutChoice>,
-    /// The fit to simulations, where it was asked for.
+    /// The fit to simulations, on request.
     #[serde(rename = "objective", skip_serializing_if = "Option::is_none")]
     pub refinement: Option<Refinement>,
     /// Notes for the user.

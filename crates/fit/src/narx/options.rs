@@ -54,7 +54,7 @@ pub struct GivenOrder {
 }
 
 impl GivenOrder {
-    /// The order with what is given, the rest from another.
+    /// The order with the given parts, the rest from another.
     pub(crate) fn or(self, other: NarxOrder) -> NarxOrder {
         NarxOrder {
             outputs: self.outputs.unwrap_or(other.outputs),
@@ -214,7 +214,8 @@ fn order(recipe: &Recipe, selection: NarxSelection, terms: TermRule) -> Result<O
     })
 }
 
-/// Past rows of outputs and inputs as all methods say them: the present row, from which the next is told, and those before it.
+/// Past rows of outputs and inputs, counted as in all methods: the present row, which predicts the next, and those
+/// before it.
 #[derive(Clone, Copy)]
 struct Past {
     values: usize,

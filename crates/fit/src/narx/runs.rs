@@ -1,4 +1,4 @@
-//! A saved autoregression run freely through whole files, each scored by itself.
+//! Free runs of a saved autoregression through whole files, each with a separate score.
 
 use std::{collections::BTreeMap, path::PathBuf};
 

@@ -1,6 +1,7 @@
 //! Choice of partition, order and number of terms by simulations of rows that did not train.
 //!
-//! One-step errors flatter an autoregression: the outputs hardly move within a row. What a model is for is seen when it feeds on its own answers.
+//! One-step errors flatter an autoregression: the outputs hardly move within a row. Its quality shows when it feeds on
+//! its own predictions.
 
 use std::{borrow::Cow, collections::BTreeMap, ops::Range, sync::Arc};
 
@@ -28,7 +29,7 @@ use crate::{error::Error, spans::Spans};
 pub(crate) enum By {
     /// Simulations, of models of one scan after another.
     Search,
-    /// Simulations, of models of one scan: information criteria tell of the same rows.
+    /// Simulations of models of one scan, which have information criteria of the same rows.
     Simulations,
     /// One-step errors of models of one scan.
     OneStep,
@@ -53,7 +54,7 @@ impl Job {
     }
 }
 
-/// A model that was tried, with what it takes to make it again.
+/// A tried model, with the settings to make it again.
 #[derive(Debug, Clone)]
 pub(crate) struct Tried {
     pub(crate) candidate: NarxCandidate,
@@ -73,7 +74,8 @@ pub(crate) struct Selection<'a> {
     /// The spans of every fold.
     pub(crate) held: &'a [Spans<'a>],
     pub(crate) fold_of: &'a BTreeMap<EpisodeId, usize>,
-    /// Rows of a span that nobody predicts, so that models with few lags and with many are compared on the same rows.
+    /// First rows of a span that are not scored, so that models with few lags and with many are compared on the same
+    /// rows.
     pub(crate) first: usize,
     pub(crate) step: f64,
     pub(crate) by: By,
@@ -97,7 +99,7 @@ struct Training<'a> {
 }
 
 impl Training<'_> {
-    /// Returns true if the fold has regions of its own training rows instead of those of all rows.
+    /// Returns true if the fold has regions made on its training rows instead of those of all rows.
     fn is_anew(&self) -> bool {
         matches!(self.scan, Cow::Owned(_))
     }
@@ -127,10 +129,11 @@ struct Scale {
 }
 
 impl Selection<'_> {
-    /// Tries every order and number of terms with every partition. Terms are chosen on all spans; the spans of every fold are simulated by the same terms, refitted on
-    /// the others. Regions that fit the dynamics are those of the others too, and as they are different ones so many terms are chosen in each of them anew: regions
-    /// that had seen what they are tested on would flatter themselves. One scan of the union of all candidates serves every order, one a partition more, and one
-    /// a fold where regions are made anew; lags do not reach over the borders of spans.
+    /// Tries every order and number of terms with every partition. Terms are chosen on all spans; the spans of every
+    /// fold are simulated by the same terms, refitted on the others. Regions that fit the dynamics are made anew on the
+    /// other spans, and so many terms are chosen in each of them: otherwise the held-out rows would have shaped the
+    /// regions. One scan of the union of all candidates serves every order. A partition takes one more, and so does a
+    /// fold whose regions are made anew. Lags do not reach over the borders of spans.
     pub(crate) fn run(&self, jobs: &[Job], progress: &dyn Progress) -> Result<Vec<Tried>, Error> {
         if jobs.is_empty() {
             return Ok(Vec::new());

@@ -1,4 +1,4 @@
-//! An autoregression whose candidates were summed with a statistic: what `fit narx` fits without the logs.
+//! An autoregression whose candidates were summed with a statistic, for `fit narx` without the logs.
 
 use std::{borrow::Cow, collections::BTreeMap};
 
@@ -98,7 +98,7 @@ pub(crate) enum Evidence<'a> {
 pub(crate) struct Sums<'a> {
     file: &'a StatisticFile,
     equations: &'a EquationStatistic,
-    /// The order that was summed: what is fitted is within it.
+    /// The order that was summed, which contains the fitted one.
     pub(super) order: NarxOrder,
 }
 
@@ -106,7 +106,7 @@ impl<'a> Sums<'a> {
     /// The sums of a file that answer for a fit, in the regions that it asks for.
     ///
     /// # Errors
-    /// None that do, with what was summed.
+    /// No candidates that fit the sums; the message says which were summed.
     pub(super) fn new(file: &'a StatisticFile, scanned: &Recipe, fit: &NarxOptions) -> Result<Self, Error> {
         let whole = EquationStatistic::whole(&scanned.expand(&file.fields)?);
         let (Some(equations), Some(summed)) = (&file.equations, Summed::of(&whole, &file.fields)?) else {
@@ -177,7 +177,8 @@ impl Evidence<'_> {
     }
 }
 
-/// Folds by the one rule, of the chunks of a scan; no lag of a row that trains, and no smoothing over so many rows, reaches what is held out.
+/// Folds of the chunks of a scan, by the common rule. No lag of a training row, and no smoothing over so many rows,
+/// reaches the held-out ones.
 pub(super) fn folds_of_chunks(
     scan: &SystemScan,
     count: usize,
@@ -191,10 +192,11 @@ pub(super) fn folds_of_chunks(
     Ok(problems(folds.train()).zip(problems(folds.test())).map(|(train, test)| NarxFold { train, test }).collect())
 }
 
-/// The recipe of a fit from sums: what nobody says, and would be chosen by free runs, is chosen by errors of single steps of held-out chunks.
+/// The recipe of a fit from sums. A choice that free runs would make by default is made by one-step errors of held-out
+/// chunks.
 ///
 /// # Errors
-/// A choice by free runs that was asked for.
+/// A recipe that demands a choice by free runs.
 pub(super) fn by_single_steps<'a>(recipe: &'a Recipe, notes: &mut Vec<String>) -> Result<Cow<'a, Recipe>, Error> {
     let options = NarxOptions::new(recipe)?;
     refuse_rows(&options)?;

@@ -169,7 +169,8 @@ impl NarxBase {
         delayed
     }
 
-    /// The equations over so many lags of every output, and then of every input, lag by lag; inputs begin with that of the row that is predicted.
+    /// The equations over so many lags of every output, and then of every input, lag by lag. Inputs begin with those of
+    /// the predicted row.
     pub(crate) fn lags(&self, outputs: usize, inputs: usize) -> EquationTask {
         let functions = match &self.candidates {
             Candidates::Polynomial { outputs: own, inputs: given } => {
@@ -190,8 +191,8 @@ impl NarxBase {
         self.task.fitted.len()
     }
 
-    /// The rule with the orders that can run free. Inputs that follow from an output and would be needed before it is predicted are refused; where it is still
-    /// to be found whether inputs act at once, they then do not.
+    /// The rule with the orders that can run free. Refuses inputs that follow from an output and would be needed before
+    /// it is predicted. If the search were to decide about direct inputs, they are excluded.
     pub(crate) fn simulated(&self, rule: OrderRule, step: f64) -> Result<OrderRule, Error> {
         self.check_simulated(false, step)?;
         let Err(refused) = self.check_simulated(true, step) else { return Ok(rule) };

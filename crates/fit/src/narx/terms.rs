@@ -84,7 +84,8 @@ impl Trails {
         Ok(Self { whole: trails(&problems.whole)?, regions: regions.collect::<Result<_, ThresholdError>>()?, columns })
     }
 
-    /// The terms of every region (outer) and equation: `count` terms of each, or as many as there are; `None`: what forward regression itself chose.
+    /// The terms of every region (outer) and equation: `count` terms of each, or as many as there are; `None`: the
+    /// number that forward regression chose.
     pub(crate) fn terms(&self, count: Option<usize>) -> Vec<Vec<EquationTerms>> {
         let one = |trail: &Trail, shared: bool| {
             let at = count.map_or(trail.chosen, |count| count.min(trail.steps.len() - 1));
@@ -126,7 +127,8 @@ pub(crate) struct Support {
 }
 
 impl Problems {
-    /// The rows that an equation of a region is fitted on: the region's, all of them where its support is that of all or it has fewer than two rows a term.
+    /// The rows for an equation of a region: the region's, or all rows if its support is that of all or it has fewer
+    /// than two rows a term.
     fn rows_of(&self, region: usize, support: &Support) -> &Compressed {
         let enough = |problem: &&Compressed| problem.rows > 0 && problem.rows >= 2 * support.columns.len() as u64;
         self.regions.get(region).filter(|_| !support.shared).filter(enough).unwrap_or(&self.whole)

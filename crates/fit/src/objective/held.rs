@@ -12,7 +12,7 @@ use crate::error::Error;
 /// Piecewise-affine models whose regions contract in one metric.
 pub(crate) struct Bound(Contracting);
 
-/// Weight of a function that no region uses, in place of what no row tells: its coefficients stay zero.
+/// Weight of a function that no region uses, as no row determines it: its coefficients stay zero.
 const UNUSED: f64 = 1e12;
 
 impl Bound {

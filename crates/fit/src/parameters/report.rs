@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use crate::{limit_report::LimitReport, summary::FitSummary};
 
-/// Correlation beyond which two parameters can hardly be told apart (Klein and Morelli 2006, section 5.4).
+/// Correlation beyond which two parameters are confounded (Klein and Morelli 2006, section 5.4).
 const CONFOUNDED: f64 = 0.9;
 
 /// Ratio of standard errors from which a note says that correlated residuals widen the intervals.
@@ -28,7 +28,8 @@ pub struct ParametersReport {
     pub parameters: Vec<ParameterInterval>,
     /// Pairs whose correlation exceeds 0.9.
     pub confounded: Vec<ConfoundedPair>,
-    /// Standard deviation of the noise: of the measured states, by filter error of what it predicts of them, by equation error of the derivatives.
+    /// Standard deviation of the noise: of the measured states; by filter error of their innovations; by equation error
+    /// of the derivatives.
     pub noise: Vec<(String, f64)>,
     /// The same without `[constraints]`, where there are any and something is found: their price.
     pub free_noise: Vec<f64>,
@@ -36,7 +37,7 @@ pub struct ParametersReport {
     pub limits: Vec<LimitReport>,
     /// By filter error, by how much the measurements of every compared state correct the simulation; else none.
     pub gains: Vec<GainInterval>,
-    /// By filter error the covariance of what the filter predicts and what was measured of the compared states, by rows; else none.
+    /// Covariance of the innovations of the compared states, by rows, by filter error; else empty.
     pub innovations: Vec<Vec<f64>>,
     /// Segments that were simulated, and those left out for missing values; none by equation error.
     pub segments: Option<[usize; 2]>,
@@ -105,7 +106,7 @@ impl From<&Gain> for GainInterval {
     }
 }
 
-/// Two parameters that the rows hardly tell apart.
+/// Two parameters that the rows hardly distinguish.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ConfoundedPair {
@@ -344,7 +345,8 @@ fn confounded(
 }
 
 impl ParametersReport {
-    /// Warnings, in sentences: what the rows do not tell, or hardly tell apart; residuals that last.
+    /// Warnings, in sentences: parameters that the rows do not determine or hardly distinguish; residuals that are
+    /// correlated.
     pub fn warnings(&self) -> Vec<String> {
         let mut told = Vec::new();
         for own in self.parameters.iter().filter(|own| !own.determined) {

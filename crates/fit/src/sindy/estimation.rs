@@ -18,7 +18,7 @@ pub struct ParameterReport {
     pub name: String,
     /// The estimate.
     pub value: f64,
-    /// Its standard error; NaN where it cannot be said.
+    /// Its standard error; NaN if it is not known.
     pub standard_error: f64,
     /// Its unit, when known.
     pub unit: Option<String>,

@@ -35,7 +35,7 @@ pub struct SindyReport {
     pub parameters: Vec<ParameterReport>,
     /// Candidate functions of any equation, the constant among them.
     pub candidates: Vec<String>,
-    /// The regions; one where there is no partition.
+    /// The regions; one without a partition.
     #[serde(flatten, serialize_with = "crate::json::sindy::with_paths")]
     pub regions: Vec<RegionReport>,
     /// The equations that were found in turn with smoothed states, where that was done.
@@ -69,13 +69,14 @@ pub struct EquationReport {
     pub label: String,
     /// The right side with numbers for coefficients, its nominal part included.
     pub right: String,
-    /// The terms of what was learnt.
+    /// The fitted terms.
     pub terms: Vec<TermReport>,
     /// Number of candidates that it had.
     pub candidates: usize,
     /// Root mean squared error on the rows of the fit.
     pub rms: f64,
-    /// Share of the variance of what was learnt (the target less the nominal part) that is explained on these rows; NaN where it does not vary.
+    /// Share of the variance of the fitted part (the target less the nominal part) that is explained on these rows; NaN
+    /// if it does not vary.
     pub r2: f64,
     /// Root mean squared error on held-out rows; NaN without folds.
     #[serde(rename = "held_out_rms")]
@@ -91,8 +92,9 @@ pub struct EquationReport {
     pub correlation: f64,
     /// Error against number of terms, ascending by terms.
     pub front: Vec<FrontPoint>,
-    /// Functions of any model of [`Self::front`], the largest first, with what they contribute to each: their coefficient times their root mean square over the rows, in the
-    /// unit of the left side. Of very many functions those with the largest contributions.
+    /// Functions of any model of [`Self::front`], the largest first, with their contribution to each model. A
+    /// contribution is the coefficient times the root mean square over the rows, in the unit of the left side. Of very
+    /// many functions those with the largest contributions.
     #[serde(skip)]
     pub along: Vec<(String, Vec<f64>)>,
     /// Number of functions that any model of [`Self::front`] has.
@@ -119,7 +121,7 @@ pub struct TermReport {
     pub coefficient: f64,
     /// Unit of the coefficient, where those of the left side and of the function are known.
     pub unit: Option<String>,
-    /// Standard error of the coefficient, given the terms; NaN where it cannot be said.
+    /// Standard error of the coefficient, given the terms; NaN if it is not known.
     pub standard_error: f64,
     /// Share of an ensemble's members that have the term, where there is one.
     pub inclusion: Option<f64>,
@@ -175,7 +177,7 @@ impl EquationReport {
     }
 }
 
-/// Functions that are told along the front of an equation.
+/// Functions that are listed along the front of an equation.
 const ALONG: usize = 24;
 
 /// The report of a fitted equation. `problem`: the moments of the region's rows; `error`: the standard error of a candidate.
@@ -265,7 +267,7 @@ fn along(
     (all.into_iter().map(|(j, values)| (task.candidate(j), values)).collect(), members.len())
 }
 
-/// The right side with what was learnt written out behind the nominal part.
+/// The right side with the fitted part written out behind the nominal part.
 pub(super) fn right(task: &EquationTask, target: usize, terms: &[TermReport]) -> String {
     let learnt = sum(terms.iter().map(|term| (term.function.as_str(), term.coefficient)));
     let nominal = &task.fitted[target].nominal;

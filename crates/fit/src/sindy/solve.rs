@@ -51,7 +51,7 @@ pub(super) struct Solved {
     pub(super) inclusion: Option<Vec<f64>>,
 }
 
-/// Folds of a region, and what the means of their training rows err by on their held-out rows, summed (targets).
+/// Folds of a region, and the error of the training means on the held-out rows, summed (targets).
 struct HeldOut {
     folds: Vec<FoldProblem>,
     null: Vec<f64>,
@@ -76,7 +76,7 @@ pub(super) struct Solver<'a> {
     /// True if coefficients keep their bounds.
     bounded: bool,
     folds: Option<Folds>,
-    /// The penalty of groups, where it is asked for.
+    /// The penalty of groups, on request.
     groups: Option<GroupLasso>,
 }
 
@@ -224,7 +224,7 @@ impl<'a> Solver<'a> {
         Rivals { backward, zero: true, alone: self.evidence.task.constant.then_some(0) }
     }
 
-    /// The models that forward regression chooses by itself, where it is asked to: of all targets together, as pysindy does.
+    /// The models that forward regression chooses itself, on request: of all targets together, as pysindy does.
     fn by_ratio(&self, problem: &Compressed, terms: &[Terms]) -> Result<Vec<Step>, Error> {
         match (self.optimizer(problem.columns()), self.options.kappa) {
             (Optimizer::Frols(frols), Some(kappa)) => {

@@ -16,7 +16,7 @@ pub struct StateSmoothing {
     pub candidates: usize,
     /// Errors of measurement and equation, one entry a state.
     pub noise: Vec<StateNoise>,
-    /// Twice the objective and the price of the terms, of the terms that it began with and of those that were found, at the same variances.
+    /// Twice the objective plus the price of the terms, at the same variances: with the first terms, and with the last.
     pub value: [f64; 2],
     /// Price of a term in it.
     pub price: f64,
@@ -24,14 +24,15 @@ pub struct StateSmoothing {
     pub tried: usize,
     /// Those that were worth more than the ones before.
     pub taken: usize,
-    /// The certificate: what another step would lower the objective by, to first order.
+    /// The certificate: reduction of the objective by another step, to first order.
     pub promise: f64,
     /// True if the promise is within a billionth of the objective.
     pub converged: bool,
     /// Folds that are held out in turn.
     pub folds: usize,
-    /// Mean squared deviation of smoothed trajectories from the rows that did not train, with the equations' own errors, in variances of the measurements: the equations without
-    /// smoothing, and these, both of the same training rows.
+    /// Mean squared deviation of smoothed trajectories from the held-out rows, with the equations' own errors, in
+    /// variances of the measurements. The first is that of the equations without smoothing, the second of these; both
+    /// have the same training rows.
     pub held_out: [f64; 2],
     /// True if these equations are written: they have the lower held-out deviation.
     pub written: bool,

@@ -125,7 +125,8 @@ impl Limited<'_> {
         self.found.fit.theta.clone()
     }
 
-    /// The coefficients of other rows, without a pass: limits are kept at the rows that became constraints here, those that are the same at every row anew.
+    /// The coefficients of other rows, without a pass. Limits are kept at the rows that became constraints here; those
+    /// that are the same at every row, anew.
     pub(super) fn refit(&self, roots: &[SquareRoot]) -> Result<Vec<f64>, Error> {
         let Self { problem, support, found } = self;
         let assembled = assemble(&problem.structure, roots, &problem.assembly)?;

@@ -105,7 +105,8 @@ fn estimator(task: &StructuredTask, options: &SparseOptions) -> Result<Estimator
     Ok(GroupLasso { l1_ratio: options.l1_ratio, ..GroupLasso::new(Groups::new(groups.labels(&functions)?)) }.into())
 }
 
-/// The error of a task that counts as one: what the recipe says, else the standard deviation of the target, of a prior its root mean square.
+/// The error of a task that counts as one: the recipe's value, else the standard deviation of the target, or for a
+/// prior its root mean square.
 fn scale(task: &StructuredTask, index: usize, root: &SquareRoot) -> Result<f64, Error> {
     if let Some(scale) = task.scales[index] {
         return Ok(scale);

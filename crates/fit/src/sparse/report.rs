@@ -44,11 +44,11 @@ pub struct SparseReport {
     /// The largest violation of the optimality conditions of any replicate, where there are any.
     #[serde(rename = "worst_replicate_kkt")]
     pub worst_replicate: Option<f64>,
-    /// Selected coefficients that the rows and priors can hardly tell apart.
+    /// Selected coefficients that the rows and priors hardly distinguish.
     pub confounded: Vec<Vec<String>>,
     /// Condition number of the selected columns.
     pub condition: f64,
-    /// The fits without each episode, where they were asked for and there are any.
+    /// The fits without each episode, on request.
     pub influence: Option<LeaveOneOutReport>,
     /// The part of the report that all methods share.
     #[serde(flatten)]
@@ -108,7 +108,7 @@ pub struct CandidateReport {
     pub selected: bool,
     /// The coefficient of the lasso at lambda.
     pub lasso: f64,
-    /// Standard error of the coefficient, given the selection; NaN when it was not selected or cannot be said.
+    /// Standard error of the coefficient, given the selection; NaN if it was not selected or the error is not known.
     pub standard_error: f64,
     /// Share of the replicates that select it, where there are replicates.
     pub frequency: Option<f64>,
@@ -144,7 +144,7 @@ impl SparseReport {
     }
 }
 
-/// Columns that can hardly be told apart, by name; and the condition number of all.
+/// Confounded columns, by name; and the condition number of all.
 pub(super) fn named(problem: &Problem<'_>, columns: &[usize]) -> Result<(Vec<Vec<String>>, f64), Error> {
     let found = confounded(&problem.assembled, columns, CONFOUNDED)?;
     let groups = found.groups.iter().map(|group| group.iter().map(|&j| problem.name(j)).collect());

@@ -23,7 +23,7 @@ pub enum SolveMethod {
     },
 }
 
-/// Coefficients at a penalty, and what they make.
+/// Coefficients at a penalty, and their model.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Solved {
@@ -39,7 +39,7 @@ pub struct Solved {
     pub rows: f64,
     /// Name, root mean squared error and R2 of every task on its rows.
     pub tasks: Vec<(String, f64, f64)>,
-    /// Coefficients that the rows cannot tell apart, or nearly so.
+    /// Coefficients that the rows cannot, or can hardly, distinguish.
     pub confounded: Vec<Vec<String>>,
     /// The model.
     pub model: Model,

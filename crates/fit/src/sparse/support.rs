@@ -34,7 +34,7 @@ pub(super) struct Support {
     pub(super) notes: Vec<String>,
 }
 
-/// The penalised fit of all rows at lambda, and what its path said.
+/// The penalised fit of all rows at lambda, and the notes of its path.
 pub(super) fn penalised(problem: &Problem<'_>, lambda: f64) -> Result<(Solution, Vec<String>), Error> {
     let (quadratic, penalty) = (&problem.assembled.problem, &problem.assembled.penalty);
     let (solution, path) = problem.estimator.at(quadratic, penalty, lambda)?;
@@ -133,7 +133,7 @@ fn resample(
 }
 
 impl Support {
-    /// Keeps what the replicates agree on.
+    /// Keeps the columns on which the replicates agree.
     fn agree(&mut self, found: Selection, what: Resampled, bootstrap: &BootstrapOptions) {
         let BootstrapOptions { replicates, threshold, .. } = *bootstrap;
         let unit = match what {

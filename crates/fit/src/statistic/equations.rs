@@ -27,7 +27,7 @@ fn refuse_text_labels(recipe: &Recipe, task: &EquationTask, dataset: &Dataset) -
     }
 }
 
-/// Freezes what is decided before the pass, from a sample of the rows and by clustering, and sums nothing yet.
+/// Freezes the choices before the pass, from a sample of the rows and by clustering, and sums nothing yet.
 ///
 /// # Errors
 /// Those of reading and of clustering; texts in the columns.

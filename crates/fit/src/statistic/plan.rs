@@ -55,7 +55,7 @@ pub struct PlannedLatent {
     pub functions: usize,
 }
 
-/// Opens the files and tells what a scan would do. Robots' logs are not decoded for it.
+/// Opens the files and plans a scan. Robots' logs are not decoded for it.
 ///
 /// # Errors
 /// Those of opening files and of resolving the recipe.
@@ -79,10 +79,10 @@ pub fn plan_scan(
     }
 }
 
-/// [`plan_scan`] of a scan that goes on from this statistic: files that it has are left out, and its chunks are used.
+/// [`plan_scan`] of a scan that extends this statistic: its files are left out, and its chunks are used.
 ///
 /// # Errors
-/// As [`plan_scan`]; a recipe that asks for something else than what is here.
+/// As [`plan_scan`]; a recipe that differs from that of the statistic.
 pub fn plan_append(
     file: &StatisticFile,
     recipe: &Recipe,

@@ -87,7 +87,8 @@ pub(crate) fn scan_tasks(
     scan.finish()
 }
 
-/// The plan that a scan of these logs would freeze from a pilot sample of their rows, without any rows; and what had to be assumed.
+/// The plan that a scan of these logs would freeze from a pilot sample of their rows, without any rows; and its
+/// assumptions.
 ///
 /// Scans that begin with it, wherever they run, go together.
 ///
@@ -108,7 +109,7 @@ pub fn freeze(
 
 /// [`scan`] of some of the logs of one scan, with the plan of `plan`, whose rows are left out. A part may be without a complete row.
 ///
-/// Parts put together with [`StatisticFile::append`] in the order of their logs are what one scan of all finds, bit for bit.
+/// Parts put together with [`StatisticFile::append`] in the order of their logs equal one scan of all, bit for bit.
 ///
 /// # Errors
 /// As [`scan`], a part without a complete row excepted.
@@ -139,7 +140,7 @@ pub(super) struct Scan<'a> {
 }
 
 impl<'a> Scan<'a> {
-    /// Goes on from `base`, which messages call `whose`.
+    /// Continues from `base`, which messages call `whose`.
     pub(super) fn new(recipe: &'a Recipe, options: &'a ScanOptions, base: Option<StatisticFile>, whose: &str) -> Self {
         Self {
             recipe,
@@ -152,7 +153,7 @@ impl<'a> Scan<'a> {
         }
     }
 
-    /// Scans what is new; `keep` is called whenever more files are complete.
+    /// Scans the new files; `keep` is called whenever more files are complete.
     pub(super) fn run(
         &mut self,
         files: Vec<Hashed>,
@@ -399,7 +400,7 @@ fn chunks_of(file: &StatisticFile, rows: usize) -> usize {
     lengths.into_iter().chain([file.plan.chunk_rows]).map(|length| rows.div_ceil(length.max(1))).sum()
 }
 
-/// Progress of a part of the chunks, told as progress of all.
+/// Progress of a part of the chunks, as progress of all.
 struct Whole<'a> {
     outer: &'a dyn Progress,
     total: usize,

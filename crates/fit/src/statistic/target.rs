@@ -47,13 +47,13 @@ pub struct ScanOutcome {
 
 /// Scans files into a `.stats` file.
 ///
-/// While it works, what is complete is kept beside the output as `OUTPUT.partial`. The same command goes on from there, to the same bytes as if it had
-/// never been interrupted; another command is refused, and so is a second one at the same time. An output that is no file (a device, a pipe) is written
-/// at the end, and nothing is kept beside it.
+/// During the scan the complete part is kept beside the output as `OUTPUT.partial`. The same command resumes from it,
+/// to the same bytes as without an interruption. Another command is refused, and so is a second one at the same time.
+/// An output that is no file (a device, a pipe) is written at the end, and nothing is kept beside it.
 ///
 /// # Errors
-/// Those of [`scan`](super::scan()) and of reading and writing statistics; an output that exists, without `append` and `force`; [`Error::Paused`] when the
-/// user stops it and something is kept.
+/// Those of [`scan`](super::scan()) and of reading and writing statistics. An output that exists, without `append` and
+/// `force`. [`Error::Paused`] when the user stops it and something is kept.
 pub fn scan_to(
     target: &ScanTarget,
     recipe: &Recipe,
