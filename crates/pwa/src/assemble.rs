@@ -1,4 +1,4 @@
-//! From what was solved to a model: one affine map a region and target, and what each region saw in training.
+//! From solutions to a model: one affine map a region and target, and the training statistics of each region.
 
 use std::collections::BTreeMap;
 
@@ -14,7 +14,8 @@ use crate::{
 impl Fit<'_> {
     /// Assembles the model of a candidate.
     ///
-    /// `scatter` is that of its residuals by region, where no statistic tells it, `roots` the square-root form of each region's rows.
+    /// `scatter`: that of its residuals by region, if no statistic has it. `roots`: the square-root form of each
+    /// region's rows.
     pub(crate) fn model(
         &self,
         order: &Order,

@@ -34,7 +34,7 @@ pub(crate) struct Ties {
     places: Vec<usize>,
     centre: Vec<f64>,
     scale: Vec<f64>,
-    /// Regions that hang together over borders.
+    /// Regions that borders connect.
     parts: Vec<Part>,
 }
 
@@ -167,7 +167,7 @@ impl Ties {
     }
 }
 
-/// A tree of borders through regions that hang together, and the borders that it leaves out.
+/// A tree of borders through connected regions, and the borders that it leaves out.
 struct Walk {
     /// In the order in which they are reached, with the border and the region before; the first has neither.
     regions: Vec<(u32, Option<(usize, u32)>)>,
@@ -251,7 +251,8 @@ impl Part {
     }
 }
 
-/// Goes over a border into a region: the map changes by c times what vanishes on the border, which is positive on the side of the first of its pair.
+/// Goes over a border into a region. The map changes by c times the function that vanishes on the border, which is
+/// positive on the side of the first of its pair.
 fn add(path: &mut Mat<f64>, edge: usize, border: &Border, into: u32) {
     let sign = if border.pair[0] == into { 1.0 } else { -1.0 };
     for (row, normal) in border.normal.iter().enumerate() {
@@ -259,7 +260,7 @@ fn add(path: &mut Mat<f64>, edge: usize, border: &Border, into: u32) {
     }
 }
 
-/// A basis (columns) of what some equations (m x n) leave free.
+/// Basis (columns) of the null space of some equations (m x n).
 fn null_space(equations: &mut Slab) -> Mat<f64> {
     let n = equations.columns();
     if equations.rows() == 0 {

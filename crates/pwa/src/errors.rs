@@ -1,5 +1,6 @@
-//! The third pass, for what is not quadratic: absolute errors and Mahalanobis scores, each row predicted by the models that did not
-//! see its fold (paper, Table I), and the residual covariance of the kept models in each region.
+//! The third pass, for errors that are not quadratic: absolute errors and Mahalanobis scores. Each row is predicted by
+//! the models that did not see its fold (paper, Table I). The pass also sums the residual covariance of the kept models
+//! in each region.
 
 use std::collections::BTreeMap;
 
@@ -34,7 +35,7 @@ pub(crate) struct Errors {
     pub(crate) null: Sums,
     /// Weighted sum of |y - mean over all rows|.
     pub(crate) deviation: Vec<f64>,
-    /// Scatter of the residuals of each kept model in each of its regions, where no statistic tells it.
+    /// Scatter of the residuals of each kept model in each of its regions, if no statistic has it.
     pub(crate) residuals: Vec<Option<Scatter>>,
     /// Transitions between regions, of each kept model whose regions fit the dynamics.
     pub(crate) walks: Vec<Option<Walks>>,

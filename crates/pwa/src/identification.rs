@@ -17,7 +17,7 @@ pub struct Identification {
     pub models: Vec<Model>,
     /// The square-root forms of the rows in the regions of the chosen model; regions without rows are missing.
     pub roots: BTreeMap<u32, SquareRoot>,
-    /// Every partition that was tried, in the order asked for.
+    /// Every tried partition, in the order of the request.
     pub candidates: Vec<Score>,
     /// Index of the chosen one.
     pub chosen: usize,
@@ -92,13 +92,14 @@ pub struct Score {
     pub continuity: Option<Continuity>,
     /// Contraction of its maps; `None` without [`Options::stability`](crate::Options::stability).
     pub stability: Option<Stability>,
-    /// The loss of the free models in place of the bounded ones; the same where nothing is bounded, and of the training rows where none are held out.
+    /// The loss of the free models in place of the bounded ones; the same without bounds. It is that of the training
+    /// rows if none are held out.
     pub free_loss: f64,
     /// For a refined partition the objective after every pass over the rows that it was refined on: it falls. Empty for the others.
     pub objective: Vec<f64>,
 }
 
-/// Marks what nothing of as few coefficients beats on rows that did not train.
+/// Marks the front: partitions that no other one of as few coefficients beats on held-out rows.
 pub(crate) fn mark(mut scores: Vec<Score>) -> Vec<Score> {
     let models: Vec<(usize, f64)> = scores.iter().map(|own| (own.coefficients, own.loss)).collect();
     scores.iter_mut().zip(front(&models)).for_each(|(own, on)| own.front = on);
@@ -120,8 +121,8 @@ pub(crate) fn coefficients(
 }
 
 impl Identification {
-    /// Absolute error of candidate `a` over that of candidate `b`, for each target, on the same rows: its interval is that of the paired parts, so that
-    /// what makes a part hard for both does not widen it.
+    /// Absolute error of candidate `a` over that of candidate `b`, for each target, on the same rows. Its interval is
+    /// that of the paired parts, so that a part which is hard for both does not widen it.
     pub fn error_ratio(&self, a: usize, b: usize) -> Vec<Estimate> {
         let (a, b) = (&self.candidates[a].absolute, &self.candidates[b].absolute);
         (0..self.targets.len()).map(|t| Estimate::of_ratio(a.iter().zip(b).map(|(a, b)| (a[t], b[t])))).collect()

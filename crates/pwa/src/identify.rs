@@ -31,8 +31,9 @@ use crate::{
 
 /// Identifies a piecewise-affine model of the rows of a source whose columns are the problem's.
 ///
-/// Three passes over the rows: a survey for the partitions (kept rows are clustered), one scan for the Grams of all regions, folds and partitions (and of the
-/// cells that regions are joined of), and one for absolute errors. Weights, whose scale says nothing, take one more before these.
+/// Three passes over the rows: a survey for the partitions (kept rows are clustered), one scan for the Grams, and one
+/// for absolute errors. The Grams are those of all regions, folds and partitions, and of the cells that regions are
+/// joined of. Weights take one more pass before these, which normalises their scale.
 pub fn identify(
     problem: &Problem,
     options: &Options,
@@ -252,7 +253,7 @@ impl Fit<'_> {
         Ok(Some(roots))
     }
 
-    /// Rows over which the targets are measured, where residuals say what a step may be off.
+    /// Rows over which the targets are measured, if the residuals determine the error of a step.
     fn rows_over(&self) -> Option<usize> {
         span(self.problem.equations.iter().filter(|equation| equation.target.is_some()))
     }
@@ -331,7 +332,7 @@ impl Fit<'_> {
     }
 }
 
-/// Owns what a [`Measure`] borrows.
+/// Owned parts that a [`Measure`] borrows.
 struct MeasureInput<'m> {
     fit: &'m Fit<'m>,
     orders: &'m [Order],

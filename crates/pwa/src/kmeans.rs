@@ -1,8 +1,9 @@
 //! k-means: exact Lloyd iterations, fast, with an answer that depends on the data alone.
 //!
-//! The objective is the inertia, `sum_i min_k ||z_i - c_k||^2` over standardised rows `z`. One iteration assigns every row to its nearest centroid
-//! (the first of equally near ones) and moves every centroid to the mean of its rows (Lloyd, "Least squares quantization in PCM", IEEE Trans.
-//! Inf. Theory 1982). Three things make it fast and change nothing in the result:
+//! The objective is the inertia, `sum_i min_k ||z_i - c_k||^2` over standardised rows `z`. One iteration assigns every
+//! row to its nearest centroid (the first of equally near ones). It then moves every centroid to the mean of its rows
+//! (Lloyd, "Least squares quantization in PCM", IEEE Trans. Inf. Theory 1982). Three things make it fast and change
+//! nothing in the result:
 //!
 //! - bounds on the distances skip rows whose label cannot change ([`step`]);
 //! - the rest are screened in `f32`, and what the rounding error leaves open is decided in `f64` ([`screen`]);
@@ -55,8 +56,8 @@ pub struct KMeansOptions {
     pub k: usize,
     /// Iterations at most; 0 leaves the centroids where they start.
     pub max_iterations: usize,
-    /// Stop when the squared shifts of all centroids sum up to at most this times the mean variance of the columns (scikit-learn's
-    /// `tol`); 0 runs to a fixed point.
+    /// Stop when the squared shifts of all centroids sum up to at most this times the mean variance of the columns
+    /// (scikit-learn's `tol`). With 0 it runs to a fixed point.
     pub tolerance: f64,
 }
 
@@ -94,7 +95,7 @@ pub enum KMeansError {
     /// Nothing to cluster.
     #[error("no rows to cluster")]
     NoRows,
-    /// No clusters were asked for.
+    /// The request has no clusters.
     #[error("k-means needs at least one cluster")]
     NoClusters,
     /// Slices that do not fit together.
@@ -134,7 +135,7 @@ pub enum KMeansError {
         /// The value, in the unit of the column.
         value: f64,
     },
-    /// A weight that is no number of rows.
+    /// A weight that is negative, too large or not finite.
     #[error("row {}: its weight is {value}; weights are finite, not negative and at most 1e30", row + 1)]
     Weight {
         /// Index of the row, from 0.
@@ -165,9 +166,9 @@ pub enum KMeansError {
 
 /// Clusters the rows of `points`.
 ///
-/// A cluster that loses all its rows is restarted from the row that is farthest from its centroid, as scikit-learn does (several such clusters: from
-/// the farthest rows in turn, never from the only row of a cluster). If there are fewer different rows than clusters, the result has
-/// fewer centroids. `progress` advances by iterations.
+/// A cluster that loses all its rows is restarted from the row that is farthest from its centroid, as in scikit-learn.
+/// Several such clusters restart from the farthest rows in turn, never from the only row of a cluster. If there are
+/// fewer different rows than clusters, the result has fewer centroids. `progress` advances by iterations.
 ///
 /// # Errors
 /// No rows, no clusters, starting centroids of a wrong number or not finite, a tolerance that is negative or NaN; cancelled.
@@ -216,7 +217,7 @@ fn iterate(
     Ok(KMeans { centroids, counts, inertia, iterations, converged })
 }
 
-/// Refuses what cannot be clustered.
+/// Refuses points that cannot be clustered.
 fn check(points: &Points, options: &KMeansOptions) -> Result<(), KMeansError> {
     if points.rows() == 0 {
         return Err(KMeansError::NoRows);

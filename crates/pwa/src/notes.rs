@@ -12,7 +12,7 @@ use crate::{
     walks::MOST_REGIONS,
 };
 
-/// Adds notes about regressors that the rows cannot tell apart.
+/// Adds notes about confounded regressors.
 pub(crate) fn confounded(problem: &Problem, base: &Base, notes: &mut Vec<String>) {
     let name = |&function: &usize| problem.library[function].to_string();
     for group in &base.average.confounded {

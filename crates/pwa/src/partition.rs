@@ -33,11 +33,12 @@ pub struct Partitioned {
     pub notes: Vec<String>,
 }
 
-/// Makes the partitions of [`Options::partitions`] on all rows of a source whose columns are the problem's: those that [`crate::identify`] would
-/// report, without the regression: the same bits as without folds. One pass over the rows, one more for cells that are joined, and
-/// one for weights.
+/// Makes the partitions of [`Options::partitions`] on all rows of a source whose columns are the problem's. They are
+/// those of [`crate::identify`], without the regression: the same bits as without folds. One pass over the rows, one
+/// more for cells that are joined, and one for weights.
 ///
-/// Rows count when all that the problem speaks of is there: give it the library and targets of the regression to come, so that both see the same rows.
+/// A row counts if all columns of the problem have values. Give it the library and targets of the regression to come,
+/// so that both see the same rows.
 ///
 /// # Errors
 /// Those of reading, of an unknown column, of too few rows, constant targets and too many labels.

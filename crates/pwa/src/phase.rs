@@ -66,7 +66,7 @@ impl Seen {
         self.labels.as_ref().map_or(Ok(()), |labels| limit_labels(&phase.column.to_string(), labels))
     }
 
-    /// Takes in what other rows have.
+    /// Merges the values of other rows.
     ///
     /// # Errors
     /// More values than labels have.
@@ -134,8 +134,8 @@ impl Scale {
         }
     }
 
-    /// Number of strides that begin between two neighbouring rows: 1 if the phase wraps (the shorter way round) or
-    /// enters the first label, -1 if it wraps back.
+    /// Number of strides that begin between two neighbouring rows. It is 1 if the phase wraps (the shorter way round)
+    /// or enters the first label, and -1 if it wraps back.
     pub(crate) fn turn(&self, before: f64, after: f64) -> i64 {
         match self {
             Self::Cyclic { period, .. } => {

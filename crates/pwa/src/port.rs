@@ -7,7 +7,8 @@ pub struct Port {
     pub input: String,
     /// The state by which it is multiplied to be a power.
     pub output: String,
-    /// E of the port, in units of the state over those of the input; `None`: twice what sampling takes by the one-region model.
+    /// E of the port, in units of the state over those of the input; `None`: twice the discretisation error of the
+    /// one-region model.
     pub shortage: Option<f64>,
 }
 

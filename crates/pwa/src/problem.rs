@@ -9,7 +9,7 @@ use crate::{Phase, Specification};
 /// The problem of an identification, over the columns (aliases) of a source.
 #[derive(Debug, Clone)]
 pub struct Problem {
-    /// The columns that the model will speak of.
+    /// The columns of the model.
     pub columns: Vec<Column>,
     /// Candidate functions, the constant left out: the regressor of equation (5) without its 1.
     pub library: Vec<Expr>,
@@ -17,8 +17,8 @@ pub struct Problem {
     pub equations: Vec<Equation>,
     /// Partition columns (angles as cosine and sine).
     pub partition_columns: Vec<Expr>,
-    /// Non-negative row weights: a row of weight w counts as if its squared error counted w times. Their scale says nothing: together they count as
-    /// the effective number of rows, `(sum w)^2 / sum w^2`.
+    /// Non-negative row weights: a row of weight w counts as if its squared error counted w times. Their scale has no
+    /// effect: together they count as the effective number of rows, `(sum w)^2 / sum w^2`.
     pub weight: Option<Expr>,
     /// Sampling period, seconds.
     pub step: f64,
@@ -119,7 +119,7 @@ pub enum Selection {
 pub enum Shrinkage {
     /// As if each region had seen this many more rows of standardised regressors that obey the one-region model.
     Rows(f64),
-    /// That of the least held-out losses (the mean of their logarithms over the folds), one value for all regions of a partition; of losses within a thousandth the
-    /// smaller pull. None without folds.
+    /// That of the least held-out losses (the mean of their logarithms over the folds), one value for all regions of a
+    /// partition. Of losses within a thousandth the smaller pull. None without folds.
     Auto,
 }

@@ -78,7 +78,8 @@ fn not_joined_yet(k: usize, specification: &Specification, lattice: &Lattice) ->
 }
 
 impl Segmentation {
-    /// Adds what was made of a specification: on all rows, then on the training rows of every fold, or for all of them where there is one only.
+    /// Adds the partitions of a specification: on all rows, then on the training rows of every fold, or for all of them
+    /// if there is one only.
     fn add(&mut self, specification: &Specification, made: Vec<Made>, folds: usize) {
         let first = if made.is_empty() { 0 } else { self.partitions.len() };
         let own = |fold: usize| if made.len() > 1 { first + 1 + fold } else { first };

@@ -19,7 +19,7 @@ const SHRINKAGE_GRID: [f64; 7] = [0.0, 1.0, 10.0, 100.0, 1e3, 1e4, 1e5];
 /// Pulls whose held-out losses differ by a smaller share count as equal: the smaller one is taken.
 const SAME: f64 = 1e-3;
 
-/// Losses up to this differ by what rounding leaves of sums of squares.
+/// Relative difference of losses up to which they count as equal: rounding of sums of squares.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
 /// Errors of a candidate, from the statistic.
@@ -101,7 +101,8 @@ impl Order {
     }
 }
 
-/// Evaluates all candidates on the statistic; `regions` tells how many a partition has, and `folds` is 0 without cross-validation.
+/// Evaluates all candidates on the statistic. `regions` gives the number of regions of a partition; `folds` is 0
+/// without cross-validation.
 ///
 /// # Errors
 /// When a fold holds out rows and leaves none to train, or no bounded maps are found.
@@ -203,7 +204,8 @@ fn held_out(
     Order::of_folds(shrinkage, &errors, variance, by_fold)
 }
 
-/// Bounds the models of all rows and those of every fold, each with the metric that its own training rows give; what is held out is the error of the bounded ones.
+/// Bounds the models of all rows and those of every fold, each with the metric of its training rows. The held-out error
+/// is that of the bounded models.
 fn hold(
     bound: &Loop,
     order: &mut Order,
@@ -230,7 +232,8 @@ fn hold(
     Ok(())
 }
 
-/// The index of the chosen candidate, and the rule that chose it, for people; no rule where there was nothing to choose from, or the caller chose.
+/// The index of the chosen candidate, and the rule that chose it, for people. No rule if there is one candidate only,
+/// or the caller chose.
 pub(crate) fn choose(
     selection: Selection,
     specifications: &[&Specification],
@@ -271,8 +274,9 @@ pub(crate) fn effective_rows(stats: &Stats, preconditioner: &Preconditioner, bas
     means.effective_weight(base.root.weight, &error)
 }
 
-/// The same of the models of a partition's regions (not of one that is joined of cells, whose sums no chunk has): what regions explain does not count as correlated. `error` is the sum of their
-/// squares of every target, `weight` that of all rows.
+/// The same of the models of a partition's regions: variance that regions explain does not count as correlated. A
+/// partition joined of cells is excluded, as its sums are in no chunk. `error`: the sum of their squares of every
+/// target; `weight`: that of all rows.
 pub(crate) fn effective_rows_in(
     (stats, preconditioner): (&Stats, &Preconditioner),
     partition: usize,

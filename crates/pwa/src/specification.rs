@@ -20,7 +20,7 @@ pub enum Specification {
     Lattice(usize),
     /// Cuts of single columns, at most so many one after another, that fit the dynamics.
     Tree(usize),
-    /// One region per value of a column, or what each is cut into.
+    /// One region per value of a column, or several if these are divided.
     Labels {
         /// The column.
         column: String,
@@ -54,10 +54,11 @@ pub struct SpecificationError {
 }
 
 impl Specification {
-    /// Parses a list such as `average,zscore:1.5,kmeans:2,5,10,refined:2..20`: bare numbers continue what is before them, and a range has both its ends.
+    /// Parses a list such as `average,zscore:1.5,kmeans:2,5,10,refined:2..20`: bare numbers continue the entry before
+    /// them, and a range includes both ends.
     ///
     /// # Errors
-    /// A text that is no partition; the message lists those that are.
+    /// A text that names no partition; the message lists those that exist.
     pub fn parse_list(text: &str) -> Result<Vec<Self>, SpecificationError> {
         let mut list: Vec<Self> = Vec::new();
         for item in text.split(',').map(str::trim) {
@@ -112,7 +113,7 @@ impl Specification {
         )
     }
 
-    /// The cells of k-means that its refinement starts from; `None` of what is not refined.
+    /// The cells of k-means that its refinement starts from; `None` unless it is refined.
     pub fn refined_from(&self) -> Option<Self> {
         match self {
             Self::Refined(k) => Some(Self::KMeans(*k)),

@@ -14,8 +14,8 @@ pub(crate) struct Step {
     pub(crate) phase: f64,
 }
 
-/// Rows without a gap. Turns are counted from its first row on; a stride begins where they are more (or less, of a phase that falls) than ever before, so that a
-/// phase which trembles about its wrap begins one.
+/// Rows without a gap. Turns are counted from its first row on. A stride begins at each new maximum of the turns
+/// (minimum, of a phase that falls), so that a phase which trembles about its wrap begins one.
 #[derive(Debug, Clone)]
 struct Run {
     episode: usize,
@@ -80,7 +80,7 @@ impl Strides {
         }
     }
 
-    /// Goes on with rows of an episode, in their order.
+    /// Appends rows of an episode, in their order.
     pub(crate) fn extend(&mut self, scale: &Scale, episode: usize, steps: impl Iterator<Item = Step>) {
         let regions = self.regions;
         for step in steps.filter(|step| (step.region as usize) < regions) {

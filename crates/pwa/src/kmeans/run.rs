@@ -1,4 +1,4 @@
-//! One run of Lloyd's iterations, with all its centroids and, when wanted, what each iteration did.
+//! One run of Lloyd's iterations, with all its centroids and, on request, the numbers of each iteration.
 
 use fleetfoot_data::Progress;
 
@@ -20,7 +20,7 @@ pub struct KMeansRun {
     pub converged: bool,
     /// Threshold of the sum of the squared shifts.
     pub threshold: f64,
-    /// Every iteration, when it was asked for; else empty.
+    /// Every iteration, on request; else empty.
     pub history: Vec<KMeansStep>,
 }
 
@@ -64,7 +64,7 @@ pub fn plus_plus_draws(k: usize) -> usize {
 /// different rows than centroids, the first row fills the rest, as there.
 ///
 /// # Errors
-/// No rows, no clusters, another number of draws than [`plus_plus_draws`] tells; cancelled.
+/// No rows; no clusters; a number of draws other than that of [`plus_plus_draws`]; cancelled.
 pub fn starting_centroids(
     points: &Points,
     k: usize,

@@ -1,8 +1,8 @@
 //! The screen: nearest centroids of a tile of rows in `f32`, with a proof or a doubt for every row.
 //!
-//! With `h = ||c||^2 / 2`, the nearest centroid has the least score `h - x.c` (half the squared distance less `||x||^2 / 2`). The kernel
-//! computes all scores of a tile with fused multiply-adds and keeps, in registers, the two least of each row and the place of the least; no score
-//! reaches memory.
+//! With `h = ||c||^2 / 2`, the nearest centroid has the least score `h - x.c` (half the squared distance less
+//! `||x||^2 / 2`). The kernel computes all scores of a tile with fused multiply-adds. It keeps in registers the two
+//! least of each row and the place of the least; no score reaches memory.
 //!
 //! A bound on the rounding proves the answer. With unit roundoff `u = 2^-24`, rounding occurs in `x` (towards zero:
 //! `2 u`), in `c` and `h`, and in the `d` multiply-adds. It changes a score by at most `e (h + ||x|| ||c||)`,
@@ -233,7 +233,7 @@ impl Screen {
     }
 }
 
-/// `far - near`, less a margin of parts in a million for the rounding before and here, and of what may be lost to underflow.
+/// `far - near`, less a margin of parts in a million for the rounding before and here, and for underflow.
 #[inline(always)]
 pub(super) fn gap(near: f32, far: f32) -> f32 {
     far * (1.0 - 2e-6) - (near * (1.0 + 2e-6) + 1e-12)

@@ -95,8 +95,8 @@ pub(crate) fn centroids(
     Ok(found.centroids.chunks_exact(d.max(1)).map(<[f64]>::to_vec).collect())
 }
 
-/// The nearest and the second nearest centroid of every row: cells that are so for some row share a border (Martinetz and Schulten, "Topology representing
-/// networks", 1994).
+/// The nearest and the second nearest centroid of every row. Two cells that are so for some row share a border
+/// (Martinetz and Schulten, "Topology representing networks", 1994).
 fn two_nearest(columns: &[&[f64]], centroids: &[Vec<f64>]) -> Vec<(u32, u32)> {
     let rows = columns.first().map_or(0, |column| column.len());
     let mut found = vec![(0, 0); rows];

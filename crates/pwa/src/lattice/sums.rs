@@ -25,7 +25,8 @@ impl CellPart {
         }
     }
 
-    /// Adds rows at a place in cross-validation in their cells of every training set: regressors and targets in the preconditioner's coordinates, and the regressors as they are.
+    /// Adds rows at a place in cross-validation in their cells of every training set. Regressors and targets are in the
+    /// preconditioner's coordinates; the raw regressors follow.
     pub(crate) fn add<'c>(
         &mut self,
         (z, weights, fold): (MatRef<'_, f64>, Option<&[f64]>, Fold),

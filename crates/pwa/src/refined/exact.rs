@@ -4,13 +4,16 @@
 //!
 //! `E(w, b) = sum_i v_i |e_i(argmax_k w_k . z_i + b_k)|^2`
 //!
-//! is least for given maps, along one line after another: where the separator of one region moves, `(w_k, b_k) + t g`, each row passes into the region or out of it at one
-//! `t`, so that E is a step function of t whose steps are sorted and summed, and whose minimum is exact. It is the least-squares estimate of a threshold (Hansen, "Sample
-//! splitting and threshold estimation", Econometrica 2000), whose error falls with the number of rows and not with its root. Directions g are those in which the rows
-//! between the region and its neighbours do not go together, so that a border moves and turns one by one.
+//! is least for given maps, along one line after another. Where the separator of one region moves, `(w_k, b_k) + t g`,
+//! each row passes into the region or out of it at one `t`. So E is a step function of t, whose steps are sorted and
+//! summed, and whose minimum is exact. It is the least-squares estimate of a threshold (Hansen, "Sample splitting and
+//! threshold estimation", Econometrica 2000), whose error falls with the number of rows and not with its root.
+//! Directions g are those in which the rows between the region and its neighbours do not go together, so that a border
+//! moves and turns one by one.
 //!
-//! Only rows near a border can pass: the others are not looked at, and all steps together are not so long that one of them would. So what a sample of the rows leaves open is
-//! decided by a pass over all of them that keeps those near its borders ([`Open`]).
+//! Only rows near a border can pass; the others are skipped, and all steps together are not so long that one of them
+//! would. A pass over all rows keeps those near the borders ([`Open`]), and so decides the borders that a sample leaves
+//! open.
 
 use faer::{Mat, Side};
 use fleetfoot_data::mix;
@@ -24,7 +27,8 @@ use crate::{
     residual::Maps,
 };
 
-/// Rows near borders that are looked at, at most; of a pass over all rows, about as many. Fewer where lines are many: rows times numbers of the separators.
+/// Rows near borders that are searched, at most; of a pass over all rows, about as many. Fewer for many lines: rows
+/// times numbers of the separators.
 const NEAR: usize = 1 << 14;
 const WORK: usize = 1 << 20;
 /// Numbers of the rows that a pass keeps near the borders of all partitions, at most (64 MiB).
@@ -67,7 +71,7 @@ pub(super) fn exact(examples: &Examples, separators: Separators) -> (f64, Separa
     }
 }
 
-/// Rows that are looked at for such separators.
+/// Number of rows that are searched for such separators.
 fn near_rows(separators: &Separators) -> usize {
     NEAR.min(WORK / (separators.regions * (separators.dimensions + 1)))
 }
@@ -80,7 +84,7 @@ fn pays((before, after): (f64, f64), (rows, targets): (f64, usize), separators: 
     gain > numbers as f64 * rows.ln()
 }
 
-/// Separators, and what rows cost in every region.
+/// Separators, and the cost of rows in every region.
 struct Look {
     separators: Separators,
     maps: Maps,
@@ -88,7 +92,7 @@ struct Look {
     variance: Vec<f64>,
 }
 
-/// The same of some rows, with what these leave of the targets.
+/// The same of some rows, with the residuals of the targets.
 struct State {
     look: Look,
     error: f64,
@@ -369,7 +373,8 @@ impl Near {
     }
 }
 
-/// As many directions between the given ones, by chance: along its axes alone a search of steps stops where a border has to move and to turn at once.
+/// As many random directions between the given ones. Along its axes alone a search of steps stops where a border has to
+/// move and to turn at once.
 fn oblique(directions: &[Vec<f64>], key: u64) -> Vec<Vec<f64>> {
     let uniform = |draw: usize| (mix(mix(key).wrapping_add(draw as u64)) >> 11) as f64 * 2f64.powi(-52) - 1.0;
     let one = |at: usize| {

@@ -36,7 +36,7 @@ pub(crate) struct Loop {
     pub(crate) variables: Vec<Variable>,
     /// C (n x n + m): the states' own part of a step, given equations, and the rows of lags.
     pub(crate) offset: Mat<f64>,
-    /// Of every target, the row of M that it makes and what it is multiplied by; `None` for one that advances nothing of the loop (q).
+    /// The row of M that every target makes, and its factor; `None` for a target that advances nothing of the loop (q).
     pub(crate) targets: Vec<Option<(usize, f64)>>,
     /// Derivatives of the library's functions with respect to the variables and the ports' inputs (p x n + m).
     pub(crate) reads: Mat<f64>,
@@ -234,7 +234,7 @@ pub(super) fn reads(function: &Expr, state: &str) -> bool {
     function.sources().iter().any(|name| **name == *state)
 }
 
-/// Slopes of a function by a state, lag by lag; `None` where one is no number, or the state is read through a filter.
+/// Slopes of a function by a state, lag by lag; `None` if one is not constant, or the state is read through a filter.
 pub(super) fn slopes(function: &Expr, state: &str) -> Option<Vec<(i32, f64)>> {
     if function.filters().iter().any(|filter| filter.sources().iter().any(|name| **name == *state)) {
         return None;

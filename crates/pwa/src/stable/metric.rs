@@ -66,7 +66,8 @@ impl Metric {
         }
     }
 
-    /// A map in the coordinates of the metric: `T M T^-1`, of a passive loop `T [M N] L^-T` with rows of zeros that make it square.
+    /// A map in the coordinates of the metric: `T M T^-1`. Of a passive loop it is `T [M N] L^-T` with rows of zeros
+    /// that make it square.
     pub(crate) fn seen(&self, M: &Mat<f64>) -> Mat<f64> {
         match &self.supply {
             None => &self.root * M * &self.inverse,

@@ -235,7 +235,8 @@ fn shrinkage_leads_from_the_regions_to_the_average() {
     );
 }
 
-/// Forty cells of a few noisy rows each run away outside of them; cells of exact maps stay as they are, though folds draw their borders elsewhere.
+/// Forty cells of a few noisy rows each diverge outside of them. Cells of exact maps stay unchanged, though folds draw
+/// their borders elsewhere.
 #[test]
 fn regions_are_pulled_where_rows_that_did_not_train_ask_for_it() {
     let held_out = |shrinkage, noise| {

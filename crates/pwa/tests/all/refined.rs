@@ -160,7 +160,7 @@ fn off(found: &Identification, names: &[usize]) -> Vec<f64> {
     slopes.collect()
 }
 
-/// Of 58 rows a set may have a border that its rows do not tell: one row in fifty on the other side is as likely.
+/// Of 58 rows a set may have a border that its rows do not determine: one row in fifty on the other side is as likely.
 #[test]
 fn modes_of_few_rows_are_found() {
     let shares = (0..8).map(|seed| {
@@ -171,7 +171,8 @@ fn modes_of_few_rows_are_found() {
     assert!(shares.iter().filter(|share| **share >= 0.98).count() >= 7, "{shares:?}");
 }
 
-/// Regions are refined on 65,536 of these rows, and one in ten thousand of the others would lie on the wrong side of a border that those alone had drawn.
+/// Regions are refined on 65,536 of these rows. One in ten thousand of the others would lie on the wrong side of a
+/// border drawn by those alone.
 #[test]
 fn borders_of_a_sample_are_drawn_by_all_rows() {
     for seed in [0, 1] {
