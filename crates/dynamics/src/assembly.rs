@@ -116,8 +116,8 @@ impl Simulator {
     /// A driven input is taken from the recording up to the start, where lagged terms and latencies reach back to it.
     ///
     /// # Errors
-    /// [`Error::Parameter`]; [`Error::Controller`] for columns that the model does not have, that are advanced states, or that the controller also
-    /// reads; [`Error::FutureState`] where the model looks ahead at a driven input.
+    /// [`Error::Parameter`]. [`Error::Controller`] for columns that the model does not have, that are advanced states,
+    /// or that the controller also reads. [`Error::FutureState`] if the model reads later rows of a driven input.
     pub fn driven_by(self, controller: Arc<dyn Controller>) -> Result<Self, Error> {
         let mut simulator = Self::compile(&self.model, self.period, &controller.drives())?;
         if self.kernel.is_none() {

@@ -166,7 +166,7 @@ impl Cells {
         copy::<S>(&slots[..self.reach], &mut cell.reference);
     }
 
-    /// Second stage of a search: what the screen scores, at standardised columns that are a rounding off.
+    /// Second stage of a search: scores of the screen, at standardised columns within a rounding.
     #[inline(always)]
     pub(crate) fn approach<S: Simd>(&self, simd: S, cell: &mut Cell, slots: &[f64]) {
         let (CellRule::Linear(linear), Some(screened)) = (&self.rule, &mut cell.screened) else { return };

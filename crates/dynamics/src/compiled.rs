@@ -11,8 +11,9 @@ use crate::{
 
 /// A model's equations as programs over columns.
 ///
-/// Evaluation has three stages: `functions` (the candidate functions in use, then the columns of the partitions), the regions and
-/// the latents' affine maps, and `rights` (right sides over the columns and, behind them, the latents).
+/// Evaluation has three stages. `functions` are the candidate functions in use, then the columns of the partitions.
+/// Then come the regions and the latents' affine maps. `rights` are right sides over the columns and, behind them, the
+/// latents.
 pub(crate) struct Compiled {
     pub(crate) functions: Program,
     pub(crate) rights: Program,

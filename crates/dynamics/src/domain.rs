@@ -1,4 +1,4 @@
-//! The training domain: how far a row is from what its region saw.
+//! The training range: distance of a row from the training rows of its region.
 
 use fleetfoot_data::{packed, packed_row};
 use fleetfoot_model::{Model, RegionSummary};

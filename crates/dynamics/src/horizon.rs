@@ -77,7 +77,8 @@ pub struct UsefulHorizon {
     pub seconds: f64,
     /// The baseline that is better at the next step; `None` when none is up to the end.
     pub beaten_by: Option<Baseline>,
-    /// All steps at which the model is better than every baseline, in spans: a model that loses the first steps may be the better one for all that follow.
+    /// All steps at which the model is better than every baseline, in spans. A model that loses the first steps may be
+    /// the better one for all that follow.
     pub spans: Vec<StepSpan>,
     /// Steps at which there is something to compare: a measured state, and a baseline.
     pub compared: usize,
@@ -109,10 +110,10 @@ pub(crate) struct HorizonScorer {
     /// The parts of the errors that enter the Mahalanobis score: one of a state, the rotation vector's three of a rotation.
     scored: Vec<Range<usize>>,
     metric: Mahalanobis,
-    /// Of all states that are told.
+    /// Geometry of all reported states.
     geometry: Geometry,
     columns: Vec<usize>,
-    /// Positions (among what is told) of the columns of the displacement.
+    /// Positions, among the reported components, of the columns of the displacement.
     position: Vec<usize>,
 }
 
@@ -162,7 +163,8 @@ pub(crate) struct HorizonSums {
     tables: Vec<ErrorTable>,
     /// The model's errors against raw measurements.
     raw: ErrorTable,
-    /// Per predictor (of the Mahalanobis score, then of the displacement) and step, the summary behind: sum and sum of squares of the scores, and their number.
+    /// Per predictor (of the Mahalanobis score, then of the displacement) and step, the sums behind the summary: sum
+    /// and sum of squares of the scores, and their number.
     scores: Vec<Vec<[f64; 3]>>,
     /// Per episode, predictor and step: sum of the scores and their number.
     episodes: Vec<(usize, Vec<Vec<[f64; 2]>>)>,
@@ -170,7 +172,7 @@ pub(crate) struct HorizonSums {
 
 impl HorizonScorer {
     /// # Errors
-    /// [`Error::UnknownColumn`] for a position that is no advanced state.
+    /// [`Error::UnknownColumn`] for a position that is not an advanced state.
     pub(crate) fn new(model: &Model, simulator: &Simulator, options: &RolloutOptions) -> Result<Self, Error> {
         let (horizon, shown) = (options.horizon, simulator.shown());
         let names = simulator.states();
@@ -300,7 +302,7 @@ impl HorizonScorer {
         }
     }
 
-    /// Errors of the states at a row of what was measured, and what they come to: of a state the error itself, of a rotation its angle.
+    /// Errors of the states at a measured row, and their sizes: of a state the error itself, of a rotation its angle.
     fn errors(&self, measured: &[&[f64]], row: usize, value: &[f64], error: &mut [f64], size: &mut [f64]) {
         let (recorded, own) = (|s: usize| measured[s][row], |s: usize| value[s]);
         let mut at = 0;
@@ -321,7 +323,7 @@ impl HorizonScorer {
         }
     }
 
-    /// The names of what errors are told by.
+    /// The names of the reported components.
     fn names(&self, states: &[String]) -> Vec<String> {
         let name = |own: &Component| match *own {
             Component::State(state) => states[state].clone(),
@@ -403,7 +405,7 @@ fn best(baselines: &[(Baseline, HorizonScore)], k: usize) -> Option<(Baseline, f
     scores.filter(|(_, value)| value.is_finite()).min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// The steps at which something holds; steps about which nothing can be said belong to the span around them.
+/// The steps at which a condition holds, in spans; steps without an answer belong to the span around them.
 fn spans(time: &[f64], holds: impl Fn(usize) -> Option<bool>) -> Vec<StepSpan> {
     let mut spans: Vec<StepSpan> = Vec::new();
     let mut open = false;

@@ -11,7 +11,7 @@ use crate::angle::wrap;
 /// or a difference advance once a step with either method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Method {
-    /// `x + h f(x)`: what the paper's simulations use.
+    /// `x + h f(x)`: the method of the paper's simulations.
     Euler,
     /// The classical fourth-order Runge-Kutta method, as exported code has it. Within a step the region follows the stage, lagged columns
     /// and recorded columns are held, and `time()` moves with the stage.
@@ -69,8 +69,8 @@ impl Advance {
         Some(Self { keep, continuous, angle, lag: None })
     }
 
-    /// Of a first-order lag with this time constant in seconds, whose right side is what it follows. It advances once a step, as
-    /// [`FilterKind::Lag1`](fleetfoot_library::FilterKind::Lag1) does.
+    /// Advance of a first-order lag with this time constant in seconds, towards its right side. It advances once a
+    /// step, like [`FilterKind::Lag1`](fleetfoot_library::FilterKind::Lag1).
     pub(crate) fn lag(constant: f64) -> Self {
         Self { keep: f64::NAN, continuous: false, angle: false, lag: Some(constant) }
     }

@@ -1,7 +1,7 @@
 //! Small kernels beside those of [`fleetfoot_stats::kernel`]. They are inlined into the callers' [`pulp::WithSimd::with_simd`], so that they use the widest vectors of the machine.
 //! (A closure would not do: nothing forces the compiler to inline it into the function that has the wide vectors.)
 //!
-//! Every element is computed by the same chain of fused multiply-adds on every machine and whatever stands beside it: the
+//! Every element is computed by the same chain of fused multiply-adds on every machine, whatever its neighbours. The
 //! same bits follow from any vector width, any batch and any tile.
 
 pub(crate) use fleetfoot_stats::kernel::{LANES, affine, load, padded};

@@ -1,4 +1,5 @@
-//! One trajectory of equations without regions, lags and clock: right sides evaluated row by row, without what batches keep books of.
+//! One trajectory of equations without regions, lags and clock: right sides evaluated row by row, without the
+//! bookkeeping of batches.
 //!
 //! The arithmetic is that of [`crate::general`], operation by operation.
 
@@ -16,7 +17,7 @@ enum Reading {
     Number(f64),
 }
 
-/// A simulator whose right sides can be stepped by themselves.
+/// A simulator whose right sides can be stepped one at a time.
 pub(crate) struct Lean {
     readings: Vec<Reading>,
 }

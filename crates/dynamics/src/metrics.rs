@@ -55,10 +55,11 @@ pub struct TargetScore {
     pub unit: Option<String>,
     /// Mean absolute error.
     pub mae: Estimate,
-    /// Mean absolute error over that of the null model on the same rows: the numbers printed in Table I of Buchan, Haldane, Fearing (their null model
-    /// scores 1 everywhere). Of a constant target 0 for a model without error, else 1.
+    /// Mean absolute error over that of the null model on the same rows: the numbers printed in Table I of Buchan,
+    /// Haldane, Fearing (their null model scores 1 everywhere). For a constant target 0 if the model has no error,
+    /// else 1.
     pub mae_over_null: Estimate,
-    /// Mean absolute error over the standard deviation of the training target: what their caption says.
+    /// Mean absolute error over the standard deviation of the training target, as the caption of their table says.
     pub mae_over_sigma: f64,
     /// Root of the mean squared error.
     pub rmse: f64,

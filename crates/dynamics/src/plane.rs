@@ -1,9 +1,10 @@
 //! A model's behaviour projected onto a plane of two columns: how often trajectories change region where, and how well rows are predicted where.
 //!
-//! Section III-D and Fig. 9 of Buchan, Haldane, Fearing, "Automatic Identification of Dynamic Piecewise Affine Models for a Running Robot". The plane
-//! is cut into bins x bins cells. A *passage* is a trajectory's stay in a cell: consecutive rows of one episode that fall into it. The *transition
-//! ratio* of a cell is the share of its passages in which the region changes, the step into the cell included: a change between two rows belongs to
-//! the cell of the later one. The *score* of a cell is the mean Mahalanobis score (equation (10)) of the one-step errors of its rows.
+//! Section III-D and Fig. 9 of Buchan, Haldane, Fearing, "Automatic Identification of Dynamic Piecewise Affine Models
+//! for a Running Robot". The plane is cut into bins x bins cells. A *passage* is a trajectory's stay in a cell:
+//! consecutive rows of one episode that fall into it. The *transition ratio* of a cell is the share of its passages in
+//! which the region changes, the step into the cell included. A change between two rows belongs to the cell of the
+//! later one. The *score* of a cell is the mean Mahalanobis score (equation (10)) of the one-step errors of its rows.
 
 use std::f64::consts::TAU;
 
@@ -43,11 +44,11 @@ impl Axis {
         Self { expression, low, high, periodic: false }
     }
 
-    /// An axis for an expression over a model's columns: an angle if all columns that it speaks of are angles, else the range of the source's
-    /// values, which takes a pass over the rows.
+    /// An axis for an expression over a model's columns: an angle if all columns in it are angles. Else the range of
+    /// the source's values, which takes a pass over the rows.
     ///
     /// # Errors
-    /// [`Error::Plane`] where there is no finite value; [`Error::UnknownColumn`]; those of reading.
+    /// [`Error::Plane`] without a finite value; [`Error::UnknownColumn`]; those of reading.
     pub fn of_model(
         model: &Model,
         expression: Expr,

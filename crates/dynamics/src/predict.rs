@@ -108,8 +108,8 @@ pub struct PredictorWorkspace {
 }
 
 impl Predictor {
-    /// Compiles the fitted equations of a model for a source with these columns, which are the model's columns in any order. Columns that only targets
-    /// speak of may be absent: then these targets are not measured.
+    /// Compiles the fitted equations of a model for a source with these columns, which are the model's columns in any
+    /// order. Columns that only targets read may be absent: these targets are then not measured.
     ///
     /// # Errors
     /// [`Error::NothingFitted`], [`Error::UnknownColumn`], [`Error::Inconsistent`], [`Error::LaggedLatent`].
@@ -235,7 +235,7 @@ impl Predictor {
         }
     }
 
-    /// Copies the predictions of a row, and says what it is good for.
+    /// Copies the predictions of a row, and sets its status.
     fn finish_row(
         &self,
         workspace: &PredictorWorkspace,

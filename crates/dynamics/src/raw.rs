@@ -1,4 +1,4 @@
-//! Errors against raw measurements, beside those on smoothed rows: the prediction stays, what it is compared with changes.
+//! Errors against raw measurements, beside those against smoothed rows: same predictions, other references.
 
 use std::ops::Range;
 
@@ -30,7 +30,8 @@ pub struct RawHorizon {
     pub mae: Vec<f64>,
 }
 
-/// The raw measurements of what fitted equations predict. A derivative is never measured; of a difference it is the value that it leads to.
+/// The raw measurements of the quantities that fitted equations predict. A derivative is never measured; for a
+/// difference it is the value that it leads to.
 pub(crate) struct RawTargets<'a> {
     raw: &'a dyn Source,
     /// Of the rows that are scored, and of the raw ones.

@@ -1,7 +1,8 @@
 //! The recursion of tangents over the steps of one trajectory: products of the step's derivatives with the tangents so far.
 //!
-//! Tangents are states x columns, and a product is taken panel by panel of columns, several rows at once in registers: every value is read once a panel. A panel in which no
-//! column belongs to a region that was met is zero, and left out. Every element is one chain of fused multiply-adds, in the order of what the right side reads.
+//! Tangents are states x columns. A product is taken panel by panel of columns, several rows at once in registers:
+//! every value is read once a panel. A panel without a column of a region on the way is zero, and left out. Every
+//! element is one chain of fused multiply-adds, in the order in which the right side reads its values.
 
 use pulp::{Simd, WithSimd};
 
@@ -16,8 +17,8 @@ pub(crate) struct Places {
     pub(crate) variables: Vec<(usize, usize)>,
     /// The right sides that read latents: side, latent.
     pub(crate) readers: Vec<(usize, usize)>,
-    /// For every group of latents, by region, then the constant and the functions in use, then latent: the coefficient's number; `NONE` where it is not
-    /// asked for.
+    /// For every group of latents, by region, then the constant and the functions in use, then latent: the
+    /// coefficient's number. `NONE` for a coefficient without derivatives.
     pub(crate) coefficients: Vec<Vec<u32>>,
 }
 
@@ -43,7 +44,7 @@ pub(crate) struct Recursion<'a> {
     is_live: Vec<bool>,
     /// For every group of latents, by region that was met: the columns of its coefficients, the constant's and the functions' of every latent.
     columns: Vec<Vec<Option<Box<[u32]>>>>,
-    /// Derivatives of the present stage: what is read x states.
+    /// Derivatives of the present stage (values read x states).
     factors: Vec<f64>,
     /// The constant's 1 and the functions of the present row.
     features: Vec<f64>,

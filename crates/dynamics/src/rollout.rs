@@ -117,7 +117,7 @@ pub fn rollout_closed_loop(
     rollout_beside_raw(model, Some(controller), Recorded { source, raw: None }, starts, options, progress)
 }
 
-/// Rows that a model is rolled out on, and what was measured there.
+/// Rows that a model is rolled out on, and their measurements.
 #[derive(Clone, Copy)]
 pub struct Recorded<'a> {
     /// The rows.
@@ -230,8 +230,8 @@ fn simulate_and_score(
     (windows.len() - usable.len(), done, sums)
 }
 
-/// The model whose fitted right sides are their training means; `None` where a given equation speaks of a latent, and where nothing was fitted: that model would
-/// be its own baseline.
+/// The model whose fitted right sides are their training means. `None` if a given equation reads a latent, and without
+/// fitted equations: that model would be its baseline.
 fn null_model(model: &Model) -> Option<Model> {
     model.fitted().next()?;
     let mut null = model.clone();

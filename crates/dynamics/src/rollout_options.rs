@@ -16,7 +16,7 @@ pub struct RolloutOptions {
     pub divergence: f64,
     /// Treatment of a trajectory that leaves the training range.
     pub outside: Outside,
-    /// States whose Euclidean distance from the recording is told too; they share a unit.
+    /// States whose Euclidean distance from the recording is reported too; they share a unit.
     pub position: Vec<String>,
     /// True to keep the trajectories in [`crate::rollout`].
     pub keep: bool,
@@ -25,18 +25,19 @@ pub struct RolloutOptions {
 /// Treatment of a trajectory with a regressor outside the training range of its region.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Outside {
-    /// It goes on, and tells when it left ([`Trajectory::left_domain`](crate::Trajectory::left_domain)).
+    /// It goes on, and notes the time when it left ([`Trajectory::left_domain`](crate::Trajectory::left_domain)).
     #[default]
     Tell,
     /// It ends there.
     End,
-    /// It goes on with the regressor held at the border of the range: an affine map is not followed to where nothing was seen. What is given instead of
-    /// fitted, and the region, see the state itself.
+    /// It goes on with the regressor held at the border of the range: an affine map is not extrapolated. Given
+    /// equations, and the choice of the region, read the state itself.
     Hold,
 }
 
 impl RolloutOptions {
-    /// Runge-Kutta steps of the episode's median period, divergence at 1,000 standard deviations, leaving the training domain told, trajectories not kept.
+    /// Runge-Kutta steps of the episode's median period, divergence at 1,000 standard deviations, leaving the training
+    /// range noted, trajectories not kept.
     pub fn new(horizon: usize) -> Self {
         let (method, step, outside) = (Method::Rk4, Step::Median, Outside::Tell);
         Self { horizon, method, step, divergence: 1e3, outside, position: Vec::new(), keep: false }

@@ -1,7 +1,7 @@
 //! Multiple shooting: a recording cut into segments, each simulated from its measured beginning, with the errors' derivatives by the model's coefficients.
 //!
-//! The segments of an episode follow each other: where one ends the next begins. What a segment of N steps leaves, over the advanced states s and the steps k,
-//! is
+//! The segments of an episode follow each other without gaps. The residuals of a segment of N steps, over the advanced
+//! states s and the steps k, are
 //!
 //! ```text
 //! r_ks = (y_ks - x_ks(theta)) / (sigma_s sqrt(N))
@@ -36,8 +36,8 @@ pub struct ShootingOptions {
     pub method: Method,
     /// Length of a step.
     pub step: Step,
-    /// A state this many training standard deviations away from where its segment began has diverged: the segment ends, and its last good state stands for the
-    /// rest.
+    /// A state this many training standard deviations away from the start of its segment has diverged. The segment
+    /// ends, and its last good state stands for the rest.
     pub divergence: f64,
 }
 
@@ -75,7 +75,7 @@ pub struct Segment {
     pub residuals: Vec<f64>,
     /// Their derivatives, coefficient by coefficient (active x n).
     pub slopes: Vec<f64>,
-    /// Sum of the squares of what is measured, in the units of the residuals.
+    /// Sum of the squares of the measurements, in the units of the residuals.
     pub size: f64,
     /// True if the simulation ended early.
     pub ended: bool,
@@ -122,13 +122,15 @@ impl<'a> Shooting<'a> {
         self.simulator.needed_rows(self.options.horizon)
     }
 
-    /// The segments that begin in some core rows of a block of an episode, in order; tells how many were left out because a value that they need is missing.
+    /// Takes the segments that begin in some core rows of a block of an episode, in order. Returns the number left out
+    /// because a value that they need is missing.
     pub fn segments(&self, episode: usize, block: &Block, rows: Range<usize>, mut take: impl FnMut(Segment)) -> u64 {
         self.each(episode, block, (rows, 1), |window, trajectory| take(self.segment(window, trajectory)))
     }
 
-    /// Adds what these segments, or one of `every` so many, give to products of their derivatives J: to `J'r`, or to `J'J v` for a direction v of the coefficients. That takes some five to eleven times the
-    /// simulation, however many coefficients there are. Segments with numbers that are not finite are left out and told by [`Products::finite`].
+    /// Adds these segments, or one of `every` so many, to products of their derivatives J: to `J'r`, or to `J'J v` for
+    /// a direction v of the coefficients. That takes some five to eleven times the simulation, for any number of
+    /// coefficients. Segments with numbers that are not finite are left out, and clear [`Products::finite`].
     pub fn products(
         &self,
         episode: usize,
@@ -140,7 +142,7 @@ impl<'a> Shooting<'a> {
         self.each(episode, block, (rows, every), |window, trajectory| self.product(window, trajectory, direction, into))
     }
 
-    /// Adds what the recorded rows of these segments give to the normal matrix of one step.
+    /// Adds the recorded rows of these segments to the normal matrix of one step.
     pub fn normal(&self, episode: usize, block: &Block, rows: Range<usize>, into: &mut NormalBlocks) {
         self.each(episode, block, (rows, 1), |window, simulated| {
             let run = Run::new(self.source, window, &self.options);

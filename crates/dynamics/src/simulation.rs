@@ -9,7 +9,7 @@ use crate::{Method, Points, Stepper, StepperWorkspace, TimeGrid, Tolerance, adap
 pub struct InputSequence<'a> {
     /// Steps x inputs, or steps x inputs x points; with [`Course::Lines`] one row more, and as many more as the model looks ahead.
     pub values: &'a [f64],
-    /// True if every point has inputs of its own.
+    /// True if every point has separate inputs.
     pub by_point: bool,
     /// Course of the inputs between two times.
     pub course: Course,
@@ -58,9 +58,10 @@ impl Default for Integration {
 impl Stepper {
     /// Simulates from the points through the times of a grid ([`Self::grid`]).
     ///
-    /// `take` gets the number of the time and the states there (states x points), the first ones included, and says whether to go on. The past moves by a
-    /// row a time, so lagged values are held in between. The answer is by how much the tolerance was missed: the largest sum of the errors of steps that
-    /// could not be made short enough, over the size of a state; 0 where it was met, and with fixed steps.
+    /// `take` gets the number of the time and the states there (states x points), the first ones included, and returns
+    /// true to go on. The past moves by a row a time, so lagged values are held in between. Returns the shortfall from
+    /// the tolerance: the largest sum of the errors of steps that could not be made short enough, over the size of a
+    /// state. It is 0 if the tolerance was met, and with fixed steps.
     pub fn simulate(
         &self,
         points: &mut Points,

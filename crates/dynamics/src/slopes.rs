@@ -20,7 +20,7 @@ pub(crate) struct Slopes {
     /// Of every output of `features`: the group of latents, the function in it, and the variable.
     feature_entries: Vec<(usize, usize, usize)>,
     rights: Program,
-    /// Of every output of `rights`: the right side, and with respect to what.
+    /// Of every output of `rights`: the right side, and the variable of the derivative.
     right_entries: Vec<(usize, Variable)>,
     sides: usize,
     variables: usize,

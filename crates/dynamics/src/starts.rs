@@ -32,8 +32,8 @@ pub enum Starts {
 }
 
 impl Starts {
-    /// The starts, ordered by episode and row (those of [`Starts::At`] as they were given), each with `before` rows in front and `after` rows behind
-    /// inside its episode. When there are fewer possible rows than asked for, all are used.
+    /// The starts, ordered by episode and row (those of [`Starts::At`] as given). Each has `before` rows in front and
+    /// `after` rows behind inside its episode. If there are fewer possible rows than requested, all are used.
     ///
     /// The choice depends on the identities and lengths of the episodes, not on their order in the source.
     ///

@@ -17,7 +17,7 @@ pub(crate) struct State {
     pub(crate) bounded: bool,
 }
 
-/// A state whose standard deviation in training is this share of its value did not move: what is left is rounding.
+/// A state whose standard deviation in training is at most this share of its value did not move: the rest is rounding.
 const STILL: f64 = 1e-9;
 
 impl State {
@@ -28,7 +28,7 @@ impl State {
         if moved && limit > 0.0 && limit.is_finite() && !self.bounded { limit } else { f64::MAX }
     }
 
-    /// A first-order lag of what is computed.
+    /// A first-order lag of computed values.
     pub(crate) fn of_lag(lag: &FirstOrderLag) -> Self {
         Self {
             column: lag.column,

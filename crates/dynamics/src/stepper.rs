@@ -13,8 +13,8 @@ use crate::{
 
 /// A model compiled for values at hand ([`Points`]). Its numbers are, bit for bit, those of [`crate::Simulator`] and [`crate::Predictor`] on a recording.
 ///
-/// Columns that follow from states, inputs and time are computed ([`Model::closed`]): they are no inputs. First-order lags of what is computed are further
-/// states, behind those that equations advance.
+/// Columns that follow from states, inputs and time are computed ([`Model::closed`]): they are no inputs. First-order
+/// lags of computed values are further states, behind those that equations advance.
 pub struct Stepper {
     /// The model whose equations are evaluated.
     pub(crate) model: Model,
@@ -121,8 +121,9 @@ impl Stepper {
         self.states.iter().map(|state| self.names[state.column].as_str())
     }
 
-    /// Names of the values given from outside, in the order of the model's columns: inputs, states that no equation
-    /// advances, and other columns that it reads and cannot compute. Fields that computed columns read follow them.
+    /// Names of the values given from outside, in the order of the model's columns. They are inputs, states that no
+    /// equation advances, and other columns that it reads and cannot compute. Fields that computed columns read follow
+    /// them.
     pub fn inputs(&self) -> impl ExactSizeIterator<Item = &str> {
         self.inputs.iter().map(|&column| self.names[column].as_str())
     }
@@ -137,7 +138,7 @@ impl Stepper {
         self.inputs[input]
     }
 
-    /// Number of fitted equations: of what [`Self::fitted`] gives.
+    /// Number of fitted equations, and of the values of [`Self::fitted`].
     pub fn targets(&self) -> usize {
         self.fitted.len()
     }

@@ -122,7 +122,7 @@ pub enum EstimateError {
         /// Number of segments.
         segments: usize,
     },
-    /// An output that is no state.
+    /// An output that is not among the states.
     #[error("`{name}` is to be compared and is no state that the equations advance: the states are {states}")]
     NoState {
         /// The given name.
@@ -170,7 +170,7 @@ pub enum EstimateError {
         /// Number of rows.
         rows: usize,
     },
-    /// A filter of what is simulated, which has no recorded values.
+    /// A filter of simulated values, which are not recorded.
     #[error(
         "the model filters what it simulates (`{filter}`), and only models without such filters can follow a recording"
     )]
@@ -270,7 +270,7 @@ pub enum EstimateError {
         /// The episode.
         episode: String,
     },
-    /// No episode has what is needed.
+    /// No episode has the needed columns.
     #[error(
         "none of {episodes} episodes can be followed: each lacks all values of one of {columns}, or has fewer than two rows of the grid"
     )]

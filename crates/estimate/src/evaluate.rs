@@ -1,4 +1,4 @@
-//! Residuals and Jacobian of all rows at given parameters: what a descent asks of a problem.
+//! Residuals and Jacobian of all rows at given parameters: the interface between a descent and a problem.
 
 use faer::Mat;
 use fleetfoot_data::{Progress, Source};

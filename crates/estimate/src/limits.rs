@@ -6,9 +6,12 @@
 //! |rhs + J s|^2 + mu |D s|^2    is least where    M(theta + s) >= bound
 //! ```
 //!
-//! (as eigenvalues, and with the parameters between their own bounds), with the damping mu that the step without the matrices has. It is solved along its central path by Newton's method (Nesterov and Nemirovskii
-//! 1994; Boyd and Vandenberghe 2004, section 11.6), so that every step stays strictly within. A parametrisation that is positive definite by itself, such as the logarithm of a Cholesky factor, has its border
-//! at infinity and never arrives where rows ask for a matrix that is not; here the search ends at the border, and the conditions of the minimum there are told.
+//! (as eigenvalues, and with the parameters between their bounds), with the damping mu that the step without the
+//! matrices has. It is solved along its central path by Newton's method (Nesterov and Nemirovskii 1994; Boyd and
+//! Vandenberghe 2004, section 11.6), so that every step stays strictly within. The logarithm of a Cholesky factor is a
+//! parametrisation that is always positive definite. Its border is at infinity, and it never arrives if the rows fit
+//! best with a matrix that is not. Here the search ends at the border, and the conditions of the minimum there are
+//! reported.
 
 // Matrices are capitals.
 #![allow(non_snake_case)]
@@ -112,7 +115,7 @@ impl MatrixLimit {
     }
 }
 
-/// Parameters and what their matrices keep.
+/// Parameters and the bounds of their matrices.
 #[derive(Debug, Clone, Copy)]
 pub struct Bounded<'a> {
     pub(crate) parameters: &'a [Parameter],
@@ -150,7 +153,7 @@ impl<'a, const N: usize> From<&'a [Parameter; N]> for Bounded<'a> {
 const AT_BOUND: f64 = 1e-6;
 /// A multiplier below this share of the slopes is rounding.
 const PUSHES: f64 = 1e-8;
-/// By what the weight of the squares grows from centre to centre.
+/// Growth of the weight of the squares from centre to centre.
 const GROWTH: f64 = 20.0;
 /// Steps of Newton's method at most; some fifty are usual.
 const STEPS: usize = 400;
@@ -166,7 +169,7 @@ pub(crate) struct Limits {
 }
 
 impl Limits {
-    /// `None` where there are none; `more` are the bounds of what is searched for behind the parameters, and where it is strictly within them.
+    /// `None` without limits. `more`: the bounds of further unknowns behind the parameters.
     pub(crate) fn new(of: &Bounded<'_>, more: &[[f64; 2]]) -> Result<Option<Self>, EstimateError> {
         if of.limits.is_empty() {
             return Ok(None);

@@ -7,10 +7,10 @@ use fleetfoot_library::{Expr, Filter, FilterKind, Node};
 
 use crate::{EstimateError, Parameter};
 
-/// Collects what the expressions of a problem read.
+/// Collects the parameters and columns that the expressions of a problem read.
 ///
-/// A filter with parameters in it is looked through, since the rows of a problem do not depend on its parameters: a lag is there where its input
-/// is; a delay, where its input is for as long as the delay may last within the bounds.
+/// A filter with parameters counts by its inputs, since the rows of a problem do not depend on its parameters. A lag
+/// needs its input; a delay needs its input for as long as the delay may last within the bounds.
 pub(crate) struct Reads<'a> {
     parameters: &'a [Parameter],
     source: &'a dyn Source,

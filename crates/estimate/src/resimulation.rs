@@ -1,17 +1,20 @@
-//! Resimulation: states and inputs that obey a model and stay nearest to what was recorded (equation (43) of the block-sparse bolasso paper).
+//! Resimulation: states and inputs that obey a model and stay nearest to the recording (equation (43) of the
+//! block-sparse bolasso paper).
 //!
-//! With y and v the recorded states and inputs at the rows t_k of a grid, and deviations sigma of what each column may be off, it is
+//! With y and v the recorded states and inputs at the rows t_k of a grid, and deviations sigma of each column, it is
 //!
 //! ```text
 //! minimise    1/2 sum_k w_k ( sum_j (x_jk - y_jk)^2 / sigma_j^2 + sum_i (u_ik - v_ik)^2 / sigma_i^2 )
 //! such that   zeta_k(x_k, u_k, x_k+1, u_k+1) = 0,    low <= (x_k, u_k) <= high
 //! ```
 //!
-//! with w_k the weights of the trapezoid rule over the mean step, 0 where nothing was recorded. The constraints zeta are those of Hermite and Simpson (Hargraves and Paris
-//! 1987; order 4 in the step, inputs linear in between) for equations of derivatives, and the next row itself for equations that give it: `transcription.rs`. The problem is
-//! solved by sequential convex programs within a region of trust ([`descent`]), from the recording itself, with exact derivatives of the compiled model.
+//! with w_k the weights of the trapezoid rule over the mean step, 0 without a recorded value. For equations of
+//! derivatives the constraints zeta are those of Hermite and Simpson (Hargraves and Paris 1987; order 4 in the step,
+//! inputs linear in between). For equations that give the next row, zeta is that row itself: `transcription.rs`. The
+//! problem is solved by sequential convex programs within a region of trust ([`descent`]), from the recording itself,
+//! with exact derivatives of the compiled model.
 //!
-//! Deviations that nobody names are the noise that the recording shows beside the model: [`noise`].
+//! The default deviations are the noise of the recording beside the model: [`noise`].
 
 mod descent;
 mod noise;
@@ -35,7 +38,8 @@ use descent::{Followed, follow};
 pub struct ResimulationOptions {
     /// Every so many rows of the log are rows of the grid.
     pub every: usize,
-    /// Inputs that may move; where none is named, all of the model's inputs. What else the model reads is replayed from the recording.
+    /// Inputs that may move; empty for all of the model's inputs. Other columns that the model reads are replayed from
+    /// the recording.
     pub free: Vec<String>,
     /// Deviations by column, where they are not to be those that the recording shows.
     pub deviations: Vec<(String, f64)>,
@@ -63,7 +67,7 @@ impl Default for ResimulationOptions {
 pub enum Ending {
     /// The conditions of a minimum hold: defects to 1e-10 of a spread, stationarity to 1e-8.
     Minimum,
-    /// No step was better: the certificate says how far from a minimum.
+    /// No step was better: the certificate gives the distance from a minimum.
     Stalled,
     /// As many programs as are allowed.
     Iterations,
@@ -77,8 +81,9 @@ pub struct Certificate {
     pub dynamics: f64,
     /// The largest distance outside of the bounds, in the same units of its column.
     pub bounds: f64,
-    /// Stationarity: the largest component of the Lagrangian's gradient over the largest of the parts that its column has in it (the objective's, and the constraints'), or the
-    /// way to the bound that it pushes against, in spreads, where that is less. The columns are counted in their deviations; parts below 1e-4 count as that.
+    /// Stationarity. It is the largest component of the Lagrangian's gradient over the largest of the parts that its
+    /// column has in it (the objective's, and the constraints'). If less, it is the way to the bound that the column
+    /// pushes against, in spreads. The columns are counted in their deviations; parts below 1e-4 count as that.
     pub stationarity: f64,
 }
 
@@ -153,7 +158,7 @@ impl Resimulation {
     }
 }
 
-/// Root mean square of what is a number.
+/// Root mean square of the finite errors.
 fn rms(errors: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = errors.filter(|e| e.is_finite()).fold((0.0, 0.0), |(sum, count), e| (sum + e * e, count + 1.0));
     (sum / count).sqrt()
@@ -164,8 +169,8 @@ fn rms(errors: impl Iterator<Item = f64>) -> f64 {
 /// The same bits on any number of threads.
 ///
 /// # Errors
-/// A model that looks back, or of derivatives and next values together; a column that is neither a state nor an input; an option out of range; an episode
-/// that does not fit into memory; no episode that can be followed; those of reading.
+/// A model with lags, or of derivatives and next values together; a column that is neither a state nor an input; an
+/// option out of range. An episode that does not fit into memory; no episode that can be followed; those of reading.
 pub fn resimulate(
     model: &Model,
     source: &dyn Source,
@@ -259,7 +264,8 @@ fn free(model: &Model, named: &[String]) -> Result<Vec<String>, EstimateError> {
     if named.is_empty() { Ok(inputs) } else { Ok(named.to_vec()) }
 }
 
-/// Bytes of a row of the grid in a convex program, by its columns: the matrices, their factor and its permutation, of which the blocks of neighbouring rows fill theirs.
+/// Bytes of a row of the grid in a convex program, by its columns. They are those of the matrices, their factor and its
+/// permutation, of which the blocks of neighbouring rows fill theirs.
 fn bytes_of_row(states: usize, columns: usize) -> f64 {
     let block = (states + columns) as f64;
     120.0 * block * block + 1_500.0 * columns as f64
@@ -306,7 +312,7 @@ fn bounds(
     Ok(bounds)
 }
 
-/// Episodes that tell the noise, at most.
+/// Episodes from which the noise is estimated, at most.
 const NOISE_EPISODES: usize = 8;
 
 /// The deviation of every column.

@@ -1,4 +1,4 @@
-//! One pass over the rows: what a problem evaluates at given parameters, as a triangular factor for each of its residuals.
+//! One pass over the rows: values of a problem at given parameters, as a triangular factor for each of its residuals.
 
 use std::ops::Range;
 
@@ -47,7 +47,8 @@ pub(crate) struct Sums {
     pub(crate) rows: u64,
 }
 
-/// Rows of a factor: `|y - X b|^2 = |rhs - columns b|^2 + beyond` for all b; the first is what centring took away.
+/// Rows of a factor: `|y - X b|^2 = |rhs - columns b|^2 + beyond` for all b; the first is the mean that centring took
+/// away.
 pub(crate) struct Unfolded {
     pub(crate) columns: Mat<f64>,
     pub(crate) rhs: Vec<f64>,
@@ -95,8 +96,8 @@ impl<'a> Rows<'a> {
         Self { layout, source, chunks, progress }
     }
 
-    /// Evaluates the rows at `theta`; `each` gets the factors of every chunk. Parameters are constants of the program, which is compiled anew:
-    /// next to a pass that is nothing, and what depends on parameters alone is computed once.
+    /// Evaluates the rows at `theta`; `each` gets the factors of every chunk. Parameters are constants of the program,
+    /// which is compiled anew. That costs nothing beside a pass, and expressions of parameters alone are computed once.
     pub(crate) fn scan(&self, theta: &[f64], mut each: impl FnMut(&[Factor]) + Send) -> Result<Scan, EstimateError> {
         let at = |expr: &Expr| substitute(&self.layout.names, expr, theta);
         let data: Vec<Expr> = self.layout.targets.iter().chain(&self.layout.presence).cloned().collect();

@@ -94,7 +94,7 @@ pub(crate) struct Drive<'a> {
 }
 
 impl Drive<'_> {
-    /// Computes the inputs of step `k`, which begins at `seconds` in the state that `states` tells.
+    /// Computes the inputs of step `k`, which begins at `seconds` with the values of `states`.
     #[inline]
     pub(crate) fn step(&mut self, k: usize, seconds: f64, states: impl Fn(usize) -> f64) {
         for (seen, read) in self.seen.iter_mut().zip(&self.reads) {

@@ -1,4 +1,5 @@
-//! Columns that follow from simulated ones are computed: an alias and its text give the same bits, whatever the recording says.
+//! Columns that follow from simulated ones are computed: an alias and its text give the same bits, whatever the
+//! recording has.
 
 use std::sync::Arc;
 
@@ -259,7 +260,7 @@ fn slopes_are_those_of_differences(
     }
 }
 
-/// u = -0.5 of what it reads.
+/// u = -0.5 times the column that it reads.
 #[derive(Debug)]
 struct Damper(&'static str);
 

@@ -1,7 +1,8 @@
 //! Covariance of parameters under residuals that are correlated over several rows (Morelli and Klein, Accuracy of
 //! aerodynamic model parameters estimated from flight test data, 1997).
 //!
-//! With the reduced derivatives S of all rows, in units of the noise, the estimate errs by `(S'S)^-1 S' v`, whatever the noise v is, and so its covariance is
+//! With the reduced derivatives S of all rows, in units of the noise, the estimate errs by `(S'S)^-1 S' v`, whatever
+//! the noise v is. So its covariance is
 //!
 //! ```text
 //! (S'S)^-1 (sum_i sum_j S_i' R(i - j) S_j) (S'S)^-1
@@ -76,7 +77,8 @@ fn covariances(series: &[Series], m: usize, most: usize) -> Vec<Vec<f64>> {
     (0..=most).map(of_lag).collect()
 }
 
-/// The last lag at which some output's residuals are correlated by more than three times the deviation of white ones, before as many lags in which they look white.
+/// The last lag at which some output's residuals are correlated by more than three times the deviation of white ones.
+/// As many lags in which they look white must follow.
 fn memory(covariances: &[Vec<f64>], m: usize, rows: usize) -> usize {
     let level = 3.0 / (rows as f64).sqrt();
     let coloured = |lag: usize| (0..m).any(|a| (covariances[lag][a * m + a] / covariances[0][a * m + a]).abs() > level);

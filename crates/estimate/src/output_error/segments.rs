@@ -33,7 +33,7 @@ pub(super) struct Segments<'a> {
     source: &'a dyn Source,
     options: &'a OutputErrorOptions,
     progress: &'a dyn Progress,
-    /// Of the parameters, then of the outputs' gains where there are some: what is searched for.
+    /// Bounds of the unknowns: the parameters, then the outputs' gains if there are some.
     bounds: Vec<[f64; 2]>,
     limits: Option<Limits>,
     /// Without bounds, one a state.
@@ -47,7 +47,7 @@ pub(super) struct Segments<'a> {
     least: Vec<f64>,
     segments: Vec<Stretch>,
     missing: usize,
-    /// From where beginnings are searched for: what was found at the best parameters so far.
+    /// Starting points of the beginnings: those at the best parameters so far.
     known: Mutex<Known>,
     /// True to search for beginnings to the last digits.
     pub(super) exact: bool,
@@ -170,19 +170,19 @@ impl<'a> Segments<'a> {
         Standing { deviations: self.deviations.clone(), known }
     }
 
-    /// Goes on from there.
+    /// Continues from there.
     pub(super) fn stand(&mut self, standing: Standing) {
         self.deviations = standing.deviations;
         *self.known.get_mut().unwrap_or_else(PoisonError::into_inner) = standing.known;
     }
 
-    /// Costs of other noise are no measure of what was best.
+    /// Forgets the best cost: costs of other noise cannot be compared.
     pub(super) fn forget(&mut self) {
         self.known.get_mut().unwrap_or_else(PoisonError::into_inner).cost = f64::INFINITY;
     }
 
-    /// The deviations of maximum likelihood, from what the outputs have of the cost: of each its sum of squares, then how many numbers; and the largest share by which one
-    /// differs from what it was.
+    /// The deviations of maximum likelihood, from the shares of the outputs in the cost: of each its sum of squares,
+    /// then the number of residuals. Also the largest relative change of a deviation.
     pub(super) fn deviations_of(&self, shares: &[f64]) -> (Vec<f64>, f64) {
         let (squares, counts) = shares.split_at(self.outputs.len());
         let deviation = |at: usize| self.deviations[at] * (squares[at] / counts[at].max(1.0)).sqrt();

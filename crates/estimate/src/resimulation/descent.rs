@@ -1,12 +1,15 @@
 //! Sequential convex programs within a region of trust (Nocedal and Wright, Numerical Optimization, 2006, sections 18.2 and 18.5).
 //!
-//! A step solves the program whose constraints are linearised where the iteration stands, the objective being quadratic as it is. The merit is the objective and
-//! nu |zeta|_1, nu above every multiplier; a step is taken where it brings a fair part of what the program promised. Where it does not, the constraints are corrected to
-//! second order once, and then the region shrinks. Near a minimum the promise is of second order in what is missing, and drowns in the merit's rounding when half of the
-//! digits are right: from there on steps are taken as long as the certificate, which is of first order, gets better. Curvature of the constraints is left out of the
-//! programs: it matters by as much as the model and the recording disagree.
+//! A step solves the program whose constraints are linearised at the present place; the objective is quadratic already.
+//! The merit is the objective and nu |zeta|_1, nu above every multiplier. A step is taken if it brings a fair part of
+//! the reduction that the program promised. If not, the constraints are corrected to second order once, and then the
+//! region shrinks. Near a minimum the promise is of second order in the remaining distance, and drowns in the merit's
+//! rounding when half of the digits are right. From there on steps are taken as long as the certificate, which is of
+//! first order, gets better. Curvature of the constraints is left out of the programs: it matters by as much as the
+//! model and the recording disagree.
 //!
-//! Columns are counted in their deviations here, in which the objective weighs all of them alike; the region of trust and the certificate of the constraints in spreads.
+//! Columns are counted in their deviations here, in which the objective weighs all of them alike. The region of trust
+//! and the certificate of the constraints are in spreads.
 
 use super::{
     Certificate, Ending, Scale,
@@ -23,11 +26,12 @@ const DEFECT: f64 = 1e-10;
 const STATIONARY: f64 = 1e-8;
 /// The region at first, and where it is given up, in spreads.
 const RADIUS: [f64; 2] = [1.0, 1e-9];
-/// The share of what was promised that a step must bring.
+/// The share of the promised reduction that a step must bring.
 const TAKEN: f64 = 1e-3;
 /// The share of the merit below which a promise is not to be seen in it.
 const DROWNED: f64 = 1e-9;
-/// Parts of the gradient that are smaller, in deviations, count as this: what is 0 but for rounding has no largest part.
+/// Parts of the gradient that are smaller, in deviations, count as this: a part that is 0 but for rounding needs a
+/// floor.
 const LEAST_PART: f64 = 1e-4;
 
 /// A recording followed.
@@ -129,7 +133,7 @@ impl<'a> Search<'a> {
         Ok(None)
     }
 
-    /// Takes a step, corrects it or shrinks the region, as the merit says.
+    /// Takes a step, corrects it or shrinks the region, by the merit.
     fn judged(&mut self, slope: &[f64], found: Step, promised: f64) -> Result<Option<Ending>, EstimateError> {
         let (problem, place, nu) = (self.problem, &self.place, self.nu);
         let length = problem.length(&found.step);
@@ -200,7 +204,7 @@ impl<'a> Problem<'a> {
         step.iter().enumerate().map(own).fold(0.0, f64::max)
     }
 
-    /// From the defects, and what the multipliers are thought to be.
+    /// Step from the defects and the expected multipliers.
     fn step(
         &self,
         place: &Place,
@@ -262,7 +266,7 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// The step with what the constraints did beyond their linear part taken into account.
+    /// The step, corrected for the second-order change of the constraints.
     fn corrected(
         &self,
         (place, tried): (&Place, &Place),

@@ -1,6 +1,7 @@
 //! Deviations of columns, from a recording and the model: the noise of inputs and states with the greatest likelihood.
 //!
-//! Along the recording the constraints are linear in what is wrong with it: e = x - y of the states, and w = u - v of the inputs, held over an interval,
+//! Along the recording the constraints are linear in its errors: e = x - y of the states, and w = u - v of the inputs,
+//! held over an interval,
 //!
 //! ```text
 //! e_k+1 = Phi_k e_k + Gamma_k w_k - b_k,    0 = e_k + noise
@@ -25,7 +26,7 @@ const LONGER: [f64; 2] = [1.5, 100.0];
 const BEGIN: [f64; 2] = [0.03, 1.0];
 /// No column is known better than this share of its spread.
 const LEAST: f64 = 1e-3;
-/// Rows of a recording that tell its noise, at most.
+/// Rows of a recording from which its noise is estimated, at most.
 const MOST_ROWS: usize = 2_000;
 
 /// A recording as a linear system, in units of the spreads.
@@ -81,7 +82,7 @@ pub(super) fn variances(transcription: &Transcription, own: &Recorded, spreads: 
     Some(variances)
 }
 
-/// Within what a share of the spread may be.
+/// Limits a share of the spread to its allowed range.
 fn held(variance: f64) -> f64 {
     variance.clamp(LEAST * LEAST, 1.0)
 }
@@ -111,7 +112,8 @@ impl System {
         Some(Self { n, m: c - n, steps, measured })
     }
 
-    /// The logarithm of the likelihood of variances, but for a constant, and one step from them: those that are likeliest for what is expected under them.
+    /// The logarithm of the likelihood of variances, but for a constant, and one step from them: the likeliest
+    /// variances for the expected errors under them.
     fn maximised(&self, variances: &[f64]) -> (f64, Vec<f64>) {
         let (n, m) = (self.n, self.m);
         let beliefs = self.forward(variances);

@@ -5,8 +5,9 @@
 //! such that   zeta + J d = s,    low <= d <= high
 //! ```
 //!
-//! all in units of the columns' deviations. Most steps need neither s nor the bounds: s is 0 unless the region of trust leaves no step that satisfies the constraints, and a
-//! step of the equations alone that stays within the bounds is the solution.
+//! all in units of the columns' deviations. Most steps need neither s nor the bounds. s is 0 unless the region of trust
+//! leaves no step that satisfies the constraints, and a step of the equations alone that stays within the bounds is the
+//! solution.
 
 use clarabel::{
     algebra::CscMatrix,
@@ -93,7 +94,7 @@ impl Program<'_> {
         Ok(Step { step, multipliers, pinned: Vec::new() })
     }
 
-    /// With some components of the step pinned to bounds; `None` where there is no solution.
+    /// Solves with some components of the step pinned to bounds; `None` without a solution.
     fn solve(&self, kind: Kind, pinned: &[(usize, f64)]) -> Result<Option<Step>, EstimateError> {
         let (count, constraints) = (self.slope.len(), self.values.len());
         let elastic = matches!(kind, Kind::Elastic(_));
@@ -161,7 +162,8 @@ impl Program<'_> {
         CscMatrix::new(size, size, starts, places, self.weights.to_vec())
     }
 
-    /// The constraints by columns: those of the interval before a row, those of the interval behind it, pins, bounds; of s its place among the constraints, and its sign.
+    /// The constraints by columns: those of the interval before a row, those of the interval behind it, pins, bounds.
+    /// Of s its place among the constraints, and its sign.
     fn matrix(&self, pinned: &[(usize, f64)], bounds: usize, slack: usize) -> CscMatrix {
         let (n, c, count, constraints) = (self.states, self.columns, self.slope.len(), self.values.len());
         let equal = constraints + pinned.len();
@@ -196,8 +198,8 @@ impl Program<'_> {
     }
 }
 
-/// The unit of a program's right sides. The step and the multipliers are proportional to them, and the solver's tolerance is one of numbers of the order of 1: in this
-/// unit a small step has as many digits as a large one.
+/// The unit of a program's right sides. The step and the multipliers are proportional to them, and the solver's
+/// tolerance is for numbers of the order of 1. In this unit a small step has as many digits as a large one.
 fn unit<'a>(sides: impl Iterator<Item = &'a f64>, least: f64) -> f64 {
     let largest = sides.fold(least, |largest, value| largest.max(value.abs()));
     if largest > 0.0 { largest } else { 1.0 }

@@ -134,8 +134,8 @@ impl Objective for Projected<'_> {
 }
 
 impl Task {
-    /// Solves for the coefficients, of least norm in units of the functions' lengths, and takes what the functions explain out of the target and
-    /// the slopes.
+    /// Solves for the coefficients, of least norm in units of the functions' lengths. Takes the part that the functions
+    /// explain out of the target and the slopes.
     fn project(&self, rows: &Unfolded, q: usize) -> Result<Left, EstimateError> {
         let (m, p) = (rows.rhs.len(), self.functions);
         let length = |j: usize| norm(rows.columns.col_as_slice(j).iter().copied());

@@ -1,4 +1,4 @@
-//! Output error: certificates, closed forms, coverage of intervals, scipy, and what is refused.
+//! Output error: certificates, closed forms, coverage of intervals, scipy, and refusals.
 
 use std::{fs, path::Path, process::Command, time::Instant};
 
@@ -50,7 +50,7 @@ fn elevator(seconds: f64) -> f64 {
     }
 }
 
-/// Noise on what is measured, and on the states from row to row.
+/// Noise of the measurements, and of the states from row to row.
 #[derive(Clone, Copy)]
 pub(crate) struct Noise {
     pub(crate) measured: [f64; 2],
@@ -192,7 +192,8 @@ fn lasting_residuals_widen_the_intervals() {
     assert!(wider >= 4 && lasting >= 4, "{wider} {lasting}");
 }
 
-/// A sensor's offset that turns over once in four hundred rows is correlated for longer than a fifth of them, which is as far as is looked.
+/// A sensor's offset that turns over once in four hundred rows is correlated for longer than a fifth of them, the
+/// longest lag that is tried.
 #[test]
 fn correlation_beyond_what_was_looked_at_is_told() {
     let mut columns = SHORT_PERIOD.rows(1, 400, 0.02, GYRO);
