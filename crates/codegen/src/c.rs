@@ -169,12 +169,12 @@ impl Printer<'_> {
         text
     }
 
-    /// `, u, dt` as far as there are any.
+    /// `, u, dt` with the existing parameters only.
     fn given(&self, dt: bool) -> String {
         self.given_with(false, dt)
     }
 
-    /// `, u, u_next, dt` as far as there are any.
+    /// `, u, u_next, dt` with the existing parameters only.
     fn given_with(&self, next: bool, dt: bool) -> String {
         let inputs = self.assembled.plan.inputs.len();
         let mut text = if inputs > 0 { format!(", {}", self.array("u", inputs, true)) } else { String::new() };

@@ -135,7 +135,7 @@ impl Program<'_> {
         );
     }
 
-    /// A step must give what `next` gives.
+    /// Checks that a step equals `next`.
     fn check_step(&self, out: &mut String) {
         let (p, plan) = (self.c.prefix, &self.assembled.plan);
         *out += "        {\n";

@@ -1,7 +1,7 @@
-//! A small imperative language: what the exporters print as C, Rust and Python, and what is counted and checked before.
+//! A small imperative language, which the exporters print as C, Rust and Python after counting and checking.
 //!
-//! Values are real numbers; indices are natural numbers. There are tables (constant), arrays (local or parameters), loops with
-//! known bounds and no recursion, so that memory and work are known when the code is written.
+//! Values are real numbers; indices are natural numbers. There are tables (constant), arrays (local or parameters) and
+//! loops with known bounds, but no recursion. Memory and work are therefore known when the code is written.
 
 use fleetfoot_library::{Binary, Unary};
 

@@ -118,7 +118,7 @@ impl Operations {
     }
 }
 
-/// Operations of statements; loops count `turns` times, or once where `written` asks for what is written down.
+/// Operations of statements; loops count `turns` times, or once with `written`, which counts the written code.
 fn operations(statements: &[Statement], code: &Code, written: bool) -> Operations {
     let mut sum = Operations::default();
     for statement in statements {

@@ -1,9 +1,9 @@
 //! Running code without a compiler, with a bound on its rounding errors.
 //!
-//! Every value carries a first-order bound of what rounding may do to it (in units of the roundoff): the standard running error analysis
-//! (Higham, Accuracy and Stability of Numerical Algorithms, 2002, section 3.3). The bounds are the tolerances of the test vectors:
-//! an expected value that hangs on cancellation is given the room that it needs, and no more. A run that comes so near to a
-//! border (of a region, of a step, of a training range) that rounding could carry it across is no good as a test vector.
+//! Every value carries a first-order bound of its rounding error (in units of the roundoff): the standard running error
+//! analysis (Higham, Accuracy and Stability of Numerical Algorithms, 2002, section 3.3). The bounds are the tolerances
+//! of the test vectors: an expected value with cancellation is given the room that it needs, and no more. A run near a
+//! border (of a region, of a step, of a training range) is no good as a test vector if rounding could carry it across.
 
 use std::collections::HashMap;
 

@@ -22,7 +22,7 @@ struct Entry {
 impl Lowering<'_> {
     /// `code = name(x, u, past, t, A, B, c)`: the right sides are `A x + B u + c` to first order, in the region of (x, u).
     ///
-    /// `kinds` says what the rows are: for a next value or a difference the row is that of the next value.
+    /// `kinds`: kinds of the rows. For a next value or a difference the row is that of the next value.
     pub(crate) fn jacobian(&mut self, name: &'static str, kinds: &[Prediction]) -> Result<Function, UnknownColumn> {
         let (rows, states, inputs) = (kinds.len(), self.plan.states.len(), self.plan.inputs.len());
         let mut body = vec![Statement::Array("f".into(), rows)];

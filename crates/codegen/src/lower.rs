@@ -339,8 +339,8 @@ impl Lowering<'_> {
     }
 }
 
-/// The cuts of a tree as they are nested: the columns are the features from `first` on, the regions are counted from `base` on, and the counter holds what is known
-/// of it.
+/// The cuts of a tree, nested. The columns are the features from `first` on, the regions count from `base` on, and
+/// `known` is the present value of the counter.
 fn nested(
     tree: &Tree,
     place: Branch,
@@ -425,7 +425,8 @@ impl Plan<'_> {
 /// Longest expression that is written in one piece, in operations.
 const LONGEST: usize = 8;
 
-/// Straight-line code as statements (names `prefix0`, ...) and the values of its outputs. What is used once is written where it is used.
+/// Straight-line code as statements (names `prefix0`, ...) and the values of its outputs. A value that is used once is
+/// written in its place.
 pub(crate) fn straight(code: &StraightLine, prefix: &str, leaf: &dyn Fn(Leaf) -> Real) -> (Vec<Statement>, Vec<Real>) {
     let mut uses = vec![0usize; code.statements.len()];
     let mut count = |value: Value| {

@@ -1,4 +1,4 @@
-//! Arrays for NumPy: what the model's numbers are, by name.
+//! Arrays for NumPy: the model's numbers, by name.
 //!
 //! The format of `.npy` is that of NumPy's `numpy.lib.format`, version 1.0: a magic, a header that is a Python literal, the values.
 
@@ -12,12 +12,14 @@ use crate::{
 
 /// The file `prefix.npz`.
 ///
-/// Per latent `latent/NAME/constants` (regions) and `latent/NAME/coefficients` (regions x functions) with the functions' texts in
-/// `latent/NAME/functions` and the number of its partition; per partition `partition/N/...` its columns, centres, scales and weights, per
-/// label where it has labels; of a tree the cuts' columns and thresholds, and what follows below and above: a cut, or `-1 - region`; where transitions were counted
-/// `partition/N/transitions/count` and `.../probability` (regions x regions, from the row to the column) and `.../dwell` (rows); along a phase `partition/N/phase/rows` and
-/// `.../share` (bins x regions) and `.../transition_count` (bins x regions x regions), from stride to stride `partition/N/stride/count` and `.../probability`, and
-/// `partition/N/pairs/p` where pairs of regions were told apart.
+/// The arrays have these names. Per latent: `latent/NAME/constants` (regions), `latent/NAME/coefficients` (regions x
+/// functions), the functions' texts in `latent/NAME/functions`, and the number of its partition. Per partition:
+/// `partition/N/...` its columns, centres, scales and weights, per label if it has labels. Of a tree: the cuts' columns
+/// and thresholds, and the branches below and above: a cut, or `-1 - region`. With counted transitions:
+/// `partition/N/transitions/count` and `.../probability` (regions x regions, from the row to the column) and
+/// `.../dwell` (rows). Along a phase: `partition/N/phase/rows` and `.../share` (bins x regions) and
+/// `.../transition_count` (bins x regions x regions). From stride to stride: `partition/N/stride/count` and
+/// `.../probability`. With tested pairs of regions: `partition/N/pairs/p`.
 pub(crate) fn file(model: &Model, options: &ExportOptions) -> ExportedFile {
     let mut arrays = Arrays::default();
     let texts = |values: Vec<String>| values;

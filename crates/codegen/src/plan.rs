@@ -38,7 +38,7 @@ pub(crate) struct State {
 /// Advance of a state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Advance {
-    /// As an equation of the model says.
+    /// By an equation of the model.
     Equation(Prediction),
     /// As a first-order lag of its right side, with this time constant in seconds.
     Lag(f64),
@@ -213,7 +213,7 @@ fn reads_next_inputs(
     Ok(evaluation.is_some_and(|evaluation| evaluation.column_leaves(model.columns.len()).any(|leaf| next_input(&leaf))))
 }
 
-/// Refuses what is read ahead, but for the leaves that are known.
+/// Refuses reading of later rows, but for the known leaves.
 fn refuse_leads(
     model: &Model,
     evaluation: Option<&Evaluation>,

@@ -1,4 +1,4 @@
-//! Printing code: what the languages share, and what each says in its own way.
+//! Printing code: the common part of the languages, and the syntax of each.
 
 use fleetfoot_library::{Binary, Unary};
 
@@ -175,7 +175,7 @@ fn block_of(syntax: &dyn Syntax, statements: &[Statement], depth: usize, line: &
     }
 }
 
-/// Longest line, as far as blanks allow.
+/// Longest line, if blanks allow.
 const WIDTH: usize = 118;
 
 /// A line, broken in front of operators where it is long.

@@ -1,4 +1,4 @@
-//! The functions that users of the code call, in every language: what each does, in words.
+//! The functions that users of the code call, in every language, with their descriptions.
 
 use fleetfoot_model::Prediction;
 
@@ -97,7 +97,7 @@ impl Assembled<'_> {
         }
     }
 
-    /// Lines that say what the model is: for the head of a file.
+    /// Lines that describe the model, for the head of a file.
     pub(crate) fn about(&self) -> Vec<String> {
         let model = self.plan.model;
         let fitted = match model.training.rows {
@@ -171,7 +171,7 @@ impl Assembled<'_> {
 }
 
 impl Plan<'_> {
-    /// The parameters of a public function: what a model's variable keeps is taken from there, where the model remembers.
+    /// Returns true if a parameter of a public function is taken from the model's variable.
     pub(crate) fn own(&self, name: &str) -> bool {
         self.remembers() && matches!(name, "x" | "past" | "t")
     }

@@ -284,7 +284,7 @@ pub(crate) fn python(tables: &TransitionTables, out: &mut String) {
     }
 }
 
-/// Values between brackets of their own for every side but the outermost.
+/// Values between brackets for every side but the outermost.
 fn nested(values: &[String], shape: &[usize], [open, close]: [&str; 2], out: &mut String) {
     let [_, inner @ ..] = shape else { return };
     let length: usize = inner.iter().product();

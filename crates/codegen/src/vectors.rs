@@ -1,4 +1,4 @@
-//! Test vectors: points within the training domain, what the model gives there, and the room that rounding needs.
+//! Test vectors: points within the training range, the model's values there, and tolerances for rounding.
 
 use fleetfoot_data::mix;
 use fleetfoot_library::{Binary, Expr, Node, Unary};
@@ -13,7 +13,7 @@ use crate::{
     options::Precision,
 };
 
-/// A point of the model's variables, and what the code's functions give there.
+/// A point of the model's variables, and the results of the code's functions there.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TestVector {
     /// The states.
@@ -85,9 +85,9 @@ pub fn signals(model: &Model, options: &ExportOptions) -> Result<Signals, Export
     })
 }
 
-/// Up to `count` points, drawn region by region within the ranges of training, none so near to a border that rounding could
-/// carry it across. The values are those of the code, interpreted in 64 bits; the tolerances are running error bounds in the
-/// precision asked for.
+/// Up to `count` points, drawn region by region within the training ranges, none so near to a border that rounding
+/// could carry it across. The values are those of the code, interpreted in 64 bits; the tolerances are running error
+/// bounds in the chosen precision.
 ///
 /// # Errors
 /// [`ExportError`].
@@ -178,7 +178,7 @@ fn uniform(seed: u64, key: u64) -> f64 {
     (mix(seed.wrapping_add(mix(key))) >> 11) as f64 * (1.0 / 9_007_199_254_740_992.0)
 }
 
-/// A point: every column within what a region saw of it.
+/// A point: every column within its range in a region.
 fn draw(assembled: &Assembled<'_>, seed: u64, attempt: u64, precision: Precision) -> TestVector {
     let plan = &assembled.plan;
     let model = plan.model;
@@ -264,7 +264,7 @@ fn origin(function: &Expr, name: &str) -> Option<f64> {
     }
 }
 
-/// Names and lengths of what a function gives, in the order of [`TestResult::values`].
+/// Names and lengths of a function's results, in the order of [`TestResult::values`].
 pub(crate) fn parts(function: &crate::code::Function) -> Vec<(&'static str, usize)> {
     function
         .parameters

@@ -65,7 +65,7 @@ pub enum ControlError {
         "a period of {period} s: the model gives the next row, {step} s later, and nothing between or beyond; fit derivatives for other periods"
     )]
     Period {
-        /// Asked for.
+        /// The requested period.
         period: f64,
         /// The model's.
         step: f64,

@@ -1,4 +1,4 @@
-//! A model region by region: what its submodels are about a point, wherever the point is.
+//! A model region by region: its submodels, linearised about any point.
 
 use faer::Mat;
 use fleetfoot_data::packed;
@@ -30,7 +30,8 @@ pub(crate) struct Pieces {
 pub(crate) struct Piece {
     pub(crate) name: String,
     pub(crate) rows: u64,
-    /// The standard error of what it says of a state's derivative (next value), the root of the mean square over its own training rows; 0 where the equation is given or nothing is known.
+    /// The standard error of its prediction of a state's derivative (next value), the root of the mean square over its
+    /// training rows. It is 0 if the equation is given or nothing is known.
     pub(crate) doubt: Vec<f64>,
     stepper: Stepper,
     tangent: Tangent,
@@ -184,7 +185,8 @@ fn submodel(model: &Model, partition: usize, region: usize) -> Model {
     own
 }
 
-/// Standard errors of a region's least squares, by state: the leverages of n rows in a regression of p numbers add up to p, so that the variance of a prediction is `s^2 p / n` in their mean.
+/// Standard errors of a region's least squares, by state. The leverages of n rows in a regression of p numbers add up
+/// to p, so that the variance of a prediction is `s^2 p / n` in their mean.
 fn doubt(model: &Model, states: &[String], about: &RegionSummary) -> Vec<f64> {
     let (rows, spent) = (about.rows as f64, about.rank as f64 + 1.0);
     let mut doubt = vec![0.0; states.len()];

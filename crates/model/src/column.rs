@@ -1,4 +1,4 @@
-//! The columns a model speaks of.
+//! The columns of a model.
 
 use crate::RotationPart;
 
@@ -15,7 +15,7 @@ pub struct Column {
     pub role: Role,
     /// True for an angle: wrapped to (-pi, pi], replaced in libraries and partitions by its cosine and sine.
     pub angle: bool,
-    /// Its part in a rotation that several columns are together; `None` for a column of its own.
+    /// Its part in a rotation of several columns; `None` for a single column.
     pub rotation: Option<RotationPart>,
 }
 

@@ -1,4 +1,4 @@
-//! Equations: what is predicted, and how it follows.
+//! Equations: the predicted quantity, and its right side.
 
 use fleetfoot_library::{CentralDifference, Expr, REACHES, Spacing, mean_slope_rows};
 
@@ -18,7 +18,7 @@ pub enum Prediction {
 /// One equation: `d(subject)/dt = right`, `next(subject) = right`, ...
 #[derive(Debug, Clone, PartialEq)]
 pub struct Equation {
-    /// The column that it speaks of; for [`Prediction::Value`] the column predicted.
+    /// The column of the left side; for [`Prediction::Value`] the predicted column.
     pub subject: String,
     /// Predicted quantity of the subject.
     pub prediction: Prediction,
@@ -46,7 +46,8 @@ impl Equation {
         }
     }
 
-    /// Over how many rows ahead the subject's mean slope is what a derivative is measured by; `None` where it is measured at the row itself.
+    /// Rows ahead over which the subject's mean slope measures the derivative; `None` if it is measured at the row
+    /// itself.
     pub fn span(&self) -> Option<u32> {
         let target = self.target.as_ref().filter(|_| self.prediction == Prediction::Derivative)?;
         mean_slope_rows(target, &Expr::column(self.subject.as_str()))

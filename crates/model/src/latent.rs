@@ -5,7 +5,7 @@ use crate::{AffineMap, Map};
 /// A fitted function: in the region that a row falls in, a value from the functions of a library.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Latent {
-    /// Its name, by which equations speak of it.
+    /// Its name in equations.
     pub name: String,
     /// Index into the model's libraries.
     pub library: usize,
@@ -18,7 +18,7 @@ pub struct Latent {
 impl Latent {
     /// The constants and coefficients of a latent that is affine in its functions; `None` for another kind.
     ///
-    /// Only what is about coefficients and nothing else asks for them: refits, bounds on linear maps, tables. Everything else reads [`Latent::map`].
+    /// For code about coefficients alone: refits, bounds on linear maps, tables. Everything else reads [`Latent::map`].
     pub fn affine(&self) -> Option<&AffineMap> {
         match &self.map {
             Map::Affine(map) => Some(map),

@@ -6,7 +6,7 @@ use fleetfoot_library::Expr;
 
 use crate::basis::Basis;
 
-/// Numbers of a map, by name, with their shape: what a file of arrays holds of it.
+/// Numbers of a map, by name, with their shape, as in a file of arrays.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MapArray {
     /// Its name within the latent: `coefficients`.
@@ -37,7 +37,7 @@ pub trait MapKind: Debug {
     /// The coefficient of a feature in a region; 0 for a feature that it does not have.
     fn coefficient(&self, region: usize, feature: usize) -> f64;
 
-    /// Gives the constant term (`None`) or the coefficient of a feature a value. What it does not have is left alone.
+    /// Sets the constant term (`None`) or the coefficient of a feature. A missing feature is ignored.
     fn set(&mut self, region: usize, feature: Option<usize>, value: f64);
 
     /// Leaves one region of all.

@@ -1,9 +1,9 @@
 //! Partitions: which region a row belongs to.
 //!
-//! Regions are decided on standardised columns z = (value - centre) / scale (angles enter as their cosine and sine). Voronoi cells of
-//! centroids and learned linear separators are the same thing, `argmax_i (w_i . z + b_i)`: nearest centroid is
-//! `w_i = c_i`, `b_i = -|c_i|^2 / 2` (equation (7) of Buchan, Haldane, Fearing, "Automatic Identification of Dynamic Piecewise Affine
-//! Models for a Running Robot").
+//! Regions are decided on standardised columns z = (value - centre) / scale (angles enter as their cosine and sine).
+//! Voronoi cells of centroids and learned linear separators are the same thing, `argmax_i (w_i . z + b_i)`. Nearest
+//! centroid is `w_i = c_i`, `b_i = -|c_i|^2 / 2` (equation (7) of Buchan, Haldane, Fearing, "Automatic Identification
+//! of Dynamic Piecewise Affine Models for a Running Robot").
 
 use std::sync::Arc;
 
@@ -60,9 +60,11 @@ pub enum Rule {
         /// The region of each cell.
         regions: Vec<u32>,
     },
-    /// Cuts of single columns, one after another. Its partition leaves the columns in their units (centre 0, scale 1), so that thresholds are what people read.
+    /// Cuts of single columns, one after another. Its partition leaves the columns in their units (centre 0, scale 1),
+    /// so that thresholds have these units.
     Tree(Tree),
-    /// By the value of the last column; every label has a rule of its own for the other columns. Regions are numbered label by label.
+    /// By the value of the last column; every label has a separate rule for the other columns. Regions are numbered
+    /// label by label.
     Labels {
         /// The label values seen in training, ascending.
         values: Vec<f64>,
@@ -105,8 +107,8 @@ impl Rule {
         }
     }
 
-    /// Assigns rows to regions. `z` holds one slice per column, standardised, all of the length of `regions`; rows without a region
-    /// (unseen label, a value that is not a number) get `u32::MAX`.
+    /// Assigns rows to regions. `z` holds one slice per column, standardised, all of the length of `regions`. Rows
+    /// without a region (unseen label, NaN) get `u32::MAX`.
     pub fn assign(&self, z: &[&[f64]], regions: &mut [u32]) {
         match self {
             Rule::Whole => regions.fill(0),
@@ -202,7 +204,7 @@ impl Partition {
     }
 }
 
-/// Cells to regions, in place; what has no cell has no region.
+/// Replaces cells by regions, in place; a missing cell stays without a region.
 pub fn join(table: &[u32], cells: &mut [u32]) {
     for cell in cells {
         *cell = table.get(*cell as usize).copied().unwrap_or(u32::MAX);

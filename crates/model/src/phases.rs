@@ -59,7 +59,7 @@ impl PhaseBins {
     /// The name of a bin, for people: where it begins and ends, or the label.
     ///
     /// # Panics
-    /// If there is no such label.
+    /// For an unknown label.
     pub fn name(&self, bin: usize) -> String {
         match self {
             Self::Cyclic { period, count } => {
@@ -75,13 +75,13 @@ impl Phases {
     /// The share of a bin's rows that are in a region; NaN of a bin without rows.
     ///
     /// # Panics
-    /// If there is no such bin or region.
+    /// For an unknown bin or region.
     pub fn share(&self, bin: usize, region: usize) -> f64 {
         ratio(self.rows[bin][region], &self.rows[bin])
     }
 
-    /// The share of a region's rows in a bin that a row of each region (or of itself) follows, regions x regions from the row to the column; NaN where none was
-    /// followed.
+    /// The share of a region's rows in a bin that a row of each region (or of itself) follows: regions x regions, from
+    /// the row to the column. NaN if none was followed.
     pub fn probabilities(&self, bin: usize) -> Vec<Vec<f64>> {
         let regions = self.strides.len();
         let mut counts = vec![vec![0; regions]; regions];
@@ -94,7 +94,7 @@ impl Phases {
     /// The share of the strides that began in a region which one that began in each follows; NaN where none was followed.
     ///
     /// # Panics
-    /// If there is no such region.
+    /// For an unknown region.
     pub fn stride_probability(&self, from: usize, to: usize) -> f64 {
         ratio(self.strides[from][to], &self.strides[from])
     }

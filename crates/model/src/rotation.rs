@@ -1,8 +1,9 @@
 //! Representations of a rotation in columns, and computations with them.
 //!
-//! A rotation R takes vectors of the body to the world. As a unit quaternion it has four columns w, x, y, z (q and -q are the same rotation), as a rotation
-//! vector (axis times angle, rad) three, x, y, z, of length pi at most (the axis times a whole turn more is the same rotation). Differences of rotations are
-//! rotation vectors in the body's axes: Log(b^-1 a), so that b Exp(difference) = a.
+//! A rotation R takes vectors of the body to the world. As a unit quaternion it has four columns w, x, y, z (q and -q
+//! are the same rotation). As a rotation vector (axis times angle, rad) it has three, x, y, z, of length pi at most
+//! (the axis times a whole turn more is the same rotation). Differences of rotations are rotation vectors in the body's
+//! axes: Log(b^-1 a), so that b Exp(difference) = a.
 //!
 //! Exponential, logarithm and right Jacobian: Sola, Deray, Atchuthan, "A micro Lie theory for state estimation in robotics", arXiv:1812.01537, 2018, appendix B.
 
@@ -32,7 +33,7 @@ pub struct RotationPart {
     pub part: usize,
 }
 
-/// Below this squared angle quotients are their limits; what is left out is 1e-17 of them.
+/// Below this squared angle quotients are their limits, within 1e-17.
 const SMALL: f64 = 1e-16;
 
 impl RotationKind {
@@ -62,8 +63,8 @@ impl RotationKind {
         [Self::Quaternion, Self::Vector].into_iter().find(|kind| kind.word() == word)
     }
 
-    /// Brings what a step of time has made back to rotations: a quaternion to unit length, its sign kept; a vector that is longer than half a turn to the
-    /// same rotation the other way round.
+    /// Retracts the result of a time step to a rotation: a quaternion to unit length, its sign kept. A vector that is
+    /// longer than half a turn becomes the same rotation the other way round.
     #[inline]
     pub fn retract(self, x: &mut [f64]) {
         match self {
@@ -82,8 +83,9 @@ impl RotationKind {
         }
     }
 
-    /// The derivatives of [`RotationKind::retract`] at what a step has made (parts x parts, row by row): `(I - q q')/|p|` of a quaternion p with q = p/|p|, `c I + (1 - c) u u'`
-    /// of a vector of direction u that is shortened by the factor c.
+    /// The derivatives of [`RotationKind::retract`] at the result of a step (parts x parts, row by row). They are
+    /// `(I - q q')/|p|` of a quaternion p with q = p/|p|, and `c I + (1 - c) u u'` of a vector of direction u that is
+    /// shortened by the factor c.
     pub fn retraction_derivative(self, p: &[f64]) -> Vec<f64> {
         let norm = length(p);
         let (own, outer) = match self {
@@ -121,7 +123,8 @@ impl RotationKind {
         }
     }
 
-    /// Writes the rotations of consecutive rows, each as near as it can be to the last one that is there (parts x rows): curves go through their parts then.
+    /// Writes the rotations of consecutive rows, each as near as it can be to the last known one (parts x rows). Curves
+    /// can then go through their parts.
     pub fn turn_on(self, parts: &mut [Vec<f64>]) {
         let mut last: Option<Vec<f64>> = None;
         for row in 0..parts.first().map_or(0, Vec::len) {
@@ -137,7 +140,8 @@ impl RotationKind {
         }
     }
 
-    /// The one way of writing a recorded rotation that does not depend on how it was written: of unit length with w >= 0, or of length pi at most.
+    /// The unique form of a recorded rotation, whatever its form in the log: of unit length with w >= 0, or of length
+    /// pi at most.
     pub fn settle(self, x: &mut [f64]) {
         self.retract(x);
         if self == Self::Quaternion && x[0] < 0.0 {
@@ -192,7 +196,7 @@ impl RotationKind {
         }
     }
 
-    /// Turn of the rotation at `x` by small changes of the parts, rad in the body's axes (3 x parts, row by row):
+    /// Turn of the rotation at `x` by small changes of the parts, rad in the body's axes (3 x parts, row by row). It is
     /// `2 vec(x^-1 dx)` of a quaternion, `Jr(x) dx` of a vector.
     pub fn turning(self, x: &[f64]) -> Vec<f64> {
         match self {

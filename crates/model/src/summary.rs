@@ -2,8 +2,8 @@
 
 use crate::TrainedEpisode;
 
-/// Statistics of the training rows in a partition's regions. A partition says where regions are; this says which values
-/// occurred there.
+/// Statistics of the training rows in a partition's regions. A partition has the places of the regions; this has the
+/// values that occurred there.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Summary {
     /// One entry per region.
@@ -32,8 +32,9 @@ impl From<Vec<RegionSummary>> for Summary {
 
 /// Statistics of a region's training rows, for filters and for the detection of extrapolation.
 ///
-/// The vectors speak of the functions of the library of the partition's first latent (regressors x) and of the fitted equations (targets y). NaN stands for
-/// what was not measured: a fit from statistics of several tasks does not know how the residuals of two equations go together, nor absolute errors.
+/// The vectors are over the functions of the library of the partition's first latent (regressors x) and over the fitted
+/// equations (targets y). NaN stands for an unknown value: a fit from statistics of several tasks has neither the
+/// covariance of two equations' residuals nor absolute errors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RegionSummary {
     /// For people: `3`, `grass`, `inner`.
@@ -79,7 +80,7 @@ pub struct Training {
     pub state_covariance: Vec<f64>,
     /// Means of the states, in the same order; of models with rotations, empty for others.
     pub state_mean: Vec<f64>,
-    /// Numbers inside the equations that were estimated, with what is known of them; none of most methods.
+    /// Numbers inside the equations that were estimated, with their errors; empty for most methods.
     pub parameters: Vec<Estimated>,
     /// Covariance of these numbers, packed lower triangle; NaN where the data do not determine one.
     pub parameter_covariance: Vec<f64>,

@@ -12,16 +12,17 @@ impl Transitions {
     /// The share of the rows of a region that a row of another one (or of itself) follows; NaN where none was followed.
     ///
     /// # Panics
-    /// If there is no such region.
+    /// For an unknown region.
     pub fn probability(&self, from: usize, to: usize) -> f64 {
         self.counts[from][to] as f64 / self.counts[from].iter().sum::<u64>() as f64
     }
 
-    /// Rows that a visit of a region lasts on average, `1 / (1 - p)` with p the probability of staying (the maximum likelihood estimate of a geometric
-    /// distribution, in which a visit that the end of an episode cuts counts by its rows); infinite where it was never left.
+    /// Mean number of rows of a visit to a region, `1 / (1 - p)` with p the probability of staying; infinite if it was
+    /// never left. It is the maximum likelihood estimate of a geometric distribution, in which a visit that the end of
+    /// an episode cuts counts by its rows.
     ///
     /// # Panics
-    /// If there is no such region.
+    /// For an unknown region.
     pub fn dwell(&self, region: usize) -> f64 {
         let all: u64 = self.counts[region].iter().sum();
         all as f64 / (all - self.counts[region][region]) as f64

@@ -3,7 +3,7 @@
 /// Cut of a column at a value, and the branches on either side.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cut {
-    /// The column, of those that the partition looks at.
+    /// The column, an index into those of the partition.
     pub column: usize,
     /// Values below it go one way, it and all above the other.
     pub threshold: f64,
@@ -25,7 +25,7 @@ pub enum Branch {
 /// One side of a cut.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Side {
-    /// The column, of those that the partition looks at.
+    /// The column, an index into those of the partition.
     pub column: usize,
     /// Threshold of the cut.
     pub threshold: f64,

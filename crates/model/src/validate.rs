@@ -3,7 +3,7 @@
 use crate::{Join, Model, Partition, Prediction, RegionSummary, Role, Rule, Summary};
 
 impl Model {
-    /// Checks that indices, lengths and names agree; the message says what does not.
+    /// Checks that indices, lengths and names agree; the message has the contradiction.
     pub fn validate(&self) -> Result<(), String> {
         if !(self.step.is_finite() && self.step >= 0.0) {
             return Err(format!("step {} is not a positive number of seconds", self.step));

@@ -7,7 +7,7 @@ use fleetfoot_report::words::series as listed;
 
 use crate::Judged;
 
-/// The models whose simulations are scored, and by what they are compared.
+/// The models whose simulations are scored, and the quantity of the comparison.
 pub(crate) struct Compared<'a> {
     pub(crate) models: Vec<(&'a str, &'a Horizon)>,
     /// The states of all, where the models have others beside them; else empty, and Mahalanobis scores are compared.

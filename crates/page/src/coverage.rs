@@ -34,7 +34,7 @@ pub(crate) struct Coverage {
     pub(crate) missing: Bins,
 }
 
-/// The columns that a model speaks of, among those that are read.
+/// The columns of a model, among those that are read.
 pub(crate) fn columns(model: &Model, read: &[Column]) -> Vec<Coverage> {
     let known = read.iter().enumerate().filter(|(_, column)| model.column(&column.name).is_some());
     let one = |(place, column): (usize, &Column)| Coverage {
@@ -58,7 +58,7 @@ fn explains(model: &Model, name: &str) -> bool {
     model.libraries.iter().flatten().chain(rights).chain(partitions).any(speaks) || !targets.into_iter().any(speaks)
 }
 
-/// The range of a column over the training rows, where it is a function of a library by itself.
+/// The training range of a column that is itself a function of a library.
 fn trained(model: &Model, name: &str) -> Option<[f64; 2]> {
     let of = |latent: &fleetfoot_model::Latent| {
         let function =
@@ -111,7 +111,7 @@ impl Coverage {
         }
     }
 
-    /// Its row in the table; `gaps` says whether the table has a column for missing values.
+    /// Its row in the table; `gaps`: true if the table has a column for missing values.
     fn row(&self, gaps: bool) -> Vec<Cell> {
         let all = self.rows() as f64;
         let least = self.bins.lows().into_iter().fold(f64::NAN, f64::min);

@@ -37,7 +37,8 @@ pub(crate) fn parts(judged: &[Judged<'_>]) -> Vec<Part> {
     figures
 }
 
-/// The states that have a figure: one that a fitted equation advances and one that a given equation does, as in the paper a velocity and an angle, and so on in turn.
+/// The states that have a figure: alternately one that a fitted equation advances and one that a given equation does,
+/// as in the paper a velocity and an angle.
 fn shown<'a>(model: &Model, states: &'a [State]) -> Vec<&'a State> {
     let is_fitted = |state: &&State| model.fitted().any(|equation| equation.subject == state.name);
     let (fitted, given): (Vec<&State>, Vec<&State>) = states.iter().partition(is_fitted);

@@ -11,7 +11,7 @@ use fleetfoot_stats::Collinearity;
 
 use crate::condition::{CONDITION, gram, used};
 
-/// Functions that are drawn, and groups that are told.
+/// Functions that are drawn, and groups that are listed.
 const FUNCTIONS: usize = 24;
 const GROUPS: usize = 3;
 /// A function belongs to weak directions that take more than this share of its coefficient's variance (Belsley, Kuh, Welsch, section 3.2).
@@ -90,7 +90,8 @@ impl Excitation {
         )
     }
 
-    /// Functions with the inflation of their coefficients' standard errors, and whether they are to be named with what they make.
+    /// Functions with the inflation of their coefficients' standard errors. `several`: true to name them with their
+    /// latents.
     fn inflated(&self, several: bool) -> impl Iterator<Item = (String, f64)> {
         let name = move |&column: &usize| {
             if several { format!("{}: {}", self.of, self.names[column]) } else { self.names[column].clone() }

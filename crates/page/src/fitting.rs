@@ -18,7 +18,7 @@ const MODELS: usize = 24;
 const EQUATIONS: usize = 6;
 /// Held-out errors are drawn up to so many times the least.
 const FAR: f64 = 3.0;
-/// Functions of a path that are drawn: more lines cannot be told apart.
+/// Functions of a path that are drawn: more lines cannot be distinguished.
 const ALONG: usize = 12;
 
 /// Parts of a fit's report that a page shows.
@@ -68,7 +68,7 @@ pub(crate) struct Priced {
     pub(crate) free_held_out_rms: Option<f64>,
 }
 
-/// The deviation of a state's measurements, or of what is left, with limits and without.
+/// The deviation of a state's measurements, or of residuals, with limits and without.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub(crate) struct Deviation {
     pub(crate) of: String,
@@ -109,7 +109,7 @@ struct Validation {
     standard_error: Vec<Option<f64>>,
 }
 
-/// Coefficients along what made them fewer: a penalty, or the number of terms of each equation.
+/// Coefficients along a penalty, or along the number of terms of each equation.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(untagged)]
 enum Paths {
@@ -179,10 +179,10 @@ struct Point {
     chosen: bool,
 }
 
-/// Reads reports of fits, as `--json` of a fit tells them; of `--by` there are several in one.
+/// Reads reports of fits, in the form of `--json`; one of `--by` has several.
 ///
 /// # Errors
-/// One that is no report of a fit.
+/// A JSON value that is no report of a fit.
 pub(crate) fn read(reports: &[Value]) -> Result<Vec<Fit>, Error> {
     let of = |report: &Value| match report.get("models").and_then(Value::as_array) {
         Some(several) => several.clone(),
@@ -233,7 +233,7 @@ fn list(values: &[Option<f64>]) -> Vec<f64> {
 }
 
 impl Fit {
-    /// Held-out error over lambda, with what lies between the least error and the choice.
+    /// Held-out error over lambda, with the range between the least error and the choice.
     fn curve(&self, place: usize, title: String) -> Option<Figure> {
         let lambda = self.lambda.as_ref()?;
         let own = lambda.validation.as_ref().filter(|own| own.lambdas.len() > 1)?;
@@ -372,7 +372,8 @@ impl Fit {
         own.enumerate().map(figure).collect()
     }
 
-    /// The standard errors of the coefficients of an equation, or of a function that equations share, in a region: functions by name, `1` for the constant.
+    /// The standard errors of the coefficients of an equation, or of a shared function, in a region: functions by name,
+    /// `1` for the constant.
     pub(crate) fn standard_errors(&self, label: &str, latent: &str, region: usize) -> Vec<(&str, f64)> {
         let own = self.regions.get(region).into_iter().flat_map(|region| &region.equations);
         let terms = own.filter(|equation| equation.label == label).flat_map(|equation| &equation.terms);

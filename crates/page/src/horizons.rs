@@ -15,9 +15,9 @@ use crate::{
     sentence::{sentence, sentence_of},
 };
 
-/// Steps that are drawn: errors grow smoothly, and a page is no wider.
+/// Steps that are drawn: errors grow smoothly, and a page has no room for more.
 const POINTS: usize = 60;
-/// Models that a figure shows, and states that have one of their own.
+/// Models that a figure shows, and states that have a separate figure.
 const MODELS: usize = 6;
 const STATES: usize = 6;
 

@@ -1,4 +1,4 @@
-//! A model with what the logs say of it.
+//! A model with its scores and simulations on the logs.
 
 use fleetfoot_data::Progress;
 use fleetfoot_dataset::{Dataset, Logs};

@@ -42,7 +42,7 @@ impl Leftover {
         }
     }
 
-    /// Takes what is left of the rows behind these; `goes_on` says whether they follow in the same episode.
+    /// Merges the residuals of the rows behind these; `goes_on`: true if they follow in the same episode.
     pub(crate) fn append(&mut self, other: &Self, goes_on: bool) {
         if !goes_on {
             self.time.interrupt();

@@ -29,7 +29,8 @@ struct Partition {
     stability: BoundedMaps,
 }
 
-/// Why intervals of least squares are not those of a model's coefficients, where that is so: by the recipe that the model carries, and by the report of its fit where that is known.
+/// Reason why intervals of least squares do not apply to a model's coefficients; `None` if they do. It comes from the
+/// model's recipe, and from the report of its fit if that is known.
 pub(crate) fn not_least_squares(model: &Model, fit: Option<&Fit>) -> Option<&'static str> {
     let recipe = Recipe::parse(&model.training.recipe, "the recipe of the model").ok()?;
     let objective = match model.method.split_whitespace().next() {
@@ -141,7 +142,7 @@ impl Fit {
     }
 }
 
-/// A table that is told, as a page has it.
+/// A terminal table as a table of the page.
 fn set(caption: String, told: TextTable) -> Part {
     let row = |cells: Vec<String>| {
         let mut cells = cells.into_iter();

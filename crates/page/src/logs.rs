@@ -249,7 +249,8 @@ fn file_of(name: &str) -> String {
     name.rsplit_once('#').map_or(name, |(file, _)| file).to_owned()
 }
 
-/// Spans a log at most: neighbours with the least gaps between them are joined, so that a log of ten thousand episodes is drawn in as many strokes as can be seen.
+/// Spans a log at most. Neighbours with the least gaps between them are joined, so that a log of ten thousand episodes
+/// is drawn in as many strokes as can be seen.
 const SPANS: usize = 400;
 
 fn merged(spans: Vec<Span>) -> Vec<Span> {

@@ -1,4 +1,4 @@
-//! The models: what they speak of, their equations, their regions.
+//! The models: their columns, equations and regions.
 
 use fleetfoot_model::{Column, Definition, Equation as ModelEquation, Latent, Model, Prediction, Role, SetEquation};
 use fleetfoot_report::{Cell, Equation, Math, Part, Section, Table};
@@ -11,7 +11,7 @@ const COLUMNS: usize = 8;
 const UNFOLDED: usize = 1;
 /// Regions whose equations are written of each of several models; of one alone [`regions::SHOWN`].
 const OF_SEVERAL: usize = 2;
-/// Terms of an equation that are set, and equations: beyond them nobody reads.
+/// Terms of an equation that are set, and equations: more cannot be read.
 const TERMS: usize = 60;
 const EQUATIONS: usize = 24;
 
@@ -55,7 +55,8 @@ fn told_apart<'a>(judged: &Judged<'a>, number: usize, known: &mut Vec<(&'a str, 
     }
 }
 
-/// A model; `number` tells its figures from those of the others, and of so many regions it has the equations. `fit` is the report of its fit.
+/// A model; `number` distinguishes its figures from those of the others, and the equations of `shown` regions appear.
+/// `fit` is the report of its fit.
 fn parts(model: &Model, number: usize, shown: usize, fit: Option<&Fit>) -> Vec<Part> {
     let mut parts = vec![Part::Paragraph(about(model))];
     let given: Vec<Equation> = (model.equations.iter())

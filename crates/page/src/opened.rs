@@ -1,4 +1,4 @@
-//! Logs as a model sees them, opened once for all that a page asks of them: where they have to be decoded, that is most of the work.
+//! Logs with a model's columns, opened once for all parts of a page: decoding them is most of the work.
 
 use fleetfoot_data::Progress;
 use fleetfoot_dataset::{Dataset, Logs, reads_of_model};

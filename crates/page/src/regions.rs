@@ -1,4 +1,4 @@
-//! Regions, and what their rows determine.
+//! Regions, and the coefficients that their rows determine.
 
 use fleetfoot_model::{Model, Partition, Rule};
 use fleetfoot_report::{

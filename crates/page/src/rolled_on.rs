@@ -36,7 +36,7 @@ pub(crate) struct Stretch {
     /// Steps of each, and the rows between those that are drawn.
     pub(crate) horizon: usize,
     pub(crate) stride: usize,
-    /// Ascending, and as far apart as is said by [`every`].
+    /// Ascending, at distances by [`every`].
     pub(crate) starts: Vec<usize>,
 }
 
@@ -70,7 +70,8 @@ fn every(horizon: usize, stride: usize) -> usize {
 }
 
 impl Stretch {
-    /// About the middle one of the starts that were simulated on logs which did not train the model, or on any where all did: chosen before anybody has seen how good they are.
+    /// The stretch about the middle one of the starts that were simulated on held-out logs, or on any if all logs
+    /// trained. It is chosen without regard to its errors.
     fn of(model: &Model, rows: &Dataset, rolled: &RolledOut, horizon: usize, several: bool) -> Option<Self> {
         let outcomes = || rolled.rollouts.outcomes.iter().map(|outcome| outcome.start);
         let trained = rows.trained(model);
@@ -102,7 +103,8 @@ impl Stretch {
 }
 
 impl RolledOn {
-    /// Simulates a model on a stretch: that of the models before it, where it is there, else one of its own. `rolled` is what was simulated of it before.
+    /// Simulates a model on a stretch: that of the models before it, if its rows exist, else a separate one. `rolled`:
+    /// its earlier simulations.
     pub(crate) fn of(
         model: &Model,
         rows: &Dataset,
@@ -170,7 +172,7 @@ impl RolledOn {
         Ok(Self { stretch, name, trained, time, states, left: Vec::new(), ended: Vec::new(), regions })
     }
 
-    /// Takes what was simulated from one of the starts.
+    /// Takes the simulation from one of the starts.
     fn take(&mut self, model: &Model, trajectory: &Trajectory) {
         let (start, stride) = (trajectory.start.row, self.stretch.stride);
         let rotations = model.rotations_among(&names_of(&self.states));

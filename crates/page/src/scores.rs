@@ -163,7 +163,7 @@ fn by_target(scored: &Scored) -> Table {
     table
 }
 
-/// Fig. 6 of Buchan, Haldane, Fearing: whether errors grow with the distance from what was seen.
+/// Fig. 6 of Buchan, Haldane, Fearing: errors over the distance from the training rows.
 fn calibration(judged: &[Judged<'_>]) -> Option<Figure> {
     let line = |one: &Judged<'_>| {
         let bins = &one.scored()?.scores.calibration;

@@ -42,7 +42,8 @@ pub(crate) fn reach(models: &[(String, Model)]) -> Halo {
     })
 }
 
-/// The starts of a model: those of the models before it, or so many rows that every model can begin at; `None` where these logs have no such rows.
+/// The starts of a model: those of the models before it, or so many rows that every model can begin at. `None` if these
+/// logs have no such rows.
 pub(crate) fn common(
     rows: &Dataset,
     horizon: usize,

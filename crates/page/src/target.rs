@@ -72,7 +72,7 @@ impl Target {
         }
     }
 
-    /// Takes the rows behind these; `goes_on` says whether they follow in the same episode.
+    /// Merges the rows behind these; `goes_on`: true if they follow in the same episode.
     pub(crate) fn append(&mut self, other: &Self, goes_on: bool) {
         self.measured.merge(&other.measured);
         self.predicted.merge(&other.predicted);

@@ -20,7 +20,8 @@ const NAMES: usize = 4;
 /// Of the scored rows, a share outside of all training that asks for other logs.
 const OUTSIDE: f64 = 0.05;
 
-/// The findings: of one model all that there are; of several what tells them apart, and those of the best, whose rows were gone over.
+/// The findings: all of a single model. Of several models: their differences, and the findings of the best, whose rows
+/// were read.
 pub(crate) fn section(judged: &[Judged<'_>], passed: Option<&Passed>) -> Section {
     let mut findings = Vec::new();
     let best = super::best(judged);
@@ -36,7 +37,7 @@ pub(crate) fn section(judged: &[Judged<'_>], passed: Option<&Passed>) -> Section
     Section::new("verdict", "Verdict", vec![Part::Findings(findings)])
 }
 
-/// A finding that says whose it is.
+/// A finding with the name of its model.
 fn named(name: &str, finding: Sentence) -> Sentence {
     Sentence { head: format!("{name}. {}", finding.head), ..finding }
 }
@@ -186,7 +187,7 @@ fn worst_log(scored: &Scored) -> Option<Sentence> {
     Some(sentence(light, &format!("The worst log is {}.", worst.name), &text))
 }
 
-/// From when to when a simulation is better than what needs no model.
+/// Sentence about the steps at which a simulation beats the baselines.
 fn simulated(rolled: &RolledOut) -> Sentence {
     let rollouts = &rolled.rollouts;
     let horizon = &rollouts.horizon;

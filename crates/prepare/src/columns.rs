@@ -10,7 +10,7 @@ use fleetfoot_task::rate_unit;
 
 use crate::options::{ChannelOptions, check_channels};
 
-/// A column of the view, and what becomes of it.
+/// A column of the view, and its treatment.
 pub(crate) struct Planned {
     pub(crate) name: String,
     pub(crate) angle: bool,
@@ -63,7 +63,7 @@ pub(crate) fn quoted(name: &str) -> String {
     Expr::column(name).to_string()
 }
 
-/// The recipe of what was written: `fit` takes it as it is.
+/// The recipe of the written files, ready for `fit`.
 pub(crate) fn written_recipe(read: &Recipe, planned: &[Planned], time: &str, smoothed: f64) -> Result<Recipe, Error> {
     let mut recipe = read.clone();
     recipe.columns.clear();

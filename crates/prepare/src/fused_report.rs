@@ -9,7 +9,7 @@ use crate::places::Places;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct BodyReport {
-    /// The origin of the markers' frame in the body frame, m, and the deviations; 0 of what was given.
+    /// The origin of the markers' frame in the body frame, m; the deviation of a given value is 0.
     pub lever: [f64; 3],
     /// Its deviations.
     pub lever_deviation: [f64; 3],
@@ -29,15 +29,16 @@ pub struct BodyReport {
     pub accelerometer: bool,
     /// Densities of the noise of rate and force, an axis.
     pub imu_noise: [[f64; 3]; 2],
-    /// The deviations of these densities: 0 of what was given, `null` of what the residuals do not tell.
+    /// The deviations of these densities: 0 of a given value, `null` if the residuals do not determine it.
     pub imu_noise_deviation: [[Option<f64>; 3]; 2],
-    /// Deviations of the white noise of single readings of rate (rad/s) and force (m/s^2), an axis, by the readings alone; `null` where these do not tell it.
+    /// Deviations of the white noise of single readings of rate (rad/s) and force (m/s^2), an axis, by the readings
+    /// alone. `null` if these do not determine it.
     pub reading_noise: [[Option<f64>; 3]; 2],
     /// Their deviations.
     pub reading_noise_deviation: [[Option<f64>; 3]; 2],
     /// Random walk of their biases, rad/s^2/sqrt(Hz) and m/s^3/sqrt(Hz).
     pub imu_walk: [f64; 2],
-    /// The deviations of these: 0 of what was given, `null` of what the record does not tell.
+    /// The deviations of these: 0 of a given value, `null` if the record does not determine it.
     pub imu_walk_deviation: [Option<f64>; 2],
     /// Uncertainty of rates and forces between two readings, as a factor: 1 if a jump may have been anywhere, 0 if
     /// readings are means.
@@ -116,13 +117,13 @@ pub struct JointSensorReport {
     pub noise_fitted: bool,
     /// Seconds by which it is stamped late.
     pub delay: f64,
-    /// Its deviation; 0 of what was given.
+    /// Its deviation; 0 of a given value.
     pub delay_deviation: f64,
     /// Bias of a reading, measured minus true.
     pub bias: f64,
-    /// Its deviation; 0 of what was given.
+    /// Its deviation; 0 of a given value.
     pub bias_deviation: f64,
-    /// Readings that were left out, log by log, in seconds of its own stamps after the first row of the log.
+    /// Readings that were left out, log by log, in seconds of the sensor's stamps after the first row of the log.
     pub rejected: Vec<Places>,
 }
 
@@ -134,6 +135,6 @@ pub struct CorrelationReport {
     pub sensors: [String; 2],
     /// Of their errors at one stamp or at neighbouring ones, the greatest.
     pub correlation: f64,
-    /// Pairs of readings that tell it.
+    /// Pairs of readings behind it.
     pub readings: usize,
 }

@@ -39,7 +39,7 @@ pub(crate) struct ChannelOptions {
     pub(crate) stuck: usize,
     pub(crate) range: Option<[f64; 2]>,
     pub(crate) bounds: Option<[f64; 2]>,
-    /// Seconds by which stamps are later than what they stamp.
+    /// Delay of the stamps behind the measurements, seconds.
     pub(crate) late: f64,
 }
 
@@ -85,7 +85,7 @@ pub(crate) struct EpisodeOptions {
     pub(crate) min_rows: usize,
 }
 
-/// Entries that speak of whole episodes.
+/// Settings of whole episodes.
 const OF_EPISODES: [&str; 4] = ["clip", "dejitter", "decimate", "min_rows"];
 
 fn refused(channel: Option<&str>, what: &str, value: impl std::fmt::Display, allowed: &str) -> Error {
@@ -238,7 +238,7 @@ fn lambda(channel: Option<&str>, section: &PrepareSection) -> Result<Lambda, Err
     }
 }
 
-/// Refuses `[channels.NAME]` of what is no state and no input, and entries there that speak of whole episodes.
+/// Refuses `[channels.NAME]` of a name that is no state and no input, and settings of whole episodes there.
 pub(crate) fn check_channels(recipe: &Recipe) -> Result<(), Error> {
     for (name, own) in &recipe.channels {
         let names = || recipe.states.keys().chain(recipe.inputs.keys()).map(String::as_str);

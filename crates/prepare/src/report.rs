@@ -44,7 +44,7 @@ pub struct EpisodeReport {
     pub rows: usize,
     /// Rows cut off at its ends.
     pub clipped: usize,
-    /// Rows of which the sensors that are fused do not tell the state: before, between and beyond what all of them measured.
+    /// Rows whose state the fused sensors do not determine: before, between and beyond the span of all of them.
     #[serde(skip_serializing_if = "Places::is_empty")]
     pub untold: Places,
     /// Rows beyond the bounds of a channel, which end an episode.
@@ -103,11 +103,11 @@ pub struct ChannelReport {
     pub samples: usize,
     /// Samples without a value.
     pub missing: usize,
-    /// Values at or beyond the ends of what the sensor can measure.
+    /// Values at or beyond the ends of the sensor's range.
     pub saturated: Places,
-    /// Values that hang.
+    /// Values of a sensor that is stuck.
     pub stuck: Places,
-    /// Values that are repeated before a jump, as of a sensor that hangs; they are not left out.
+    /// Values that are repeated before a jump, as of a stuck sensor; they are not left out.
     pub hangs: Places,
     /// Values off the median of their neighbours.
     pub hampel: Places,

@@ -39,7 +39,8 @@ pub(crate) enum Scalar {
 
 /// An array of one or two dimensions, borrowed from numpy.
 ///
-/// Nobody should write into an array while a call reads it; a call that does sees some of the old and some of the new values.
+/// A caller should not write into an array while a call reads it: the call would see some of the old and some of the
+/// new values.
 #[derive(Debug, Clone)]
 pub(crate) struct Array {
     owner: Arc<Owner>,
@@ -57,7 +58,7 @@ unsafe impl Send for Array {}
 unsafe impl Sync for Array {}
 
 impl Array {
-    /// Borrows an array of numbers, or what becomes one ([`plain`]); `what` is its name for messages.
+    /// Borrows an array of numbers, or an object that becomes one ([`plain`]); `what` is its name for messages.
     pub(crate) fn of(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Self> {
         let as_it_lies = match object.cast_exact::<PyUntypedArray>() {
             Ok(array) if scalar(array)?.is_some() => Some(array.clone()),
@@ -210,7 +211,8 @@ impl Array {
     }
 }
 
-/// A plain array of what a caller gives, by a function of `fleetfoot._arrays`, which all arrays go through that are not of this machine's numbers already.
+/// A plain array of a caller's object, by a function of `fleetfoot._arrays`. All arrays go through it that are not of
+/// this machine's numbers already.
 pub(crate) fn plain<'py>(object: &Bound<'py, PyAny>, what: &str, function: &str) -> PyResult<Bound<'py, PyAny>> {
     object.py().import("fleetfoot._arrays")?.call_method1(function, (object, what))
 }

@@ -230,7 +230,7 @@ impl ArrowColumn {
         }
     }
 
-    /// Times, texts, and what has no values.
+    /// Times, texts, and columns without values.
     fn read_others(&self, chunk: usize, rows: Range<usize>, out: &mut Vec<f64>) {
         match self.meaning {
             Meaning::Time { unit, days } => {

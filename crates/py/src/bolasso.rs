@@ -33,7 +33,7 @@ use crate::{
 pub(crate) struct BolassoRequest {
     /// Penalty of every target's lassos (q).
     alphas: Vec<f64>,
-    /// Root mean square of every target about its mean (q): tasks are solved together, each in units of its own.
+    /// Root mean square of every target about its mean (q): tasks are solved together, each in separate units.
     scales: Vec<f64>,
     intercept: bool,
     positive: bool,
@@ -45,8 +45,9 @@ pub(crate) struct BolassoRequest {
     lengths: Vec<usize>,
 }
 
-/// Selection frequencies (q x p), mean signs (q x p), coefficients of all replicates (b x q x p), their intercepts (b x q), the largest violation of the
-/// optimality conditions as a correlation, replicates whose solver missed its tolerance, and replicates without rows.
+/// Selection frequencies (q x p), mean signs (q x p), coefficients of all replicates (b x q x p) and their intercepts
+/// (b x q). Then the largest violation of the optimality conditions as a correlation, replicates whose solver missed
+/// its tolerance, and replicates without rows.
 type Found<'py> = (
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray2<f64>>,
@@ -159,7 +160,7 @@ impl BolassoRequest {
         (0..self.replicates).map(|replicate| rows(drawn(replicate))).collect()
     }
 
-    /// A latent of its own for every target: the tasks share the rows and their counts, and nothing else.
+    /// A separate latent for every target: the tasks share the rows and their counts, and nothing else.
     fn regression(&self, features: usize, targets: usize, weighted: bool) -> Regression {
         let column = |name: String| Expr::column(name.as_str());
         let mut functions: Vec<Expr> = (0..features).map(|j| column(format!("x{j}"))).collect();

@@ -20,7 +20,7 @@ const SCHEMA: &CStr = c"arrow_schema";
 const ARRAY: &CStr = c"arrow_array";
 const STREAM: &CStr = c"arrow_array_stream";
 
-/// Record batches of one schema, perhaps computed while they are asked for.
+/// Record batches of one schema, perhaps computed on demand.
 pub(crate) type Batches = Box<dyn RecordBatchReader + Send>;
 
 fn invalid(error: ArrowError) -> PyErr {

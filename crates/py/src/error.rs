@@ -27,9 +27,9 @@ pub(crate) enum Kind {
     NeedsLogs,
     /// A request: the data do not determine the answer.
     Undetermined,
-    /// Recordings that cannot be read, or do not hold what is needed.
+    /// Recordings that cannot be read, or lack a needed column.
     Data,
-    /// The data do not determine what was to be fitted, or the options of a fit are out of their range.
+    /// The data do not determine the fit, or the options of a fit are out of their range.
     Fit,
     /// A model that cannot be read, run or exported.
     Model,

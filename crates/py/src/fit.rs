@@ -33,7 +33,7 @@ pub(crate) fn recipe_json(text: &str, name: &str) -> PyResult<String> {
     })
 }
 
-/// Merges the methods' sections of `said` over those of `recipe`, both JSON: flags go above a recipe by the same rule.
+/// Merges the methods' sections of `said` over those of `recipe`, both JSON, by the rule that flags go above a recipe.
 #[pyfunction]
 pub(crate) fn say(said: &str, recipe_text: &str) -> PyResult<String> {
     guard(|| {

@@ -17,7 +17,7 @@ use crate::{
     run::{Failure, run_any},
 };
 
-/// A path: what it is at its k knots, alpha descending.
+/// A path: its values at its k knots, alpha descending.
 #[pyclass(frozen, module = "fleetfoot._core")]
 pub(crate) struct LarsPath {
     path: Path,
@@ -73,7 +73,7 @@ impl LarsPath {
         order
     }
 
-    /// Columns that stay out because only rounding tells them from the active ones.
+    /// Columns that stay out because they differ from the active ones by rounding only.
     #[getter]
     fn collinear(&self) -> Vec<usize> {
         self.path.collinear.clone()
@@ -219,8 +219,8 @@ pub(crate) fn lars_path_of_products(
 /// Lambdas, and the errors of every fold there.
 type FoldErrors<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
 
-/// Knots of the paths of all folds, ascending, about `most` of them, and mean squared errors of the first target there on the held-out rows (alphas x
-/// folds).
+/// Knots of the paths of all folds, ascending, about `most` of them. Then mean squared errors of the first target there
+/// on the held-out rows (alphas x folds).
 #[pyfunction]
 #[pyo3(signature = (folds, intercept, request, most, progress=None))]
 pub(crate) fn lars_fold_errors<'py>(

@@ -105,7 +105,7 @@ impl From<fleetfoot::pwa::Error> for Failure {
 pub(crate) struct PwaRequest {
     /// Partitions as users write them.
     partitions: String,
-    /// Features that partitions look at.
+    /// Features that are partition columns.
     features: Vec<usize>,
     /// Rows of each group; neighbours.
     groups: Vec<usize>,
@@ -303,7 +303,7 @@ impl PwaFit {
         self.found.candidates.iter().map(told).collect()
     }
 
-    /// For each partition the held-out loss of maps that need not meet; NaN where that is not asked.
+    /// For each partition the held-out loss of maps that need not meet; NaN unless requested.
     #[getter]
     fn apart(&self) -> Vec<f64> {
         let told = |score: &fleetfoot::pwa::Score| score.continuity.map_or(f64::NAN, |continuity| continuity.apart);
@@ -331,7 +331,7 @@ impl PwaFit {
     }
 }
 
-/// Column, threshold, and what follows below and above: a cut, or `-1 - region`.
+/// Column, threshold, and the branches below and above: a cut, or `-1 - region`.
 type TreeCut = (usize, f64, i64, i64);
 
 /// The rule of a partition: a dictionary in Python.

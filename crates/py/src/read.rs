@@ -1,4 +1,4 @@
-//! Files into tables: messages of a topic, joined rows, and what a file holds.
+//! Files into tables: messages of a topic, joined rows, and the content of a file.
 
 use std::path::PathBuf;
 

@@ -22,7 +22,7 @@ pub(crate) struct SparseRows {
 }
 
 impl SparseRows {
-    /// Borrows a matrix; `None` for what is none of scipy's in compressed rows.
+    /// Borrows a matrix of scipy's in compressed rows; `None` for any other object.
     pub(crate) fn of(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Option<Self>> {
         let format = object.getattr_opt("format")?.and_then(|format| format.extract::<String>().ok());
         if format.as_deref() != Some("csr") {

@@ -31,7 +31,7 @@ pub(crate) enum Asked {
 }
 
 impl Asked {
-    /// Reads what stands in the brackets of a table with so many rows: a name, names, a row, rows, a slice, a mask, or rows and names.
+    /// Reads the index of a table with so many rows: a name, names, a row, rows, a slice, a mask, or rows and names.
     ///
     /// # Errors
     /// The errors of numpy about rows that do not exist.

@@ -2,7 +2,7 @@
 
 use fleetfoot::data::setting::{Command, Kind, Setting, Wording};
 
-/// Messages speak of arguments.
+/// Wording of messages by arguments.
 pub(crate) struct Arguments;
 
 impl Wording for Arguments {

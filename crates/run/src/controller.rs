@@ -17,8 +17,8 @@ use crate::ControllerFile;
 /// Controllers that there are.
 const KINDS: [&str; 1] = ["treadmill"];
 
-/// A controller: `what` is its kind (`treadmill`), a TOML file with `kind` and its settings, or a file that [`crate::control_lqr`] made, or the text of one;
-/// `settings` are `KEY=VALUE` and stand above those of a kind.
+/// A controller. `what` is its kind (`treadmill`), a TOML file with `kind` and its settings, a file that
+/// [`crate::control_lqr`] made, or the text of one. `settings` are `KEY=VALUE` and stand above those of a kind.
 ///
 /// # Errors
 /// A file that cannot be read or understood, an unknown kind or setting (with the nearest name), a value that cannot be used.
@@ -134,7 +134,8 @@ fn refused(what: &str, problem: String) -> Error {
     Error::value(format!("{given_controller}: {problem}", given_controller = CONTROLLER.to(what)))
 }
 
-/// The model with a column for everything that the controller looks at: an alias of the model's recipe, a field of the log, or an expression over these.
+/// The model with a column for every name that the controller reads: an alias of the model's recipe, a field of the
+/// log, or an expression over these.
 pub(crate) fn with_columns(model: &Model, controller: &dyn Controller) -> Result<Model, Error> {
     let mut model = model.clone();
     let recipe = Recipe::parse(&model.training.recipe, "the model's recipe")?;
@@ -164,7 +165,7 @@ pub(crate) fn source(recipe: &Recipe, name: &str) -> String {
     }
 }
 
-/// An error about a column that the model did not ask for, told as the controller's.
+/// An error about a column that only the controller needs, worded as the controller's.
 pub(crate) fn explained(error: DatasetError, own: &Model) -> Error {
     let told = |place: String| {
         let name = place.strip_prefix("column ").and_then(|rest| rest.strip_suffix(" of the model"));

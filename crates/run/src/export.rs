@@ -47,7 +47,8 @@ pub fn export(model: &Model, options: &ExportOptions, folder: &Path, inputs: &[P
     Ok(Exported { files, cost: exported.cost, compared: vectors.len() })
 }
 
-/// Writes the filter of a model as C into a folder, as `[filter]` says: `PREFIX_filter.h` and `PREFIX_filter.c`.
+/// Writes the filter of a model as C into a folder, by the settings of `[filter]`: `PREFIX_filter.h` and
+/// `PREFIX_filter.c`.
 ///
 /// # Errors
 /// Those of [`crate::filter_of`]; another language than C, regions that are not affine; [`Error::Export`], those of writing.

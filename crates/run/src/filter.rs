@@ -46,7 +46,7 @@ pub struct Filtered {
     pub switching: FilterSwitching,
     /// Factor on the process noise; of one that was found the mean of the episodes' last ones.
     pub process: f64,
-    /// Rows before that the process noise of a row hangs on; 0 where it is white.
+    /// Rows over which the process noise is correlated; 0 if it is white.
     pub noise_rows: usize,
     /// True if every step is the exact one of an affine region; else regions are linearised about the present mean.
     pub exact: bool,
@@ -74,7 +74,7 @@ pub struct Filtered {
 pub struct SensorReport {
     /// The state that it measures.
     pub state: String,
-    /// Its standard deviation; of one that was found or told row by row the mean of the episodes' last ones.
+    /// Its standard deviation. Of one that was estimated, or given row by row, the mean of the episodes' last ones.
     pub deviation: f64,
     /// Source of the deviation.
     pub deviation_from: DeviationFrom,
@@ -143,14 +143,15 @@ impl SquareReport {
     }
 }
 
-/// Rows of an episode: filtered, where they are all of it, which does not wait for others; else read, for the filter that goes on along the episode.
+/// Rows of an episode: filtered, if they are all of it, which does not wait for others. Else read only, for the filter
+/// that goes on along the episode.
 enum Piece {
     Filtered(Box<FilteredRows>),
     Read(Block),
 }
 
-/// Filters the episodes of logs by a model; writes what it finds where `output` is given. How is said by `[filter]` of `changes`, above the model's own recipe. Nothing that is
-/// told of a row depends on later ones.
+/// Filters the episodes of logs by a model; writes the posterior if `output` is given. Settings are those of `[filter]`
+/// in `changes`, above those of the model's recipe. No value of a row depends on later ones.
 ///
 /// # Errors
 /// Those of [`filter_rows`] and of writing.
@@ -178,8 +179,9 @@ pub fn filter(
     Ok(filtered)
 }
 
-/// Filters the episodes of logs by a model; `take` gets their rows in order, some at a time, and the filter. Memory is that of some pieces of 65,536 rows a thread, however long an episode is: episodes of one piece are filtered side by side, a
-/// longer one from piece to piece, while the next ones are read.
+/// Filters the episodes of logs by a model; `take` gets their rows in order, some at a time, and the filter. Memory is
+/// that of some pieces of 65,536 rows a thread, however long an episode is. Episodes of one piece are filtered side by
+/// side, a longer one from piece to piece, while the next ones are read.
 ///
 /// # Errors
 /// Those of the settings, of opening and reading, of [`SwitchedFilter::new`], and of `take`.

@@ -1,4 +1,4 @@
-//! Reports of what a model does, as JSON.
+//! Reports of scores, rollouts and filters, as JSON.
 
 mod control;
 mod filter;

@@ -19,7 +19,7 @@ use crate::{
     output::{Place, PredictionsWriter},
 };
 
-/// Scores, and what to know about the data.
+/// Scores, and notes about the data.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Scored {
@@ -73,7 +73,7 @@ fn compared(model: &Model) -> BTreeSet<String> {
     targets.flat_map(Expr::columns).map(|name| name.to_string()).collect()
 }
 
-/// The notes of opened rows, with what is measured in the raw logs of prepared ones.
+/// The notes of opened rows, with the measured columns in the raw logs of prepared ones.
 fn notes(dataset: &Dataset, measured: Option<&Measured>) -> Vec<String> {
     measured.map_or_else(|| dataset.notes().to_vec(), |measured| measured.notes(dataset.notes()))
 }
@@ -105,7 +105,7 @@ fn nothing_to_score(scores: &Scores) -> Error {
     )
 }
 
-/// A model whose labels do not cover the data says so unless it was fitted to pool them.
+/// Refuses a model whose labels do not cover the data, unless it was fitted to pool them.
 fn refuse_unseen_labels(model: &Model, without_region: u64, scored: u64) -> Result<(), Error> {
     let label = model.partitions.iter().find_map(|partition| match &partition.rule {
         Rule::Labels { names, .. } => {
@@ -134,7 +134,7 @@ pub struct Written {
     pub predicted: u64,
     /// Of these, rows with a target to compare it with.
     pub compared: u64,
-    /// Of the predicted rows, those outside what their region saw in training.
+    /// Of the predicted rows, those outside the training range of their region.
     pub outside_domain: u64,
     /// Assumptions and omissions.
     pub notes: Vec<String>,
@@ -172,7 +172,8 @@ pub fn is_needed(model: &Model, name: &str, rollout: bool) -> bool {
         || (rollout && model.equations.iter().any(advanced))
 }
 
-/// Predicts the rows of logs, in order; `take` gets them some at a time, and the predictor that made them. Tells how many there were.
+/// Predicts the rows of logs, in order; `take` gets them some at a time, and the predictor that made them. Returns
+/// their number.
 ///
 /// # Errors
 /// Those of opening and reading, and of `take`.
@@ -222,8 +223,8 @@ pub fn predict_rows(
     Ok(written)
 }
 
-/// Writes per row: episode, stamp, measured target, prediction, residual of every fitted equation, region, distance from the training domain,
-/// and whether the row is inside it.
+/// Writes per row: episode and stamp; measured target, prediction and residual of every fitted equation; region;
+/// distance from the training rows; and true if the row is inside the training range.
 pub fn predict(
     model: &Model,
     changes: &Recipe,
@@ -248,7 +249,7 @@ pub fn predict(
     Ok(written)
 }
 
-/// Rollouts, and what to know about the data.
+/// Rollouts, and notes about the data.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct RolledOut {

@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use crate::{on_files::is_needed, output};
 
-/// Recordings followed, and what to know of them.
+/// Recordings that a model followed, and notes about them.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Followed {
@@ -113,7 +113,8 @@ impl Followed {
     }
 }
 
-/// Follows the episodes of logs with a model; writes what follows them where `output` is given. How is said by `[resimulate]` of `changes`, above the model's own recipe.
+/// Follows the episodes of logs with a model; writes the result if `output` is given. Settings are those of
+/// `[resimulate]` in `changes`, above those of the model's recipe.
 ///
 /// # Errors
 /// Those of the settings, of opening and reading, of [`fleetfoot_estimate::resimulate`] and of writing.
@@ -176,7 +177,7 @@ fn refused(error: EstimateError) -> Error {
     }
 }
 
-/// Options of `[resimulate]`, checked as far as possible without the model.
+/// Options of `[resimulate]`, checked if that is possible without the model.
 fn options(said: &ResimulateSection) -> Result<ResimulationOptions, Error> {
     let mut options = ResimulationOptions::default();
     options.every = said.every.unwrap_or(options.every);

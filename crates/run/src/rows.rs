@@ -1,4 +1,4 @@
-//! Rows of logs as columns in memory: what a recipe names, or what a model sees and predicts.
+//! Rows of logs as columns in memory: those of a recipe, or those of a model with its predictions.
 
 use fleetfoot_data::{Column, Halo, Progress, Source, ensure_memory, parallel_fold};
 use fleetfoot_dataset::{Dataset, Logs, blocks::blocks};
@@ -49,7 +49,7 @@ pub struct ModelRows {
 /// else all fields.
 ///
 /// # Errors
-/// A name that is none, no column at all; those of opening and reading.
+/// An unknown name, or no column at all; those of opening and reading.
 pub fn read_rows(
     recipe: &Recipe,
     names: Option<&[String]>,

@@ -70,7 +70,8 @@ impl SettledDifference {
 }
 
 impl Difference {
-    /// The difference that is measured by, where it is a central one. `said`: what a word says, else it is looked for in what was written.
+    /// The difference that measures the derivative, if it is a central one. `said`: the difference that a word names;
+    /// else it is recognised in the written expression.
     pub fn of(said: Option<CentralDifference>, any_order: bool, measured: &Expr) -> Option<Self> {
         let any_spacing = said.is_some();
         let form = said.or_else(|| CentralDifference::recognised(measured))?;

@@ -11,7 +11,8 @@ use crate::{
     error::Error,
 };
 
-/// Unevenness of the stamps (root mean square) up to which the weights of even ones are right: what they neglect is smaller than the derivative by that much.
+/// Unevenness of the stamps (root mean square) up to which the weights of even ones are right: their error is smaller
+/// than the derivative by that factor.
 const EVEN: f64 = 1e-4;
 
 impl EquationTask {
@@ -75,8 +76,8 @@ impl EquationTask {
         self.fitted.iter().map(of).collect()
     }
 
-    /// The task with its derivatives as those of an equal one were settled: where an equation of `raw` (as it was before) asks for the same derivative, it is
-    /// settled alike.
+    /// The task with its derivatives settled like those of an equal one. An equation of `raw` (before settling) with
+    /// the same derivative is settled alike.
     pub fn differentiated_like(mut self, raw: &Self, settled: &[Option<SettledDifference>]) -> Self {
         for at in 0..self.fitted.len() {
             let own = &self.fitted[at];

@@ -1,4 +1,4 @@
-//! A recipe resolved to a system of equations over one library: what `fit sindy` fits.
+//! A recipe resolved to a system of equations over one library, for `fit sindy`.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -74,11 +74,11 @@ pub struct FittedEquation {
     pub target: Expr,
     /// True for each candidate that the equation may have (candidates).
     pub allowed: Vec<bool>,
-    /// Candidates that it has in any case, ascending.
+    /// Candidates of every model, ascending.
     pub fixed: Vec<usize>,
     /// Estimate, without noise, of the error of the left side, if that is a central difference.
     pub difference: Option<Expr>,
-    /// That central difference, and what is known of it.
+    /// That central difference, and its estimated error.
     pub central: Option<Difference>,
     /// Unit of the left side, when known.
     pub unit: Option<String>,
@@ -98,7 +98,8 @@ impl FittedEquation {
 /// Candidates beyond which a library is refused: the matrix of their products alone would take 0.4 GB, in each of several chunks.
 const MOST_CANDIDATES: usize = 10_000;
 
-/// Functions at most of a library that nobody named: beyond it the products of many signals would be most of the work, and hardly ever what is wanted.
+/// Functions of a default library, at most. Beyond it the products of many signals would be most of the work, and are
+/// rarely useful.
 const MOST_UNASKED: usize = 500;
 
 /// The candidates of one equation, while the union is not known.
@@ -111,8 +112,9 @@ struct Own {
 impl EquationTask {
     /// Resolves a recipe against the fields of a recording.
     ///
-    /// The candidates are those of `[library]` (or of a state's own `library`), else all monomials of states and inputs up to the degree of `[model]`, with the
-    /// constant. Where there is no degree it is 2, or 1 where there would be more than 500 monomials.
+    /// The candidates are those of `[library]` (or of a state's `library`), else all monomials of states and inputs up
+    /// to the degree of `[model]`, with the constant. The default degree is 2, or 1 if there would be more than 500
+    /// monomials.
     ///
     /// # Errors
     /// A recipe that names something that does not exist, or contradicts itself.
@@ -219,7 +221,7 @@ impl EquationTask {
         usize::from(self.constant) + self.functions.len()
     }
 
-    /// That the library which nobody named is the smaller one.
+    /// Note that the default library is the smaller one.
     pub fn narrowed_note(&self) -> Option<String> {
         self.narrowed.then(|| {
             format!(
@@ -251,7 +253,8 @@ impl EquationTask {
         function.checked_sub(first)
     }
 
-    /// The task with radial functions behind its candidates, and with the variables that these are functions of: for all equations that have no library in the recipe.
+    /// The task with radial functions behind its candidates, and with the variables of these functions. It applies to
+    /// all equations without a library in the recipe.
     #[must_use]
     pub fn with_radial(mut self, radial: RadialFunctions, recipe: &Recipe) -> Self {
         let more = radial.inputs.iter().filter(|input| !self.functions.contains(input));
@@ -270,7 +273,7 @@ impl EquationTask {
         self
     }
 
-    /// Columns whose moments the model needs: what the fitted equations measure, then the states.
+    /// Columns whose moments the model needs: the measured left sides of the fitted equations, then the states.
     pub fn also(&self) -> Vec<Expr> {
         let measured = self.fitted.iter().map(|equation| equation.measured.clone());
         let states = self.columns.iter().filter(|column| column.role == Role::State);
@@ -290,7 +293,7 @@ impl EquationTask {
         self.functions.iter().chain(fitted).chain(sides).chain(&self.weight).chain(&self.partition_columns)
     }
 
-    /// The task with every expression changed; what becomes of the candidates must stay distinct.
+    /// The task with every expression changed; the changed candidates must stay distinct.
     #[must_use]
     pub fn map(&self, change: impl Fn(&Expr) -> Expr) -> Self {
         let mut task = self.clone();
@@ -330,7 +333,7 @@ impl EquationTask {
 struct Reader<'a> {
     recipe: &'a Recipe,
     names: &'a [String],
-    /// The library of the equations that have none of their own.
+    /// The library of the equations without one in the recipe.
     general: Option<(bool, Vec<Expr>)>,
     narrowed: bool,
 }
@@ -439,7 +442,7 @@ impl Own {
         Ok(())
     }
 
-    /// Marks the candidates that the equation may have, and those that it has in any case.
+    /// Marks the candidates that the equation may have, and those of every model.
     fn mark(&self, equation: &mut FittedEquation, constant: bool, functions: &[Expr]) {
         let first = usize::from(constant);
         let places: HashMap<&Expr, usize> = functions.iter().zip(first..).collect();
@@ -456,7 +459,7 @@ impl Own {
     }
 }
 
-/// The distinct functions of all equations: those of the first, then what the others have beside them.
+/// The distinct functions of all equations: those of the first, then the additional ones of the others.
 fn union(owns: &[Own]) -> Vec<Expr> {
     let mut seen = std::collections::HashSet::new();
     owns.iter().flat_map(|own| &own.functions).filter(|function| seen.insert((*function).clone())).cloned().collect()

@@ -60,7 +60,8 @@ impl EquationTask {
         })
     }
 
-    /// [`EquationTask::model`] to be simulated and forgotten: what its regions saw is not asked of the statistic, which takes longer than many simulations.
+    /// [`EquationTask::model`] for one simulation, without the statistics of its regions, which take longer than many
+    /// simulations.
     ///
     /// # Panics
     /// As that.
@@ -85,7 +86,7 @@ impl EquationTask {
         })
     }
 
-    /// A model with all candidates in its library, every coefficient zero: what coefficients are looked for in.
+    /// A model with all candidates in its library, every coefficient zero, as the start of a search.
     pub fn open(&self, scan: &SystemScan, provenance: Provenance) -> Model {
         let all: Vec<usize> = (0..self.functions.len()).collect();
         let mut model = self.trial(scan, None, &[Mat::zeros(self.candidates(), self.fitted.len())], provenance);
@@ -168,7 +169,7 @@ impl EquationTask {
         used
     }
 
-    /// States, and the columns that the model speaks of.
+    /// States, and the other columns of the model.
     fn model_columns(&self, used: &[usize], partition: &Partition) -> Vec<Column> {
         let functions = used.iter().map(|&j| &self.functions[j]);
         let sides = self.equations.iter().flat_map(|equation| std::iter::once(&equation.right).chain(&equation.target));

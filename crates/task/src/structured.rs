@@ -29,8 +29,8 @@ use crate::{
 pub struct StructuredTask {
     /// Latents and tasks over the aliases; the priors stand behind the measured tasks.
     pub regression: Regression,
-    /// Columns whose moments the model needs: the targets of its fitted equations, the states, then the functions of the latents that
-    /// [`StructuredTask::moments`] says.
+    /// Columns whose moments the model needs: the targets of its fitted equations, the states, then the functions of
+    /// the latents by [`StructuredTask::moments`].
     pub also: Vec<Expr>,
     /// The model's equations, over its columns and the names of the latents.
     pub equations: Vec<Equation>,
@@ -38,9 +38,9 @@ pub struct StructuredTask {
     pub columns: Vec<Column>,
     /// The columns of the view, and the expressions over the recording's fields that give them.
     pub aliases: Vec<(DataColumn, Expr)>,
-    /// The error of every task that counts as one, where the recipe says it (tasks).
+    /// The error of every task that counts as one, if the recipe has it (tasks).
     pub scales: Vec<Option<f64>>,
-    /// Weight of every task beside its scale: 1, of a prior lambda_t where the recipe says it (tasks).
+    /// Weight of every task beside its scale: 1, of a prior lambda_t if the recipe has it (tasks).
     pub strengths: Vec<Option<f64>>,
     /// Penalty factor of every coefficient (p).
     pub penalties: Vec<f64>,
@@ -84,8 +84,8 @@ struct Parts {
 impl StructuredTask {
     /// Resolves a recipe against the fields of a recording.
     ///
-    /// Without `[latents]` and `[tasks]` every fitted equation of the recipe is a task with a latent of its own, over the polynomial library; bounds of coefficients are then those of
-    /// `fit sindy` alone.
+    /// Without `[latents]` and `[tasks]` every fitted equation of the recipe is a task with a separate latent, over the
+    /// polynomial library. Bounds of coefficients are then those of `fit sindy` alone.
     ///
     /// # Errors
     /// A recipe that names something that does not exist, is not linear in the latents, or contradicts itself.
@@ -225,7 +225,7 @@ fn moments(regression: &Regression, latent: usize, also: &mut Vec<Expr>) -> Mome
     Moments::Also(also.len() - regression.latents[latent].functions.len())
 }
 
-/// Every fitted equation is a task with a latent of its own and a free constant.
+/// Every fitted equation is a task with a separate latent and a free constant.
 fn plain(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Parts, Error> {
     if let Some((name, _)) = recipe.states.iter().find(|(_, state)| state.equation.is_some()) {
         return Err(Error::conflict(format!(
@@ -393,7 +393,7 @@ fn state_equations(recipe: &Recipe, aliases: &mut Aliases<'_>, names: &[String])
     Ok(equations)
 }
 
-/// One equation a task, on a column of its name that is its target; what is constant has nothing to predict.
+/// One equation a task, on a column of its name that is its target; a constant target has nothing to predict.
 fn task_equations(
     recipe: &Recipe,
     aliases: &mut Aliases<'_>,

@@ -1,4 +1,5 @@
-//! A recipe resolved against the columns of a recording: the problem of `fit pwa`, and what every fit reads of a recipe.
+//! A recipe resolved against the columns of a recording: the problem of `fit pwa`, and the parts of a recipe that every
+//! fit reads.
 
 use fleetfoot_data::setting::{
     FIT_PWA, FIT_SINDY, INPUTS, PARTITION, PARTITION_ON, PHASE, PREDICT, STATES, STATES_SECTION,
@@ -77,7 +78,7 @@ fn resolved(phase: &PhaseColumn, aliases: &mut Aliases<'_>) -> Result<Phase, Err
 }
 
 impl Task {
-    /// The phase over the columns of the logs that were opened, which know the names of labels; what is text is labels.
+    /// The phase over the columns of the opened logs, which have the names of labels; text counts as labels.
     pub fn phase_in(&self, columns: &[DataColumn]) -> Option<Phase> {
         let mut phase = self.phase.clone()?;
         let own = phase.column.as_column().and_then(|name| columns.iter().find(|column| column.name == name));
@@ -209,7 +210,8 @@ pub(crate) fn state_equation(
     })
 }
 
-/// An angle stands as its cosine and sine, a rotation, once, as the nine entries of its matrix: they do not depend on how it is written.
+/// Regressors of a column. An angle stands as its cosine and sine, a rotation, once, as the nine entries of its matrix:
+/// they do not depend on its representation.
 pub fn seen(column: &Column, all: &[Column]) -> Vec<Expr> {
     let x = Expr::column(column.name.as_str());
     match &column.rotation {

@@ -1,4 +1,4 @@
-//! Units, where the log or the recipe gives them: what does not fit is said, and coefficients carry theirs.
+//! Units, if the log or the recipe gives them: notes on contradictions, and units of coefficients.
 
 use fleetfoot_library::{Expr, Unit, coefficient_unit};
 

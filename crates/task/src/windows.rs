@@ -25,7 +25,8 @@ pub struct Windows {
     pub reach: usize,
     /// Error of the integrals, relative to a rate.
     pub accuracy: f64,
-    /// The left side whose differences noise hits hardest, and the share of their variance that is noise; `None` where the noise was not looked at.
+    /// The left side whose differences are noisiest, and the share of noise in their variance; `None` if the noise was
+    /// not estimated.
     pub noise: Option<(String, f64)>,
 }
 
@@ -64,7 +65,7 @@ impl WeakForm {
         }
     }
 
-    /// Refuses a statistic that was summed otherwise than it is asked for.
+    /// Refuses a statistic whose windows differ from the request.
     pub fn check_statistic(self, held: Option<&Weak>) -> Result<(), Error> {
         let fits = match (self, held) {
             (Self::ByNoise, _) | (Self::Off, None) | (Self::Auto, Some(_)) => true,

@@ -32,7 +32,7 @@ pub(super) struct Filter<'a> {
     pub(super) m: usize,
     /// Regions.
     pub(super) r: usize,
-    /// Residuals of a row that the noise hangs on.
+    /// Residuals of a row in the correlated noise.
     pub(super) q: usize,
     /// Those of all rows that are kept, behind the states.
     pub(super) behind: usize,

@@ -69,7 +69,7 @@ impl Filter<'_> {
         });
     }
 
-    /// Takes in one measurement under a region; gives what it adds to the logarithm of the likelihood.
+    /// Takes in one measurement under a region; returns its term of the log-likelihood.
     pub(super) fn observe(&self, w: &mut Writer) {
         let Self { all, p, square, t, .. } = self;
         let one_half = self.c.number(0.5);

@@ -46,7 +46,7 @@ impl Pid {
     /// Checks the parameters.
     ///
     /// # Errors
-    /// A gain that is no number, a negative filter, limits in the wrong order.
+    /// A gain that is not finite, a negative filter, limits in the wrong order.
     pub fn validate(&self) -> Result<(), ParameterError> {
         for (name, gain) in [
             ("proportional", self.proportional),

@@ -10,9 +10,10 @@ use fleetfoot_dynamics::wrap;
 /// Stamps closer than this count as equal, s.
 const SAME: f64 = 1e-9;
 
-/// Feedback of states about a set point, with gains for every region of a partition: `u = u_i - K_i (x - x*) - L_i z - F_i (w - w*)` within limits, where i is
-/// the region of the present row, z the integral of the error of some states, and w what is measured beside the states. The error of a rotation q is that which turns its set point into it, the vector `Log(q*^-1 q)`, rad
-/// about the axes of the body.
+/// Feedback of states about a set point, with gains for every region of a partition:
+/// `u = u_i - K_i (x - x*) - L_i z - F_i (w - w*)` within limits. Here i is the region of the present row, z the
+/// integral of the error of some states, and w the measurements beside the states. The error of a rotation q is the
+/// vector `Log(q*^-1 q)`, rad about the axes of the body, which turns its set point into it.
 ///
 /// It is evaluated every `period` and held. At a limit the integral does not grow further outwards (conditional integration). Where no region holds, or something is missing, inputs and
 /// integrals stay as they are. It is plain data, so that the same law drives models, simulated robots and exported code.
@@ -28,7 +29,7 @@ pub struct Regulator {
     pub rotations: Vec<RegulatedRotation>,
     /// The inputs that are driven, m of them.
     pub inputs: Vec<DrivenInput>,
-    /// Further columns that are looked at, k of them.
+    /// Further columns that are read, k of them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub measured: Vec<MeasuredColumn>,
     /// Errors that are integrated, indices, q of them.
@@ -85,7 +86,7 @@ pub struct DrivenInput {
     pub highest: f64,
 }
 
-/// A column that is looked at.
+/// A further column that is read.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MeasuredColumn {
@@ -133,7 +134,7 @@ impl RegionChoice {
         self.columns.iter().map(|text| Expr::parse(text, &Scope::open()).ok()).collect()
     }
 
-    /// The columns that it looks at, where they can be read at the present row.
+    /// The columns that it reads; `None` if they cannot be read at the present row.
     fn reads(&self) -> Option<Vec<String>> {
         let mut names: Vec<String> = Vec::new();
         for expression in self.parsed()? {

@@ -10,8 +10,8 @@ use fleetfoot_model::{
 use super::{Controller, ParameterError, RegulatedRotation, Regulator};
 
 impl Regulator {
-    /// The law as a model of its own memory: states are the inputs that it drives, then the integrals; inputs are the columns that it reads; a step is a sample. After a step
-    /// the first states are the commands.
+    /// The law as a model of its memory. States are the inputs that it drives, then the integrals; inputs are the
+    /// columns that it reads; a step is a sample. After a step the first states are the commands.
     ///
     /// Without a region, or with a missing value, the law leaves its memory as it is. Exported code does the same: it
     /// gives a code, and its variable stays.
@@ -51,7 +51,7 @@ impl Regulator {
         Ok(model)
     }
 
-    /// Errors of states, integrals, and what is measured beside the set point.
+    /// Errors of states, integrals, and deviations of the further measurements from the set point.
     fn functions(&self, names: &Names) -> Vec<Expr> {
         let from = |name: &String, at: f64| {
             if at == 0.0 { Expr::column(name.as_str()) } else { Expr::column(name.as_str()) - at }
@@ -67,7 +67,7 @@ impl Regulator {
             .collect()
     }
 
-    /// The partition, with the sizes of states as what its regions saw.
+    /// The partition, with the sizes of states as the statistics of its regions.
     fn regions(&self) -> (Partition, Vec<RegionSummary>) {
         let own = self.sizes();
         let (n, q) = (own.len(), self.integrated.len());
@@ -165,7 +165,8 @@ impl Regulator {
         equations
     }
 
-    /// 1 where longer integrals would push an input, which is at its limit, further outwards; else 0. `None` where there is nothing to hold.
+    /// 1 if longer integrals would push an input, which is at its limit, further outwards; else 0. `None` without
+    /// integrals or limits.
     fn outwards(&self, names: &Names) -> Option<Expr> {
         let one = |(j, input): (usize, &super::DrivenInput)| {
             let now = || Expr::column(names.now[j].as_str());
@@ -182,7 +183,8 @@ impl Regulator {
     }
 }
 
-/// The vector that turns the set point of a rotation into what its columns say: twice the half angle along the vector part of `q*^-1 q`, the shorter way round.
+/// The vector that turns the set point of a rotation into its columns' rotation: twice the half angle along the vector
+/// part of `q*^-1 q`, the shorter way round.
 ///
 /// Without an error there is no direction; the least positive length in its place gives zero.
 fn rotation_error(own: &RegulatedRotation) -> [Expr; 3] {

@@ -25,7 +25,7 @@ pub(super) struct Weights {
     pub(super) period: f64,
 }
 
-/// The law `u = -K e - L z`, and what follows from a constant disturbance.
+/// The law `u = -K e - L z`, and its answer to a constant disturbance.
 pub(super) struct Gains {
     /// m x n.
     pub(super) state: Mat<f64>,
@@ -102,8 +102,8 @@ impl Weights {
     /// Inputs (m) that a constant disturbance d of the step requires, beside the feedback of errors about the set
     /// point. The flag is true if the step can rest under it.
     ///
-    /// First the nearest rest: the errors e and inputs v of least cost `e'Qe + v'Rv` with `(A - I) e + B v + d = 0`,
-    /// held states without an error if that can be. Feedback then goes about e. The affine term of the optimal cost,
+    /// First the nearest rest: the errors e and inputs v of least cost `e'Qe + v'Rv` with `(A - I) e + B v + d = 0`.
+    /// Held states have no error if that is possible. Feedback then goes about e. The affine term of the optimal cost,
     /// `(R + B'XB)^-1 B' (I - (A - BK)')^-1 X d`, meets the part that no rest cancels.
     pub(super) fn answer(&self, gains: &Gains, a: MatRef<'_, f64>, b: MatRef<'_, f64>, d: &[f64]) -> (Vec<f64>, bool) {
         let (n, m) = b.shape();

@@ -26,7 +26,7 @@ const TRUSTED: f64 = 1e-6;
 /// States take part in a mode from this share on.
 const TAKES_PART: f64 = 0.1;
 
-/// A regulator, and what is known of it.
+/// A regulator, with its certificates and notes.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Lqr {
@@ -77,7 +77,7 @@ pub struct LqrRegion {
     pub borrowed: bool,
 }
 
-/// A model, and what of it is kept, driven and measured.
+/// A model, with the coordinates that are kept, driven and measured.
 struct Design<'a> {
     pieces: &'a Pieces,
     coordinates: Coordinates<'a>,
@@ -99,7 +99,8 @@ struct Design<'a> {
 /// Finds the set point and the laws.
 ///
 /// # Errors
-/// [`Error::Control`]: names that the model has not, weights that cannot be, a set point that cannot be kept, a model that looks back; those of [`fleetfoot_dynamics::Stepper::new`].
+/// [`Error::Control`]: names that the model does not have, weights or a set point that are impossible, a model with
+/// lags. Those of [`fleetfoot_dynamics::Stepper::new`].
 pub fn lqr(model: &Model, options: &LqrOptions) -> Result<Lqr, Error> {
     let pieces = Pieces::new(model)?;
     let labelled = |index: usize| matches!(model.partitions[index].rule, Rule::Labels { .. });
@@ -267,7 +268,7 @@ impl<'a> Design<'a> {
         Ok((found, None))
     }
 
-    /// Says which inputs cannot be what the set point asks of them.
+    /// Notes the inputs whose limits the set point exceeds.
     fn tell_input_limits(&mut self, found: &Rest) {
         for (name, lowest, highest) in &self.options.limits {
             let own = self.driven.iter().find(|&&input| self.pieces.inputs[input] == *name);

@@ -36,6 +36,7 @@ pub enum Schedule {
     Auto,
     /// By region.
     Region,
-    /// One, of the mean of the regions' steps by their training rows: for regions that a cycle passes through too fast to rest in any, such as those of a stride.
+    /// One, of the mean of the regions' steps by their training rows. It suits regions that a cycle passes through too
+    /// fast to rest in any, such as those of a stride.
     Mean,
 }

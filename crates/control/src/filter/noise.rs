@@ -1,4 +1,4 @@
-//! Process noise: what the residuals of a region say.
+//! Process noise, from the residuals of a region.
 
 use faer::Mat;
 use fleetfoot_data::packed;
@@ -7,13 +7,14 @@ use fleetfoot_model::{Equation, Model, Partition, Prediction, RegionSummary, Sum
 use super::{FilterError, Gaussian, step_noise::StepNoise};
 use crate::pieces::Pieces;
 
-/// The share of a state's size that a step of a given equation may be off: what keeps covariances definite.
+/// Error of a step of a given equation, as a share of a state's size: it keeps covariances definite.
 const GIVEN: f64 = 1e-6;
 
-/// The noise of a region where all of it is white: the covariance of a step's of a discrete model, the spectral density of a continuous one.
+/// The white noise of a region: the covariance of a step of a discrete model, the spectral density of a continuous one.
 ///
-/// Residuals of derivatives that were measured over k rows are means over k steps of noise that is white, so that their variance is that of a step's by `k h^2`; a step's
-/// noise divided by h is the density. Few rows fit their own noise: a covariance over all rows is made one over the degrees of freedom.
+/// Residuals of derivatives that were measured over k rows are means over k steps of white noise. Their variance times
+/// `k h^2` is therefore that of a step; a step's noise divided by h is the density. Few rows fit their own noise: a
+/// covariance over all rows is corrected to one over the degrees of freedom.
 pub(super) fn white_noise(model: &Model, pieces: &Pieces, region: usize) -> Result<StepNoise, FilterError> {
     let n = pieces.states.len();
     let own = described(model, pieces).and_then(|(_, summary)| summary.regions.get(region));
@@ -44,7 +45,8 @@ pub(super) fn white_noise(model: &Model, pieces: &Pieces, region: usize) -> Resu
     }
 }
 
-/// The noise of a region whose residuals hang on those of the rows before: what the whitened residuals of a row become in the states, and the little that given equations may be off.
+/// The noise of a region whose residuals are correlated from row to row: the effect of a row's whitened residuals on
+/// the states, and a small error of given equations.
 ///
 /// A residual of a row lasts over the whole step, as inputs do. Residuals of central differences are means over two
 /// rows: over many rows they act like those of one row, over one row they are somewhat smaller. `time`: rows that count

@@ -8,7 +8,8 @@ use crate::{
     pieces::Affine,
 };
 
-/// A step `x+ = A x + B u + c + S rho + w`, rho the whitened residuals that hang on those before, w white of covariance Q; matrices by rows.
+/// A step `x+ = A x + B u + c + S rho + w`, rho the whitened residuals that are correlated with those before, w white
+/// of covariance Q. Matrices by rows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StepMap {
     /// n x n.

@@ -25,7 +25,8 @@ use crate::{
 
 /// A step this near to the model's own is its own, a share of it.
 const SAME_STEP: f64 = 1e-3;
-/// Probabilities of transitions are a mixture with this share of all regions alike: what was never seen is not impossible.
+/// Share of all regions alike that is mixed into the probabilities of transitions: an unseen transition is not
+/// impossible.
 pub(super) const FLOOR: f64 = 1e-3;
 /// Regions less probable than this take no part in a step.
 const LEAST: f64 = 1e-9;
@@ -55,7 +56,7 @@ pub struct FilterOptions {
 pub struct Measured {
     /// Its name.
     pub state: String,
-    /// The standard deviation of a measurement; `None`: told row by row, or found from the innovations so far.
+    /// The standard deviation of a measurement; `None`: given row by row, or estimated from the innovations so far.
     pub deviation: Option<f64>,
 }
 
@@ -96,13 +97,16 @@ pub enum Switching {
     Transitions,
 }
 
-/// A filter for every region of a model, which exchange what they know (interacting multiple models: Blom and Bar-Shalom, "The interacting multiple model algorithm for
-/// systems with Markovian switching coefficients", IEEE Trans. Automatic Control 33, 1988).
+/// A filter for every region of a model, which exchange their estimates (interacting multiple models: Blom and
+/// Bar-Shalom, "The interacting multiple model algorithm for systems with Markovian switching coefficients", IEEE
+/// Trans. Automatic Control 33, 1988).
 ///
-/// The regions of a piecewise-affine model are functions of the state, and so are their transitions, as in Seah and Hwang, "State estimation for stochastic linear hybrid systems with
-/// continuous-state-dependent transitions", IEEE Trans. Aerospace and Electronic Systems 45, 2009. Here the hypothesis of a region is a normal distribution of which only what
-/// lies inside counts. A step carries its points along: those that cross a border go over to the region behind it, with their moments. A measurement moves the distribution, and the
-/// hypothesis is as much less probable as less of it lies in its region than before. Points are placed by the partition itself, whatever its rule.
+/// The regions of a piecewise-affine model are functions of the state, and so are their transitions (as in Seah and
+/// Hwang, "State estimation for stochastic linear hybrid systems with continuous-state-dependent transitions", IEEE
+/// Trans. Aerospace and Electronic Systems 45, 2009). Here the hypothesis of a region is a normal distribution of which
+/// only the part inside counts. A step carries its points along: those that cross a border go over to the region behind
+/// it, with their moments. A measurement moves the distribution. The hypothesis becomes less probable by the factor by
+/// which its part inside the region shrinks. Points are placed by the partition itself, whatever its rule.
 ///
 /// It is immutable, and shared by all recordings; a [`Track`](super::Track) is the memory along one.
 pub struct SwitchedFilter {
@@ -120,7 +124,7 @@ pub struct SwitchedFilter {
     steps: Option<Vec<StepMap>>,
     /// Points x states.
     points: Vec<f64>,
-    /// Probabilities from region to region, where these switch by themselves.
+    /// Probabilities from region to region, if these switch independent of the state.
     transitions: Option<Vec<Vec<f64>>>,
     pub(super) process: ProcessFactor,
     period: f64,
@@ -247,7 +251,8 @@ impl SwitchedFilter {
         self.geometry.components().into_iter().filter(counts).collect()
     }
 
-    /// Degrees of freedom of errors of some states: three of a rotation, all of whose parts are among them, and none of one that lacks some.
+    /// Degrees of freedom of errors of some states: three for a rotation all of whose parts are among them, none for
+    /// one that lacks some.
     pub fn freedom(&self, states: &[usize]) -> usize {
         if self.geometry.groups.is_empty() {
             return states.len();
@@ -296,12 +301,13 @@ impl SwitchedFilter {
         self.pieces.seen[state].is_some()
     }
 
-    /// The steps of the regions over the model's period, their noise without the factor, where every submodel is affine; else they are made about the present mean, step by step.
+    /// The steps of the regions over the model's period, their noise without the factor, if every submodel is affine.
+    /// Else they are linearised about the present mean, step by step.
     pub fn steps(&self) -> Option<&[StepMap]> {
         self.steps.as_deref()
     }
 
-    /// The autoregression of whitened residuals that the process noise hangs on; `None` where it is white.
+    /// The autoregression of whitened residuals in the process noise; `None` if it is white.
     pub fn colour(&self) -> Option<&Autoregression> {
         self.colour.as_ref()
     }
@@ -479,7 +485,7 @@ impl SwitchedFilter {
     }
 }
 
-/// The autoregression of the residuals, where it is asked and there is one.
+/// The autoregression of the residuals, on request and if there is one.
 fn colour(model: &Model, pieces: &Pieces, asked: NoiseColour) -> Result<Option<Autoregression>, FilterError> {
     let known = described(model, pieces).and_then(|(partition, _)| partition.correlation.as_ref());
     let found = || {
@@ -493,7 +499,7 @@ fn colour(model: &Model, pieces: &Pieces, asked: NoiseColour) -> Result<Option<A
     }
 }
 
-/// Refuses what is no positive number.
+/// Refuses a value that is not a positive number.
 fn positive(of: &'static str, name: &str, value: f64) -> Result<(), Error> {
     if value.is_finite() && value > 0.0 {
         return Ok(());

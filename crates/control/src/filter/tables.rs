@@ -35,14 +35,15 @@ pub struct FilterTables {
     pub period: f64,
 }
 
-/// Process noise that hangs on that of the rows before: an autoregression of order p of the q whitened residuals, matrices by rows.
+/// Process noise that is correlated from row to row: an autoregression of order p of the q whitened residuals, matrices
+/// by rows.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct FilterColour {
     /// Effect of a row's residuals on the states: n x q of every region.
     pub s: Vec<Vec<f64>>,
     /// q x (p q): by those of the row before, of the one before that, ...
     pub coefficients: Vec<f64>,
-    /// q x q: the covariance of what is new.
+    /// q x q: the covariance of its innovation.
     pub innovation: Vec<f64>,
     /// (p q) x (p q): the covariance of the residuals of p rows.
     pub stationary: Vec<f64>,

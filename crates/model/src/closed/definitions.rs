@@ -96,7 +96,7 @@ impl Definitions {
         names.is_empty() || names.iter().filter_map(|name| marked_column(name)).any(own)
     }
 
-    /// The same with names: of computed columns what they are, of fields the columns that hold them.
+    /// The same with names: computed columns by their definitions, fields by the columns that hold them.
     fn named(&mut self, marked: &Expr) -> Expr {
         marked.substituted(|name| match marked_column(name) {
             Some(column) => Some(match &self.meanings[column] {

@@ -14,7 +14,8 @@ struct Axis {
     scale: f64,
 }
 
-/// For every region the lines that say where it lies; none for a tree, whose cuts are written as they are nested, and for the one region of all rows.
+/// Lines about the place of every region. Empty for a tree, whose cuts are written as they are nested, and for the one
+/// region of all rows.
 pub(super) fn places(partition: &Partition, columns: &[Column]) -> Vec<Vec<String>> {
     let unit = |name: &str| {
         let own = columns.iter().find(|column| column.name == name);
@@ -202,7 +203,7 @@ mod tests {
     use fleetfoot_library::Expr;
     use std::sync::Arc;
 
-    /// Columns `v` (centre 2, scale 0.5) and `u` (centre -1, scale 4), as many as the rule looks at.
+    /// Columns `v` (centre 2, scale 0.5) and `u` (centre -1, scale 4), as many as the rule has.
     fn of(rule: Rule, columns: usize) -> Vec<Vec<String>> {
         let mut partition = Partition::whole();
         partition.columns = ["v", "u"].iter().take(columns).map(|name| Expr::column(*name)).collect();

@@ -10,7 +10,7 @@ use crate::{Model, Partition, PhaseBins, Phases, Transitions, holm};
 const PAIRS: usize = 24;
 /// Changes of region of a bin that are printed, at most.
 const CHANGES: usize = 4;
-/// The probability below which two regions are told apart.
+/// The probability below which two regions count as different.
 const LEVEL: f64 = 0.05;
 
 /// Transitions between regions, as text: shares of a region's rows by the region one sample later, and the mean length

@@ -1,4 +1,4 @@
-//! The body of a recipe: its readings and poses as fusion wants them, and what fusion found.
+//! The body of a recipe: its readings and poses in the form for fusion, and the report of the fusion.
 
 use std::path::{Path, PathBuf};
 
@@ -37,8 +37,9 @@ pub(super) struct Poses {
 }
 
 impl Poses {
-    /// `seen` has positions as its vectors, and the parts of quaternions as its columns; each pose is the mean of so many seconds before its stamp. What a camera says that does not see the body is no pose: a quaternion of zeros, or the
-    /// last pose again and again until the body is seen elsewhere. It is left out, and told in `notes`.
+    /// `seen` has positions as its vectors, and the parts of quaternions as its columns. Each pose is the mean of so
+    /// many seconds before its stamp. A camera that does not see the body sends no pose: a quaternion of zeros, or the
+    /// last pose until it sees the body elsewhere. Such poses are left out, with a note in `notes`.
     pub(super) fn new(seen: LogRows, epoch: i64, average: f64, notes: &mut Vec<String>) -> Self {
         let (log, rows) = (seen.log.display(), seen.times.len());
         let apart = (seen.epoch - epoch) as f64 * 1e-9 - 0.5 * average;
@@ -147,7 +148,8 @@ pub(super) fn fused(rows: &[LogRows], poses: &[Poses], sensors: &Sensors, kept: 
     fuse_from(&records, &sensors.options, kept).map_err(|source| error(&all, source))
 }
 
-/// Seconds after which states share a hundredth of a measurement: a position under the noise of the force, integrated twice, or of the jerk, three times, an attitude under that of the rate, integrated once.
+/// Seconds after which states share a hundredth of a measurement. A position is under the noise of the force,
+/// integrated twice, or of the jerk, three times. An attitude is under that of the rate, integrated once.
 pub(super) fn smoothed(fused: &Fused, poses: &[Poses], accelerometer: bool) -> f64 {
     let rows: usize = poses.iter().map(|run| run.stamps.len()).sum();
     let seconds: f64 = poses.iter().filter_map(|run| Some(run.stamps.last()? - run.stamps.first()?)).sum();

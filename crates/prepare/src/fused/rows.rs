@@ -70,7 +70,7 @@ impl LogRows {
         Ok(logs)
     }
 
-    /// A log in which a sensor of one channel said nothing.
+    /// A log in which a sensor of one channel has no reading.
     pub(super) fn silent(of: &Self) -> Self {
         Self {
             log: of.log.clone(),

@@ -1,4 +1,4 @@
-//! The sensors of a recipe, checked once: their channels, and what is known of them beforehand.
+//! The sensors of a recipe, checked once: their channels, and their known constants.
 
 use fleetfoot_dataset::Error;
 use fleetfoot_recipe::{Gravity, Mounting, Recipe, SensorKind, SensorSection, Tunable};
@@ -7,7 +7,8 @@ use fleetfoot_signal::{
     fuse::{FuseOptions, Prior},
 };
 
-/// The deviation about the given stamps within which a delay is found, s: clocks that are further apart are told by `[clocks]` first.
+/// Largest deviation from the given stamps in the search for a delay, s: clocks that are further apart need `[clocks]`
+/// first.
 pub(super) const DELAY: f64 = 0.02;
 
 /// Sensors that make a body.
@@ -61,7 +62,7 @@ pub(super) fn channels(kind: SensorKind) -> usize {
     }
 }
 
-/// A number of seconds, 0 where nothing is said.
+/// A number of seconds, 0 by default.
 pub(super) fn seconds(name: &str, what: &str, said: Option<f64>) -> Result<f64, Error> {
     let seconds = said.unwrap_or(0.0);
     match seconds >= 0.0 && seconds.is_finite() {

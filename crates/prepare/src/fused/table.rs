@@ -1,4 +1,4 @@
-//! The columns that the motion of a body and of joints is written in, and what they are to a fit.
+//! The columns of the motion of a body and of joints, and their roles in a fit.
 
 use fleetfoot_data::Column;
 use fleetfoot_dataset::Error;
@@ -89,7 +89,7 @@ pub(super) struct Columns {
 }
 
 impl Columns {
-    /// The columns of a body, whose attitude is a state as `attitude` says, those of joints, and those that go along.
+    /// The columns of a body, whose attitude is a state in the form of `attitude`, those of joints, and the passengers.
     pub(super) fn new(
         body: Option<&Sensors>,
         attitude: AttitudeForm,
@@ -217,7 +217,7 @@ fn angles([x, y, z, w]: [f64; 4]) -> [f64; 3] {
     [roll, pitch, yaw]
 }
 
-/// States as columns, in the order of [`Columns`] without stamps and what goes along.
+/// States as columns, in the order of [`Columns`] without stamps and passengers.
 pub(super) fn values(states: &[BodyState], has_forces: bool) -> Vec<Vec<f64>> {
     let biases = if has_forces { 3 } else { 0 };
     let row = |own: &BodyState| {

@@ -1,4 +1,4 @@
-//! Controllers as files: the law, what it was made from, and what is known of it.
+//! Controllers as files: the law, its origin and its certificates.
 
 use std::path::Path;
 
@@ -191,7 +191,8 @@ impl ControllerFile {
         Self::from_json(&text, &name)
     }
 
-    /// The law as a model, of which [`crate::export`] makes code; its training domain is no matter ([`fleetfoot_codegen::ExportOptions::domain`]).
+    /// The law as a model, of which [`crate::export`] makes code; its training range has no meaning
+    /// ([`fleetfoot_codegen::ExportOptions::domain`]).
     ///
     /// # Errors
     /// A law that cannot be used.

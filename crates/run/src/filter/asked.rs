@@ -24,7 +24,7 @@ pub(crate) struct Reading {
     pub(super) inputs: Vec<usize>,
     /// Of every sensor.
     pub(super) measured: Vec<usize>,
-    /// Of every sensor whose deviation is told row by row.
+    /// Of every sensor whose deviation is a column.
     pub(super) deviations: Vec<Option<usize>>,
     pub(super) truth: Vec<Truth>,
 }
@@ -35,7 +35,7 @@ pub(super) struct Truth {
     pub(super) column: usize,
 }
 
-/// The filter that `[filter]` asks of a model by itself, without logs: every sensor has its deviation.
+/// The filter by `[filter]` of a model, without logs: every sensor has a fixed deviation.
 ///
 /// # Errors
 /// Settings that cannot be read, sensors without a deviation, and those of [`SwitchedFilter::new`].

@@ -34,7 +34,8 @@ pub struct FilteredRows {
     truths: Vec<f64>,
     /// Rows x sensors.
     measured: Vec<f64>,
-    /// At the last row: the deviation of every sensor, the factor on the process noise, and the steps of the episode so far whose inputs were missing.
+    /// At the last row: the deviation of every sensor, the factor on the process noise, and the number of steps so far
+    /// whose inputs were missing.
     pub(super) last_deviations: Vec<f64>,
     pub(super) process: f64,
     pub(super) held_inputs: usize,
@@ -248,7 +249,7 @@ impl FilteredRows {
         &self.innovation_deviations
     }
 
-    /// The logarithm of the probability density of what each row measured.
+    /// The logarithm of the probability density of each row's measurements.
     pub fn log_likelihood(&self) -> &[f64] {
         &self.log_likelihood
     }

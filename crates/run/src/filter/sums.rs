@@ -39,7 +39,7 @@ struct Sensor {
     neighbours: [f64; 3],
     /// Of every episode, the deviation at its end.
     deviations: Vec<f64>,
-    /// Rows that say what the row before said, and rows that follow one.
+    /// Rows that repeat the measurement of the row before, and rows that follow one.
     repeated: [u64; 2],
 }
 

@@ -5,7 +5,8 @@ use fleetfoot_data::{Silent, with_threads};
 
 use super::*;
 
-/// Recordings of a state that jumps where it crosses 0, and of one that it drives, with gaps in inputs and measurements and a sensor that is held here and there.
+/// Recordings of a state that jumps at 0, and of one that it drives. They have gaps in inputs and measurements, and a
+/// sensor that is held here and there.
 fn recordings(folder: &Path, rows: &[usize]) -> Vec<PathBuf> {
     let write = |(at, &rows): (usize, &usize)| {
         let noise = |row: usize, key: usize| {
@@ -54,7 +55,7 @@ fn fitted(logs: &[PathBuf]) -> Model {
     fitted.expect("a model").model
 }
 
-/// Every number that is told, as bits.
+/// Every reported number, as bits.
 fn said(rows: &FilteredRows) -> Vec<u64> {
     let columns = [rows.means(), rows.deviations(), rows.probabilities(), rows.innovations(), rows.log_likelihood()];
     let more = [rows.innovation_deviations(), &rows.nis, &rows.nees];

@@ -1,4 +1,5 @@
-//! Layouts of viewers beside written messages: opened with the file they show simulated or predicted lines over measured ones, and nobody has to drag topics.
+//! Layouts of viewers beside written messages. Opened with the file they show simulated or predicted lines over
+//! measured ones, without dragging topics.
 //!
 //! Foxglove's layouts are JSON: panels by an identifier, and how they are arranged, halves of halves. PlotJuggler's are XML: plots in a splitter of a tab; it names the
 //! numbers of a JointState `topic/name/position`.
@@ -15,7 +16,7 @@ use super::{Kind, kind};
 const SUFFIXES: [&str; 2] = ["foxglove.json", "plotjuggler.xml"];
 /// Plots that a layout has: a screen has no room for more.
 const PLOTS: usize = 8;
-/// Colours in the order of the lines: measured dark, then those that are told apart.
+/// Colours in the order of the lines: measured dark, then distinct ones.
 const COLOURS: [&str; 6] = ["#5b6168", "#1f5fae", "#c2560c", "#1b7f5c", "#8d3f9c", "#b02a4c"];
 
 /// A plot of a layout.
@@ -120,8 +121,9 @@ fn plotjuggler(plots: &[Plot]) -> String {
     )
 }
 
-/// A value of an attribute. XML 1.0 has no place for most control characters and for the last two code points of the first plane, not even as references (its production 2, `Char`):
-/// they become U+FFFD. Tab and line ends are written as references, as a reader makes plain ones blanks.
+/// A value of an attribute. XML 1.0 has no place for most control characters and for the last two code points of the
+/// first plane, not even as references (its production 2, `Char`). They become U+FFFD. Tab and line ends are written as
+/// references, as a reader makes plain ones blanks.
 fn escaped(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {
