@@ -8,7 +8,7 @@ use fleetfoot_fit::Error;
 use fleetfoot_log::{FileInfo, inspect_together};
 use fleetfoot_recipe::{Input, InputTable, Kind, Recipe, State, draft_of_odometry, draft_of_topics, is_named_angle};
 
-/// Rows of an episode, and episodes, that are looked at.
+/// Rows of an episode, and episodes, that are read.
 const ROWS: usize = 20_000;
 const EPISODES: usize = 8;
 /// Words in the names of inputs.
@@ -53,7 +53,7 @@ const INPUT_NAMES: [&str; 36] = [
 /// Words of inputs, whatever stands beside them: `cmd_vel`.
 const COMMANDS: [&str; 9] =
     ["cmd", "command", "commanded", "setpoint", "ref", "reference", "desired", "input", "inputs"];
-/// Words that make a measurement of what would be an input: `motor_speed`.
+/// Words that mark a measurement among the names of inputs: `motor_speed`.
 const MEASURED: [&str; 12] = [
     "measured",
     "meas",
@@ -85,7 +85,7 @@ pub(crate) enum Part {
     LeftOut(&'static str),
 }
 
-/// The recipe with states and inputs, and what to say of them. A recipe with states stays as it is.
+/// The recipe with states and inputs, and notes on them. A recipe with states stays unchanged.
 ///
 /// # Errors
 /// Those of opening; no column that can be a state.

@@ -1,8 +1,9 @@
 //! From a log to a model worth having.
 //!
-//! [`auto`] drafts what is missing of the recipe, makes rows even where stamps scatter, keeps the last rows back for a test, fits models of all methods to the others, and
-//! takes the smallest one whose simulations of held-out folds are within one standard error of the best. The test rows then say what it is worth, beside
-//! persistence, the mean and the linear model. The recipe that it used ([`Auto::recipe`]) gives the same result again.
+//! [`auto`] drafts the missing parts of the recipe, makes even rows of scattered stamps, and keeps the last rows for a
+//! test. It fits models of all methods to the others. It takes the smallest one whose simulations of held-out folds are
+//! within one standard error of the best. The test rows then give its errors, beside persistence, the mean and the
+//! linear model. The recipe that it used ([`Auto::recipe`]) gives the same result again.
 
 mod budget;
 mod candidates;
@@ -60,7 +61,7 @@ fn in_three<S: Serializer>(value: &Estimate, serializer: S) -> Result<S::Ok, S::
     [value.value, value.low, value.high].serialize(serializer)
 }
 
-/// A model, and what it is worth.
+/// A model, its recipe and its errors.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Auto {
@@ -304,7 +305,7 @@ impl Auto {
         self.mean_of(|own| own.rmse.value / other(own))
     }
 
-    /// The mean over the states of what is known of them.
+    /// The mean over the states with a known value.
     fn mean_of(&self, value: impl Fn(&TestedState) -> f64) -> Option<f64> {
         let known: Vec<f64> = self.tested.iter().map(value).filter(|value| value.is_finite()).collect();
         (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)

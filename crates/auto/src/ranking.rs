@@ -14,7 +14,7 @@ use crate::{
     horizon::HorizonChoice,
 };
 
-/// A candidate and what it is worth on rows that did not train it.
+/// A candidate and its held-out errors.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Candidate {
@@ -32,7 +32,7 @@ pub struct Candidate {
     pub standard_error: Option<f64>,
     /// Simulations that ended early, and how many there were.
     pub ended: [usize; 2],
-    /// Why there is no model, or why it cannot be chosen.
+    /// Reason why there is no model, or why it cannot be chosen.
     pub reason: Option<String>,
 }
 
@@ -53,7 +53,7 @@ pub(crate) struct Ranking {
 }
 
 impl Ranking {
-    /// Fits and simulates the candidates one after the other. A stop by the user ends it; what is done stays.
+    /// Fits and simulates the candidates one after the other. A stop by the user ends it; finished candidates stay.
     pub(crate) fn new(
         (trials, rows): (&[Trial], &Rows),
         logs: &Logs,

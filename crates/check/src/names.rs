@@ -1,6 +1,6 @@
 //! Meaning of channels' names: rates and their quantities, axes.
 
-/// Words of rates, and of what they are rates of; neither tells one channel from another.
+/// Words of rates, and of their quantities; neither distinguishes one channel from another.
 const RATES: [&str; 18] = [
     "v",
     "vel",

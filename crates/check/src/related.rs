@@ -28,7 +28,7 @@ const FACTORS: [(f64, &str); 4] = [
     (3.6, "km/h and m/s"),
 ];
 const NEAR: f64 = 0.03;
-/// A rate that is near to what it is called.
+/// Relative deviation from 1 within which a ratio agrees with the names.
 const ONE: f64 = 0.1;
 /// Largest ratio of the mismatch with a delay to that without one at which the delay counts.
 const BETTER: f64 = 0.5;

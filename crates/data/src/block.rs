@@ -13,10 +13,10 @@ pub struct Halo {
 
 /// Consecutive rows of one episode: `before + rows + after` values per column.
 ///
-/// At the borders of an episode `before` and `after` are smaller than the halo that was asked for.
+/// At the borders of an episode `before` and `after` are smaller than the requested halo.
 #[derive(Debug, Clone)]
 pub struct Block {
-    /// Index, in its episode, of the first row of the core (the rows asked for).
+    /// Index, in its episode, of the first row of the core (the requested rows).
     pub first: usize,
     /// Halo rows in front of the core.
     pub before: usize,

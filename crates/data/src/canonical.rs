@@ -1,4 +1,5 @@
-//! Bytes that say a value in one way, for hashes: texts and lists begin with their length, numbers are little-endian, variants begin with a number of their own.
+//! Canonical bytes of values, for hashes. Texts and lists begin with their length, numbers are little-endian, and
+//! variants begin with a number.
 
 /// A value as bytes. Two values have the same bytes only where all that was put in is the same.
 ///
@@ -59,7 +60,7 @@ impl Canonical {
 mod tests {
     use super::*;
 
-    /// The layout is part of what hashes in files mean.
+    /// Hashes in files depend on the layout.
     #[test]
     fn the_layout_stays() {
         let mut all = Canonical::default();

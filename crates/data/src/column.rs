@@ -1,11 +1,11 @@
-//! Columns: names, units and what the numbers stand for.
+//! Columns: names, units and kinds.
 
 /// One column of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Column {
     /// The name in the file, unique within a source.
     pub name: String,
-    /// The unit, when the file tells it.
+    /// The unit, if the file has it.
     pub unit: Option<String>,
     /// Kind of the numbers.
     pub kind: ColumnKind,

@@ -1,7 +1,8 @@
 //! Names of settings, of sections of a recipe, and of commands in messages.
 //!
-//! A library never writes `--folds`. It writes the constant, and the front end words it: the command line as `--folds 2`, Python as `folds=2`.
-//! A front end says how by [`word_as`], once, when it starts; without it messages have the words of the command line.
+//! A library never writes `--folds`. It writes the constant, and the front end words it: the command line as
+//! `--folds 2`, Python as `folds=2`. A front end sets its wording by [`word_as`], once, when it starts. The default is
+//! that of the command line.
 //!
 //! ```
 //! use fleetfoot_data::setting::{FIT_SINDY, FOLDS, SINDY};
@@ -153,7 +154,7 @@ impl Display for Given {
 pub struct Section<'a>(pub &'a str);
 
 impl Section<'_> {
-    /// An entry of it: a setting, or what a user has named, such as a state.
+    /// An entry of it: a setting, or a name of the user's, such as a state.
     pub fn entry(self, name: impl Display) -> Entry {
         Entry { section: self.0.to_owned(), name: name.to_string(), value: None }
     }

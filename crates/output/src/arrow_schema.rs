@@ -1,9 +1,9 @@
-//! The Arrow schema that Parquet files carry in their key-value metadata: it tells readers the fields' own metadata, which is where units are, and the types
-//! that Parquet does not have: a duration is a plain whole number there.
+//! The Arrow schema that Parquet files carry in their key-value metadata. It has the fields' metadata, with the units,
+//! and the types that Parquet lacks: a duration is a plain whole number there.
 //!
-//! It is a flatbuffer (`Message` and `Schema` of Arrow's columnar format, "Encapsulated message format"), in base64. Of a schema that is read
-//! only names, units and durations are wanted, so that the Arrow libraries, half of the time that compiling a reader of Parquet takes, are not needed. The numbers
-//! below are the places of the fields in the format's tables.
+//! It is a flatbuffer (`Message` and `Schema` of Arrow's columnar format, "Encapsulated message format"), in base64.
+//! Only names, units and durations are read of a schema. The Arrow libraries, half of the compile time of a reader of
+//! Parquet, are therefore not needed. The numbers below are the places of the fields in the format's tables.
 
 use std::collections::BTreeMap;
 
@@ -105,7 +105,7 @@ fn field(builder: &mut FlatBufferBuilder<'_>, column: &WriteColumn) -> Finished 
     })
 }
 
-/// A field of a schema, as far as Parquet's own schema does not tell it.
+/// The parts of a schema's field that Parquet's schema lacks.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ArrowField {
     /// Its `unit` (or `units`).
@@ -114,7 +114,8 @@ pub struct ArrowField {
     pub duration: Option<i64>,
 }
 
-/// The fields of a schema that have a unit or are durations, by their paths. What is damaged or of another kind has none.
+/// The fields of a schema that have a unit or are durations, by their paths. A damaged schema, or one of another kind,
+/// has none.
 pub fn fields(text: &str) -> BTreeMap<Vec<String>, ArrowField> {
     let mut found = BTreeMap::new();
     if let Ok(bytes) = BASE64_STANDARD.decode(text) {

@@ -17,7 +17,7 @@ const MAX_LINKS: usize = 40;
 pub(crate) enum Destination {
     /// A regular file, there or not yet, at the end of all symbolic links.
     File(PathBuf),
-    /// Something that takes bytes and is no file: a device, a pipe, a socket, another process's open file.
+    /// A target that takes bytes and is no file: a device, a pipe, a socket, another process's open file.
     Stream(PathBuf),
 }
 
@@ -71,7 +71,7 @@ enum Identity {
     Path(PathBuf),
 }
 
-/// The identity of a regular file, there or not yet; `None` for what is no file or cannot be looked at.
+/// The identity of a regular file, there or not yet; `None` for any other target, or one that cannot be inspected.
 fn identity(path: &Path) -> Option<Identity> {
     let Ok(Destination::File(real)) = Destination::of(path) else { return None };
     #[cfg(unix)]
@@ -82,8 +82,8 @@ fn identity(path: &Path) -> Option<Identity> {
     Some(Identity::Path(folder(&real).canonicalize().ok()?.join(real.file_name()?)))
 }
 
-/// Refuses outputs that cannot be written, before any work is done for them: one that is an input, whatever way leads to it (other spelling, symbolic or
-/// hard link), two that are one file, a folder, a file in a folder that is not there.
+/// Refuses outputs that cannot be written, before any work is done for them. Such are an output that is an input by any
+/// path (other spelling, symbolic or hard link), two that are one file, a folder, and a file in a missing folder.
 ///
 /// Devices, pipes and sockets may be named more than once. An input that is a folder stands for the files in it.
 ///

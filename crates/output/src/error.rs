@@ -36,7 +36,7 @@ pub enum Error {
         /// The file or folder.
         path: PathBuf,
     },
-    /// Columns handed to a writer that do not fit what it was made for.
+    /// Columns that do not fit those of the writer.
     #[error("{}: {problem}", path.display())]
     BadBatch {
         /// The file being written.

@@ -104,10 +104,11 @@ impl McapWriter {
         Ok(Self { path, writer, channels: Vec::new(), by_topic: HashMap::new(), message: Vec::new(), failed: false })
     }
 
-    /// The channel of a topic with messages of one type; the same one when asked again.
+    /// The channel of a topic with messages of one type; the same one for the same topic.
     ///
     /// # Errors
-    /// A topic without a name or with messages of another type; more channels than a file can have; what the system refuses.
+    /// A topic without a name or with messages of another type; more channels than a file can have; refusals of the
+    /// system.
     pub fn channel<M: Message>(&mut self, topic: &str) -> Result<ChannelId, Error> {
         if let Some(&known) = self.by_topic.get(topic) {
             self.check_type::<M>(known)?;
@@ -135,7 +136,8 @@ impl McapWriter {
     /// Appends a message; stamps are nanoseconds since 1970. Messages may come in any order, but readers are quicker when log times ascend.
     ///
     /// # Errors
-    /// A message of another type than the channel's, a stamp before 1970, a message of 4 GiB or more; what the system refuses.
+    /// A message of another type than the channel's, a stamp before 1970, a message of 4 GiB or more; refusals of the
+    /// system.
     pub fn write<M: Message>(
         &mut self,
         channel: ChannelId,

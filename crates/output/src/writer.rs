@@ -50,7 +50,7 @@ pub struct WriteOptions {
     pub inputs: Vec<PathBuf>,
     /// Compress with Zstandard.
     pub compress: bool,
-    /// Rows of a row group; also what is held in memory at any time.
+    /// Rows of a row group, which also limits the memory.
     pub row_group_rows: usize,
 }
 

@@ -40,7 +40,7 @@ pub enum Error {
     /// The request cannot be met.
     #[error(transparent)]
     Request(#[from] RequestError),
-    /// A partition by what is predicted.
+    /// A partition by the predicted quantity.
     #[error(
         "the partition looks at `{column}`, which tells `{target}`, and that is what is predicted: the region of a row would not be known before its \
          answer; name other columns with {PARTITION_ON}, or its past: lag({target}, 1)"

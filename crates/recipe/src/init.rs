@@ -34,8 +34,8 @@ pub fn starter_recipe(info: &FileInfo) -> String {
     }
 }
 
-/// States and inputs that [`starter_recipe`] proposes of a robot's log, with the clock and the names of topics that a recipe says; `None` of tables, and where nothing
-/// is proposed.
+/// States and inputs that [`starter_recipe`] proposes of a robot's log, with the clock and the topics' names of the
+/// recipe. `None` of tables, and without a proposal.
 pub fn draft_of_topics(recipe: &Recipe, info: &FileInfo) -> Option<Recipe> {
     if info.topics.is_empty() {
         return None;

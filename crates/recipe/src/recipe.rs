@@ -1,6 +1,7 @@
-//! The recipe: which fields of a log are what, in TOML.
+//! The recipe: the meaning of a log's fields, in TOML.
 //!
-//! Flags of the command line are written into the recipe before it is used, so the recipe that a model carries says all.
+//! Flags of the command line are written into the recipe before it is used, so the recipe that a model carries is
+//! complete.
 
 mod auto;
 mod body;
@@ -117,23 +118,25 @@ pub struct Recipe {
     /// A rigid body whose motion `prepare` fuses of the sensors that `[sensor]` names.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub body: Option<BodySection>,
-    /// Joints whose motion `prepare` fuses, by names of their own.
+    /// Joints whose motion `prepare` fuses, by name.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub joint: IndexMap<String, JointSection>,
-    /// The sensors of the body and of joints, by names of their own.
+    /// The sensors of the body and of joints, by name.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub sensor: IndexMap<String, SensorSection>,
     /// The clock and the episodes.
     #[serde(skip_serializing_if = "is_default")]
     pub time: Time,
-    /// Clocks of other computers, by names of their own, and what tells how they go beside the one that stamps the other topics. A clock may be compared with those before it.
+    /// Clocks of other computers, by name, and the columns that compare them with the clock of the other topics. A
+    /// clock may be compared with those before it.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub clocks: IndexMap<String, ClockSection>,
     /// Resampling of fields of other channels to the stamps of the base, by field or wildcard, in place of the rule of
     /// their types.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub join: IndexMap<String, Join>,
-    /// The files of a run, a file a topic, joined as topics of one log are: topics, and what their files are called in the run's folder (`imu = "imu*.csv"`).
+    /// The files of a run, a file a topic, joined as topics of one log are: topics, and the names of their files in the
+    /// run's folder (`imu = "imu*.csv"`).
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub files: IndexMap<String, String>,
     /// Topics as this recipe calls them, and as the files do.
@@ -178,7 +181,7 @@ pub struct State {
     /// Candidate functions of its equation, in place of `[library]`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub library: Option<Vec<String>>,
-    /// Terms that its equation has in any case.
+    /// Terms that its equation always has.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub fixed: Vec<String>,
     /// True to have it in the library and the partition; the default.
@@ -187,7 +190,7 @@ pub struct State {
     /// `angle`, `quaternion`, `rotation-vector` or `linear`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kind: Option<Kind>,
-    /// Unit, when the file does not tell it.
+    /// Unit, if the file lacks it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unit: Option<String>,
     /// Of a rotation: the columns of its parts, fields or aliases.
@@ -202,12 +205,12 @@ pub struct State {
     /// Of a rotation: the axes that the rates are about, `body` (default) or `world`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame: Option<Frame>,
-    /// The rotation and the letter of the part that this state is, `attitude.w`: what a rotation is written out to.
+    /// The rotation and the letter of this state's part, `attitude.w`, in a written-out rotation.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub part: Option<String>,
 }
 
-/// The axes that vectors are told in.
+/// The axes of vectors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Frame {
@@ -225,8 +228,8 @@ pub enum Kind {
     Linear,
     /// An angle in radians: differences wrap, regressors and partitions see its cosine and sine.
     Angle,
-    /// A unit quaternion in four columns: its equations are the kinematics, given its rates; it stays of unit length, and q and -q are the same. The library speaks of it by
-    /// `rotate(NAME, v)` and the like.
+    /// A unit quaternion in four columns. Its equations are the kinematics, given its rates; it stays of unit length,
+    /// and q and -q are the same. The library names it by `rotate(NAME, v)` and the like.
     Quaternion,
     /// A rotation vector, axis times angle in radians, in three columns: as [`Kind::Quaternion`]. Turns more or less are the same.
     #[serde(alias = "axis-angle")]
@@ -256,7 +259,7 @@ pub struct InputTable {
     /// `angle` or `linear`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kind: Option<Kind>,
-    /// Unit, when the file does not tell it.
+    /// Unit, if the file lacks it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unit: Option<String>,
 }
@@ -352,7 +355,8 @@ pub struct ModelSection {
     /// Total degree of the polynomial library; 1 (affine) by default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub degree: Option<u32>,
-    /// Past rows of every state and input that stand beside the present one: `3`, or every 5th of the last 50, `{ last = 50, every = 5 }`.
+    /// Past rows of every state and input beside the present one: `3`, or every 5th of the last 50,
+    /// `{ last = 50, every = 5 }`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lags: Option<Lags>,
     /// Non-negative row weights: a field or expression.
@@ -398,7 +402,7 @@ impl Recipe {
     /// Reads a recipe from a file.
     ///
     /// # Errors
-    /// A file that cannot be read, that is a log, or that is no recipe.
+    /// A file that cannot be read, that is a log, or that holds no recipe.
     pub fn read(path: &Path) -> Result<Self, Error> {
         if fleetfoot_log::Format::of(path).is_some() {
             return Err(Error::Recipe {

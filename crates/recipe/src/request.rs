@@ -30,7 +30,7 @@ pub enum Cause {
         /// The name.
         name: String,
     },
-    /// Too few rows for what is to be learnt from them.
+    /// Too few rows for the fit.
     TooFewRows {
         /// Rows that can be used.
         rows: u64,
@@ -41,9 +41,9 @@ pub enum Cause {
     NeedsRows,
     /// The statistic was scanned for something else.
     OtherStatistic,
-    /// The data do not determine what was asked for.
+    /// The data do not determine the answer.
     Undetermined,
-    /// A file that cannot be written as asked: it stands in the way, or its kind does not fit.
+    /// An output file that cannot be written: a file stands in the way, or its kind does not fit.
     Output,
     /// A mistake in fleetfoot itself.
     Internal,

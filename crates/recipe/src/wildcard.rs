@@ -1,8 +1,9 @@
 //! Wildcards of a recipe: one line for many fields of a log.
 //!
-//! A star stands for what is in a pair of brackets, `/joint_states.position[*]`, or for one part between dots,
-//! `/imu.angular_velocity.*`. An alias of a wildcard becomes as many aliases, each with what its stars stand for: `q` of
-//! `/joint_states.position[*]` becomes `q[left_crank]`, `q[right_crank]`; `w` of `/imu.angular_velocity.*` becomes `w.x`, `w.y`, `w.z`.
+//! A star stands for the text in a pair of brackets, `/joint_states.position[*]`, or for one part between dots,
+//! `/imu.angular_velocity.*`. An alias of a wildcard becomes as many aliases, each with the text of its stars. `q` of
+//! `/joint_states.position[*]` becomes `q[left_crank]`, `q[right_crank]`; `w` of `/imu.angular_velocity.*` becomes
+//! `w.x`, `w.y`, `w.z`.
 
 use fleetfoot_data::Column;
 use fleetfoot_data::setting::{COLUMNS, INFO_VALUES, INPUTS_SECTION, STATES_SECTION};
@@ -13,7 +14,7 @@ use crate::{
     recipe::{Input, InputTable, Recipe, State},
 };
 
-/// A star and what surrounds it.
+/// A star and its surroundings.
 #[derive(Clone, Copy, PartialEq)]
 enum Part<'a> {
     Text(&'a str),
@@ -70,7 +71,7 @@ fn suffix(parts: &[Part<'_>], name: &str) -> Option<String> {
     rest.is_empty().then_some(suffix)
 }
 
-/// The fields that a wildcard names, with what its stars stand for; `None` for a text without a star of this kind.
+/// The fields that a wildcard names, with the text of its stars; `None` for a text without a star of this kind.
 fn matches(text: &str, fields: &[Column], place: &str) -> Result<Option<Vec<(String, String)>>, Error> {
     let Some(parts) = parts(text) else { return Ok(None) };
     let found: Vec<(String, String)> = fields
@@ -93,7 +94,7 @@ impl Recipe {
     /// The recipe with every wildcard and every rotation written out for the fields of a log.
     ///
     /// # Errors
-    /// A wildcard that no field matches, a rotation whose columns, order or rates are not said.
+    /// A wildcard that no field matches; a rotation whose columns, order or rates are unknown.
     pub fn expand(&self, fields: &[Column]) -> Result<Self, Error> {
         let mut out = self.clone();
         out.columns = IndexMap::new();
@@ -155,7 +156,7 @@ impl Recipe {
     }
 }
 
-/// The states with every rotation written out. A state that says nothing and is a part of one is that part.
+/// The states with every rotation written out. A state without settings that is a part of one is that part.
 fn with_parts(
     states: IndexMap<String, State>,
     aliases: &IndexMap<String, String>,

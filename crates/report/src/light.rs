@@ -5,7 +5,7 @@
 pub enum Light {
     /// As it should be.
     Good,
-    /// To be looked at.
+    /// Doubtful.
     Doubtful,
     /// Not as it should be.
     Bad,

@@ -2,7 +2,7 @@
 
 use crate::{Figure, Light, Math, Table};
 
-/// A page: what stands at its top, and its sections.
+/// A page: its head, and its sections.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Page {

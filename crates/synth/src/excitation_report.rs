@@ -12,12 +12,13 @@ use serde::{Serialize, Serializer, ser::SerializeSeq};
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Excitation {
-    /// `ln det((1/n) [1 X]'[1 X])` of the n rows: X are the regressors of the recipe's affine model, the states and inputs that it shows to
-    /// the library in SI units, angles by cosine and sine. Minus infinity when some of them never move or move together.
+    /// `ln det((1/n) [1 X]'[1 X])` of the n rows. X are the regressors of the recipe's affine model: the states and
+    /// inputs of its library in SI units, angles by cosine and sine. Minus infinity when some of them never move or
+    /// move together.
     ///
-    /// Half the difference between two logs of a robot, divided by the number of regressors, is the logarithm of the ratio of the
-    /// standard errors that the same number of rows gives, in the geometric mean over the coefficients (D-optimality); units do
-    /// not matter in it.
+    /// Half the difference between two logs of a robot, divided by the number of regressors, is a logarithm. It is that
+    /// of the ratio of the standard errors that the same number of rows gives, in the geometric mean over the
+    /// coefficients (D-optimality). Units do not matter in it.
     pub log_determinant: f64,
     /// The columns of X.
     pub regressors: Vec<String>,
@@ -118,7 +119,7 @@ impl Terms {
 }
 
 impl Gathered {
-    /// Adds what other rows gathered.
+    /// Adds the sums of other rows.
     pub(super) fn merge(&mut self, other: &Self) {
         self.gram.merge(&other.gram);
         self.visits.merge(&other.visits);

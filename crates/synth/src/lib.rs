@@ -1,7 +1,8 @@
 //! Logs of simulated robots: runs in parallel, a file each, and the recipe for them.
 //!
-//! A [`World`] has every physical parameter of a robot; a [`Job`] says how many runs of it, how long, and where to. The same world, seed
-//! and length give the same bytes on any number of threads, and a run does not depend on how many others there are.
+//! A [`World`] has every physical parameter of a robot; a [`Job`] has the number of its runs, their length and their
+//! folder. The same world, seed and length give the same bytes on any number of threads, and a run does not depend on
+//! how many others there are.
 
 pub mod demo;
 mod excitation_report;
@@ -43,7 +44,7 @@ pub use world::{World, robots};
 /// Format of logs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
-    /// Messages of the sensors, as ROS 2 messages, with the truth on topics of its own.
+    /// Messages of the sensors, as ROS 2 messages, with the truth on separate topics.
     Mcap,
     /// Rows of truth.
     Parquet,
@@ -242,10 +243,10 @@ pub struct Generated {
 
 /// Runs the robot and writes its logs, and a recipe for `fit` beside them.
 ///
-/// Nothing is left behind when it fails or is cancelled. Progress is told in simulated seconds.
+/// No file is left when it fails or is cancelled. Progress is in simulated seconds.
 ///
 /// # Errors
-/// A job that cannot be done, a folder that holds other logs, and what the system refuses.
+/// A job that cannot be done, a folder that holds other logs, and refusals of the system.
 pub fn generate(job: &Job, progress: &dyn Progress) -> Result<Generated, Error> {
     job.check()?;
     job.check_worlds()?;
@@ -304,7 +305,7 @@ fn generate_run(
     Ok((report, gathered))
 }
 
-/// Runs a scenario; what its sink says is an error of ours again.
+/// Runs a scenario; an error of its sink is turned back into one of this crate.
 fn record(scenario: &dyn Scenario, run: Run, recorder: &mut Recorder<'_>) -> Result<End, Error> {
     scenario.run(run, recorder).map_err(|error| match error.downcast::<Error>() {
         Ok(error) => *error,

@@ -65,7 +65,7 @@ pub struct PlannedColumn {
     pub unit: Option<String>,
 }
 
-/// Tells what [`super::generate`] would do.
+/// Plans [`super::generate`].
 ///
 /// # Errors
 /// Those that [`super::generate`] would begin with.

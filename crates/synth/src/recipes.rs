@@ -64,7 +64,8 @@ pub(super) struct RecipeParts {
 }
 
 impl RecipeParts {
-    /// The recipe for logs of a format; `command` made them, `truth` are its columns, with units that messages do not tell.
+    /// The recipe for logs of a format. `command` made them, `truth` are its columns, with the units that messages
+    /// lack.
     pub(super) fn text(&self, format: Format, command: &str, truth: &[Column]) -> String {
         let mut out = String::new();
         comment(&mut out, &format!("Recipe for the truth in the logs of: {command}"));

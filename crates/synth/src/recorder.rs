@@ -126,7 +126,7 @@ impl<'a> Recorder<'a> {
         Self { output, meter: Meter::new(terms), columns, rows: 0, messages: 0, start: None, seconds }
     }
 
-    /// Completes the file: rows, messages, and what the rows gathered.
+    /// Completes the file. Returns rows, messages, and the gathered sums.
     pub(super) fn finish(mut self) -> Result<(u64, u64, Gathered), Error> {
         // A fault ends a run early: what was not simulated is done too.
         self.seconds.reach(usize::MAX)?;

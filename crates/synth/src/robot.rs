@@ -22,7 +22,7 @@ pub(super) struct Kind<P> {
     pub(super) tables: bool,
     /// Recipe of its logs.
     pub(super) recipe: RecipeParts,
-    /// Seconds of a run unless the user says otherwise.
+    /// Default length of a run, seconds.
     pub(super) seconds: f64,
     /// The scenario of some parameters, which it checks.
     pub(super) scenario: fn(P) -> Result<Box<dyn Scenario>, ParameterError>,
@@ -46,14 +46,14 @@ pub(super) trait Robot: Send + Sync {
     fn defaults(&self) -> Result<Table, String>;
     /// All parameters where a text gives some, checked.
     fn parse(&self, text: &str) -> Result<Table, String>;
-    /// The parameters of a table, checked, with what they describe.
+    /// The parameters of a table, checked, with their scenario.
     fn build(&self, table: &Table) -> Result<(Table, Box<dyn Scenario>), String>;
     /// The parameters of a table with the excitation of a kind.
     fn excite(&self, table: &Table, kind: &str) -> Result<Table, String>;
 }
 
 impl<P: Serialize> Kind<P> {
-    /// Parameters that are allowed, all of them, with what they describe.
+    /// Allowed parameters, all of them, with their scenario.
     fn checked(&self, parameters: P) -> Result<(Table, Box<dyn Scenario>), String> {
         let table = Table::try_from(&parameters).map_err(|error| error.to_string())?;
         let scenario = (self.scenario)(parameters).map_err(|error| error.to_string())?;
@@ -115,8 +115,8 @@ impl<P: Serialize + DeserializeOwned + Default + 'static> Robot for Kind<P> {
     }
 }
 
-/// Parameters from a table, by its text: every robot's parameters are then read by one deserializer, where reading the table itself would compile
-/// a second one for each of them.
+/// Parameters from a table, by its text. Every robot's parameters are then read by one deserializer; reading the table
+/// itself would compile a second one for each of them.
 fn parameters_of<P: DeserializeOwned>(table: &Table) -> Result<P, String> {
     toml::from_str(&table.to_string()).map_err(|error| error.message().to_owned())
 }

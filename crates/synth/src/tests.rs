@@ -1,4 +1,4 @@
-//! A small scenario through the whole pipeline: bytes, metadata, what is read back, and what is refused.
+//! A small scenario through the whole pipeline: bytes, metadata, reading back, and refusals.
 
 mod regulated;
 mod robots;

@@ -89,7 +89,8 @@ pub(super) struct Columns {
 }
 
 impl Columns {
-    /// The columns of a body, whose attitude is a state in the form of `attitude`, those of joints, and the passengers.
+    /// Columns of a body, with its attitude as a state in the form of `attitude`; columns of joints; and the extra
+    /// columns.
     pub(super) fn new(
         body: Option<&Sensors>,
         attitude: AttitudeForm,
@@ -217,7 +218,7 @@ fn angles([x, y, z, w]: [f64; 4]) -> [f64; 3] {
     [roll, pitch, yaw]
 }
 
-/// States as columns, in the order of [`Columns`] without stamps and passengers.
+/// States as columns, in the order of [`Columns`] without stamps and extra columns.
 pub(super) fn values(states: &[BodyState], has_forces: bool) -> Vec<Vec<f64>> {
     let biases = if has_forces { 3 } else { 0 };
     let row = |own: &BodyState| {

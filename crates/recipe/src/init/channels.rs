@@ -16,7 +16,7 @@ use super::{
     short::short_names, states_heading, text,
 };
 
-/// Ends of an odometry's fields and the names that they get, with what the model makes of them.
+/// Ends of an odometry's fields with their proposed names and roles in the model.
 const ODOMETRY: [(&str, &str); 5] = [
     ("x", "pose.pose.position.x"),
     ("y", "pose.pose.position.y"),
@@ -86,11 +86,11 @@ pub(crate) fn recipe(file: &str, columns: &[Column], topics: &[TopicInfo]) -> St
     out
 }
 
-/// Messages of a topic below which it is no signal.
+/// Messages of a topic below which it is not a signal.
 const FEW_MESSAGES: u64 = 20;
 
-/// States of the first odometry of a robot's log that is measured, where it has one: the pose follows from speeds and heading, the speeds are fitted. Inputs are the
-/// commanded speed and turn, of other commands all fields.
+/// States of the first measured odometry of a robot's log, if it has one: the pose follows from speeds and heading, the
+/// speeds are fitted. Inputs are the commanded speed and turn, of other commands all fields.
 pub(super) fn of_odometry(columns: &[Column], topics: &[TopicInfo]) -> Option<Recipe> {
     let moves = |topic: &&TopicInfo| topic.messages.is_none_or(|count| count >= FEW_MESSAGES);
     let odometries = || topics.iter().filter(|topic| is_odometry(topic)).filter(moves);
@@ -201,8 +201,9 @@ enum Role {
     Input,
 }
 
-/// Fields that usually are the states: rates of turn, else speeds of a twist, else positions and speeds of joints; and those that usually are the inputs. The
-/// first group of each that the log has is taken, and nothing where it has an odometry, whose states are proposed already.
+/// Fields that usually are the states: rates of turn, else speeds of a twist, else positions and speeds of joints; and
+/// those that usually are the inputs. The first group of each in the log is taken. A log with an odometry takes none,
+/// as its states are proposed already.
 const DRAFTS: [(Role, &[&str]); 2] = [
     (
         Role::State,
@@ -232,7 +233,8 @@ struct Drafted<'a> {
     attitude: Option<&'a Attitude>,
 }
 
-/// The end of the topic whose quaternion, w first, is a PX4 vehicle's attitude: from the body (forward, right, down) to the world (north, east, down).
+/// The end of the topic whose quaternion, w first, is a PX4 vehicle's attitude. It turns the body (forward, right,
+/// down) to the world (north, east, down).
 const ATTITUDE: &str = "vehicle_attitude";
 
 /// Roll, pitch and yaw of a quaternion.

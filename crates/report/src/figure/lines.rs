@@ -35,7 +35,7 @@ pub struct Lines {
 pub(super) enum Form {
     /// All of it.
     Whole,
-    /// One of several that share a legend, and of which the caption says what the vertical axis is: its horizontal axis is its title.
+    /// One of several that share a legend and, by the caption, a vertical axis: its horizontal axis is its title.
     Panel,
 }
 
@@ -58,11 +58,11 @@ pub struct Series {
 /// Stroke of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stroke {
-    /// In a colour of its own.
+    /// In a separate colour.
     Own,
     /// Grey and dashed: something to compare with.
     Reference,
-    /// Dark: what was measured.
+    /// Dark: measurements.
     Measured,
     /// Steps of equal width about the places.
     Steps,
@@ -213,7 +213,7 @@ impl Lines {
         canvas.add(group);
     }
 
-    /// The class of a line: those in colours of their own are counted apart from the others.
+    /// The class of a line; lines in separate colours are counted apart from the others.
     fn class(&self, index: usize) -> String {
         let before = |stroke: &[Stroke]| self.series[..index].iter().filter(|s| stroke.contains(&s.stroke)).count();
         match self.series[index].stroke {
@@ -289,7 +289,7 @@ impl Series {
     }
 }
 
-/// Runs of what is there.
+/// Runs of present values.
 fn runs<T>(things: impl Iterator<Item = Option<T>>) -> Vec<Vec<T>> {
     let mut runs: Vec<Vec<T>> = vec![Vec::new()];
     for thing in things {

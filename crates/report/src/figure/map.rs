@@ -22,7 +22,7 @@ pub struct Map {
     pub columns: Vec<Vec<f64>>,
 }
 
-/// Shades that are told apart; the style sheet has their opacities.
+/// Number of distinct shades; the style sheet has their opacities.
 const SHADES: usize = 6;
 /// Side of the plane at most, pixels.
 const WIDEST: f64 = 420.0;

@@ -29,7 +29,7 @@ const CELL: f64 = 22.0;
 const NAME: f64 = 120.0;
 
 impl Matrix {
-    /// Shares, rows of columns. `sides` say what the rows and the columns are.
+    /// Shares, rows of columns. `sides`: names of the row axis and the column axis.
     pub fn new(
         what: impl Into<String>,
         sides: [&str; 2],

@@ -1,4 +1,4 @@
-//! Axes: what they measure, where a value stands, and which values are written beside them.
+//! Axes: their quantities, the places of values, and the labelled values.
 
 use crate::words::typeset;
 
@@ -23,12 +23,12 @@ pub struct Axis {
 pub enum Scale {
     /// By their differences.
     Linear,
-    /// By their ratios; what is not above zero is not drawn.
+    /// By their ratios; values at or below zero are not drawn.
     Logarithmic,
 }
 
 impl Axis {
-    /// A linear axis of a quantity; an empty unit is none, and 1 says nothing either.
+    /// A linear axis of a quantity; an empty unit, or 1, is left out.
     pub fn of(label: impl Into<String>, unit: impl Into<String>) -> Self {
         let unit = Some(unit.into()).filter(|unit| !unit.is_empty() && unit != "1");
         Self { label: label.into(), unit, scale: Scale::Linear, zero: false, range: None }
@@ -115,7 +115,7 @@ impl Ruler {
         }
     }
 
-    /// The place of a value; `None` for what is no number, or has no place on a logarithmic axis.
+    /// The place of a value; `None` for NaN, or a value that has no place on a logarithmic axis.
     pub(crate) fn at(&self, value: f64) -> Option<f64> {
         let share = if self.logarithmic {
             (value / self.low).ln() / (self.high / self.low).ln()
@@ -138,7 +138,8 @@ impl Ruler {
         values.into_iter().map(|value| (value, self.label(value, step))).collect()
     }
 
-    /// 1, 2 or 5 times a power of ten, of which about so many are on the axis: two at least, as one value alone is no scale.
+    /// 1, 2 or 5 times a power of ten, of which about so many are on the axis. There are two at least, as one value
+    /// alone is no scale.
     fn step(&self, most: usize) -> f64 {
         let step = |most: usize| {
             let rough = (self.high - self.low) / most as f64;

@@ -32,7 +32,7 @@ pub struct Span {
     pub kind: usize,
 }
 
-/// Height of a row, and of what is drawn in it.
+/// Height of a row, and of the bar in it.
 const ROW: f64 = 20.0;
 const BAR: f64 = 10.0;
 /// A row's name has at most this much room.

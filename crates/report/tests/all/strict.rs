@@ -1,5 +1,5 @@
-//! A strict reader of markup: every element is closed by its own end, every attribute is quoted and stands once, every identifier is there once, and nothing
-//! but known entities is escaped.
+//! A strict reader of markup. Every element has an end tag, every attribute is quoted and stands once, every identifier
+//! is there once, and nothing but known entities is escaped.
 
 use std::collections::BTreeSet;
 
@@ -21,7 +21,7 @@ pub(crate) struct Found {
 /// Elements that may end where they begin: in HTML those without an end, and those of SVG and MathML.
 const CLOSED: [&str; 7] = ["meta", "line", "rect", "path", "circle", "mspace", "br"];
 
-/// Reads a page; panics with the place of what is wrong.
+/// Reads a page; panics with the place of an error.
 pub(crate) fn read(page: &str) -> Found {
     let mut found = Found::default();
     let mut open: Vec<String> = Vec::new();

@@ -36,7 +36,8 @@ pub enum ScanError {
     Plan(#[from] PlanError),
 }
 
-/// A frozen plan: what is summed, in which coordinates, in which chunks. Scans of one plan can be merged, whoever made them.
+/// A frozen plan: expressions to sum, their coordinates, and the chunks. Scans of one plan can be merged, whoever made
+/// them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// The regression.
@@ -242,7 +243,7 @@ impl Scanned {
         Ok(())
     }
 
-    /// Keeps the episodes that are wanted: what is left is what a scan of them alone finds.
+    /// Keeps the wanted episodes; the result equals a scan of them alone.
     pub fn retain(&mut self, wanted: impl Fn(EpisodeId) -> bool) {
         self.tasks.iter_mut().for_each(|task| task.stats.retain(|key| wanted(key.episode)));
         self.also.retain(|key| wanted(key.episode));

@@ -11,14 +11,15 @@ use super::{
     windows::WindowRows,
 };
 
-/// The first byte of coordinates: what is summed in them.
+/// The first byte of coordinates: the kind of the sums in them.
 const PRODUCTS: u8 = 0;
 /// See [`PRODUCTS`].
 const MOMENTS: u8 = 1;
 /// Bytes that the statistics of a scan may take.
 const BUDGET: usize = 192 << 20;
 
-/// A frozen plan of one pass: what is summed, in which coordinates, in which chunks. Sums of one plan can be merged, whoever made them.
+/// A frozen plan of one pass: expressions to sum, their coordinates, and the chunks. Sums of one plan can be merged,
+/// whoever made them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SystemPlan {
     /// The system.
@@ -60,14 +61,15 @@ impl Coordinates {
 impl SystemPlan {
     /// Makes a plan for a source: the coordinates come from a strided pilot sample of its rows.
     ///
-    /// The scan may sum Chebyshev moments instead of products of pairs of functions. It does so under three conditions:
-    /// the functions are all monomials of some variables up to a degree of two or more; there is one region; and the
-    /// pilot shows that it costs no significant digits.
+    /// The scan may sum Chebyshev moments instead of products of pairs of functions. It does so under three conditions.
+    /// The functions are all monomials of some variables up to a degree of two or more. There is one region. The pilot
+    /// shows that it costs no significant digits.
     ///
     /// Without `chunk_rows` the chunks are as long as 192 MiB of statistics ask for, and otherwise some 200, of four rows or more.
     ///
     /// # Errors
-    /// A column does not exist, the source cannot be read, there is no target, the partition does not fit its columns, or there are too many episodes.
+    /// A column does not exist, the source cannot be read, or there is no target. Or the partition does not fit its
+    /// columns, or there are too many episodes.
     pub fn new(system: System, chunk_rows: Option<usize>, source: &dyn Source) -> Result<Self, SystemError> {
         if let Some(plan) = Self::of_moments(&system, chunk_rows, source)? {
             return Ok(plan);
@@ -168,7 +170,7 @@ impl SystemPlan {
         }
     }
 
-    /// The plan of a system in the coordinates that [`SystemPlan::coordinates`] told.
+    /// The plan of a system in the coordinates of [`SystemPlan::coordinates`].
     ///
     /// # Errors
     /// There is no target, the partition does not fit its columns, or the coordinates are not those of such a system.
@@ -196,7 +198,8 @@ impl SystemPlan {
         self.system.regions() * self.coordinates.bytes()
     }
 
-    /// Bytes of the statistics of a scan of `rows` rows in `regions` regions, at most: what products of pairs of functions take.
+    /// Bytes of the statistics of a scan of `rows` rows in `regions` regions, at most: those of products of pairs of
+    /// functions.
     pub fn memory(system: &System, regions: usize, rows: usize) -> usize {
         let d = system.functions.len() + system.targets.len();
         let bytes = 8 * (d + 1) * (d + 2) / 2;

@@ -1,5 +1,5 @@
-//! Libraries that are all monomials of some variables up to a degree: their rows are summed as Chebyshev moments, several times cheaper than products of
-//! pairs of functions.
+//! Libraries that are all monomials of some variables up to a degree. Their rows are summed as Chebyshev moments,
+//! several times cheaper than products of pairs of functions.
 
 use std::collections::HashMap;
 
@@ -16,7 +16,8 @@ const ROWS: [usize; 2] = [4_096, 20_000];
 const CONDITION: f64 = 1e5;
 /// Share that rounding may have in the uncertainty of the fit.
 const ROUNDING: f64 = 1e-3;
-/// Error of a fit, relative to the size of its target, below which the moments do not know it well: they know its square to some 1e-16 of the target's.
+/// Error of a fit, relative to the size of its target, below which the moments are too inaccurate: they have its square
+/// to some 1e-16 of the target's.
 const EXACT: f64 = 1e-6;
 
 /// Functions that are exactly the monomials of degree 1 to `degree` of `variables`, in any order.
@@ -69,8 +70,9 @@ impl Monomials {
         (distinct.len() == functions.len()).then_some(Self { variables, degree, exponents })
     }
 
-    /// The plan for a source of `total` rows with this pilot sample, one vector a column, variables first; `None` where products of pairs know more: a pilot that
-    /// hardly tells the functions apart, or data so exact that rounding would show.
+    /// The plan for a source of `total` rows with this pilot sample, one vector a column, variables first. `None` if
+    /// products of pairs are more accurate: a pilot with nearly collinear functions, or data so exact that rounding
+    /// would show.
     pub(super) fn plan(self, pilot: &[Vec<f64>], total: usize) -> Option<Polynomial> {
         let rows = pilot.first().map_or(0, Vec::len);
         let wanted = (ROWS_A_FUNCTION * self.exponents.len()).clamp(ROWS[0], ROWS[1]);
@@ -132,7 +134,7 @@ impl Polynomial {
     }
 }
 
-/// Calls `take(variable, power)` for the factors of a product; `None` for what is no monomial.
+/// Calls `take(variable, power)` for the factors of a product; `None` unless it is a monomial.
 fn factors(expr: &Expr, power: u32, take: &mut impl FnMut(&Expr, u32)) -> Option<()> {
     match expr.node() {
         Node::Binary(Binary::Mul, a, b) => {

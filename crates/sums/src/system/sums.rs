@@ -63,7 +63,7 @@ impl SystemSums {
         Ok(())
     }
 
-    /// Keeps the episodes that are wanted: what is left is what a pass over them alone finds.
+    /// Keeps the wanted episodes; the result equals a pass over them alone.
     pub fn retain(&mut self, wanted: impl Fn(EpisodeId) -> bool) {
         self.grams.retain(|key| wanted(key.episode));
         self.moments.retain(|key| wanted(key.episode));
@@ -72,7 +72,7 @@ impl SystemSums {
         self.episodes.retain(|&episode, _| wanted(episode));
     }
 
-    /// Sums the chunks of every episode, region by region: what can no longer be split.
+    /// Sums the chunks of every episode, region by region. The result cannot be split into chunks any more.
     pub fn compact(&mut self) {
         fn whole<S: Sum>(sums: &mut Keyed<S>) {
             *sums = sums.grouped(|key| Key { chunk: 0, fold: Fold::default(), ..*key });

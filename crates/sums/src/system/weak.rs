@@ -7,13 +7,15 @@
 //! -integral phi' x dt = sum_j c_j integral phi f_j(x) dt
 //! ```
 //!
-//! (Schaeffer and McCalla, Physical Review E 96 (2017); Messenger and Bortz, "Weak SINDy: Galerkin-based data-driven model selection", Multiscale Modeling & Simulation
-//! 19 (2021), WSINDy below.) Both sides are linear in the rows of a window, so a window is one row of a regression with the same coefficients; it enters the
-//! statistic in the place of the rows, and whatever follows the statistic knows nothing of it.
+//! (Schaeffer and McCalla, Physical Review E 96 (2017); Messenger and Bortz, "Weak SINDy: Galerkin-based data-driven
+//! model selection", Multiscale Modeling & Simulation 19 (2021), WSINDy below.) Both sides are linear in the rows of a
+//! window, so a window is one row of a regression with the same coefficients. It enters the statistic in the place of
+//! the rows, and the code behind the statistic is unchanged.
 //!
-//! The window from row `c - m` to row `c + m` has the stamps a to b; `phi(s) = (1 - s^2)^p` with s from -1 at a to 1 at b. Integrals are sums over the rows with
-//! the weights of the trapezoidal rule for the stamps as they lie. That is accurate far beyond its usual order where a smooth function and its derivatives
-//! vanish at both ends (Euler and Maclaurin), and its weights are positive, so that uneven stamps amplify no noise.
+//! The window from row `c - m` to row `c + m` has the stamps a to b; `phi(s) = (1 - s^2)^p` with s from -1 at a to 1 at
+//! b. Integrals are sums over the rows with the weights of the trapezoidal rule for the actual stamps. That is accurate
+//! far beyond its usual order if a smooth function and its derivatives vanish at both ends (Euler and Maclaurin). Its
+//! weights are positive, so that uneven stamps amplify no noise.
 
 use std::f64::consts::TAU;
 
@@ -118,8 +120,9 @@ fn order(reach: usize) -> i32 {
     (TAIL.ln() / ((2.0 * m - 1.0) / (m * m)).ln()).ceil() as i32
 }
 
-/// The error of integrals over windows of a reach, relative to the rate of what changes as fast as the square and the cube of the time from the middle of the
-/// window to its end: root mean square over a sample of the rows, 1e-12 at least. Uneven stamps make it; even ones hardly.
+/// The error of integrals over windows of a reach, from uneven stamps; with even ones it is tiny. It is relative to the
+/// rate of signals that change as fast as the square and the cube of the time from the middle of the window to its end.
+/// Root mean square over a sample of the rows, 1e-12 at least.
 ///
 /// # Errors
 /// Those of reading.

@@ -36,7 +36,7 @@ pub struct Gait {
     pub stride_frequency: f64,
     /// Mean forward speed over the belt, m/s.
     pub speed: f64,
-    /// Mean of what equation (2) predicts from the cranks' rates, m/s.
+    /// Mean prediction of equation (2) from the cranks' rates, m/s.
     pub no_slip_speed: f64,
     /// Rows by leg phase, [`PHASE_BINS`] bins of `[-pi, pi)`.
     pub phases: Vec<u64>,
@@ -107,11 +107,11 @@ impl Part {
     }
 }
 
-/// Measures the gait of every run, in the order of belt speeds. The recipe names the hexapod's truth; `drive` is what the robot's program believes
-/// of itself.
+/// Measures the gait of every run, in the order of belt speeds. The recipe names the hexapod's truth; `drive` is the
+/// drive model of the robot's program.
 ///
 /// # Errors
-/// Logs that lack what is needed, and those of reading.
+/// Logs that lack a needed column, and those of reading.
 pub fn gaits(
     recipe: &Recipe,
     drive: &DifferentialDrive,

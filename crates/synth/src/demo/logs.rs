@@ -54,7 +54,7 @@ impl DemoLogs {
     }
 }
 
-/// A run that is over at once, the robot beside its belt, has nothing to tell; a log without rows is no recording.
+/// Runs with rows. A run that ends at once, the robot beside its belt, gives a log without rows, which is no recording.
 fn lasted(generated: &Generated) -> Vec<PathBuf> {
     generated.runs.iter().filter(|run| run.rows >= LEAST_ROWS).map(|run| run.file.clone()).collect()
 }
