@@ -210,7 +210,7 @@ fn told(what: &str, sweeps: usize, whole: f64, cpu: f64, records: f64) {
     );
 }
 
-/// An hour of a body, in a process of its own: what is kept, and the hash of the answer, are in `folder`.
+/// An hour of a body, in a separate process: the kept state, and the hash of the answer, are in `folder`.
 fn hour_of_body(folder: &Path, threads: usize) -> Result<(), Box<dyn Error>> {
     let body = Body::new(HOUR);
     let (records, before, start) = (peak_rss_mib(), cpu_seconds(), Instant::now());

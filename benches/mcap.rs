@@ -137,7 +137,7 @@ impl Log {
         self.chunks.iter().map(|(header, _)| header.uncompressed_size as f64).sum::<f64>() * 1e-9
     }
 
-    /// Decompresses all chunks, each thread with one context into one buffer: what reading the log takes at least.
+    /// Decompresses all chunks, each thread with one context into one buffer: the lower bound of reading the log.
     fn decompress(&self) -> Result<u64> {
         struct Scratch {
             context: zstd::bulk::Decompressor<'static>,
@@ -268,7 +268,7 @@ fn compare(reader: &Messages, names: &[&str], theirs: &[f64], first: i64) -> Res
     Ok(compared)
 }
 
-/// A way through a log; answers what it has counted.
+/// A way through a log; returns its count.
 type Way<'a> = &'a (dyn Fn() -> Result<u64> + Sync);
 
 /// Every way to the rows beside plain decompression, in alternation.
@@ -370,7 +370,7 @@ fn memory_job(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Memory of this process that is no file's, KiB; 0 where the system does not tell.
+/// Memory of this process that belongs to no file, KiB; 0 if the system does not report it.
 fn anonymous_kib() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find(|line| line.starts_with("RssAnon:"));

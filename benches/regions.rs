@@ -26,7 +26,7 @@ use rand_pcg::Pcg64;
 const STATES: usize = 16;
 const TARGETS: usize = 8;
 const MODES: usize = 10;
-/// Columns that tell the modes apart.
+/// Columns that separate the modes.
 const TELLING: usize = 3;
 /// Standard deviation of the noise; the targets' own is some two to three.
 const NOISE: f64 = 0.3;
@@ -42,7 +42,7 @@ fn normal(random: &mut Pcg64) -> f64 {
     (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
 }
 
-/// Normal columns, and targets of ten modes that three columns tell apart.
+/// Normal columns, and targets of ten modes that three columns separate.
 fn rows(count: usize) -> Vec<Vec<f64>> {
     let mut random = Pcg64::seed_from_u64(11);
     let mut table = |rows: usize, columns: usize| -> Vec<Vec<f64>> {

@@ -61,7 +61,7 @@ fn apart(own: &[f64], other: &[f64]) -> f64 {
     own.iter().zip(other).map(|(a, b)| (a - b).abs() / size).fold(0.0, f64::max)
 }
 
-/// A line of what a task took, and how many times as long as so many operations at the rate of a core's registers.
+/// A line of a task's time, and its ratio to that of so many operations at the rate of a core's registers.
 fn told(name: &str, [seconds, processor]: [f64; 2], rows: usize, operations: usize) {
     let limit = fma_rate().map_or(f64::NAN, |rate| processor * rate / (operations * rows) as f64);
     println!(

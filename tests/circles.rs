@@ -1,8 +1,8 @@
-//! Inside a crate, too, arrows have one direction: two modules of one parent, each with all that is below it, do not use each other, directly or by way of
-//! others. (A parent and its own children are one thing.)
+//! Inside a crate, too, arrows have one direction. Two modules of one parent, each with all that is below it, do not
+//! use each other, directly or by way of others. (A parent and its children are one thing.)
 //!
-//! The sources are read as tokens, which is enough for paths: a `use` says where a name stands, what is handed on is followed to the file that defines
-//! it, and a file uses what its own text names. Tests may name anything.
+//! The sources are read as tokens, which is enough for paths. A `use` gives the place of a name, a re-export is
+//! followed to the file that defines it, and a file uses the names in its text. Tests may name anything.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -260,7 +260,7 @@ fn uses(modules: &Crate, module: &[String]) -> BTreeMap<Vec<String>, Vec<String>
     found
 }
 
-/// The module in which what a path names is defined, if it is one of the crate's and no module itself.
+/// The module that defines a path's name, if it is one of the crate's and no module itself.
 fn stands(modules: &Crate, from: &[String], path: &[String], depth: usize) -> Option<Vec<String>> {
     // Names that import themselves in a circle would be an error of the compiler; a name that stands for a crate is not followed for ever.
     let (first, mut rest) = path.split_first().filter(|_| depth < 16)?;

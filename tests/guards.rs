@@ -326,7 +326,8 @@ fn blanks_separate_columns_too() {
     fit("broken.txt").fails(&["broken.txt:41", "`u`", "fast"]);
 }
 
-/// Simulations that run away say what bounds them; a bounded model's do not run away, and say nothing.
+/// A note on simulations that diverge names the option that bounds them; a bounded model's do not diverge, and get no
+/// note.
 #[test]
 fn what_runs_away_says_what_bounds_it() {
     // Twelve runs that grow by a tenth a row, one after another with pauses; and a rest of which simulations begin.

@@ -11,7 +11,8 @@ use std::{
     process::Command,
 };
 
-/// A file or folder of the recordings: in `FLEETFOOT_DATA`, else in `shared/data` beside the checkout. `None`, said in a word, where there is neither.
+/// A file or folder of the recordings: in `FLEETFOOT_DATA`, else in `shared/data` beside the checkout. `None`, with a
+/// printed line, if neither has it.
 ///
 /// # Panics
 /// The folder is there, or was named, and has no such file.
@@ -29,7 +30,8 @@ pub(crate) fn data(name: &str) -> Option<PathBuf> {
     None
 }
 
-/// The interpreter that `FLEETFOOT_PYTHON` names, which can import these packages. `None`, said in a word, where it names none.
+/// The interpreter of `FLEETFOOT_PYTHON`, which can import these packages. `None`, with a printed line, if the variable
+/// is not set.
 ///
 /// # Panics
 /// It does not run, or lacks a package.

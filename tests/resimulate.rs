@@ -1,4 +1,5 @@
-//! `resimulate`: what follows a recording obeys the model's equations and its bounds, in the file as in the report; and what cannot be followed is told.
+//! `resimulate`: followed recordings obey the model's equations and its bounds, in the file as in the report. Also
+//! refusals.
 
 use std::fs;
 

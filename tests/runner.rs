@@ -1,4 +1,4 @@
-//! Runs the command and looks at what it says.
+//! Runs the command and checks its output.
 
 use std::{
     io::Read,
@@ -137,7 +137,8 @@ pub(crate) fn same(folder: &Path, a: &str, b: &str) {
     assert!(read(a) == read(b), "{a} and {b} differ");
 }
 
-/// A robot's log as CSV: `t, x, v, u, mode`, v' = -2 v + 3 u below v = 0.5 and -5 v + 2 u + 1 above, exact steps of `dt`.
+/// A robot's log as CSV: `t, x, v, u, mode`. v' = -2 v + 3 u below v = 0.5 and -5 v + 2 u + 1 above, exact steps of
+/// `dt`.
 pub(crate) fn robot_csv(rows: usize, phase: f64) -> String {
     let dt = 0.01;
     let (mut x, mut v) = (0.0f64, 0.0f64);

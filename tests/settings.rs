@@ -5,7 +5,7 @@ use std::fs;
 
 use crate::runner::*;
 
-/// A method, flags that say something of each kind, and a recipe that says otherwise.
+/// A method, flags of each kind, and a recipe with other values.
 const METHODS: [(&str, &[&str], &str); 8] = [
     (
         "pwa",

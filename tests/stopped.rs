@@ -1,4 +1,4 @@
-//! Signals: what stops a command, how soon, and what it leaves.
+//! Signals: the end of a command, its delay, and its remains.
 #![cfg(unix)]
 
 use std::{

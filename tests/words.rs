@@ -4,7 +4,7 @@ use std::{fs, path::Path};
 
 use crate::circles::{after_item, is_test, tokens};
 
-/// The front ends, which speak of flags and arguments.
+/// The front ends, whose messages have flags and arguments.
 const FRONT_ENDS: [&str; 2] = ["cli", "py"];
 
 /// Files whose texts have flags that no front end words.

@@ -1,7 +1,9 @@
-//! Blocks `console`: the commands of a page, run one after the other in a folder of their own, and what they print held against what the page shows.
+//! Blocks `console`: the commands of a page, run one after the other in a separate folder, and their output compared
+//! with the page.
 //!
-//! `$ ` begins a command, `> ` goes on with it; what follows is its standard output. A line `...` stands for any lines, `[..]` for anything within a line, and
-//! `? 1` as the last line for the exit code. Where nothing follows, the output is not shown, and not compared.
+//! `$ ` begins a command, `> ` continues it; its standard output follows. A line `...` stands for any lines, `[..]` for
+//! any text within a line, and `? 1` as the last line for the exit code. Without following lines, the output is neither
+//! shown nor compared.
 
 use std::{
     env, fs,
@@ -16,7 +18,7 @@ use crate::outside::data;
 #[derive(Debug, PartialEq, Eq)]
 struct Shown {
     command: String,
-    /// The index of the first line of what it prints, from 0 in the page, and those lines.
+    /// The index of the first line of its output, from 0 in the page, and those lines.
     at: usize,
     output: Vec<String>,
     code: i32,
@@ -45,7 +47,7 @@ impl Difference {
     }
 }
 
-/// The page's text with what its commands say now.
+/// The page's text with the present output of its commands.
 pub(crate) fn corrected(text: &str, differences: &[Difference]) -> String {
     let mut lines: Vec<&str> = text.lines().collect();
     for difference in differences.iter().rev() {
@@ -179,7 +181,8 @@ fn matches_from((shown, at): (&str, usize), (said, from): (&str, usize)) -> bool
     }
 }
 
-/// The number that begins at a place of a line: digits with a point or an exponent or neither, not a part of a name, a version or a hash.
+/// The number that begins at a place of a line: digits with a point or an exponent or neither. It is not a part of a
+/// name, a version or a hash.
 fn number(line: &str, at: usize) -> Option<&str> {
     let in_name = |c: char| c.is_alphanumeric() || c == '_' || c == '.';
     if line[..at].chars().next_back().is_some_and(in_name) {
