@@ -5,8 +5,8 @@
 //! - [`Simulator`] and [`rollout`]: free runs from many starts, and their errors by horizon beside the same baselines.
 //! - [`Stepper`] and [`Tangent`]: values at hand instead of a recording: steps, regions, exact derivatives.
 //! - [`free_run`]: whole episodes simulated from their first complete rows.
-//! - - [`controller`]: interface of a law that drives a model's inputs in a rollout.
-//! - - [`geometry`]: difference of two states, of which some are angles or rotations.
+//! - [`controller`]: interface of a law that drives a model's inputs in a rollout.
+//! - [`geometry`]: difference of two states, of which some are angles or rotations.
 //!
 //! A source given to this crate has the model's columns (aliases) as its columns, in any order.
 //!
