@@ -1,6 +1,6 @@
-//! The bolasso of one aircraft (block-sparse bolasso paper, section 9): 128 row-bootstrap replicates of 334,531 rows x 3 tasks x 45 columns beside
-//! scikit-learn's `LassoLars` for each replicate and numpy's weighted Grams with `lars_path_gram`, and 1,000 episode replicates from the statistic beside
-//! the scan that made it.
+//! The bolasso of one aircraft (block-sparse bolasso paper, section 9): 128 row-bootstrap replicates of 334,531 rows x
+//! 3 tasks x 45 columns. The peers are scikit-learn's `LassoLars` for each replicate, and numpy's weighted Grams with
+//! `lars_path_gram`. Then 1,000 episode replicates from the statistic, beside the scan that made it.
 //!
 //! Rows are climbs of the simulated aircraft with turbulence, so that the equations have errors. The peers get the same
 //! standardised block matrix, target and resampling counts in files. They time a few of the replicates, scaled to 128.

@@ -1,15 +1,17 @@
 //! A robot's log, decoded: beside the Python package, and beside plain decompression of its chunks.
 //!
-//! The log holds 300,000 Imu messages (`FLEETFOOT_BENCH_MESSAGES`; 10 million are 3.5 GB of records) at 1 kHz in zstd chunks, written once by
-//! [`McapWriter`] into `FLEETFOOT_BENCH_DIR` (else a temporary folder), and beside it a log three times as long. `FLEETFOOT_BENCH_FILE` names
-//! a ready log instead. The numbers lie on the grid of a 16-bit converter with noise in the low bits, so that the log compresses as a
-//! recorded one does: constants would decompress at the speed of the memory, and hide the decoder.
+//! The log holds 300,000 Imu messages (`FLEETFOOT_BENCH_MESSAGES`; 10 million are 3.5 GB of records) at 1 kHz in zstd
+//! chunks. [`McapWriter`] writes it once into `FLEETFOOT_BENCH_DIR` (else a temporary folder), and beside it a log
+//! three times as long. `FLEETFOOT_BENCH_FILE` names a ready log instead. The numbers lie on the grid of a 16-bit
+//! converter with noise in the low bits, so that the log compresses as a recorded one does. Constants would decompress
+//! at the speed of the memory, and hide the decoder.
 //!
-//! Bias: the files are in the page cache where they fit; all sides read the same bytes in alternation, the fastest run of each counts.
-//! Nobody can be faster than the decompressor: its time is the limit of everything else in the table. The Python package is timed from
-//! the file to objects, ours from the file to all 37 numbers and three stamps in a buffer of the caller; the values must be equal bit by bit.
-//! Memory is measured in a process of its own for each file. What is resident of a mapped file is the page cache's, which the system
-//! takes back at will: it is told apart from the memory that the process asked for.
+//! Bias: the files are in the page cache if they fit. All sides read the same bytes in alternation, and the fastest run
+//! of each counts. No reader can be faster than the decompressor: its time is the limit of everything else in the
+//! table. The Python package is timed from the file to objects, ours from the file to all 37 numbers and three stamps
+//! in a buffer of the caller. The values must be equal bit by bit. Memory is measured in a separate process for each
+//! file. The resident part of a mapped file belongs to the page cache, which the system takes back at will. It is
+//! counted apart from the memory that the process requested.
 
 use std::{
     cell::RefCell,

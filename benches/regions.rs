@@ -1,9 +1,11 @@
-//! Regions that fit the dynamics, beside k-means: `refined:K`, `lattice:1..50` and `tree:1..6` on 1e6 rows of 16 random columns, whose eight targets follow ten maps between random linear
-//! separators in three of the columns, with noise; once with regions by all columns, and once by the three. There is no peer at this size; what is held against another is checked in the same run.
+//! Regions that fit the dynamics, beside k-means: `refined:K`, `lattice:1..50` and `tree:1..6` on 1e6 rows of 16 random
+//! columns. Eight targets follow ten maps between random linear separators in three of the columns, with noise; once
+//! with regions by all columns, and once by the three. There is no peer at this size; all comparisons are made in the
+//! same run.
 //!
-//! Lower bound of the work: k-means goes over the rows some ten times (16 K FMA a row), and a scan of one partition
-//! sums Gram matrices of 24 columns (300 FMA a row). Refinements see a sample of the rows, whatever their number, and
-//! the scan sees all.
+//! Lower bound of the work. k-means goes over the rows some ten times (16 K FMA a row). A scan of one partition sums
+//! Gram matrices of 24 columns (300 FMA a row). Refinements see a sample of the rows, whatever their number, and the
+//! scan sees all.
 
 use std::{
     ops::Range,

@@ -1,5 +1,6 @@
-//! SINDy from rows to equations beside pysindy's `fit`: 1e6 rows x 3 states with all 56 monomials to degree 5 (Lorenz), 1e7 such rows from a Parquet file, and 1e6 rows x
-//! 16 states with all 969 monomials to degree 3 (Lorenz 1996), whose matrix of features pysindy cannot hold here.
+//! SINDy from rows to equations beside pysindy's `fit`. The cases are 1e6 rows x 3 states with all 56 monomials to
+//! degree 5 (Lorenz), 1e7 such rows from a Parquet file, and 1e6 rows x 16 states with all 969 monomials to degree 3
+//! (Lorenz 1996). The feature matrix of the last is too large here for pysindy.
 //!
 //! The states carry noise of a ten-thousandth of their deviation, as measured states do; central differences make it half a per cent of the slopes. Without noise the slopes are
 //! polynomials of the states to a dozen digits, and the plan sums products of pairs, which keep them: that is timed too.

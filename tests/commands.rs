@@ -486,7 +486,7 @@ fn nobody_need_read_what_is_said() {
     assert!(folder.path().join("model.json").is_file());
 }
 
-/// A failed write to the terminal is an error, unless the reader has closed the pipe.
+/// A failed write of the output is an error, unless the reader has closed the pipe.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_is_told() {

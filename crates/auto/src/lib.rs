@@ -1,4 +1,4 @@
-//! From a log to a model worth having.
+//! From a log to a model, chosen among all methods and tested.
 //!
 //! [`auto`] drafts the missing parts of the recipe, makes even rows of scattered stamps, and keeps the last rows for a
 //! test. It fits models of all methods to the others. It takes the smallest one whose simulations of held-out folds are

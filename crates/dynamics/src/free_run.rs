@@ -1,6 +1,6 @@
 //! Free runs: a model simulated through whole episodes from their first complete rows, and how far it stays from the recording.
 //!
-//! Free runs tell a model of dynamics from a one-step predictor. Only the starting outputs come from the recording. All
+//! Free runs test a model of dynamics, not a one-step predictor. Only the starting outputs come from the recording. All
 //! later outputs, and the columns computed from them, are simulated; inputs stay recorded.
 
 use std::ops::Range;

@@ -6,7 +6,7 @@
 //! nothing in the result:
 //!
 //! - bounds on the distances skip rows whose label cannot change ([`step`]);
-//! - the rest are screened in `f32`, and what the rounding error leaves open is decided in `f64` ([`screen`]);
+//! - the rest are screened in `f32`, and those within the rounding error are decided in `f64` ([`screen`]);
 //! - sums of rows are exact, so only rows that change their cluster need be added and subtracted ([`sums`]).
 //!
 //! Labels, centroids and counts are the same bits on any number of threads, for any split of the rows into blocks and on any

@@ -24,7 +24,7 @@ pub(crate) fn confounded(problem: &Problem, base: &Base, notes: &mut Vec<String>
     }
 }
 
-/// A chosen model that is worth no more than the mean of the targets, whose held-out loss is 1.
+/// Note on a chosen model that is no better than the mean of the targets, whose held-out loss is 1.
 pub(crate) fn no_better(chosen: &Score) -> Option<String> {
     let Score { specification, loss, standard_error, .. } = chosen;
     let verb = match (specification, loss) {

@@ -37,8 +37,8 @@ pub(super) struct Program<'a> {
     pub(super) defects: &'a Defects,
     /// zeta (intervals x states).
     pub(super) values: &'a [f64],
-    /// Expected multipliers (intervals x states). The solver is asked for the remainder, which then has as many digits
-    /// as the solver gives.
+    /// Expected multipliers (intervals x states). The solver computes the remainder, which then has as many digits as
+    /// the solver gives.
     pub(super) known: &'a [f64],
     pub(super) low: &'a [f64],
     pub(super) high: &'a [f64],

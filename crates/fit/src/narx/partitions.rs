@@ -86,7 +86,7 @@ impl Fit<'_> {
         Ok(found)
     }
 
-    /// Task whose rows have all lags, for the regions, which have columns of their own.
+    /// Task whose rows have all lags, for the regions, which have separate columns.
     fn task_of_regions(&self) -> Result<NarxTask, Error> {
         let order = match self.options.order {
             OrderRule::Fixed(order) | OrderRule::UpTo(order) => order,

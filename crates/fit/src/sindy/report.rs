@@ -102,7 +102,7 @@ pub struct EquationReport {
     pub entered: usize,
     /// Share of an ensemble's members that have each candidate, where there is an ensemble (candidates of [`SindyReport::candidates`]).
     pub inclusion: Option<Vec<f64>>,
-    /// Groups of terms that the rows cannot tell apart.
+    /// Groups of confounded terms.
     pub confounded: Vec<Vec<String>>,
     /// Error of central differences, if the left side is measured by them.
     pub difference: Option<DifferenceErrors>,

@@ -22,7 +22,7 @@ pub struct StateSmoothing {
     pub price: f64,
     /// Supports that were tried, and taken.
     pub tried: usize,
-    /// Those that were worth more than the ones before.
+    /// Those of lower value than the ones before.
     pub taken: usize,
     /// The certificate: reduction of the objective by another step, to first order.
     pub promise: f64,

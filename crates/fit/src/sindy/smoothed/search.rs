@@ -144,7 +144,7 @@ impl Search<'_> {
         Ok(self.smoother.settle((&tracks, coefficients), &support, (&variances, ROUGH), self.progress)?)
     }
 
-    /// From support to support, each worth more than the one before, at given variances.
+    /// From support to support, each of lower value than the one before, at given variances.
     fn descend(&self, from: Place, variances: &Variances, counts: &mut [usize; 2]) -> Result<Place, Error> {
         let mut place = from;
         let mut seen = BTreeSet::from([place.support.clone()]);
@@ -156,7 +156,7 @@ impl Search<'_> {
         Ok(place)
     }
 
-    /// The first proposal that is worth more.
+    /// The first proposal of lower value.
     fn better(
         &self,
         place: &Place,
