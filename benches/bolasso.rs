@@ -1,10 +1,10 @@
-//! The bolasso of one aircraft (block-sparse bolasso paper, section 9): 128 row-bootstrap replicates of 334,531 rows x 3 tasks x 45 columns beside
-//! scikit-learn's `LassoLars` for each replicate and numpy's weighted Grams with `lars_path_gram`, and 1,000 episode replicates from the statistic beside
-//! the scan that made it.
+//! The bolasso of one aircraft (block-sparse bolasso paper, section 9): 128 row-bootstrap replicates of 334,531 rows x
+//! 3 tasks x 45 columns. The peers are scikit-learn's `LassoLars` for each replicate, and numpy's weighted Grams with
+//! `lars_path_gram`. Then 1,000 episode replicates from the statistic, beside the scan that made it.
 //!
-//! Rows are climbs of the simulated aircraft with turbulence, so that the equations have errors. The peers get the same standardised block matrix, target and
-//! resampling counts in files, and time a few of the replicates: their times are scaled to 128. Selected columns and coefficients are compared replicate by
-//! replicate.
+//! Rows are climbs of the simulated aircraft with turbulence, so that the equations have errors. The peers get the same
+//! standardised block matrix, target and resampling counts in files. They time a few of the replicates, scaled to 128.
+//! Selected columns and coefficients are compared replicate by replicate.
 //!
 //! Bias: the peers' block matrix is made beforehand, ours is made from the columns within the time; reading their files is not timed. `LassoLars` gets the
 //! rows repeated (those with count zero left out, others multiplied by the root of their count, which is kinder than repetition). Our certificates are
@@ -87,7 +87,7 @@ fn report(name: &str, seconds: f64, found: &Selection) {
     );
 }
 
-/// The flops of the product over what the machine does.
+/// The flops of the product over the machine's rate.
 fn floor(seconds: f64) {
     let size = 2048;
     let a = Mat::from_fn(size, size, |i, j| ((i + 3 * j) % 7) as f64);

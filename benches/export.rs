@@ -1,9 +1,11 @@
-//! Exported C beside the engine: nanoseconds a step of a piecewise-affine model (K = 50, 16 states, 2 inputs, the size of a hexapod's) and of
-//! a sparse polynomial model (8 states, 44 candidate functions, about a quarter in use), Euler steps of 1 ms.
+//! Exported C beside the engine: nanoseconds a step, in Euler steps of 1 ms. One model is piecewise-affine (K = 50, 16
+//! states, 2 inputs, the size of a hexapod's), the other a sparse polynomial (8 states, 44 candidate functions, about a
+//! quarter in use).
 //!
-//! Bias: the C program is compiled with `cc -O2` as it is, on one thread, one trajectory at a time, each step needing the one before, with the
-//! check of the training domain: what a robot runs. The engine runs 1,000 trajectories on one thread as a rollout does, with vectors, and need not search the
-//! region of a state that stays in its cell; its time is that of a trajectory's step. Both start at the same states, and their last states are compared.
+//! Bias: the C program is compiled with `cc -O2`, on one thread, as on a robot. It runs one trajectory at a time, each
+//! step needing the one before, with the check of the training range. The engine runs 1,000 trajectories on one thread
+//! as a rollout does, with vectors. It need not search the region of a state that stays in its cell; its time is that
+//! of a trajectory's step. Both start at the same states, and their last states are compared.
 
 use std::{error::Error, fmt::Write, path::Path, process::Command, time::Instant};
 

@@ -1,15 +1,25 @@
 //! Fusion of a body and of a joint: an hour at 1 kHz, and the same problems beside GTSAM and filterpy.
 //!
-//! The hour: readings of an inertial sensor at 1 kHz and poses at 100 Hz, every constant of the body unknown (24 numbers: 15 of a state, which are errors of attitude, position, velocity and both biases, and 9 constants, which are lever, mounting,
-//! time offset and the direction of gravity); an encoder at 1 kHz. A body is fused as `fleetfoot prepare` fuses it, with a file that keeps where it stands after every round. What is told is the time of a sweep (a step of Gauss and
-//! Newton over all states, its cost included; a pass over the readings of a joint) against the time recorded, and the peak of memory above the records, each in a process of its own, on one thread. A second process fuses the body on two
-//! threads, is killed once it has kept something, and goes on: its answer is that of the first to the last bit.
+//! The hour: readings of an inertial sensor at 1 kHz and poses at 100 Hz, every constant of the body unknown; and an
+//! encoder at 1 kHz. There are 24 unknown numbers: 15 of a state (errors of attitude, position, velocity and both
+//! biases), and 9 constants (lever, mounting, time offset and the direction of gravity). A body is fused as
+//! `fleetfoot prepare` fuses it, with a file of its state after every round. The table has the time of a sweep against
+//! the time recorded, and the peak of memory above the records, each in a separate process, on one thread. A sweep is a
+//! step of Gauss and Newton over all states, its cost included, or a pass over the readings of a joint. A second
+//! process fuses the body on two threads, is killed after its first write, and resumes: its answer is that of the first
+//! to the last bit.
 //!
-//! Limits. A sweep eliminates 15 unknowns a pose from some 36 rows of 40 columns by reflectors, 42,000 multiply-adds, and carries on what is left, 22,000; of a long record it does so twice, forwards and again between kept nodes on the way back. The
-//! ten readings of a pose are summed three times, for the rows of both ways and for the cost, each with a covariance of 9 x 9: 60,000. That is 0.2 million a pose and sweep, and what this takes beside it at the rate of a core's registers is told.
+//! Limits. A sweep eliminates 15 unknowns a pose from some 36 rows of 40 columns by reflectors, 42,000 multiply-adds,
+//! and carries on the rest, 22,000. Of a long record it does so twice, forwards and again between kept nodes on the way
+//! back. The ten readings of a pose are summed three times, for the rows of both ways and for the cost, each with a
+//! covariance of 9 x 9: 60,000. That is 0.2 million a pose and sweep; the table has the ratio of the time to that of
+//! this work at the rate of a core's registers.
 //!
-//! Peers, on one core: GTSAM's combined factors between the same poses, from the same begin, by Gauss and Newton's steps with default elimination; filterpy's filter and smoother of a chain of three. Answers are compared in deviations.
-//! Bias: GTSAM's readings are summed before its clock starts, ours within; its optimisation is timed alone and with the deviations of all states, ours of everything. filterpy works one matrix at a time in Python, which is what users of it get.
+//! Peers, on one core: GTSAM's combined factors between the same poses, from the same start, by Gauss and Newton's
+//! steps with default elimination; filterpy's filter and smoother of a chain of three. Answers are compared in
+//! deviations. Bias: GTSAM's readings are summed before its clock starts, ours within. Its optimisation is timed alone
+//! and with the deviations of all states, ours of everything. filterpy works one matrix at a time in Python, as its
+//! users do.
 
 use std::{
     error::Error,
@@ -162,7 +172,7 @@ fn encoder(seconds: f64) -> (Vec<f64>, Vec<f64>) {
     (times, values)
 }
 
-/// Where a fusion stands, in a file that is there whole or not at all.
+/// State of a fusion, in a file that is there whole or not at all.
 struct Kept(PathBuf);
 
 impl Checkpoint for Kept {
@@ -210,7 +220,7 @@ fn told(what: &str, sweeps: usize, whole: f64, cpu: f64, records: f64) {
     );
 }
 
-/// An hour of a body, in a process of its own: what is kept, and the hash of the answer, are in `folder`.
+/// An hour of a body, in a separate process: the kept state, and the hash of the answer, are in `folder`.
 fn hour_of_body(folder: &Path, threads: usize) -> Result<(), Box<dyn Error>> {
     let body = Body::new(HOUR);
     let (records, before, start) = (peak_rss_mib(), cpu_seconds(), Instant::now());

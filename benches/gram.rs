@@ -1,7 +1,8 @@
 //! The statistic of rows: change of coordinates, Gram matrix, Gram matrices by region, TSQR. One thread.
 //!
-//! The work is counted in useful multiply-adds: d (d + 1) / 2 a row for a Gram matrix of d columns, p (p + 1) / 2 for the triangular
-//! solve, p^2 for TSQR. The yardstick is faer's full product of the same shape, in the same run, at its full count of n d^2.
+//! The work is counted in useful multiply-adds: d (d + 1) / 2 a row for a Gram matrix of d columns, p (p + 1) / 2 for
+//! the triangular solve, p^2 for TSQR. The yardstick is faer's full product of the same shape, in the same run, at its
+//! full count of n d^2.
 
 use std::hint::black_box;
 

@@ -4,12 +4,12 @@
 //! Ours is one pass for the compressed problem, and 100 solutions from it, each with its certificate. Four of the twenty groups made the target; columns share
 //! factors.
 //!
-//! Answers are checked: the supports of adelie at its tightest tolerance are ours at every lambda, and its solutions are certified as ours are, from the same
-//! statistic.
+//! Answers are checked. The supports of adelie at its tightest tolerance are ours at every lambda, and its solutions
+//! are certified as ours are, from the same statistic.
 //!
-//! Bias: rows lie in memory by columns, which is what adelie wants too (Fortran order), and it gets the array as it is. adelie stops at its own tolerance
-//! (1e-7 by default; the table has 1e-12 too), we at a violation of the optimality conditions of 1e-9. The physical limits are `n p^2 / 2` multiply-adds
-//! and one reading of 0.8 GB.
+//! Bias: rows lie in memory by columns, the layout of adelie too (Fortran order), and it gets the array unchanged.
+//! adelie stops at its tolerance (1e-7 by default; the table has 1e-12 too), we at a violation of the optimality
+//! conditions of 1e-9. The physical limits are `n p^2 / 2` multiply-adds and one reading of 0.8 GB.
 
 use std::{error::Error, ops::Range, path::Path, sync::Arc};
 

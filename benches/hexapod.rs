@@ -1,14 +1,16 @@
 //! The hexapod: physics steps a second beside MuJoCo, and logged rows a second of `generate`.
 //!
-//! Physics: the robot walks on firm ground at constant voltage, on one core, with impulse joints and as a multibody. MuJoCo gets the same bodies,
-//! joints, springs and feet (`peers/hexapod.py`), the same step, and what our linkage asked of the legs at every step, recorded beforehand.
-//! Answer: both walk as far and stand as high, up to their different contact models.
+//! Physics: the robot walks on firm ground at constant voltage, on one core, with impulse joints and as a multibody.
+//! MuJoCo gets the same bodies, joints, springs and feet (`peers/hexapod.py`), and the same step. It also gets the leg
+//! commands of our linkage at every step, recorded beforehand. Answer: both walk as far and stand as high, up to their
+//! different contact models.
 //!
 //! Bias: ours also simulates cranks, gearboxes and motors, and goes through its public `step`; MuJoCo runs its own loop in C++ and stores its state at
 //! every step. Both run the same number of steps from the same pose; each keeps its own default solver.
 //!
-//! Generation: treadmill runs into a sink that drops everything (physics, controllers and sensors alone), into Parquet and into MCAP, on
-//! all threads. A physics step has no floor in flops that would mean anything; what bounds a row is told as its parts.
+//! Generation: treadmill runs into a sink that drops everything (physics, controllers and sensors alone), into Parquet
+//! and into MCAP, on all threads. A physics step has no meaningful floor in flops; the limit of a row is printed as its
+//! parts.
 
 use std::{error::Error, path::Path};
 
@@ -36,7 +38,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     rows()
 }
 
-/// What a walk came to.
+/// Result of a walk.
 struct Walk {
     distance: f64,
     height: f64,
@@ -111,7 +113,7 @@ fn physics() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The robot's dimensions, its start, and what the linkage asks of the legs at every step.
+/// The robot's dimensions, its start, and the leg commands of the linkage at every step.
 fn write_problem(folder: &Path, robot: &Hexapod) -> Result<(), Box<dyn Error>> {
     let mut controls = Vec::with_capacity(STEPS * 4 * LEGS);
     let mut start = Vec::new();

@@ -1,4 +1,4 @@
-//! A piecewise-affine model of a running robot's size, and recordings for it: what rollouts and their sensitivities are timed on.
+//! A piecewise-affine model of a running robot's size, and recordings for it, to time rollouts and their sensitivities.
 
 use fleetfoot_data::{Column, MemorySource};
 use fleetfoot_library::Expr;

@@ -1,8 +1,9 @@
 //! k-means: 1,000,000 x 16, K = 50, 25 iterations from the same start, beside scikit-learn (f64, f32) and faiss (f32).
 //!
 //! Three kinds of rows, because bounds skip as much as the rows allow:
-//! - `gaits`: what a log of a legged robot looks like: a limit cycle of sixteen correlated channels, five gaits at varying frequencies, in the order
-//!   of time, with sensor noise. The main case. No cluster structure but a manifold of low dimension.
+//! - `gaits`: like a log of a legged robot: a limit cycle of sixteen correlated channels, five gaits at varying
+//!   frequencies, in the order of time, with sensor noise. The main case. No cluster structure but a manifold of low
+//!   dimension.
 //! - `blobs`: fifty Gaussian blobs around random centres, in random order: the usual benchmark, kind to bounds.
 //! - `noise`: one isotropic Gaussian: no structure whatever, the worst case.
 //!

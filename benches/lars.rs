@@ -3,11 +3,12 @@
 //!
 //! Columns share factors, so that they are correlated as a library of candidate functions is; a tenth of them made the target, with noise.
 //!
-//! Every answer is checked: paths knot by knot, and the solutions of the peer with our certificate, from the same moments. Times include what comes
-//! before the first step (normalisation here, copies there) and, for us, the certificate of every knot, which the peer does not compute.
+//! Every answer is checked: paths knot by knot, and the solutions of the peer with our certificate, from the same
+//! moments. Times include the work before the first step (normalisation here, copies there) and, for us, the
+//! certificate of every knot, which the peer does not compute.
 //!
-//! Bias: `enet_path` wants the rows beside the Gram matrix and gets them; it stops at its own duality gap, `tol` of y'y, and we at a KKT violation of
-//! 1e-11, which is printed for both.
+//! Bias: `enet_path` needs the rows beside the Gram matrix and gets them. It stops at its duality gap, `tol` of y'y,
+//! and we at a KKT violation of 1e-11, which is printed for both.
 
 use std::{error::Error, path::Path};
 

@@ -1,15 +1,16 @@
 //! A lasso path with 10-fold cross-validation on 1,000,000 dense rows of 100 columns in memory, beside scikit-learn's `LassoLarsCV` and `LassoCV`,
 //! and beside adelie's single path (`grpnet` without cross-validation). All cores for everybody.
 //!
-//! Ours is one pass for the centred Gram matrices of the ten folds, eleven LARS paths (ten that leave a fold out, one of all rows), and the held-out
-//! errors of every fold at every knot of all ten paths.
+//! Ours is one pass for the centred Gram matrices of the ten folds, and eleven LARS paths: ten that leave a fold out,
+//! one of all rows. Then follow the held-out errors of every fold at every knot of all ten paths.
 //!
 //! Answers are checked: the mean held-out error at every knot against `LassoLarsCV`'s, the lambda that it chooses, the coefficients there, and
 //! adelie's coefficients with our certificate.
 //!
-//! Bias: rows lie in memory by columns, which is what the peers want too (Fortran order); they get the array as it is, and may overwrite nothing.
-//! Folds are contiguous, as scikit-learn's `KFold` cuts them. adelie's path is that of a grid of 100 lambdas without cross-validation, at its default
-//! tolerance. The physical limits are `n p^2 / 2` multiply-adds and one reading of 0.8 GB.
+//! Bias: rows lie in memory by columns, the layout of the peers too (Fortran order). They get the array unchanged, and
+//! may overwrite nothing. Folds are contiguous, as scikit-learn's `KFold` cuts them. adelie's path is that of a grid of
+//! 100 lambdas without cross-validation, at its default tolerance. The physical limits are `n p^2 / 2` multiply-adds
+//! and one reading of 0.8 GB.
 
 use std::{error::Error, path::Path};
 

@@ -1,7 +1,8 @@
 //! Helpers that the benches share: timing, memory, and the peers, which run in the same process order on the same data.
 //!
-//! A bench is a program that prints a table. It checks the answer of what it times against the peer's, and says what the physical limit is.
-//! The Python that runs the peers is `FLEETFOOT_PYTHON`, else `python3`; a peer that is not installed is reported as absent, never as a number.
+//! A bench is a program that prints a table. It checks its timed answers against the peer's, and prints the physical
+//! limit. The Python that runs the peers is `FLEETFOOT_PYTHON`, else `python3`. A peer that is not installed is
+//! reported as absent, never as a number.
 
 pub mod hybrid;
 
@@ -36,7 +37,8 @@ pub fn product_rate() -> f64 {
     (n * n * n) as f64 / seconds / 1e9
 }
 
-/// Fused multiply-adds per second of one core, in registers: the physical limit of sums. `None` where there is no loop for the processor.
+/// Fused multiply-adds per second of one core, in registers: the physical limit of sums. `None` if there is no loop for
+/// the processor.
 pub fn fma_rate() -> Option<f64> {
     #[cfg(target_arch = "x86_64")]
     {
@@ -55,14 +57,14 @@ pub fn fma_rate() -> Option<f64> {
     None
 }
 
-/// The largest resident set of this process so far, MiB. NaN where the system does not tell.
+/// The largest resident set of this process so far, MiB; NaN if the system does not report it.
 pub fn peak_rss_mib() -> f64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find(|line| line.starts_with("VmHWM:"));
     line.and_then(|line| line.split_whitespace().nth(1)?.parse::<f64>().ok()).map_or(f64::NAN, |kib| kib / 1024.0)
 }
 
-/// Runs `work` for a second at least; CPU seconds that a run takes of this thread, on the average. NaN where the system does not tell.
+/// Runs `work` for a second at least; mean CPU seconds of a run in this thread. NaN if the system does not report them.
 ///
 /// The system counts by the tick of its scheduler, some milliseconds: over so many runs that is nothing. Other tenants of the machine count little here, and much by the clock.
 pub fn cpu_of<R>(mut work: impl FnMut() -> R) -> f64 {
@@ -78,7 +80,7 @@ pub fn cpu_of<R>(mut work: impl FnMut() -> R) -> f64 {
     (used() - before) / f64::from(runs)
 }
 
-/// CPU seconds of all threads of this process so far, in hundredths. NaN where the system does not tell.
+/// CPU seconds of all threads of this process so far, in hundredths; NaN if the system does not report them.
 pub fn cpu_seconds() -> f64 {
     let status = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
     // The name in brackets may hold anything; user and system time are the 12th and 13th field behind it.
@@ -115,7 +117,7 @@ pub fn write_f64(path: &Path, values: &[f64]) -> std::io::Result<()> {
     std::fs::write(path, bytes)
 }
 
-/// Reads what [`write_f64`] or `numpy.ndarray.tofile` wrote.
+/// Reads a file of [`write_f64`] or `numpy.ndarray.tofile`.
 pub fn read_f64(path: &Path) -> std::io::Result<Vec<f64>> {
     let bytes = std::fs::read(path)?;
     Ok(bytes.chunks_exact(8).map(|chunk| f64::from_le_bytes(chunk.try_into().expect("eight bytes"))).collect())

@@ -1,15 +1,17 @@
 //! A robot's log, decoded: beside the Python package, and beside plain decompression of its chunks.
 //!
-//! The log holds 300,000 Imu messages (`FLEETFOOT_BENCH_MESSAGES`; 10 million are 3.5 GB of records) at 1 kHz in zstd chunks, written once by
-//! [`McapWriter`] into `FLEETFOOT_BENCH_DIR` (else a temporary folder), and beside it a log three times as long. `FLEETFOOT_BENCH_FILE` names
-//! a ready log instead. The numbers lie on the grid of a 16-bit converter with noise in the low bits, so that the log compresses as a
-//! recorded one does: constants would decompress at the speed of the memory, and hide the decoder.
+//! The log holds 300,000 Imu messages (`FLEETFOOT_BENCH_MESSAGES`; 10 million are 3.5 GB of records) at 1 kHz in zstd
+//! chunks. [`McapWriter`] writes it once into `FLEETFOOT_BENCH_DIR` (else a temporary folder), and beside it a log
+//! three times as long. `FLEETFOOT_BENCH_FILE` names a ready log instead. The numbers lie on the grid of a 16-bit
+//! converter with noise in the low bits, so that the log compresses as a recorded one does. Constants would decompress
+//! at the speed of the memory, and hide the decoder.
 //!
-//! Bias: the files are in the page cache where they fit; all sides read the same bytes in alternation, the fastest run of each counts.
-//! Nobody can be faster than the decompressor: its time is the limit of everything else in the table. The Python package is timed from
-//! the file to objects, ours from the file to all 37 numbers and three stamps in a buffer of the caller; the values must be equal bit by bit.
-//! Memory is measured in a process of its own for each file. What is resident of a mapped file is the page cache's, which the system
-//! takes back at will: it is told apart from the memory that the process asked for.
+//! Bias: the files are in the page cache if they fit. All sides read the same bytes in alternation, and the fastest run
+//! of each counts. No reader can be faster than the decompressor: its time is the limit of everything else in the
+//! table. The Python package is timed from the file to objects, ours from the file to all 37 numbers and three stamps
+//! in a buffer of the caller. The values must be equal bit by bit. Memory is measured in a separate process for each
+//! file. The resident part of a mapped file belongs to the page cache, which the system takes back at will. It is
+//! counted apart from the memory that the process requested.
 
 use std::{
     cell::RefCell,
@@ -137,7 +139,7 @@ impl Log {
         self.chunks.iter().map(|(header, _)| header.uncompressed_size as f64).sum::<f64>() * 1e-9
     }
 
-    /// Decompresses all chunks, each thread with one context into one buffer: what reading the log takes at least.
+    /// Decompresses all chunks, each thread with one context into one buffer: the lower bound of reading the log.
     fn decompress(&self) -> Result<u64> {
         struct Scratch {
             context: zstd::bulk::Decompressor<'static>,
@@ -268,7 +270,7 @@ fn compare(reader: &Messages, names: &[&str], theirs: &[f64], first: i64) -> Res
     Ok(compared)
 }
 
-/// A way through a log; answers what it has counted.
+/// A way through a log; returns its count.
 type Way<'a> = &'a (dyn Fn() -> Result<u64> + Sync);
 
 /// Every way to the rows beside plain decompression, in alternation.
@@ -337,7 +339,7 @@ fn tell_memory(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// What [`tell_memory`] runs in a process of its own.
+/// Job that [`tell_memory`] runs in a separate process.
 fn memory_job(path: &Path) -> Result<()> {
     let six = rates_and_accelerations();
     let six: Vec<&str> = six.iter().map(String::as_str).collect();
@@ -370,7 +372,7 @@ fn memory_job(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Memory of this process that is no file's, KiB; 0 where the system does not tell.
+/// Memory of this process that belongs to no file, KiB; 0 if the system does not report it.
 fn anonymous_kib() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find(|line| line.starts_with("RssAnon:"));

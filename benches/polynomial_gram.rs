@@ -33,7 +33,7 @@ fn signals(columns: usize) -> Vec<Vec<f64>> {
     result
 }
 
-/// What a scan does: chunks in parallel, their rows in tiles, merged in order.
+/// A scan: chunks in parallel, their rows in tiles, merged in order.
 fn scan(plan: &PolynomialPlan, base: &[&[f64]], targets: &[&[f64]]) -> Gram {
     let chunks = parallel_map(ROWS.div_ceil(CHUNK), &Silent, |i| {
         let (mut moments, mut scratch) = (plan.moments(), plan.scratch());

@@ -1,8 +1,11 @@
-//! Regions that fit the dynamics, beside k-means: `refined:K`, `lattice:1..50` and `tree:1..6` on 1e6 rows of 16 random columns, whose eight targets follow ten maps between random linear
-//! separators in three of the columns, with noise; once with regions by all columns, and once by the three. There is no peer at this size; what is held against another is checked in the same run.
+//! Regions that fit the dynamics, beside k-means: `refined:K`, `lattice:1..50` and `tree:1..6` on 1e6 rows of 16 random
+//! columns. Eight targets follow ten maps between random linear separators in three of the columns, with noise; once
+//! with regions by all columns, and once by the three. There is no peer at this size; all comparisons are made in the
+//! same run.
 //!
-//! What must be done at least: k-means goes over the rows some ten times (16 K FMA a row); a scan of one partition sums Gram matrices of 24 columns (300 FMA a row). Refinements see a sample of the rows, whatever
-//! their number, and the scan sees all.
+//! Lower bound of the work. k-means goes over the rows some ten times (16 K FMA a row). A scan of one partition sums
+//! Gram matrices of 24 columns (300 FMA a row). Refinements see a sample of the rows, whatever their number, and the
+//! scan sees all.
 
 use std::{
     ops::Range,
@@ -25,13 +28,13 @@ use rand_pcg::Pcg64;
 const STATES: usize = 16;
 const TARGETS: usize = 8;
 const MODES: usize = 10;
-/// Columns that tell the modes apart.
+/// Columns that separate the modes.
 const TELLING: usize = 3;
 /// Standard deviation of the noise; the targets' own is some two to three.
 const NOISE: f64 = 0.3;
 /// Most times of k-means' CPU seconds that refined regions may take, at ten regions.
 const SLOWEST: f64 = 8.0;
-/// How far the error of joined cells may be above that of regions refined for themselves.
+/// Largest ratio of the error of joined cells to that of separately refined regions.
 const FARTHEST: f64 = 1.03;
 /// Regions at which all partitions are compared.
 const COMPARED: [usize; 5] = [2, 5, 10, 20, 50];
@@ -41,7 +44,7 @@ fn normal(random: &mut Pcg64) -> f64 {
     (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
 }
 
-/// Normal columns, and targets of ten modes that three columns tell apart.
+/// Normal columns, and targets of ten modes that three columns separate.
 fn rows(count: usize) -> Vec<Vec<f64>> {
     let mut random = Pcg64::seed_from_u64(11);
     let mut table = |rows: usize, columns: usize| -> Vec<Vec<f64>> {
@@ -111,7 +114,7 @@ impl Source for Counted {
     }
 }
 
-/// What a fit took and found.
+/// Cost and result of a fit.
 struct Run {
     seconds: f64,
     cpu: f64,
@@ -197,7 +200,7 @@ fn on_columns(partitioned: usize, source: &Counted) {
     compare(&lattice, &run);
 }
 
-/// What the tree of joins says of a level is what its model does on the rows.
+/// Checks the errors that the tree of joins gives for a level against those of its model on the rows.
 fn levels(lattice: &Run) {
     let last = lattice.found.models.last().expect("models");
     let levels = &last.partitions[0].lattice.as_ref().expect("a tree").levels;

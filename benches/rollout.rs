@@ -1,7 +1,7 @@
 //! Rollouts: 1,000 starts x 200 Euler steps of a piecewise-affine model with K = 50, 16 states, 2 inputs, beside vectorised numpy.
 //!
 //! Two models, because the search for the region is skipped while a state is known to be inside its cell:
-//! - `gait`: oscillations of 5 Hz in steps of 1 ms, what the log of a running robot looks like. The main case.
+//! - `gait`: oscillations of 5 Hz in steps of 1 ms, like the log of a running robot. The main case.
 //! - `jumps`: the same a hundred times as fast: nearly every step needs a search. The worst case.
 //!
 //! Bias: numpy gets contiguous arrays in its own layout before the clock starts, and the fastest of four ways to write the step counts. Ours is

@@ -1,12 +1,15 @@
-//! What `--objective steps:N` is made of: sensitivities of a rollout by the coefficients beside the same rollout without them, and a refinement of a million rows.
+//! Parts of `--objective steps:N`: sensitivities of a rollout by the coefficients beside the same rollout without them,
+//! and a refinement of a million rows.
 //!
-//! **Sensitivities**: segments of 20 steps of a piecewise-affine model with K = 50, 16 states, 2 inputs, all of whose numbers are free (15,200). The tangents S of a
-//! segment are 16 x p for the p numbers of the regions that it meets, 304 a region, and a step multiplies them by the map's 16 x 16: 256 p multiply-adds, where the rollout
-//! itself takes 1,088 with the search for its region. That is the floor; what the columns of regions not met yet would take is left out of it. Checked against central
-//! differences of simulations in the same run.
+//! **Sensitivities**: segments of 20 steps of a piecewise-affine model with K = 50, 16 states, 2 inputs, all of whose
+//! numbers are free (15,200). The tangents S of a segment are 16 x p for the p numbers of its regions, 304 a region. A
+//! step multiplies them by the map's 16 x 16: 256 p multiply-adds. The rollout itself takes 1,088 with the search for
+//! its region. That is the floor; it leaves out the columns of regions that are not entered yet. Checked against
+//! central differences of simulations in the same run.
 //!
-//! **Refinement**: 1,000,000 rows of the same robot, of whose 16 states eight are derivatives of the others and eight follow five terms each, so that K = 50 has the 2,000
-//! coefficients of which J'J is held whole. The rows are simulated and measured with noise; the fit begins 2 % beside the truth. Its cost has to end at or below that of the truth.
+//! **Refinement**: 1,000,000 rows of the same robot. Of its 16 states eight are derivatives of the others and eight
+//! follow five terms each, so that K = 50 has 2,000 coefficients, for which J'J is held whole. The rows are simulated
+//! and measured with noise; the fit begins 2 % beside the truth. Its cost has to end at or below that of the truth.
 //!
 //! No peer has either. Bias: rollouts are timed by the command that a user calls; sensitivities as a pass takes them, with the simulation, the residuals and their derivatives.
 
@@ -38,7 +41,7 @@ const ROWS: usize = 20_000;
 const NOISE: f64 = 0.01;
 /// Trial steps.
 const ITERATIONS: usize = 5;
-/// How far from the truth the fit begins.
+/// Relative distance of the fit's start from the truth.
 const BESIDE: f64 = 0.02;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -186,8 +189,8 @@ fn differences(model: &Model, source: &MemorySource, options: &ShootingOptions) 
     Ok(())
 }
 
-/// The robot with as many coefficients as J'J is held whole of: half of the states are given by the others, which follow themselves, their partner, the next pair and a
-/// constant in each region.
+/// The robot with as many coefficients as a whole J'J may have. Half of the states are given by the others, which
+/// follow themselves, their partner, the next pair and a constant in each region.
 fn sparse(hertz: f64) -> Model {
     let mut model = model(hertz);
     let names = hybrid::names();
@@ -217,7 +220,7 @@ fn sparse(hertz: f64) -> Model {
     model
 }
 
-/// What the model does in episodes of its own, from beginnings and with inputs of oscillations; measured with noise.
+/// Simulated episodes of the model, from beginnings and with inputs of oscillations, measured with noise.
 fn measured(model: &Model, hertz: f64) -> Result<MemorySource, Box<dyn Error>> {
     let mut random = Pcg64::seed_from_u64(11);
     let mut asked = MemorySource::new(hybrid::names().into_iter().map(Column::float).collect());

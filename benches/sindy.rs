@@ -1,5 +1,6 @@
-//! SINDy from rows to equations beside pysindy's `fit`: 1e6 rows x 3 states with all 56 monomials to degree 5 (Lorenz), 1e7 such rows from a Parquet file, and 1e6 rows x
-//! 16 states with all 969 monomials to degree 3 (Lorenz 1996), whose matrix of features pysindy cannot hold here.
+//! SINDy from rows to equations beside pysindy's `fit`. The cases are 1e6 rows x 3 states with all 56 monomials to
+//! degree 5 (Lorenz), 1e7 such rows from a Parquet file, and 1e6 rows x 16 states with all 969 monomials to degree 3
+//! (Lorenz 1996). The feature matrix of the last is too large here for pysindy.
 //!
 //! The states carry noise of a ten-thousandth of their deviation, as measured states do; central differences make it half a per cent of the slopes. Without noise the slopes are
 //! polynomials of the states to a dozen digits, and the plan sums products of pairs, which keep them: that is timed too.
@@ -7,8 +8,8 @@
 //! All run with central differences and STLSQ. Timed is everything from the rows in memory (or the closed file) to the coefficients: pilot, plan, scan, factor,
 //! thresholding. The answers are compared with pysindy's in the same run, and with the true equations where it cannot run.
 //!
-//! The limit is said for every scan: the multiply-adds that its sums need at the rate that this processor has for them in registers, on all threads, and the bytes of its
-//! columns read once.
+//! The limit is printed for every scan: the multiply-adds that its sums need at the rate of this processor in
+//! registers, on all threads, and the bytes of its columns read once.
 //!
 //! Bias: fleetfoot's fit is the best of several, pysindy's the best of two. Our scan is repeated on rows that are in memory; the Parquet file is in the page cache. pysindy uses the
 //! differences at the ends of the trajectory, we leave these two rows out. Peaks of memory are of the whole process, the rows included.
@@ -98,7 +99,7 @@ fn system(case: &Case) -> Result<System> {
     Ok(System::new(functions, states.iter().map(|state| central_difference(state, false)).collect()))
 }
 
-/// Coefficients (states x columns, the constant first), and what each part took.
+/// Coefficients (states x columns, the constant first), and the time of each part.
 struct Fit {
     coefficients: Mat<f64>,
     seconds: [f64; 3],
@@ -126,7 +127,7 @@ fn fit(case: &Case, source: &dyn Source) -> Result<Fit> {
     Ok(Fit { coefficients, seconds, sums: plan.sums(), moments: plan.is_polynomial(), scan })
 }
 
-/// Times a fit and says how far it is from the limits.
+/// Times a fit and prints its distance from the limits.
 fn timed(case: &Case, source: &dyn Source, rate: Option<f64>) -> Result<(f64, Fit)> {
     let mut found = fit(case, source)?;
     for _ in 1..case.repeats {

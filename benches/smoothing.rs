@@ -2,9 +2,12 @@
 //!
 //! Irregular stamps, a motion with noise. One core. Values and slopes at all stamps are compared at the same penalty, values at the two chosen ones.
 //!
-//! Limits. The filter of a cubic spline takes some 45 operations a row, each row after the one before: a division and ten dependent sums and products, about 45 cycles, are the least that a row takes on the way out. The way back takes some
-//! 120, of which 70 depend on no other row and go by the register; 150 bytes a row are read and written. A score of cross-validation takes some 86 operations a row, of registers that hold a number of eight penalties: 24 penalties of a grid and 8 a
-//! round after it, one to three rounds. What is printed is how many times as long as so many operations at the rate of a core's registers that takes; likelihood takes about 30.
+//! Limits. The filter of a cubic spline takes some 45 operations a row, each row after the one before. A division and
+//! ten dependent sums and products, about 45 cycles, are the least that a row takes on the way out. The way back takes
+//! some 120, of which 70 depend on no other row and go by the register; 150 bytes a row are read and written. A score
+//! of cross-validation takes some 86 operations a row, of registers that hold a number of eight penalties: 24 penalties
+//! of a grid and 8 a round after it, one to three rounds. The table has the ratio of the time to that of so many
+//! operations at the rate of a core's registers; likelihood takes about 30.
 //!
 //! Bias: ours hands out standard deviations of values and slopes with them, which the peer does not compute. The peer's cross-validation takes minutes at 100,000 rows and is timed at 20,000, ours at both.
 //! The peer bounds its search by its own tolerance; the scores are flat there, and penalties may differ by percents.
@@ -61,7 +64,7 @@ fn apart(own: &[f64], other: &[f64]) -> f64 {
     own.iter().zip(other).map(|(a, b)| (a - b).abs() / size).fold(0.0, f64::max)
 }
 
-/// A line of what a task took, and how many times as long as so many operations at the rate of a core's registers.
+/// A line of a task's time, and its ratio to that of so many operations at the rate of a core's registers.
 fn told(name: &str, [seconds, processor]: [f64; 2], rows: usize, operations: usize) {
     let limit = fma_rate().map_or(f64::NAN, |rate| processor * rate / (operations * rows) as f64);
     println!(

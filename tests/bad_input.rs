@@ -203,7 +203,7 @@ fn labels_unseen_in_training() {
     assert_eq!((region["statistics"]["min"].as_f64(), region["statistics"]["max"].as_f64()), (Some(1.0), Some(2.0)));
 }
 
-/// Rows without a label are in no region: every method says so, and where.
+/// Rows without a label are in no region: every method has a note, with the place.
 #[test]
 fn labels_that_are_missing_and_labels_of_few_rows_are_told() {
     let gaps =
@@ -262,7 +262,7 @@ fn the_same_log_twice_is_refused() {
     fit(folder.path(), &["copy.csv"]).fails(&["log.csv", "copy.csv"]);
 }
 
-/// A log without a column that the recipe, or the model, speaks of.
+/// A log without a column of the recipe, or of the model.
 #[test]
 fn a_missing_column_is_told_with_where_to_look() {
     let log = robot_csv(300, 0.3);
@@ -293,7 +293,7 @@ fn plant_with_text(header: &str, delimiter: char, write: impl Fn(f64) -> String)
     text
 }
 
-/// Codes of words serve labels and conditions alone. Everywhere else they are a number that nobody measured.
+/// Codes of words serve labels and conditions alone. Everywhere else they are no measurements.
 #[test]
 fn text_is_no_number() {
     let grouped = |p: f64| {
@@ -366,7 +366,7 @@ fn text_is_no_number() {
     assert!(!folder.path().join("log.stats").exists() && !folder.path().join("prepared").exists());
 }
 
-/// A log in which nothing happens is no success: any model is perfect on it.
+/// A log in which nothing moves is no success: any model is perfect on it.
 #[test]
 fn a_target_that_does_not_vary_is_refused() {
     let rows = |row: &dyn Fn(usize) -> String| {
@@ -434,7 +434,7 @@ fn a_target_that_does_not_vary_is_refused() {
     assert!(said.err.contains("d(v)/dt has the same value in all rows that were scored"), "{}", said.err);
 }
 
-/// Spans at rest count for nothing: this model is unstable, and was told as good for the spans in which nothing moves.
+/// Spans at rest count for nothing: this model is unstable, and looked good on the spans in which nothing moves.
 #[test]
 fn spans_at_rest_are_no_success_of_a_free_run() {
     let mut v = 0.0;
@@ -457,7 +457,7 @@ fn spans_at_rest_are_no_success_of_a_free_run() {
     assert!(folds[0].is_null() && folds[1].is_null() && folds[2].is_number(), "{folds:?}");
 }
 
-/// A slip is answered with what was meant.
+/// The answer to a slip has the intended word.
 #[test]
 fn slips_are_told_with_their_mend() {
     let log = robot_csv(300, 0.1);
@@ -518,7 +518,7 @@ fn slips_are_told_with_their_mend() {
     assert!(told.contains(hash.trim_end_matches(':')), "{told}\n{shown}");
 }
 
-/// What `info` tells of files that are given together is what a fit of them takes: the unit that fits all of them.
+/// `info` on several files reports the unit that a fit of them takes: the one that fits all of them.
 #[test]
 fn info_of_several_files_agrees_with_a_fit_of_them() {
     let text = |period: i64| {

@@ -1,18 +1,19 @@
-//! The page of `report` in a browser: every figure has a size, links lead somewhere, and texts can be read on wide and narrow screens, light and dark.
+//! The page of `report` in a browser: every figure has a size, links have a target, and texts can be read on wide and
+//! narrow screens, light and dark.
 
 use std::{fs, path::PathBuf};
 
 use crate::{report::models, runner::*};
 
-/// Where a browser is.
+/// Path of a browser.
 fn chromium() -> Option<PathBuf> {
     let paths = std::env::var_os("PATH")?;
     let names = ["chromium", "chromium-browser", "google-chrome"];
     std::env::split_paths(&paths).flat_map(|path| names.map(|name| path.join(name))).find(|path| path.is_file())
 }
 
-/// Opens a page in a frame of a width, folds and all, and tells what the browser made of it: whether its content fits, how many figures have a size, links that lead nowhere, and
-/// the least contrast of the texts with the paper.
+/// Opens a page in a frame of a width, folds and all. Returns the browser's measurements: the fit of the content, the
+/// number of figures with a size, links without a target, and the least contrast of the texts with the paper.
 fn opened(browser: &Path, folder: &Path, name: &str, width: u32, dark: bool) -> String {
     let frame = format!(
         "<!DOCTYPE html><meta name=\"color-scheme\" content=\"light dark\"><title>waiting</title><iframe id=\"page\" src=\"{name}\" width=\"{width}\" height=\"900\"></iframe><script>\

@@ -1,8 +1,8 @@
-//! Inside a crate, too, arrows have one direction: two modules of one parent, each with all that is below it, do not use each other, directly or by way of
-//! others. (A parent and its own children are one thing.)
+//! Inside a crate, too, arrows have one direction. Two modules of one parent, each with all that is below it, do not
+//! use each other, directly or by way of others. (A parent and its children are one thing.)
 //!
-//! The sources are read as tokens, which is enough for paths: a `use` says where a name stands, what is handed on is followed to the file that defines
-//! it, and a file uses what its own text names. Tests may name anything.
+//! The sources are read as tokens, which is enough for paths. A `use` gives the place of a name, a re-export is
+//! followed to the file that defines it, and a file uses the names in its text. Tests may name anything.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -137,7 +137,7 @@ fn raw(signs: &[char], at: usize) -> Option<usize> {
     Some(end + hashes + 1)
 }
 
-/// Whether an item of tests begins here.
+/// Returns true if an item of tests begins here.
 pub(crate) fn is_test(tokens: &[String], at: usize) -> bool {
     is(tokens, at, &["#", "[", "cfg", "(", "test"]) || is(tokens, at, &["#", "[", "cfg", "(", "all", "(", "test"])
 }
@@ -146,7 +146,7 @@ fn is(tokens: &[String], at: usize, what: &[&str]) -> bool {
     what.iter().enumerate().all(|(i, w)| tokens.get(at + i).is_some_and(|t| t == w))
 }
 
-/// What a file imports and names, its tests left out.
+/// Imports and names of a file, without its tests.
 fn module(tokens: &[String]) -> Module {
     let (mut module, mut at) = (Module::default(), 0);
     let is = |at: usize, what: &[&str]| is(tokens, at, what);
@@ -260,7 +260,7 @@ fn uses(modules: &Crate, module: &[String]) -> BTreeMap<Vec<String>, Vec<String>
     found
 }
 
-/// The module in which what a path names is defined, if it is one of the crate's and no module itself.
+/// The module that defines a path's name, if it is one of the crate's and no module itself.
 fn stands(modules: &Crate, from: &[String], path: &[String], depth: usize) -> Option<Vec<String>> {
     // Names that import themselves in a circle would be an error of the compiler; a name that stands for a crate is not followed for ever.
     let (first, mut rest) = path.split_first().filter(|_| depth < 16)?;
@@ -296,7 +296,7 @@ fn stands(modules: &Crate, from: &[String], path: &[String], depth: usize) -> Op
     None
 }
 
-/// What goes on between the modules of one parent: each stands for all that is below it.
+/// Dependencies between the modules of one parent: each stands for all that is below it.
 fn between_siblings(modules: &Crate) -> Edges {
     let mut edges: Edges = modules.keys().map(|module| (module.clone(), BTreeMap::new())).collect();
     for module in modules.keys() {

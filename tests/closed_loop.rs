@@ -4,7 +4,8 @@ use std::fs;
 
 use crate::runner::*;
 
-/// A robot on a belt: vx' = 6 (u_v - vx), w' = 9 (u_w - w), x' = vx cos(yaw) - belt; commanded open loop. `speed` is its log's name of the belt's speed.
+/// A robot on a belt: vx' = 6 (u_v - vx), w' = 9 (u_w - w), x' = vx cos(yaw) - belt; commanded open loop. `speed`: the
+/// log's name of the belt's speed.
 fn treadmill_csv(rows: usize, phase: f64) -> String {
     let (dt, belt) = (0.002, 0.25);
     let (mut x, mut y, mut yaw, mut vx, mut w) = (0.02f64, 0.0f64, 0.1f64, 0.25f64, 0.0f64);

@@ -486,7 +486,7 @@ fn nobody_need_read_what_is_said() {
     assert!(folder.path().join("model.json").is_file());
 }
 
-/// What cannot be printed is an error, unless nobody reads on.
+/// A failed write of the output is an error, unless the reader has closed the pipe.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_is_told() {
@@ -502,7 +502,8 @@ fn a_full_disk_is_told() {
     assert!(said.status.code() == Some(1) && message.contains("standard output cannot be written"), "{message}");
 }
 
-/// What is chosen by numbers of rows (regions, terms, lambda) is the same for weights that are counts and for shares.
+/// Choices that depend on numbers of rows (regions, terms, lambda) are the same for weights that are counts and for
+/// shares.
 #[test]
 fn the_scale_of_weights_says_nothing_to_any_method() {
     let folder = tempfile::tempdir().expect("a folder");

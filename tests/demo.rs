@@ -1,4 +1,4 @@
-//! The demonstration: what it shows, that its commands repeat it, and that it is the same on any number of threads.
+//! The demonstration: its output, the commands that repeat it, and the same bytes on any number of threads.
 
 use std::{collections::BTreeMap, fs};
 
@@ -140,7 +140,8 @@ fn the_paper_is_told_for_people() {
     fleetfoot(folder.path(), &["demo", "--paper", "--minutes=-1"]).fails(&["--minutes", "above 0"]);
 }
 
-/// The log, its faults, equations with the machine's mass and friction, simulations of another run, and code that has the model's values; pasted, the short commands make the same files.
+/// The log, its faults, equations with the machine's mass and friction, simulations of another run, and code that has
+/// the model's values. Pasted, the short commands make the same files.
 #[test]
 fn a_minute_shows_the_equations_of_a_machine() {
     let folder = tempfile::tempdir().unwrap();

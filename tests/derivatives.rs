@@ -1,4 +1,4 @@
-//! How derivatives are measured: orders of central differences, and mean slopes over spans.
+//! Measured derivatives: orders of central differences, and mean slopes over spans.
 
 use std::{fmt::Write, fs};
 
@@ -41,7 +41,7 @@ fn number(value: &serde_json::Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
 }
 
-/// The coefficient of a function in an equation; 0 where it is no term.
+/// The coefficient of a function in an equation; 0 unless it is a term.
 pub(crate) fn coefficient(equation: &serde_json::Value, function: &str) -> f64 {
     let terms = equation["terms"].as_array().expect("terms");
     terms.iter().find(|term| term["function"] == function).map_or(0.0, |term| number(&term["coefficient"]))
@@ -143,7 +143,7 @@ fn the_span_of_an_angle_wraps_its_steps() {
     assert!((coefficient(equation, "1") - 2.5).abs() < 1e-6, "{equation}");
 }
 
-/// `fit METHOD` of the robot's log in `log.csv`, with more options, which have no blanks of their own.
+/// `fit METHOD` of the robot's log in `log.csv`, with more options, which contain no blanks.
 fn of_robot<'a>(method: &'a str, more: &'a str) -> Vec<&'a str> {
     let fixed = ["fit", method, "log.csv", "--alias", "v=`v [m/s]`", "--states", "v", "--inputs", "u"];
     fixed.into_iter().chain(more.split_whitespace()).collect()

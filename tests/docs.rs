@@ -1,7 +1,8 @@
 //! Nothing is shown that is not run: the README, the guide for contributors and every page of `docs/`.
 //!
-//! `CONTRIBUTING.md` says how a page is written. Blocks of Python are run by the package's tests, blocks of Rust by the doctests of the facade; here are all
-//! other kinds, and the links. `FLEETFOOT_DOCS=overwrite` writes what the commands say now into the pages.
+//! `CONTRIBUTING.md` has the rules for pages. Blocks of Python are run by the package's tests, blocks of Rust by the
+//! doctests of the facade; here are all other kinds, and the links. `FLEETFOOT_DOCS=overwrite` writes the present
+//! output of the commands into the pages.
 
 mod console;
 mod links;
@@ -46,7 +47,7 @@ fn text_of(page: &Path) -> String {
     fs::read_to_string(root().join(page)).unwrap_or_else(|error| panic!("{}: {error}", page.display()))
 }
 
-/// Checks a block that is not run by a shell; `Err` says what is wrong with it.
+/// Checks a block that is not run by a shell; `Err` has the fault.
 fn check(page: &Path, block: &Block) -> Result<(), String> {
     match block.kind.as_str() {
         // Run with the page; run by the package's tests; shown beside what is run.
@@ -65,7 +66,7 @@ fn check(page: &Path, block: &Block) -> Result<(), String> {
     }
 }
 
-/// A line of a block `sh`: what builds and installs is not run within a test, but its targets exist.
+/// A line of a block `sh`: commands that build and install are not run within a test, but their targets exist.
 fn build_command(line: &str) -> Result<(), String> {
     let command = line.split('#').next().unwrap_or_default().trim();
     let words: Vec<&str> = command.split_whitespace().filter(|word| !word.contains('=')).collect();

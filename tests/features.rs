@@ -1,4 +1,5 @@
-//! Every selection of packages asks third-party crates for the same features, so that tests, command, wheel and benches share what is compiled.
+//! Every selection of packages has the same features of third-party crates, so that tests, command, wheel and benches
+//! share compiled crates.
 
 use std::{collections::BTreeSet, process::Command};
 

@@ -6,7 +6,8 @@ use fleetfoot::{Recipe, Silent, read_rows};
 
 use crate::{closed_loop::fitted, runner::*};
 
-/// A measurement of a column with normal noise, as an expression: Box and Muller's transform of two numbers that hang on the stamp and on nothing else.
+/// A measurement of a column with normal noise, as an expression: Box and Muller's transform of two numbers that depend
+/// on the stamp only.
 fn noisy(column: &str, deviation: f64, key: u32) -> String {
     let uniform = |key: u32| format!("wrap(1e7*sin({key}*t))");
     format!(
@@ -116,7 +117,8 @@ fn what_is_asked_stands_in_a_recipe_as_well_and_what_cannot_be_is_said() {
     run(&["export", "model.json", "--to", "c", "--filter"]).fails(&["no state is measured"]);
 }
 
-/// The hexapod over a stride: where it is, from a camera's noise, by a model of other runs. Its residuals over a stride are what the noise of its strides is.
+/// The hexapod over a stride: its place, from a camera's noise, by a model of other runs. Its residuals over a stride
+/// are the noise of its strides.
 #[test]
 fn the_hexapods_errors_are_as_large_as_the_filter_says() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -148,7 +150,8 @@ fn the_hexapods_errors_are_as_large_as_the_filter_says() {
     assert!(folder.path().join("src/place_filter.c").is_file());
 }
 
-/// The hexapod from row to row: what a step is off hangs on the steps before, and errors are as large as a filter says that knows it.
+/// The hexapod from row to row: errors of steps are correlated, and the filter that models this has errors as large as
+/// it predicts.
 #[test]
 fn the_hexapods_errors_from_row_to_row_grow_as_its_residuals_go_on() {
     let folder = tempfile::tempdir().expect("a folder");

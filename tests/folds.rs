@@ -1,4 +1,4 @@
-//! Which rows are held out, and whose held-out error is printed: the same rule for every method, from the command line.
+//! Rule of held-out rows and of the printed held-out error: the same for every method, from the command line.
 
 use std::{fmt::Write, fs};
 

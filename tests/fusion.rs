@@ -58,22 +58,23 @@ fn acceleration(t: f64) -> [f64; 3] {
 const MOUNT: [f64; 3] = [0.05, -0.02, 0.1];
 const BIAS: [f64; 3] = [0.02, -0.03, 0.01];
 
-/// Readings that tell the constants of a body, and that tell how a preparation goes.
+/// Readings that determine the constants of a body, and fewer that suffice for the course of a preparation.
 const LONG: usize = 3000;
 const SHORT: usize = 800;
 
-/// As many readings at 200 Hz, and poses at 100 Hz, stamped 8 ms late, of markers off the body's origin, turned by a quarter about z; a lamp at 50 Hz goes along.
+/// As many readings at 200 Hz, and poses at 100 Hz, stamped 8 ms late. The poses are of markers off the body's origin,
+/// turned by a quarter about z; a lamp at 50 Hz is an extra column.
 fn write_body(path: &Path, rows: usize) {
     write_wrong(path, rows, &|_, _| {}, &|_, _, _| {});
 }
 
-/// What is done to rates and forces.
+/// Change of rates and forces.
 type Read<'a> = &'a dyn Fn(&mut [f64; 3], &mut [f64; 3]);
 
-/// What is done to positions and quaternions at a second.
+/// Change of positions and quaternions at a second.
 type See<'a> = &'a dyn Fn(f64, &mut [f64; 3], &mut [f64; 4]);
 
-/// The same with readings and poses as somebody's log has them.
+/// The same with readings and poses changed by a fault.
 fn write_wrong(path: &Path, rows: usize, read: Read<'_>, see: See<'_>) {
     let mut writer = McapWriter::create(path, &McapOptions::default()).unwrap();
     let imu = writer.channel::<Imu<'_>>("/imu").unwrap();
@@ -141,7 +142,8 @@ fn prepare(folder: &Path, recipe: &str, flags: &[&str]) -> Said {
     fleetfoot(folder, &[&["prepare", "-c", "body.toml", "run.mcap", "-o", "clean", "--force"][..], flags].concat())
 }
 
-/// Lever, mounting, delay and biases of a simulated body are found, gross errors are left out, states lie within their deviations of the truth, and what is written is fitted as it is.
+/// Lever, mounting, delay and biases of a simulated body are recovered, and gross errors are left out. States lie
+/// within their deviations of the truth, and the output is ready for a fit.
 #[test]
 fn the_motion_of_a_body_is_prepared() {
     let folder = tempfile::tempdir().unwrap();
@@ -198,7 +200,8 @@ fn the_motion_of_a_body_is_prepared() {
     fleetfoot(path, &["fit", "sindy", "-c", "clean/robot.toml", "clean", "-o", "model.json", "--degree", "1"]).ok();
 }
 
-/// On request the attitude is one rotation: what is written is fitted as it is, and its rollouts turn as the body does, with one error of the attitude. Angles near their singularity are told.
+/// On request the attitude is one rotation: the output is ready for a fit, and its rollouts turn as the body does, with
+/// one error of the attitude. A note names angles near their singularity.
 #[test]
 fn the_attitude_of_a_body_is_a_rotation_on_request() {
     let folder = tempfile::tempdir().unwrap();
@@ -285,7 +288,8 @@ fn gyroscope() -> String {
     RECIPE.replace("kind = \"imu\"", "kind = \"gyro\"").replace(&forces, "")
 }
 
-/// Without an accelerometer attitude, rate and delay are known as with it, and the poses tell position, velocity and acceleration; a joint stands beside the body, at the stamps of the gyroscope.
+/// Without an accelerometer attitude, rate and delay are as accurate as with it, and the poses determine position,
+/// velocity and acceleration. A joint stands beside the body, at the stamps of the gyroscope.
 #[test]
 fn a_gyroscope_alone_and_a_joint_beside_the_body() {
     let folder = tempfile::tempdir().unwrap();
@@ -354,7 +358,7 @@ fn a_body_is_filtered() {
     assert!((0.5..2.0).contains(&(filter[0] / filter[1])), "{filter:?}");
 }
 
-/// A preparation that is killed while it fuses goes on, and writes what one that was let alone does.
+/// A preparation that is killed during fusion resumes, and writes the bytes of one without interruption.
 #[test]
 fn a_killed_preparation_writes_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
@@ -380,7 +384,8 @@ fn a_killed_preparation_writes_the_same_bytes() {
     assert!(files() == whole && !kept.exists());
 }
 
-/// What people's logs have in place of what is asked for: degrees, units of gravity, forces without gravity, parts of quaternions in another order or the other way round. Something is written, and what is wrong is told.
+/// Common faults of logs: degrees, units of gravity, forces without gravity, parts of quaternions in another order or
+/// the other way round. A file is written, and a note names the fault.
 #[test]
 fn wrong_units_and_frames_are_told() {
     let folder = tempfile::tempdir().unwrap();
@@ -411,7 +416,8 @@ fn wrong_units_and_frames_are_told() {
     assert!(!notes.contains("check"), "{notes}");
 }
 
-/// A camera that does not see the body says zeros or its last pose again: these are no poses. Quaternions that are longer than one are brought to it; both are told, as are rows that no pose tells.
+/// A camera that does not see the body sends zeros or its last pose again: these are no poses. Quaternions that are
+/// longer than one are normalised. Notes name both, and rows that no pose determines.
 #[test]
 fn poses_that_are_none_are_left_out() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! Logs of simulated robots from the command line: the same bytes on any number of threads, readable by others, fitted by the recipe that
-//! lies beside them; and what is refused.
+//! Logs of simulated robots from the command line: the same bytes on any number of threads, readable by other programs,
+//! fitted by the recipe that lies beside them. Also refusals.
 
 use std::{collections::BTreeMap, fs};
 
@@ -191,7 +191,7 @@ fn a_full_disk_leaves_nothing_behind() {
     assert!(!folder.path().join("runs").exists());
 }
 
-/// JSON is text, and names of files need not be: a path is told as messages show it.
+/// JSON is text, and names of files need not be: a path appears as in messages.
 #[cfg(unix)]
 #[test]
 fn a_folder_whose_name_is_no_text_is_told() {
@@ -216,7 +216,7 @@ fn a_folder_whose_name_is_no_text_is_told() {
     assert!(shown(&told[0]["file"]), "{told}");
 }
 
-/// What `mcap-ros2-support` says of a log.
+/// Content of a log as `mcap-ros2-support` reads it.
 #[derive(Default)]
 struct Told {
     /// Messages and undecoded ones of each topic.

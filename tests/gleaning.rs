@@ -1,4 +1,4 @@
-//! Every k-th of the last rows as regressors: the same as the lags written out, to the bit, and one meaning however it is said.
+//! Every k-th of the last rows as regressors: the same as the lags written out, to the bit, in every notation.
 
 use std::fs;
 
@@ -73,7 +73,8 @@ fn equations_range_over_gleaned_rows() {
     }
 }
 
-/// An autoregression of all lags of degree one is the affine map of one region: the same columns, and the same coefficients, by a flag, by a recipe, and from sums.
+/// An autoregression of all lags of degree one is the affine map of one region. It has the same columns, and the same
+/// coefficients, by a flag, by a recipe, and from sums.
 #[test]
 fn autoregressions_range_over_gleaned_rows() {
     let folder = folder();

@@ -1,4 +1,5 @@
-//! What a command refuses, or says, before and instead of a wrong answer: outputs that would destroy something, models for other rows, values that are none.
+//! Refusals and warnings in place of a wrong answer: outputs that would destroy a file, models for other rows, values
+//! that are none.
 
 use std::{fmt::Write, fs};
 
@@ -325,7 +326,8 @@ fn blanks_separate_columns_too() {
     fit("broken.txt").fails(&["broken.txt:41", "`u`", "fast"]);
 }
 
-/// Simulations that run away say what bounds them; a bounded model's do not run away, and say nothing.
+/// A note on simulations that diverge names the option that bounds them; a bounded model's do not diverge, and get no
+/// note.
 #[test]
 fn what_runs_away_says_what_bounds_it() {
     // Twelve runs that grow by a tenth a row, one after another with pauses; and a rest of which simulations begin.

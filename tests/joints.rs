@@ -31,7 +31,8 @@ fn acceleration(t: f64) -> f64 {
     -4.84 * (1.1 * t).sin() - 7.5 * (5.0 * t).cos()
 }
 
-/// An encoder at 200 Hz, wrapped at a turn, with a gross error now and then; a tachometer at 125 Hz, stamped 6 ms late, that says 0.2 too much; a lamp at 50 Hz; and a rate that is the encoder's difference.
+/// An encoder at 200 Hz, wrapped at a turn, with a gross error now and then; a tachometer at 125 Hz, stamped 6 ms late,
+/// with a bias of 0.2. A lamp at 50 Hz; and a rate that is the encoder's difference.
 fn write_joint(path: &Path, wrapped: bool) {
     write_steps(path, wrapped, 20_000);
 }
@@ -95,7 +96,7 @@ fn prepare(folder: &Path, recipe: &str, flags: &[&str]) -> Said {
     fleetfoot(folder, &[&["prepare", "-c", "joint.toml", "run.mcap", "-o", "clean", "--force"][..], flags].concat())
 }
 
-/// Root mean square of what a column is off the truth.
+/// Root mean square error of a column against the truth.
 fn rms(folder: &Path, name: &str, truth: &dyn Fn(f64) -> f64) -> f64 {
     let names = [name.to_owned()];
     let file = folder.join("clean/run.clean.parquet");
@@ -105,7 +106,8 @@ fn rms(folder: &Path, name: &str, truth: &dyn Fn(f64) -> f64) -> f64 {
     (values.iter().zip(&rows.stamps).map(square).sum::<f64>() / values.len() as f64).sqrt()
 }
 
-/// Delay, bias and noise are found, gross errors left out, states lie near the truth, and what is written is fitted as it is.
+/// Delay, bias and noise are recovered and gross errors left out. States lie near the truth, and the output is ready
+/// for a fit.
 #[test]
 fn the_motion_of_a_joint_is_prepared() {
     let folder = tempfile::tempdir().unwrap();
@@ -141,7 +143,8 @@ fn the_motion_of_a_joint_is_prepared() {
     assert!(text.contains("tachometer") && text.contains("jerk") && text.contains("delay, s"), "{text}");
 }
 
-/// A filter says of a row what it would say if the log ended there, and is off by more than the smoother, which has all of it.
+/// A filter gives for a row the value that it would give if the log ended there. Its errors are larger than those of
+/// the smoother, which has all of it.
 #[test]
 fn a_filter_does_not_see_what_is_later() {
     let folder = tempfile::tempdir().unwrap();
@@ -197,7 +200,7 @@ fn joints_do_not_depend_on_threads_and_angles_wrap() {
     assert!(off < 1e-3 && rms(path, "knee_dot", &rate) < 0.012, "{off}");
 }
 
-/// A rate that was computed from the encoder is no second witness.
+/// A rate that was computed from the encoder is no second measurement.
 #[test]
 fn joints_that_cannot_be_fused_are_told() {
     let folder = tempfile::tempdir().unwrap();

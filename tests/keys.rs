@@ -1,4 +1,4 @@
-//! The page of keys tells of every key that commands print beside their reports.
+//! The page of keys has every key that commands print beside their reports.
 
 use std::fs;
 

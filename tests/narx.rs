@@ -1,6 +1,6 @@
 //! `fit narx` from the command line: known autoregressions, and two recordings of real and simulated machines.
 //!
-//! The recordings are not part of the project: `outside.rs` tells where they are looked for.
+//! The recordings are not part of the project: `outside.rs` has their place.
 
 use std::{fmt::Write, fs};
 
@@ -157,8 +157,9 @@ pub(crate) fn rows_of(text: &str, rows: std::ops::Range<usize>) -> String {
     format!("{}\n{}\n", lines[0], lines[1 + rows.start..1 + rows.end].join("\n"))
 }
 
-/// The magneto-rheological damper of the sysidentpy tutorial ("Modeling a Magneto Rheological Damper Device", version 0.9): rows 400 to 2,000 train, 2,001 to 3,600
-/// are run freely; degree 3, one lag of force, voltage, velocity and its sign, 15 terms. Published there: RRSE 0.045104, and divergence at sample 203 without the sign.
+/// The magneto-rheological damper of the sysidentpy tutorial ("Modeling a Magneto Rheological Damper Device", version
+/// 0.9). Rows 400 to 2,000 train, 2,001 to 3,600 are run freely. Degree 3, one lag of force, voltage, velocity and its
+/// sign, 15 terms. Published there: RRSE 0.045104, and divergence at sample 203 without the sign.
 #[test]
 fn a_damper_with_hysteresis_gives_the_published_free_run_error() {
     let Some(file) = data("bouc-wen.csv") else { return };
@@ -198,9 +199,10 @@ fn a_damper_with_hysteresis_gives_the_published_free_run_error() {
     assert!(without["files"]["by_file"][0]["free_run"][0]["rrse"].is_null());
 }
 
-/// An electronic component placement head (Juloski, Heemels and Ferrari-Trecate 2004): the first 50,000 rows train, every tenth of them. Everything is chosen on these
-/// by free runs of five held-out spans: lags, degree, number of regions and of terms. Partitions look at position, velocity and input, which impacts, friction and
-/// drive depend on. Neural state-space models reach a median FIT of 83.75 and a best of 93.61 on the rest.
+/// An electronic component placement head (Juloski, Heemels and Ferrari-Trecate 2004): the first 50,000 rows train,
+/// every tenth of them. Free runs of five held-out spans choose lags, degree, number of regions and of terms on these.
+/// The partition columns are position, velocity and input, on which impacts, friction and drive depend. Neural
+/// state-space models reach a median FIT of 83.75 and a best of 93.61 on the rest.
 #[test]
 fn a_placement_head_with_impacts_is_simulated_by_piecewise_equations() {
     let Some(file) = data("pick-and-place.csv") else { return };

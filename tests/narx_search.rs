@@ -1,4 +1,4 @@
-//! `fit narx` without an order: what is looked for, libraries that are added up, and files that are run one by one.
+//! `fit narx` without an order: searches, additive libraries, and files that are run one by one.
 
 use std::{fmt::Write, fs};
 
@@ -33,7 +33,8 @@ fn tank(rows: usize, seed: u64) -> String {
     text
 }
 
-/// A heater at the end of a pipe: `y(k) = 0.9 y(k-1) + 0.1 u(k-17)`, the input held for seven rows at a time, and noise on what is measured.
+/// A heater at the end of a pipe: `y(k) = 0.9 y(k-1) + 0.1 u(k-17)`, the input held for seven rows at a time, and noise
+/// of the measurements.
 fn pipe(rows: usize, seed: u64) -> String {
     let mut text = String::from("t,y,u\n");
     let (input, mut y) = (|row: u64| noise(seed, row / 7), 0.0);
@@ -176,8 +177,8 @@ fn files_are_run_one_by_one_and_a_saved_model_has_the_same_scores() {
     assert_eq!(rrse(&scored["free_runs"], 0), rrse(files, 0));
 }
 
-/// The damper of `narx.rs`, its inputs named and nothing else: not worse than the order 2, 2, degree 2 that was taken without a look, nor than the linear model of the
-/// lags that are found.
+/// The damper of `narx.rs` with its inputs named and no other option. It is not worse than order 2, 2 and degree 2, the
+/// former default, nor than the linear model of the chosen lags.
 #[test]
 fn a_damper_without_options_is_simulated_better_than_by_the_usual_order() {
     let Some(file) = data("bouc-wen.csv") else { return };

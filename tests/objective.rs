@@ -50,8 +50,8 @@ fn pairs(report: &serde_json::Value, name: &str) -> [f64; 2] {
     [0, 1].map(|i| report[name][i].as_f64().unwrap_or(f64::NAN))
 }
 
-/// Of a linear system that is measured with noise, every method finds better rollouts by simulations; the model that is written has their coefficients, and the
-/// recipe that it carries says so.
+/// On a linear system that is measured with noise, every method gets better rollouts by simulations. The written model
+/// has their coefficients, and its recipe the objective.
 #[test]
 fn noisy_states_are_simulated_better_by_every_method() {
     let folder = folder(0.3);
@@ -85,7 +85,8 @@ fn noisy_states_are_simulated_better_by_every_method() {
     }
 }
 
-/// A free run is as long as what is held out, whole logs here, and its coefficients are nearer to the truth than those of one step, which noise in the states shrinks.
+/// A free run is as long as the held-out part, whole logs here. Its coefficients are nearer to the truth than those of
+/// one step, which noise in the states shrinks.
 #[test]
 fn free_runs_are_as_long_as_what_is_held_out() {
     let folder = folder(0.3);
@@ -129,7 +130,8 @@ fn free_runs_are_as_long_as_what_is_held_out() {
     fleetfoot(folder.path(), &text.split(' ').collect::<Vec<_>>()).fails(&["--objective free-run", "longer logs"]);
 }
 
-/// The residual covariances of the written coefficients, told without a pass, are those of the rows in their regions.
+/// The residual covariances of the written coefficients, computed without a pass, are those of the rows in their
+/// regions.
 fn residuals_are_those_of_the_rows(model: &serde_json::Value, region: impl Fn(&[f64]) -> usize) {
     let number = |value: &serde_json::Value| value.as_f64().expect("a number");
     let (latents, regions) = (&model["latents"], model["partitions"][0]["regions"].as_array().expect("regions"));
@@ -177,7 +179,7 @@ fn what_does_not_simulate_better_is_not_written() {
     assert_eq!(read("one.json")["model"]["latents"], read("steps.json")["model"]["latents"]);
 }
 
-/// Of a state that never changes there is nothing to explain.
+/// A state that never changes has no variance to explain.
 #[test]
 fn a_constant_state_is_refused() {
     let folder = folder(0.3);
@@ -194,8 +196,9 @@ fn a_constant_state_is_refused() {
         .fails(&["the target next(x) has the same value 3 in all rows", "leave it out"]);
 }
 
-/// Maps that are bounded stay so when they are fitted to simulations: the norms of what is written, in the metric that is told, from the files' own numbers. The weight of the prior is one that
-/// was tried, its rollouts are those that are told, and threads change no byte.
+/// Bounded maps stay bounded when they are fitted to simulations: the norms of the written maps, in the reported
+/// metric, from the files' numbers. The weight of the prior is one that was tried, its rollouts are the reported ones,
+/// and threads change no byte.
 #[test]
 fn bounded_maps_are_fitted_to_simulations_within_their_bound() {
     let folder = folder(0.3);
@@ -268,7 +271,7 @@ fn what_cannot_be_is_refused_with_the_mend() {
     assert!(dry.out.contains("--objective steps:5: at most 141 passes over the rows more"), "{}", dry.out);
 }
 
-/// A map that grows is held at the border of what was seen, or ends there.
+/// A map that grows is held at the border of the training range, or ends there.
 #[test]
 fn rollouts_outside_of_the_training_domain_are_told_ended_or_held() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -323,7 +326,7 @@ fn sprung(rows: usize) -> String {
     text
 }
 
-/// What eigenvalues by an arc cosine are known to, which costs half of the digits where two are near each other.
+/// Accuracy of eigenvalues by an arc cosine, which costs half of the digits if two are near each other.
 const ROUNDED: f64 = -1e-7;
 
 /// The least eigenvalue of the dissipation inequality of every region for a port f:v, from the files' numbers, in units of its diagonal.

@@ -1,7 +1,7 @@
-//! What tests need from outside the checkout: recordings of real machines, and a Python with other readers and writers.
+//! Needs of tests from outside the checkout: recordings of real machines, and a Python with other readers and writers.
 //!
-//! Where they are said to be (`FLEETFOOT_DATA`, `FLEETFOOT_PYTHON`), or lie beside the checkout, a test that does not find what it needs fails. A fresh clone
-//! alone passes: its tests say what they did not do.
+//! These are named by `FLEETFOOT_DATA` and `FLEETFOOT_PYTHON`, or lie beside the checkout. A test then fails if a part
+//! of them is missing. In a fresh clone alone the tests pass, and print the parts that they skipped.
 
 #![allow(dead_code, reason = "each test binary includes this file and uses what it needs")]
 
@@ -11,7 +11,8 @@ use std::{
     process::Command,
 };
 
-/// A file or folder of the recordings: in `FLEETFOOT_DATA`, else in `shared/data` beside the checkout. `None`, said in a word, where there is neither.
+/// A file or folder of the recordings: in `FLEETFOOT_DATA`, else in `shared/data` beside the checkout. `None`, with a
+/// printed line, if neither has it.
 ///
 /// # Panics
 /// The folder is there, or was named, and has no such file.
@@ -29,7 +30,8 @@ pub(crate) fn data(name: &str) -> Option<PathBuf> {
     None
 }
 
-/// The interpreter that `FLEETFOOT_PYTHON` names, which can import these packages. `None`, said in a word, where it names none.
+/// The interpreter of `FLEETFOOT_PYTHON`, which can import these packages. `None`, with a printed line, if the variable
+/// is not set.
 ///
 /// # Panics
 /// It does not run, or lacks a package.

@@ -4,7 +4,8 @@ use std::fs;
 
 use crate::runner::*;
 
-/// x' = v, v' = -k x - c v + g u with k = 4, c = 0.6, g = 2, by Runge-Kutta steps with held inputs, measured with noise of deviation 0.01 and pushed by one of so much a row.
+/// x' = v, v' = -k x - c v + g u with k = 4, c = 0.6, g = 2, by Runge-Kutta steps with held inputs. It is measured with
+/// noise of deviation 0.01 and pushed by one of so much a row.
 fn spring(rows: u32, seed: u32, pushed: f64) -> String {
     let (mut z, mut state, mut text) = ([1.0, 0.0], 12_345 + 977 * seed, String::from("t,x,v,u\n"));
     let mut noise = || {
@@ -94,7 +95,8 @@ fn the_truth_lies_in_the_intervals_and_the_model_runs_like_any_other() {
     );
 }
 
-/// A push that no column knows, on the speed alone: its gain is found, that of the position is small, the report tells both, and the truth is where it says.
+/// An unrecorded push on the speed alone: its gain is recovered, that of the position is small, and the report has
+/// both. The truth lies in the intervals.
 #[test]
 fn what_pushes_the_dynamics_is_filtered() {
     let folder = folder(&format!("{RECIPE}[estimate]\nmethod = \"filter-error\"\n"));
@@ -170,8 +172,8 @@ fn what_cannot_be_asked_is_refused_with_the_mend() {
     with("", "", &["--method", "equation-error", "--segment", "50"], &["segment"]);
 }
 
-/// A body on an air bearing, `w' = W torque - 0.1 w`, W the inverse of its inertia, measured with noise: about its long axis, tilted from the frame, it is light, about another so heavy
-/// that the rows hardly tell it.
+/// A body on an air bearing, `w' = W torque - 0.1 w`, W the inverse of its inertia, measured with noise. About its long
+/// axis, tilted from the frame, it is light; about another it is so heavy that the rows hardly determine it.
 fn bearing(rows: u32, seed: u64) -> String {
     let mut state = seed;
     let mut noise = || {

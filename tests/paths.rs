@@ -77,7 +77,7 @@ fn paths_are_told_from_other_code() {
     assert_eq!(found, wanted.map(|(line, path)| (line, path.to_owned())));
 }
 
-/// Whether a path exists, from the root or from the folder of crates.
+/// Returns true if a path exists, from the root or from the folder of crates.
 fn exists(root: &Path, path: &str) -> bool {
     root.join(path).exists() || root.join("crates").join(path).exists()
 }

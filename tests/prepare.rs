@@ -127,7 +127,7 @@ fn threads_do_not_matter_and_folders_are_not_overwritten() {
     assert!(before == names.map(read));
 }
 
-/// Bounds end an episode; what is left is written in pieces, and what is too short is told.
+/// Bounds end an episode; the rest is written in pieces, and a note counts the pieces that are too short.
 #[test]
 fn bounds_end_episodes() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -152,7 +152,9 @@ fn bounds_end_episodes() {
     assert!(info.contains("x_dot") && info.contains("x_ddot") && !info.contains("deviation"), "{info}");
 }
 
-/// By itself `prepare` takes the spline that a state is more like: a smooth motion at 10 Hz is a quintic one, whose rate is better than a cubic one's by a third, and which knows its noise; what noise pushes about in every row is a cubic one.
+/// By default `prepare` takes the spline that fits a state better. A smooth motion at 10 Hz is a quintic one, whose
+/// rate is better than a cubic one's by a third, and whose noise is estimated well. A state that noise pushes in every
+/// row is a cubic one.
 #[test]
 fn the_spline_is_the_one_that_a_state_is_like() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -198,7 +200,8 @@ fn the_spline_is_the_one_that_a_state_is_like() {
     fleetfoot(path, &[&run[..], &["--method", "auto"]].concat()).fails(&["lambda", "s^5"]);
 }
 
-/// A burst of errors that are alike, and a sensor that hangs, are told with what mends them; a preparation that fails leaves no folder.
+/// Notes name a burst of errors that are alike, and a stuck sensor, with the remedy; a preparation that fails leaves no
+/// folder.
 #[test]
 fn what_a_person_should_look_at_is_told() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -271,8 +274,8 @@ fn swing(t: f64) -> [f64; 2] {
     [(2.0 * t).sin() + 0.2 * (9.0 * t).cos(), 2.0 * (2.0 * t).cos() - 1.8 * (9.0 * t).sin()]
 }
 
-/// An inertial sensor at 500 Hz, which reports the mean rate of the last 20 ms, and a camera at 100 Hz between its stamps, with noise of a millimetre; half of the way both pause for
-/// some seconds.
+/// An inertial sensor at 500 Hz, which reports the mean rate of the last 20 ms, and a camera at 100 Hz between its
+/// stamps, with noise of a millimetre. Half of the way both pause for some seconds.
 pub(crate) fn two_rates(path: &Path, pause: f64) {
     let mut writer = McapWriter::create(path, &McapOptions::default()).unwrap();
     let imu = writer.channel::<Imu<'_>>("/imu").unwrap();
@@ -311,7 +314,8 @@ fn prepared(folder: &Path, recipe: &str, flags: &[&str]) -> serde_json::Value {
     fleetfoot(folder, &[&command[..], flags].concat()).ok().json()
 }
 
-/// A state whose topic is slower than the rows is smoothed at its own samples: what a join puts between two of them is no measurement, and the true ones are no gross errors.
+/// A state whose topic is slower than the rows is smoothed at its samples. The values that a join puts between two of
+/// them are no measurements, and the true ones no gross errors.
 #[test]
 fn a_slower_topic_is_smoothed_at_its_own_samples() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -362,7 +366,8 @@ fn every_method_comes_to_the_rows() {
     }
 }
 
-/// Samples on the other side of a pause belong to another episode: a curve that is late, and so reaches beyond its own last row, does not go on to them.
+/// Samples on the other side of a pause belong to another episode. A curve that is late reaches beyond its last row,
+/// and does not go on to them.
 #[test]
 fn a_pause_is_not_bridged() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -385,7 +390,7 @@ fn a_pause_is_not_bridged() {
     }
 }
 
-/// The mean of the last 20 ms is late by 10 ms; told so, the curve belongs to its stamps.
+/// The mean of the last 20 ms is late by 10 ms; with that setting the curve belongs to its stamps.
 #[test]
 fn a_mean_is_late_by_half_its_window() {
     let folder = tempfile::tempdir().expect("a folder");

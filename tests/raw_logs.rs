@@ -1,4 +1,4 @@
-//! Scores and rollouts on prepared logs, beside what the raw logs measured.
+//! Scores and rollouts on prepared logs, beside the measurements of the raw logs.
 
 use std::{collections::BTreeMap, fs, path::Path};
 
@@ -151,7 +151,7 @@ fn a_raw_log_that_is_gone_or_another_one_is_told() {
     assert!(said["targets"][0]["raw"]["rows"].as_u64() < said["rows"].as_u64());
 }
 
-/// What `prepare` has rejected is no measurement, and a pause has none.
+/// A value that `prepare` rejected is no measurement, and a pause has none.
 #[test]
 fn gross_errors_and_gaps_are_no_measurements() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -197,7 +197,7 @@ fn a_slower_topic_is_compared_at_its_own_samples() {
     }
 }
 
-/// The files of a run are one raw log, every one of which is looked at.
+/// The files of a run are one raw log, and every one of them is read.
 #[test]
 fn files_of_a_run_are_one_raw_log() {
     let folder = tempfile::tempdir().expect("a folder");

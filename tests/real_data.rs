@@ -1,6 +1,6 @@
 //! The main job on recordings of real machines (and one simulated hybrid), fitted on one part and scored on rows held out.
 //!
-//! The data are not part of the project: `outside.rs` tells where they are looked for.
+//! The data are not part of the project: `outside.rs` has their place.
 
 use std::fs;
 
@@ -104,9 +104,10 @@ fn electro_mechanical_positioning_system() {
     assert!(last_over_best_baseline(&rollout) < 0.2);
 }
 
-/// The four published parameters of the positioning system, from two recipes: low-pass filter and derivatives first, then every tenth row of what the force is regressed on, the direction
-/// among it. The publication has mass 95.1089, viscous friction 203.5034, Coulomb friction 20.3935 and offset -3.1648; what differs is what becomes of the ends of the filters and of the record, which moves the
-/// offset by a hundredth. All lie within a fifth of their standard errors.
+/// The four published parameters of the positioning system, from two recipes: low-pass filter and derivatives first,
+/// then every tenth row of the regressors, the direction among them. The publication has mass 95.1089, viscous friction
+/// 203.5034, Coulomb friction 20.3935 and offset -3.1648. The difference is in the ends of the filters and of the
+/// record, which move the offset by a hundredth. All lie within a fifth of their standard errors.
 #[test]
 fn published_parameters_of_the_positioning_system() {
     let Some(file) = data("emps.csv") else { return };
@@ -325,7 +326,7 @@ fn turtlebot_from_its_own_log() {
     assert!((0..2_000_000_000).contains(&apart), "{apart} ns");
 }
 
-/// Logs with texts, services, one-shot messages and an encoding that nobody knows: read, or refused with a reason.
+/// Logs with texts, services, one-shot messages and an unknown encoding: read, or refused with a reason.
 #[test]
 fn odd_logs_are_read_or_refused() {
     let Some(file) = data("mcap/wrong_rmw_test_0.mcap") else { return };

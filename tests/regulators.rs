@@ -1,4 +1,4 @@
-//! `control lqr`, and what takes its files.
+//! `control lqr`, and the commands that take its files.
 
 use std::fs;
 

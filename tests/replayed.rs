@@ -1,4 +1,5 @@
-//! What is simulated never looks at the recording: columns that follow from states, outputs and inputs are computed, whether they are aliases or written out.
+//! Simulations never read the recording: columns that follow from states, outputs and inputs are computed, as aliases
+//! or written out.
 
 use std::fmt::Write as _;
 

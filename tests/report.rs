@@ -99,7 +99,8 @@ fn a_page_says_what_models_are_worth() {
     assert!(page(folder.path(), "alone.html").contains("No log was given"));
 }
 
-/// Fig. 7 of the paper on piecewise-affine models of a running robot: the recording is that of the log, every simulation begins on it, and goes on as `rollout` says.
+/// Fig. 7 of the paper on piecewise-affine models of a running robot. The recording is that of the log, and every
+/// simulation begins on it and continues as in `rollout`.
 fn simulations_are_drawn_over_what_was_recorded(folder: &Path) {
     let drawn = page(folder, "numbers/simulated-in-time-1.csv");
     assert!(drawn.starts_with("time since the start of the log [s],recorded,simulated"), "{drawn}");
@@ -245,7 +246,8 @@ fn how_a_model_was_chosen_is_shown_from_the_report_of_its_fit() {
     run(&["report", "sindy.json", "--fit", "sindy.json"]).fails(&["this is no report of a fit", "--json"]);
 }
 
-/// A function contributes its coefficient times its root mean square to the models that have it, and nothing to the others; intervals are those of the report.
+/// A function contributes its coefficient times its root mean square to the models that have it, and nothing to the
+/// others. Intervals are those of the report.
 fn what_enters_with_more_terms(told: &serde_json::Value, html: &str, drawn: &str) {
     let equation = &told["regions"][0]["equations"][0];
     let front = equation["front"].as_array().expect("a front");
@@ -325,7 +327,7 @@ fn layouts_stand_beside_messages() {
     assert!(!folder.path().join("table.foxglove.json").exists(), "beside tables there are none");
 }
 
-/// Of messages the page tells the clock, and what each channel that the model reads has by itself.
+/// For messages the page shows the clock, and the rates of each channel that the model reads.
 #[test]
 fn channels_and_clocks_are_told() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -348,7 +350,7 @@ fn channels_and_clocks_are_told() {
     assert_eq!(shown, ["/truth/cmd_vel", "/truth/odometry", "/truth/wheels"]);
 }
 
-/// What `prepare` rejects, or a channel does not tell, stands in a log as an empty value.
+/// A value that `prepare` rejects, or that a channel lacks, stands in a log as an empty value.
 #[test]
 fn missing_values_are_shown_where_they_are() {
     let folder = models(600);
@@ -462,7 +464,7 @@ fn names_are_text_and_many_columns_have_room() {
     assert!(html.len() < 1_500_000, "{} bytes", html.len());
 }
 
-/// What a fit keeps stands on the page as it is told on the terminal: maps that are bounded, and coefficients with limits.
+/// The bounds of a fit stand on the page as on the terminal: maps that are bounded, and coefficients with limits.
 #[test]
 fn what_a_fit_keeps_is_shown() {
     let folder = models(400);
@@ -514,7 +516,8 @@ fn what_a_fit_keeps_is_shown() {
     }
 }
 
-/// Models of other targets and states are compared in what all of them have, on simulations from the same rows, or not at all.
+/// Models of other targets and states are compared in their common ones, on simulations from the same rows, or not at
+/// all.
 #[test]
 fn models_of_other_targets_are_compared_in_what_they_share() {
     let folder = tempfile::tempdir().unwrap();

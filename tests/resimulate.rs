@@ -1,10 +1,11 @@
-//! `resimulate`: what follows a recording obeys the model's equations and its bounds, in the file as in the report; and what cannot be followed is told.
+//! `resimulate`: followed recordings obey the model's equations and its bounds, in the file as in the report. Also
+//! refusals.
 
 use std::fs;
 
 use crate::runner::*;
 
-/// What is said of columns and equations: the truth below v = 0.5 of [`robot_csv`], so that the model is wrong above it.
+/// Recipe of columns and equations: the truth of [`robot_csv`] below v = 0.5, so that the model is wrong above it.
 const RECIPE: &str = r#"
 [columns]
 v = "`v [m/s]`"

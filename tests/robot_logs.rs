@@ -1,5 +1,5 @@
-//! Robots' logs (MCAP) from the command line: from a log with several channels to a model, its predictions drawn over the log, and the
-//! messages for what does not fit together.
+//! Robots' logs (MCAP) from the command line: from a log with several channels to a model, and its predictions drawn
+//! over the log. Also messages for channels that do not fit together.
 
 use std::fs;
 
@@ -10,13 +10,13 @@ use fleetfoot::{
 
 use crate::runner::*;
 
-/// Nanoseconds of the first message's log time, and what the simulated clock of the headers is behind it.
+/// Nanoseconds of the first message's log time, and the lag of the headers' simulated clock.
 const LOG_START: i64 = 1_790_000_000_000_000_000;
 const OFFSET: i64 = LOG_START - 5_000_000_000;
 /// Rate of change of the speeds towards the commanded ones, 1/s.
 const GAINS: [f64; 2] = [2.0, 5.0];
 
-/// What a log is written with.
+/// Options of a written log.
 #[derive(Clone, Copy)]
 struct Robot {
     prefix: &'static str,
@@ -399,7 +399,8 @@ fn messages_in_groups_keep_their_rows() {
     fleetfoot(path, &lags).fails(&["1200 rows into 300 episodes", "--max-gap SECONDS"]);
 }
 
-/// A load cell whose array has 120 elements: `info` tells its name, and its elements can be named alone, in aliases and by `[*]`.
+/// A load cell whose array has 120 elements: `info` lists its name, and its elements can be named alone, in aliases and
+/// by `[*]`.
 #[test]
 fn elements_of_long_arrays_can_be_named() {
     let folder = tempfile::tempdir().unwrap();

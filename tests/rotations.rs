@@ -1,4 +1,5 @@
-//! Rotations among the states of a recipe, from the log to the code: a rigid body without torques, whose attitude is logged as a quaternion of any sign.
+//! Rotations among the states of a recipe, from the log to the code. The log is of a rigid body without torques, with
+//! its attitude as a quaternion of any sign.
 
 use std::{f64::consts::TAU, fmt::Write as _, fs};
 
@@ -110,7 +111,8 @@ fn numbers(value: &serde_json::Value) -> Vec<f64> {
     }
 }
 
-/// Euler's equations are found, whatever signs the log has; rollouts tell one error of the attitude, in radians, and it is as small as that of the rates.
+/// The fit gives Euler's equations, for any signs in the log. Rollouts have one error of the attitude, in radians, and
+/// it is as small as that of the rates.
 #[test]
 fn a_rigid_body_is_found_from_quaternions_of_any_sign() {
     let folder = folder();
@@ -179,7 +181,7 @@ fn attitude_errors_are_those_of_scipy() {
     }
 }
 
-/// Moments of inertia and the bias of a gyro by output error: the attitude tells what the rates alone do not.
+/// Moments of inertia and the bias of a gyro by output error: the attitude determines them, the rates alone do not.
 #[test]
 fn parameters_are_told_by_the_attitude() {
     let folder = folder();
@@ -250,8 +252,8 @@ fn exported_code_brings_rotations_back() {
     }
 }
 
-/// A library speaks of a rotation by its name, whatever its columns are called; with `regressor = true` it has the entries of its matrix. A pendulum on a ball joint: gravity in
-/// the body's axes is what turns it.
+/// A library names a rotation, whatever its columns are called; with `regressor = true` it has the entries of its
+/// matrix. A pendulum on a ball joint: gravity in the body's axes turns it.
 #[test]
 fn a_library_speaks_of_a_rotation_by_name() {
     let folder = tempfile::tempdir().unwrap();
@@ -316,7 +318,8 @@ fn a_library_speaks_of_a_rotation_by_name() {
     assert!(rolled.out.contains("replayed from the recording: nothing"), "{}", rolled.out);
 }
 
-/// What is no rotation is refused in words: with the file and the row where it is recorded, with the mend where it is a recipe.
+/// Columns that are no rotation are refused in words: with the file and the row if recorded, with the remedy if a
+/// recipe names them.
 #[test]
 fn what_is_no_rotation_is_refused() {
     let folder = folder();
@@ -368,8 +371,8 @@ fn what_is_no_rotation_is_refused() {
     refused("columns = [\"q.x\", \"q.y\", \"q.z\", \"q.w\"]", "column = \"p\"", &["p.w", "columns = [...]"]);
 }
 
-/// A filter of a quaternion and its rates, all measured with noise and of any sign, of a body that torques turn: its estimates are unit quaternions, nearer to the truth than what
-/// was measured, and as far from it as it says.
+/// A filter of a quaternion and its rates, all measured with noise and of any sign, of a body that torques turn. Its
+/// estimates are unit quaternions, nearer to the truth than the measurements, with errors as large as it predicts.
 #[test]
 fn filters_keep_rotations() {
     let folder = tempfile::tempdir().unwrap();

@@ -29,7 +29,8 @@ v = { derivative = "a" }
 u = "cmd_u"
 "#;
 
-/// Writes a run: `imu_0.csv` at 200 Hz, `odom.csv` at 50 Hz between its rows, `cmd.csv` at its own times; and what joining them by hand gives.
+/// Writes a run: `imu_0.csv` at 200 Hz, `odom.csv` at 50 Hz between its rows, `cmd.csv` at other times. Returns the
+/// rows of joining them by hand.
 fn write_run(folder: &Path, run: u32) -> String {
     let name = format!("run_{run}");
     fs::create_dir_all(folder.join("runs").join(&name)).unwrap();
@@ -150,7 +151,7 @@ fn files_that_make_no_run_are_told_with_the_mend() {
     fit("[states]\nu = {}\n", &[]).fails(&["imu_0.csv has none of the columns", "[files]", "imu_0 = \"imu_0.csv\""]);
 }
 
-/// `info` says that files are of one run, and `init` writes the recipe that joins them, which fits as it is.
+/// `info` names files of one run, and `init` writes the recipe that joins them, which is ready for a fit.
 #[test]
 fn a_recipe_for_the_files_of_runs_is_drafted() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! Runs the command and looks at what it says.
+//! Runs the command and checks its output.
 
 use std::{
     io::Read,
@@ -10,7 +10,7 @@ pub(crate) use std::{
     process::{Command, Output},
 };
 
-/// What a run said.
+/// Exit code and output of a run.
 pub(crate) struct Said {
     pub(crate) code: i32,
     pub(crate) out: String,
@@ -101,7 +101,7 @@ impl Running {
         assert!(sent.expect("kill runs").success(), "{} is there no more", self.what);
     }
 
-    /// Whether it has ended by itself.
+    /// Returns true if it has ended by itself.
     pub(crate) fn has_ended(&mut self) -> bool {
         self.child.try_wait().expect("a child").is_some()
     }
@@ -137,7 +137,8 @@ pub(crate) fn same(folder: &Path, a: &str, b: &str) {
     assert!(read(a) == read(b), "{a} and {b} differ");
 }
 
-/// A robot's log as CSV: `t, x, v, u, mode`, v' = -2 v + 3 u below v = 0.5 and -5 v + 2 u + 1 above, exact steps of `dt`.
+/// A robot's log as CSV: `t, x, v, u, mode`. v' = -2 v + 3 u below v = 0.5 and -5 v + 2 u + 1 above, exact steps of
+/// `dt`.
 pub(crate) fn robot_csv(rows: usize, phase: f64) -> String {
     let dt = 0.01;
     let (mut x, mut v) = (0.0f64, 0.0f64);

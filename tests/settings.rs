@@ -1,10 +1,11 @@
-//! What a fit is told: flags above the recipe, the recipe above the defaults; and the recipe that a model carries says all of it.
+//! Precedence of settings: flags above the recipe, the recipe above the defaults; the recipe in a model has all of
+//! them.
 
 use std::fs;
 
 use crate::runner::*;
 
-/// A method, flags that say something of each kind, and a recipe that says otherwise.
+/// A method, flags of each kind, and a recipe with other values.
 const METHODS: [(&str, &[&str], &str); 8] = [
     (
         "pwa",
@@ -75,7 +76,7 @@ const METHODS: [(&str, &[&str], &str); 8] = [
     ),
 ];
 
-/// What is modelled, as every recipe and every command line here has it.
+/// Columns, states and inputs of every recipe and command line here.
 const COLUMNS: &str =
     "columns = { v = \"`v [m/s]`\" }\nstates = { v = {} }\ninputs = { u = \"u\" }\ntime = { column = \"t\" }\n";
 

@@ -134,7 +134,7 @@ fn lorenz_by_every_optimiser() {
     }
 }
 
-/// The functions of a signal are in an equation together or not at all; products are groups of their own.
+/// The functions of a signal are in an equation together or not at all; products are separate groups.
 #[test]
 fn lorenz_by_groups() {
     let folder = folder("lorenz.csv", &lorenz(4000));
@@ -178,7 +178,8 @@ fn lorenz_by_finite_differences() {
     assert!((3.5..4.5).contains(&ratio), "{ratio}");
 }
 
-/// What explains the error of the differences is no dynamics: clean states give the true terms at every rate that resolves them, without a threshold.
+/// Functions that explain the error of the differences are no dynamics. Clean states give the true terms at every rate
+/// that resolves them, without a threshold.
 #[test]
 fn terms_do_not_explain_the_error_of_differences() {
     for dt in [0.002, 0.01] {
@@ -215,7 +216,8 @@ fn models_are_shown_scored_and_run() {
     }
 }
 
-/// `v' = u - 0.5 v - 0.3 v |v|` under an input that wanders, with what a lag of it gives: `t, v, u, dv, w, y`, `w' = 3 lag(u) - 2 w`.
+/// `v' = u - 0.5 v - 0.3 v |v|` under an input that wanders, with the output of a lag of it: `t, v, u, dv, w, y`,
+/// `w' = 3 lag(u) - 2 w`.
 fn driven(rows: usize, tau: f64) -> String {
     let dt = 0.01;
     let (mut v, mut w, mut lagged) = (0.3f64, 0.0f64, None);
@@ -266,7 +268,8 @@ threshold = 0.01
     fleetfoot(path, &["predict", "m.json", "driven.csv", "-o", "p.parquet"]).ok();
 }
 
-/// On the circle x^2 + y^2 is the constant, and a fold's share of the only term is as soon above that of all rows as below it.
+/// On the circle x^2 + y^2 is the constant, and a fold's share of the only term is as often above that of all rows as
+/// below it.
 #[test]
 fn a_circle_has_one_term_an_equation() {
     let mut text = String::from("t,x,y\n");
@@ -475,7 +478,8 @@ fn units_are_checked_and_printed() {
     assert!(said.err.contains("sin(x)") && said.err.contains("x - v"), "{}", said.err);
 }
 
-/// A collision in a few rows holds most of the variance: what is fitted to it is said, with the rows, and without them it is not.
+/// A collision in a few rows holds most of the variance: a note names the rows to which the fit is fitted, and without
+/// them there is none.
 #[test]
 fn few_rows_that_hold_most_of_the_variance_are_told() {
     let folder = tempfile::tempdir().unwrap();
@@ -508,7 +512,7 @@ fn few_rows_that_hold_most_of_the_variance_are_told() {
     assert!(without.out.contains("d(v)/dt = -0.99") && without.out.contains("*v + 2.000"), "{}", without.out);
 }
 
-/// Before a fit that takes long a note says how long, and what makes it shorter; `--dry-run` says so as well.
+/// Before a long fit a note has its duration, and a remedy that shortens it; `--dry-run` has both as well.
 #[test]
 fn long_fits_say_so_beforehand() {
     let folder = tempfile::tempdir().unwrap();

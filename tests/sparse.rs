@@ -1,4 +1,5 @@
-//! `fit sparse` from the command line: from logs and from their statistic, shared latents and plain recipes, and what the rest of the command makes of the models.
+//! `fit sparse` from the command line: from logs and from their statistic, shared latents and plain recipes, and the
+//! other commands on its models.
 
 use std::fs;
 
@@ -449,7 +450,8 @@ fn what_cannot_be_done_is_said() {
     }
 }
 
-/// A constraint that the selected functions cannot keep is not one that nothing can: the message tells the two apart.
+/// A constraint that the selected functions cannot keep differs from one that none can: the message distinguishes the
+/// two.
 #[test]
 fn constraints_of_functions_that_were_left_out_are_told() {
     let folder = tempfile::tempdir().expect("a folder");

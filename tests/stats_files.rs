@@ -214,8 +214,8 @@ fn equations_and_regions_are_fitted_from_a_statistic() {
     run(&["fit", "sindy", "run.stats", "--partition", "kmeans:7", "-o", "no.json"]).fails(&["kmeans:7", "scan again"]);
 }
 
-/// Every method, from the logs, their statistic, that of two halves joined, and that of two machines which have a part of the logs each: one model, to the byte. `fit pwa` adds
-/// to a model of logs what needs rows.
+/// Every method, from the logs, their statistic, that of two halves joined, and that of two machines which have a part
+/// of the logs each. One model, to the byte. `fit pwa` adds to a model of logs the values that need rows.
 #[test]
 fn every_method_finds_one_model_in_logs_and_their_statistics() {
     let folder = logs();
@@ -282,8 +282,9 @@ fn every_method_finds_one_model_in_logs_and_their_statistics() {
     }
 }
 
-/// `fit pwa` from logs, from their statistic and from that of two halves joined: one model, to the byte. Folds cut these logs into spans. What needs rows is told by a fit
-/// of logs alone: mean absolute deviations and the correlation of residuals.
+/// `fit pwa` from logs, from their statistic and from that of two halves joined: one model, to the byte. Folds cut
+/// these logs into spans. Only a fit of logs has the values that need rows: mean absolute deviations and the
+/// correlation of residuals.
 #[test]
 fn a_piecewise_model_is_the_same_from_logs_and_their_statistic() {
     let folder = logs();
@@ -327,7 +328,7 @@ fn a_piecewise_model_is_the_same_from_logs_and_their_statistic() {
     }
 }
 
-/// A model of `fit pwa` but for what needs rows, which a fit of logs adds.
+/// A model of `fit pwa` without the values that need rows, which a fit of logs adds.
 fn of_sums(folder: &Path, file: &str) -> serde_json::Value {
     let text = fs::read_to_string(folder.join(file)).expect("a model");
     let mut model = serde_json::from_str::<serde_json::Value>(&text).expect("JSON")["model"].take();

@@ -1,4 +1,4 @@
-//! Signals: what stops a command, how soon, and what it leaves.
+//! Signals: the end of a command, its delay, and its remains.
 #![cfg(unix)]
 
 use std::{
@@ -8,7 +8,7 @@ use std::{
 
 use crate::runner::*;
 
-/// What is there, hidden files too, in order.
+/// Names in a folder, hidden files too, in order.
 fn names(folder: &Path) -> Vec<String> {
     let name =
         |entry: std::io::Result<fs::DirEntry>| entry.expect("an entry").file_name().to_string_lossy().into_owned();
@@ -29,7 +29,7 @@ fn folder(rows: usize) -> tempfile::TempDir {
     folder
 }
 
-/// What takes a minute and more.
+/// Jobs that take a minute and more.
 const JOBS: [&str; 6] = [
     "resimulate m.json log.csv --iterations 1000000",
     "fit narx log.csv --outputs x,dv --inputs u --lags-out 12 --lags-in 12 --degree 3 -o n.json",

@@ -1,4 +1,5 @@
-//! Commands that go to their end: without the target's column, without a clock, with several outputs, with nothing to fit, with inputs that act at once.
+//! Commands that go to their end: without the target's column, without a clock, with several outputs, with no free
+//! parameter, with inputs that act at once.
 
 use std::fs;
 
@@ -30,7 +31,7 @@ fn column(text: &str, name: &str) -> Vec<Option<f64>> {
         .collect()
 }
 
-/// Rows of `a, b, x, y, z` in an order that means nothing: x = 1 + 2 a - b, y = 3 b, z = a b; no column is a clock.
+/// Rows of `a, b, x, y, z` in an arbitrary order: x = 1 + 2 a - b, y = 3 b, z = a b; no column is a clock.
 fn unordered(rows: usize) -> String {
     let mut text = String::from("a,b,x,y,z\n");
     for row in 0..rows {

@@ -10,7 +10,7 @@ fn lines(text: &str, range: std::ops::Range<usize>) -> String {
     text.lines().enumerate().filter(wanted).map(|(_, line)| format!("{line}\n")).collect()
 }
 
-/// Whether scores on a file are said to flatter.
+/// Returns true if a note says that scores on a file are in-sample.
 #[track_caller]
 fn flatters(folder: &Path, model: &str, log: &str) -> bool {
     let said = fleetfoot(folder, &["score", model, log, "--json"]).ok();
@@ -64,7 +64,7 @@ fn parts_of_training_logs_are_recognised_in_other_files() {
     );
 }
 
-/// An autoregression holds out the end of its log: what trained is an episode of its own.
+/// An autoregression holds out the end of its log: its training part is a separate episode.
 #[test]
 fn the_log_of_an_autoregression_is_recognised_as_a_whole_and_its_end_is_not() {
     let log = narx::csv(2000, 3, false, 0.01);

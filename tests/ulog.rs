@@ -1,4 +1,4 @@
-//! PX4's logs from the command line: told, begun with, fitted and scored, alone and by the folder.
+//! PX4's logs from the command line: `info`, `init`, fits and scores, alone and by the folder.
 
 use std::{fs, path::Path};
 

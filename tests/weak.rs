@@ -125,7 +125,7 @@ fn a_statistic_keeps_its_windows() {
     run("fit pwa -c windows.toml all.stats --partition average -o pwa.json").ok();
 }
 
-/// Windows that nobody asked for are left away where the regions of a partition have too few of them; who asks for them is told.
+/// Default windows are left away if the regions of a partition have too few of them; a request for windows fails.
 #[test]
 fn regions_without_windows_are_fitted_on_rows() {
     let folder = folder(&[("log.csv", &oscillation(1500, 0.01, 0.3))]);
@@ -139,7 +139,8 @@ fn regions_without_windows_are_fitted_on_rows() {
     assert!(!path.join("asked.json").exists());
 }
 
-/// A dry run tells that states may be smoothed, which takes memory that the sums do not; where they are not, it does not.
+/// A dry run announces that states may be smoothed, which takes memory that the sums do not. If they are not, it has no
+/// such line.
 #[test]
 fn a_dry_run_tells_of_smoothed_states() {
     let folder = folder(&[("log.csv", &oscillation(600, 0.01, 0.3))]);

@@ -4,7 +4,7 @@ use std::{fs, path::Path};
 
 use crate::circles::{after_item, is_test, tokens};
 
-/// The front ends, which speak of flags and arguments.
+/// The front ends, whose messages have flags and arguments.
 const FRONT_ENDS: [&str; 2] = ["cli", "py"];
 
 /// Files whose texts have flags that no front end words.
@@ -64,7 +64,7 @@ fn walk(root: &Path, folder: &Path, texts: &mut usize, found: &mut Vec<(String, 
     }
 }
 
-/// How many texts a source file has outside of its tests, and those with a flag.
+/// Number of texts in a source file outside of its tests, and the texts with a flag.
 fn flags(source: &str) -> (usize, Vec<String>) {
     let tokens = tokens(source);
     let (mut texts, mut found, mut at) = (0, Vec::new(), 0);
@@ -82,7 +82,7 @@ fn flags(source: &str) -> (usize, Vec<String>) {
     (texts, found)
 }
 
-/// Whether `--` stands before a letter and behind no word.
+/// Returns true if `--` stands before a letter and behind no word.
 fn has_flag(text: &str) -> bool {
     text.match_indices("--").any(|(at, _)| {
         let word = |sign: char| sign.is_alphanumeric() || sign == '_' || sign == '-';

@@ -1,7 +1,9 @@
-//! Blocks `console`: the commands of a page, run one after the other in a folder of their own, and what they print held against what the page shows.
+//! Blocks `console`: the commands of a page, run one after the other in a separate folder, and their output compared
+//! with the page.
 //!
-//! `$ ` begins a command, `> ` goes on with it; what follows is its standard output. A line `...` stands for any lines, `[..]` for anything within a line, and
-//! `? 1` as the last line for the exit code. Where nothing follows, the output is not shown, and not compared.
+//! `$ ` begins a command, `> ` continues it; its standard output follows. A line `...` stands for any lines, `[..]` for
+//! any text within a line, and `? 1` as the last line for the exit code. Without following lines, the output is neither
+//! shown nor compared.
 
 use std::{
     env, fs,
@@ -16,13 +18,13 @@ use crate::outside::data;
 #[derive(Debug, PartialEq, Eq)]
 struct Shown {
     command: String,
-    /// The index of the first line of what it prints, from 0 in the page, and those lines.
+    /// The index of the first line of its output, from 0 in the page, and those lines.
     at: usize,
     output: Vec<String>,
     code: i32,
 }
 
-/// What a page shows, and what was said.
+/// Difference between a page and the output of its command.
 pub(crate) struct Difference {
     command: String,
     at: usize,
@@ -30,7 +32,7 @@ pub(crate) struct Difference {
     said: Vec<String>,
 }
 
-/// What came of a page's commands.
+/// Result of a page's commands.
 #[derive(Default)]
 pub(crate) struct Ran {
     pub(crate) commands: usize,
@@ -45,7 +47,7 @@ impl Difference {
     }
 }
 
-/// The page's text with what its commands say now.
+/// The page's text with the present output of its commands.
 pub(crate) fn corrected(text: &str, differences: &[Difference]) -> String {
     let mut lines: Vec<&str> = text.lines().collect();
     for difference in differences.iter().rev() {
@@ -134,7 +136,7 @@ fn shell(folder: &Path, line: &str) -> Output {
     Command::new("sh").args(["-ec", line]).current_dir(folder).env("PATH", path).output().expect("sh runs")
 }
 
-/// Whether lines are as shown.
+/// Returns true if lines are as shown.
 fn matches<A: AsRef<str>, B: AsRef<str>>(shown: &[A], said: &[B]) -> bool {
     match shown.split_first() {
         None => said.is_empty(),
@@ -147,8 +149,8 @@ fn matches<A: AsRef<str>, B: AsRef<str>>(shown: &[A], said: &[B]) -> bool {
     }
 }
 
-/// Whether a line is as shown: `[..]` stands for anything, a run of blanks for another one, and numbers are the same to a unit of their last digit, since
-/// other instruction sets round otherwise.
+/// Returns true if a line is as shown. `[..]` stands for any text, and a run of blanks for another one. Numbers are the
+/// same to a unit of their last digit, since other instruction sets round otherwise.
 fn matches_line(shown: &str, said: &str) -> bool {
     let (shown, said) = (shown.trim_end(), said.trim_end());
     shown == said || matches_from((shown, 0), (said, 0))
@@ -179,7 +181,8 @@ fn matches_from((shown, at): (&str, usize), (said, from): (&str, usize)) -> bool
     }
 }
 
-/// The number that begins at a place of a line: digits with a point or an exponent or neither, not a part of a name, a version or a hash.
+/// The number that begins at a place of a line: digits with a point or an exponent or neither. It is not a part of a
+/// name, a version or a hash.
 fn number(line: &str, at: usize) -> Option<&str> {
     let in_name = |c: char| c.is_alphanumeric() || c == '_' || c == '.';
     if line[..at].chars().next_back().is_some_and(in_name) {
@@ -209,7 +212,8 @@ fn number(line: &str, at: usize) -> Option<&str> {
     (!goes_on && !is_open).then(|| &text[..end])
 }
 
-/// Whether two numbers differ by no more than a unit of the last digit of the one with more digits. Counts, which have neither point nor exponent, are equal.
+/// Returns true if two numbers differ by at most a unit of the last digit of the one with more digits. Counts, which
+/// have neither point nor exponent, are equal.
 fn same_number(one: &str, other: &str) -> bool {
     if one == other {
         return true;

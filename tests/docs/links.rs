@@ -40,7 +40,7 @@ fn slug(heading: &str) -> String {
     kept.map(|character| if character == ' ' { '-' } else { character }).collect()
 }
 
-/// What `](...)` and `src="..."` name, outside of fenced blocks and code.
+/// Targets of `](...)` and `src="..."`, outside of fenced blocks and code.
 fn targets(text: &str) -> Vec<String> {
     let mut found = Vec::new();
     let mut within = false;

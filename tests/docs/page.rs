@@ -11,7 +11,7 @@ pub(crate) struct Block {
     pub(crate) needs: Vec<String>,
     /// The number of its fence's line, from 1.
     pub(crate) line: usize,
-    /// What it holds, without the fence's indentation.
+    /// Its lines, without the fence's indentation.
     pub(crate) lines: Vec<String>,
 }
 
@@ -26,7 +26,7 @@ fn comment<'a>(line: &'a str, key: &str) -> Option<&'a str> {
     line.trim().strip_prefix("<!--")?.strip_suffix("-->")?.trim().strip_prefix(key)?.strip_prefix(':').map(str::trim)
 }
 
-/// The fenced blocks of a page. Comments right above a fence say its file and what it needs.
+/// The fenced blocks of a page. Comments right above a fence give its file and its needs.
 pub(crate) fn blocks(text: &str) -> Vec<Block> {
     let mut blocks = Vec::new();
     let mut above: Vec<&str> = Vec::new();

@@ -8,7 +8,8 @@ use fleetfoot_recipe::{Effort, Lags};
 
 use crate::candidates::{Kind, Rows, Trial};
 
-/// Operations of refined regions and of trees, for every row and regressor: measured beside fits of equations, whose plans tell theirs.
+/// Operations of refined regions and of trees, for every row and regressor: measured beside fits of equations, whose
+/// plans have estimates.
 const OF_REGIONS: f64 = 3e4;
 /// Operations of a linear model, for every row and pair of regressors: factors of all rows, of their folds and for the intervals.
 const OF_LINEAR: f64 = 20.0;
@@ -59,7 +60,7 @@ impl Budget {
     }
 }
 
-/// About how many operations a candidate takes; 0 of what is cheap, and of what cannot be planned: its fit tells why.
+/// Operations of a candidate, about. 0 for a cheap one, and for one that cannot be planned: its fit reports the reason.
 fn operations(trial: &Trial, rows: &Rows, logs: &Logs) -> f64 {
     let request = FitRequest::default();
     match trial.kind {

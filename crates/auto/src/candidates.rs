@@ -43,7 +43,7 @@ pub(crate) struct Rows {
     pub(crate) columns: usize,
     /// Rows in front of every simulation.
     pub(crate) before: usize,
-    /// Whether rows have stamps, so that derivatives can be measured.
+    /// True if rows have stamps, so that derivatives can be measured.
     pub(crate) clock: bool,
     /// Rows a second, where they can be made anew; `None` where they cannot.
     pub(crate) rate: Option<f64>,
@@ -66,7 +66,7 @@ fn most_functions(effort: Effort) -> usize {
     }
 }
 
-/// The list of what is tried.
+/// The list of candidates.
 pub(crate) fn candidates(recipe: &Recipe, late: Option<&Moved>, rows: &Rows) -> Vec<Trial> {
     let base = bare(recipe);
     let list = List { base: &base, rows: *rows, effort: rows.effort, every: 1, prefix: String::new() };
@@ -122,7 +122,8 @@ fn steps(rows: &Rows) -> Vec<(usize, f64)> {
     found.into_iter().map(|every| (every, rate / every as f64)).collect()
 }
 
-/// The recipe without what candidates say: the model's structure and the sections of methods keep what a candidate does not set.
+/// The recipe without the settings of candidates: the model's structure and the sections of methods stay unless a
+/// candidate sets them.
 fn bare(recipe: &Recipe) -> Recipe {
     let mut bare = recipe.clone();
     bare.auto = AutoSection::default();
@@ -335,7 +336,7 @@ impl List<'_> {
     }
 }
 
-/// The mean slope over so many rows as the derivative of every state for which the recipe says nothing else.
+/// Sets the mean slope over so many rows as the derivative of every state without a derivative in the recipe.
 fn mean_slopes(recipe: &mut Recipe, over: Option<u32>) {
     let Some(rows) = over else { return };
     for state in recipe.states.values_mut().filter(|own| own.derivative.is_none() && own.known.is_none()) {

@@ -9,7 +9,7 @@ use fleetfoot_fit::Error;
 use fleetfoot_log::{FileInfo, inspect_together};
 use fleetfoot_recipe::{Input, InputTable, Kind, Recipe, State, draft_of_odometry, draft_of_topics, is_named_angle};
 
-/// Rows of an episode, and episodes, that are looked at.
+/// Rows of an episode, and episodes, that are read.
 const ROWS: usize = 20_000;
 const EPISODES: usize = 8;
 /// Words in the names of inputs.
@@ -54,7 +54,7 @@ const INPUT_NAMES: [&str; 36] = [
 /// Words of inputs, whatever stands beside them: `cmd_vel`.
 const COMMANDS: [&str; 9] =
     ["cmd", "command", "commanded", "setpoint", "ref", "reference", "desired", "input", "inputs"];
-/// Words that make a measurement of what would be an input: `motor_speed`.
+/// Words that mark a measurement among the names of inputs: `motor_speed`.
 const MEASURED: [&str; 12] = [
     "measured",
     "meas",
@@ -86,7 +86,7 @@ pub(crate) enum Part {
     LeftOut(&'static str),
 }
 
-/// The recipe with states and inputs, and what to say of them. A recipe with states stays as it is.
+/// The recipe with states and inputs, and notes on them. A recipe with states stays unchanged.
 ///
 /// # Errors
 /// Those of opening; no column that can be a state.
@@ -128,7 +128,7 @@ pub(crate) fn drafted(
     Ok(draft)
 }
 
-/// What a recipe says, above a draft.
+/// Merges a recipe over a draft.
 fn merged(recipe: &Recipe, draft: Recipe) -> Recipe {
     let mut found = recipe.clone();
     found.states = draft.states;
@@ -261,7 +261,7 @@ fn is_clock(steps: &[f64]) -> bool {
     mean > 0.0 && steps.iter().all(|step| *step > 0.0) && spread < 1e-3 * mean
 }
 
-/// How many values there are, up to [`VALUES`].
+/// Number of distinct values, up to [`VALUES`].
 fn distinct(values: impl Iterator<Item = f64>) -> usize {
     let mut seen: Vec<f64> = Vec::new();
     for value in values {

@@ -1,4 +1,4 @@
-//! Inputs that act late: by the correlation of what a state's own past does not tell with the inputs of earlier rows.
+//! Inputs that act late, by the correlation of a state's innovations with the inputs of earlier rows.
 
 use fleetfoot_data::{Halo, Source};
 use fleetfoot_dataset::Error;
@@ -9,13 +9,14 @@ const USUAL: usize = 2;
 /// The least correlation of a late input, and how much larger it must be than that of one in time.
 const LEAST: f64 = 0.1;
 const LARGER: f64 = 1.2;
-/// Rows that are looked at.
+/// Rows that are read.
 const ROWS: usize = 50_000;
 
 /// A recipe whose late inputs are moved, and the delays in rows by the name of the input.
 pub(crate) type Moved = (Recipe, Vec<(String, usize)>);
 
-/// The recipe with its late inputs moved, and the delays in rows by the name of the input, `most` rows at most: those in front of every simulation. `None` where none is late.
+/// The recipe with its late inputs moved, and the delays in rows by the name of the input. A delay is at most `most`
+/// rows: those in front of every simulation. `None` if no input is late.
 ///
 /// # Errors
 /// Those of reading.
@@ -76,7 +77,7 @@ fn delay(rows: &dyn Source, [state, input]: [usize; 2], most: usize) -> Result<O
     Ok((best <= most && found[best] > LEAST && found[best] > LARGER * usual).then_some((best, found[best])))
 }
 
-/// What the two rows before do not tell of a row, by least squares; NaN of the first two.
+/// Innovations of each row by least squares on the two rows before; NaN for the first two.
 fn innovations(x: &[f64]) -> Vec<f64> {
     let count = x.iter().filter(|x| x.is_finite()).count().max(1) as f64;
     let mean = x.iter().filter(|x| x.is_finite()).sum::<f64>() / count;

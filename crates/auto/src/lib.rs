@@ -1,8 +1,9 @@
-//! From a log to a model worth having.
+//! From a log to a model, chosen among all methods and tested.
 //!
-//! [`auto`] drafts what is missing of the recipe, makes rows even where stamps scatter, keeps the last rows back for a test, fits models of all methods to the others, and
-//! takes the smallest one whose simulations of held-out folds are within one standard error of the best. The test rows then say what it is worth, beside
-//! persistence, the mean and the linear model. The recipe that it used ([`Auto::recipe`]) gives the same result again.
+//! [`auto`] drafts the missing parts of the recipe, makes even rows of scattered stamps, and keeps the last rows for a
+//! test. It fits models of all methods to the others. It takes the smallest one whose simulations of held-out folds are
+//! within one standard error of the best. The test rows then give its errors, beside persistence, the mean and the
+//! linear model. The recipe that it used ([`Auto::recipe`]) gives the same result again.
 
 mod budget;
 mod candidates;
@@ -64,7 +65,7 @@ fn in_three<S: Serializer>(value: &Estimate, serializer: S) -> Result<S::Ok, S::
     [value.value, value.low, value.high].serialize(serializer)
 }
 
-/// A model, and what it is worth.
+/// A model, its recipe and its errors.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Auto {
@@ -74,11 +75,11 @@ pub struct Auto {
     pub linear: Option<Model>,
     /// The recipe that gives the same again.
     pub recipe: Recipe,
-    /// What `check` found in the logs; `None` where it could not read them.
+    /// Findings of `check` in the logs; `None` if it could not read them.
     pub checked: Option<Checked>,
     /// The candidates, from cheap to dear.
     pub candidates: Vec<Candidate>,
-    /// Which of them was chosen.
+    /// Index of the chosen candidate.
     pub chosen: usize,
     /// Steps of all simulations.
     pub horizon: HorizonChoice,
@@ -90,9 +91,9 @@ pub struct Auto {
     pub outside: f64,
     /// Share of them that diverge.
     pub diverged: f64,
-    /// What stands above all where the model is not worth having.
+    /// Warning above all else, if the model is of no use.
     pub warning: Option<String>,
-    /// What was fitted, how good it is, from when to when, what is weak, what to record next.
+    /// Sentences about the fit: model, errors, useful horizon, weak points, and the motion to record next.
     pub sentences: Vec<String>,
     /// Assumptions.
     pub notes: Vec<String>,
@@ -100,11 +101,11 @@ pub struct Auto {
     pub stopped: bool,
     /// Rows of which the model sees one.
     every: usize,
-    /// What the fit of the chosen model says of itself.
+    /// Report of the chosen model's fit.
     fit: Value,
 }
 
-/// What is written of a result: nothing that a second run from the written recipe would say differently.
+/// Written part of a result: a second run from the written recipe gives the same.
 #[derive(Serialize)]
 struct Summary<'a> {
     warning: &'a Option<String>,
@@ -120,7 +121,7 @@ struct Summary<'a> {
     stopped: bool,
 }
 
-/// What is told to programs.
+/// Result for programs.
 #[derive(Serialize)]
 struct Told<'a> {
     #[serde(flatten)]
@@ -348,7 +349,7 @@ impl Auto {
         self.mean_of(|own| own.rmse.value / other(own))
     }
 
-    /// The mean over the states of what is known of them.
+    /// The mean over the states with a known value.
     fn mean_of(&self, value: impl Fn(&TestedState) -> f64) -> Option<f64> {
         let known: Vec<f64> = self.tested.iter().map(value).filter(|value| value.is_finite()).collect();
         (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)

@@ -16,11 +16,11 @@ use crate::{
     horizon::HorizonChoice,
 };
 
-/// A candidate and what it is worth on rows that did not train it.
+/// A candidate and its held-out errors.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Candidate {
-    /// What it is.
+    /// Name of the candidate.
     pub name: String,
     /// The command that fits it.
     pub method: String,
@@ -34,16 +34,16 @@ pub struct Candidate {
     pub standard_error: Option<f64>,
     /// Simulations that ended early, and how many there were.
     pub ended: [usize; 2],
-    /// Why there is no model, or why it cannot be chosen.
+    /// Reason why there is no model, or why it cannot be chosen.
     pub reason: Option<String>,
 }
 
-/// What is kept of a candidate that could be fitted.
+/// A candidate that could be fitted.
 pub(crate) struct Tried {
     pub(crate) model: Model,
     /// Rows of which it sees one.
     pub(crate) every: usize,
-    /// What the fit says of itself.
+    /// Report of the fit.
     pub(crate) report: serde_json::Value,
 }
 
@@ -55,7 +55,7 @@ pub(crate) struct Ranking {
 }
 
 impl Ranking {
-    /// Fits and simulates the candidates one after the other. A stop by the user ends it; what is done stays.
+    /// Fits and simulates the candidates one after the other. A stop by the user ends it; finished candidates stay.
     pub(crate) fn new(
         (trials, rows): (&[Trial], &Rows),
         logs: &Logs,
@@ -161,7 +161,7 @@ impl Ranking {
         }
     }
 
-    /// What needs no model and is not beaten by the chosen one beyond the standard error.
+    /// Name of a baseline that the chosen model does not beat by more than the standard error; `None` if it beats all.
     pub(crate) fn unbeaten(&self, chosen: usize) -> Option<&'static str> {
         let own = &self.candidates[chosen];
         if own.name == MEAN {
@@ -182,7 +182,7 @@ const GIVEN_UP: f64 = 2.0;
 /// Errors that differ by less are alike, however sure the difference is: a person reads the smaller model.
 const ALIKE: f64 = 1.05;
 
-/// Whether errors are less than others, fold by fold, by more than one standard error of the difference.
+/// Returns true if errors are lower than others, fold by fold, by more than one standard error of the difference.
 fn is_better(folds: &[f64], others: &[f64]) -> bool {
     let differences: Vec<f64> = others.iter().zip(folds).map(|(other, own)| other - own).collect();
     let (mean, spread) = mean_and_error(&differences);

@@ -25,9 +25,9 @@ pub struct Span {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Split {
-    /// What fits and the choice see.
+    /// Rows for fits and for the choice.
     pub training: Span,
-    /// What they do not see.
+    /// Rows of the test.
     pub test: Span,
 }
 
@@ -43,14 +43,14 @@ pub(crate) struct Movement {
 }
 
 impl Movement {
-    /// How far the test goes beyond the range of the training, in widths of that range.
+    /// Excess of the test over the training range, in widths of that range.
     pub(crate) fn beyond(&self) -> f64 {
         let [least, most] = self.training;
         (least - self.test[0]).max(self.test[1] - most) / (most - least)
     }
 }
 
-/// What the rows of both parts are like.
+/// Spans of training and test, and the movement of every column in both.
 ///
 /// # Errors
 /// Those of opening and reading; nothing is left for a test.

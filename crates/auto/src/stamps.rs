@@ -7,7 +7,8 @@ use fleetfoot_dataset::{Dataset, Logs};
 use fleetfoot_fit::Error;
 use fleetfoot_recipe::Recipe;
 
-/// Gives the recipe a rate, where stamps jitter, come in bursts, or rows are missing between others: models of one step after another need even rows.
+/// Gives the recipe a rate if stamps jitter, come in bursts, or rows are missing between others: models of one step
+/// after another need even rows.
 ///
 /// # Errors
 /// Those of opening.

@@ -1,4 +1,4 @@
-//! The five sentences: what was fitted, how good it is, from when to when, what is weak, what to record next.
+//! The five sentences: the fit, its errors, its useful horizon, its weak points, and the motion to record next.
 
 use fleetfoot_data::setting::{INPUTS, STATES};
 use fleetfoot_report::words::{count, number, ratio, seconds};
@@ -14,13 +14,13 @@ pub(crate) fn sentences(found: &Auto, movements: &[Movement], inputs: &[String])
     vec![fitted(found), good(found), span(found), weak(found), next(found, movements, inputs)]
 }
 
-/// An error beyond that of the linear model from which on the difference is told.
+/// Ratio to the error of the linear model from which a sentence names the difference.
 const MARGIN: f64 = 1.1;
 
 /// An error over that of persistence below which a model is exact.
 const EXACT: f64 = 1e-6;
 
-/// What stands above all where a result is not worth having.
+/// Warning above all else, if a result is of no use.
 pub(crate) fn warning(found: &Auto, unbeaten: Option<&str>) -> Option<String> {
     if let Some(unbeaten) = unbeaten {
         return Some(format!(
@@ -109,7 +109,7 @@ fn weak(found: &Auto) -> String {
     )
 }
 
-/// A share of moving rows below which an input tells little.
+/// A share of moving rows below which an input is hardly excited.
 const STILL: f64 = 0.02;
 
 fn next(found: &Auto, movements: &[Movement], inputs: &[String]) -> String {

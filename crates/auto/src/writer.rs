@@ -21,7 +21,7 @@ pub const FILES: [&str; 4] = ["model.json", "recipe.toml", "report.html", "auto.
 /// The folder of the exported code.
 const CODE: &str = "c";
 
-/// Where a result goes.
+/// Output of a result.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct AutoOutput {
     /// The folder, which must not be there.
@@ -33,7 +33,7 @@ pub struct AutoOutput {
 }
 
 impl AutoOutput {
-    /// Looks at the folder before the work.
+    /// Checks the folder before the work.
     ///
     /// # Errors
     /// It is there; with `force`, it holds other files than those of a result.
@@ -86,7 +86,8 @@ fn written(path: &Path, source: io::Error) -> Error {
 }
 
 impl Auto {
-    /// Writes model, recipe, page and summary into a folder, and the code where it is asked for. They are made beside the folder, which appears whole or not at all.
+    /// Writes model, recipe, page and summary into a folder, and the code on request. They are made beside the folder,
+    /// which appears whole or not at all.
     ///
     /// # Errors
     /// Those of [`AutoOutput::check`], of the page, of the export and of writing.

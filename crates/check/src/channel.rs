@@ -16,7 +16,8 @@ use crate::{
 
 /// Rows of a chunk.
 const CHUNK_ROWS: usize = 65_536;
-/// A value that far from both neighbours, in usual steps, while these are near to each other, is a gross error; a smaller share of them is none of note.
+/// Distance from both neighbours, in usual steps, from which on a value is a gross error, while the neighbours are near
+/// to each other. Errors of a smaller share of the rows are ignored.
 const FAR: f64 = 20.0;
 const NEIGHBOURS: f64 = 0.3;
 const GROSS: f64 = 2e-3;
@@ -70,7 +71,7 @@ pub(crate) struct Sums {
     /// The longest run of one value.
     longest: u64,
     gross: u64,
-    /// The run at the end of what was summed: its value and rows.
+    /// The run at the end of the sums: its value and rows.
     run: (f64, u64),
 }
 
@@ -95,7 +96,7 @@ impl Default for Sums {
 }
 
 impl Sums {
-    /// Adds the rows of a tile; `all` has the neighbours, `core` says where the rows are.
+    /// Adds the rows of a tile; `all` has the neighbours, `core` is the range of the rows.
     fn add(&mut self, all: &[f64], core: Range<usize>, usual_step: f64) {
         for at in core {
             let value = all[at];
@@ -148,7 +149,7 @@ impl Sums {
         self.run = (f64::NAN, 0);
     }
 
-    /// Merges what comes after.
+    /// Merges the sums behind.
     fn merge(&mut self, mut other: Self) {
         other.end_run();
         let rows = (self.rows + other.rows).max(1) as f64;
@@ -179,7 +180,7 @@ impl Sums {
         self.changes as f64 / self.rows.max(1) as f64
     }
 
-    /// Whether the channel has one value in all rows.
+    /// Returns true if the channel has one value in all rows.
     pub(crate) fn is_dead(&self) -> bool {
         self.rows > 0 && self.least == self.most
     }

@@ -1,4 +1,4 @@
-//! A fault, its place, the number that shows it, and what mends it.
+//! A fault: its place, its measured number, and the remedy.
 
 use serde::Serialize;
 

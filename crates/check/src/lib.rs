@@ -1,7 +1,7 @@
 //! Faults in logs, found before a fit: stamps that jitter, channels that are dead, stuck or saturated, units that cannot be, delays between channels.
 //!
-//! [`check`] reads the rows once and a bounded sample of them for what needs pairs of channels. Each [`Finding`] has the fault, its place, the number that shows it,
-//! and the command that mends it.
+//! [`check`] reads the rows once, and a bounded sample of them for comparisons of pairs of channels. Each [`Finding`]
+//! has the fault, its place, the number that shows it, and the command that mends it.
 
 mod channel;
 mod finding;
@@ -36,7 +36,7 @@ pub struct Checked {
     pub rows: usize,
     /// Sampling period, seconds; 0 without a clock.
     pub period: f64,
-    /// The channels that were looked at: states and inputs of the recipe, else all columns.
+    /// The checked channels: states and inputs of the recipe, else all columns.
     pub channels: Vec<ChannelSummary>,
     /// The faults, the most serious first.
     pub findings: Vec<Finding>,
@@ -44,7 +44,7 @@ pub struct Checked {
     pub notes: Vec<String>,
 }
 
-/// What a recipe says of a channel.
+/// Role of a channel in a recipe.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Part {
     /// A state.
@@ -55,21 +55,22 @@ pub(crate) enum Part {
     Open,
 }
 
-/// A channel that is looked at.
+/// A channel to check.
 #[derive(Debug, Clone)]
 pub(crate) struct Channel {
     pub(crate) column: Column,
     /// Its place among the columns of the rows.
     pub(crate) place: usize,
     pub(crate) part: Part,
-    /// Whether the recipe says that it is an angle.
+    /// True if the recipe calls it an angle.
     pub(crate) angle: bool,
 }
 
-/// Channels that are looked at, at most: what relates them grows with the square.
+/// Channels to check, at most: the comparisons grow with the square.
 const MOST: usize = 512;
 
-/// Looks at logs through a recipe; without states in it, at all columns of tables, and at what a draft proposes of robots' logs.
+/// Checks logs through a recipe. Without states in it, all columns of tables are checked, and the channels that a draft
+/// proposes of robots' logs.
 ///
 /// # Errors
 /// Those of the recipe and of reading.
@@ -130,7 +131,7 @@ fn channel(recipe: &Recipe, column: &Column, place: usize) -> Channel {
 }
 
 impl Channel {
-    /// Whether it is a measured real number, and no label or switch.
+    /// Returns true for a measured real number, false for a label or a switch.
     pub(crate) fn is_measured(&self) -> bool {
         self.column.kind == ColumnKind::Float
     }

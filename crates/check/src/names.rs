@@ -1,6 +1,6 @@
-//! What names of channels say: which is the rate of which, and along which axis.
+//! Meaning of channels' names: rates and their quantities, axes.
 
-/// Words of rates, and of what they are rates of; neither tells one channel from another.
+/// Words of rates, and of their quantities; neither distinguishes one channel from another.
 const RATES: [&str; 18] = [
     "v",
     "vel",
@@ -47,13 +47,13 @@ const ANGLES: [&str; 9] = ["yaw", "pitch", "roll", "heading", "theta", "phi", "p
 /// A name in words.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Words {
-    /// What is left when words of rates and places are taken away, in order.
+    /// Words that remain without those of rates and places, in order.
     pub(crate) rest: Vec<String>,
-    /// Whether it is called a rate.
+    /// True if the name is that of a rate.
     pub(crate) rate: bool,
-    /// Whether it is called an acceleration.
+    /// True if the name is that of an acceleration.
     pub(crate) acceleration: bool,
-    /// Whether it is called an angle.
+    /// True if the name is that of an angle.
     pub(crate) angle: bool,
 }
 
@@ -82,7 +82,7 @@ impl Words {
         found
     }
 
-    /// Whether this is called the rate of another.
+    /// Returns true if the name is that of the other's rate.
     pub(crate) fn is_rate_of(&self, other: &Self) -> bool {
         self.rate && !other.rate && !self.rest.is_empty() && self.rest == other.rest
     }

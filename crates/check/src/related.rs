@@ -1,4 +1,4 @@
-//! What two channels say of each other: one is late beside the other, in another unit, along another axis, or the same.
+//! Comparison of two channels: a delay, another unit, another axis, or the same signal.
 
 use std::f64::consts::PI;
 
@@ -28,9 +28,9 @@ const FACTORS: [(f64, &str); 4] = [
     (3.6, "km/h and m/s"),
 ];
 const NEAR: f64 = 0.03;
-/// A rate that is near to what it is called.
+/// Relative deviation from 1 within which a ratio agrees with the names.
 const ONE: f64 = 0.1;
-/// What of the mismatch without a delay is left with it, where there is one.
+/// Largest ratio of the mismatch with a delay to that without one at which the delay counts.
 const BETTER: f64 = 0.5;
 /// Rows that must be there for a comparison.
 const FEW: usize = 200;
@@ -47,7 +47,7 @@ struct Match {
     ratio: f64,
 }
 
-/// What pairs of channels say.
+/// Findings about pairs of channels.
 ///
 /// # Errors
 /// The user stopped the work.
@@ -80,7 +80,7 @@ pub(crate) fn findings(
     Ok(findings)
 }
 
-/// What is wrong with a channel that is called the rate of another.
+/// Finding about a channel whose name is that of another's rate.
 fn of_rate(channels: &[Channel], sample: &Sample, (place, rate): (usize, usize), found: Match) -> Option<Finding> {
     if found.best.abs() < ALIKE {
         return None;

@@ -57,7 +57,8 @@ impl Sample {
         *steps.select_nth_unstable_by(middle, f64::total_cmp).1
     }
 
-    /// The step of a channel from row to row that four of five steps do not exceed: rests and gross errors leave it; NaN where no two rows have values.
+    /// The step of a channel from row to row that four of five steps do not exceed: rests and gross errors do not
+    /// affect it. NaN without two rows that have values.
     pub(crate) fn usual_step(&self, channel: usize) -> f64 {
         let stretches = self.stretches.iter();
         let mut steps: Vec<f64> = stretches

@@ -7,7 +7,7 @@ use fleetfoot_log::{FileInfo, HeaderOffset};
 
 use crate::finding::{Fault, Finding};
 
-/// Stamps that are read at once, and at most an episode: what they scatter by is the same further on.
+/// Stamps that are read at once, and at most an episode: the scatter is the same further on.
 const ROWS: usize = 65_536;
 const MOST: usize = 1 << 20;
 /// Share of the rows that are more than a fifth of a period off, from which on stamps jitter.
@@ -15,15 +15,15 @@ const OFF: f64 = 0.02;
 const FIFTH: f64 = 0.2;
 /// Share of rows that may be dropped.
 const DROPPED: f64 = 0.001;
-/// Share of rows in bursts, and what of a period is one.
+/// Share of rows in bursts, and share of a period that counts as a burst.
 const IN_BURSTS: f64 = 0.01;
 const BURST: f64 = 0.1;
-/// Periods that tell nothing.
+/// Number of periods below which there is no finding.
 const FEW: usize = 8;
 /// Seconds that two clocks may run apart: messages come later or sooner by less.
 const APART: f64 = 0.05;
 
-/// What the files themselves say of their clocks.
+/// Findings about the clocks of files.
 pub(crate) fn of_files(infos: &[FileInfo]) -> Vec<Finding> {
     let mut findings = Vec::new();
     for info in infos {
@@ -90,7 +90,7 @@ struct Periods {
     bursts: u64,
 }
 
-/// What the stamps of the rows say.
+/// Findings about the stamps of the rows.
 pub(crate) fn of_rows(view: &dyn Source, progress: &dyn Progress) -> Result<Vec<Finding>, Error> {
     progress.stage("stamps");
     let episodes = parallel_map(view.episodes().len(), progress, |at| {

@@ -15,7 +15,7 @@ use crate::{
 /// Most regions: a region and the codes of failures are numbers of 16 bits.
 const MOST_REGIONS: usize = 30_000;
 
-/// What the languages print.
+/// A model, its plan and its code, ready for printing in a language.
 pub(crate) struct Assembled<'a> {
     /// The model as it was given.
     pub(crate) own: &'a Model,
@@ -25,7 +25,7 @@ pub(crate) struct Assembled<'a> {
     pub(crate) step: Option<f64>,
 }
 
-/// The model with everything computed that can be: what the code evaluates.
+/// The closed model, which the code evaluates: all columns that can be computed are.
 pub(crate) fn closed(model: &Model, options: &ExportOptions) -> Result<Closed, ExportError> {
     options.validate()?;
     model.validate().map_err(ExportError::Inconsistent)?;
@@ -88,7 +88,7 @@ fn lowering<'a>(
     Lowering { plan, evaluation, precision, domain: options.domain, tag, tables: Vec::new() }
 }
 
-/// Every number must be one in the precision asked for.
+/// Checks that every number is finite in the chosen precision.
 fn check_numbers(code: &Code, precision: Precision) -> Result<(), ExportError> {
     let mut bad = None;
     walk::numbers(code, &mut |value, place| {

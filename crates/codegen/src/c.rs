@@ -169,12 +169,12 @@ impl Printer<'_> {
         text
     }
 
-    /// `, u, dt` as far as there are any.
+    /// `, u, dt` with the existing parameters only.
     fn given(&self, dt: bool) -> String {
         self.given_with(false, dt)
     }
 
-    /// `, u, u_next, dt` as far as there are any.
+    /// `, u, u_next, dt` with the existing parameters only.
     fn given_with(&self, next: bool, dt: bool) -> String {
         let inputs = self.assembled.plan.inputs.len();
         let mut text = if inputs > 0 { format!(", {}", self.array("u", inputs, true)) } else { String::new() };
@@ -193,7 +193,7 @@ impl Printer<'_> {
         format!("int {p}_step({p}_model *m{given})")
     }
 
-    /// Whether observing needs the length of the step.
+    /// Returns true if observing needs the length of the step.
     fn observes_step(&self) -> bool {
         self.assembled.free_step() && self.assembled.plan.time
     }
@@ -261,7 +261,7 @@ impl Printer<'_> {
         out
     }
 
-    /// How an inner parameter is given.
+    /// Text of an inner parameter in a call.
     fn argument(&self, inner: &str, outer: &str) -> String {
         if self.assembled.plan.own(inner) { format!("m->{inner}") } else { outer.to_owned() }
     }

@@ -87,7 +87,7 @@ impl C<'_> {
         }
     }
 
-    /// Small functions that C lacks, as far as they are used.
+    /// Small functions that C lacks, those in use.
     pub(crate) fn helpers(&self, used: &crate::cost::Used, out: &mut String) {
         let (t, p) = (self.real(), self.prefix);
         let (zero, one) = (self.number(0.0), self.number(1.0));

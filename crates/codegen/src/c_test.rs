@@ -68,7 +68,7 @@ impl Program<'_> {
         out
     }
 
-    /// Whether a function takes the length of a step.
+    /// Returns true if a function takes the length of a step.
     fn steps(&self) -> bool {
         let has = |public: &Public<'_>| public.inner.parameters.iter().any(|parameter| parameter.name == "dt");
         self.assembled.public().iter().any(has)
@@ -135,7 +135,7 @@ impl Program<'_> {
         );
     }
 
-    /// A step must give what `next` gives.
+    /// Checks that a step equals `next`.
     fn check_step(&self, out: &mut String) {
         let (p, plan) = (self.c.prefix, &self.assembled.plan);
         *out += "        {\n";

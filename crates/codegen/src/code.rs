@@ -1,7 +1,7 @@
-//! A small imperative language: what the exporters print as C, Rust and Python, and what is counted and checked before.
+//! A small imperative language, which the exporters print as C, Rust and Python after counting and checking.
 //!
-//! Values are real numbers; indices are natural numbers. There are tables (constant), arrays (local or parameters), loops with
-//! known bounds and no recursion, so that memory and work are known when the code is written.
+//! Values are real numbers; indices are natural numbers. There are tables (constant), arrays (local or parameters) and
+//! loops with known bounds, but no recursion. Memory and work are therefore known when the code is written.
 
 use fleetfoot_library::{Binary, Unary};
 
@@ -54,7 +54,7 @@ pub(crate) struct Parameter {
     pub(crate) kind: Kind,
 }
 
-/// How a parameter is passed; arrays with their length.
+/// Passing of a parameter; arrays with their length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
     In(usize),
@@ -148,7 +148,7 @@ pub(crate) enum Argument {
     Value(Real),
 }
 
-/// What a function gives.
+/// Return value of a function.
 #[derive(Debug, Clone)]
 pub(crate) enum Outcome {
     /// The region, or `-1 - region` where the counter `outside` is not 0.
@@ -158,7 +158,7 @@ pub(crate) enum Outcome {
     },
     NoRegion,
     NotFinite,
-    /// What a call gave.
+    /// The return value of a call.
     Same(String),
 }
 

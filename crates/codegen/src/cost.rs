@@ -1,4 +1,4 @@
-//! What code costs: memory exactly, operations by counting, the program's size by estimate.
+//! Cost of code: memory exactly, operations by counting, the program's size by estimate.
 
 use std::collections::BTreeSet;
 
@@ -25,7 +25,7 @@ pub struct Operations {
     pub functions: u64,
 }
 
-/// What the code of a model takes.
+/// Cost of a model's code.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct Cost {
     /// Bytes of constant tables.
@@ -118,7 +118,7 @@ impl Operations {
     }
 }
 
-/// Operations of statements; loops count `turns` times, or once where `written` asks for what is written down.
+/// Operations of statements; loops count `turns` times, or once with `written`, which counts the written code.
 fn operations(statements: &[Statement], code: &Code, written: bool) -> Operations {
     let mut sum = Operations::default();
     for statement in statements {
@@ -261,7 +261,7 @@ impl Used {
         used
     }
 
-    /// Whether a library of elementary functions is needed; `abs` and the sign are not.
+    /// Returns true if a library of elementary functions is needed; `abs` and the sign need none.
     pub(crate) fn library(&self) -> bool {
         let plain = |f: &Unary| matches!(f, Unary::Neg | Unary::Sign | Unary::Step | Unary::Abs);
         self.unary.iter().any(|f| !plain(f)) || self.binary.iter().any(|f| matches!(f, Binary::Pow | Binary::Atan2))

@@ -9,7 +9,7 @@ pub enum ExportError {
     /// The parts of the model do not fit together.
     #[error("the model contradicts itself: {0}; fit it again")]
     Inconsistent(String),
-    /// An expression of the model speaks of a column that is not there.
+    /// An expression of the model reads a column that is not there.
     #[error(transparent)]
     UnknownColumn(#[from] UnknownColumn),
     /// Nothing to compute.
@@ -21,7 +21,7 @@ pub enum ExportError {
         /// The state.
         state: String,
     },
-    /// A right side speaks of a latent at another row.
+    /// A right side reads a latent at another row.
     #[error(transparent)]
     LaggedLatent(#[from] fleetfoot_model::LaggedLatent),
     /// A column that follows from the states cannot be computed in time.
@@ -37,12 +37,12 @@ pub enum ExportError {
         /// Rows ahead.
         ahead: u32,
     },
-    /// A number that is none.
+    /// A number that is not finite.
     #[error("{value} among the numbers ({place}); fit the model again without what made it")]
     NotFinite {
         /// The value.
         value: f64,
-        /// Where it stands.
+        /// Its place.
         place: String,
     },
     /// A number that does not fit into 32 bits.
@@ -50,7 +50,7 @@ pub enum ExportError {
     TooLarge {
         /// The value.
         value: f64,
-        /// Where it stands.
+        /// Its place.
         place: String,
     },
     /// More regions than codes.
@@ -61,18 +61,18 @@ pub enum ExportError {
         /// The most there may be.
         most: usize,
     },
-    /// A step that is none.
+    /// A step that is not positive.
     #[error("a step of {0} s; the step must be a positive number of seconds")]
     Step(f64),
     /// Nothing to discretise.
     #[error("the model integrates no derivative: it has a step already; leave the step to discretise with away")]
     AlreadyDiscrete,
-    /// A prefix that is no identifier.
+    /// A prefix that cannot begin an identifier.
     #[error("the prefix `{prefix}` {problem}; choose a word such as `drag`")]
     Prefix {
         /// The prefix.
         prefix: String,
-        /// What is wrong with it.
+        /// The problem with it, in words.
         problem: &'static str,
     },
 }

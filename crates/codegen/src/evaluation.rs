@@ -5,7 +5,7 @@ use fleetfoot_model::{Basis, Equation, LatentGroup, Model, RegionSummary, Rule, 
 
 use crate::ExportError;
 
-/// What equations need, stage by stage, in the order in which it is computed.
+/// Stages that equations need, in the order of computation.
 pub(crate) struct Evaluation {
     /// The functions in use, group by group, then the columns of the partitions. Behind the functions of a group stand zeros in the place of its basis functions
     /// ([`Evaluation::is_basis`]).
@@ -27,7 +27,7 @@ pub(crate) struct Evaluation {
 /// A partition in use with more than one region.
 pub(crate) struct Cells {
     pub(crate) partition: usize,
-    /// Where its columns stand among the features.
+    /// Place of its first column among the features.
     pub(crate) first: usize,
     pub(crate) centre: Vec<f64>,
     pub(crate) scale: Vec<f64>,
@@ -39,7 +39,7 @@ pub(crate) struct Group {
     /// Index into [`Evaluation::partitions`]; `None` for one region.
     pub(crate) cells: Option<usize>,
     pub(crate) regions: usize,
-    /// Where its functions stand among the features.
+    /// Place of its first function among the features.
     pub(crate) first: usize,
     /// Number of functions in use.
     pub(crate) functions: usize,
@@ -108,7 +108,7 @@ impl Group {
             .filter(|(_, coefficient)| *coefficient != 0.0)
     }
 
-    /// Whether so many coefficients are zero that storing the others with their places is shorter.
+    /// Returns true if so many coefficients are zero that storing the others with their places is shorter.
     pub(crate) fn is_sparse(&self) -> bool {
         self.basis.is_none()
             && self.beyond.is_none()
@@ -172,13 +172,13 @@ impl Evaluation {
         })
     }
 
-    /// What is read of the model's columns.
+    /// Leaves that read the model's columns.
     pub(crate) fn column_leaves(&self, columns: usize) -> impl Iterator<Item = Leaf> {
         let is_column = move |leaf: &Leaf| !matches!(leaf, Leaf::Column { column, .. } if *column >= columns);
         self.features.leaves.iter().chain(&self.rights.leaves).copied().filter(is_column)
     }
 
-    /// Whether a feature is a basis function, which a loop computes.
+    /// Returns true if a feature is a basis function, which a loop computes.
     pub(crate) fn is_basis(&self, feature: usize) -> bool {
         self.groups.iter().any(|group| (group.first + group.functions..group.first + group.width()).contains(&feature))
     }

@@ -1,7 +1,8 @@
 //! A filter in C: the switched Kalman filter of a model with affine regions, with the operations of the engine in the engine's order.
 //!
-//! The C of the model decides the region of a state. One Rust function writes each C function around it: `moments` of distributions, the `crossing` of
-//! borders where regions follow from the state, `coloured` noise, and the `step` that calls them. `source` has their order.
+//! The C of the model decides the region of a state. One Rust function writes each C function around it: `moments` of
+//! distributions, the `crossing` of borders if regions follow from the state, `coloured` noise, and the `step` that
+//! calls them. `source` has their order.
 
 mod coloured;
 mod crossing;

@@ -1,9 +1,9 @@
 //! Running code without a compiler, with a bound on its rounding errors.
 //!
-//! Every value carries a first-order bound of what rounding may do to it (in units of the roundoff): the standard running error analysis
-//! (Higham, Accuracy and Stability of Numerical Algorithms, 2002, section 3.3). The bounds are the tolerances of the test vectors:
-//! an expected value that hangs on cancellation is given the room that it needs, and no more. A run that comes so near to a
-//! border (of a region, of a step, of a training range) that rounding could carry it across is no good as a test vector.
+//! Every value carries a first-order bound of its rounding error (in units of the roundoff): the standard running error
+//! analysis (Higham, Accuracy and Stability of Numerical Algorithms, 2002, section 3.3). The bounds are the tolerances
+//! of the test vectors: an expected value with cancellation is given the room that it needs, and no more. A run near a
+//! border (of a region, of a step, of a training range) is no good as a test vector if rounding could carry it across.
 
 use std::collections::HashMap;
 
@@ -25,13 +25,13 @@ pub(crate) const NO_REGION: i64 = -32767;
 /// See [`NO_REGION`].
 pub(crate) const NOT_FINITE: i64 = -32766;
 
-/// What a run gave.
+/// Result of a run.
 #[derive(Debug, Clone)]
 pub(crate) struct Run {
     pub(crate) code: i64,
     /// Output arrays by name.
     pub(crate) outputs: Vec<(&'static str, Vec<Bounded>)>,
-    /// Whether rounding could have taken another branch.
+    /// True if rounding could have taken another branch.
     pub(crate) ambiguous: bool,
 }
 
@@ -269,7 +269,7 @@ impl<'a> Interpreter<'a> {
         }
     }
 
-    /// Whether rounding could exchange the order of two values that are not exact.
+    /// Returns true if rounding could exchange the order of two values that are not exact.
     fn near(&self, a: Bounded, b: Bounded) -> bool {
         let room = 64.0 * self.roundoff * (a.error + b.error);
         room > 0.0 && (a.value - b.value).abs() <= room

@@ -22,7 +22,7 @@ struct Entry {
 impl Lowering<'_> {
     /// `code = name(x, u, past, t, A, B, c)`: the right sides are `A x + B u + c` to first order, in the region of (x, u).
     ///
-    /// `kinds` says what the rows are: for a next value or a difference the row is that of the next value.
+    /// `kinds`: kinds of the rows. For a next value or a difference the row is that of the next value.
     pub(crate) fn jacobian(&mut self, name: &'static str, kinds: &[Prediction]) -> Result<Function, UnknownColumn> {
         let (rows, states, inputs) = (kinds.len(), self.plan.states.len(), self.plan.inputs.len());
         let mut body = vec![Statement::Array("f".into(), rows)];
@@ -276,7 +276,7 @@ fn remainder(rows: usize, states: usize, inputs: usize) -> Statement {
 }
 
 impl Plan<'_> {
-    /// Where a signal's present value is read.
+    /// Present value of a signal.
     pub(crate) fn present(&self, source: Source) -> Real {
         match source {
             Source::State(i) => Real::at("x", i),
@@ -286,7 +286,7 @@ impl Plan<'_> {
     }
 }
 
-/// What a function returns when a call before it failed.
+/// Return statement behind a call: passes on its code if it failed.
 pub(crate) fn unless_failed(code: &str) -> Statement {
     Statement::If(
         crate::code::Condition::Failed(code.to_owned()),

@@ -44,7 +44,7 @@ pub(crate) fn file(model: &Model, options: &ExportOptions) -> ExportedFile {
     ExportedFile::text(format!("{}.tex", options.prefix), out)
 }
 
-/// Basis functions: what they are, and the numbers of each.
+/// Basis functions: their definition, and the numbers of each.
 fn basis_lines(out: &mut String, definition: &Definition) {
     let head: Vec<String> = definition.head.iter().map(|name| escaped(name)).collect();
     let rows = definition.rows.iter().map(|(name, values)| {

@@ -1,6 +1,6 @@
-//! How long lists of numbers are broken into lines.
+//! Line breaks in long lists of numbers.
 
-/// Values in rows of `row`, each row on lines of its own, separated by commas.
+/// Values in rows of `row`, each row on separate lines, separated by commas.
 pub(crate) fn rows(values: &[String], row: usize, out: &mut String) {
     for row in values.chunks(row.max(1)) {
         let mut line = String::from("   ");

@@ -1,9 +1,10 @@
 //! Models and filters as C, Rust, Python, LaTeX and NumPy arrays.
 //!
-//! A model is first written as a small imperative program ([`Target::C`], [`Target::Rust`] and [`Target::Python`] print the same one), with the
-//! engine's operations in the engine's order: candidate functions as straight-line code with shared parts computed once, the region by the
-//! partition's rule, latents as sums without zeros (one region), as dense tables or as tables without zeros (many regions), right
-//! sides. Derivatives are exact. No heap, no global state, no loop whose length is not known.
+//! A model is first written as a small imperative program ([`Target::C`], [`Target::Rust`] and [`Target::Python`] print
+//! the same one), with the engine's operations in the engine's order. Candidate functions are straight-line code with
+//! shared parts computed once; the region follows the partition's rule. Latents are sums without zeros (one region), or
+//! dense tables or tables without zeros (many regions). Right sides come last. Derivatives are exact. No heap, no
+//! global state, no loop of unknown length.
 //!
 //! ```
 //! use fleetfoot_codegen::{ExportOptions, Target, export, test_vectors};
@@ -85,17 +86,18 @@ impl ExportedFile {
 pub struct Export {
     /// The files.
     pub files: Vec<ExportedFile>,
-    /// What the code takes; `None` where there is none (LaTeX, npz).
+    /// Cost of the code; `None` without code (LaTeX, npz).
     pub cost: Option<Cost>,
 }
 
 /// Writes a model in another language.
 ///
-/// `vectors` are what the test of [`Target::C`] compares with: [`test_vectors`], or the same points with another engine's values.
+/// `vectors` are the expected values in the test of [`Target::C`]: [`test_vectors`], or the same points with another
+/// engine's values.
 ///
 /// # Errors
-/// [`ExportError`]: a model that contradicts itself or reads ahead, numbers that are none or do not fit, a prefix that is no
-/// identifier.
+/// [`ExportError`]: a model that contradicts itself or reads later rows; numbers that are not finite or do not fit; a
+/// prefix that cannot begin an identifier.
 pub fn export(model: &Model, options: &ExportOptions, vectors: &[TestVector]) -> Result<Export, ExportError> {
     options.validate()?;
     model.validate().map_err(ExportError::Inconsistent)?;

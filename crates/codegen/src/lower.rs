@@ -251,7 +251,7 @@ impl Lowering<'_> {
         group.cells.map_or_else(|| 0.into(), |cells| Index::local(&region_name(cells)))
     }
 
-    /// Whether the functions are finite and within what their region saw in training.
+    /// Statements that check that the functions are finite and within the training range of their region.
     fn check(&mut self, index: usize, group: &Group) -> Vec<Statement> {
         let functions = group.functions;
         if functions == 0 {
@@ -368,8 +368,8 @@ impl Lowering<'_> {
     }
 }
 
-/// The cuts of a tree as they are nested: the columns are the features from `first` on, the regions are counted from `base` on, and the counter holds what is known
-/// of it.
+/// The cuts of a tree, nested. The columns are the features from `first` on, the regions count from `base` on, and
+/// `known` is the present value of the counter.
 fn nested(
     tree: &Tree,
     place: Branch,
@@ -426,7 +426,7 @@ pub(crate) fn region_name(index: usize) -> String {
 }
 
 impl Plan<'_> {
-    /// What right sides read: `x`, `u`, `u_next`, `past`, `t`, as far as there is something.
+    /// Parameters that right sides read: `x`, `u`, `u_next`, `past`, `t`, those that are not empty.
     pub(crate) fn parameters(&self) -> Vec<Parameter> {
         let next = if self.next_inputs { self.inputs.len() } else { 0 };
         let arrays = [("x", self.states.len()), ("u", self.inputs.len()), (NEXT_INPUTS, next), ("past", self.memory())];
@@ -438,7 +438,7 @@ impl Plan<'_> {
         all
     }
 
-    /// Where a leaf is read.
+    /// Value of a leaf.
     pub(crate) fn leaf(&self, leaf: Leaf) -> Real {
         let (source, lag) = match leaf {
             Leaf::Time { lag } => (Some(Source::Time), lag),
@@ -459,7 +459,8 @@ impl Plan<'_> {
 /// Longest expression that is written in one piece, in operations.
 const LONGEST: usize = 8;
 
-/// Straight-line code as statements (names `prefix0`, ...) and the values of its outputs. What is used once is written where it is used.
+/// Straight-line code as statements (names `prefix0`, ...) and the values of its outputs. A value that is used once is
+/// written in its place.
 pub(crate) fn straight(code: &StraightLine, prefix: &str, leaf: &dyn Fn(Leaf) -> Real) -> (Vec<Statement>, Vec<Real>) {
     let mut uses = vec![0usize; code.statements.len()];
     let mut count = |value: Value| {

@@ -16,7 +16,7 @@ const RESERVED: &[&str] = &[
     "virtual", "void", "volatile", "where", "while", "with", "yield",
 ];
 
-/// Refuses a prefix that is no identifier everywhere.
+/// Refuses a prefix that cannot begin an identifier in every language.
 pub(crate) fn check_prefix(prefix: &str) -> Result<(), ExportError> {
     let problem = if !prefix.starts_with(|c: char| c.is_ascii_lowercase()) {
         "must begin with a letter from a to z"

@@ -1,4 +1,4 @@
-//! Arrays for NumPy: what the model's numbers are, by name.
+//! Arrays for NumPy: the model's numbers, by name.
 //!
 //! The format of `.npy` is that of NumPy's `numpy.lib.format`, version 1.0: a magic, a header that is a Python literal, the values.
 

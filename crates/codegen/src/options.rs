@@ -1,4 +1,4 @@
-//! What the user wants: language, numbers, steps.
+//! Options of an export: language, numbers, steps.
 
 use crate::ExportError;
 
@@ -27,7 +27,7 @@ pub enum Precision {
     Double,
 }
 
-/// How derivatives are integrated.
+/// Integration method of derivatives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum StepMethod {
     /// `x + h f(x)`.
@@ -37,7 +37,7 @@ pub enum StepMethod {
     Rk4,
 }
 
-/// How a model is exported.
+/// Options of an export.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExportOptions {
     /// The language.
@@ -48,9 +48,9 @@ pub struct ExportOptions {
     pub prefix: String,
     /// A fixed step in seconds for models that integrate derivatives; `None` leaves the step to the caller.
     pub discretize: Option<f64>,
-    /// How derivatives are integrated.
+    /// Integration method of derivatives.
     pub method: StepMethod,
-    /// Whether the code checks its training domain (two numbers a function and region).
+    /// True if the code checks its training range (two numbers a function and region).
     pub domain: bool,
 }
 

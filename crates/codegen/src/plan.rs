@@ -1,4 +1,4 @@
-//! What the code of a model reads, keeps and gives.
+//! Plan of a model's code: inputs, memory and results.
 
 use std::collections::BTreeMap;
 
@@ -18,9 +18,10 @@ pub(crate) struct Plan<'a> {
     pub(crate) outputs: Vec<Signal>,
     /// Values of earlier rows.
     pub(crate) delays: Vec<Delay>,
-    /// Whether the time since the start is read.
+    /// True if the time since the start is read.
     pub(crate) time: bool,
-    /// Whether the states' equations read the inputs of the row that they lead to: the caller knows them when a step is made.
+    /// True if the states' equations read the inputs of the row that they lead to. The caller then gives them with a
+    /// step.
     pub(crate) next_inputs: bool,
     /// The right sides of the states.
     pub(crate) advance: Option<Evaluation>,
@@ -34,10 +35,10 @@ pub(crate) struct State {
     pub(crate) advance: Advance,
 }
 
-/// How a state advances.
+/// Advance of a state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Advance {
-    /// As an equation of the model says.
+    /// By an equation of the model.
     Equation(Prediction),
     /// As a first-order lag of its right side, with this time constant in seconds.
     Lag(f64),
@@ -47,7 +48,7 @@ pub(crate) struct Signal {
     pub(crate) name: String,
     pub(crate) unit: Option<String>,
     pub(crate) angle: bool,
-    /// What it is of a rotation, for people: `w of the quaternion attitude`.
+    /// Its part of a rotation, for people: `w of the quaternion attitude`.
     pub(crate) part: Option<String>,
 }
 
@@ -167,27 +168,27 @@ impl<'a> Plan<'a> {
         self.delays.last().map_or(0, |delay| delay.offset + delay.depth)
     }
 
-    /// Whether a derivative is integrated.
+    /// Returns true if a derivative is integrated.
     pub(crate) fn continuous(&self) -> bool {
         self.states.iter().any(|state| state.advance == Advance::Equation(Prediction::Derivative))
     }
 
-    /// Whether there are first-order lags among the states.
+    /// Returns true if there are first-order lags among the states.
     pub(crate) fn lags(&self) -> bool {
         self.states.iter().any(|state| matches!(state.advance, Advance::Lag(_)))
     }
 
-    /// Whether values of the present row are not all that the right sides read.
+    /// Returns true if the right sides read more than values of the present row.
     pub(crate) fn remembers(&self) -> bool {
         self.memory() > 0 || self.time
     }
 
-    /// Where a column is found.
+    /// Place of a column.
     pub(crate) fn place(&self, column: usize) -> Option<Source> {
         self.places.get(&column).copied()
     }
 
-    /// Where an earlier value is found in the memory.
+    /// Index of an earlier value in the memory.
     pub(crate) fn past(&self, source: Source, lag: i32) -> Option<usize> {
         let delay = self.delays.iter().find(|delay| delay.source == source)?;
         let back = usize::try_from(lag).ok().filter(|back| *back > 0)?;
@@ -195,8 +196,8 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// Whether equations read inputs of the row that they lead to. Only those that give that row directly may: within an integrated step its inputs are not
-/// there yet.
+/// Returns true if equations read inputs of the row that they lead to. Only equations that give that row directly may:
+/// within an integrated step its inputs are not known yet.
 fn reads_next_inputs(
     model: &Model,
     states: &[usize],
@@ -212,7 +213,7 @@ fn reads_next_inputs(
     Ok(evaluation.is_some_and(|evaluation| evaluation.column_leaves(model.columns.len()).any(|leaf| next_input(&leaf))))
 }
 
-/// Refuses what is read ahead, but for the leaves that are known.
+/// Refuses reading of later rows, but for the known leaves.
 fn refuse_leads(
     model: &Model,
     evaluation: Option<&Evaluation>,

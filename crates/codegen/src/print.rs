@@ -1,10 +1,10 @@
-//! Printing code: what the languages share, and what each says in its own way.
+//! Printing code: the common part of the languages, and the syntax of each.
 
 use fleetfoot_library::{Binary, Unary};
 
 use crate::code::{Argument, Condition, Index, Place, Real, Statement, TABLE, Variable};
 
-/// What differs from language to language.
+/// Syntax of a language.
 pub(crate) trait Syntax {
     /// A real number.
     fn number(&self, value: f64) -> String;
@@ -22,13 +22,13 @@ pub(crate) trait Syntax {
     fn open_for(&self, index: &str, from: &str, to: &str) -> String;
     fn open_if(&self, condition: &str) -> String;
     fn open_else(&self) -> &'static str;
-    /// What ends a block, if anything.
+    /// End of a block, if the language has one.
     fn close(&self) -> Option<&'static str>;
-    /// Whether a line may go on in the next one.
+    /// Returns true if a line may go on in the next one.
     fn breakable(&self, line: &str) -> bool;
 }
 
-/// How tightly an expression binds.
+/// Precedence of an expression.
 #[derive(Clone, Copy, PartialEq, PartialOrd)]
 enum Binding {
     Sum,
@@ -77,7 +77,7 @@ fn array(syntax: &dyn Syntax, name: &str) -> String {
     name.strip_prefix(TABLE).map_or_else(|| name.to_owned(), |table| syntax.table(table))
 }
 
-/// Whether the text begins with a sign.
+/// Returns true if the text begins with a sign.
 fn sign(value: &Real) -> bool {
     match value {
         Real::Number(value) => value.is_sign_negative(),
@@ -175,7 +175,7 @@ fn block_of(syntax: &dyn Syntax, statements: &[Statement], depth: usize, line: &
     }
 }
 
-/// Longest line, as far as blanks allow.
+/// Longest line, if blanks allow.
 const WIDTH: usize = 118;
 
 /// A line, broken in front of operators where it is long.

@@ -1,4 +1,4 @@
-//! The functions that users of the code call, in every language: what each does, in words.
+//! The functions that users of the code call, in every language, with their descriptions.
 
 use fleetfoot_model::Prediction;
 
@@ -66,7 +66,7 @@ impl Assembled<'_> {
         }
     }
 
-    /// What `u_next` is, where there is one.
+    /// Sentence about `u_next`; empty without it.
     pub(crate) fn next_inputs_doc(&self) -> &'static str {
         if self.plan.next_inputs {
             " u are the inputs of the present row, u_next those of the row that is stepped to."
@@ -75,7 +75,7 @@ impl Assembled<'_> {
         }
     }
 
-    /// Whether `dt` is the caller's.
+    /// Returns true if the caller gives `dt`.
     pub(crate) fn free_step(&self) -> bool {
         self.step.is_none()
     }
@@ -97,7 +97,7 @@ impl Assembled<'_> {
         }
     }
 
-    /// Lines that say what the model is: for the head of a file.
+    /// Lines that describe the model, for the head of a file.
     pub(crate) fn about(&self) -> Vec<String> {
         let model = self.plan.model;
         let fitted = match model.training.rows {
@@ -144,7 +144,7 @@ impl Assembled<'_> {
         lines
     }
 
-    /// What the first-order lags among the states are, and where they start.
+    /// Lines about the first-order lags among the states, and their initial values.
     fn lags_doc(&self) -> Vec<String> {
         if !self.plan.lags() {
             return Vec::new();
@@ -171,7 +171,7 @@ impl Assembled<'_> {
 }
 
 impl Plan<'_> {
-    /// The parameters of a public function: what a model's variable keeps is taken from there, where the model remembers.
+    /// Returns true if a parameter of a public function is taken from the model's variable.
     pub(crate) fn own(&self, name: &str) -> bool {
         self.remembers() && matches!(name, "x" | "past" | "t")
     }

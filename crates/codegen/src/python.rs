@@ -149,7 +149,7 @@ fn methods(assembled: &Assembled<'_>, out: &mut String) {
     }
 }
 
-/// `, u, u_next, dt` as far as there are any.
+/// `, u, u_next, dt` with the existing parameters only.
 fn given(assembled: &Assembled<'_>, next: bool, dt: bool) -> String {
     let mut text = String::new();
     if !assembled.plan.inputs.is_empty() {

@@ -262,7 +262,7 @@ impl Rust {
         *out += &format!("        Self {{ {} }}\n    }}\n\n", fields.join(", "));
     }
 
-    /// `, u, u_next, dt` as far as there are any.
+    /// `, u, u_next, dt` with the existing parameters only.
     fn given(&self, assembled: &Assembled<'_>, next: bool, dt: bool) -> String {
         let inputs = assembled.plan.inputs.len();
         let mut text = if inputs > 0 { format!(", u: &[{}; {inputs}]", self.real()) } else { String::new() };
@@ -275,7 +275,7 @@ impl Rust {
         text
     }
 
-    /// How the methods of the model give an inner function its parameters.
+    /// Arguments with which the methods of the model call an inner function.
     fn own_arguments(function: &Function, next: &str) -> String {
         let arguments: Vec<String> = function
             .parameters

@@ -1,4 +1,6 @@
-//! Which region follows which, as tables of the code: counts, shares and dwells, along a phase and from stride to stride, and which pairs differ. Nothing that is exported reads them: C has them in a source of its own, so that a robot which does not want them spends no memory on them.
+//! Transitions between regions, as tables of the code: counts, shares and dwells, along a phase and from stride to
+//! stride, and pairs that differ. No exported function reads them. C has them in a separate source, so that a robot
+//! which does not need them spends no memory on them.
 
 use fleetfoot_model::{Partition, Phases, RegionPair, Transitions};
 
@@ -13,17 +15,17 @@ pub(crate) struct TransitionTables {
 
 /// A table before it is in a language.
 pub(crate) struct Table {
-    /// What code calls it.
+    /// Its name in code.
     name: &'static str,
-    /// What it is called among arrays.
+    /// Its name among arrays.
     pub(crate) path: &'static str,
-    /// What it is, for people.
+    /// Its description, for people.
     doc: String,
     sizes: Vec<Size>,
     pub(crate) values: Values,
 }
 
-/// How long a side of a table is.
+/// Length of a table's side.
 #[derive(Debug, Clone, Copy)]
 enum Size {
     Regions(usize),
@@ -201,7 +203,7 @@ fn c_kind(table: &Table, c: &C<'_>) -> String {
     }
 }
 
-/// What C's header says.
+/// Writes the declarations of C's header.
 pub(crate) fn c_declarations(tables: &TransitionTables, c: &C<'_>, out: &mut String) {
     let p = c.prefix;
     if let Some(bins) = tables.bins {
@@ -282,7 +284,7 @@ pub(crate) fn python(tables: &TransitionTables, out: &mut String) {
     }
 }
 
-/// Values between brackets of their own for every side but the outermost.
+/// Values between brackets for every side but the outermost.
 fn nested(values: &[String], shape: &[usize], [open, close]: [&str; 2], out: &mut String) {
     let [_, inner @ ..] = shape else { return };
     let length: usize = inner.iter().product();

@@ -1,4 +1,4 @@
-//! Test vectors: points within the training domain, what the model gives there, and the room that rounding needs.
+//! Test vectors: points within the training range, the model's values there, and tolerances for rounding.
 
 use fleetfoot_data::mix;
 use fleetfoot_library::{Binary, Expr, Node, Unary};
@@ -13,7 +13,7 @@ use crate::{
     options::Precision,
 };
 
-/// A point of the model's variables, and what the code's functions give there.
+/// A point of the model's variables, and the results of the code's functions there.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TestVector {
     /// The states.
@@ -28,11 +28,11 @@ pub struct TestVector {
     pub t: f64,
     /// Length of a step, seconds.
     pub dt: f64,
-    /// What each function gives.
+    /// Results of each function.
     pub results: Vec<TestResult>,
 }
 
-/// What a function of the code gives at a point.
+/// Result of a function of the code at a point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TestResult {
     /// The public name of the function: `derivative`, `next`, `predict`, `jacobian`, ...
@@ -41,18 +41,18 @@ pub struct TestResult {
     pub code: i64,
     /// The numbers, output by output.
     pub values: Vec<f64>,
-    /// How far code in the precision asked for may be from each.
+    /// Tolerance of each number for code in the chosen precision.
     pub tolerances: Vec<f64>,
 }
 
-/// What the vectors are made of.
+/// Names of the signals in the vectors.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Signals {
     /// Names of the states, in the order of the code.
     pub states: Vec<String>,
     /// Names of the inputs, in the order of the code.
     pub inputs: Vec<String>,
-    /// Whether the code takes the inputs of the next row too.
+    /// True if the code takes the inputs of the next row too.
     pub next_inputs: bool,
     /// Names of the outputs.
     pub outputs: Vec<String>,
@@ -60,10 +60,10 @@ pub struct Signals {
     pub past: Vec<(Option<String>, usize)>,
 }
 
-/// How many roundings beyond the bound's first order are forgiven.
+/// Roundings, beyond the bound's first order, that a tolerance allows.
 const ROOM: f64 = 8.0;
 
-/// What the code of a model reads and gives.
+/// Names of a code's inputs and results.
 ///
 /// # Errors
 /// [`ExportError`].
@@ -85,9 +85,9 @@ pub fn signals(model: &Model, options: &ExportOptions) -> Result<Signals, Export
     })
 }
 
-/// Up to `count` points, drawn region by region within the ranges of training, none so near to a border that rounding could
-/// carry it across. The values are those of the code, interpreted in 64 bits; the tolerances are running error bounds in the
-/// precision asked for.
+/// Up to `count` points, drawn region by region within the training ranges, none so near to a border that rounding
+/// could carry it across. The values are those of the code, interpreted in 64 bits; the tolerances are running error
+/// bounds in the chosen precision.
 ///
 /// # Errors
 /// [`ExportError`].
@@ -113,7 +113,7 @@ pub fn test_vectors(
     Ok(vectors)
 }
 
-/// What the code gives at points of the caller's, whether or not they are near to a border; their `results` are replaced.
+/// Results of the code at the caller's points, near a border or not; replaces their `results`.
 ///
 /// # Errors
 /// [`ExportError`].
@@ -178,7 +178,7 @@ fn uniform(seed: u64, key: u64) -> f64 {
     (mix(seed.wrapping_add(mix(key))) >> 11) as f64 * (1.0 / 9_007_199_254_740_992.0)
 }
 
-/// A point: every column within what a region saw of it.
+/// A point: every column within its range in a region.
 fn draw(assembled: &Assembled<'_>, seed: u64, attempt: u64, precision: Precision) -> TestVector {
     let plan = &assembled.plan;
     let model = plan.model;
@@ -264,7 +264,7 @@ fn origin(function: &Expr, name: &str) -> Option<f64> {
     }
 }
 
-/// Names and lengths of what a function gives, in the order of [`TestResult::values`].
+/// Names and lengths of a function's results, in the order of [`TestResult::values`].
 pub(crate) fn parts(function: &crate::code::Function) -> Vec<(&'static str, usize)> {
     function
         .parameters

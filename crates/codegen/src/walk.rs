@@ -121,7 +121,7 @@ fn index(value: &Index, visit: &mut dyn FnMut(&str)) {
     }
 }
 
-/// Whether a function uses one of its parameters.
+/// Returns true if a function uses one of its parameters.
 pub(crate) fn uses(body: &[Statement], parameter: &str) -> bool {
     let mut found = false;
     names(body, &mut |name| found |= name == parameter);

@@ -13,7 +13,7 @@ pub(crate) struct Writer {
 }
 
 impl Writer {
-    /// A line, which ends in a line break: what `writeln!` calls.
+    /// Writes a line with a line break, for `writeln!`.
     pub(crate) fn write_fmt(&mut self, line: Arguments<'_>) {
         self.indent();
         // A string takes everything.
@@ -34,7 +34,7 @@ impl Writer {
         writeln!(self, "/* {text} */");
     }
 
-    /// A function: its head, then its body in braces of lines of their own.
+    /// A function: its head, then its body in braces on separate lines.
     pub(crate) fn function(&mut self, head: &str, body: impl FnOnce(&mut Self)) {
         writeln!(self, "{head}");
         self.scope(body);
@@ -54,7 +54,7 @@ impl Writer {
         writeln!(self, "}}");
     }
 
-    /// A condition, further ones and what holds otherwise, each with its body: `if (...)`, `else if (...)`, `else`.
+    /// A condition, further ones and the last alternative, each with its body: `if (...)`, `else if (...)`, `else`.
     pub(crate) fn branches(&mut self, branches: &[Branch<'_>]) {
         for (place, (head, body)) in branches.iter().enumerate() {
             let close = if place > 0 { "} " } else { "" };
@@ -85,7 +85,7 @@ impl Writer {
         self.depth -= 1;
     }
 
-    /// What was written.
+    /// The written text.
     pub(crate) fn into_text(self) -> String {
         self.text
     }

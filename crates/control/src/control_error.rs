@@ -7,7 +7,7 @@ pub enum ControlError {
     /// A name that is not there.
     #[error("{of}: the model has no {kind} `{name}`; {hint}")]
     Unknown {
-        /// What was asked for: `q`, `setpoint`.
+        /// The setting: `q`, `setpoint`.
         of: &'static str,
         /// State, input or either.
         kind: &'static str,
@@ -19,13 +19,13 @@ pub enum ControlError {
     /// A number that cannot be used.
     #[error("{of}: {name} = {value}: must be {allowed}")]
     Value {
-        /// What was asked for.
+        /// The setting.
         of: &'static str,
         /// Whose number it is.
         name: String,
         /// The number.
         value: f64,
-        /// What it may be.
+        /// The allowed values, in words.
         allowed: &'static str,
     },
     /// The model looks back.
@@ -65,7 +65,7 @@ pub enum ControlError {
         "a period of {period} s: the model gives the next row, {step} s later, and nothing between or beyond; fit derivatives for other periods"
     )]
     Period {
-        /// Asked for.
+        /// The requested period.
         period: f64,
         /// The model's.
         step: f64,
@@ -90,7 +90,7 @@ pub enum ControlError {
     Riccati {
         /// A region, or the model.
         place: String,
-        /// What is wrong.
+        /// The problem, in words.
         problem: String,
     },
 }

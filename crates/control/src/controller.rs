@@ -1,7 +1,7 @@
-//! Controllers: what drives a model's inputs, or a robot's, from what is seen of its state.
+//! Controllers: laws that drive a model's inputs, or a robot's, from measurements of its state.
 //!
-//! A [`Controller`] closes the loop around a model in a rollout; the laws it is made of ([`Treadmill`], [`DifferentialDrive`], [`Pid`])
-//! are those that a simulated robot runs on.
+//! A [`Controller`] closes the loop around a model in a rollout. Its laws ([`Treadmill`], [`DifferentialDrive`],
+//! [`Pid`]) are those that a simulated robot runs on.
 
 mod differential_drive;
 mod pid;

@@ -9,7 +9,7 @@ pub enum Error {
     /// The model cannot be run.
     #[error(transparent)]
     Dynamics(#[from] fleetfoot_dynamics::Error),
-    /// What a regulator or a filter is made of does not fit the model.
+    /// The design of a regulator or a filter does not fit the model.
     #[error(transparent)]
     Control(#[from] ControlError),
     /// A filter cannot be made of the model.

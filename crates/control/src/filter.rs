@@ -1,4 +1,5 @@
-//! Filters of a model: what its states are likely to be, from noisy measurements of some of them, with a Kalman filter for every region.
+//! Filters of a model: posterior of its states from noisy measurements of some of them, with a Kalman filter for every
+//! region.
 //!
 //! ```
 //! use fleetfoot_control::filter::{FilterOptions, Measured, SwitchedFilter};

@@ -14,12 +14,12 @@ pub enum FilterError {
         /// Those that there are.
         states: String,
     },
-    /// How often regions follow one another was not counted.
+    /// Transitions between regions were not counted.
     #[error(
         "no transitions were counted for this model, so that regions cannot switch by them: fit with {given_partition}, or let them switch by the state", given_partition = PARTITION.to("refined:K | lattice:K | tree:DEPTH")
     )]
     NoTransitions,
-    /// How residuals hang on those of the rows before is not known.
+    /// The correlation of residuals from row to row is not known.
     #[error(
         "the model does not know how its residuals hang on those of the rows before: they are white, or their targets are measured over more than two rows, whose neighbours share them, or the model is not one that {FIT_PWA} made of logs; let the noise be white, or fit it with {FIT_PWA} to targets of one row (predict = \"next\", derivative = \"forward\")"
     )]

@@ -15,7 +15,7 @@ pub(crate) fn norm(a: MatRef<'_, f64>) -> f64 {
     (0..a.nrows()).map(|i| (0..a.ncols()).map(|j| a[(i, j)].abs()).sum::<f64>()).fold(0.0, f64::max)
 }
 
-/// Whether every entry is a number.
+/// Returns true if every entry is finite.
 pub(crate) fn is_finite(a: MatRef<'_, f64>) -> bool {
     (0..a.ncols()).all(|j| (0..a.nrows()).all(|i| a[(i, j)].is_finite()))
 }

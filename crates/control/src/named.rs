@@ -1,10 +1,10 @@
-//! Names and numbers that somebody gives: where they belong, and whether they can be used.
+//! Names and numbers from a user: their place, and checks.
 
 use fleetfoot_data::nearest;
 
 use crate::control_error::ControlError;
 
-/// Refuses what is no number.
+/// Refuses a number that is not finite.
 pub(crate) fn finite(of: &'static str, name: &str, value: f64) -> Result<(), ControlError> {
     if value.is_finite() {
         return Ok(());

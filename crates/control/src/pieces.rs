@@ -1,4 +1,4 @@
-//! A model region by region: what its submodels are about a point, wherever the point is.
+//! A model region by region: its submodels, linearised about any point.
 
 use faer::Mat;
 use fleetfoot_data::packed;
@@ -18,7 +18,7 @@ pub(crate) struct Pieces {
     pub(crate) whole: Stepper,
     pub(crate) states: Vec<String>,
     pub(crate) inputs: Vec<String>,
-    /// Whether derivatives are integrated.
+    /// True if derivatives are integrated.
     pub(crate) continuous: bool,
     /// Mean and standard deviation of the states in training, then of the inputs, where they are known.
     pub(crate) seen: Vec<Option<[f64; 2]>>,
@@ -30,7 +30,8 @@ pub(crate) struct Pieces {
 pub(crate) struct Piece {
     pub(crate) name: String,
     pub(crate) rows: u64,
-    /// The standard error of what it says of a state's derivative (next value), the root of the mean square over its own training rows; 0 where the equation is given or nothing is known.
+    /// The standard error of its prediction of a state's derivative (next value), the root of the mean square over its
+    /// training rows. It is 0 if the equation is given or nothing is known.
     pub(crate) doubt: Vec<f64>,
     stepper: Stepper,
     tangent: Tangent,
@@ -81,7 +82,7 @@ impl Pieces {
         Ok(Self { regions, whole, states, inputs, continuous, seen, partition })
     }
 
-    /// What is large for a state or, behind these, an input: its standard deviation in training; 1 where that is not known.
+    /// Typical size of a state or, behind these, an input: its standard deviation in training; 1 if that is unknown.
     pub(crate) fn size(&self, variable: usize) -> f64 {
         let known = if variable < self.states.len() { self.whole.state_size(variable) } else { 1.0 };
         self.seen[variable].map_or(known, |[_, deviation]| if deviation > 0.0 { deviation } else { known })
@@ -186,7 +187,8 @@ fn submodel(model: &Model, partition: usize, region: usize) -> Model {
     own
 }
 
-/// Standard errors of a region's least squares, by state: the leverages of n rows in a regression of p numbers add up to p, so that the variance of a prediction is `s^2 p / n` in their mean.
+/// Standard errors of a region's least squares, by state. The leverages of n rows in a regression of p numbers add up
+/// to p, so that the variance of a prediction is `s^2 p / n` in their mean.
 fn doubt(model: &Model, states: &[String], about: &RegionSummary) -> Vec<f64> {
     let (rows, spent) = (about.rows as f64, about.rank as f64 + 1.0);
     let mut doubt = vec![0.0; states.len()];

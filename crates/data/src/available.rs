@@ -1,4 +1,4 @@
-//! Memory that a call is going to need: asked for as a whole before it starts, because an allocation that fails ends the process.
+//! Memory that a call needs: checked as a whole before it starts, because an allocation that fails ends the process.
 
 /// A result needs more memory than the system gives this process.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -15,7 +15,7 @@ pub struct OutOfMemory {
 /// Asks the system for so many bytes and gives them back untouched: limits of the process (`ulimit -v`, a job's) answer at once.
 ///
 /// # Errors
-/// [`OutOfMemory`] with what needs the memory and what to do instead.
+/// Returns [`OutOfMemory`] with the purpose of the memory and a remedy.
 pub fn ensure_memory(bytes: usize, what: &str, mend: &str) -> Result<(), OutOfMemory> {
     match Vec::<u8>::new().try_reserve_exact(bytes) {
         Ok(()) => Ok(()),

@@ -2,7 +2,7 @@
 
 use arrow_buffer::ScalarBuffer;
 
-/// How many neighbouring rows a read should bring along on either side.
+/// Neighbouring rows that a read brings along on either side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Halo {
     /// Rows before the range.
@@ -13,10 +13,10 @@ pub struct Halo {
 
 /// Consecutive rows of one episode: `before + rows + after` values per column.
 ///
-/// At the borders of an episode `before` and `after` are smaller than the halo that was asked for.
+/// At the borders of an episode `before` and `after` are smaller than the requested halo.
 #[derive(Debug, Clone)]
 pub struct Block {
-    /// Index, in its episode, of the first row of the core (the rows asked for).
+    /// Index, in its episode, of the first row of the core (the requested rows).
     pub first: usize,
     /// Halo rows in front of the core.
     pub before: usize,

@@ -1,4 +1,5 @@
-//! Bytes that say a value in one way, for hashes: texts and lists begin with their length, numbers are little-endian, variants begin with a number of their own.
+//! Canonical bytes of values, for hashes. Texts and lists begin with their length, numbers are little-endian, and
+//! variants begin with a number.
 
 /// A value as bytes. Two values have the same bytes only where all that was put in is the same.
 ///
@@ -16,7 +17,7 @@
 pub struct Canonical(Vec<u8>);
 
 impl Canonical {
-    /// Which variant of a type follows. Its number stays its own in all versions.
+    /// Appends the number of a type's variant, which is the same in all versions.
     pub fn tag(&mut self, tag: u8) {
         self.0.push(tag);
     }
@@ -59,7 +60,7 @@ impl Canonical {
 mod tests {
     use super::*;
 
-    /// The layout is part of what hashes in files mean.
+    /// Hashes in files depend on the layout.
     #[test]
     fn the_layout_stays() {
         let mut all = Canonical::default();

@@ -1,17 +1,17 @@
-//! Columns: names, units and what the numbers stand for.
+//! Columns: names, units and kinds.
 
 /// One column of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Column {
     /// The name in the file, unique within a source.
     pub name: String,
-    /// The unit, when the file tells it.
+    /// The unit, if the file has it.
     pub unit: Option<String>,
-    /// What the numbers stand for.
+    /// Kind of the numbers.
     pub kind: ColumnKind,
 }
 
-/// What the `f64` values of a column stand for.
+/// Kind of a column's `f64` values.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ColumnKind {
     /// A measured real number.

@@ -23,7 +23,7 @@ pub struct Episode {
     pub end: i64,
     /// Median sampling period, seconds; 0 for a single row.
     pub period: f64,
-    /// What its rows are recognised by in other logs.
+    /// Marks by which its rows are recognised in other logs.
     pub marks: Vec<Mark>,
 }
 
@@ -48,8 +48,8 @@ impl Episode {
 
 /// The identity of an episode: 128 bits of a blake3 hash over its stamps and sampled values ([`Fingerprint`]).
 ///
-/// It does not depend on the file's name, format or compression, nor on what else the file holds: an episode that was
-/// used in training is recognised when it is scored, and cannot be counted twice.
+/// It does not depend on the file's name, format or compression, nor on the rest of the file. An episode that was used
+/// in training is recognised when it is scored, and cannot be counted twice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct EpisodeId(pub u128);
 
@@ -69,7 +69,7 @@ impl FromStr for EpisodeId {
 
 /// Builds an [`EpisodeId`]: all stamps in order, then sampled blocks of values.
 ///
-/// Columns are hashed in the order of their names, so the order in which they were asked for does not matter. All NaN are one value.
+/// Columns are hashed in the order of their names, so the order of the request does not matter. All NaN are one value.
 #[derive(Debug, Clone, Default)]
 pub struct Fingerprint {
     hasher: blake3::Hasher,

@@ -14,7 +14,7 @@ pub enum Error {
     OutOfRange {
         /// The episode's name.
         episode: String,
-        /// First row asked for.
+        /// First requested row.
         start: usize,
         /// End of the range.
         end: usize,

@@ -1,9 +1,9 @@
-//! What a recording is: sources, episodes, columns with units, blocks, ordered parallel work.
+//! The model of recordings: sources, episodes, columns with units, blocks, ordered parallel work.
 //!
 //! A [`Source`] holds [`Episode`]s: uninterrupted stretches of rows with time stamps and columns of `f64`.
-//! Nothing is read until a range of an episode's rows is asked for ([`Source::read`]); the answer is a
-//! [`Block`], which brings along a [`Halo`] of neighbouring rows so that lags and differences at the border of
-//! the range find what they need. A halo never crosses an episode's border.
+//! [`Source::read`] reads a range of an episode's rows on demand. The answer is a [`Block`], which brings along a
+//! [`Halo`] of neighbouring rows, so that lags and differences at the border of the range have their values. A halo
+//! never crosses an episode's border.
 //!
 //! Missing values are NaN everywhere. Time is nanoseconds as `i64`; computation uses seconds from the start of the
 //! episode ([`Block::seconds`]).

@@ -6,11 +6,12 @@ use crate::{Block, Column, ColumnKind, mix};
 
 /// Consecutive values of a mark.
 pub(crate) const VALUES: usize = 16;
-/// Different ones that it needs: a robot that rests says the same in every log.
+/// Different values that it needs: a robot at rest has the same values in every log.
 const DIFFERENT: usize = 8;
 /// Places of an episode that are marked, spread evenly: an eighth of its rows, and 31 more, hold one of them.
 const PLACES: usize = 9;
-/// Marks of a field at a place. One alone may be chance: a field that counts says the same wherever it starts from the same number.
+/// Marks of a field at a place. One alone may be chance: a counter has the same values wherever it starts from the same
+/// number.
 const AT_A_PLACE: usize = 2;
 /// The odd factor of the rolling hash.
 pub(crate) const FACTOR: u64 = 0x9e37_79b9_7f4a_7c15;
@@ -72,7 +73,7 @@ pub(crate) fn value_key(value: f64) -> u64 {
     mix(if value.is_nan() { f64::NAN } else { value }.to_bits())
 }
 
-/// Whether enough of the values are numbers and differ from one another.
+/// Returns true if enough of the values are numbers and differ from one another.
 fn differ(values: &[f64]) -> bool {
     let numbers: BTreeSet<u64> = values.iter().filter(|value| value.is_finite()).map(|value| value.to_bits()).collect();
     numbers.len() >= DIFFERENT

@@ -27,7 +27,7 @@ pub fn nearest_one<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>
     nearest(name, candidates).into_iter().next()
 }
 
-/// What a message says of such names: "; did you mean `a`, `b`?", nothing where there are none.
+/// Suggestion of such names in a message: "; did you mean `a`, `b`?". Empty without names.
 pub fn did_you_mean(names: &[String]) -> String {
     if names.is_empty() { String::new() } else { format!("; did you mean `{}`?", names.join("`, `")) }
 }

@@ -12,12 +12,12 @@ use std::{
 
 use crate::{Cancelled, stop};
 
-/// Who is told about progress, and may stop the work.
+/// Receiver of progress, which may stop the work.
 pub trait Progress: Sync {
     /// `units` more pieces are done, of `total` in this stage.
     fn advance(&self, units: usize, total: usize);
 
-    /// Whether the work should stop at the next piece.
+    /// Returns true if the work should stop at the next piece.
     fn cancelled(&self) -> bool {
         false
     }
@@ -25,7 +25,7 @@ pub trait Progress: Sync {
     /// A new stage begins.
     fn stage(&self, _name: &str) {}
 
-    /// So much work lies ahead: told once, before the longest stages.
+    /// Announces the work ahead: called once, before the longest stages.
     fn expect(&self, _work: Work) {}
 }
 
@@ -36,11 +36,11 @@ pub struct Work {
     pub operations: f64,
     /// Parts of it that threads can do at the same time.
     pub parts: usize,
-    /// What makes it less, as a clause: `fewer folds make it shorter`.
+    /// Remedy that makes it less, as a clause: `fewer folds make it shorter`.
     pub mend: String,
 }
 
-/// Tells nobody.
+/// Progress without output.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 
@@ -48,7 +48,7 @@ impl Progress for Silent {
     fn advance(&self, _units: usize, _total: usize) {}
 }
 
-/// Says of every stage what it belongs to: `scan, fold 2 of 5`.
+/// Prefixes every stage with its context: `scan, fold 2 of 5`.
 pub struct Stages<'a> {
     progress: &'a dyn Progress,
     of: String,
@@ -114,7 +114,7 @@ impl Threads {
     /// Runs `work` with these threads behind the doors, while the caller's thread calls `watch` every `period`, and once at the end.
     ///
     /// # Panics
-    /// With what `work` panics with, if it does.
+    /// With the payload of a panic in `work`.
     pub fn run<R: Send>(
         &self,
         work: impl FnOnce() -> R + Send,
@@ -173,9 +173,10 @@ pub fn parallel_all<R: Send>(count: usize, work: impl Fn(usize) -> R + Sync) -> 
     }
 }
 
-/// Calls `work` with the number and the values of every piece of `size` values (the last may be shorter): pieces are written where they lie, and what `work` says of
-/// them comes in their order. Within a piece of other parallel work all threads are taken while pieces of that wait to begin: it is done by the one that asks, and
-/// once none waits by all that have nothing else to do.
+/// Calls `work` with the number and the values of every piece of `size` values (the last may be shorter). Pieces are
+/// written in place, and the results of `work` come in their order. Within a piece of other parallel work all threads
+/// are taken while pieces of that wait to begin. The calling thread then does the work alone; once no piece waits, idle
+/// threads join it.
 pub fn parallel_pieces<T: Send, R: Send>(
     values: &mut [T],
     size: usize,
@@ -207,13 +208,13 @@ impl Begun {
 }
 
 thread_local! {
-    /// What this thread computes a piece of.
+    /// The work of which this thread computes a piece.
     static INSIDE: RefCell<Option<Arc<Begun>>> = const { RefCell::new(None) };
 }
 
 /// Computes a piece.
 fn inside<R>(of: &Arc<Begun>, work: impl FnOnce() -> R) -> R {
-    /// Puts back what was, however the piece ends.
+    /// Restores the previous value, however the piece ends.
     struct Restore(Option<Arc<Begun>>);
     impl Drop for Restore {
         fn drop(&mut self) {
@@ -273,7 +274,8 @@ fn wave(count: usize) -> usize {
     if count <= 4096 { 2 * rayon::current_num_threads() } else { 8 * rayon::current_num_threads() }
 }
 
-/// Calls `compute` with every number below `count` on all threads, and `fold` with each in order, a wave behind, until it says false.
+/// Calls `compute` with every number below `count` on all threads, and `fold` with each in order, a wave behind, until
+/// it returns false.
 ///
 /// Not generic, so that the threads' machinery is compiled here once and not with each of its hundred uses.
 fn in_waves(count: usize, wave: usize, compute: &(dyn Fn(usize) + Sync), fold: &mut (dyn FnMut(usize) -> bool + Send)) {

@@ -1,7 +1,8 @@
-//! How a message names a setting, a section of a recipe, or a command.
+//! Names of settings, of sections of a recipe, and of commands in messages.
 //!
-//! A library never writes `--folds`. It writes the constant, and the front end words it: the command line as `--folds 2`, Python as `folds=2`.
-//! A front end says how by [`word_as`], once, when it starts; without it messages have the words of the command line.
+//! A library never writes `--folds`. It writes the constant, and the front end words it: the command line as
+//! `--folds 2`, Python as `folds=2`. A front end sets its wording by [`word_as`], once, when it starts. The default is
+//! that of the command line.
 //!
 //! ```
 //! use fleetfoot_data::setting::{FIT_SINDY, FOLDS, SINDY};
@@ -17,7 +18,7 @@ use std::{
     sync::OnceLock,
 };
 
-/// How a front end words settings, sections and commands.
+/// Wording of settings, sections and commands in a front end.
 pub trait Wording: Send + Sync {
     /// A setting, with its value where the message has one.
     fn setting(&self, setting: Setting, value: Option<&str>) -> String;
@@ -25,7 +26,7 @@ pub trait Wording: Send + Sync {
     fn section(&self, section: &str, entry: Option<&str>, value: Option<&str>) -> String;
     /// A place, worded already, with the text that stands there.
     fn assigned(&self, place: &str, text: &str) -> String;
-    /// How a clock and the unit of its numbers are named.
+    /// Wording of a clock and the unit of its numbers.
     fn clock(&self, column: &str, unit: &str) -> String;
     /// A value of a recipe.
     fn value(&self, value: &str) -> String;
@@ -82,7 +83,7 @@ pub fn assigned(place: &str, text: &str) -> String {
     wording().assigned(place, text)
 }
 
-/// How a clock and the unit of its numbers are named: `--time t --time-unit ms`.
+/// Wording of a clock and the unit of its numbers: `--time t --time-unit ms`.
 pub fn clock(column: &str, unit: &str) -> String {
     wording().clock(column, unit)
 }
@@ -102,7 +103,7 @@ fn in_shell(value: &str) -> String {
     }
 }
 
-/// What a setting takes.
+/// Kind of a setting's value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// A value.
@@ -118,7 +119,7 @@ pub enum Kind {
 pub struct Setting {
     /// Its name, with underscores.
     pub name: &'static str,
-    /// What it takes.
+    /// Kind of its value.
     pub kind: Kind,
 }
 
@@ -153,7 +154,7 @@ impl Display for Given {
 pub struct Section<'a>(pub &'a str);
 
 impl Section<'_> {
-    /// An entry of it: a setting, or what a user has named, such as a state.
+    /// An entry of it: a setting, or a name of the user's, such as a state.
     pub fn entry(self, name: impl Display) -> Entry {
         Entry { section: self.0.to_owned(), name: name.to_string(), value: None }
     }

@@ -1,7 +1,8 @@
 //! The instruction set of the kernels, chosen once a process.
 //!
-//! The widest one of the processor is taken. [`SWITCH`] names a narrower one, so that one machine can show what another one computes. Kernels of third-party
-//! libraries (matrix products of more than 128 columns, factorisations of general matrices) choose theirs by themselves, and know nothing of the switch.
+//! The widest instruction set of the processor is taken. [`SWITCH`] names a narrower one, so that one machine can
+//! compute the results of another. Kernels of third-party libraries (matrix products of more than 128 columns,
+//! factorisations of general matrices) choose theirs separately, and know nothing of the switch.
 
 use std::{env, sync::OnceLock};
 

@@ -1,9 +1,9 @@
 //! A stop that reaches into a piece of work.
 //!
-//! Scans look at [`Progress::cancelled`](crate::Progress) between their pieces. A dense solve is one piece, however long it takes: its loops call
-//! [`checkpoint`], which takes no argument and gives no error, so that the signatures of solvers say what they solve and nothing else. Once the stop
-//! is set a checkpoint unwinds (as a panic does, but without its message) to [`stoppable`], which began the work: solvers own what they write, so nothing
-//! half-done is seen by anybody.
+//! Scans check [`Progress::cancelled`](crate::Progress) between their pieces. A dense solve is one piece, however long
+//! it takes. Its loops call [`checkpoint`], which takes no argument and gives no error, so that the signatures of
+//! solvers stay free of it. Once the stop is set a checkpoint unwinds (as a panic does, but without its message) to
+//! [`stoppable`], which began the work. Solvers own their outputs, so half-done results are never seen.
 
 use std::{
     cell::RefCell,
@@ -23,7 +23,7 @@ thread_local! {
 #[error("stopped")]
 pub struct Cancelled;
 
-/// Whether work should stop; all clones are one.
+/// Request to stop work; all clones are one.
 #[derive(Debug, Clone, Default)]
 pub struct Stop(Arc<AtomicBool>);
 
@@ -33,7 +33,7 @@ impl Stop {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Whether the work was told to end.
+    /// Returns true once the stop is set.
     pub fn is_set(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
@@ -58,7 +58,7 @@ pub fn until_stopped<R>(work: impl FnOnce() -> R) -> Result<R, Cancelled> {
     })
 }
 
-/// Runs what comes to its end whether the work around it is stopped or not: what keeps the complete part of that.
+/// Runs work to its end, even if the work around it is stopped: it saves the complete part.
 pub fn unstoppable<R>(work: impl FnOnce() -> R) -> R {
     under(None, work)
 }

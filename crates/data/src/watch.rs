@@ -1,7 +1,8 @@
 //! Rows that are recognised again: whether a part of an episode stands in another log.
 //!
-//! The identity of an episode ([`EpisodeId`](crate::EpisodeId)) is that of all its rows: the first half of a log is another episode. Marks tell that its rows are
-//! the same. Each is a hash over a few consecutive values of one field; whoever reads rows anyway looks for known marks among them ([`Watch`]).
+//! The identity of an episode ([`EpisodeId`](crate::EpisodeId)) is that of all its rows: the first half of a log is
+//! another episode. Marks show that its rows are the same. Each is a hash over a few consecutive values of one field. A
+//! reader of rows searches for known marks among them ([`Watch`]).
 
 use std::{
     collections::{BTreeSet, HashMap},
@@ -67,7 +68,7 @@ impl Watch {
         })
     }
 
-    /// Looks at the rows of a block of an episode.
+    /// Searches the rows of a block of an episode.
     fn look(&self, episode: usize, block: &Block) {
         // What the first value of a window has become when the last one is added.
         let oldest = (0..VALUES).fold(1_u64, |power, _| power.wrapping_mul(FACTOR));
@@ -117,7 +118,7 @@ pub struct Watched<'a> {
 }
 
 impl<'a> Watched<'a> {
-    /// Watches what is read of a source, where there is something to look for.
+    /// Watches the reads of a source, if there are marks to search for.
     pub fn new(inner: &'a dyn Source, watch: Option<&'a Watch>) -> Self {
         Self { inner, watch }
     }
@@ -171,7 +172,7 @@ mod tests {
         Known { fields: ["x".to_owned()].into(), episodes: marks.collect() }
     }
 
-    /// Whether rows that are read in pieces of `piece` are recognised.
+    /// Returns true if rows that are read in pieces of `piece` are recognised.
     fn recognised(known: &Known, source: &MemorySource, piece: usize) -> bool {
         let watch = Watch::new(known, source.columns()).unwrap();
         let watched = Watched::new(source, Some(&watch));

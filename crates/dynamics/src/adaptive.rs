@@ -1,8 +1,9 @@
-//! Integration with steps of its own choice: the embedded pair 5(4) of Dormand and Prince.
+//! Integration with adaptive steps: the embedded pair 5(4) of Dormand and Prince.
 //!
-//! Dormand and Prince, "A family of embedded Runge-Kutta formulae", J. Comp. Appl. Math. 6 (1980), table 2. Where the equations of a point are stiff, which
-//! Hairer and Wanner detect by the slopes of the last two stages ("Solving ordinary differential equations II", section IV.2), it goes on by
-//! [`Rosenbrock`], and comes back when steps are short beside its time constants.
+//! Dormand and Prince, "A family of embedded Runge-Kutta formulae", J. Comp. Appl. Math. 6 (1980), table 2. Hairer and
+//! Wanner detect stiff equations by the slopes of the last two stages ("Solving ordinary differential equations II",
+//! section IV.2). At a stiff point integration goes on by [`Rosenbrock`], and comes back when steps are short beside
+//! the time constants.
 
 use fleetfoot_data::checkpoint;
 
@@ -38,7 +39,8 @@ const STIFF: u32 = 15;
 const SOUND: u32 = 6;
 /// Implicit steps in a row, each shorter than the fastest time constant, after which a point is not stiff any longer.
 const SLOW: u32 = 30;
-/// The shortest implicit step, as a share of the fastest time constant: what is shorter shows a jump, not a transient.
+/// The shortest implicit step, as a share of the fastest time constant: a shorter one indicates a jump, not a
+/// transient.
 const SHORTEST_OF_CONSTANT: f64 = 1e-3;
 /// The shortest implicit step, as a share of the shortest explicit one: below it a simulation would hardly get on.
 const SHORTEST_OF_EXPLICIT: f64 = 1e-6;
@@ -84,7 +86,8 @@ impl Adaptive {
         }
     }
 
-    /// The largest sum of errors that steps could not be made short enough for, over the size of the state; 0 where the tolerance was met.
+    /// The largest sum of errors of steps that could not be made short enough, over the size of the state; 0 if the
+    /// tolerance was met.
     pub(crate) fn shortfall(&self) -> f64 {
         self.control.shortfall()
     }

@@ -4,8 +4,9 @@
 //! advance together: their regions' coefficients stay in first-level cache, and the processor overlaps their dependency chains. The
 //! step loop allocates nothing, and gives the bits of the general path.
 //!
-//! Most steps do not search their region. A search also finds how far the state may move before any other region can win
-//! (the distance to the nearest border of the cell, less what rounding could do); until it has moved that far, the region is known.
+//! Most steps do not search their region. A search also gives the distance that the state may move before any other
+//! region can win: that to the nearest border of the cell, less a bound of the rounding. Within this distance, the
+//! region is known.
 
 use pulp::Simd;
 
@@ -96,7 +97,8 @@ impl AffineKernel {
         }
     }
 
-    /// Notes the region of a trajectory, whose cell is known, and whether it is within the ranges of it; whether the trajectory goes on.
+    /// Notes the region of a trajectory, whose cell is known, and checks its ranges. Returns true if the trajectory
+    /// goes on.
     #[inline(always)]
     fn enter<S: Simd>(&self, simd: S, track: &mut Track<'_>, k: usize) -> bool {
         let Some(region) = self.cells.region(&track.cell) else {
@@ -163,7 +165,8 @@ impl AffineKernel {
         }
     }
 
-    /// The right sides of `G` trajectories. Each sum is a chain of its own, whose order is that of [`Self::slope`]; side by side the processor overlaps them.
+    /// The right sides of `G` trajectories. Each sum is a separate chain, whose order is that of [`Self::slope`]; side
+    /// by side the processor overlaps them.
     #[inline(always)]
     fn slopes_of<S: Simd, const G: usize>(&self, simd: S, tracks: &[Track<'_>], group: [usize; G], out: &mut [f64]) {
         let mut from = 0;
@@ -219,7 +222,7 @@ impl AffineKernel {
         }
     }
 
-    /// One step of one trajectory, whose slopes are known; whether it goes on.
+    /// One step of one trajectory, whose slopes are known. Returns true if it goes on.
     #[inline(always)]
     fn step<S: Simd>(
         &self,
@@ -424,7 +427,7 @@ struct Track<'a> {
     run: &'a Run<'a>,
     slots: Aligned,
     first: Aligned,
-    /// How far each slot may go from the first.
+    /// Largest distance of each slot from the first.
     limit: Aligned,
     cell: Cell,
     /// The region of the present step.

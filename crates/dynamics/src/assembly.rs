@@ -1,4 +1,4 @@
-//! How a simulator comes about: equations compiled, the fast path laid out, a controller bound.
+//! Assembly of a simulator: equations compiled, the fast path laid out, a controller bound.
 
 use std::sync::Arc;
 
@@ -74,7 +74,7 @@ impl Simulator {
         Ok(simulator)
     }
 
-    /// How far back and ahead the equations look.
+    /// Finds the rows back and ahead that the equations read.
     fn find_reach(&mut self) -> Result<(), Error> {
         let count = self.columns.len();
         let mut reach: Vec<Option<(i32, i32)>> = vec![None; count];
@@ -112,8 +112,8 @@ impl Simulator {
     /// A driven input is taken from the recording up to the start, where lagged terms and latencies reach back to it.
     ///
     /// # Errors
-    /// [`Error::Parameter`]; [`Error::Controller`] for columns that the model does not have, that are advanced states, or that the controller also
-    /// reads; [`Error::FutureState`] where the model looks ahead at a driven input.
+    /// [`Error::Parameter`]. [`Error::Controller`] for columns that the model does not have, that are advanced states,
+    /// or that the controller also reads. [`Error::FutureState`] if the model reads later rows of a driven input.
     pub fn driven_by(self, controller: Arc<dyn Controller>) -> Result<Self, Error> {
         let mut simulator = Self::compile(&self.model, self.period, &controller.drives())?;
         if self.kernel.is_none() {

@@ -1,4 +1,4 @@
-//! What a model must beat: predictions that need no model.
+//! Baselines of a model: predictions that need no model.
 
 use std::ops::Range;
 
@@ -17,11 +17,11 @@ use crate::{
 pub enum Baseline {
     /// The mean of the training rows; in a rollout every fitted right side is its training mean, and the given equations stand.
     Null,
-    /// Everything stays as it is: the present value for a next value, no change for a difference, for a derivative the one
-    /// measured one sample before.
+    /// No change: the present value for a next value, 0 for a difference, and for a derivative the one measured one
+    /// sample before.
     Persistence,
-    /// The last change goes on: `x + (x - x_previous)` for a next value, the previous difference for a difference, and a derivative
-    /// of 0 (the state of which it is the rate keeps its value).
+    /// The last change again: `x + (x - x_previous)` for a next value, the previous difference for a difference. For a
+    /// derivative it is 0 (the state of which it is the rate keeps its value).
     ConstantVelocity,
 }
 
@@ -40,13 +40,14 @@ impl Baseline {
 pub(crate) struct OneStepBaselines {
     /// The targets one sample before.
     previous: Program,
-    /// The targets two samples before, of those that are extrapolated. By itself, so that the others lose no row at a border for it.
+    /// The targets two samples before, of those that are extrapolated. Separate, so that the others lose no row at a
+    /// border for it.
     before: Program,
     forms: Vec<[Form; 2]>,
     wrapped: Vec<bool>,
 }
 
-/// How a baseline follows from the target one (`t1`) and two (`t2`) samples before.
+/// Form of a baseline, by the targets one (`t1`) and two (`t2`) samples before.
 #[derive(Clone, Copy, PartialEq)]
 enum Form {
     Zero,

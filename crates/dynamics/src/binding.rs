@@ -11,7 +11,7 @@ use crate::{
 };
 
 impl Driver {
-    /// Binds the names, and takes the driven columns out of what is read from the recording.
+    /// Binds the names, and takes the driven columns out of those read from the recording.
     pub(crate) fn bind(controller: Arc<dyn Controller>, simulator: &mut Simulator) -> Result<Self, Error> {
         controller.validate()?;
         let (names, mut drives) = (controller.drives(), Vec::new());
@@ -44,7 +44,7 @@ impl Driver {
     }
 }
 
-/// Index of a column that the controller speaks of.
+/// Index of a column that the controller names.
 fn find(simulator: &Simulator, name: &str) -> Result<usize, Error> {
     let columns = &simulator.columns;
     columns.iter().position(|known| known == name).ok_or_else(|| {
@@ -55,7 +55,7 @@ fn find(simulator: &Simulator, name: &str) -> Result<usize, Error> {
     })
 }
 
-/// Where the values of a column come from while a trajectory is simulated.
+/// Source of a column's values while a trajectory is simulated.
 fn read(simulator: &mut Simulator, drives: &[(usize, i32)], column: usize) -> Result<Read, Error> {
     if let Some(state) = simulator.states.iter().position(|state| state.column == column) {
         return Ok(Read::State(state));

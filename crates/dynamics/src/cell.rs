@@ -56,7 +56,7 @@ struct Linear {
     screen: Box<Screen>,
 }
 
-/// Where a trajectory is: its region, and how far it may go before the region has to be searched again.
+/// Place of a trajectory: its region, and the distance that it may go before the region has to be searched again.
 pub(crate) struct Cell {
     region: usize,
     /// Square of the free radius around the reference; negative: not known.
@@ -148,7 +148,7 @@ impl Cells {
         }
     }
 
-    /// Whether these slots may lie in another region than the cell's.
+    /// Returns true if these slots may lie in another region than the cell's.
     #[inline(always)]
     pub(crate) fn has_left<S: Simd>(&self, simd: S, cell: &Cell, slots: &[f64]) -> bool {
         let (slots, scale) = (&slots[..self.reach], &self.slot_scale[..self.reach]);
@@ -166,7 +166,7 @@ impl Cells {
         copy::<S>(&slots[..self.reach], &mut cell.reference);
     }
 
-    /// Second stage of a search: what the screen scores, at standardised columns that are a rounding off.
+    /// Second stage of a search: scores of the screen, at standardised columns within a rounding.
     #[inline(always)]
     pub(crate) fn approach<S: Simd>(&self, simd: S, cell: &mut Cell, slots: &[f64]) {
         let (CellRule::Linear(linear), Some(screened)) = (&self.rule, &mut cell.screened) else { return };
@@ -228,7 +228,7 @@ impl Cells {
         true
     }
 
-    /// Where the screen is not certain: the exact scores, what wins them, and how far that goes.
+    /// Settles a cell about which the screen is not certain: exact scores, the winner, and the free radius.
     #[inline(always)]
     pub(crate) fn settle<S: Simd>(&self, simd: S, cell: &mut Cell, slots: &[f64]) {
         self.standardise(simd, cell, slots);

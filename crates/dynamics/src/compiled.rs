@@ -11,8 +11,9 @@ use crate::{
 
 /// A model's equations as programs over columns.
 ///
-/// Evaluation has three stages: `functions` (the candidate functions in use, then the columns of the partitions), the regions and
-/// the latents' affine maps, and `rights` (right sides over the columns and, behind them, the latents).
+/// Evaluation has three stages. `functions` are the candidate functions in use, then the columns of the partitions.
+/// Then come the regions and the latents' affine maps. `rights` are right sides over the columns and, behind them, the
+/// latents.
 pub(crate) struct Compiled {
     pub(crate) functions: Program,
     pub(crate) rights: Program,
@@ -41,7 +42,7 @@ pub(crate) struct Latents {
     pub(crate) library: usize,
     /// Index of the first function among the outputs of `functions`.
     pub(crate) first: usize,
-    /// Which functions of the library are in use, ascending.
+    /// Functions of the library in use, ascending.
     pub(crate) kept: Vec<usize>,
     /// The features of the latents: the functions in use, then those of the basis.
     pub(crate) features: Vec<usize>,
@@ -233,7 +234,7 @@ impl pulp::WithSimd for EvaluateLatents<'_> {
 }
 
 impl Latents {
-    /// Whether its latents are affine in the functions of the library alone.
+    /// Returns true if its latents are affine in the functions of the library alone.
     pub(crate) fn is_affine(&self) -> bool {
         self.basis.is_none()
     }
@@ -243,7 +244,7 @@ impl Latents {
         self.basis.as_ref().map_or(&[], |(_, places)| places)
     }
 
-    /// Where the values of a feature stand among those of a workspace.
+    /// Column of a feature among the values of a workspace.
     pub(crate) fn column(&self, feature: usize) -> usize {
         match feature.checked_sub(self.kept.len()) {
             None => self.first + feature,

@@ -1,4 +1,4 @@
-//! What a controller has to offer that closes the loop around a model in a rollout.
+//! Interface of a controller that closes the loop around a model in a rollout.
 
 mod driver;
 
@@ -8,18 +8,18 @@ pub(crate) use driver::{Drive, Driver, Read};
 
 pub use crate::parameter_error::ParameterError;
 
-/// What drives inputs of a model in a closed loop: immutable, shared by all trajectories.
+/// Law that drives inputs of a model in a closed loop: immutable, shared by all trajectories.
 pub trait Controller: fmt::Debug + Send + Sync {
-    /// Columns that it looks at: states, or columns of the recording such as a belt's speed.
+    /// Columns that it reads: states, or columns of the recording such as a belt's speed.
     fn reads(&self) -> Vec<String>;
 
     /// Inputs of the model that it drives.
     fn drives(&self) -> Vec<String>;
 
-    /// Whether the parameters can be used.
+    /// Checks the parameters.
     ///
     /// # Errors
-    /// The first parameter that cannot.
+    /// The first parameter that cannot be used.
     fn validate(&self) -> Result<(), ParameterError> {
         Ok(())
     }
@@ -32,7 +32,8 @@ pub trait Controller: fmt::Debug + Send + Sync {
 pub trait ControllerState: Send {
     /// Sets the inputs for the step that begins now; called once a step, before it.
     ///
-    /// `seconds` count from the trajectory's start; `columns` hold the present values of [`Controller::reads`]. `inputs`, in the order of
-    /// [`Controller::drives`], come with the values of the step before (at the start with the recorded ones): what is not changed is held.
+    /// `seconds` count from the trajectory's start; `columns` hold the present values of [`Controller::reads`].
+    /// `inputs`, in the order of [`Controller::drives`], come with the values of the step before (at the start with the
+    /// recorded ones). An unchanged input is held.
     fn control(&mut self, seconds: f64, columns: &[f64], inputs: &mut [f64]);
 }

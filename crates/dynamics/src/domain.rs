@@ -1,4 +1,4 @@
-//! The training domain: how far a row is from what its region saw.
+//! The training range: distance of a row from the training rows of its region.
 
 use fleetfoot_data::{packed, packed_row};
 use fleetfoot_model::{Model, RegionSummary};
@@ -8,7 +8,7 @@ use crate::{
     kernel::{padded, within},
 };
 
-/// Whether a row lies within the ranges of the regressors seen in training.
+/// Position of a row relative to the training range of the regressors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub enum Domain {
     /// Every regressor is within the range that its region saw.
@@ -38,7 +38,7 @@ struct RegionDomain {
     metric: Mahalanobis,
 }
 
-/// Where a row stands.
+/// Position of a row relative to the training rows.
 pub(crate) struct Place {
     /// Distance from the region's mean under the region's covariance.
     pub(crate) distance: f64,
@@ -128,7 +128,7 @@ impl TrainingDomain {
     }
 }
 
-/// What a region says of some of its functions.
+/// Summary of a region for some of its functions.
 fn restricted(region: &RegionSummary, kept: &[usize]) -> RegionSummary {
     let pairs = kept.iter().enumerate().flat_map(|(a, &i)| kept[..=a].iter().map(move |&j| packed(i, j)));
     RegionSummary {

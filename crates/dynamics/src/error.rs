@@ -10,7 +10,7 @@ pub enum Error {
     /// Rows could not be read, or the user stopped the work.
     #[error(transparent)]
     Data(#[from] fleetfoot_data::Error),
-    /// An expression of the model speaks of a column that is not there.
+    /// An expression of the model reads a column that is not there.
     #[error(transparent)]
     UnknownColumn(#[from] UnknownColumn),
     /// The parts of the model do not fit together.
@@ -35,7 +35,7 @@ pub enum Error {
         /// The state.
         state: String,
     },
-    /// A right side speaks of a latent at another row.
+    /// A right side reads a latent at another row.
     #[error(transparent)]
     LaggedLatent(#[from] fleetfoot_model::LaggedLatent),
     /// The model needs a simulated value before it is computed.
@@ -65,7 +65,7 @@ pub enum Error {
         .episode.as_ref().map(|name| format!(" ({name})")).unwrap_or_default()
     )]
     TooShort {
-        /// Steps asked for.
+        /// Requested steps.
         horizon: usize,
         /// Rows that they need, history included.
         needed: usize,
@@ -74,7 +74,7 @@ pub enum Error {
         /// Its name.
         episode: Option<String>,
     },
-    /// A start that was asked for does not lie in the recording, or too near to a border.
+    /// A requested start that is not in the recording, or too near to a border.
     #[error(
         "a rollout cannot start at row {row} of episode {episode}: it needs {before} rows before and {after} after, the episode has {rows} rows"
     )]
@@ -127,7 +127,7 @@ pub enum Error {
     Times {
         /// Index among the times.
         place: usize,
-        /// What is wrong there.
+        /// The problem there, in words.
         problem: String,
     },
     /// The times of a simulation are not a row apart, of a model that goes by rows.
@@ -150,7 +150,7 @@ pub enum Error {
     Controller {
         /// The column that it names.
         column: String,
-        /// What is wrong with it.
+        /// The problem with it, in words.
         problem: String,
     },
     /// A controller's parameter cannot be used.

@@ -1,7 +1,7 @@
 //! Free runs: a model simulated through whole episodes from their first complete rows, and how far it stays from the recording.
 //!
-//! What tells a model of dynamics from a predictor: the outputs it starts from are recorded, all later ones are its own,
-//! and so is what follows from them; inputs stay recorded.
+//! Free runs test a model of dynamics, not a one-step predictor. Only the starting outputs come from the recording. All
+//! later outputs, and the columns computed from them, are simulated; inputs stay recorded.
 
 use std::ops::Range;
 
@@ -19,21 +19,23 @@ mod tests;
 
 pub use sums::{FreeRunScore, OutputErrors};
 
-/// How to run free.
+/// Options of free runs.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct FreeRunOptions {
     /// Steps of a run at most; the next one starts from the recording where it ends. `None`: to the end of the episode.
     pub horizon: Option<usize>,
-    /// Rows of an episode before the first start at least: with the same number, models of few lags and of many are scored on the same rows.
+    /// Rows of an episode before the first start at least. With the same number, models of few lags and of many are
+    /// scored on the same rows.
     pub first: usize,
-    /// How derivatives are integrated.
+    /// Integration method of derivatives.
     pub method: Method,
-    /// How long a step is.
+    /// Length of a step.
     pub step: Step,
-    /// A state this many training standard deviations away from where it started has diverged; infinite: only what is no longer finite.
+    /// A state this many training standard deviations away from its start has diverged; infinite: only values that are
+    /// not finite have.
     pub divergence: f64,
-    /// Whether the trajectories are kept.
+    /// True to keep the trajectories.
     pub keep: bool,
 }
 
@@ -45,7 +47,7 @@ impl Default for FreeRunOptions {
     }
 }
 
-/// What free runs showed.
+/// Scores of free runs.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct FreeRun {
@@ -69,11 +71,11 @@ pub struct FreeRunOutcome {
     pub start: Start,
     /// Steps that there were to make.
     pub steps: usize,
-    /// How it ended.
+    /// End of the run.
     pub end: End,
     /// Row of the episode that was not reached, where the run ended early.
     pub lost_at: Option<usize>,
-    /// First row of the episode at which a regressor was outside what its region saw in training.
+    /// First row of the episode at which a regressor was outside the training range of its region.
     pub left_domain: Option<usize>,
     /// Errors of every output in this run.
     pub outputs: Vec<OutputErrors>,
@@ -88,9 +90,9 @@ impl FreeRun {
 
 /// Simulates every episode of a source, whose columns are the model's, from its first complete row.
 ///
-/// A row is complete when all states (and their lags) and all recorded columns that the model needs are there. A run goes on to the end of the episode or to
-/// the first missing input, where the next one starts; measurements of the outputs may be missing on the way. The row of the start is not scored.
-/// Same bits on any number of threads.
+/// A row is complete when all states (and their lags) and all recorded columns that the model needs are there. A run
+/// goes on to the end of the episode or to the first missing input, after which the next one starts. Measurements of
+/// the outputs may be missing on the way. The row of the start is not scored. Same bits on any number of threads.
 ///
 /// # Errors
 /// Those of [`Simulator::new`] and of reading, [`Error::NoHorizon`], [`Error::BadStep`], and [`Error::NoCompleteRow`] when no episode can be started.
@@ -147,7 +149,7 @@ pub fn free_run(
     Ok(found)
 }
 
-/// An advanced state: what its errors are measured by.
+/// An advanced state, with the units of its errors.
 struct Output {
     column: usize,
     /// The null model's prediction: the mean in training, where the model knows it.

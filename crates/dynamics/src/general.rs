@@ -274,7 +274,7 @@ impl<'a> Batch<'a> {
         }
     }
 
-    /// Whether the regressors of every latent are within the ranges of their region.
+    /// Returns true if the regressors of every latent are within the ranges of their region.
     fn inside(&self, b: usize) -> bool {
         self.simulator.compiled.groups.iter().all(|group| {
             let Some(ranges) = &group.ranges else { return true };

@@ -1,5 +1,5 @@
-//! Where states live: on a line, on a circle, or several of them together among the rotations. It says what the difference of two states is, and brings back what a
-//! step of time has made.
+//! Geometry of states: on a line, on a circle, or several of them together as a rotation. It gives the difference of
+//! two states, and brings back a state after a step of time.
 
 use std::ops::Range;
 
@@ -29,7 +29,7 @@ pub enum Shape {
 pub struct Group {
     /// The name of the rotation.
     pub name: String,
-    /// How its parts tell the rotation.
+    /// Representation of the rotation by its parts.
     pub kind: RotationKind,
     /// Place of each part among the states.
     pub places: Vec<usize>,
@@ -48,7 +48,7 @@ pub struct Geometry {
 }
 
 impl Geometry {
-    /// Of states that stand in these columns of a model; an index beyond them is of what is no column.
+    /// Geometry of the states in these columns of a model; an index beyond them is no column.
     pub fn new(model: &Model, columns: &[usize]) -> Self {
         let shape = |&column: &usize| match model.columns.get(column).is_some_and(|own| own.angle) {
             true => Shape::Circle,
@@ -73,7 +73,7 @@ impl Geometry {
         }
     }
 
-    /// What a state is where nothing is known of it: 0, of a quaternion's first part 1.
+    /// Neutral value of an unknown state: 0, or 1 for a quaternion's first part.
     pub fn neutral(&self, state: usize) -> f64 {
         match self.group(state) {
             Some((Group { kind: RotationKind::Quaternion, .. }, 0)) => 1.0,
@@ -81,7 +81,7 @@ impl Geometry {
         }
     }
 
-    /// `a - b` of a state: that of an angle is in (-pi, pi]; of a rotation a is written as near to b as it can be.
+    /// `a - b` of a state. That of an angle is in (-pi, pi]; of a rotation a is written as near to b as it can be.
     #[inline(always)]
     pub fn difference(&self, state: usize, a: impl Fn(usize) -> f64, b: impl Fn(usize) -> f64) -> f64 {
         match self.shapes[state] {
@@ -91,7 +91,8 @@ impl Geometry {
         }
     }
 
-    /// Values of some states, each rotation written as near to `mean` as it can be; where parts are missing, by those of a quaternion that are there.
+    /// Values of some states, each rotation written as near to `mean` as it can be. If parts are missing, the available
+    /// parts of a quaternion decide.
     pub fn aligned(&self, states: &[usize], values: &[f64], mean: &[f64]) -> Vec<f64> {
         let mut aligned = values.to_vec();
         for Group { kind, places, .. } in &self.groups {
@@ -139,7 +140,7 @@ impl Geometry {
         self.retract(mean, |s| s);
     }
 
-    /// Rotations of what is known before anything is measured: no rotation at all where nothing is.
+    /// Rotations of a prior mean: no rotation at all if nothing is known.
     pub fn begin(&self, mean: &mut [f64]) {
         for group in &self.groups {
             if group.places.iter().any(|&place| mean[place] != 0.0) {
@@ -212,8 +213,9 @@ impl Geometry {
         components
     }
 
-    /// The covariance of errors, packed, from that of the states in training (`state`: entry of two of them) and their means: in the order of `components`, each rotation
-    /// by the three parts of its rotation vector. For a rotation that is not far from its mean m the vector is `turning(m) (q - m)`.
+    /// The covariance of errors, packed, from that of the states in training (`state`: entry of two of them) and their
+    /// means. In the order of `components`, each rotation by the three parts of its rotation vector. For a rotation
+    /// that is not far from its mean m the vector is `turning(m) (q - m)`.
     pub fn covariance(
         &self,
         components: &[Component],

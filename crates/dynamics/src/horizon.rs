@@ -12,7 +12,7 @@ use crate::{
     window::Window,
 };
 
-/// How far a model's rollouts are from the recording, by step.
+/// Errors of a model's rollouts against the recording, by step.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Horizon {
@@ -28,11 +28,11 @@ pub struct Horizon {
     pub ended: Vec<f64>,
     /// The model's errors against raw measurements, where these are at hand.
     pub raw: Option<RawHorizon>,
-    /// How long the model is worth using.
+    /// Horizon up to which the model beats the baselines.
     pub useful: UsefulHorizon,
     /// The steps at which the model's mean Mahalanobis score is below that of each baseline.
     pub better: Vec<(Baseline, Vec<StepSpan>)>,
-    /// What the intervals compare.
+    /// Parts that the intervals compare.
     pub basis: Basis,
 }
 
@@ -54,7 +54,8 @@ pub struct HorizonScore {
     pub displacement_summary: Option<RolloutSummary>,
 }
 
-/// What rollouts come to, each rollout counting as much (section 7.1 of *Towards Sim-to-Real via Real-to-Sim*: average displacement, and how fast it grows).
+/// Averages over rollouts of equal weight: displacement and its growth (section 7.1 of *Towards Sim-to-Real via
+/// Real-to-Sim*).
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct RolloutSummary {
@@ -76,7 +77,8 @@ pub struct UsefulHorizon {
     pub seconds: f64,
     /// The baseline that is better at the next step; `None` when none is up to the end.
     pub beaten_by: Option<Baseline>,
-    /// All steps at which the model is better than every baseline, in spans: a model that loses the first steps may be the better one for all that follow.
+    /// All steps at which the model is better than every baseline, in spans. A model that loses the first steps may be
+    /// the better one for all that follow.
     pub spans: Vec<StepSpan>,
     /// Steps at which there is something to compare: a measured state, and a baseline.
     pub compared: usize,
@@ -98,20 +100,20 @@ pub struct StepSpan {
 /// The baselines of rollouts.
 pub(crate) const ROLLOUT_BASELINES: [Baseline; 3] = [Baseline::Null, Baseline::Persistence, Baseline::ConstantVelocity];
 
-/// What is needed to score windows.
+/// Scorer of windows.
 pub(crate) struct HorizonScorer {
     pub(crate) horizon: usize,
     /// States that are advanced.
     states: usize,
-    /// What errors are told by: states and rotations.
+    /// Components of the reported errors: states and rotations.
     told: Vec<Component>,
     /// The parts of the errors that enter the Mahalanobis score: one of a state, the rotation vector's three of a rotation.
     scored: Vec<Range<usize>>,
     metric: Mahalanobis,
-    /// Of all states that are told.
+    /// Geometry of all reported states.
     geometry: Geometry,
     columns: Vec<usize>,
-    /// Positions (among what is told) of the columns of the displacement.
+    /// Positions, among the reported components, of the columns of the displacement.
     position: Vec<usize>,
 }
 
@@ -130,7 +132,7 @@ impl Velocity {
         Self { states: (0..measured.len()).map(rate).collect(), rotations: turning.collect() }
     }
 
-    /// Where rotations are that have turned on for so many seconds.
+    /// Turns rotations on at their rate for `seconds`.
     fn turn(&self, geometry: &Geometry, measured: &[&[f64]], seconds: f64, value: &mut [f64]) {
         for (group, rate) in geometry.groups.iter().zip(&self.rotations) {
             let moved = group.kind.moved(&group.of(|s| measured[s][1]), rate.map(|part| part * seconds));
@@ -161,7 +163,8 @@ pub(crate) struct HorizonSums {
     tables: Vec<ErrorTable>,
     /// The model's errors against raw measurements.
     raw: ErrorTable,
-    /// Per predictor (of the Mahalanobis score, then of the displacement) and step, the summary behind: sum and sum of squares of the scores, and their number.
+    /// Per predictor (of the Mahalanobis score, then of the displacement) and step, the sums behind the summary: sum
+    /// and sum of squares of the scores, and their number.
     scores: Vec<Vec<[f64; 3]>>,
     /// Per episode, predictor and step: sum of the scores and their number.
     episodes: Vec<(usize, Vec<Vec<[f64; 2]>>)>,
@@ -169,7 +172,7 @@ pub(crate) struct HorizonSums {
 
 impl HorizonScorer {
     /// # Errors
-    /// [`Error::UnknownColumn`] for a position that is no advanced state.
+    /// [`Error::UnknownColumn`] for a position that is not an advanced state.
     pub(crate) fn new(model: &Model, simulator: &Simulator, options: &RolloutOptions) -> Result<Self, Error> {
         let (horizon, shown) = (options.horizon, simulator.shown());
         let names = simulator.states();
@@ -299,7 +302,7 @@ impl HorizonScorer {
         }
     }
 
-    /// Errors of the states at a row of what was measured, and what they come to: of a state the error itself, of a rotation its angle.
+    /// Errors of the states at a measured row, and their sizes: of a state the error itself, of a rotation its angle.
     fn errors(&self, measured: &[&[f64]], row: usize, value: &[f64], error: &mut [f64], size: &mut [f64]) {
         let (recorded, own) = (|s: usize| measured[s][row], |s: usize| value[s]);
         let mut at = 0;
@@ -320,7 +323,7 @@ impl HorizonScorer {
         }
     }
 
-    /// The names of what errors are told by.
+    /// The names of the reported components.
     fn names(&self, states: &[String]) -> Vec<String> {
         let name = |own: &Component| match *own {
             Component::State(state) => states[state].clone(),
@@ -389,7 +392,8 @@ fn summary(series: &[(f64, f64)]) -> Option<[f64; SUMMARY]> {
     Some([average, last, if end > begin { (last - first) / (end - begin) } else { 0.0 }])
 }
 
-/// Whether the model is better at a step; `None` where nothing was measured or there is no baseline. A score that is not a number beats nothing.
+/// Returns true if the model is better at a step; `None` without a measurement or a baseline. A score that is not a
+/// number beats nothing.
 fn beats(model: &HorizonScore, k: usize, other: Option<(Baseline, f64)>) -> Option<bool> {
     let (_, other) = other.filter(|(_, value)| value.is_finite())?;
     Some(model.mahalanobis[k].value.partial_cmp(&other) == Some(std::cmp::Ordering::Less))
@@ -401,7 +405,7 @@ fn best(baselines: &[(Baseline, HorizonScore)], k: usize) -> Option<(Baseline, f
     scores.filter(|(_, value)| value.is_finite()).min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// The steps at which something holds; steps about which nothing can be said belong to the span around them.
+/// The steps at which a condition holds, in spans; steps without an answer belong to the span around them.
 fn spans(time: &[f64], holds: impl Fn(usize) -> Option<bool>) -> Vec<StepSpan> {
     let mut spans: Vec<StepSpan> = Vec::new();
     let mut open = false;

@@ -5,13 +5,13 @@ use fleetfoot_model::Prediction;
 
 use crate::angle::wrap;
 
-/// How derivatives are integrated from row to row.
+/// Integration method of derivatives from row to row.
 ///
-/// Recorded columns are held from one row to the next (zero-order hold), also within a step. Equations for a next value or a
-/// difference advance once a step with either method.
+/// Recorded columns are held from one row to the next (zero-order hold), also within a step. Equations for a next value
+/// or a difference advance once a step with either method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Method {
-    /// `x + h f(x)`: what the paper's simulations use.
+    /// `x + h f(x)`: the method of the paper's simulations.
     Euler,
     /// The classical fourth-order Runge-Kutta method, as exported code has it. Within a step the region follows the stage, lagged columns
     /// and recorded columns are held, and `time()` moves with the stage.
@@ -44,8 +44,9 @@ pub fn typical_period(source: &dyn Source) -> Option<f64> {
     })
 }
 
-/// How one state advances: `factor * x + h * f`, with (factor, h) = (1, step) for a derivative, (1, 1) for a difference, (0, 1)
-/// for a next value, (exp(-step/c), 1 - exp(-step/c)) for a first-order lag of f; then wrapped if it is an angle.
+/// Advance of one state: `factor * x + h * f`, then wrapped if it is an angle. (factor, h) is (1, step) for a
+/// derivative, (1, 1) for a difference and (0, 1) for a next value. For a first-order lag of f it is (exp(-step/c), 1 -
+/// exp(-step/c)).
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Advance {
     /// The factor of the state itself; of a lag it depends on the step ([`Advance::factor`]).
@@ -68,8 +69,8 @@ impl Advance {
         Some(Self { keep, continuous, angle, lag: None })
     }
 
-    /// Of a first-order lag with this time constant in seconds, whose right side is what it follows. It advances once a step, as
-    /// [`FilterKind::Lag1`](fleetfoot_library::FilterKind::Lag1) does.
+    /// Advance of a first-order lag with this time constant in seconds, towards its right side. It advances once a
+    /// step, like [`FilterKind::Lag1`](fleetfoot_library::FilterKind::Lag1).
     pub(crate) fn lag(constant: f64) -> Self {
         Self { keep: f64::NAN, continuous: false, angle: false, lag: Some(constant) }
     }

@@ -1,7 +1,7 @@
 //! Small kernels beside those of [`fleetfoot_stats::kernel`]. They are inlined into the callers' [`pulp::WithSimd::with_simd`], so that they use the widest vectors of the machine.
 //! (A closure would not do: nothing forces the compiler to inline it into the function that has the wide vectors.)
 //!
-//! Every element is computed by the same chain of fused multiply-adds on every machine and whatever stands beside it: the
+//! Every element is computed by the same chain of fused multiply-adds on every machine, whatever its neighbours. The
 //! same bits follow from any vector width, any batch and any tile.
 
 pub(crate) use fleetfoot_stats::kernel::{LANES, affine, load, padded};
@@ -44,7 +44,7 @@ pub(crate) fn scaled_square<S: Simd>(simd: S, values: &[f64], reference: &[f64],
     simd.reduce_sum_f64s(sum)
 }
 
-/// Whether every value lies within its bounds; a NaN does not. All slices of one padded length.
+/// Returns true if every value lies within its bounds; a NaN does not. All slices have one padded length.
 #[inline(always)]
 pub(crate) fn within<S: Simd>(simd: S, values: &[f64], low: &[f64], high: &[f64]) -> bool {
     let (low, high) = (S::as_simd_f64s(low).0, S::as_simd_f64s(high).0);
@@ -57,7 +57,8 @@ pub(crate) fn within<S: Simd>(simd: S, values: &[f64], low: &[f64], high: &[f64]
     simd.first_true_m64s(simd.xor_m64s(inside, yes)) == S::F64_LANES
 }
 
-/// Where `|values - reference| <= limit`; a NaN is nowhere near. (Not by an absolute value, which is a call: nothing inlines it here.)
+/// Lanes with `|values - reference| <= limit`; a NaN is nowhere near. (Not by an absolute value, which is a call:
+/// nothing inlines it here.)
 #[inline(always)]
 pub(crate) fn is_near<S: Simd>(simd: S, values: S::f64s, reference: S::f64s, limit: S::f64s) -> S::m64s {
     let above = simd.less_than_or_equal_f64s(simd.sub_f64s(values, reference), limit);

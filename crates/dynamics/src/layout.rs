@@ -1,4 +1,4 @@
-//! How a piecewise-affine model is laid out for the fast path.
+//! Layout of a piecewise-affine model for the fast path.
 
 use fleetfoot_library::{Expr, Node, Unary};
 use fleetfoot_model::{Equation, Model};
@@ -161,8 +161,8 @@ struct Terms {
     /// First term of each group of latents.
     first: Vec<usize>,
     sides: Vec<Side>,
-    /// Whether a matrix has a row for every slot up to the last, instead of one for every term: then the terms are in the
-    /// order of the slots and nothing is looked up.
+    /// True if a matrix has a row for every slot up to the last, instead of one for every term. The terms are then in
+    /// the order of the slots, and need no index.
     dense: bool,
     rows: usize,
 }

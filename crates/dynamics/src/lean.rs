@@ -1,4 +1,5 @@
-//! One trajectory of equations without regions, lags and clock: right sides evaluated row by row, without what batches keep books of.
+//! One trajectory of equations without regions, lags and clock: right sides evaluated row by row, without the
+//! bookkeeping of batches.
 //!
 //! The arithmetic is that of [`crate::general`], operation by operation.
 
@@ -6,7 +7,7 @@ use fleetfoot_library::{Leaf, Scratch};
 
 use crate::{End, Method, Simulator, Trajectory, integrate::runge_kutta_mean, run::Run, state::State};
 
-/// Where a right side finds what it reads.
+/// Source of a value that a right side reads.
 #[derive(Debug, Clone, Copy)]
 enum Reading {
     State(usize),
@@ -16,7 +17,7 @@ enum Reading {
     Number(f64),
 }
 
-/// A simulator whose right sides can be stepped by themselves.
+/// A simulator whose right sides can be stepped one at a time.
 pub(crate) struct Lean {
     readings: Vec<Reading>,
 }

@@ -1,12 +1,12 @@
-//! What a model does: integrate, roll out; scores.
+//! Simulation of models: integration, rollouts, scores.
 //!
 //! - [`Predictor`]: one step, row by row: measured target, prediction, region, distance from the training domain.
 //! - [`score`]: one-step errors of a model on a recording, beside the null model, persistence and constant velocity.
 //! - [`Simulator`] and [`rollout`]: free runs from many starts, and their errors by horizon beside the same baselines.
 //! - [`Stepper`] and [`Tangent`]: values at hand instead of a recording: steps, regions, exact derivatives.
 //! - [`free_run`]: whole episodes simulated from their first complete rows.
-//! - [`controller`]: what a law has to offer that drives a model's inputs in a rollout.
-//! - [`geometry`]: what the difference of two states is, where some are angles or rotations.
+//! - [`controller`]: interface of a law that drives a model's inputs in a rollout.
+//! - [`geometry`]: difference of two states, of which some are angles or rotations.
 //!
 //! A source given to this crate has the model's columns (aliases) as its columns, in any order.
 //!

@@ -1,4 +1,4 @@
-//! What a score says.
+//! Values of a score.
 
 use fleetfoot_data::EpisodeId;
 
@@ -28,7 +28,7 @@ pub struct Scores {
     pub calibration: Vec<CalibrationBin>,
     /// One entry an episode with scored rows, in the order of the source.
     pub episodes: Vec<EpisodeScore>,
-    /// What the intervals compare.
+    /// Parts that the intervals compare.
     pub basis: Basis,
 }
 
@@ -55,10 +55,11 @@ pub struct TargetScore {
     pub unit: Option<String>,
     /// Mean absolute error.
     pub mae: Estimate,
-    /// Mean absolute error over that of the null model on the same rows: the numbers printed in Table I of Buchan, Haldane, Fearing (their null model
-    /// scores 1 everywhere). Of a constant target 0 for a model without error, else 1.
+    /// Mean absolute error over that of the null model on the same rows: the numbers printed in Table I of Buchan,
+    /// Haldane, Fearing (their null model scores 1 everywhere). For a constant target 0 if the model has no error,
+    /// else 1.
     pub mae_over_null: Estimate,
-    /// Mean absolute error over the standard deviation of the training target: what their caption says.
+    /// Mean absolute error over the standard deviation of the training target, as the caption of their table says.
     pub mae_over_sigma: f64,
     /// Root of the mean squared error.
     pub rmse: f64,
@@ -79,7 +80,7 @@ pub struct TargetScore {
 /// A baseline, on the rows for which it and the target are known.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BaselineScore {
-    /// Which.
+    /// The baseline.
     pub baseline: Baseline,
     /// Rows on which it is known.
     pub rows: u64,
@@ -103,7 +104,7 @@ pub struct EpisodeScore {
     pub id: EpisodeId,
     /// For people.
     pub name: String,
-    /// Whether the model was trained on it: then its scores are in-sample.
+    /// True if the model was trained on it; its scores are then in-sample.
     pub in_training: bool,
     /// Rows scored.
     pub rows: u64,

@@ -1,16 +1,16 @@
-//! What is wrong with a parameter of a controller or of a simulated robot.
+//! Errors in a parameter of a controller or of a simulated robot.
 
 use std::fmt;
 
-/// A parameter outside of what is allowed.
+/// A parameter outside of its allowed values.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{name} = {value}: must be {allowed}")]
 pub struct ParameterError {
     /// Its name, in a world file its path, e.g. `leg.mass`.
     pub name: String,
-    /// What it was.
+    /// The given value.
     pub value: String,
-    /// What it may be, in words.
+    /// The allowed values, in words.
     pub allowed: String,
 }
 
@@ -52,7 +52,7 @@ pub fn finite(name: &str, value: f64) -> Result<(), ParameterError> {
     in_range(name, value, f64::MIN, f64::MAX, "a finite number")
 }
 
-/// From `least` to `most`; `allowed` says so in words.
+/// Checks that a value is from `least` to `most`; `allowed` says so in words.
 ///
 /// # Errors
 /// Names the parameter.

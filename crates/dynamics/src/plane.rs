@@ -1,9 +1,10 @@
 //! A model's behaviour projected onto a plane of two columns: how often trajectories change region where, and how well rows are predicted where.
 //!
-//! Section III-D and Fig. 9 of Buchan, Haldane, Fearing, "Automatic Identification of Dynamic Piecewise Affine Models for a Running Robot". The plane
-//! is cut into bins x bins cells. A *passage* is a trajectory's stay in a cell: consecutive rows of one episode that fall into it. The *transition
-//! ratio* of a cell is the share of its passages in which the region changes, the step into the cell included: a change between two rows belongs to
-//! the cell of the later one. The *score* of a cell is the mean Mahalanobis score (equation (10)) of the one-step errors of its rows.
+//! Section III-D and Fig. 9 of Buchan, Haldane, Fearing, "Automatic Identification of Dynamic Piecewise Affine Models
+//! for a Running Robot". The plane is cut into bins x bins cells. A *passage* is a trajectory's stay in a cell:
+//! consecutive rows of one episode that fall into it. The *transition ratio* of a cell is the share of its passages in
+//! which the region changes, the step into the cell included. A change between two rows belongs to the cell of the
+//! later one. The *score* of a cell is the mean Mahalanobis score (equation (10)) of the one-step errors of its rows.
 
 use std::f64::consts::TAU;
 
@@ -22,13 +23,13 @@ const CHUNK_ROWS: usize = 65_536;
 /// One axis of a plane.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
-    /// What is projected, over the columns of the source.
+    /// Projected expression, over the columns of the source.
     pub expression: Expr,
     /// Lower end, in the expression's unit.
     pub low: f64,
     /// Upper end; values there and beyond are outside.
     pub high: f64,
-    /// Whether values are angles (rad), brought into the range by whole turns.
+    /// True if values are angles (rad), brought into the range by whole turns.
     pub periodic: bool,
 }
 
@@ -43,11 +44,11 @@ impl Axis {
         Self { expression, low, high, periodic: false }
     }
 
-    /// An axis for an expression over a model's columns: an angle if all columns that it speaks of are angles, else the range of the source's
-    /// values, which takes a pass over the rows.
+    /// An axis for an expression over a model's columns: an angle if all columns in it are angles. Else the range of
+    /// the source's values, which takes a pass over the rows.
     ///
     /// # Errors
-    /// [`Error::Plane`] where there is no finite value; [`Error::UnknownColumn`]; those of reading.
+    /// [`Error::Plane`] without a finite value; [`Error::UnknownColumn`]; those of reading.
     pub fn of_model(
         model: &Model,
         expression: Expr,
@@ -91,7 +92,7 @@ impl Axis {
     }
 }
 
-/// What fell into a cell.
+/// Counts of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PlaneCell {
     /// Rows.
@@ -281,15 +282,15 @@ impl Projector<'_> {
     }
 }
 
-/// Where a trajectory is.
+/// Place of a trajectory: cell and region.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Place {
     cell: usize,
     region: u32,
 }
 
-/// What consecutive rows of an episode add up to. Two traces of which one continues the other are appended exactly: a passage that the cut
-/// divides is counted once.
+/// Sums over consecutive rows of an episode. Two traces of which one continues the other are appended exactly: a
+/// passage that the cut divides is counted once.
 #[derive(Debug, Clone)]
 struct Trace {
     cells: Vec<PlaneCell>,
@@ -297,9 +298,9 @@ struct Trace {
     rows: u64,
     first: Option<Place>,
     last: Option<Place>,
-    /// Whether all rows so far are one passage, which may have begun before the first.
+    /// True if all rows so far are one passage, which may have begun before the first.
     single: bool,
-    /// Whether the region changed within the passage of the first row, and of the last.
+    /// True if the region changed within the passage of the first row, and of the last.
     first_changed: bool,
     last_changed: bool,
 }
@@ -349,7 +350,7 @@ impl Trace {
         self.rows += 1;
     }
 
-    /// What follows is another trajectory.
+    /// Ends the trajectory; the next row belongs to another one.
     fn leave(&mut self) {
         self.last = None;
         self.single &= self.rows == 0;

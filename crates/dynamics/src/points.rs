@@ -1,8 +1,9 @@
-//! Values at points: what a model reads when they are at hand instead of in a recording.
+//! Values of a model's columns at points, in place of a recording.
 
 use fleetfoot_library::Leaf;
 
-/// The values of a model's columns at points that do not depend on each other, each with as many earlier rows as the model looks back.
+/// The values of a model's columns at points that do not depend on each other. Each point has as many earlier rows as
+/// the model reads.
 #[derive(Debug, Clone, Default)]
 pub struct Points {
     count: usize,
@@ -129,7 +130,8 @@ impl Points {
         }
     }
 
-    /// One row passes: what was present is one row ago. The present row keeps its values until they are written.
+    /// One row passes: the present values become those of one row ago. The present row keeps its values until they are
+    /// written.
     pub fn pass(&mut self) {
         if self.history > 0 {
             self.values.copy_within(self.columns * self.count.., 0);

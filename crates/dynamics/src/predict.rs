@@ -47,7 +47,7 @@ pub struct Predictor {
 pub struct Predicted {
     /// Number of rows.
     pub rows: usize,
-    /// What each row is good for.
+    /// Status of each row.
     pub status: Vec<RowStatus>,
     /// Measured targets, equations x rows; NaN where they cannot be measured.
     pub measured: Vec<f64>,
@@ -61,7 +61,7 @@ pub struct Predicted {
     pub distance: Vec<f64>,
     /// The same distance under the covariance of all training rows.
     pub centre_distance: Vec<f64>,
-    /// Whether the regressors are within what training saw.
+    /// Position of each row relative to the training range.
     pub domain: Vec<Domain>,
 }
 
@@ -71,7 +71,7 @@ impl Predicted {
         &values[equation * rows..(equation + 1) * rows]
     }
 
-    /// Whether a row has a prediction, finite for every equation, whether or not its target was measured.
+    /// Returns true if a row has a finite prediction for every equation; its target need not be measured.
     pub fn is_predicted(&self, row: usize) -> bool {
         let equations = self.predicted.len() / self.rows.max(1);
         (0..equations).all(|equation| self.predicted[equation * self.rows + row].is_finite())
@@ -108,8 +108,8 @@ pub struct PredictorWorkspace {
 }
 
 impl Predictor {
-    /// Compiles the fitted equations of a model for a source with these columns, which are the model's columns in any order. Columns that only targets
-    /// speak of may be absent: then these targets are not measured.
+    /// Compiles the fitted equations of a model for a source with these columns, which are the model's columns in any
+    /// order. Columns that only targets read may be absent: these targets are then not measured.
     ///
     /// # Errors
     /// [`Error::NothingFitted`], [`Error::UnknownColumn`], [`Error::Inconsistent`], [`Error::LaggedLatent`].
@@ -160,7 +160,7 @@ impl Predictor {
         &self.names
     }
 
-    /// Whether the errors of an equation are angles.
+    /// Returns true if the errors of an equation are angles.
     pub fn wrapped(&self, equation: usize) -> bool {
         self.wrapped[equation]
     }
@@ -235,7 +235,7 @@ impl Predictor {
         }
     }
 
-    /// Copies the predictions of a row, and says what it is good for.
+    /// Copies the predictions of a row, and sets its status.
     fn finish_row(
         &self,
         workspace: &PredictorWorkspace,
@@ -322,13 +322,13 @@ fn valid_rows(compiled: &Compiled, block: &Block) -> Range<usize> {
     overlap(&compiled.functions.valid_rows(block), &compiled.rights.valid_rows(block))
 }
 
-/// What two ranges share; an empty range where they share nothing.
+/// Intersection of two ranges; empty if they do not overlap.
 pub(crate) fn overlap(a: &Range<usize>, b: &Range<usize>) -> Range<usize> {
     let start = a.start.max(b.start);
     start..a.end.min(b.end).max(start)
 }
 
-/// Whether the errors of an equation are differences of angles.
+/// Returns true if the errors of an equation are differences of angles.
 pub(crate) fn wraps(model: &Model, equation: &Equation) -> bool {
     equation.prediction != Prediction::Derivative
         && model.column(&equation.subject).is_some_and(|column| model.columns[column].angle)

@@ -1,8 +1,10 @@
 //! Products of a trajectory's derivatives with one vector: forward along a direction of the coefficients, and back from weights of the states.
 //!
-//! Both follow the very steps that made the trajectory, stage by stage, and hold one number a state where the tangents of all coefficients hold as many as there
-//! are coefficients. With S the tangents by the coefficients, `forward` gives `S v` after every step, by the recursion of S itself; `back` gives `S' w` for weights w of every
-//! state after every step, by the same recursion transposed, from the last step to the first (the adjoint method; Griewank and Walther, Evaluating Derivatives, 2008, chapter 3).
+//! Both follow the very steps that made the trajectory, stage by stage. They hold one number a state, while the
+//! tangents of all coefficients hold one for each coefficient. With S the tangents by the coefficients, `forward` gives
+//! `S v` after every step, by the recursion of S itself. `back` gives `S' w` for weights w of every state after every
+//! step, by the same recursion transposed, from the last step to the first (the adjoint method; Griewank and Walther,
+//! Evaluating Derivatives, 2008, chapter 3).
 
 use std::ops::Range;
 
@@ -11,7 +13,7 @@ use crate::{
     recursion::{NONE, Places, Stage},
 };
 
-/// What segments add to products of their derivatives J (n x p) with one vector.
+/// Sums over segments: products of their derivatives J (n x p) with one vector.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Products {
@@ -19,7 +21,7 @@ pub struct Products {
     pub back: Vec<f64>,
     /// `r'r`, or `|J v|^2`.
     pub square: f64,
-    /// Sum of the squares of what is measured, in the units of the residuals.
+    /// Sum of the squares of the measurements, in the units of the residuals.
     pub size: f64,
     /// Residuals.
     pub residuals: u64,
@@ -27,7 +29,7 @@ pub struct Products {
     pub segments: u64,
     /// Segments that ended early.
     pub ended: u64,
-    /// Whether all of it is finite.
+    /// True if all of it is finite.
     pub finite: bool,
 }
 
@@ -57,16 +59,18 @@ impl Products {
     }
 }
 
-/// The normal matrix J'J of one step from the recorded rows of segments, in the units of their residuals: a block for the coefficients that a latent has in a region.
+/// The normal matrix J'J of one step from the recorded rows of segments, in the units of their residuals. It has a
+/// block for the coefficients that a latent has in a region.
 ///
-/// A state's next value is linear in the coefficients of the latents that it reads, with the functions of the recorded row as derivatives, times the length of the step where a derivative
-/// is integrated. Products between latents that one equation reads are left out.
+/// A state's next value is linear in the coefficients of the latents that it reads. The derivatives are the functions
+/// of the recorded row, times the length of the step if a derivative is integrated. Products between latents that one
+/// equation reads are left out.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NormalBlocks {
     coefficients: Vec<Coefficient>,
     /// Numbers of the coefficients of every block.
     ranges: Vec<Range<usize>>,
-    /// Where the block of a coefficient begins among the values, and which it is.
+    /// Offset of each coefficient's block among the values, and the block's number.
     places: Vec<(usize, usize)>,
     values: Vec<f64>,
 }
@@ -123,20 +127,20 @@ struct Met<'a> {
 }
 
 impl Met<'_> {
-    /// The first of a latent's numbers where all are asked for, and follow each other.
+    /// The first of a latent's numbers, if all are requested and follow each other.
     fn run(&self, latent: usize) -> Option<usize> {
         let last = self.numbers[(self.features.len() - 1) * self.width + latent];
         let first = self.numbers[latent];
         (last != NONE && (last - first) as usize + 1 == self.features.len()).then_some(first as usize)
     }
 
-    /// The numbers of a latent's coefficients that are asked for, with their functions.
+    /// The requested numbers of a latent's coefficients, with their functions.
     fn each(&self, latent: usize) -> impl Iterator<Item = (usize, f64)> {
         let own = self.numbers[latent..].iter().step_by(self.width).zip(self.features);
         own.filter(|(number, _)| **number != NONE).map(|(&number, &feature)| (number as usize, feature))
     }
 
-    /// What a latent changes by along a direction.
+    /// Change of a latent along a direction.
     fn along(&self, latent: usize, direction: &[f64]) -> f64 {
         match self.run(latent) {
             Some(first) => direction[first..][..self.features.len()]
@@ -167,7 +171,7 @@ pub(crate) struct Along<'a> {
     pub(crate) stages: &'a [Stage],
     /// Length of every step, seconds.
     pub(crate) seconds: &'a [f64],
-    /// Of every step what brings back every rotation, by its derivatives (a matrix by rows).
+    /// For every step the derivatives of each rotation's retraction (a matrix by rows).
     pub(crate) retractions: Vec<Vec<Vec<f64>>>,
 }
 
@@ -207,7 +211,8 @@ impl Along<'_> {
         tangent
     }
 
-    /// Adds `S' w` to `into` (one number a coefficient) for weights w of every state after every step ((steps + 1) x states), which are used up.
+    /// Adds `S' w` to `into` (one number a coefficient) for weights w of every state after every step ((steps + 1) x
+    /// states). The weights are used up.
     pub(crate) fn back(&self, weights: &mut [f64], into: &mut [f64]) {
         let (states, count) = (self.simulator.states.len(), self.places.variables.len());
         let (mut adjoints, mut read) = (vec![vec![0.0; states]; self.stages.len()], vec![0.0; count]);
@@ -247,7 +252,7 @@ impl Along<'_> {
         }
     }
 
-    /// Adds what the step from row `k` gives to the normal matrix of one step; `scale` are the units of every state's residual.
+    /// Adds the step from row `k` to the normal matrix of one step; `scale` are the units of every state's residual.
     pub(crate) fn normal(&self, k: usize, scale: &[f64], into: &mut NormalBlocks) {
         let Some(stage) = self.stages.first() else { return };
         let mut own: Vec<(usize, f64)> = Vec::new();
@@ -267,7 +272,8 @@ impl Along<'_> {
         });
     }
 
-    /// Multiplies the parts of every rotation with what brought it back after step `k`; `entry` is that of a row and a column.
+    /// Multiplies the parts of every rotation with the retraction after step `k`; `entry` is that of a row and a
+    /// column.
     fn brought_back(&self, k: usize, entry: impl Fn(&[f64], usize, usize, usize) -> f64, states: &mut [f64]) {
         let Some(retractions) = self.retractions.get(k) else { return };
         for (group, matrix) in self.simulator.geometry.groups.iter().zip(retractions) {
@@ -279,23 +285,24 @@ impl Along<'_> {
         }
     }
 
-    /// Whether a stage reads a state moved by the slope of the stage before.
+    /// Returns true if a stage reads a state moved by the slope of the stage before.
     fn moves(&self, &(state, lag): &(usize, usize)) -> bool {
         lag == 0 && self.simulator.states[state].advance.continuous
     }
 
-    /// Where what is read at row `k` stands; the rows in front of the start are recorded.
+    /// Index of a value read at row `k`; the rows in front of the start are recorded.
     fn at(&self, k: usize, &(state, lag): &(usize, usize)) -> Option<usize> {
         Some(k.checked_sub(lag)? * self.simulator.states.len() + state)
     }
 
-    /// The derivatives of every right side by what is read at row `k`.
+    /// The derivatives of every right side by the values that it reads at row `k`.
     fn totals<'b>(&self, stage: &'b Stage, k: usize) -> std::slice::ChunksExact<'b, f64> {
         let (states, count) = (self.simulator.states.len(), self.places.variables.len());
         stage.slopes.total[k * states * count..][..states * count].chunks_exact(count.max(1))
     }
 
-    /// The right sides that read latents at row `k`: the right side, its derivative by the latent, the latent's place in its group, and the coefficients.
+    /// The right sides that read latents at row `k`. For each: the right side, its derivative by the latent, the
+    /// latent's place in its group, and the coefficients.
     fn readers(
         &self,
         stage: &Stage,

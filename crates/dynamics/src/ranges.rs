@@ -12,7 +12,7 @@ pub(crate) struct Ranges {
 }
 
 impl Ranges {
-    /// Puts what is outside of a region's range on its border; what is not a number stays so.
+    /// Puts values outside of a region's range on its border; NaN stays.
     #[inline(always)]
     pub(crate) fn hold(&self, region: usize, functions: &mut [f64]) {
         let own = region * self.width..(region + 1) * self.width;

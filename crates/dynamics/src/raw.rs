@@ -1,4 +1,4 @@
-//! Errors against raw measurements, beside those on smoothed rows: the prediction stays, what it is compared with changes.
+//! Errors against raw measurements, beside those against smoothed rows: same predictions, other references.
 
 use std::ops::Range;
 
@@ -30,7 +30,8 @@ pub struct RawHorizon {
     pub mae: Vec<f64>,
 }
 
-/// The raw measurements of what fitted equations predict. A derivative is never measured; of a difference it is the value that it leads to.
+/// The raw measurements of the quantities that fitted equations predict. A derivative is never measured; for a
+/// difference it is the value that it leads to.
 pub(crate) struct RawTargets<'a> {
     raw: &'a dyn Source,
     /// Of the rows that are scored, and of the raw ones.
@@ -45,7 +46,7 @@ pub(crate) struct RawWorkspace {
     scratch: Scratch,
 }
 
-/// What is measured of an equation's left side.
+/// Measured expression of an equation's left side; `None` for a derivative.
 fn level(equation: &Equation) -> Option<Expr> {
     match equation.prediction {
         Prediction::Derivative => None,
@@ -71,7 +72,8 @@ impl<'a> RawTargets<'a> {
         self.levels[0].halo()
     }
 
-    /// How far the raw measurements of some core rows of a block are above the smoothed values, equations x rows; NaN where nothing was measured.
+    /// Raw measurements minus smoothed values at some core rows of a block (equations x rows); NaN without a
+    /// measurement.
     pub(crate) fn shifts(
         &self,
         episode: usize,

@@ -1,7 +1,8 @@
 //! The recursion of tangents over the steps of one trajectory: products of the step's derivatives with the tangents so far.
 //!
-//! Tangents are states x columns, and a product is taken panel by panel of columns, several rows at once in registers: every value is read once a panel. A panel in which no
-//! column belongs to a region that was met is zero, and left out. Every element is one chain of fused multiply-adds, in the order of what the right side reads.
+//! Tangents are states x columns. A product is taken panel by panel of columns, several rows at once in registers:
+//! every value is read once a panel. A panel without a column of a region on the way is zero, and left out. Every
+//! element is one chain of fused multiply-adds, in the order in which the right side reads its values.
 
 use pulp::{Simd, WithSimd};
 
@@ -10,14 +11,14 @@ use crate::{Simulator, compiled::Workspace, kernel::LANES, slopes::SlopeRows};
 /// No coefficient.
 pub(crate) const NONE: u32 = u32::MAX;
 
-/// What stands where among a simulator's derivatives.
+/// Layout of a simulator's derivatives.
 pub(crate) struct Places {
-    /// What the right sides are differentiated by: a state (its place in the simulator), rows back.
+    /// Variables by which the right sides are differentiated: a state (its place in the simulator), rows back.
     pub(crate) variables: Vec<(usize, usize)>,
     /// The right sides that read latents: side, latent.
     pub(crate) readers: Vec<(usize, usize)>,
-    /// For every group of latents, by region, then the constant and the functions in use, then latent: the coefficient's number; `NONE` where it is not
-    /// asked for.
+    /// For every group of latents, by region, then the constant and the functions in use, then latent: the
+    /// coefficient's number. `NONE` for a coefficient without derivatives.
     pub(crate) coefficients: Vec<Vec<u32>>,
 }
 
@@ -43,7 +44,7 @@ pub(crate) struct Recursion<'a> {
     is_live: Vec<bool>,
     /// For every group of latents, by region that was met: the columns of its coefficients, the constant's and the functions' of every latent.
     columns: Vec<Vec<Option<Box<[u32]>>>>,
-    /// Derivatives of the present stage: what is read x states.
+    /// Derivatives of the present stage (values read x states).
     factors: Vec<f64>,
     /// The constant's 1 and the functions of the present row.
     features: Vec<f64>,
@@ -144,7 +145,7 @@ impl<'a> Recursion<'a> {
         }
     }
 
-    /// What the right sides change by what they read: states of this stage and of earlier rows.
+    /// Adds the change of the right sides by the states that they read, of this stage and of earlier rows.
     fn chain(&mut self, stage: &Stage, k: usize, past: &[f64], moved: bool) {
         let (states, width, readings) = (self.simulator.states.len(), self.width, &self.places.variables);
         let mut read: Vec<&[f64]> = Vec::with_capacity(2 * readings.len());
@@ -174,7 +175,7 @@ impl<'a> Recursion<'a> {
         });
     }
 
-    /// What the right sides change by the coefficients themselves.
+    /// Adds the change of the right sides by the coefficients themselves.
     fn sources(&mut self, stage: &Stage, k: usize) {
         let (states, width, compiled) = (self.simulator.states.len(), self.width, &self.simulator.compiled);
         let regions = &stage.workspace.regions;
@@ -206,7 +207,7 @@ struct Product<'a> {
     states: usize,
     width: usize,
     panels: &'a [usize],
-    /// What is read x states.
+    /// Factors (values read x states).
     factors: &'a [f64],
     /// Rows of the width.
     read: &'a [&'a [f64]],

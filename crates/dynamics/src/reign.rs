@@ -1,5 +1,5 @@
-//! Which of several models is the best at which horizon (Fig. 8 of Buchan, Haldane, Fearing, "Automatic Identification of Dynamic Piecewise Affine
-//! Models for a Running Robot": the Pareto frontier).
+//! The best of several models at every horizon (Fig. 8 of Buchan, Haldane, Fearing, "Automatic Identification of
+//! Dynamic Piecewise Affine Models for a Running Robot": the Pareto frontier).
 
 use fleetfoot_stats::Estimate;
 

@@ -14,7 +14,7 @@ use crate::{
     window::{Window, read_windows},
 };
 
-/// What a set of rollouts showed.
+/// Results of a set of rollouts.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Rollouts {
@@ -28,7 +28,7 @@ pub struct Rollouts {
     pub outcomes: Vec<Outcome>,
     /// Starts left out because a value that they need is missing.
     pub missing: usize,
-    /// What became of those that left the training domain.
+    /// Treatment of rollouts that left the training range.
     pub outside: Outside,
     /// Errors by horizon.
     pub horizon: Horizon,
@@ -36,12 +36,12 @@ pub struct Rollouts {
     pub trajectories: Vec<Trajectory>,
 }
 
-/// How one rollout went.
+/// Result of one rollout.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outcome {
-    /// Where it started.
+    /// Start of the rollout.
     pub start: Start,
-    /// How it ended.
+    /// End of the rollout.
     pub end: End,
     /// Seconds until its last good state.
     pub seconds: f64,
@@ -84,9 +84,11 @@ impl Outcome {
 
 /// Rolls a model out from many starts and scores it against the recording by horizon.
 ///
-/// What follows from the simulated states is computed from them; inputs and what else is left ([`Rollouts::replayed`]) are taken from the recording, held from
-/// row to row; lagged columns start from the recording and go on with the model's own values. A trajectory that ends early is scored with its last good state, so that it does not drop out of the mean.
-/// Baselines: the null model's rollout, persistence, and constant velocity `x0 + t (x0 - x_previous) / (t0 - t_previous)`.
+/// Columns that depend on simulated states are computed from them. Inputs and the remaining columns
+/// ([`Rollouts::replayed`]) come from the recording, held from row to row. Lagged columns start from the recording and
+/// go on with simulated values. A trajectory that ends early is scored with its last good state, so that it stays in
+/// the mean. Baselines: the null model's rollout, persistence, and constant velocity
+/// `x0 + t (x0 - x_previous) / (t0 - t_previous)`.
 ///
 /// # Errors
 /// Those of [`Simulator::new`], [`Starts::choose`], of reading, and [`Error::MissingValues`] when no start is usable.
@@ -115,7 +117,7 @@ pub fn rollout_closed_loop(
     rollout_beside_raw(model, Some(controller), Recorded { source, raw: None }, starts, options, progress)
 }
 
-/// Rows that a model is rolled out on, and what was measured there.
+/// Rows that a model is rolled out on, and their measurements.
 #[derive(Clone, Copy)]
 pub struct Recorded<'a> {
     /// The rows.
@@ -228,8 +230,8 @@ fn simulate_and_score(
     (windows.len() - usable.len(), done, sums)
 }
 
-/// The model whose fitted right sides are their training means; `None` where a given equation speaks of a latent, and where nothing was fitted: that model would
-/// be its own baseline.
+/// The model whose fitted right sides are their training means. `None` if a given equation reads a latent, and without
+/// fitted equations: that model would be its baseline.
 fn null_model(model: &Model) -> Option<Model> {
     model.fitted().next()?;
     let mut null = model.clone();

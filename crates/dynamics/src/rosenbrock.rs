@@ -1,7 +1,7 @@
 //! Steps of stiff equations: the L-stable Rosenbrock pair 4(3) RODAS, with exact Jacobians.
 //!
-//! Hairer and Wanner, "Solving ordinary differential equations II", section IV.7; coefficients of their code RODAS: every stage
-//! solves `(I/(h gamma) - J) U = f + sum c/h U + h d f_t`.
+//! Hairer and Wanner, "Solving ordinary differential equations II", section IV.7; coefficients of their code RODAS.
+//! Every stage solves `(I/(h gamma) - J) U = f + sum c/h U + h d f_t`.
 
 use faer::{Mat, linalg::solvers::Solve};
 
@@ -140,7 +140,8 @@ impl Rosenbrock {
         }
     }
 
-    /// Derivatives of the right sides by time, through what changes within a row: `time()`, and inputs that move. By a difference, as in RODAS.
+    /// Derivatives of the right sides by time, through values that change within a row: `time()`, and moving inputs. By
+    /// a difference, as in RODAS.
     #[expect(clippy::too_many_arguments, reason = "what the step has at hand")]
     fn by_time(
         &self,

@@ -13,14 +13,14 @@ pub(crate) struct Run<'a> {
     pub(crate) horizon: usize,
     /// [`RolloutOptions::divergence`].
     pub(crate) divergence: f64,
-    /// Whether it ends where it leaves the training domain.
+    /// True to end the run at the border of the training range.
     pub(crate) ends_outside: bool,
     /// The states where it begins, in the order of [`Simulator::states`](crate::Simulator::states); the recorded ones where none are given.
     pub(crate) beginning: Option<&'a [f64]>,
-    /// Of every state, the share of what its measurement differs by that it is moved by before the next step: a filter of constant gain. None for a simulation that
-    /// sees no measurement.
+    /// For every state, the share of its innovation by which it is corrected before the next step: a filter of constant
+    /// gain. Empty for a simulation without corrections.
     pub(crate) gains: &'a [f64],
-    /// Whether all steps are `time[1]` long.
+    /// True if all steps are `time[1]` long.
     uniform: bool,
 }
 
@@ -49,8 +49,8 @@ impl<'a> Run<'a> {
         if self.uniform { self.time[1] } else { self.time[k + 1] - self.time[k] }
     }
 
-    /// Measured less simulated, of a state at a step; NaN where nothing was measured. That of an angle is in (-pi, pi], and of a rotation the measured one is written as near to
-    /// the simulated one as it can be.
+    /// Measured minus simulated, of a state at a step; NaN without a measurement. That of an angle is in (-pi, pi]; of
+    /// a rotation the measured one is written as near to the simulated one as it can be.
     pub(crate) fn error(
         &self,
         of: (&[State], &Geometry),
@@ -62,7 +62,8 @@ impl<'a> Run<'a> {
         of.1.difference(place, measured, simulated)
     }
 
-    /// The state from which the next step is made: what was simulated, moved towards its measurement where there are gains, and a measurement.
+    /// The state from which the next step is made: the simulated one, moved towards its measurement if there are gains
+    /// and a measurement.
     pub(crate) fn corrected(
         &self,
         of: (&[State], &Geometry),

@@ -14,12 +14,12 @@ use crate::{
     raw::{RawTargets, RawWorkspace},
 };
 
-/// Rows whose errors are kept for what needs them twice.
+/// Rows whose errors are kept for a second use.
 const SAMPLE_ROWS: usize = 262_144;
 /// Spans that a single episode is cut into for intervals.
 const SPANS: usize = 10;
 
-/// How to score.
+/// Options of scores.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct ScoreOptions {
@@ -36,7 +36,8 @@ impl Default for ScoreOptions {
 /// Scores the one-step predictions of a model on every row of a source whose columns are the model's.
 ///
 /// # Errors
-/// Those of [`Predictor::new`] and of reading. A source without a row that can be scored is no error: all counts are 0, the scores NaN.
+/// Those of [`Predictor::new`] and of reading. A source without a row that can be scored gives no error: all counts are
+/// 0, the scores NaN.
 pub fn score(
     model: &Model,
     source: &dyn Source,
@@ -46,7 +47,8 @@ pub fn score(
     score_beside_raw(model, source, None, options, progress)
 }
 
-/// [`score`] with errors against raw measurements beside those on the rows: `raw` has the same episodes and rows, and in its columns what was measured (NaN for nothing).
+/// [`score`] with errors against raw measurements beside those on the rows. `raw` has the same episodes and rows, and
+/// the measurements in its columns (NaN for none).
 ///
 /// # Errors
 /// Those of [`score`].
@@ -110,11 +112,11 @@ struct Tile {
     baseline_workspace: BaselineWorkspace,
     baselines: Vec<f64>,
     raw_workspace: RawWorkspace,
-    /// How far raw measurements are above smoothed values, targets x rows.
+    /// Raw measurements minus smoothed values (targets x rows).
     shifts: Vec<f64>,
 }
 
-/// What a chunk adds up to.
+/// Sums of a chunk.
 #[derive(Clone)]
 struct Sums {
     rows: u64,
@@ -359,7 +361,7 @@ fn target_scores(model: &Model, total: &Sums, groups: &[Sums]) -> Vec<TargetScor
         .collect()
 }
 
-/// What is below it is rounding of a target.
+/// Resolution of a target: smaller values are rounding.
 fn resolution(model: &Model, target: usize) -> f64 {
     1e-13 * model.training.target_mean[target].abs()
 }

@@ -1,7 +1,9 @@
-//! Which of many linear scores is the highest, in single precision: where the answer is certain, the exact scores have the same winner.
+//! Screen for the highest of many linear scores, in single precision. A certain answer is also the winner of the exact
+//! scores.
 //!
-//! Single precision takes half the memory and half the instructions. What it could round is bounded; a winner that leads by more than that is the winner of the scores
-//! themselves, and a lead that is not certain is for the caller to settle. So nothing that follows depends on the precision of the screen.
+//! Single precision takes half the memory and half the instructions. Its rounding has a bound. A winner that leads by
+//! more is the winner of the exact scores; the caller settles a smaller lead. So no result depends on the precision of
+//! the screen.
 
 use pulp::{Simd, bytemuck};
 
@@ -229,7 +231,8 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(256))]
 
-        /// What is certain is so for the exact scores, here and as far as it is said to go towards any rival; in doubt there is no answer.
+        /// A certain answer holds for the exact scores, here and within its free radius towards any rival. A doubtful
+        /// row has no answer.
         #[test]
         fn what_is_certain_is_exact(
             columns in 1usize..20,
@@ -264,7 +267,7 @@ mod tests {
         }
     }
 
-    /// What is not a number, or too large for single precision, has no answer.
+    /// A value that is not a number, or too large for single precision, has no answer.
     #[test]
     fn what_does_not_fit_is_left_to_the_exact_scores() {
         let screen = Screen::new(&[vec![1.0], vec![-1.0]], &[0.0, 0.0], 1, |_, _| false);

@@ -1,15 +1,15 @@
 //! Forward sensitivities: how a trajectory of a model moves with the model's coefficients.
 //!
-//! The tangent S_k = d x_k / d theta of the states after k steps follows the trajectory that the simulator made, by the derivatives of the very step that
-//! made it: for a step x_{k+1} = factor x_k + gain f(x_k, x_{k-1}, ..., theta),
+//! The tangent S_k = d x_k / d theta of the states after k steps follows the trajectory of the simulator, by the
+//! derivatives of the very step that made it. For a step x_{k+1} = factor x_k + gain f(x_k, x_{k-1}, ..., theta),
 //!
 //! ```text
 //! S_{k+1} = factor S_k + gain (sum_l df/dx_{k-l} S_{k-l} + df/dtheta),    S_k = 0 for k <= 0
 //! ```
 //!
-//! and stage by stage for the Runge-Kutta method. A filter of gains K, x_k+ = x_k + K (y_k - x_k), steps from x_k+ and its tangents, S_k+ = (I - K) S_k, to which the derivative
-//! by a gain adds its error, (y_k - x_k)_i. Regions are those of the trajectory: within them the model is smooth, and what crossing their borders a
-//! little earlier would change is left out.
+//! and stage by stage for the Runge-Kutta method. A filter of gains K, x_k+ = x_k + K (y_k - x_k), steps from x_k+ and
+//! its tangents, S_k+ = (I - K) S_k. The derivative by a gain adds its error, (y_k - x_k)_i. Regions are those of the
+//! trajectory: within them the model is smooth, and the effect of crossing a border a little earlier is left out.
 
 use std::collections::HashMap;
 
@@ -96,12 +96,12 @@ impl Tangents {
         &self.values[(step * states + state) * self.width..][..self.active.len()]
     }
 
-    /// How a state after so many steps moves with the gains; none where the run has none.
+    /// Derivatives of a state by the gains after `step` steps; empty if the run has no gains.
     pub(crate) fn by_gains(&self, step: usize, state: usize, states: usize) -> &[f64] {
         &self.values[(step * states + state) * self.width + self.active.len()..][..self.gains]
     }
 
-    /// How a state after so many steps moves with the states at the beginning; of tangents that were asked for them.
+    /// Derivatives of a state by the states at the beginning, after `step` steps; for tangents made with them.
     pub(crate) fn by_beginning(&self, step: usize, state: usize, states: usize) -> &[f64] {
         &self.values[(step * states + state) * self.width + self.active.len() + self.gains..][..states]
     }
@@ -111,7 +111,7 @@ impl Sensitivity {
     /// Differentiates a simulator's equations with respect to its states and to `coefficients`.
     ///
     /// # Errors
-    /// [`Error::SimulatedLag`] for a model that reads first-order lags of what it simulates.
+    /// [`Error::SimulatedLag`] for a model that reads first-order lags of simulated values.
     pub(crate) fn new(simulator: &Simulator, coefficients: &[Coefficient]) -> Result<Self, Error> {
         let Closed { model, lags, .. } = &simulator.model.closed(simulator.period, &[])?;
         if let Some(lag) = lags.first() {
@@ -131,7 +131,8 @@ impl Sensitivity {
         Ok(Self { slopes, places })
     }
 
-    /// The tangents along a trajectory that the simulator made of this run; `beginning`: by the states that it began with, too (dx_0 / dx_0 = I).
+    /// The tangents along a trajectory of the simulator. With `beginning`, also by the initial states (dx_0 / dx_0 =
+    /// I).
     pub(crate) fn along(
         &self,
         simulator: &Simulator,
@@ -240,7 +241,7 @@ fn correct(
     }
 }
 
-/// The derivatives of what brings back the rotations that step `k` made: for every rotation a matrix by rows.
+/// The derivatives of the retractions after step `k`: for every rotation a matrix by rows.
 pub(crate) fn retractions(path: &Path<'_>, stages: &[Stage], (k, seconds): (usize, f64)) -> Vec<Vec<f64>> {
     let of_group = |group: &Group| {
         let made = |place: usize| {
@@ -258,7 +259,7 @@ pub(crate) fn retractions(path: &Path<'_>, stages: &[Stage], (k, seconds): (usiz
     path.simulator.geometry.groups.iter().map(of_group).collect()
 }
 
-/// Turns the tangents of what a step made into those of the rotations that it was brought back to.
+/// Turns the tangents of a step into those of the retracted rotations.
 fn retract(groups: &[Group], retractions: &[Vec<f64>], width: usize, tangents: &mut [f64]) {
     for (group, matrix) in groups.iter().zip(retractions) {
         let before: Vec<f64> =
@@ -299,7 +300,7 @@ fn places(group: &Latents, number: &HashMap<Coefficient, u32>) -> Vec<u32> {
     places
 }
 
-/// What the equations read at the rows of a trajectory.
+/// Values that the equations read at the rows of a trajectory.
 pub(crate) struct Path<'a> {
     simulator: &'a Simulator,
     window: &'a Window<'a>,

@@ -1,7 +1,7 @@
 //! Multiple shooting: a recording cut into segments, each simulated from its measured beginning, with the errors' derivatives by the model's coefficients.
 //!
-//! The segments of an episode follow each other: where one ends the next begins. What a segment of N steps leaves, over the advanced states s and the steps k,
-//! is
+//! The segments of an episode follow each other without gaps. The residuals of a segment of N steps, over the advanced
+//! states s and the steps k, are
 //!
 //! ```text
 //! r_ks = (y_ks - x_ks(theta)) / (sigma_s sqrt(N))
@@ -26,18 +26,18 @@ use crate::{
     window::Window,
 };
 
-/// How segments are simulated.
+/// Options of the simulated segments.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct ShootingOptions {
     /// Steps of a segment, N.
     pub steps: usize,
-    /// How derivatives are integrated.
+    /// Integration method of derivatives.
     pub method: Method,
-    /// How long a step is.
+    /// Length of a step.
     pub step: Step,
-    /// A state this many training standard deviations away from where its segment began has diverged: the segment ends, and its last good state stands for the
-    /// rest.
+    /// A state this many training standard deviations away from the start of its segment has diverged. The segment
+    /// ends, and its last good state stands for the rest.
     pub divergence: f64,
 }
 
@@ -65,7 +65,7 @@ pub struct Shooting<'a> {
     scale: Vec<f64>,
 }
 
-/// What one segment leaves.
+/// Residuals of one segment, with their derivatives.
 #[derive(Debug, Clone, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Segment {
@@ -75,14 +75,14 @@ pub struct Segment {
     pub residuals: Vec<f64>,
     /// Their derivatives, coefficient by coefficient (active x n).
     pub slopes: Vec<f64>,
-    /// Sum of the squares of what is measured, in the units of the residuals.
+    /// Sum of the squares of the measurements, in the units of the residuals.
     pub size: f64,
-    /// Whether it ended early.
+    /// True if the simulation ended early.
     pub ended: bool,
 }
 
 impl Segment {
-    /// Whether all of it is finite.
+    /// Returns true if all residuals and derivatives are finite.
     pub fn is_finite(&self) -> bool {
         self.residuals.iter().chain(&self.slopes).all(|value| value.is_finite())
     }
@@ -122,13 +122,15 @@ impl<'a> Shooting<'a> {
         self.simulator.needed_rows(self.options.horizon)
     }
 
-    /// The segments that begin in some core rows of a block of an episode, in order; tells how many were left out because a value that they need is missing.
+    /// Takes the segments that begin in some core rows of a block of an episode, in order. Returns the number left out
+    /// because a value that they need is missing.
     pub fn segments(&self, episode: usize, block: &Block, rows: Range<usize>, mut take: impl FnMut(Segment)) -> u64 {
         self.each(episode, block, (rows, 1), |window, trajectory| take(self.segment(window, trajectory)))
     }
 
-    /// Adds what these segments, or one of `every` so many, give to products of their derivatives J: to `J'r`, or to `J'J v` for a direction v of the coefficients. That takes some five to eleven times the
-    /// simulation, however many coefficients there are. Segments with numbers that are not finite are left out and told by [`Products::finite`].
+    /// Adds these segments, or one of `every` so many, to products of their derivatives J: to `J'r`, or to `J'J v` for
+    /// a direction v of the coefficients. That takes some five to eleven times the simulation, for any number of
+    /// coefficients. Segments with numbers that are not finite are left out, and clear [`Products::finite`].
     pub fn products(
         &self,
         episode: usize,
@@ -140,7 +142,7 @@ impl<'a> Shooting<'a> {
         self.each(episode, block, (rows, every), |window, trajectory| self.product(window, trajectory, direction, into))
     }
 
-    /// Adds what the recorded rows of these segments give to the normal matrix of one step.
+    /// Adds the recorded rows of these segments to the normal matrix of one step.
     pub fn normal(&self, episode: usize, block: &Block, rows: Range<usize>, into: &mut NormalBlocks) {
         self.each(episode, block, (rows, 1), |window, simulated| {
             let run = Run::new(self.source, window, &self.options);
@@ -203,7 +205,7 @@ impl<'a> Shooting<'a> {
         segment
     }
 
-    /// What a cell leaves.
+    /// Residual of a cell.
     fn residual(&self, run: &Run<'_>, &(step, state, _): &(usize, usize, f64), trajectory: &Trajectory) -> f64 {
         self.scale[state] * run.error(self.simulator.moved(), state, step, |s| trajectory.state(step)[s])
     }
@@ -248,7 +250,7 @@ impl<'a> Shooting<'a> {
         into.ended += u64::from(trajectory.end != End::Horizon);
     }
 
-    /// What is compared: step, state, measured value.
+    /// Compared cells: step, state, measured value.
     fn cells(&self, window: &Window<'_>) -> Vec<(usize, usize, f64)> {
         let horizon = self.options.horizon;
         let counts = (0..self.scale.len()).filter(|&state| self.scale[state] > 0.0);

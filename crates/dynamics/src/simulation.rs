@@ -9,9 +9,9 @@ use crate::{Method, Points, Stepper, StepperWorkspace, TimeGrid, Tolerance, adap
 pub struct InputSequence<'a> {
     /// Steps x inputs, or steps x inputs x points; with [`Course::Lines`] one row more, and as many more as the model looks ahead.
     pub values: &'a [f64],
-    /// Whether every point has its own.
+    /// True if every point has separate inputs.
     pub by_point: bool,
-    /// What inputs do from one time to the next.
+    /// Course of the inputs between two times.
     pub course: Course,
 }
 
@@ -35,14 +35,14 @@ impl InputSequence<'_> {
     }
 }
 
-/// How a simulation passes from one time to the next.
+/// Step rule of a simulation between two times.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Integration {
     /// By steps whose estimated error is within a tolerance: the pair 5(4) of Dormand and Prince.
     Adaptive(Tolerance),
     /// By equal steps.
     Fixed {
-        /// How derivatives are integrated.
+        /// Integration method of derivatives.
         method: Method,
         /// Steps from one time to the next; `None`: as many as make no step longer than the model's sampling period.
         substeps: Option<usize>,
@@ -58,9 +58,10 @@ impl Default for Integration {
 impl Stepper {
     /// Simulates from the points through the times of a grid ([`Self::grid`]).
     ///
-    /// `take` gets the number of the time and the states there (states x points), the first ones included, and says whether to go on. The past moves by a
-    /// row a time, so lagged values are held in between. The answer is by how much the tolerance was missed: the largest sum of the errors of steps that
-    /// could not be made short enough, over the size of a state; 0 where it was met, and with fixed steps.
+    /// `take` gets the number of the time and the states there (states x points), the first ones included, and returns
+    /// true to go on. The past moves by a row a time, so lagged values are held in between. Returns the shortfall from
+    /// the tolerance: the largest sum of the errors of steps that could not be made short enough, over the size of a
+    /// state. It is 0 if the tolerance was met, and with fixed steps.
     pub fn simulate(
         &self,
         points: &mut Points,

@@ -1,4 +1,5 @@
-//! A model compiled to run free: states advanced by the equations, what follows from them computed, everything else taken from a recording.
+//! A model compiled to run free: states advanced by the equations, dependent columns computed, everything else taken
+//! from a recording.
 
 use fleetfoot_data::{Halo, Source, nearest};
 use fleetfoot_library::{Expr, UnknownColumn};
@@ -11,17 +12,17 @@ use crate::{
 
 /// A model compiled for rollouts.
 ///
-/// Columns that follow from simulated states and from inputs are computed ([`Model::closed`]); of the recording it reads what is left
-/// ([`Simulator::replayed`]), and the rows up to a start.
+/// Columns that follow from simulated states and from inputs are computed ([`Model::closed`]). From the recording it
+/// reads the remaining columns ([`Simulator::replayed`]), and the rows up to a start.
 pub struct Simulator {
     /// As it was given.
     pub(crate) model: Model,
     /// Seconds of the steps that delays are counted in.
     pub(crate) period: f64,
     pub(crate) columns: Vec<String>,
-    /// The states that equations advance, then the first-order lags of what is computed.
+    /// The states that equations advance, then the first-order lags of computed values.
     pub(crate) states: Vec<State>,
-    /// Where these states live.
+    /// Geometry of these states.
     pub(crate) geometry: Geometry,
     /// Columns that are computed, over the others.
     pub(crate) computed: Vec<(String, Expr)>,
@@ -43,7 +44,7 @@ impl Simulator {
         self.driver.as_ref().map_or(&[], |driver| &driver.names)
     }
 
-    /// Whether the model runs on the fast path for piecewise-affine models.
+    /// Returns true if the model runs on the fast path for piecewise-affine models.
     pub fn is_affine(&self) -> bool {
         self.kernel.is_some()
     }
@@ -53,13 +54,13 @@ impl Simulator {
         &self.names
     }
 
-    /// The states that are told, in the order of [`Simulator::states`]; lags come behind them.
+    /// The reported states, in the order of [`Simulator::states`]; lags come behind them.
     pub(crate) fn shown(&self) -> &[State] {
         &self.states[..self.names.len()]
     }
 
-    /// Columns whose values after a start come from the recording, in the order of the model's columns: inputs that nothing drives, states without an
-    /// equation, whatever else does not follow from what is simulated.
+    /// Columns whose values after a start come from the recording, in the order of the model's columns. They are inputs
+    /// that nothing drives, states without an equation, and all others that do not follow from simulated values.
     pub fn replayed(&self) -> Vec<String> {
         let mut columns: Vec<usize> = self.recorded.iter().map(|&(column, ..)| column).collect();
         columns.sort_unstable();
@@ -73,7 +74,7 @@ impl Simulator {
 
     /// Rows needed before and after a start for a rollout of `horizon` steps.
     ///
-    /// At least one row before: the constant-velocity baseline looks at it.
+    /// At least one row before, for the constant-velocity baseline.
     pub fn needed_rows(&self, horizon: usize) -> Halo {
         Halo { before: self.history.max(1), after: horizon.max(horizon.saturating_add(self.ahead).saturating_sub(1)) }
     }
@@ -113,7 +114,7 @@ impl Simulator {
         Ok(map)
     }
 
-    /// Whether everything that a rollout reads is finite.
+    /// Returns true if everything that a rollout reads is finite.
     pub(crate) fn is_complete(&self, window: &Window<'_>, horizon: usize) -> bool {
         let back = self.history.max(1) as i64;
         let finite = |column: usize, from: i64, to: i64| window.values(column, from, to).iter().all(|v| v.is_finite());

@@ -20,14 +20,14 @@ pub(crate) struct Slopes {
     /// Of every output of `features`: the group of latents, the function in it, and the variable.
     feature_entries: Vec<(usize, usize, usize)>,
     rights: Program,
-    /// Of every output of `rights`: the right side, and with respect to what.
+    /// Of every output of `rights`: the right side, and the variable of the derivative.
     right_entries: Vec<(usize, Variable)>,
     sides: usize,
     variables: usize,
     latents: usize,
 }
 
-/// What a right side is differentiated by.
+/// Variable by which a right side is differentiated.
 #[derive(Debug, Clone, Copy)]
 enum Variable {
     /// A column, by its number among the variables.

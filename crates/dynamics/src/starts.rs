@@ -1,4 +1,4 @@
-//! Where rollouts start.
+//! Starts of rollouts.
 
 use std::collections::BTreeSet;
 
@@ -15,14 +15,14 @@ pub struct Start {
     pub row: usize,
 }
 
-/// Which starts to use.
+/// Rule that chooses starts.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Starts {
     /// This many, evenly spread over all possible rows.
     Even(usize),
     /// This many different ones, chosen by a seed.
     Random {
-        /// How many.
+        /// Number of starts.
         count: usize,
         /// The seed.
         seed: u64,
@@ -32,8 +32,8 @@ pub enum Starts {
 }
 
 impl Starts {
-    /// The starts, ordered by episode and row (those of [`Starts::At`] as they were given), each with `before` rows in front and `after` rows behind
-    /// inside its episode. When there are fewer possible rows than asked for, all are used.
+    /// The starts, ordered by episode and row (those of [`Starts::At`] as given). Each has `before` rows in front and
+    /// `after` rows behind inside its episode. If there are fewer possible rows than requested, all are used.
     ///
     /// The choice depends on the identities and lengths of the episodes, not on their order in the source.
     ///

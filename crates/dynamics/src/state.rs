@@ -13,22 +13,22 @@ pub(crate) struct State {
     pub(crate) deviation: f64,
     /// Index among the columns with role State, if it is one.
     pub(crate) order: Option<usize>,
-    /// Whether it cannot go far: an angle, or a part of a rotation.
+    /// True if it cannot go far: an angle, or a part of a rotation.
     pub(crate) bounded: bool,
 }
 
-/// A state whose standard deviation in training is this share of its value did not move: what is left is rounding.
+/// A state whose standard deviation in training is at most this share of its value did not move: the rest is rounding.
 const STILL: f64 = 1e-9;
 
 impl State {
-    /// How far from its start the state may go. A state that did not move in training does not say what is far.
+    /// Largest distance of the state from its start. A state that did not move in training has no limit.
     pub(crate) fn limit(&self, divergence: f64, start: f64) -> f64 {
         let limit = divergence * self.deviation;
         let moved = self.deviation > STILL * start.abs();
         if moved && limit > 0.0 && limit.is_finite() && !self.bounded { limit } else { f64::MAX }
     }
 
-    /// A first-order lag of what is computed.
+    /// A first-order lag of computed values.
     pub(crate) fn of_lag(lag: &FirstOrderLag) -> Self {
         Self {
             column: lag.column,
@@ -39,7 +39,7 @@ impl State {
         }
     }
 
-    /// What is large for it: its standard deviation in training; 1 where that is not known, or zero.
+    /// Typical size: its standard deviation in training; 1 if that is unknown or zero.
     pub(crate) fn size(&self) -> f64 {
         if self.deviation.is_finite() && self.deviation > 0.0 { self.deviation } else { 1.0 }
     }

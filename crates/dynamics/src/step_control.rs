@@ -1,11 +1,11 @@
-//! Lengths of steps, point by point: what is tried, what is taken, and how long the next step is.
+//! Lengths of steps, point by point: trial steps, accepted steps, and the next length.
 //!
-//! Hairer, Norsett and Wanner, "Solving ordinary differential equations I", section II.4. Every point has steps of its own, so that its numbers do not
-//! depend on those beside it.
+//! Hairer, Norsett and Wanner, "Solving ordinary differential equations I", section II.4. Every point has separate
+//! steps, so that its numbers do not depend on its neighbours.
 
 use crate::{Points, Stepper};
 
-/// How exactly a simulation follows the equations.
+/// Tolerance of a simulation's steps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tolerance {
     /// Error of a step over the size of a state.
@@ -20,7 +20,7 @@ impl Default for Tolerance {
     }
 }
 
-/// The longest step, in sampling periods: what is shorter (a pulse of `time()`, a thin region) would not be seen by longer ones.
+/// The longest step, in sampling periods: longer ones would miss a short event (a pulse of `time()`, a thin region).
 const LONGEST: f64 = 10.0;
 /// The shortest step, as a share of the sampling period: where the right side jumps, no step meets the tolerance.
 const SHORTEST: f64 = 1.0 / 256.0;
@@ -52,7 +52,7 @@ pub(crate) struct StepControl {
     forced: Vec<f64>,
 }
 
-/// What becomes of a step.
+/// Verdict on a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Verdict {
     /// It is tried again, shorter.
@@ -89,7 +89,8 @@ impl StepControl {
         }
     }
 
-    /// The largest sum of errors that steps could not be made short enough for, over the size of the state; 0 where the tolerance was met.
+    /// The largest sum of errors of steps that could not be made short enough, over the size of the state; 0 if the
+    /// tolerance was met.
     pub(crate) fn shortfall(&self) -> f64 {
         self.forced.iter().copied().fold(0.0, f64::max)
     }
@@ -106,7 +107,7 @@ impl StepControl {
         }
     }
 
-    /// The next step of every point that is asked for, none of the others; whether there is any to make.
+    /// Chooses the next step of every point in `asked`. Returns true if there is one to make.
     pub(crate) fn choose(&mut self, seconds: f64, asked: impl Fn(usize) -> bool) -> bool {
         let mut any = false;
         for (b, tried) in self.tried.iter_mut().enumerate() {
@@ -138,8 +139,8 @@ impl StepControl {
         })
     }
 
-    /// Takes the step of point b where its error, `ratio` of the allowed one, is allowed, or where it is no longer than `shortest`; the next one is as long
-    /// as an error of this order allows.
+    /// Takes the step of point b if its error, `ratio` of the allowed one, is allowed, or if the step is no longer than
+    /// `shortest`. The next one is as long as an error of this order allows.
     pub(crate) fn judge(
         &mut self,
         stepper: &Stepper,

@@ -13,15 +13,15 @@ use crate::{
 
 /// A model compiled for values at hand ([`Points`]). Its numbers are, bit for bit, those of [`crate::Simulator`] and [`crate::Predictor`] on a recording.
 ///
-/// Columns that follow from states, inputs and time are computed ([`Model::closed`]): they are no inputs. First-order lags of what is computed are further
-/// states, behind those that equations advance.
+/// Columns that follow from states, inputs and time are computed ([`Model::closed`]): they are no inputs. First-order
+/// lags of computed values are further states, behind those that equations advance.
 pub struct Stepper {
     /// The model whose equations are evaluated.
     pub(crate) model: Model,
     pub(crate) lags: Vec<FirstOrderLag>,
     names: Vec<String>,
     pub(crate) states: Vec<State>,
-    /// Where these states live.
+    /// Geometry of these states.
     pub(crate) geometry: Geometry,
     pub(crate) inputs: Vec<usize>,
     /// Index of the right side of every fitted equation.
@@ -121,8 +121,9 @@ impl Stepper {
         self.states.iter().map(|state| self.names[state.column].as_str())
     }
 
-    /// What is given from outside: the model's inputs, its states that no equation advances, and whatever else it reads and cannot compute; in the order of
-    /// its columns, fields that computed columns read behind them.
+    /// Names of the values given from outside, in the order of the model's columns. They are inputs, states that no
+    /// equation advances, and other columns that it reads and cannot compute. Fields that computed columns read follow
+    /// them.
     pub fn inputs(&self) -> impl ExactSizeIterator<Item = &str> {
         self.inputs.iter().map(|&column| self.names[column].as_str())
     }
@@ -137,7 +138,7 @@ impl Stepper {
         self.inputs[input]
     }
 
-    /// Number of fitted equations: of what [`Self::fitted`] gives.
+    /// Number of fitted equations, and of the values of [`Self::fitted`].
     pub fn targets(&self) -> usize {
         self.fitted.len()
     }
@@ -152,7 +153,7 @@ impl Stepper {
         self.ahead
     }
 
-    /// Whether the equations speak of time.
+    /// Returns true if the equations contain the time.
     pub fn uses_time(&self) -> bool {
         self.uses_time
     }
@@ -162,17 +163,17 @@ impl Stepper {
         self.step
     }
 
-    /// Whether a derivative is integrated.
+    /// Returns true if a derivative is integrated.
     pub fn is_continuous(&self) -> bool {
         self.states.iter().any(|state| state.advance.continuous)
     }
 
-    /// Whether some states are first-order lags of what is computed.
+    /// Returns true if some states are first-order lags of computed values.
     pub fn has_lags(&self) -> bool {
         !self.lags.is_empty()
     }
 
-    /// Whether derivatives are integrated of some states, while others have a next value or a difference.
+    /// Returns true if derivatives are integrated of some states, while others have a next value or a difference.
     pub fn is_mixed(&self) -> bool {
         let continuous = self.is_continuous();
         self.states.iter().any(|state| state.advance.continuous != continuous)
@@ -188,7 +189,7 @@ impl Stepper {
         self.states[state].order
     }
 
-    /// Where the states live.
+    /// Geometry of the states.
     pub fn geometry(&self) -> &Geometry {
         &self.geometry
     }

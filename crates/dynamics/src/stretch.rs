@@ -1,9 +1,11 @@
-//! Stretches of a recording, simulated from beginnings that are unknowns themselves: what output-error methods are made of.
+//! Stretches of a recording, simulated from unknown beginnings, for output-error methods.
 //!
-//! With gains the simulation is that of a filter: at every row the states are moved towards their measurements before the next step is made from them.
+//! With gains the simulation is that of a filter: at every row the states are moved towards their measurements, and the
+//! next step is made from them.
 //!
-//! A segment of [`Shooting`](crate::Shooting) begins at its measured state, noise and all. Here the beginning is given, the errors are those of all rows of the
-//! stretch, its first one too, and they have derivatives by the model's coefficients and by the beginning.
+//! A segment of [`Shooting`](crate::Shooting) begins at its measured state, with its noise. Here the beginning is
+//! given, and the errors are those of all rows of the stretch, its first one too. They have derivatives by the model's
+//! coefficients and by the beginning.
 
 use fleetfoot_data::{Block, Halo, Source};
 use fleetfoot_model::{Model, RotationKind};
@@ -22,7 +24,7 @@ pub struct Stretch {
     pub steps: usize,
 }
 
-/// What a simulation through a stretch leaves.
+/// Errors and derivatives of a simulation through a stretch.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct StretchPath {
@@ -41,7 +43,7 @@ pub struct StretchPath {
 pub struct Stretches<'a> {
     source: &'a dyn Source,
     simulator: Simulator,
-    /// Where the equations allow it.
+    /// Lean form of the equations, if they allow it.
     lean: Option<Lean>,
     sensitivity: Sensitivity,
     options: RolloutOptions,
@@ -75,7 +77,7 @@ impl<'a> Stretches<'a> {
         })
     }
 
-    /// The states that are simulated, in the order of everything that speaks of states here.
+    /// The simulated states; all values here are in their order.
     pub fn states(&self) -> &[String] {
         self.simulator.states()
     }
@@ -125,8 +127,9 @@ impl<'a> Stretches<'a> {
 
     /// Simulates a stretch from a beginning (states); `None` where the simulation diverges on the way.
     ///
-    /// `gains` are one a state, or none. With them the next step is made from `x_k + K (y_k - x_k)`, K diagonal, where y_k was measured: a gain of 0 takes nothing
-    /// from the measurement, and one of 1 begins every step at it. What the errors compare is x_k.
+    /// `gains` are one a state, or none. With them the next step is made from `x_k + K (y_k - x_k)`, K diagonal, if y_k
+    /// was measured. A gain of 0 takes nothing from the measurement, and one of 1 begins every step at it. The errors
+    /// compare x_k.
     pub fn simulate(&self, block: &Block, stretch: Stretch, beginning: &[f64], gains: &[f64]) -> Option<StretchPath> {
         let window = Window::new(block, stretch.start, &self.map);
         let options = RolloutOptions { horizon: stretch.steps, ..self.options.clone() };
@@ -163,7 +166,8 @@ impl<'a> Stretches<'a> {
         Some(path)
     }
 
-    /// Leaves out of the errors what the other three parts of a recorded quaternion tell: its largest part. At the beginning, whose length is free, it is there.
+    /// Leaves the largest part of a recorded quaternion out of the errors, as it follows from the other three. At the
+    /// beginning, whose length is free, it stays.
     fn leave_out(&self, run: &Run<'_>, path: &mut StretchPath) {
         let states = self.simulator.states.len();
         let quaternions = self.simulator.geometry.groups.iter().filter(|group| group.kind == RotationKind::Quaternion);
@@ -206,7 +210,8 @@ mod tests {
         model
     }
 
-    /// Row by row the equations take the steps that batches take, to the bit, with gains too; and the derivatives by the beginning are those of differences.
+    /// Row by row the equations take the steps that batches take, to the bit, with gains too. The derivatives by the
+    /// beginning are those of differences.
     #[test]
     fn lean_steps_are_those_of_batches() {
         let mut source = MemorySource::new(["q", "v", "u"].map(DataColumn::float).to_vec());

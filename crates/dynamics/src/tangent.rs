@@ -1,4 +1,4 @@
-//! Exact derivatives of a model at points: what a filter or a controller linearises.
+//! Exact derivatives of a model at points, for filters and controllers.
 
 use fleetfoot_model::{Equation, Prediction};
 
@@ -151,7 +151,8 @@ impl Tangent {
     }
 }
 
-/// The chain rule through `x + offset * slope(x)`: derivatives of a stage's slopes from the slopes of the right sides there and the stage before.
+/// The chain rule through `x + offset * slope(x)`: derivatives of a stage's slopes from the slopes of the right sides
+/// there and of the stage before.
 fn chained(stepper: &Stepper, slopes: &[f64], before: &[f64], offset: f64, shape: [usize; 3]) -> Vec<f64> {
     let [count, states, width] = shape;
     let mut chained = slopes.to_vec();

@@ -37,7 +37,7 @@ impl TimeGrid {
         self.times.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min)
     }
 
-    /// One interval by itself.
+    /// A grid of one interval.
     pub fn interval(&self, interval: usize) -> Self {
         Self { times: self.times[interval..interval + 2].to_vec(), periods: vec![self.periods[interval]] }
     }

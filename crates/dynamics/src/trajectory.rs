@@ -1,8 +1,8 @@
-//! What a rollout gives.
+//! Trajectory of a rollout.
 
 use crate::Start;
 
-/// How a rollout ended.
+/// End of a rollout.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum End {
     /// At the horizon.
@@ -31,7 +31,7 @@ impl End {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Trajectory {
-    /// Where it started.
+    /// Start of the rollout.
     pub start: Start,
     /// Seconds since the start, one value a state vector.
     pub time: Vec<f64>,
@@ -41,7 +41,7 @@ pub struct Trajectory {
     pub inputs: Vec<f64>,
     /// The region that each step used (in the first latent's partition); one value less than there are state vectors.
     pub regions: Vec<u32>,
-    /// How it ended. After an early end the last state vector is the last good one.
+    /// End of the rollout. After an early end the last state vector is the last good one.
     pub end: End,
     /// The first step at which a regressor was outside the range that its region saw in training.
     pub left_domain: Option<usize>,

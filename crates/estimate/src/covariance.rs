@@ -1,4 +1,4 @@
-//! How well the rows determine the parameters.
+//! Covariance of the parameters, and parameters that the rows do not determine.
 
 use faer::Mat;
 use fleetfoot_stats::svd;
@@ -42,7 +42,7 @@ impl Inverse {
         })
     }
 
-    /// In the plane that is orthogonal to what is held.
+    /// In the plane orthogonal to the held directions.
     fn along(at: &Evaluation, scale: &[f64], free: &[usize], held: &[Vec<f64>]) -> Result<Self, EstimateError> {
         let f = free.len();
         let normals = Mat::from_fn(f, held.len(), |k, h| held[h][k] / scale[free[k]]);
@@ -84,8 +84,9 @@ impl Inverse {
         Mat::from_fn(outer.nrows(), outer.ncols(), |a, b| variance * outer[(a.min(b), a.max(b))])
     }
 
-    /// `H^-1 (sum_c g_c g_c') H^-1 C/(C - 1)` over the scores g of C chunks: errors may be correlated within a chunk (Liang and Zeger 1986). `None`
-    /// for one chunk, and where there are no more chunks of positive weight than parameters: their scores sum to zero and say nothing.
+    /// `H^-1 (sum_c g_c g_c') H^-1 C/(C - 1)` over the scores g of C chunks: errors may be correlated within a chunk
+    /// (Liang and Zeger 1986). `None` for one chunk, and if there are no more chunks of positive weight than
+    /// parameters: their scores sum to zero.
     pub(crate) fn clustered(&self, scores: &[Vec<f64>]) -> Option<Mat<f64>> {
         let p = self.root.nrows();
         let count = scores.iter().filter(|score| score.iter().any(|&g| g != 0.0)).count();

@@ -21,7 +21,7 @@ pub struct Options {
     pub max_iterations: usize,
     /// First radius of trust, relative to the initial parameters, both in units of their columns' lengths.
     pub radius: f64,
-    /// Rows of a chunk, at most: what the clustered covariance takes for correlated.
+    /// Rows of a chunk, at most: the clustered covariance allows correlation within it.
     pub chunk_rows: usize,
 }
 
@@ -39,18 +39,18 @@ pub enum Status {
     Gradient,
     /// Neither the cost nor the gradient can be lowered any further: rounding.
     Cost,
-    /// The step is as small as was asked for.
+    /// The step is as small as the option allows.
     Step,
     /// The residuals are zero up to the rounding of the targets.
     Zero,
-    /// Another step lowers the cost by less than the share that was asked for.
+    /// Another step lowers the cost by less than the share of the option.
     Reduction,
     /// As many steps as were allowed: this is not a minimum.
     Iterations,
 }
 
 impl Status {
-    /// Whether this is a minimum.
+    /// Returns true for a minimum.
     pub fn converged(self) -> bool {
         self != Self::Iterations
     }
@@ -76,20 +76,20 @@ impl Options {
     }
 }
 
-/// A gradient is lower when it is below this share of the one before: the iteration converges linearly where residuals are large, and rounding
-/// does not go on falling.
+/// A gradient is lower when it is below this share of the one before. The iteration converges linearly if residuals are
+/// large, and rounding does not go on falling.
 const LOWER_GRADIENT: f64 = 0.95;
 
-/// Where the iteration stands.
+/// State of the iteration.
 pub(crate) struct Descent<'a> {
     objective: &'a dyn Objective,
     options: &'a Options,
     pub(crate) theta: Vec<f64>,
     pub(crate) at: Evaluation,
-    /// Lengths of the columns of the Jacobian, half of what they were remembered (p).
+    /// Lengths of the columns of the Jacobian, half of their remembered values (p).
     scale: Vec<f64>,
     radius: f64,
-    /// Whether a step was tried.
+    /// True once a step was tried.
     started: bool,
 }
 
@@ -149,8 +149,8 @@ impl<'a> Descent<'a> {
         norm(self.theta.iter().zip(&self.scale).map(|(theta, scale)| theta * scale))
     }
 
-    /// Marquardt's scaling, with a memory that fades: to forget at once (a column that vanishes at a plateau) lets steps run away, never to
-    /// forget (as MINPACK does) holds back parameters whose columns were long far from the minimum.
+    /// Marquardt's scaling, with a memory that fades. To forget at once lets steps diverge at a plateau, where a column
+    /// vanishes. Never to forget (as in MINPACK) holds back parameters whose columns were long far from the minimum.
     fn rescale(&mut self) {
         for (j, scale) in self.scale.iter_mut().enumerate() {
             *scale = (0.5 * *scale).max(norm(self.at.jacobian.col_as_slice(j).iter().copied()));
@@ -181,7 +181,8 @@ impl<'a> Descent<'a> {
         self.objective.limits().map_or_else(Vec::new, |limits| limits.pushed(&self.theta, &slopes, lengths, free).1)
     }
 
-    /// The largest cosine between the residual and the columns of free parameters, what limits push against left out.
+    /// The largest cosine between the residual and the columns of free parameters, without the part that limits push
+    /// against.
     pub(crate) fn gradient(&self, at: &Evaluation, room: &[[f64; 2]]) -> f64 {
         self.gradient_at(&self.theta, at, room)
     }

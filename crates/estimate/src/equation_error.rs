@@ -15,14 +15,14 @@ const SAME: f64 = 1e-9;
 pub struct EquationError {
     /// The parameters, each equation weighing by its own noise.
     pub estimate: Estimate,
-    /// Standard deviation of what each equation leaves, in its own unit.
+    /// Standard deviation of the residuals of each equation, in its unit.
     pub deviations: Vec<f64>,
-    /// Whether the alternation came to rest.
+    /// True if the alternation converged.
     pub settled: bool,
 }
 
-/// Maximum likelihood of normal errors in the equations, independent from row to row: least squares and the variances of the errors in turn, until both stay
-/// (the weights of `residuals` are where it begins).
+/// Maximum likelihood of normal errors in the equations, independent from row to row. Least squares and the variances
+/// of the errors alternate until both stay; the weights of `residuals` are the start.
 ///
 /// # Errors
 /// Those of [`nonlinear_least_squares`].

@@ -1,4 +1,4 @@
-//! What can be wrong with a nonlinear problem.
+//! Errors of nonlinear estimation.
 
 use fleetfoot_data::setting::{DEGREE, EVERY, LIBRARY, SMOOTH_STATES};
 use fleetfoot_data::{Cancelled, Error};
@@ -83,7 +83,7 @@ pub enum EstimateError {
         option: &'static str,
         /// Its value.
         value: f64,
-        /// What it may be.
+        /// The allowed values, in words.
         allowed: &'static str,
     },
     /// A model has no finite value where the iteration begins.
@@ -119,13 +119,13 @@ pub enum EstimateError {
     /// Segments whose rows lack values.
     #[error("{}", no_segment(*segments))]
     NoSegment {
-        /// How many.
+        /// Number of segments.
         segments: usize,
     },
-    /// An output that is no state.
+    /// An output that is not among the states.
     #[error("`{name}` is to be compared and is no state that the equations advance: the states are {states}")]
     NoState {
-        /// What was named.
+        /// The given name.
         name: String,
         /// The states.
         states: String,
@@ -157,9 +157,9 @@ pub enum EstimateError {
         "{count} products of the coefficients that one latent has in one region are too many for a fit by simulation error, which takes {most} at most: offer fewer candidates, or fit one step ahead (objective = \"one-step\")"
     )]
     TooManyCoefficients {
-        /// How many.
+        /// Number of products.
         count: usize,
-        /// How many there may be.
+        /// The largest number allowed.
         most: usize,
     },
     /// A model whose equations look back: the rows of a grid would not be its own.
@@ -167,10 +167,10 @@ pub enum EstimateError {
         "the model looks back {rows} rows, and only models without lags can follow a recording: fit one of derivatives or next values"
     )]
     LooksBack {
-        /// How many rows.
+        /// Number of rows.
         rows: usize,
     },
-    /// A filter of what is simulated, which has no recorded values.
+    /// A filter of simulated values, which are not recorded.
     #[error(
         "the model filters what it simulates (`{filter}`), and only models without such filters can follow a recording"
     )]
@@ -188,22 +188,22 @@ pub enum EstimateError {
         /// One whose next value is.
         next: String,
     },
-    /// What is to move is no input.
+    /// A free input that the model does not have.
     #[error("`{name}` is to move and is no input of the model{near}; it reads {inputs}")]
     NoInput {
-        /// What was named.
+        /// The given name.
         name: String,
-        /// What there is.
+        /// The model's inputs.
         inputs: String,
-        /// What may have been meant.
+        /// A similar name, as a suggestion.
         near: String,
     },
     /// A column that is not followed.
     #[error("`{name}` is neither a state that the equations advance nor an input that may move: these are {columns}")]
     NotFollowed {
-        /// What was named.
+        /// The given name.
         name: String,
-        /// What there is.
+        /// The columns that are followed.
         columns: String,
     },
     /// Bounds in the wrong order.
@@ -225,7 +225,7 @@ pub enum EstimateError {
         episode: String,
         /// Its rows on the grid.
         rows: usize,
-        /// How many there may be.
+        /// Rows that fit.
         most: usize,
         /// A grid that fits.
         every: usize,
@@ -247,9 +247,9 @@ pub enum EstimateError {
         "{count} candidates of all equations together are too many to smooth states with, which takes {most} at most: name fewer candidates ({LIBRARY}, {DEGREE}), or leave the states as they are ({given_smooth_states})", given_smooth_states = SMOOTH_STATES.to("off")
     )]
     TooManyToSmooth {
-        /// How many.
+        /// Number of candidates.
         count: usize,
-        /// How many there may be.
+        /// The largest number allowed.
         most: usize,
     },
     /// A latent that is not a summand of one derivative.
@@ -270,12 +270,12 @@ pub enum EstimateError {
         /// The episode.
         episode: String,
     },
-    /// No episode has what is needed.
+    /// No episode has the needed columns.
     #[error(
         "none of {episodes} episodes can be followed: each lacks all values of one of {columns}, or has fewer than two rows of the grid"
     )]
     NothingToFollow {
-        /// How many there are.
+        /// Number of episodes.
         episodes: usize,
         /// The columns that are followed.
         columns: String,
@@ -291,7 +291,7 @@ pub enum EstimateError {
     /// The interior-point solver refuses a program.
     #[error("the interior-point solver refuses the program of a step: {reason}")]
     Program {
-        /// What it says.
+        /// The solver's message.
         reason: String,
     },
     /// The factorisation of the Jacobian failed.

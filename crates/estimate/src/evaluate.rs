@@ -1,4 +1,4 @@
-//! Residuals and Jacobian of all rows at given parameters: what a descent asks of a problem.
+//! Residuals and Jacobian of all rows at given parameters: the interface between a descent and a problem.
 
 use faer::Mat;
 use fleetfoot_data::{Progress, Source};
@@ -32,7 +32,7 @@ pub(crate) trait Objective {
     fn evaluate(&self, theta: &[f64]) -> Result<Pass, EstimateError>;
 }
 
-/// What a pass finds.
+/// Result of a pass.
 pub(crate) enum Pass {
     Finite(Evaluation),
     /// Parameters that cannot be, and why.

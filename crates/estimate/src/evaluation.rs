@@ -1,4 +1,4 @@
-//! What one pass over the rows says at given parameters.
+//! Cost, derivatives and sums of one pass over the rows at given parameters.
 
 use faer::Mat;
 
@@ -16,9 +16,9 @@ pub(crate) struct Evaluation {
     pub(crate) rows: u64,
     /// J'r of every chunk (p each).
     pub(crate) scores: Vec<Vec<f64>>,
-    /// What was solved for on the way, one a residual.
+    /// Linear coefficients solved for on the way, one entry a residual.
     pub(crate) linear: Vec<LinearPart>,
-    /// What each residual, or output, has of the cost; empty where nobody asks.
+    /// Share of the cost of each residual or output; empty unless requested.
     pub(crate) shares: Vec<f64>,
     /// Simulations that ended early.
     pub(crate) ended: u64,

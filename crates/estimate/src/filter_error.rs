@@ -1,22 +1,25 @@
 //! Filter error: maximum likelihood of the parameters of given equations, where both the measurements and the dynamics are noisy.
 //!
-//! The simulation of [`output_error`](crate::output_error()) becomes a filter of constant gain: with the errors e_k = y_k - x_k of what was measured,
+//! The simulation of [`output_error`](crate::output_error()) becomes a filter of constant gain: with the errors e_k =
+//! y_k - x_k of the measurements,
 //!
 //! ```text
 //! x_k+ = x_k + K e_k,    x_{k+1} = x_k+ advanced by x' = f(x, u, theta) over a step
 //! ```
 //!
-//! and the e_k are its innovations (Maine and Iliff 1985; Jategaonkar, Flight vehicle system identification, 2006, chapter 5). What is minimised over the parameters,
-//! the gain, the states at the beginnings and the innovations' variances is, up to a constant,
+//! and the e_k are its innovations (Maine and Iliff 1985; Jategaonkar, Flight vehicle system identification, 2006,
+//! chapter 5). The objective over the parameters, the gain, the states at the beginnings and the innovations' variances
+//! is, up to a constant,
 //!
 //! ```text
 //! sum_j n_j log sigma_j + 1/2 sum_j sum_c sum_k e_jck^2 / sigma_j^2
 //! ```
 //!
-//! The gain is estimated instead of the noise of the dynamics that it would follow from by a Riccati equation, and it is diagonal: one number a measured state, which has no unit and lies between 0
-//! and 1. At 0 measurements correct nothing, which is output error; at 1 every step begins at what was measured, which is equation error over a step. A gain that
-//! noise of both kinds asks for need not be diagonal, so that innovations may be correlated from row to row, and from state to state: the covariance of the estimates is
-//! corrected by the correlation that they show, as by output error.
+//! The noise of the dynamics would give the gain by a Riccati equation; here the gain itself is estimated. It is
+//! diagonal: one number a measured state, which has no unit and lies between 0 and 1. At 0 measurements correct
+//! nothing, which is output error. At 1 every step begins at the measurement, which is equation error over a step. The
+//! best gain for noise of both kinds need not be diagonal, so that innovations may be correlated from row to row, and
+//! from state to state. The covariance of the estimates is corrected by that correlation, as by output error.
 
 use faer::Mat;
 use fleetfoot_data::{Progress, Source};
@@ -28,7 +31,7 @@ use crate::{
     output_error::{Minimum, minimum},
 };
 
-/// How parameters are estimated by filter error.
+/// Options of estimation by filter error.
 #[derive(Debug, Clone, Default, PartialEq)]
 #[non_exhaustive]
 pub struct FilterErrorOptions {
@@ -58,11 +61,12 @@ pub struct Gain {
     pub state: String,
     /// Between 0, which is output error, and 1, which is equation error.
     pub value: f64,
-    /// Its standard error, for innovations as correlated as they are; 0 where it is held or at a bound, infinite where the rows do not determine it.
+    /// Its standard error, for innovations as correlated as they are. It is 0 if the gain is held or at a bound, and
+    /// infinite if the rows do not determine it.
     pub error: f64,
     /// Half the width of its 95 % interval, which ends at 0 and 1.
     pub half_width: f64,
-    /// Whether it is at a bound that pushes back: 0 or 1 itself.
+    /// True if the gain is at an active bound: 0 or 1 itself.
     pub at_bound: bool,
 }
 
@@ -73,7 +77,8 @@ impl Gain {
     }
 }
 
-/// Estimates the parameters of a model by filter error: what [`output_error`](crate::output_error()) says of model, parameters and source holds here.
+/// Estimates the parameters of a model by filter error. Model, parameters and source are as for
+/// [`output_error`](crate::output_error()).
 ///
 /// The same bits on any number of threads.
 ///

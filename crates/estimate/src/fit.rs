@@ -1,4 +1,4 @@
-//! Nonlinear least squares, and what it answers.
+//! Nonlinear least squares, and its estimates.
 
 use faer::Mat;
 use fleetfoot_data::{Progress, Source};
@@ -24,7 +24,7 @@ pub struct Estimate {
     pub values: Vec<f64>,
     /// The weighted sum of squared residuals.
     pub cost: f64,
-    /// What each residual of positive weight has of the cost.
+    /// Share of the cost of each residual of positive weight.
     pub shares: Vec<f64>,
     /// Rows with all values.
     pub rows: u64,
@@ -83,15 +83,17 @@ impl Estimate {
 
 /// Minimises the weighted sum of squared residuals over all rows of the source at which targets and columns are finite.
 ///
-/// Models may use filters, `lag1(u, tau)` and `delay(u, d)` (see [`fleetfoot_library::FilterKind`]), with parameters in their constants and
-/// inputs. A row counts where what lags read is there, and what delays read for as long as the delay's bounds allow, so that the rows do not
-/// depend on the parameters.
+/// Models may use filters, `lag1(u, tau)` and `delay(u, d)` (see [`fleetfoot_library::FilterKind`]), with parameters in
+/// their constants and inputs. A row counts if the values that lags read are there, and those of delays for as long as
+/// the delay's bounds allow. The rows then do not depend on the parameters.
 ///
-/// Where symmetric matrices of parameters keep a bound ([`Bounded`]), every step is the best that keeps it. Covariances are then those of the parameters that can still move: along a bound that pushes, not across it.
+/// Symmetric matrices of parameters may have a bound ([`Bounded`]); every step is then the best that keeps it.
+/// Covariances are those of the parameters that can still move: along an active bound, not across it.
 ///
 /// # Errors
-/// When names clash, a parameter is unused or starts outside its bounds, a matrix is none or starts beyond its bound, a weight or an option is out of range, a column does not exist, a delay
-/// has no upper bound, a model is not finite at the initial values, there are fewer residuals than parameters, the source cannot be read, or the
+/// When names clash, a parameter is unused or starts outside its bounds, a matrix is none or starts beyond its bound,
+/// or a weight or an option is out of range. When a column does not exist, a delay has no upper bound, a model is not
+/// finite at the initial values, or there are fewer residuals than parameters. When the source cannot be read, or the
 /// user stops it.
 pub fn nonlinear_least_squares<'a>(
     residuals: &[Residual],
@@ -113,7 +115,7 @@ pub fn nonlinear_least_squares<'a>(
 }
 
 impl Estimate {
-    /// What is known where a descent ended.
+    /// Estimate at the end of a descent.
     pub(crate) fn at(
         objective: &Nonlinear<'_>,
         descent: Descent<'_>,

@@ -14,12 +14,12 @@ pub enum Gains {
     Held(Vec<f64>),
 }
 
-/// Where gains that nothing is known of begin, all outputs alike. From 0 parameters that are far off may not get near to the recording, as by output error; a gain of a half
-/// follows it with any parameters, and may do so to the end.
+/// Starting values of unknown gains, all outputs alike. From 0, as by output error, parameters that are far off may not
+/// get near to the recording. A gain of a half follows the recording with any parameters, and may do so to the end.
 const STARTS: [f64; 2] = [0.0, 0.5];
 
 impl Gains {
-    /// Between what every output's gain may be.
+    /// Bounds of every output's gain.
     pub(crate) fn bounds(&self, outputs: usize) -> Result<Vec<[f64; 2]>, EstimateError> {
         let (Self::Near(gains) | Self::Held(gains)) = self else { return Ok(vec![[0.0, 1.0]; outputs]) };
         if gains.len() != outputs {
@@ -30,7 +30,7 @@ impl Gains {
         gains.iter().map(bounds).collect()
     }
 
-    /// Where searches begin.
+    /// Starting points of the searches.
     pub(crate) fn starts(&self, outputs: usize) -> Vec<Vec<f64>> {
         match self {
             Self::Estimated => STARTS.map(|start| vec![start; outputs]).to_vec(),

@@ -6,16 +6,19 @@
 //! sum_k w_k sum_i (y_k(x_i) - g_k(x_i, theta))^2
 //! ```
 //!
-//! over residuals k and all rows i of a source (equation (42) of the block-sparse bolasso paper), y and g any expressions over columns, and over
-//! parameters by name. Derivatives are exact. Every trial step is one pass over the rows, which leaves a triangular factor for each residual: memory
-//! does not grow with the rows, and nothing is squared.
+//! over residuals k and all rows i of a source (equation (42) of the block-sparse bolasso paper), y and g any
+//! expressions over columns, and over parameters by name. Derivatives are exact. Every trial step is one pass over the
+//! rows, which leaves a triangular factor for each residual. Memory does not grow with the rows, and nothing is
+//! squared.
 //!
-//! [`separable`] does the same for models that are linear in most of what is unknown, `sum_j c_kj phi_kj(x_i, theta)`: it searches over theta
-//! alone. Both take filters, such as a motor's first-order lag, with their constants among the parameters, and answer with standard errors.
+//! [`separable`] does the same for models that are linear in most of their unknowns, `sum_j c_kj phi_kj(x_i, theta)`:
+//! it searches over theta alone. Both take filters, such as a motor's first-order lag, with their constants among the
+//! parameters, and give standard errors.
 //!
-//! [`output_error`] estimates the parameters of a model's given equations so that its simulations stay nearest to what was measured, with noise in the
-//! measurements and initial states among the unknowns; [`equation_error`] so that the equations hold row by row; [`filter_error`] with simulations that measurements
-//! correct by gains that are estimated too, for noise in both.
+//! [`output_error`] estimates the parameters of a model's given equations so that its simulations stay nearest to the
+//! measurements. It takes the noise to be in the measurements, and initial states are among the unknowns.
+//! [`equation_error`] estimates them so that the equations hold row by row. [`filter_error`] takes noise in both:
+//! measurements correct its simulations by gains that are estimated too.
 //!
 //! [`simulation_error`] fits the coefficients of a model to its own simulations through segments of a recording instead of to one step.
 //!

@@ -6,9 +6,12 @@
 //! |rhs + J s|^2 + mu |D s|^2    is least where    M(theta + s) >= bound
 //! ```
 //!
-//! (as eigenvalues, and with the parameters between their own bounds), with the damping mu that the step without the matrices has. It is solved along its central path by Newton's method (Nesterov and Nemirovskii
-//! 1994; Boyd and Vandenberghe 2004, section 11.6), so that every step stays strictly within. A parametrisation that is positive definite by itself, such as the logarithm of a Cholesky factor, has its border
-//! at infinity and never arrives where rows ask for a matrix that is not; here the search ends at the border, and the conditions of the minimum there are told.
+//! (as eigenvalues, and with the parameters between their bounds), with the damping mu that the step without the
+//! matrices has. It is solved along its central path by Newton's method (Nesterov and Nemirovskii 1994; Boyd and
+//! Vandenberghe 2004, section 11.6), so that every step stays strictly within. The logarithm of a Cholesky factor is a
+//! parametrisation that is always positive definite. Its border is at infinity, and it never arrives if the rows fit
+//! best with a matrix that is not. Here the search ends at the border, and the conditions of the minimum there are
+//! reported.
 
 // Matrices are capitals.
 #![allow(non_snake_case)]
@@ -26,7 +29,7 @@ use crate::{
 /// A number that is affine in the parameters: `constant + sum_j c_j theta_j`.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Affine {
-    /// What no parameter is in.
+    /// The constant part, without parameters.
     pub constant: f64,
     /// Parameters by number, and their coefficients.
     pub coefficients: Vec<(usize, f64)>,
@@ -50,11 +53,11 @@ impl Affine {
 /// A symmetric matrix of parameters whose eigenvalues stay on one side of a bound; of one entry a number.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MatrixLimit {
-    /// What it is called in messages: `inertia`.
+    /// Its name in messages: `inertia`.
     pub name: String,
     /// Its lower triangle by rows.
     pub entries: Vec<Affine>,
-    /// Whether no eigenvalue is below the bound; else none is above it.
+    /// True if no eigenvalue is below the bound; else none is above it.
     pub at_least: bool,
     /// The bound.
     pub bound: f64,
@@ -83,7 +86,7 @@ impl MatrixLimit {
         })
     }
 
-    /// How it changes with a parameter.
+    /// Derivative by a parameter.
     fn slope(&self, parameter: usize) -> Mat<f64> {
         let (n, sign) = (self.order(), self.sign());
         Mat::from_fn(n, n, |i, j| sign * self.entries[packed(i.max(j), i.min(j))].slope(parameter))
@@ -112,7 +115,7 @@ impl MatrixLimit {
     }
 }
 
-/// Parameters and what their matrices keep.
+/// Parameters and the bounds of their matrices.
 #[derive(Debug, Clone, Copy)]
 pub struct Bounded<'a> {
     pub(crate) parameters: &'a [Parameter],
@@ -150,7 +153,7 @@ impl<'a, const N: usize> From<&'a [Parameter; N]> for Bounded<'a> {
 const AT_BOUND: f64 = 1e-6;
 /// A multiplier below this share of the slopes is rounding.
 const PUSHES: f64 = 1e-8;
-/// By what the weight of the squares grows from centre to centre.
+/// Growth of the weight of the squares from centre to centre.
 const GROWTH: f64 = 20.0;
 /// Steps of Newton's method at most; some fifty are usual.
 const STEPS: usize = 400;
@@ -166,7 +169,7 @@ pub(crate) struct Limits {
 }
 
 impl Limits {
-    /// `None` where there are none; `more` are the bounds of what is searched for behind the parameters, and where it is strictly within them.
+    /// `None` without limits. `more`: the bounds of further unknowns behind the parameters.
     pub(crate) fn new(of: &Bounded<'_>, more: &[[f64; 2]]) -> Result<Option<Self>, EstimateError> {
         if of.limits.is_empty() {
             return Ok(None);
@@ -196,7 +199,7 @@ impl Limits {
         Ok(Some(Self { limits: of.limits.to_vec(), bounds, inside }))
     }
 
-    /// Whether all are kept strictly.
+    /// Returns true if all are kept strictly.
     pub(crate) fn kept(&self, theta: &[f64]) -> bool {
         self.limits.iter().all(|limit| limit.clearance(theta) > 0.0)
     }
@@ -230,7 +233,8 @@ impl Limits {
         Step { step, length, predicted, ..*free_step }
     }
 
-    /// What pushes at theta against slopes (half the derivatives of the cost), in units of `lengths`, over the free parameters: the slopes that are left, and the directions (by parameter) in which nothing may move.
+    /// Effect of the active limits at theta on slopes (half the derivatives of the cost), in units of `lengths`, over
+    /// the free parameters. Returns the remaining slopes, and the directions (by parameter) in which nothing may move.
     pub(crate) fn pushed(
         &self,
         theta: &[f64],
@@ -322,7 +326,7 @@ struct Program<'a> {
     free: Vec<usize>,
     H: Mat<f64>,
     g: Vec<f64>,
-    /// How each matrix changes with each free parameter, in its unit.
+    /// Derivatives of each matrix by each free parameter, in its unit.
     slopes: Vec<Vec<Mat<f64>>>,
 }
 

@@ -1,18 +1,21 @@
 //! Output error: maximum likelihood of the parameters of given equations, where the measurements are noisy and the dynamics are not.
 //!
-//! The model is x' = f(x, u, theta) with outputs y_k = x_k + v_k, the noise v independent from row to row and normal, of variance sigma_j^2 in output j. With the
-//! state at the beginning of every segment c unknown too, the negative logarithm of the likelihood is, up to a constant,
+//! The model is x' = f(x, u, theta) with outputs y_k = x_k + v_k. The noise v is independent from row to row and
+//! normal, of variance sigma_j^2 in output j. With the state at the beginning of every segment c unknown too, the
+//! negative logarithm of the likelihood is, up to a constant,
 //!
 //! ```text
 //! sum_j n_j log sigma_j + 1/2 sum_j sum_c sum_k (y_jck - x_jk(theta, x_c0))^2 / sigma_j^2
 //! ```
 //!
-//! (Maine and Iliff 1985; Klein and Morelli 2006, chapter 6). For given sigma that is least squares, and for given errors sigma_j^2 is their mean square: the two
-//! are taken in turn until both stay. The beginnings are eliminated (Golub and Pereyra 1973): for every theta each segment finds its own best one, by the same
-//! Levenberg-Marquardt, and what is left of the derivatives is their part that no beginning can take up. So the unknowns of the outer problem are the parameters, however many
-//! segments there are, and memory is that of the segments in flight.
+//! (Maine and Iliff 1985; Klein and Morelli 2006, chapter 6). For given sigma that is least squares, and for given
+//! errors sigma_j^2 is their mean square: the two alternate until both stay. The beginnings are eliminated (Golub and
+//! Pereyra 1973). For every theta each segment has a best beginning, by the same Levenberg-Marquardt; the reduced
+//! derivatives are the part that no beginning can take up. So the unknowns of the outer problem are the parameters,
+//! however many segments there are, and memory is that of the segments in flight.
 //!
-//! [`filter_error`](crate::filter_error()) is the same with simulations that measurements correct on the way; what both share is here.
+//! [`filter_error`](crate::filter_error()) is the same with simulations that measurements correct on the way; the
+//! common code is here.
 //!
 //! Errors of the model are errors in the residuals that last for many rows. The covariance is that of least squares under such residuals, with the autocorrelation that
 //! they show (Morelli and Klein 1997): [`coloured`].
@@ -37,17 +40,17 @@ use crate::{
 use coloured::{Coloured, coloured};
 use segments::{Segments, Standing};
 
-/// How parameters are estimated by output error.
+/// Options of estimation by output error.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct OutputErrorOptions {
-    /// How segments are simulated; the steps do not count.
+    /// Simulation of the segments; the steps do not count.
     pub shooting: ShootingOptions,
     /// Rows of a segment at most; `None`: whole episodes.
     pub rows: Option<usize>,
-    /// The states that are compared with what was measured; all where none is named.
+    /// The states that are compared with measurements; empty for all.
     pub outputs: Vec<String>,
-    /// Where else the search may begin, beside the initial values: it begins where the cost is least.
+    /// Further starting points beside the initial values; the search begins at the one of least cost.
     pub starts: Vec<Vec<f64>>,
     /// When a minimisation for given noise ends.
     pub descent: Options,
@@ -63,7 +66,7 @@ impl Default for OutputErrorOptions {
     }
 }
 
-/// Where a segment begins under the model.
+/// Beginning of a segment under the model.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Begun {
@@ -84,11 +87,12 @@ pub struct OutputError {
     /// Covariance of the parameters (p x p) for residuals as correlated as they are. Zero where a parameter is fixed or at a bound; without meaning for those that are
     /// undetermined.
     pub covariance: Mat<f64>,
-    /// Covariance for residuals that are independent from row to row: what is right only where the model is.
+    /// Covariance for residuals that are independent from row to row: correct only if the model is.
     pub white: Mat<f64>,
     /// Rows over which residuals are correlated, as it was found; 0 where they look white.
     pub memory: usize,
-    /// Whether that is as far as was looked, a fifth of the longest segment: the correlation may last for longer, and then standard errors are too small.
+    /// True if the memory reaches the longest lag that is tried, a fifth of the longest segment. The correlation may
+    /// last longer, and standard errors are then too small.
     pub lasting: bool,
     /// The states that were compared.
     pub outputs: Vec<String>,
@@ -96,7 +100,7 @@ pub struct OutputError {
     pub deviations: Vec<f64>,
     /// All states, in the order of [`Begun::states`].
     pub states: Vec<String>,
-    /// Where the segments begin.
+    /// Beginnings of the segments.
     pub beginnings: Vec<Begun>,
     /// Segments left out because a value that they need is missing.
     pub missing: usize,
@@ -151,17 +155,18 @@ const ROUNDS: usize = 50;
 const SAME: f64 = 1e-10;
 /// Relative change of the deviations above which minima are not looked for to the last digits.
 const ROUGH: f64 = 1e-3;
-/// Least deviation of noise, as a share of the deviation of what is measured: less is rounding.
+/// Least deviation of noise, as a share of the deviation of the measurements: less is rounding.
 const LEAST: f64 = 1e-9;
 
-/// Estimates the parameters of a model whose equations speak of them by name, as of columns; what it has beside equations is left as it is. The columns of the source are
-/// the model's.
+/// Estimates the parameters of a model whose equations read them by name, like columns; the rest of the model is left
+/// unchanged. The columns of the source are the model's.
 ///
 /// The same bits on any number of threads.
 ///
 /// # Errors
-/// Names that clash, a parameter that no equation uses, initial values beyond bounds or at which a simulation diverges, an output that is no state, segments that all
-/// miss values, fewer residuals than unknowns, and those of reading.
+/// Names that clash; a parameter that no equation uses; initial values beyond bounds or at which a simulation diverges.
+/// An output that is not among the states; segments that all miss values; fewer residuals than unknowns; and those of
+/// reading.
 pub fn output_error<'a>(
     model: &Model,
     parameters: impl Into<Bounded<'a>>,
@@ -173,10 +178,10 @@ pub fn output_error<'a>(
     Ok(minimum(model, &parameters.into(), None, source, options, progress)?.parameters)
 }
 
-/// What a minimum tells, of the parameters and of the gains behind them.
+/// A minimum over the parameters and, behind them, the gains.
 pub(crate) struct Minimum {
     pub(crate) parameters: OutputError,
-    /// Values of the gains (m), none by output error; so what follows.
+    /// Values of the gains (m), empty by output error, as are the fields below.
     pub(crate) gains: Vec<f64>,
     /// Their variances for residuals as correlated as they are (m).
     pub(crate) variances: Vec<f64>,
@@ -234,7 +239,7 @@ pub(crate) fn minimum(
     }
 }
 
-/// Where minimisations and noise in turn stand.
+/// State of minimisations that alternate with estimates of the noise.
 struct Rounds {
     theta: Vec<f64>,
     standing: Standing,
@@ -315,7 +320,7 @@ fn best_start(
     Ok(best.1)
 }
 
-/// What is known where a descent ended.
+/// Result at the end of a descent.
 fn found(
     segments: &Segments<'_>,
     descent: &Descent<'_>,
@@ -380,7 +385,7 @@ fn found(
     })
 }
 
-/// The first parameter that no equation speaks of is refused.
+/// Refuses parameters that no equation reads.
 fn check_use(model: &Model, parameters: &[Parameter]) -> Result<(), EstimateError> {
     let used = |name: &str| model.equations.iter().any(|e| e.right.columns().iter().any(|column| **column == *name));
     match parameters.iter().find(|parameter| !used(&parameter.name)) {
@@ -389,7 +394,7 @@ fn check_use(model: &Model, parameters: &[Parameter]) -> Result<(), EstimateErro
     }
 }
 
-/// The model with every parameter as a latent function that is a constant: what it is differentiated by are its coefficients.
+/// The model with every parameter as a constant latent function, whose coefficient is differentiated by.
 fn with_parameters(model: &Model, parameters: &[Parameter]) -> Model {
     let mut model = model.clone();
     let fitted = model.fitted().count();

@@ -12,7 +12,7 @@ use crate::EstimateError;
 pub struct Parameter {
     /// Its name: not that of a column.
     pub name: String,
-    /// Where the iteration begins.
+    /// Starting value of the iteration.
     pub initial: f64,
     /// Least and greatest value; infinite ends are open, equal ends fix it.
     pub bounds: [f64; 2],

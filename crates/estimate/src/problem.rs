@@ -8,11 +8,11 @@ use crate::{Bounded, EstimateError, limits::Limits, parameter::check_parameters,
 /// One equation: `target - model` should be small at every row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Residual {
-    /// What it is called in messages.
+    /// Its name in messages.
     pub name: String,
-    /// What is measured: an expression over columns.
+    /// Measured expression, over columns.
     pub target: Expr,
-    /// What should equal it: an expression over columns and parameters.
+    /// Model expression, over columns and parameters; the residual is target minus model.
     pub model: Expr,
     /// Weight of its squares, usually 1 over the variance of its error.
     pub weight: f64,
@@ -30,7 +30,7 @@ impl Residual {
     }
 }
 
-/// What is minimised.
+/// Compiled problem of the minimisation.
 #[derive(Debug, Clone)]
 pub(crate) struct Problem {
     /// Of every residual of positive weight: `sqrt(weight) target`, and as outputs the slopes of `sqrt(weight) (target - model)` and itself.

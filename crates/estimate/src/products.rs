@@ -5,8 +5,9 @@ use fleetfoot_stats::svd;
 
 use crate::step::rank_level;
 
-/// Rows with the products J'J and J'r: `diag(s)^(1/2) V' D` and `diag(s)^(-1/2) V' D^-1 J'r`, for the scaled products `D^-1 J'J D^-1 = V diag(s) V'` with a
-/// diagonal of ones. Directions that are rounding are left out. `None` where the decomposition fails.
+/// Rows with the products J'J and J'r: `diag(s)^(1/2) V' D` and `diag(s)^(-1/2) V' D^-1 J'r`. The scaled products are
+/// `D^-1 J'J D^-1 = V diag(s) V'` with a diagonal of ones. Directions that are rounding are left out. `None` if the
+/// decomposition fails.
 pub(crate) fn compressed(products: &Mat<f64>, slope: &[f64]) -> Option<(Mat<f64>, Vec<f64>)> {
     let p = slope.len();
     let length = |j: usize| if products[(j, j)] > 0.0 { products[(j, j)].sqrt() } else { 1.0 };

@@ -106,7 +106,7 @@ fn unwrap(values: &mut [f64]) {
     }
 }
 
-/// Puts what is missing on the line between its neighbours; `false` where there is nothing.
+/// Fills missing values on the line between their neighbours; `false` without any value.
 fn fill(seconds: &[f64], values: &mut [f64]) -> bool {
     let known: Vec<usize> = (0..values.len()).filter(|&k| values[k].is_finite()).collect();
     let (Some(&first), Some(&last)) = (known.first(), known.last()) else { return false };

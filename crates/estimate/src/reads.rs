@@ -1,4 +1,4 @@
-//! What expressions read: their parameters, and the columns that say whether a row is complete.
+//! Parameters and columns that expressions read; the columns decide if a row is complete.
 
 use std::collections::HashSet;
 
@@ -7,10 +7,10 @@ use fleetfoot_library::{Expr, Filter, FilterKind, Node};
 
 use crate::{EstimateError, Parameter};
 
-/// Collects what the expressions of a problem read.
+/// Collects the parameters and columns that the expressions of a problem read.
 ///
-/// A filter with parameters in it is looked through, since the rows of a problem do not depend on its parameters: a lag is there where its input
-/// is; a delay, where its input is for as long as the delay may last within the bounds.
+/// A filter with parameters counts by its inputs, since the rows of a problem do not depend on its parameters. A lag
+/// needs its input; a delay needs its input for as long as the delay may last within the bounds.
 pub(crate) struct Reads<'a> {
     parameters: &'a [Parameter],
     source: &'a dyn Source,
@@ -33,7 +33,7 @@ impl<'a> Reads<'a> {
         Ok(())
     }
 
-    /// What has to be finite at a row of the problem.
+    /// Expressions that must be finite at a row of the problem.
     ///
     /// # Errors
     /// A parameter that nothing reads.
@@ -66,7 +66,7 @@ impl<'a> Reads<'a> {
         Ok(leaves)
     }
 
-    /// Whether there is a parameter in a filter.
+    /// Returns true if a filter has a parameter.
     fn varies(&self, filter: &Filter) -> bool {
         filter.sources().iter().any(|name| self.parameters.iter().any(|parameter| parameter.name == **name))
     }

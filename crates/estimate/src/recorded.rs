@@ -1,4 +1,4 @@
-//! What was recorded, at the rows of a grid.
+//! Recorded values at the rows of a grid.
 
 /// An episode at the rows of its grid.
 pub(crate) struct Recorded {
@@ -9,13 +9,14 @@ pub(crate) struct Recorded {
     pub(crate) stamps: Vec<i64>,
     /// Since the episode's start (r).
     pub(crate) seconds: Vec<f64>,
-    /// States and free inputs (r x columns): angles without jumps, what is missing between its neighbours.
+    /// States and free inputs (r x columns): angles without jumps, missing values interpolated between their
+    /// neighbours.
     pub(crate) values: Vec<f64>,
-    /// Whether a value was recorded (r x columns).
+    /// True at every recorded value (r x columns).
     pub(crate) there: Vec<bool>,
-    /// What is replayed (r x replayed).
+    /// Replayed columns (r x replayed).
     pub(crate) replayed: Vec<f64>,
-    /// Whether all of it was recorded (r).
+    /// True at rows of which all values were recorded (r).
     pub(crate) whole: Vec<bool>,
 }
 
@@ -46,7 +47,7 @@ impl Recorded {
     }
 }
 
-/// What the recordings show of every column.
+/// Facts about every column of the recordings.
 pub(crate) struct Survey {
     columns: Vec<Seen>,
 }
@@ -55,7 +56,7 @@ pub(crate) struct Survey {
 struct Seen {
     count: f64,
     mean: f64,
-    /// Of what differs from the mean.
+    /// Sum of squares of the deviations from the mean.
     squares: f64,
     range: [f64; 2],
 }
@@ -78,7 +79,7 @@ impl Seen {
         self.range = [self.range[0].min(other.range[0]), self.range[1].max(other.range[1])];
     }
 
-    /// The standard deviation; of what does not move, its size.
+    /// The standard deviation; of a constant column, its size.
     fn spread(&self) -> f64 {
         let deviation = (self.squares / self.count).sqrt();
         let size = if self.mean == 0.0 { 1.0 } else { self.mean.abs() };
@@ -102,7 +103,7 @@ impl Survey {
         self.columns.iter().map(Seen::spread).collect()
     }
 
-    /// The ranges, widened on both sides by a share of them; of what does not move, of its size.
+    /// The ranges, widened on both sides by a share of them; of a constant column, of its size.
     pub(crate) fn ranges(&self, widen: f64) -> Vec<[f64; 2]> {
         let widened = |seen: &Seen| {
             let [low, high] = seen.range;

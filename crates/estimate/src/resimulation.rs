@@ -1,17 +1,20 @@
-//! Resimulation: states and inputs that obey a model and stay nearest to what was recorded (equation (43) of the block-sparse bolasso paper).
+//! Resimulation: states and inputs that obey a model and stay nearest to the recording (equation (43) of the
+//! block-sparse bolasso paper).
 //!
-//! With y and v the recorded states and inputs at the rows t_k of a grid, and deviations sigma of what each column may be off, it is
+//! With y and v the recorded states and inputs at the rows t_k of a grid, and deviations sigma of each column, it is
 //!
 //! ```text
 //! minimise    1/2 sum_k w_k ( sum_j (x_jk - y_jk)^2 / sigma_j^2 + sum_i (u_ik - v_ik)^2 / sigma_i^2 )
 //! such that   zeta_k(x_k, u_k, x_k+1, u_k+1) = 0,    low <= (x_k, u_k) <= high
 //! ```
 //!
-//! with w_k the weights of the trapezoid rule over the mean step, 0 where nothing was recorded. The constraints zeta are those of Hermite and Simpson (Hargraves and Paris
-//! 1987; order 4 in the step, inputs linear in between) for equations of derivatives, and the next row itself for equations that give it: `transcription.rs`. The problem is
-//! solved by sequential convex programs within a region of trust ([`descent`]), from the recording itself, with exact derivatives of the compiled model.
+//! with w_k the weights of the trapezoid rule over the mean step, 0 without a recorded value. For equations of
+//! derivatives the constraints zeta are those of Hermite and Simpson (Hargraves and Paris 1987; order 4 in the step,
+//! inputs linear in between). For equations that give the next row, zeta is that row itself: `transcription.rs`. The
+//! problem is solved by sequential convex programs within a region of trust ([`descent`]), from the recording itself,
+//! with exact derivatives of the compiled model.
 //!
-//! Deviations that nobody names are the noise that the recording shows beside the model: [`noise`].
+//! The default deviations are the noise of the recording beside the model: [`noise`].
 
 mod descent;
 mod noise;
@@ -29,13 +32,14 @@ use crate::{
 };
 use descent::{Followed, follow};
 
-/// How recordings are followed.
+/// Options of recordings that a model follows.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct ResimulationOptions {
     /// Every so many rows of the log are rows of the grid.
     pub every: usize,
-    /// Inputs that may move; where none is named, all of the model's inputs. What else the model reads is replayed from the recording.
+    /// Inputs that may move; empty for all of the model's inputs. Other columns that the model reads are replayed from
+    /// the recording.
     pub free: Vec<String>,
     /// Deviations by column, where they are not to be those that the recording shows.
     pub deviations: Vec<(String, f64)>,
@@ -57,19 +61,19 @@ impl Default for ResimulationOptions {
     }
 }
 
-/// How the programs of an episode ended.
+/// End of the programs of an episode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Ending {
     /// The conditions of a minimum hold: defects to 1e-10 of a spread, stationarity to 1e-8.
     Minimum,
-    /// No step was better: the certificate says how far from a minimum.
+    /// No step was better: the certificate gives the distance from a minimum.
     Stalled,
     /// As many programs as are allowed.
     Iterations,
 }
 
-/// How far a solution is from what it should be: each 0 at a minimum.
+/// Distance of a solution from a minimum: each number is 0 at one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Certificate {
@@ -77,8 +81,9 @@ pub struct Certificate {
     pub dynamics: f64,
     /// The largest distance outside of the bounds, in the same units of its column.
     pub bounds: f64,
-    /// Stationarity: the largest component of the Lagrangian's gradient over the largest of the parts that its column has in it (the objective's, and the constraints'), or the
-    /// way to the bound that it pushes against, in spreads, where that is less. The columns are counted in their deviations; parts below 1e-4 count as that.
+    /// Stationarity. It is the largest component of the Lagrangian's gradient over the largest of the parts that its
+    /// column has in it (the objective's, and the constraints'). If less, it is the way to the bound that the column
+    /// pushes against, in spreads. The columns are counted in their deviations; parts below 1e-4 count as that.
     pub stationarity: f64,
 }
 
@@ -92,15 +97,15 @@ pub struct Resimulated {
     pub rows: Vec<usize>,
     /// Their stamps, nanoseconds (r).
     pub stamps: Vec<i64>,
-    /// What was recorded (r x columns); NaN where nothing was.
+    /// Recorded values (r x columns); NaN without a value.
     pub recorded: Vec<f64>,
-    /// What follows it (r x columns).
+    /// Values that follow them under the model (r x columns).
     pub followed: Vec<f64>,
     /// The states of a simulation from the recorded beginning with the recorded inputs (r x states); NaN behind where it diverged.
     pub open_loop: Vec<f64>,
-    /// What the solution is worth.
+    /// Distance of the solution from a minimum.
     pub certificate: Certificate,
-    /// How the programs ended.
+    /// End of the programs.
     pub ending: Ending,
     /// Convex programs.
     pub programs: usize,
@@ -112,9 +117,9 @@ pub struct Resimulated {
 pub struct Resimulation {
     /// The columns that are followed: states in the model's order, then the inputs that may move.
     pub columns: Vec<String>,
-    /// How many of them are states.
+    /// Number of states among them.
     pub states: usize,
-    /// What was replayed from the recording.
+    /// Columns replayed from the recording.
     pub replayed: Vec<String>,
     /// Deviation of each column.
     pub deviations: Vec<f64>,
@@ -122,7 +127,7 @@ pub struct Resimulation {
     pub bounds: Vec<[f64; 2]>,
     /// Spread of each column in the recordings: the unit of the certificate.
     pub spreads: Vec<f64>,
-    /// Whether derivatives are integrated, by Hermite and Simpson's rule of order 4; else equations give the next row.
+    /// True if derivatives are integrated, by Hermite and Simpson's rule of order 4; else equations give the next row.
     pub continuous: bool,
     /// The episodes.
     pub episodes: Vec<Resimulated>,
@@ -153,7 +158,7 @@ impl Resimulation {
     }
 }
 
-/// Root mean square of what is a number.
+/// Root mean square of the finite errors.
 fn rms(errors: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = errors.filter(|e| e.is_finite()).fold((0.0, 0.0), |(sum, count), e| (sum + e * e, count + 1.0));
     (sum / count).sqrt()
@@ -164,8 +169,8 @@ fn rms(errors: impl Iterator<Item = f64>) -> f64 {
 /// The same bits on any number of threads.
 ///
 /// # Errors
-/// A model that looks back, or of derivatives and next values together; a column that is neither a state nor an input; an option out of range; an episode
-/// that does not fit into memory; no episode that can be followed; those of reading.
+/// A model with lags, or of derivatives and next values together; a column that is neither a state nor an input; an
+/// option out of range. An episode that does not fit into memory; no episode that can be followed; those of reading.
 pub fn resimulate(
     model: &Model,
     source: &dyn Source,
@@ -223,7 +228,7 @@ pub fn resimulate(
 pub(crate) struct Scale {
     /// Spread in the recordings.
     pub(crate) spreads: Vec<f64>,
-    /// What a column may be off.
+    /// Deviation of each column.
     pub(crate) deviations: Vec<f64>,
     pub(crate) bounds: Vec<[f64; 2]>,
 }
@@ -240,7 +245,7 @@ fn check(options: &ResimulationOptions) -> Result<(), EstimateError> {
     }
 }
 
-/// Whether the equations are derivatives.
+/// Returns true if the equations are derivatives.
 fn kind(model: &Model) -> Result<bool, EstimateError> {
     let advances = |of: fn(Prediction) -> bool| {
         model.equations.iter().find(|equation| of(equation.prediction)).map(|equation| equation.subject.clone())
@@ -259,7 +264,8 @@ fn free(model: &Model, named: &[String]) -> Result<Vec<String>, EstimateError> {
     if named.is_empty() { Ok(inputs) } else { Ok(named.to_vec()) }
 }
 
-/// Bytes of a row of the grid in a convex program, by its columns: the matrices, their factor and its permutation, of which the blocks of neighbouring rows fill theirs.
+/// Bytes of a row of the grid in a convex program, by its columns. They are those of the matrices, their factor and its
+/// permutation, of which the blocks of neighbouring rows fill theirs.
 fn bytes_of_row(states: usize, columns: usize) -> f64 {
     let block = (states + columns) as f64;
     120.0 * block * block + 1_500.0 * columns as f64
@@ -306,7 +312,7 @@ fn bounds(
     Ok(bounds)
 }
 
-/// Episodes that tell the noise, at most.
+/// Episodes from which the noise is estimated, at most.
 const NOISE_EPISODES: usize = 8;
 
 /// The deviation of every column.

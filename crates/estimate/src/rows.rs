@@ -1,4 +1,4 @@
-//! One pass over the rows: what a problem evaluates at given parameters, as a triangular factor for each of its residuals.
+//! One pass over the rows: values of a problem at given parameters, as a triangular factor for each of its residuals.
 
 use std::ops::Range;
 
@@ -9,12 +9,12 @@ use fleetfoot_stats::{Chunk, Factor, Grid, reduce};
 
 use crate::{EstimateError, parameter::substitute};
 
-/// What is evaluated at every row.
+/// Expressions that are evaluated at every row.
 #[derive(Debug, Clone)]
 pub(crate) struct Layout {
     /// Names of the parameters.
     pub(crate) names: Vec<String>,
-    /// What is measured, one a residual.
+    /// Measured expressions, one a residual.
     pub(crate) targets: Vec<Expr>,
     /// For every residual, expressions over columns and parameters; the last of each is the factor's right-hand side.
     pub(crate) outputs: Vec<Vec<Expr>>,
@@ -30,7 +30,7 @@ pub(crate) struct Rows<'a> {
     progress: &'a dyn Progress,
 }
 
-/// What a pass finds.
+/// Result of a pass.
 pub(crate) enum Scan {
     Complete(Sums),
     /// Parameters that cannot be: an expression is not finite at some row, or a filter does not take its constant.
@@ -47,7 +47,8 @@ pub(crate) struct Sums {
     pub(crate) rows: u64,
 }
 
-/// Rows of a factor: `|y - X b|^2 = |rhs - columns b|^2 + beyond` for all b; the first is what centring took away.
+/// Rows of a factor: `|y - X b|^2 = |rhs - columns b|^2 + beyond` for all b; the first is the mean that centring took
+/// away.
 pub(crate) struct Unfolded {
     pub(crate) columns: Mat<f64>,
     pub(crate) rhs: Vec<f64>,
@@ -95,8 +96,8 @@ impl<'a> Rows<'a> {
         Self { layout, source, chunks, progress }
     }
 
-    /// Evaluates the rows at `theta`; `each` gets the factors of every chunk. Parameters are constants of the program, which is compiled anew:
-    /// next to a pass that is nothing, and what depends on parameters alone is computed once.
+    /// Evaluates the rows at `theta`; `each` gets the factors of every chunk. Parameters are constants of the program,
+    /// which is compiled anew. That costs nothing beside a pass, and expressions of parameters alone are computed once.
     pub(crate) fn scan(&self, theta: &[f64], mut each: impl FnMut(&[Factor]) + Send) -> Result<Scan, EstimateError> {
         let at = |expr: &Expr| substitute(&self.layout.names, expr, theta);
         let data: Vec<Expr> = self.layout.targets.iter().chain(&self.layout.presence).cloned().collect();
@@ -196,7 +197,7 @@ impl Part {
     }
 }
 
-/// Where the rows of the data stand among the rows that have values.
+/// Places of the data's rows among the rows that have values.
 enum Places {
     Same,
     At(Vec<usize>),

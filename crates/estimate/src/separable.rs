@@ -18,9 +18,9 @@ use objective::{Layer, Projected};
 /// One equation: `target = sum_j c_j function_j`, the coefficients c free.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LinearTarget {
-    /// What it is called in messages; unique among the targets of a problem.
+    /// Its name in messages; unique among the targets of a problem.
     pub name: String,
-    /// What is measured: an expression over columns.
+    /// Measured expression, over columns.
     pub target: Expr,
     /// Candidate functions: expressions over columns, filters and parameters; `1` for a constant.
     pub functions: Vec<Expr>,
@@ -40,14 +40,14 @@ impl LinearTarget {
     }
 }
 
-/// Where the search begins and when it ends.
+/// Start and end of the search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SeparableOptions {
     /// The iteration over the nonlinear parameters.
     pub iteration: Options,
-    /// Points between the bounds that are tried beside the initial values, one pass over the rows each: evenly spread, in the logarithm where
-    /// bounds are positive and ten times apart. Parameters without finite bounds stay at their initial values. For delays, whose sum of squares
-    /// has many minima.
+    /// Points between the bounds that are tried beside the initial values, one pass over the rows each. They are evenly
+    /// spread, in the logarithm if bounds are positive and ten times apart. Parameters without finite bounds stay at
+    /// their initial values. For delays, whose sum of squares has many minima.
     pub starts: usize,
     /// From how many of the best points the iteration descends, at least 1; the lowest end counts.
     pub descents: usize,
@@ -95,7 +95,7 @@ pub struct Separable {
     pub parameters: usize,
     /// One a target.
     pub targets: Vec<LinearFit>,
-    /// What was tried before the iteration, the initial values first.
+    /// Points that were tried before the iteration, the initial values first.
     pub starts: Vec<Start>,
 }
 
@@ -119,15 +119,16 @@ impl Separable {
     }
 }
 
-/// Minimises `sum_k w_k sum_i (y_k(x_i) - sum_j c_kj phi_kj(x_i, theta))^2` over the parameters theta between their bounds, which targets may
-/// share, and over all coefficients c.
+/// Minimises `sum_k w_k sum_i (y_k(x_i) - sum_j c_kj phi_kj(x_i, theta))^2` over all coefficients c and over the
+/// parameters theta between their bounds. Targets may share parameters.
 ///
-/// Variable projection (Golub and Pereyra, The differentiation of pseudo-inverses and nonlinear least squares problems whose variables separate,
-/// 1973): at every theta the coefficients are solved for, and theta moves by Levenberg-Marquardt with Kaufman's Jacobian (A variable projection
-/// method for solving separable nonlinear least squares problems, 1975), `-P d(phi)/d(theta) c`, P the projector off all phi: the same steps as
-/// Gauss-Newton on (theta, c) jointly, from the best c every time. A trial is one pass over the rows, which leaves a triangular factor of phi,
-/// d(phi)/d(theta) and y for each target (p + at most p q + 1 columns): memory does not grow with the rows, and nothing is squared. Derivatives
-/// are exact, through filters too.
+/// Variable projection (Golub and Pereyra, The differentiation of pseudo-inverses and nonlinear least squares problems
+/// whose variables separate, 1973). At every theta the coefficients are solved for. Theta moves by Levenberg-Marquardt
+/// with Kaufman's Jacobian (A variable projection method for solving separable nonlinear least squares problems, 1975),
+/// `-P d(phi)/d(theta) c`, P the projector off all phi. These are the steps of Gauss-Newton on (theta, c) jointly, from
+/// the best c every time. A trial is one pass over the rows, which leaves a triangular factor of phi, d(phi)/d(theta)
+/// and y for each target (p + at most p q + 1 columns). Memory does not grow with the rows, and nothing is squared.
+/// Derivatives are exact, through filters too.
 ///
 /// # Errors
 /// As [`nonlinear_least_squares`](crate::nonlinear_least_squares); and when a target has no functions.
@@ -177,7 +178,7 @@ fn check_targets(targets: &[LinearTarget]) -> Result<(), EstimateError> {
     Ok(())
 }
 
-/// Points with what was evaluated there.
+/// Points with their evaluations.
 type Evaluated = Vec<(Vec<f64>, Evaluation)>;
 
 /// Evaluates the starting points; all of them, and the best in order of their cost.
@@ -217,7 +218,7 @@ struct Joint<'a> {
 }
 
 impl Joint<'_> {
-    /// One pass at the end: covariances, certificate, and what is not determined.
+    /// One pass at the end: covariances, certificate, and undetermined parameters.
     fn finish(
         &self,
         theta: &[f64],

@@ -1,12 +1,13 @@
-//! Coefficients by simulation error: those with which a model, left to itself for some steps, stays nearest to what was recorded.
+//! Coefficients by simulation error: a model that runs free for some steps stays nearest to the recording.
 //!
-//! A model of least error one step ahead is not the one of least error many steps ahead: noise in the states that it is fitted on shrinks its coefficients, and what
-//! is wrong with a step adds up. Here the coefficients minimise the sum of squares of [`Shooting`]: segments of N steps, each from its measured beginning.
-//! Coefficients that are zero stay zero.
+//! A model of least error one step ahead is not the one of least error many steps ahead: noise in the states that it is
+//! fitted on shrinks its coefficients, and errors of steps add up. Here the coefficients minimise the sum of squares of
+//! [`Shooting`]: segments of N steps, each from its measured beginning. Coefficients that are zero stay zero.
 //!
-//! A pass over the rows is a reduction of the segments' residuals r and their exact derivatives J into J'J, J'r and r'r. The steps are those of every other least
-//! squares of this crate. J'J is made of the columns of J scaled to unit length, and J'r is summed by itself: what squaring costs is digits of a step, which the
-//! next one takes back, and not of the minimum.
+//! A pass over the rows is a reduction of the segments' residuals r and their exact derivatives J into J'J, J'r and
+//! r'r. The steps are those of every other least squares of this crate. J'J is made of the columns of J scaled to unit
+//! length, and J'r is summed separately. Squaring costs digits of a step, which the next one takes back, and none of
+//! the minimum.
 //!
 //! Beyond [`WHOLE_COEFFICIENTS`], and where a model has to keep within a set, J'J is never formed: `simulation/many.rs`.
 
@@ -32,7 +33,7 @@ pub use many::{Hold, MOST_PRODUCTS, ManyOptions};
 /// Coefficients up to which J'J, of which every chunk in flight has one, is held whole: it takes 32 MiB at most.
 pub const WHOLE_COEFFICIENTS: usize = 2_000;
 
-/// How coefficients are fitted by simulation error.
+/// Options of a fit by simulation error.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct SimulationOptions {
@@ -40,7 +41,7 @@ pub struct SimulationOptions {
     pub shooting: ShootingOptions,
     /// When the iteration ends; a trial step is one pass.
     pub descent: Options,
-    /// How more coefficients are fitted than [`WHOLE_COEFFICIENTS`], or a model that has to keep within a set.
+    /// Options of a fit of more coefficients than [`WHOLE_COEFFICIENTS`], or of a model that has to keep within a set.
     pub many: ManyOptions,
 }
 
@@ -61,7 +62,7 @@ impl SimulationOptions {
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Simulated {
-    /// The model, with new coefficients; what it says of its training is that of the model before.
+    /// The model, with new coefficients; its training statistics are those of the model before.
     pub model: Model,
     /// The coefficients that were fitted.
     pub coefficients: Vec<Coefficient>,
@@ -75,8 +76,9 @@ pub struct Simulated {
     pub cost: [f64; 2],
     /// Numbers that were compared.
     pub residuals: u64,
-    /// The certificate: the largest cosine of the angle between the residual and a column of the Jacobian; of many coefficients a bound of it, over all directions of the coefficients that a
-    /// latent has in a region, the prior among the residuals.
+    /// The certificate: the largest cosine of the angle between the residual and a column of the Jacobian. Of many
+    /// coefficients it is a bound, over all directions of the coefficients that a latent has in a region, the prior
+    /// among the residuals.
     pub gradient: f64,
     /// The weight of the prior ([`ManyOptions::weights`]); `None` of few coefficients, which have none.
     pub weight: Option<f64>,
@@ -101,8 +103,9 @@ pub fn simulation_error(
     simulation_errors(model, source, options, None, progress)?.pop().ok_or(EstimateError::NoParameters)
 }
 
-/// [`simulation_error`] with a path of priors, the heaviest first, each from where the one before ended: one model a weight of [`ManyOptions::weights`] where coefficients are many
-/// or `hold` is given, else one without a prior. `passes` are those from the beginning of the path. A model that has to keep within a set begins in it.
+/// [`simulation_error`] with a path of priors, the heaviest first, each from the end of the one before. With many
+/// coefficients, or with `hold`, it gives one model a weight of [`ManyOptions::weights`], else one without a prior.
+/// `passes` are those from the beginning of the path. A model that has to keep within a set begins in it.
 ///
 /// # Errors
 /// Those of [`simulation_error`].
@@ -201,7 +204,7 @@ impl Segments<'_> {
         Ok(total)
     }
 
-    /// What a descent asks for; `None` where a number is not finite.
+    /// Evaluation for a descent; `None` if a number is not finite.
     fn evaluation(&self, sums: &Sums) -> Result<Option<Evaluation>, EstimateError> {
         if sums.broken.is_some() {
             return Ok(None);

@@ -1,20 +1,24 @@
-//! States and coefficients under which measurements and equations disagree least, where both are noisy: trajectories of weak constraint (Tremolet, "Accounting for an
-//! imperfect model in 4D-Var", 2006), estimated together with the coefficients (Hokanson, Iaccarino and Doostan, "Simultaneous identification and denoising of dynamical
+//! States and coefficients under which measurements and equations disagree least, if both are noisy. The trajectories
+//! have weak constraints (Tremolet, "Accounting for an imperfect model in 4D-Var", 2006). They are estimated together
+//! with the coefficients (Hokanson, Iaccarino and Doostan, "Simultaneous identification and denoising of dynamical
 //! systems", SIAM Journal on Scientific Computing 45, 2023).
 //!
-//! With y the recorded states at the rows t_k of a segment, h_k the seconds from one to the next and h their median, it is
+//! With y the recorded states at the rows t_k of a segment, h_k the seconds from one to the next and h their median,
+//! the objective is
 //!
 //! ```text
 //! minimise J(z, c) = 1/2 sum_ki (y_ki - z_ki)^2 / r_i + 1/2 sum_ki zeta_ki(z_k, z_k+1, c)^2 / (q_i h_k / h)
 //! ```
 //!
-//! over the states z and the coefficients c, r the variances of the measurements and q those of the process over the median step; what was not measured has no term. The
-//! constraints zeta are those of Hermite and Simpson, of order 4 in the step, inputs linear in between (`transcription.rs`). Steps are those of Gauss and Newton, exact in the
-//! derivatives of zeta, and shortened until J falls: no step raises J. The states are eliminated by reflectors (`smoothing/chain.rs`), so that a step is linear in the rows, and
-//! what is left on the coefficients is a [`Compressed`] of their own: least squares of all measurements on the coefficients, the states free, to second order in what is wrong
-//! with them. Whoever looks for terms does so there ([`StateSmoother::information`]).
+//! over the states z and the coefficients c, r the variances of the measurements and q those of the process over the
+//! median step; a missing measurement has no term. The constraints zeta are those of Hermite and Simpson, of order 4 in
+//! the step, inputs linear in between (`transcription.rs`). Steps are those of Gauss and Newton, exact in the
+//! derivatives of zeta, and shortened until J falls: no step raises J. The states are eliminated by reflectors
+//! (`smoothing/chain.rs`), so that a step is linear in the rows. The rest is a [`Compressed`] of the coefficients:
+//! least squares of all measurements on them, the states free, to second order in the errors. The search for terms
+//! works on it ([`StateSmoother::information`]).
 //!
-//! Recordings are held in memory: [`SmoothingOptions::memory`] says how much they may take, and that is looked at before anything is read.
+//! Recordings are held in memory. [`SmoothingOptions::memory`] limits it, and is checked before any row is read.
 
 mod candidates;
 mod chain;
@@ -33,7 +37,7 @@ use crate::{
 use candidates::{Candidates, with_inputs};
 use chain::{Border, Eliminated, eliminate};
 
-/// How states are smoothed.
+/// Options of state smoothing.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct SmoothingOptions {
@@ -52,14 +56,14 @@ impl Default for SmoothingOptions {
 
 /// Coefficients that may be offered together, at most: their triangle is kept for every segment in work.
 const MOST_CANDIDATES: usize = 1_000;
-/// Coefficients that a descent moves, for the memory that is told before.
+/// Coefficients that a descent moves, for the estimate of its memory.
 const MOVED: usize = 64;
 /// A step of so many median periods is a gap: a segment ends there.
 const GAP: f64 = 2.5;
 /// A step is halved so often before it is given up.
 const HALVINGS: usize = 24;
 
-/// Variances of what is wrong with measurements and equations, one a state.
+/// Variances of the errors of measurements and equations, one a state.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Variances {
     /// Of a measurement, r.
@@ -72,7 +76,7 @@ pub struct Variances {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tracks(pub Vec<Vec<f64>>);
 
-/// Where a descent ended.
+/// End of a descent.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Settled {
@@ -82,7 +86,7 @@ pub struct Settled {
     pub coefficients: Vec<f64>,
     /// J.
     pub cost: f64,
-    /// What a further step would lower J by if everything were linear: the certificate.
+    /// Reduction of J by a further step, if everything were linear: the certificate.
     pub promise: f64,
     /// Logarithm of the determinant of the second derivatives of J by the states alone (of the linearised residuals).
     pub log_determinant: f64,
@@ -92,7 +96,7 @@ pub struct Settled {
     pub covariance: Vec<Vec<f64>>,
     /// Steps that were taken.
     pub steps: usize,
-    /// Whether the last promise is within the tolerance.
+    /// True if the last promise is within the tolerance.
     pub converged: bool,
 }
 
@@ -126,11 +130,13 @@ struct Place {
 }
 
 impl StateSmoother {
-    /// Reads the episodes of a source whose columns are the model's. `candidates`: the coefficients that may move, of latents whose equations add them to what is known.
+    /// Reads the episodes of a source whose columns are the model's. `candidates`: the coefficients that may move, of
+    /// latents that equations add to their known part.
     ///
     /// # Errors
-    /// A model without equations of derivatives, that looks back, or whose latents are not added; angles that turn over; recordings that do not fit into memory, which is
-    /// said before they are read; nothing to smooth; those of reading.
+    /// A model without equations of derivatives, with lags, or whose latents are not added; angles that turn over.
+    /// Recordings that do not fit into memory, which is reported before they are read; nothing to smooth; those of
+    /// reading.
     pub fn new(
         model: &Model,
         candidates: Vec<Coefficient>,
@@ -197,7 +203,7 @@ impl StateSmoother {
             .collect()
     }
 
-    /// What was recorded; between neighbours where something is missing.
+    /// Recorded values; interpolated between neighbours if one is missing.
     pub fn recorded(&self) -> Tracks {
         Tracks(self.segments.iter().map(|own| own.values.clone()).collect())
     }
@@ -232,8 +238,8 @@ impl StateSmoother {
         if variance > 0.0 { variance } else { 1.0 }
     }
 
-    /// Moves states and the coefficients `moving` (numbers of candidates) from where they are to where J is least, until a step promises less than `tolerance` of J; no step
-    /// raises J. Without any the states alone are smoothed.
+    /// Moves states and the coefficients `moving` (numbers of candidates) to the least J, until a step promises less
+    /// than `tolerance` of J. No step raises J. Without any coefficients the states alone are smoothed.
     ///
     /// The same bits on any number of threads.
     ///
@@ -303,8 +309,8 @@ impl StateSmoother {
         Ok(None)
     }
 
-    /// Least squares of everything that was measured on the coefficients `moving`, the states free: `rss = |R c - z|^2 + residual` is twice the least J over the states, to
-    /// second order about `at`.
+    /// Least squares of all measurements on the coefficients `moving`, the states free: `rss = |R c - z|^2 + residual`
+    /// is twice the least J over the states, to second order about `at`.
     ///
     /// # Errors
     /// Those of [`StateSmoother::settle`].
@@ -341,7 +347,8 @@ impl StateSmoother {
         model
     }
 
-    /// Eliminates the states of every segment: what they leave on the coefficients together, and each.
+    /// Eliminates the states of every segment. Returns the rows on the coefficients, of all segments together and of
+    /// each.
     fn eliminated(
         &self,
         place: &Place,
@@ -403,7 +410,7 @@ impl StateSmoother {
         })
     }
 
-    /// What the defect of a state is multiplied by.
+    /// Weight of a state's defect.
     fn weight(&self, variances: &Variances, state: usize, step: f64) -> f64 {
         (variances.process[state] * step / self.period).sqrt().recip()
     }
@@ -450,7 +457,7 @@ impl StateSmoother {
 }
 
 impl Border {
-    /// The least-squares step of the coefficients; those that nothing tells stay.
+    /// The least-squares step of the coefficients; undetermined ones stay.
     fn step(&self) -> Vec<f64> {
         let (p, noise) = (self.squares.len(), self.rounding());
         let mut step = vec![0.0; p];
@@ -493,7 +500,7 @@ fn whole(model: &Model, candidates: &[Coefficient]) -> Model {
     model
 }
 
-/// Bytes of a row: what is left of its state, the derivatives of its interval, its values and functions.
+/// Bytes of a row: its eliminated state, the derivatives of its interval, its values and functions.
 fn bytes_of_row(states: usize, functions: usize) -> f64 {
     let n = states as f64;
     8.0 * (n * (2.0 * n + MOVED as f64 + 1.0) + 8.0 * n * n + 16.0 * n + 3.0 * functions as f64)

@@ -17,11 +17,12 @@ pub(crate) struct Step {
     pub(crate) step: Vec<f64>,
     /// `|D s|`.
     pub(crate) length: f64,
-    /// The same of the step that the region holds back, where limits of matrices shorten it: at their border steps end while the region is to stay.
+    /// The same of the step that the region holds back, if limits of matrices shorten it. At their border steps end
+    /// while the region is to stay.
     pub(crate) reach: f64,
-    /// What the linear model takes off the cost.
+    /// Reduction of the cost by the linear model.
     pub(crate) predicted: f64,
-    /// Whether the region held it back.
+    /// True if the region held it back.
     pub(crate) bounded: bool,
     /// The damping mu with which it is least, of the parameters that no bound held.
     pub(crate) damping: f64,
@@ -36,8 +37,9 @@ pub(crate) struct Region<'a> {
     pub(crate) room: &'a [[f64; 2]],
 }
 
-/// Minimises `|rhs + J s|` over the region: the problem of Levenberg and Marquardt as posed by More (1978), with the damping found from the singular
-/// values. A parameter whose step would leave its bounds goes to the bound and stays there, and the others are solved for again.
+/// Minimises `|rhs + J s|` over the region: the problem of Levenberg and Marquardt as posed by More (1978), with the
+/// damping from the singular values. A parameter whose step would leave its bounds goes to the bound and stays there,
+/// and the others are solved for again.
 pub(crate) fn step(jacobian: &Mat<f64>, rhs: &[f64], region: &Region<'_>) -> Result<Step, EstimateError> {
     let p = region.scale.len();
     let mut step = vec![0.0; p];
@@ -92,7 +94,8 @@ fn within_radius(
     Ok((found, damping))
 }
 
-/// The damping mu at which `|y(mu)|`, `y_i = s_i c_i / (s_i^2 + mu)`, is the radius up to a tenth; 0 when the undamped step is short enough.
+/// The damping mu at which `|y(mu)|`, `y_i = s_i c_i / (s_i^2 + mu)`, is the radius up to a tenth. It is 0 when the
+/// undamped step is short enough.
 ///
 /// Newton's method on `1/radius - 1/|y|` (Hebden 1973), which is nearly linear in mu, between bounds that close in.
 fn damping(s: &[f64], c: &[f64], radius: f64) -> f64 {

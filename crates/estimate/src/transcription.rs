@@ -1,7 +1,7 @@
 //! A model's equations as constraints between neighbouring rows of a grid, with their exact derivatives.
 //!
-//! For derivatives the rule is that of Hermite and Simpson, its middle eliminated (Betts, Practical Methods for Optimal Control, 2010, equations 4.105 to 4.107; the
-//! inputs and what is replayed are linear in between):
+//! For derivatives the rule is that of Hermite and Simpson, its middle eliminated (Betts, Practical Methods for Optimal
+//! Control, 2010, equations 4.105 to 4.107). The inputs and the replayed columns are linear in between:
 //!
 //! ```text
 //! x_m = (x_0 + x_1)/2 + h/8 (f_0 - f_1),    zeta = x_1 - x_0 - h/6 (f_0 + 4 f_m + f_1)
@@ -47,11 +47,11 @@ pub(crate) struct Defects {
     pub(crate) behind: Vec<f64>,
 }
 
-/// What the rule of Hermite and Simpson is made of in the middles of the intervals (r - 1).
+/// Values at the middles of the intervals (r - 1) for the rule of Hermite and Simpson.
 pub(crate) struct Middles {
     /// States and free inputs (intervals x columns).
     pub(crate) values: Vec<f64>,
-    /// What is replayed (intervals x replayed).
+    /// Replayed columns (intervals x replayed).
     pub(crate) replayed: Vec<f64>,
     /// Seconds since the episode's start.
     pub(crate) seconds: Vec<f64>,
@@ -110,12 +110,13 @@ impl Transcription {
         self.angle[column]
     }
 
-    /// Whether a column is an angle or a part of a rotation: what its range is does not bound it.
+    /// Returns true if a column is an angle or a part of a rotation: its range is no bound.
     pub(crate) fn goes_round(&self, column: usize) -> bool {
         self.angle[column] || self.rotations.iter().any(|(_, places)| places.contains(&column))
     }
 
-    /// Brings the quaternions of rows (r x columns) to unit length: kinematics keep the length that they begin with, which nothing else in an equation can tell.
+    /// Brings the quaternions of rows (r x columns) to unit length. Kinematics keep the initial length, which nothing
+    /// else in an equation determines.
     pub(crate) fn normalise(&self, values: &mut [f64]) {
         let quaternions = self.rotations.iter().filter(|(kind, _)| *kind == RotationKind::Quaternion);
         for (kind, places) in quaternions {
@@ -127,7 +128,7 @@ impl Transcription {
         }
     }
 
-    /// The place of a column that somebody names.
+    /// The place of a named column.
     pub(crate) fn place(&self, name: &str) -> Result<usize, EstimateError> {
         let found = self.names.iter().position(|own| own == name);
         found.ok_or_else(|| EstimateError::NotFollowed { name: name.to_owned(), columns: self.names.join(", ") })
@@ -198,7 +199,7 @@ impl Transcription {
         found
     }
 
-    /// Right sides at rows of columns (r x columns) and of what is replayed (r x replayed).
+    /// Right sides at rows of columns (r x columns) and of replayed columns (r x replayed).
     fn rates(&self, z: &[f64], seconds: &[f64], replayed: &[f64]) -> Rates {
         let (n, c, replays, rows) = (self.states(), self.names.len(), self.replayed.len(), seconds.len());
         let mut found = Rates { values: Vec::with_capacity(rows * n), slopes: Vec::with_capacity(rows * n * c) };
@@ -245,8 +246,8 @@ impl Transcription {
         }
     }
 
-    /// The states of a simulation from the recorded beginning with the recorded inputs (r x states), of derivatives with those in the middle of every interval; NaN
-    /// behind where it diverges.
+    /// The states of a simulation from the recorded beginning with the recorded inputs (r x states); of derivatives
+    /// also those in the middle of every interval. NaN after divergence.
     pub(crate) fn open_loop(&self, own: &Recorded) -> Result<Vec<f64>, EstimateError> {
         let (n, c, replays, rows) = (self.states(), self.names.len(), self.replayed.len(), own.rows.len());
         let grid = self.stepper.grid(own.seconds.clone())?;

@@ -12,8 +12,8 @@ pub struct Uncertain {
 }
 
 impl Display for Uncertain {
-    /// Two significant digits of the error, and the value to the same place: `0.07160 +- 0.00091`, `(1.0285 +- 0.0031)e-5`. Without an error that
-    /// says how many digits count, all of both.
+    /// Two significant digits of the error, and the value to the same place: `0.07160 +- 0.00091`,
+    /// `(1.0285 +- 0.0031)e-5`. All digits of both without a finite, positive error.
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let Self { value, error } = *self;
         if !(value.is_finite() && error.is_finite() && error > 0.0) {

@@ -1,11 +1,12 @@
-//! The recipe of a fit of a statistic: what is said of the fit, above the recipe of the scan.
+//! The recipe of a fit of a statistic: the fit's settings above the recipe of the scan.
 
 use fleetfoot_dataset::condition::refuse_other_rows;
 use fleetfoot_recipe::{ModelSection, Recipe};
 
 use crate::error::Error;
 
-/// The recipe with that of the scan beneath, where it names nothing to predict: what it says of the fit stands above. The rows are those of the scan.
+/// The recipe with that of the scan beneath, if it names nothing to predict. Its settings of the fit stay above; the
+/// rows are those of the scan.
 ///
 /// # Errors
 /// Another condition for rows.

@@ -1,4 +1,4 @@
-//! How the maps of piecewise-affine models are bounded, as people, programs and pages are told.
+//! Contraction and passivity of the maps of piecewise-affine models, for texts, JSON and report pages.
 
 use fleetfoot_pwa::{PassiveRegion, Passivity, Score, Stability, StableRegion};
 use fleetfoot_report::words::{number, ratio};
@@ -6,13 +6,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::text_table::TextTable;
 
-/// How the maps of a partition's regions contract in one metric; numbers by region, before and after.
+/// Contraction of the maps of a partition's regions in one metric, before and after bounding; one number a region.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct BoundedMaps {
     /// The bound of the norms over one sampling period.
     pub bound: f64,
-    /// What the maps advance.
+    /// Variables that the maps advance by one sampling period.
     pub variables: Vec<String>,
     /// States that act as inputs.
     pub inputs: Vec<String>,
@@ -35,18 +35,18 @@ pub struct BoundedMaps {
     /// Relative duality gaps.
     #[serde(deserialize_with = "fleetfoot_dataset::json::numbers")]
     pub gaps: Vec<f64>,
-    /// What the maps take in at ports, where they are passive.
+    /// Energy gain of the maps at their ports; `None` unless they are passive.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub passivity: Option<PassiveMaps>,
 }
 
-/// What the maps of a partition's regions take in at ports.
+/// Energy gain of the maps of a partition's regions at their ports.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct PassiveMaps {
     /// The ports.
     pub ports: Vec<PassivePort>,
-    /// Norms of what the free maps give over what they may.
+    /// Norms of the free maps: the energy that they give, over the allowed energy.
     #[serde(deserialize_with = "fleetfoot_dataset::json::numbers")]
     pub free_norms: Vec<f64>,
     /// Those of the maps that are written: at most 1.
@@ -62,7 +62,7 @@ pub struct PassivePort {
     pub input: String,
     /// The state with which it is a power.
     pub state: String,
-    /// What it may be short of.
+    /// Allowed energy gain per sample.
     pub shortage: Option<f64>,
 }
 
@@ -101,12 +101,12 @@ impl From<&Passivity> for PassiveMaps {
     }
 }
 
-/// A partition whose maps are bounded, and what that costs one step ahead.
+/// A partition whose maps are bounded, and the cost in one-step error.
 #[derive(Debug, Clone)]
 pub struct BoundedCandidate {
     /// Its specification.
     pub partition: String,
-    /// How its maps are bounded.
+    /// Contraction of its maps.
     pub maps: BoundedMaps,
     /// The held-out loss without bounds.
     pub free_loss: f64,
@@ -115,7 +115,7 @@ pub struct BoundedCandidate {
 }
 
 impl BoundedCandidate {
-    /// Those among candidates; `held_out` tells whether their losses are of rows that did not train.
+    /// Those among candidates; `held_out`: true if their losses are of held-out rows.
     pub fn of(candidates: &[Score], held_out: bool) -> Vec<Self> {
         let of = |score: &Score| {
             Some(Self {
@@ -128,7 +128,7 @@ impl BoundedCandidate {
         candidates.iter().filter_map(of).collect()
     }
 
-    /// What there is to tell of them: a table of how they contract, and one of how they are passive, where they are.
+    /// Tables of the candidates: contraction, and passivity where the maps are passive.
     pub fn tables(candidates: &[Self]) -> Vec<TextTable> {
         let Some(first) = candidates.first() else { return Vec::new() };
         let contracting = TextTable {
@@ -166,7 +166,7 @@ impl BoundedCandidate {
 }
 
 impl BoundedMaps {
-    /// What is bounded, in a sentence.
+    /// One sentence: the bound, the variables and the inputs.
     pub fn in_words(&self) -> String {
         let inputs = match self.inputs.as_slice() {
             [] => String::new(),
@@ -181,7 +181,7 @@ impl BoundedMaps {
 }
 
 impl PassiveMaps {
-    /// What is passive, in a sentence.
+    /// One sentence: the ports at which the maps are passive.
     pub fn in_words(&self) -> String {
         let ports: Vec<String> = self.ports.iter().map(|port| format!("{}:{}", port.input, port.state)).collect();
         format!(
@@ -196,7 +196,7 @@ pub fn unexplained(r2: &[f64]) -> f64 {
     1.0 - r2.iter().sum::<f64>() / r2.len() as f64
 }
 
-/// Four decimals, as long as nobody has to count digits before them.
+/// Four decimals, unless there are many digits before them.
 fn fixed(value: f64) -> String {
     if value < 1e4 { format!("{value:.4}") } else { number(value) }
 }

@@ -1,10 +1,11 @@
-//! What is fitted to few rows: a fall, a collision or a gross error may hold most of what least squares look at.
+//! Notes about targets whose variance a few rows hold: after a fall, a collision or a gross error least squares fit
+//! mostly these.
 
 use fleetfoot_data::EpisodeId;
 use fleetfoot_data::setting::{PREPARE, WHERE};
 use fleetfoot_stats::Concentration;
 
-/// What to say of targets whose variance few rows hold, by their labels and the names of episodes.
+/// Notes about targets whose variance a few rows hold, with the target's label and the episode's name.
 pub(crate) fn notes(
     targets: &[(String, Option<Concentration>)],
     name: impl Fn(EpisodeId) -> Option<String>,

@@ -9,7 +9,7 @@ use crate::error::Error;
 /// state varies.
 ///
 /// # Errors
-/// The target and its value, as `fit pwa` tells them.
+/// The target and its value, as in `fit pwa`.
 pub(crate) fn refuse_constant_targets(task: &EquationTask, moments: &Gram) -> Result<(), Error> {
     let is_rest = |at: usize| moments.is_constant(at) && !(task.is_rate(at) && moments.mean[at] != 0.0);
     match (0..task.fitted.len()).find(|&at| is_rest(at)) {

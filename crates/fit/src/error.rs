@@ -1,10 +1,10 @@
-//! What can go wrong in a pipeline. Every message says where, and what to do.
+//! Errors of a pipeline. Every message names the place and the remedy.
 
 use std::path::PathBuf;
 
 use fleetfoot_recipe::{RequestError, request_constructors};
 
-/// What can go wrong in a pipeline.
+/// Errors of a pipeline.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -16,10 +16,10 @@ pub enum Error {
     World {
         /// Their file or origin.
         name: String,
-        /// What is wrong.
+        /// The problem, in words.
         problem: String,
     },
-    /// What was asked for cannot be done.
+    /// The request cannot be met.
     #[error(transparent)]
     Request(#[from] RequestError),
     /// The answer needs more memory than there is.
@@ -76,12 +76,12 @@ pub enum Error {
     /// Statistics that do not go together.
     #[error(transparent)]
     Merge(#[from] fleetfoot_stats::MergeError),
-    /// An error, and what may be behind it.
+    /// An error, and its possible reasons.
     #[error("{error}; {reasons}")]
     WithReasons {
         /// The error.
         error: Box<Error>,
-        /// What was found in the rows.
+        /// Possible reasons, from the rows.
         reasons: String,
     },
     /// A model that predicts nothing.
@@ -93,7 +93,7 @@ pub enum Error {
         /// The coefficient that is not finite.
         what: String,
     },
-    /// The user stopped a scan, and what is complete is kept.
+    /// The user stopped a scan; its complete part is kept.
     #[error("stopped; what is done is kept in {}: the same command goes on from there", path.display())]
     Paused {
         /// The file that keeps it.
@@ -104,7 +104,7 @@ pub enum Error {
 request_constructors!(Error);
 
 impl Error {
-    /// Whether less memory would have done.
+    /// Returns true if the error says that memory is too small.
     pub fn is_memory(&self) -> bool {
         use fleetfoot_sums::{structured::ScanError, system::SystemError};
         match self {

@@ -1,10 +1,10 @@
-//! Which rows of a statistic are held out, as users ask for it.
+//! Rule by which rows of a statistic are held out, as users write it.
 
 use fleetfoot_library::Expr;
 use fleetfoot_sparse::select::{Folds, RandomSplits, SelectError};
 use fleetfoot_stats::{FoldRule as Layout, Key, Purge};
 
-/// Which rows are held out.
+/// Rule by which rows are held out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FoldRule {
     /// Ten folds, or five of few rows.
@@ -19,7 +19,7 @@ pub enum FoldRule {
 }
 
 impl FoldRule {
-    /// How many folds there will be, at most; `episodes`: how many there are, where they are known.
+    /// Number of folds, at most; `episodes`: number of episodes, if known.
     pub(crate) fn expected(self, episodes: Option<usize>) -> usize {
         match self {
             Self::Auto => 10,
@@ -31,7 +31,7 @@ impl FoldRule {
     /// The folds of the chunks of a statistic.
     ///
     /// # Errors
-    /// Folds that cannot be made as they are asked for.
+    /// Folds that cannot be made.
     pub(crate) fn folds(self, keys: &[Key], rows: &[u64], seed: u64, purge: Purge) -> Result<Folds, SelectError> {
         let of = |layout| Folds::of(keys, rows, layout, purge);
         match self {
@@ -45,10 +45,10 @@ impl FoldRule {
     }
 }
 
-/// What [`parse`] reads.
+/// Values that [`parse`] accepts.
 pub(crate) const WORDS: &str = "`auto`, a number of folds from 2 on, `episodes`, or `splits:30`";
 
-/// Which rows are held out.
+/// Reads a rule by which rows are held out; `None` for any other text.
 pub(crate) fn parse(text: &str) -> Option<FoldRule> {
     let number =
         |text: &str, least: usize| text.parse().ok().filter(|&count: &usize| count >= least && count <= 10_000);
@@ -61,8 +61,8 @@ pub(crate) fn parse(text: &str) -> Option<FoldRule> {
     }
 }
 
-/// The gap beside held-out rows that are made of the same samples as `shared` rows on either side, and correlated with so many; as far as a tenth of a span
-/// where that is not known.
+/// The gap beside held-out rows. A row shares samples with `shared` rows on either side, and is correlated with
+/// `correlated` rows; if that number is unknown, the gap is a tenth of a span.
 pub(crate) fn purge(shared: usize, correlated: Option<f64>) -> Purge {
     Purge::Alike { shared, correlated: correlated.map_or(usize::MAX, |rows| rows.ceil() as usize) }
 }

@@ -1,4 +1,4 @@
-//! Rows that a fit leaves out because a value is missing: how many, and where the first is. Every fit tells them so.
+//! Note of every fit about rows that it leaves out because a value is missing: their number, and the first of them.
 
 use std::collections::BTreeSet;
 
@@ -13,8 +13,8 @@ use crate::{error::Error, not_finite};
 /// Rows read at once.
 const ROWS: usize = 65_536;
 
-/// What to say of `incomplete` rows of a dataset that were left out, of a fit that reads these expressions: how many, where the first is, and which expressions
-/// made them so; nothing of none.
+/// Notes about the `incomplete` rows of a dataset that were left out. They give the number of rows, the first of them,
+/// and the expressions among `read` that made them incomplete. Empty if there are none.
 ///
 /// The rows up to the first missing value are read again, and a bounded number for the expressions.
 ///
@@ -29,7 +29,7 @@ pub(crate) fn incomplete_rows(incomplete: u64, dataset: &Dataset, read: Vec<Expr
     Ok(told)
 }
 
-/// What to say where the regions of a partition have fewer rows than the `complete` ones that other partitions are fitted on.
+/// Note if the regions of a partition have fewer rows than the `complete` ones that other partitions are fitted on.
 pub(crate) fn in_no_region(partition: &str, scan: &SystemScan, complete: u64) -> Option<String> {
     let missing = complete.saturating_sub((0..scan.regions()).map(|region| scan.rows(region)).sum());
     (missing > 0).then(|| {

@@ -1,9 +1,9 @@
-//! A value and the ends of its interval, as reports tell them.
+//! A value and the ends of its interval, as in reports.
 
 use fleetfoot_dynamics::Estimate;
 use serde::Serialize;
 
-/// A value and the ends of its interval, as every report tells them.
+/// A value and the ends of its interval, as in every report.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Interval {
     /// The value.

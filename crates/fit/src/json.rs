@@ -1,5 +1,5 @@
-//! Reports for programs, as JSON: the structures of reports serialise themselves, and what a report tells otherwise than it is kept has a structure of its own here. A number
-//! that is none is `null`.
+//! Reports for programs, as JSON. The structures of reports serialise themselves; a report whose JSON differs from its
+//! fields has a separate structure here. A number that is not finite is `null`.
 
 pub(crate) mod narx;
 mod parameters;

@@ -1,4 +1,4 @@
-//! A model whose equations are all given: what is known of the physics, as a baseline for what is fitted.
+//! A model whose equations are all given: known physics, as a baseline of fitted models.
 
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_dataset::{Dataset, Logs};
@@ -13,7 +13,7 @@ use crate::{constant::constant_target, error::Error};
 /// Rows of a chunk.
 const CHUNK_ROWS: usize = 65_536;
 
-/// A model of given equations, and on what its states were measured.
+/// A model of given equations, and the logs on which its states were measured.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct KnownModel {
@@ -25,18 +25,19 @@ pub struct KnownModel {
     pub episodes: usize,
     /// Files.
     pub files: usize,
-    /// What the user should know.
+    /// Notes for the user.
     pub notes: Vec<String>,
 }
 
-/// Whether every state of a recipe is given, and so nothing is to be fitted.
+/// Returns true if every state of a recipe is given, so that nothing is fitted.
 pub fn is_known(recipe: &Recipe) -> bool {
     let of_states =
         matches!(recipe.model.predict.as_deref(), None | Some("derivative" | "next" | "delta" | "difference"));
     of_states && !recipe.states.is_empty() && recipe.states.values().all(State::is_given)
 }
 
-/// The model of a recipe in which every state is given. The logs tell the sampling period, and how far the states spread: what errors of rollouts are measured by.
+/// The model of a recipe in which every state is given. The logs give the sampling period, and the spread of the
+/// states, which is the unit of rollout errors.
 ///
 /// # Errors
 /// Those of the recipe and of opening; a row with all states is nowhere.
@@ -53,7 +54,7 @@ pub fn known_model(recipe: &Recipe, logs: impl Into<Logs>, progress: &dyn Progre
     })
 }
 
-/// A model of given equations on an opened recording, which tells how far its states spread.
+/// A model of given equations on an opened recording, which gives the spread of its states.
 pub(crate) fn given(
     method: &str,
     recipe: &Recipe,
@@ -103,7 +104,7 @@ fn names_of(columns: &[Column], role: Role) -> impl Iterator<Item = &str> {
     columns.iter().filter(move |column| column.role == role).map(|column| column.name.as_str())
 }
 
-/// The covariance of what was summed, packed.
+/// The covariance of the sums, packed.
 fn covariance(sums: &Gram) -> Vec<f64> {
     let entries = (0..sums.mean.len()).flat_map(|i| (0..=i).map(move |j| (i, j)));
     entries.map(|(i, j)| sums.get(i, j) / sums.weight).collect()

@@ -7,8 +7,8 @@ use std::{
 
 use fleetfoot_dataset::StatisticError;
 
-/// A label of an episode, made from its file's path: a name and a text with `{dir1}` (the folder that holds the file), `{dir2}` (the one above, and
-/// so on), `{name}` (the file's name) and `{stem}` (the name up to its first dot).
+/// A label of an episode, made from its file's path: a name and a text. The text may have `{dir1}` (the folder of the
+/// file), `{dir2}` (the one above, and so on), `{name}` (the file's name) and `{stem}` (the name up to its first dot).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LabelKey {
     name: String,

@@ -1,7 +1,8 @@
-//! One fit of every method: from a recipe and its logs, or their statistic, to a model and a report of what it is worth.
+//! One pipeline for the fits of all methods: from a recipe and its logs, or their statistic, to a model and a report of
+//! its errors.
 //!
-//! [`fit`] is the one pipeline, [`plan`] tells what it would cost. What differs between methods is a [`Method`]: [`Pwa`], [`Sindy`], [`Sparse`], [`Narx`],
-//! [`Parameters`]. [`statistic`] scans logs to the file from which fits need no logs.
+//! [`fit`] is the pipeline, [`plan`] gives its cost. The parts that differ between methods are a [`Method`]: [`Pwa`],
+//! [`Sindy`], [`Sparse`], [`Narx`], [`Parameters`]. [`statistic`] scans logs to the file from which fits need no logs.
 
 // The fuzz targets' bodies, which the tests share, call the Rust API by its name.
 #[cfg(test)]

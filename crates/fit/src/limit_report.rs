@@ -1,4 +1,4 @@
-//! What a fit kept within bounds tells of them, and what they cost.
+//! Bounds that a fit keeps, and their cost in error.
 
 use std::fmt;
 
@@ -39,7 +39,7 @@ impl fmt::Display for LimitSide {
     }
 }
 
-/// What a fit keeps, and how near it is to the bound.
+/// A bound that a fit keeps, and the distance to it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct LimitReport {
@@ -53,14 +53,16 @@ pub struct LimitReport {
     /// The least distance from the bound at any row, or in any region; negative where it is broken.
     #[serde(deserialize_with = "fleetfoot_dataset::json::number")]
     pub nearest: f64,
-    /// Where that is; `None` where it is the same at every row.
+    /// Episode of the nearest row; `None` if all rows are alike.
     pub episode: Option<String>,
     /// The row of the episode.
     pub row: Option<usize>,
     /// The same of the fit without the limits, where that is known: negative where it breaks this one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub free_nearest: Option<f64>,
-    /// How many rows became constraints of the fit, of a matrix how many directions, of a coefficient in how many regions it holds a term, of parameters whether the fit without it breaks it: with none the bound costs nothing.
+    /// Count of active constraints; with none the bound costs nothing. Of a row limit: rows that became constraints. Of
+    /// a matrix: directions. Of a coefficient: regions in which it holds a term. Of parameters: 1 if the fit without
+    /// the bound breaks it.
     pub cuts: usize,
 }
 
@@ -94,7 +96,7 @@ impl LimitReport {
         }
     }
 
-    /// The table of what is kept at every row, and where it is nearest to its bound.
+    /// Table of the limits that hold at every row, with the row nearest to each bound.
     pub fn table(limits: &[Self]) -> TextTable {
         let with_free = limits.iter().any(|limit| limit.free_nearest.is_some());
         let row = |limit: &Self| {

@@ -1,4 +1,4 @@
-//! What a method of fitting is: the steps that the one pipeline ([`crate::fit`]) asks of it.
+//! Trait of a fitting method: the steps that the common pipeline ([`crate::fit`]) calls.
 
 use std::{
     path::{Path, PathBuf},
@@ -27,10 +27,11 @@ use crate::{
     summary::FitSummary,
 };
 
-/// What is wanted of a fit beside what the recipe says.
+/// Options of a fit that the recipe does not have.
 #[derive(Debug, Clone, Default)]
 pub struct FitRequest {
-    /// The models of the other candidates too: of `pwa` those of all partitions, of `sindy` and `narx` those of the front of error against number of terms.
+    /// True to return the models of the other candidates too: of `pwa` those of all partitions, of `sindy` and `narx`
+    /// those of the front of error against number of terms.
     pub rivals: bool,
     /// Steps of the rollouts that choose open spans of derivatives (`over = "auto"`) in `fit sindy`; [`crate::USUAL_HORIZON`] when not given.
     pub horizon: Option<usize>,
@@ -40,9 +41,9 @@ pub struct FitRequest {
     pub keys: Vec<LabelKey>,
     /// `fit sparse` fits a model for every value of this label.
     pub by: Option<String>,
-    /// Where `fit sparse` keeps the statistic of its pass, to be fitted again without one.
+    /// File in which `fit sparse` keeps the statistic of its pass, so that a later fit needs no pass.
     pub keep: Option<PathBuf>,
-    /// Whether `fit sparse` leaves every episode out once, to tell what it does to the fit.
+    /// True to leave every episode out once in `fit sparse` and report its influence on the fit.
     pub influence: bool,
 }
 
@@ -54,7 +55,7 @@ pub struct Fitted<R> {
     pub value: Option<String>,
     /// The model.
     pub model: Model,
-    /// The models of other candidates, where they were asked for ([`FitRequest::rivals`]).
+    /// The models of other candidates, on request ([`FitRequest::rivals`]).
     pub rivals: Vec<Rival>,
     /// Scores, candidates, certificates.
     pub report: R,
@@ -64,14 +65,14 @@ pub struct Fitted<R> {
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Rival {
-    /// What its file's name adds to that of the chosen model: `kmeans10`, `terms3`.
+    /// Suffix of its file's name, after that of the chosen model: `kmeans10`, `terms3`.
     pub name: String,
     /// The model.
     pub model: Model,
 }
 
 impl Rival {
-    /// What a file's name can say of a candidate: `kmeans:10` is `kmeans10`.
+    /// Form of a candidate's name that a file's name allows: `kmeans:10` becomes `kmeans10`.
     pub(crate) fn part(candidate: &str) -> String {
         let kept = candidate.chars().filter(|&c| c != ':');
         kept.map(|c| if c.is_alphanumeric() || "._-".contains(c) { c } else { '-' }).collect()
@@ -91,7 +92,7 @@ impl<R> Fitted<R> {
         std::iter::once(own).chain(rivals).collect()
     }
 
-    /// Writes the model and its rivals, all or none, and tells the files.
+    /// Writes the model and its rivals, all or none, and returns the files.
     ///
     /// # Errors
     /// Those of writing.
@@ -114,11 +115,11 @@ fn beside(model: &Path, name: &str) -> PathBuf {
     model.with_file_name(format!("{stem}_{name}.{extension}"))
 }
 
-/// What a fit goes over: rows, or nothing where sums of a statistic stand for them; and what is fitted to them.
+/// Data of a fit, and its task. Without rows, sums of a statistic stand for them.
 pub struct Data<'a, T> {
     /// The recipe that the model carries.
     pub recipe: &'a Recipe,
-    /// What is regressed on what.
+    /// Targets and regressors.
     pub task: &'a T,
     /// The rows that train.
     pub rows: Option<&'a dyn Source>,
@@ -150,15 +151,15 @@ impl<'a, T> Data<'a, T> {
 pub struct Opened<T> {
     /// The recipe that the model carries.
     pub recipe: Recipe,
-    /// What is regressed on what.
+    /// Targets and regressors.
     pub task: T,
     /// The rows.
     pub dataset: Dataset,
 }
 
-/// What a fit says of itself.
+/// Report of a fit.
 pub trait FitReport: Serialize + Send + Sized {
-    /// What the reports of all methods say.
+    /// The part of the report that all methods share.
     fn summary(&self) -> &FitSummary;
 
     /// The report for programs.
@@ -167,7 +168,7 @@ pub trait FitReport: Serialize + Send + Sized {
     }
 }
 
-/// What is to be known of the rows of a fit.
+/// Facts about the rows of a fit.
 #[derive(Debug, Clone, Default)]
 pub struct RowFacts {
     /// Episodes that trained.
@@ -178,37 +179,38 @@ pub struct RowFacts {
     pub concentrated: Vec<(String, Option<Concentration>)>,
 }
 
-/// A method of fitting: what it lists as candidates, and how it solves one of them. Everything else is the pipeline's ([`crate::fit`]).
+/// A method of fitting: its candidates, and the solution of one of them. Everything else is the pipeline's
+/// ([`crate::fit`]).
 pub trait Method: Sized {
     /// Its name on the command line: `fit NAME`.
     const NAME: &'static str;
-    /// What a fit says of itself.
+    /// Report of the fit.
     type Report: FitReport;
-    /// What a recipe means for some columns.
+    /// The recipe, resolved for some columns.
     type Task: Clone;
-    /// What rows were summed to before the first candidate is solved.
+    /// Sums over the rows, made before the first candidate is solved.
     type Sums;
     /// The candidates, solved, and the one that was chosen.
     type Found;
 
-    /// Reads what the recipe says of the method.
+    /// Reads the method's settings from the recipe.
     ///
     /// # Errors
     /// Words and numbers that are not allowed, with those that are.
     fn new(recipe: &Recipe, request: &FitRequest) -> Result<Self, Error>;
 
-    /// What the fit would read, keep and compute.
+    /// Plan of the fit: data to read, statistics to keep, and work.
     ///
     /// # Errors
     /// Those of the recipe and of opening.
     fn plan(&self, recipe: &Recipe, logs: &Logs, progress: &dyn Progress) -> Result<FitPlan, Error>;
 
-    /// What coefficients are fitted to.
+    /// Objective of the coefficients.
     fn objective(&self) -> Objective {
         Objective::OneStep
     }
 
-    /// What a fit to simulations takes beside the passes of a fit of one step, where that is the objective; in words.
+    /// Extra work of a fit to simulations, in words; `None` for the objective of one step.
     fn simulations(&self) -> Option<String> {
         simulation_cost(self.objective(), 1, false)
     }
@@ -233,7 +235,7 @@ pub trait Method: Sized {
         Ok(None)
     }
 
-    /// The recipe of a fit of a statistic: what is said, above the recipe of the scan.
+    /// The recipe of a fit of a statistic: the fit's settings above the recipe of the scan.
     ///
     /// # Errors
     /// Another condition for rows; a question that needs rows.
@@ -249,7 +251,7 @@ pub trait Method: Sized {
     /// The task and the sums of a statistic.
     ///
     /// # Errors
-    /// A question that needs rows, and what was not summed.
+    /// A fit that needs rows, or sums that the statistic does not have.
     fn of_statistic(
         &self,
         recipe: &Recipe,
@@ -264,7 +266,7 @@ pub trait Method: Sized {
         settled(recipe, over)
     }
 
-    /// How open spans of derivatives (`over = "auto"`) and, where that is asked for, candidates are compared by rollouts.
+    /// Rule by which rollouts compare open spans of derivatives (`over = "auto"`) and, on request, candidates.
     fn rollouts(&self) -> Option<RolloutRule> {
         None
     }
@@ -312,7 +314,7 @@ pub trait Method: Sized {
         progress: &dyn Progress,
     ) -> Result<Self::Sums, Error>;
 
-    /// Sums the logs of the fit, and settles what of the task follows from their rows.
+    /// Sums the logs of the fit, and settles the parts of the task that depend on their rows.
     ///
     /// # Errors
     /// Those of reading; too few rows.
@@ -379,7 +381,7 @@ pub trait Method: Sized {
         Ok(self.again(data, found, progress)?.0)
     }
 
-    /// Takes the coefficients of a fit to simulations where it is the better one, and tells what bounds them.
+    /// Takes the coefficients of a fit to simulations if it is the better one, and reports their bounds.
     ///
     /// # Errors
     /// Those of posing the set that the coefficients keep.
@@ -394,7 +396,7 @@ pub trait Method: Sized {
     /// All expressions that a row needs a value of.
     fn expressions(&self, task: &Self::Task) -> Vec<Expr>;
 
-    /// What is to be known of the rows.
+    /// Facts about the rows.
     fn facts(&self, data: Data<'_, Self::Task>, sums: &Self::Sums, found: &Self::Found) -> RowFacts;
 
     /// The fit with its report.

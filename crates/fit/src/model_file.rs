@@ -16,7 +16,7 @@ pub fn write_model(model: &Model, path: &Path) -> Result<(), Error> {
     Ok(write_atomic(path, model.to_json().as_bytes())?)
 }
 
-/// Refuses a model with a coefficient that is no number: what it predicts is none either.
+/// Refuses a model with a coefficient that is not finite: its predictions would not be finite either.
 ///
 /// # Errors
 /// [`Error::NotFinite`], with the coefficient.

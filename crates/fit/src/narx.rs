@@ -1,4 +1,4 @@
-//! From files and a recipe to an autoregression with inputs, piecewise where asked for, and what its free runs are worth.
+//! From files and a recipe to an autoregression with inputs, piecewise on request, and the errors of its free runs.
 
 mod candidate;
 mod choice;

@@ -1,4 +1,5 @@
-//! Why rows lack a value though all that was measured is there: a division by zero, a root of a negative number, more than f64 holds.
+//! Reasons why rows lack a value though all measurements are there: a division by zero, a root of a negative number,
+//! overflow of f64.
 
 use std::{ops::Range, path::PathBuf};
 
@@ -11,21 +12,21 @@ use fleetfoot_recipe::Cause;
 
 use crate::error::Error;
 
-/// Rows that are looked at together, and at most.
+/// Rows that are evaluated together, at most.
 const ROWS: usize = 65_536;
 const MOST_ROWS: usize = 1 << 21;
-/// Values that are looked at together: of many expressions fewer rows.
+/// Values that are evaluated together: with many expressions fewer rows.
 const VALUES: usize = 1 << 23;
-/// Rows without a value in which one expression is looked at, at most: where values are missing in the log, its own are.
+/// Rows without a value in which one expression is evaluated, at most.
 const MOST_TRIED: usize = 4096;
-/// A field is told that lacks more than one value in so many rows, and episodes of fewer rows on average.
+/// A note names a field that lacks more than one value in so many rows, and episodes of fewer rows on average.
 const SHARE: usize = 10;
 const FEW: usize = 10;
-/// Expressions that are told.
+/// Expressions that a note names.
 const MOST_TOLD: usize = 5;
 
-/// Sentences about the aliases of a dataset, and about functions of them, that have no finite value in a row though all that they read is there: each with
-/// what happened, and in which row of which file first.
+/// Sentences about the aliases of a dataset, and functions of them, that have no finite value in a row though all their
+/// columns do. Each sentence has the reason, and the first row and file.
 ///
 /// # Errors
 /// Those of reading.
@@ -55,7 +56,7 @@ pub(crate) fn explain(dataset: &Dataset, functions: impl IntoIterator<Item = Exp
     Ok(told)
 }
 
-/// An error with what may be behind it: rows that an expression has made useless.
+/// An error with a possible reason: rows that an expression has made useless.
 pub(crate) fn with_reasons(error: Error, dataset: &Dataset, functions: impl IntoIterator<Item = Expr>) -> Error {
     match error {
         Error::Cancelled(_) | Error::Dataset(DatasetError::Data(_) | DatasetError::Log(_)) => error,
@@ -71,7 +72,7 @@ pub(crate) fn with_reasons(error: Error, dataset: &Dataset, functions: impl Into
     }
 }
 
-/// Whether rows are too few for what was asked.
+/// Returns true if the error says that there are too few rows.
 pub(crate) fn is_too_few(error: &Error) -> bool {
     match error {
         Error::Request(request) => matches!(request.cause, Cause::TooFewRows { .. }),
@@ -164,7 +165,8 @@ fn halo(expression: &Expr) -> Halo {
     Halo { before: back as usize, after: ahead as usize }
 }
 
-/// What becomes of finite values in a row; `None` where one is missing already, or beyond the episode.
+/// Reason why an expression is not finite at a row whose values are. `None` if a value is missing or lies beyond the
+/// episode.
 fn reason(expression: &Expr, source: &dyn Source, block: &Block, row: usize) -> Option<String> {
     let rows: Range<i64> = 0..block.time.len() as i64;
     let place = |lag: i32| {

@@ -1,4 +1,5 @@
-//! What coefficients are fitted to: one step, or simulations of several; and whether rows that did not train find the second better.
+//! Objective of the coefficients: one step, or simulations of several steps. Held-out rows decide between the two
+//! models.
 
 mod held;
 mod report;
@@ -23,12 +24,14 @@ use crate::{
 
 /// Rollouts of every fold, at most, by which the two models are compared.
 const STARTS: usize = 200;
-/// Numbers that the derivatives of a segment may take where its length is not said: 128 MiB, of which every chunk in flight has one.
+/// Numbers that the derivatives of a segment may take if its length is not given: 128 MiB, of which every chunk in
+/// flight has one.
 const DERIVATIVES: usize = 1 << 24;
-/// How much longer the second horizon is by which they are compared: what is fitted to N steps may run away later.
+/// Factor of the second, longer horizon of the comparison: a model fitted to N steps may diverge later.
 const FAR: usize = 10;
 
-/// How the model of the simulations is compared with that of one step, where there is one; a free run has the steps that `free` says.
+/// Rule by which rollouts compare the model of the simulations with that of one step; `None` for one step. A free run
+/// counts `free` steps.
 pub(crate) fn rule(objective: Objective, free: usize) -> Option<RolloutRule> {
     let steps = match objective {
         Objective::OneStep => return None,
@@ -47,7 +50,7 @@ pub(crate) fn passes(objective: Objective, fit: usize, many: bool) -> usize {
     })
 }
 
-/// What a job will cost, for people; nothing where the objective is one step. `bounded`: of maps that are bounded.
+/// Cost of a job, for people; `None` for the objective of one step. `bounded`: true if the maps are bounded.
 pub fn simulation_cost(objective: Objective, fit: usize, bounded: bool) -> Option<String> {
     let rule = rule(objective, 1)?;
     let steps = match objective {
@@ -67,7 +70,7 @@ pub fn simulation_cost(objective: Objective, fit: usize, bounded: bool) -> Optio
     ))
 }
 
-/// What to know where nothing came of it.
+/// Note if a model has no coefficients to fit to simulations.
 pub(crate) fn note(objective: Objective, refinement: Option<&Refinement>) -> Option<String> {
     let nothing = objective != Objective::OneStep && refinement.is_none();
     nothing.then(|| {
@@ -75,7 +78,7 @@ pub(crate) fn note(objective: Objective, refinement: Option<&Refinement>) -> Opt
     })
 }
 
-/// Refuses what needs rows where there are none.
+/// Refuses an objective that needs rows for a statistic, which has none.
 pub(crate) fn refuse_statistic(objective: Objective) -> Result<(), Error> {
     match objective {
         Objective::OneStep => Ok(()),
@@ -99,12 +102,13 @@ pub struct Refinement {
     pub far: usize,
     /// Both models on the rows of every fold, fitted on those of the others.
     pub folds: Vec<RefinedFold>,
-    /// What the weights of the prior bring, the heaviest first; empty where coefficients are few, and have no prior.
+    /// Held-out errors of each weight of the prior, the heaviest first. Empty for few coefficients, which have no
+    /// prior.
     pub weights: Vec<WeightErrors>,
-    /// How the maps of the fitted model are bounded, where they are.
+    /// Contraction of the fitted model's maps; `None` without a bound.
     pub bound: Option<Bounded>,
-    /// Whether the model of the simulations is the better one in rollouts of rows that did not train, and not worse in the longer ones: then it is the one that
-    /// is written.
+    /// True if the model of the simulations is written: it has the lower error in held-out rollouts, and no higher one
+    /// in the longer ones.
     pub written: bool,
 }
 
@@ -120,7 +124,7 @@ pub struct WeightErrors {
     pub far: f64,
 }
 
-/// How the maps of a fitted model contract: the greatest of its regions.
+/// Contraction of the maps of a fitted model: the greatest value over its regions.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Bounded {
@@ -130,7 +134,7 @@ pub struct Bounded {
     pub radius: f64,
     /// Norm in the metric of the fit of one step.
     pub norm: f64,
-    /// What maps give at their ports over what they may, where they are passive.
+    /// Energy that the maps give at their ports, over the allowed energy; `None` unless they are passive.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub passive_norm: Option<f64>,
 }
@@ -189,7 +193,8 @@ impl HeldOutErrors {
 /// A model of one step, and the set in which a fit to simulations has to keep it.
 pub(crate) type Beginning = (Model, Option<Box<dyn Hold>>);
 
-/// Fits to simulations, one a weight of the prior where there is one, up to so many; what is too short for it is told with the mend.
+/// Fits to simulations, one a weight of the prior if there is one, up to so many. A recording that is too short is
+/// refused, with the remedy.
 fn fitted(
     objective: Objective,
     (model, hold): &Beginning,
@@ -208,7 +213,8 @@ fn fitted(
     })
 }
 
-/// The weight of least error over the steps of the segments, among those that are not worse over more of them than the model of one step; where all are, the one that is least so.
+/// The weight of least error over the steps of the segments, among those whose error over more steps is no higher than
+/// that of the one-step model. If all are higher, the one of the least such error.
 fn chosen(weights: &[WeightErrors], one_far: f64) -> usize {
     let key = |at: &usize| {
         let own = &weights[*at];
@@ -221,10 +227,11 @@ fn chosen(weights: &[WeightErrors], one_far: f64) -> usize {
     (0..weights.len()).min_by(least).unwrap_or(0)
 }
 
-/// Fits a model to its simulations as the objective says; `None` for one step, and for a model without coefficients ([`Objective::note`]). `fit` makes a model of one
-/// step of some rows; `smoothed`: rows over which the source was smoothed before.
+/// Fits a model to its simulations. `None` for the objective of one step, and for a model without coefficients
+/// ([`Objective::note`]). `fit` makes a model of one step of some rows. `smoothed`: rows over which the source was
+/// smoothed before.
 ///
-/// Where coefficients are many, or bounded, there is a prior, whose weight is that of the least error on the rows that did not train.
+/// Many coefficients, and bounded ones, have a prior. Its weight is the one with the lowest held-out error.
 ///
 /// # Errors
 /// Those of `fit` and of fitting; held-out spans shorter than the simulations.
@@ -284,7 +291,7 @@ pub(crate) fn refine(
     Ok(Some(refinement))
 }
 
-/// Steps of a free run through so many rows, as far as its derivatives have room in memory.
+/// Steps of a free run through so many rows, limited by the memory of its derivatives.
 fn longest(model: &Model, source: &dyn Source, rows: usize) -> Result<usize, Error> {
     let simulator = Simulator::for_source(model, source, RolloutOptions::new(1).step)?;
     let taken = |steps: usize| {

@@ -35,7 +35,7 @@ use crate::{
 /// Chunks of rows that the standard errors of equation error take for independent, about.
 const CHUNKS: usize = 64;
 
-/// What `[estimate]` says, checked.
+/// The settings of `[estimate]`, checked.
 #[derive(Debug, Clone)]
 pub(crate) struct EstimateOptions {
     pub(crate) method: EstimateMethod,
@@ -194,7 +194,7 @@ impl Method for Parameters {
         &found.model
     }
 
-    /// Simulations are what the estimate itself is of.
+    /// Does nothing: the estimate itself is a fit to simulations.
     fn refine(&self, _: Data<'_, ParametersTask>, (): &(), _: &mut Estimated, _: &mut Refinement) -> Result<(), Error> {
         Ok(())
     }
@@ -228,7 +228,7 @@ fn no_rows() -> Error {
     Error::needs_rows("fit parameters goes over the rows of logs, and a statistic has none: give the logs".into())
 }
 
-/// What is found without limits, as far as anything is.
+/// Estimate without constraints; `None`, with a note, if it fails.
 fn free(found: Result<Found, Error>, notes: &mut Vec<String>) -> Result<Option<Found>, Error> {
     match found {
         Ok(found) => Ok(Some(found)),
@@ -282,7 +282,7 @@ fn estimate(
     })
 }
 
-/// The same method on other rows of the logs, from what was found before.
+/// The same method on other rows of the logs, from an earlier estimate.
 fn again(
     task: &ParametersTask,
     open: &Model,

@@ -1,5 +1,6 @@
-//! The one way from logs, or from their statistic, to a model and a report of what it is worth: open, resolve, choose spans by rollouts, sum, fit the candidates,
-//! choose, refit to simulations where that is the objective, report. What differs between methods is a [`Method`].
+//! The common pipeline from logs, or from their statistic, to a model and a report of its errors. Its steps: open,
+//! resolve, choose spans by rollouts, sum, fit the candidates, choose, refit to simulations if that is the objective,
+//! report. The parts that differ between methods are a [`Method`].
 
 use std::sync::Arc;
 
@@ -27,7 +28,7 @@ use crate::{
 /// Fits a model to logs, or to one `.stats` file without a pass.
 ///
 /// # Errors
-/// Those of the recipe, of reading and of solving; a question that needs rows, asked of a statistic; models by label ([`fit_all`]).
+/// Those of the recipe, of reading and of solving; a fit of a statistic that needs rows; models by label ([`fit_all`]).
 pub fn fit<M: Method>(
     recipe: &Recipe,
     request: &FitRequest,
@@ -87,7 +88,7 @@ pub fn fit_and_simulate<M: Method>(
     Ok(fitted.swap_remove(0))
 }
 
-/// Tells what a fit would read, keep and compute. Robots' logs are not decoded for it.
+/// Plan of a fit: data to read, statistics to keep, and work. Robots' logs are not decoded for it.
 ///
 /// # Errors
 /// Those of the recipe and of opening.
@@ -169,7 +170,7 @@ fn of_logs<M: Method>(
     Ok(fitted)
 }
 
-/// The same from the sums of a statistic, whose scan had a recipe of its own.
+/// The same from the sums of a statistic, whose scan had a separate recipe.
 fn of_statistic<M: Method>(
     method: &M,
     (recipe, scanned): (&Recipe, &Recipe),
@@ -233,7 +234,7 @@ fn by_rollouts<M: Method>(
     RolloutChoice::new(rule, compared)
 }
 
-/// Fits the chosen model to simulations where that is the objective, and takes what comes of it where it is the better one.
+/// Fits the chosen model to simulations if that is the objective, and takes the result if it is better.
 fn refined<M: Method>(
     method: &M,
     data: Data<'_, M::Task>,

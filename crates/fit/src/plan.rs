@@ -1,4 +1,4 @@
-//! What a fit would read, keep and compute: told before it begins.
+//! Plan of a fit, made before it begins: data to read, statistics to keep, and work.
 
 use fleetfoot_data::Work;
 use fleetfoot_dataset::{ReadPlan, StatisticFile};
@@ -6,14 +6,14 @@ use serde::Serialize;
 
 use crate::serialize;
 
-/// What a fit would read, keep and compute.
+/// Plan of a fit: data to read, statistics to keep, and work.
 #[derive(Debug, Clone, Default, Serialize)]
 #[non_exhaustive]
 pub struct FitPlan {
-    /// What its passes would read.
+    /// Data that its passes would read.
     #[serde(flatten)]
     pub reading: ReadPlan,
-    /// Left sides of what is fitted: equations, outputs, tasks.
+    /// Left sides of the fit: equations, outputs, tasks.
     pub equations: Vec<String>,
     /// Candidate functions of any equation, at most.
     pub candidates: usize,
@@ -21,7 +21,7 @@ pub struct FitPlan {
     pub regions: usize,
     /// Passes over the rows, at most; simulations take more.
     pub passes: usize,
-    /// What a fit to simulations takes beside them, where that is the objective; in words.
+    /// Extra work of a fit to simulations, in words; `None` for the objective of one step.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub simulations: Option<String>,
     /// Bytes that rows in memory may take beside, where states may be smoothed, at most.
@@ -30,12 +30,12 @@ pub struct FitPlan {
     /// Bytes that statistics and rows in memory take, about.
     #[serde(rename = "memory_bytes")]
     pub memory: usize,
-    /// What the models of all regions and folds take, passes over the rows left out.
+    /// Work of the models of all regions and folds, without the passes over the rows.
     #[serde(rename = "operations", serialize_with = "serialize::operations")]
     pub work: Work,
-    /// What the method has to say beside, in sentences.
+    /// Details of the method, in sentences.
     pub details: Vec<String>,
-    /// What was assumed or left out.
+    /// Assumptions and omissions.
     #[serde(skip)]
     pub notes: Vec<String>,
 }

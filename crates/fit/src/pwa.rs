@@ -1,4 +1,5 @@
-//! Piecewise-affine models: a map for every region of a partition, of several partitions the one that predicts best what did not train.
+//! Piecewise-affine models: a map for every region of a partition, of several partitions the one with the lowest
+//! held-out error.
 
 mod options;
 mod report;
@@ -38,15 +39,15 @@ const PASSES: usize = 3;
 
 /// `fit pwa`.
 ///
-/// Where `[pwa]` asks for it, and where a state's span is open (`derivative = { over = "auto" }`), the partition (and the span) are those whose rollouts on spans that
-/// did not train err least.
+/// Rollouts on held-out spans choose the partition on request (`[pwa]`). They also choose a state's open span
+/// (`derivative = { over = "auto" }`).
 #[derive(Debug, Clone)]
 pub struct Pwa {
     options: PwaOptions,
     rivals: bool,
     /// The partition that rollouts chose.
     chosen: Option<usize>,
-    /// Radial functions among the candidates, and what is to be known of them.
+    /// Radial functions among the candidates.
     radial: Option<RadialFunctions>,
     notes: Vec<String>,
 }
@@ -142,7 +143,7 @@ impl Method for Pwa {
         Ok((task, Some(summed)))
     }
 
-    /// As it was said, which finds the model again.
+    /// The recipe unchanged, which gives the model again.
     fn carried(&self, recipe: &Recipe, _over: Option<u32>) -> Recipe {
         recipe.clone()
     }
@@ -289,7 +290,7 @@ impl Pwa {
     }
 }
 
-/// What the models of all regions and folds take.
+/// Work of the models of all regions and folds.
 fn work(problem: &Problem, cost: &fleetfoot_pwa::Cost) -> Work {
     Work {
         operations: cost.operations,

@@ -12,10 +12,10 @@ use crate::error::Error;
 /// Most radial functions.
 const MOST: usize = 2_000;
 
-/// How many radial functions `[library]` asks for.
+/// Number of radial functions in `[library]`.
 ///
 /// # Errors
-/// None, or too many.
+/// Zero, or too many.
 pub(crate) fn count(recipe: &Recipe) -> Result<Option<usize>, Error> {
     match recipe.library.radial {
         Some(count) if !(1..=MOST).contains(&count) => Err(Error::value(format!(
@@ -27,7 +27,8 @@ pub(crate) fn count(recipe: &Recipe) -> Result<Option<usize>, Error> {
     }
 }
 
-/// The radial functions that a recipe asks for, around the centroids of k-means on all rows that `problem` counts; targets are not looked at.
+/// The radial functions of a recipe, around the centroids of k-means on all rows that `problem` counts; targets have no
+/// part in them.
 ///
 /// # Errors
 /// Those of reading; fewer rows than centres.

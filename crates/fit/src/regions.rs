@@ -7,7 +7,7 @@ use fleetfoot_pwa::{Options, Problem, Specification};
 
 use crate::error::Error;
 
-/// How regions are found where nothing but a seed is said.
+/// Default options of the clustering, with a seed.
 pub(crate) fn clustering(seed: u64) -> Options {
     let mut options = Options::default();
     options.seed = seed;

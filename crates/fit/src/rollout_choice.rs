@@ -1,7 +1,7 @@
 //! Choice of models by rollouts of rows that did not train.
 //!
-//! One-step errors say little about a simulation: what is wrong with a derivative adds up. Here every candidate is fitted on the training rows of each fold, and simulated
-//! over the spans that were kept back.
+//! One-step errors say little about a simulation: errors of a derivative add up. Here every candidate is fitted on the
+//! training rows of each fold, and simulated over the held-out spans.
 
 use fleetfoot_data::setting::{HORIZON, SELECT};
 use fleetfoot_data::{Progress, Silent, Source};
@@ -12,7 +12,7 @@ use serde::{Serialize, Serializer};
 
 use crate::{error::Error, spans::Spans};
 
-/// How candidates are compared by rollouts.
+/// Rule by which rollouts compare candidates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct RolloutRule {
@@ -59,13 +59,13 @@ impl RolloutCandidate {
     }
 }
 
-/// What was chosen by rollouts.
+/// Candidate chosen by rollouts.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct RolloutChoice {
-    /// How.
+    /// Rule of the comparison.
     pub rule: RolloutRule,
-    /// What was compared.
+    /// Compared candidates.
     pub candidates: Vec<RolloutCandidate>,
     /// Index of the one that was taken.
     pub chosen: usize,
@@ -95,7 +95,7 @@ impl RolloutChoice {
         Ok(Self { rule, candidates, chosen })
     }
 
-    /// How the choice was made, for people.
+    /// The rule of the choice, in words.
     pub fn in_words(&self) -> String {
         let RolloutRule { horizon, folds, starts } = self.rule;
         format!(
@@ -106,7 +106,7 @@ impl RolloutChoice {
 }
 
 impl Serialize for RolloutChoice {
-    /// What was compared, and what was taken.
+    /// Writes the rule, the candidates and the chosen index.
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         #[derive(Serialize)]
         struct Choice<'a> {
@@ -180,7 +180,7 @@ impl<'a> HeldOut<'a> {
         self.rule.horizon = steps;
     }
 
-    /// A horizon of so many steps, shortened to half of what every fold has room for; that of the rule at least.
+    /// A horizon of so many steps, shortened to half of the room in every fold; that of the rule at least.
     pub(crate) fn far(&self, steps: usize) -> usize {
         steps.min(self.room() / 2).max(self.rule.horizon)
     }

@@ -1,4 +1,5 @@
-//! Simulations of the rows that every fold keeps back, by models that were fitted to the other folds: what models of different methods are compared by.
+//! Simulations of every fold's held-out rows by models fitted to the other folds, for the comparison of different
+//! methods.
 
 use fleetfoot_data::{Progress, Silent, Source};
 use fleetfoot_dynamics::{Baseline, Horizon, Method as Integration, RolloutOptions, Starts};
@@ -79,7 +80,7 @@ pub fn against_persistence(horizon: &Horizon) -> (Vec<f64>, Vec<f64>) {
     (over_steps(&horizon.model.rmse, states), still)
 }
 
-/// How auto simulates: steps of the fourth order, where a model is one of derivatives.
+/// Options of `auto`'s simulations; models of derivatives take Runge-Kutta steps of the fourth order.
 pub fn simulation_options(horizon: usize) -> RolloutOptions {
     let mut options = RolloutOptions::new(horizon);
     options.method = Integration::Rk4;
@@ -88,7 +89,7 @@ pub fn simulation_options(horizon: usize) -> RolloutOptions {
     options
 }
 
-/// Rows of the longest span that every one of so many folds keeps back: what a horizon must be shorter than.
+/// Rows of the longest span that every one of so many folds holds out: an upper limit of the horizon.
 ///
 /// # Errors
 /// Too few rows for the folds.

@@ -1,7 +1,8 @@
-//! From logs, or from their statistic, to equations: sparse sums of candidate functions, beside what is known of the dynamics.
+//! From logs, or from their statistic, to equations: sparse sums of candidate functions, beside the known part of the
+//! dynamics.
 //!
-//! A recipe becomes an [`EquationTask`](fleetfoot_task::EquationTask); one pass over the rows makes its [`Evidence`]; everything else (models of every size, held-out errors, ensembles,
-//! standard errors) follows from the statistic.
+//! A recipe becomes an [`EquationTask`](fleetfoot_task::EquationTask); one pass over the rows makes its [`Evidence`].
+//! Everything else follows from the statistic: models of every size, held-out errors, ensembles, standard errors.
 
 mod estimation;
 mod evidence;
@@ -64,9 +65,9 @@ const SHOWN: usize = 12;
 #[derive(Debug, Clone)]
 pub struct Sindy {
     options: SindyOptions,
-    /// Whether the models of other numbers of terms are wanted.
+    /// True to keep the models of other numbers of terms.
     front: bool,
-    /// How open spans of derivatives are chosen, where there are any.
+    /// Rule by which rollouts choose open spans of derivatives; `None` without such spans.
     rollouts: Option<RolloutRule>,
     /// The column of labels that regions come from.
     label: Option<String>,

@@ -1,4 +1,4 @@
-//! Parts of episodes, and every n-th row of them, as episodes of their own: what trains, what is held out, what is tested.
+//! Parts of episodes, and every n-th row of them, as separate episodes: training, held-out and test rows.
 
 use std::ops::Range;
 
@@ -8,7 +8,7 @@ use fleetfoot_stats::{FoldLayout, FoldRule, Purge};
 
 /// A source whose episodes are spans of another source's, every n-th row of them.
 ///
-/// No row beyond a span is seen, so that lags do not reach from what is tested into what trained.
+/// No row beyond a span is seen, so that lags do not reach from test rows into training rows.
 pub struct Spans<'a> {
     inner: &'a dyn Source,
     /// Episode and rows of the other source behind every episode of this one.

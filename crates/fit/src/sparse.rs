@@ -1,4 +1,4 @@
-//! Sparse models of latent functions, shared between equations where the recipe says so.
+//! Sparse models of latent functions, which equations may share.
 
 mod frequencies;
 mod influence;
@@ -73,7 +73,7 @@ pub struct Sums {
     dataset: Option<Dataset>,
 }
 
-/// A model, and what is said of it.
+/// A model, and its report.
 pub struct Found {
     value: Option<String>,
     model: Model,
@@ -264,7 +264,7 @@ impl Sparse {
     }
 }
 
-/// What is fitted: a statistic, and what the recipe means for it.
+/// A statistic, and the task of its recipe.
 struct Evidence<'a> {
     method: &'a Sparse,
     data: Data<'a, StructuredTask>,

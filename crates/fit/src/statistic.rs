@@ -1,8 +1,9 @@
 //! The statistic as an artefact: `.stats` files.
 //!
-//! A scan of logs is a plan (what is summed, in which coordinates) and sums by episode and chunk: those of the tasks of `fit sparse`
-//! ([`fleetfoot_sums::structured::Scanned`]) and those of the equations of `fit sindy` and `fit pwa` ([`EquationStatistic`]). Kept as a file, it is shipped instead of
-//! the logs, appended to, merged, parted by episode and solved later. [`scan()`] makes one in memory, [`scan_to`] on disk.
+//! A scan of logs is a plan (expressions to sum, and their coordinates) and sums by episode and chunk. There are sums
+//! for the tasks of `fit sparse` ([`fleetfoot_sums::structured::Scanned`]), and for the equations of `fit sindy` and
+//! `fit pwa` ([`EquationStatistic`]). Kept as a file, it is shipped instead of the logs, appended to, merged, parted by
+//! episode and solved later. [`scan()`] makes one in memory, [`scan_to`] on disk.
 
 mod equations;
 mod json;

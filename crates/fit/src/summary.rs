@@ -1,10 +1,10 @@
-//! What the reports of all methods say.
+//! The part of a report that all methods share.
 
 use serde::Serialize;
 
 use crate::{objective::Refinement, rollout_choice::RolloutChoice, serialize};
 
-/// What the reports of all methods say.
+/// The part of a report that all methods share.
 #[derive(Debug, Clone, Default, Serialize)]
 #[non_exhaustive]
 pub struct FitSummary {
@@ -16,11 +16,11 @@ pub struct FitSummary {
     /// Rows left out: at the border of an episode, with a missing value and, where there are regions, in none of them.
     #[serde(flatten, serialize_with = "serialize::left_out")]
     pub left_out: Vec<u64>,
-    /// How open spans and candidates were chosen by rollouts, where they were.
+    /// Choice of open spans and candidates by rollouts; `None` without rollouts.
     pub rollouts: Option<RolloutChoice>,
-    /// The fit to simulations, where it was asked for.
+    /// The fit to simulations, on request.
     #[serde(rename = "objective", skip_serializing_if = "Option::is_none")]
     pub refinement: Option<Refinement>,
-    /// What the user should know.
+    /// Notes for the user.
     pub notes: Vec<String>,
 }

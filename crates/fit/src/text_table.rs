@@ -4,7 +4,7 @@
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct TextTable {
-    /// What it shows, in a sentence; empty where the header says it.
+    /// Content of the table, in a sentence; empty if the header says it.
     pub caption: String,
     /// Heads of the columns.
     pub header: Vec<&'static str>,

@@ -1,4 +1,4 @@
-//! What simulations and intervals are, for people.
+//! Sentences about simulations and intervals.
 
 use fleetfoot_dynamics::{Basis, Horizon, StepSpan};
 use fleetfoot_report::words::{count, seconds};
@@ -42,7 +42,8 @@ pub fn spans_in_words(spans: &[StepSpan], steps: usize) -> String {
     told.join(", ")
 }
 
-/// What a simulation did not compute itself ([`Simulator::replayed`](fleetfoot_dynamics::Simulator::replayed)), for people.
+/// Columns that a simulation takes from the recording
+/// ([`Simulator::replayed`](fleetfoot_dynamics::Simulator::replayed)), in words.
 pub fn replayed_in_words(columns: &[String]) -> String {
     match columns {
         [] => "replayed from the recording: nothing".into(),
@@ -50,7 +51,7 @@ pub fn replayed_in_words(columns: &[String]) -> String {
     }
 }
 
-/// What an interval compares, for people.
+/// Rule of an interval, in words.
 pub fn interval_in_words(basis: &Basis) -> String {
     match basis {
         Basis::Episodes(count) => format!("95 % intervals across {count} episodes"),

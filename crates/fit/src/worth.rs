@@ -1,7 +1,7 @@
-//! Models that are not worth having, said at once: what they predict of rows that did not train is no nearer than the mean.
+//! Note on models of no use: their held-out predictions are no nearer than the mean.
 
-/// A note on the targets whose squared error on rows that did not train is that of their mean or more, each with its share of it; none where all are predicted better. `what` is what
-/// is compared: `simulated`, `predicted`.
+/// A note on the targets whose held-out squared error is that of their mean or more, each with its ratio. `None` if all
+/// are predicted better. `what`: the compared quantity, `simulated` or `predicted`.
 pub(crate) fn no_better(what: &str, targets: impl IntoIterator<Item = (String, f64)>) -> Option<String> {
     let poor: Vec<String> = targets
         .into_iter()

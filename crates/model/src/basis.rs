@@ -6,7 +6,7 @@ use fleetfoot_library::Expr;
 
 use crate::{gaussian::Gaussian, map_array::MapArray, network::Network};
 
-/// What basis functions are, for people: a sentence, and a table of the numbers of each.
+/// Definition of basis functions, for people: a sentence, and a table of the numbers of each.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Definition {
     /// Their names, and the formula that all have.
@@ -122,7 +122,7 @@ impl Basis {
         }
     }
 
-    /// What they are, for people; `library` are the functions of the latent's library.
+    /// Definition of these functions, for people; `library`: functions of the latent's library.
     pub fn definition(&self, library: &[Expr]) -> Definition {
         let name = |&input: &usize| library.get(input).map_or_else(String::new, Expr::to_string);
         let head: Vec<String> = self.inputs().iter().map(name).collect();

@@ -1,4 +1,4 @@
-//! Partitions as canonical bytes, for hashes of what was frozen before a scan.
+//! Partitions as canonical bytes, for hashes of plans that were frozen before a scan.
 
 use fleetfoot_data::Canonical;
 

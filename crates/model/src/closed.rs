@@ -1,8 +1,10 @@
-//! Models closed for simulation: whatever can be computed is computed, and what is simulated never looks at the recording.
+//! Models closed for simulation: all columns that can be computed are computed, and simulated values never come from
+//! the recording.
 //!
-//! A column of a model is an alias for an expression over the fields of a log. In a simulation some columns are the model's own: those that its equations
-//! advance. [`Model::closed`] writes every other column that follows from them, and from inputs and time, out in their terms: a rollout, a free run, a step and
-//! exported code then compute it, and only what is left is read from the recording or given by a caller.
+//! A column of a model is an alias for an expression over the fields of a log. In a simulation the equations advance
+//! some columns. [`Model::closed`] writes out every other column that follows from them, and from inputs and time. A
+//! rollout, a free run, a step and exported code then compute it. Only the remaining columns are read from the
+//! recording or given by a caller.
 
 mod definitions;
 mod error;
@@ -27,12 +29,12 @@ const SAME: f64 = 1e-9;
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Closed {
-    /// The model: its own columns in their order, behind them those that the computed ones need. What a simulation evaluates (right sides, candidate
-    /// functions, partitions) speaks of no computed column.
+    /// The model: its columns in their order, behind them those that the computed ones need. The expressions that a
+    /// simulation evaluates (right sides, candidate functions, partitions) contain no computed column.
     pub model: Model,
     /// First-order lags that the model reads: further states, in the order of their columns.
     pub lags: Vec<FirstOrderLag>,
-    /// What the computed columns are, over the columns of the model.
+    /// Definitions of the computed columns, over the columns of the model.
     pub computed: Vec<(String, Expr)>,
 }
 
@@ -48,23 +50,27 @@ pub struct FirstOrderLag {
 }
 
 impl Model {
-    /// Columns that a simulation of the model may read beside the model's own: fields that a computed column needs and no column stands for, and
-    /// filters inside of computed columns. A recording that a model is simulated on has them.
+    /// Columns that a simulation of the model may read beside the model's columns. They are fields that a computed
+    /// column needs and no column stands for, and filters inside of computed columns. A recording that a model is
+    /// simulated on has them.
     pub fn auxiliary_columns(&self) -> Vec<Column> {
         auxiliary_columns(&self.columns, &self.equations)
     }
 
-    /// Writes out what follows from states, inputs and time, for steps of `step` seconds (of which delays are so many). Columns in `driven` are computed as
-    /// the states are.
+    /// Writes out columns that follow from states, inputs and time, for steps of `step` seconds (the unit of delays).
+    /// Columns in `driven` are computed as the states are.
     ///
-    /// Simulated are the columns that equations advance. Any other column is computed when its source, in which everything that is the source of another
-    /// column is replaced by that column (simulated ones first, then inputs; also at earlier rows), speaks of a state, an input, or of nothing but time.
-    /// Fields that no column stands for become auxiliary columns. What looks ahead at inputs alone stays as it was recorded.
+    /// Columns that equations advance are simulated. In the source of any other column, each part that is the source of
+    /// another column is replaced by that column: simulated ones first, then inputs; also at earlier rows. The column
+    /// is computed if the result contains a state, an input, or nothing but time. Fields that no column stands for
+    /// become auxiliary columns. A column that reads later rows of inputs alone stays as recorded.
     ///
-    /// A first-order lag `lag1(x, c)` of what is computed is a state ([`Closed::lags`]); `delay(x, d)` is linear between rows.
+    /// A first-order lag `lag1(x, c)` of computed values is a state ([`Closed::lags`]); `delay(x, d)` is linear between
+    /// rows.
     ///
     /// # Errors
-    /// Something that the equations read would be needed before it is simulated, is a filter that cannot be simulated, or is a delay of an unknown number of rows.
+    /// A value that the equations read would be needed before it is simulated. Or it is a filter that cannot be
+    /// simulated, or a delay of an unknown number of rows.
     pub fn closed(&self, step: f64, driven: &[String]) -> Result<Closed, ClosedError> {
         let definitions = Definitions::of(&self.columns, &self.equations);
         Closing::new(&definitions, step, driven).close(self)
@@ -96,7 +102,7 @@ struct Closing<'a> {
     step: f64,
     driven: &'a [String],
     index: HashMap<&'a str, usize>,
-    /// Whether a column changes with what is simulated or driven.
+    /// True for a column that changes with simulated or driven values.
     moving: Vec<bool>,
 }
 
@@ -276,7 +282,7 @@ impl<'a> Closing<'a> {
     }
 }
 
-/// Whether any latent depends on a function.
+/// Returns true if any latent depends on a function.
 fn is_used(model: &Model, library: usize, function: usize) -> bool {
     model.latents.iter().any(|latent| latent.library == library && latent.reads(function))
 }

@@ -1,4 +1,4 @@
-//! The columns a model speaks of.
+//! The columns of a model.
 
 use crate::RotationPart;
 
@@ -13,9 +13,9 @@ pub struct Column {
     pub unit: Option<String>,
     /// Its part in the model.
     pub role: Role,
-    /// Whether it is an angle: wrapped to (-pi, pi], standing in libraries and partitions as its cosine and sine.
+    /// True for an angle: wrapped to (-pi, pi], replaced in libraries and partitions by its cosine and sine.
     pub angle: bool,
-    /// Its part in a rotation that several columns are together; `None` for a column of its own.
+    /// Its part in a rotation of several columns; `None` for a single column.
     pub rotation: Option<RotationPart>,
 }
 

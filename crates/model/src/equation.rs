@@ -1,8 +1,8 @@
-//! Equations: what is predicted, and how it follows.
+//! Equations: the predicted quantity, and its right side.
 
 use fleetfoot_library::{CentralDifference, Expr, REACHES, Spacing, mean_slope_rows};
 
-/// What an equation predicts of its subject.
+/// Quantity that an equation predicts for its subject.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Prediction {
     /// The time derivative, per second.
@@ -18,14 +18,14 @@ pub enum Prediction {
 /// One equation: `d(subject)/dt = right`, `next(subject) = right`, ...
 #[derive(Debug, Clone, PartialEq)]
 pub struct Equation {
-    /// The column that it speaks of; for [`Prediction::Value`] the column predicted.
+    /// The column of the left side; for [`Prediction::Value`] the predicted column.
     pub subject: String,
-    /// What of the subject is predicted.
+    /// Predicted quantity of the subject.
     pub prediction: Prediction,
     /// The right side, over the model's columns and the latents' names.
     pub right: Expr,
-    /// How the left side is measured on a recording, over the model's columns (with leads and `time()`).
-    /// `None` for an equation that was given, not fitted.
+    /// Measured left side on a recording, over the model's columns (with leads and `time()`). `None` for an equation
+    /// that was given, not fitted.
     pub target: Option<Expr>,
     /// The unit of the left side, when known.
     pub unit: Option<String>,
@@ -46,13 +46,15 @@ impl Equation {
         }
     }
 
-    /// Over how many rows ahead the subject's mean slope is what a derivative is measured by; `None` where it is measured at the row itself.
+    /// Rows ahead over which the subject's mean slope measures the derivative; `None` if it is measured at the row
+    /// itself.
     pub fn span(&self) -> Option<u32> {
         let target = self.target.as_ref().filter(|_| self.prediction == Prediction::Derivative)?;
         mean_slope_rows(target, &Expr::column(self.subject.as_str()))
     }
 
-    /// How the left side is measured, as text: a difference of higher order of the subject by its name, `central6(vx)`, which is far shorter than what it stands for.
+    /// The measured left side, as text. A difference of higher order of the subject stands by its name, `central6(vx)`,
+    /// which is far shorter than its formula.
     pub fn target_text(&self) -> Option<String> {
         let target = self.target.as_ref()?;
         let of = Expr::column(self.subject.as_str());

@@ -1,8 +1,9 @@
 //! Models in files: JSON that reads back bit for bit.
 //!
-//! The file is `{"fleetfoot_model": 1, "checksum": "...", "model": {...}}`. Expressions are stored as their text, floats in
-//! the shortest form that reads back to the same bits, and NaN and the infinities (which JSON lacks) as strings. The checksum covers the canonical
-//! text of the content, so that a damaged or hand-edited file is refused instead of being trusted.
+//! The file is `{"fleetfoot_model": 1, "checksum": "...", "model": {...}}`. Expressions are stored as their text, and
+//! floats in the shortest form that reads back to the same bits. NaN and the infinities (which JSON lacks) are strings.
+//! The checksum covers the canonical text of the content, so that a damaged or hand-edited file is refused instead of
+//! being trusted.
 
 mod latent;
 mod marks;
@@ -36,7 +37,7 @@ pub enum FileError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         source: std::io::Error,
     },
     /// Not JSON, cut off, or not of a model's shape.
@@ -44,7 +45,7 @@ pub enum FileError {
     Syntax {
         /// The file or other origin.
         name: String,
-        /// What the parser said, with line and column.
+        /// Error of the parser, with line and column.
         source: serde_json::Error,
     },
     /// Another version of the format.
@@ -57,7 +58,7 @@ pub enum FileError {
         /// The version in the file.
         found: u32,
     },
-    /// The content is not what was written.
+    /// The content differs from its checksum.
     #[error("{name}: the content does not match its checksum: the file was damaged or edited; fit the model again")]
     Checksum {
         /// The file or other origin.

@@ -5,13 +5,13 @@ use crate::{AffineMap, Map};
 /// A fitted function: in the region that a row falls in, a value from the functions of a library.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Latent {
-    /// Its name, by which equations speak of it.
+    /// Its name in equations.
     pub name: String,
     /// Index into the model's libraries.
     pub library: usize,
     /// Index into the model's partitions.
     pub partition: usize,
-    /// How its value follows from the functions, region by region.
+    /// Map from the functions to its value, region by region.
     pub map: Map,
     /// Coefficients of the functions outside of what a region saw in training; empty where the region's map is followed everywhere.
     ///
@@ -28,7 +28,7 @@ impl Latent {
 
     /// The constants and coefficients of a latent that is affine in its functions; `None` for another kind.
     ///
-    /// Only what is about coefficients and nothing else asks for them: refits, bounds on linear maps, tables. Everything else reads [`Latent::map`].
+    /// For code about coefficients alone: refits, bounds on linear maps, tables. Everything else reads [`Latent::map`].
     pub fn affine(&self) -> Option<&AffineMap> {
         match &self.map {
             Map::Affine(map) => Some(map),

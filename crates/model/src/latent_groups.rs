@@ -1,4 +1,4 @@
-//! What equations need of a model's latents, in groups that are one affine map a region each.
+//! Latents that equations use, in groups that are one affine map a region each.
 
 use std::collections::BTreeMap;
 
@@ -29,7 +29,7 @@ impl LatentGroup {
     }
 }
 
-/// A right side speaks of a latent at another row.
+/// A right side reads a latent at another row.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("the equation {equation} speaks of `{latent}` {lag} rows earlier; latents are known at the current row only")]
 pub struct LaggedLatent {
@@ -42,8 +42,8 @@ pub struct LaggedLatent {
 }
 
 impl Model {
-    /// The latents that the right sides of some equations speak of, by library, partition and basis. `names` are those of the columns and, behind
-    /// them, of the model's latents.
+    /// The latents in the right sides of some equations, by library, partition and basis. `names` are those of the
+    /// columns and, behind them, of the model's latents.
     ///
     /// Functions that no latent depends on are not in use, except of the library `whole`, if any.
     ///

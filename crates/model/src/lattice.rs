@@ -1,11 +1,11 @@
 //! The tree of joins that the regions of a lattice are a level of.
 
-/// How many small cells were joined to few regions, and what the numbers of regions were worth.
+/// Joins of many small cells into few regions, and the errors of the numbers of regions that were tried.
 ///
 /// Errors are squared errors over the variance of a target, means over the targets.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lattice {
-    /// How the regions of this model would be joined on, down to one: the cheapest join first.
+    /// Joins that would follow the regions of this model, down to one region: the cheapest join first.
     pub joins: Vec<Join>,
     /// The numbers of regions that were tried, ascending.
     pub levels: Vec<Level>,
@@ -22,7 +22,7 @@ pub struct Join {
     pub training: f64,
 }
 
-/// What a number of regions is worth.
+/// Errors with a number of regions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Level {
     /// Regions.

@@ -1,11 +1,13 @@
-//! What a model is: latents, partitions, equations; saved, printed.
+//! The model type: latents, partitions, equations; saved, printed.
 //!
-//! One type, [`Model`], for whatever method produced it. Its [`Latent`] functions are each a library of candidate
-//! functions x a [`Partition`] of the state space into regions x a [`Map`] from the functions' values (affine in most models); its
-//! [`Equation`]s say how what is predicted follows from columns and latents. Some equations are given, not fitted (`dx/dt = vx*cos(yaw) - vy*sin(yaw)`).
+//! One type, [`Model`], for all methods. Each of its [`Latent`] functions is a library of candidate functions x a
+//! [`Partition`] of the state space into regions x a [`Map`] from the functions' values (affine in most models). Its
+//! [`Equation`]s give the predicted quantities from columns and latents. Some equations are given, not fitted
+//! (`dx/dt = vx*cos(yaw) - vy*sin(yaw)`).
 //!
-//! All expressions inside a model speak of the model's own columns (aliases). How an alias comes from the fields of a log is part of
-//! the model too ([`Column::source`]), so that a model is scored on a new log without being told the columns again.
+//! All expressions inside a model are over the model's columns (aliases). The definition of an alias from the fields of
+//! a log is part of the model too ([`Column::source`]), so that a model is scored on a new log without further
+//! settings.
 //!
 //! ```
 //! use fleetfoot_library::{Expr, Scope};
@@ -89,34 +91,35 @@ pub use typeset::{SetEquation, summands};
 
 use fleetfoot_library::Expr;
 
-/// A model of a recording: what is predicted, from what, and how.
+/// A model of a recording: predicted quantities and their equations.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Model {
     /// The method that made it, as its user wrote it: `pwa kmeans:10`.
     pub method: String,
-    /// The columns (aliases) that the model speaks of.
+    /// The columns (aliases) of the model.
     pub columns: Vec<Column>,
     /// Libraries of candidate functions over the columns; the constant is implied.
     pub libraries: Vec<Vec<Expr>>,
     /// Partitions of the state space.
     pub partitions: Vec<Partition>,
-    /// What the training rows in the regions of every partition were like.
+    /// Statistics of the training rows in the regions of every partition.
     pub summaries: Vec<Summary>,
     /// Fitted functions.
     pub latents: Vec<Latent>,
-    /// What is predicted.
+    /// Equations of the predicted quantities.
     pub equations: Vec<Equation>,
     /// The sampling period of the training data, seconds: the step of a discrete model, the default step of a continuous one.
     pub step: f64,
-    /// Where it comes from, and the scale of what it saw.
+    /// Training data of the model, and the scale of their values.
     pub training: Training,
 }
 
 impl Model {
     /// A model without latents and equations; the fields are public, [`Model::validate`] checks them.
     ///
-    /// Of the marks of the training's episodes those stay that are needed to recognise their rows; means of the states stay where some are a rotation.
+    /// Only those marks of the training's episodes stay that are needed to recognise their rows. Means of the states
+    /// stay if some are a rotation.
     pub fn new(method: impl Into<String>, columns: Vec<Column>, step: f64, mut training: Training) -> Self {
         trained::keep_marks(&mut training.episodes, &columns);
         if columns.iter().all(|column| column.rotation.is_none()) {
@@ -135,7 +138,7 @@ impl Model {
         }
     }
 
-    /// Adds a partition with what its regions saw; its index.
+    /// Adds a partition with the statistics of its regions; returns its index.
     pub fn add_partition(&mut self, partition: Partition, regions: Vec<RegionSummary>) -> usize {
         self.partitions.push(partition);
         self.summaries.push(regions.into());
@@ -155,7 +158,7 @@ impl Model {
         }
     }
 
-    /// Names of what is fitted, in the order of the fitted equations (those with a target).
+    /// Names of the fitted quantities, in the order of the fitted equations (those with a target).
     pub fn outputs(&self) -> Vec<String> {
         self.fitted().map(Equation::label).collect()
     }

@@ -4,7 +4,7 @@ use std::ops::{Deref, DerefMut};
 
 use crate::{AffineMap, BasisMap, MapKind};
 
-/// How a latent function computes its value: one variant a kind. A [`MapKind`] is what all have in common.
+/// Map from functions to the value of a latent: one variant a kind. A [`MapKind`] is the interface of all kinds.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Map {

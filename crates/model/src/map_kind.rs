@@ -1,4 +1,4 @@
-//! What every kind of latent function can say and do.
+//! Common interface of all kinds of latent functions.
 
 use std::fmt::Debug;
 
@@ -26,13 +26,13 @@ pub trait MapKind: Debug {
     /// The coefficient of a feature in a region; 0 for a feature that it does not have.
     fn coefficient(&self, region: usize, feature: usize) -> f64;
 
-    /// Gives the constant term (`None`) or the coefficient of a feature a value. What it does not have is left alone.
+    /// Sets the constant term (`None`) or the coefficient of a feature. A missing feature is ignored.
     fn set(&mut self, region: usize, feature: Option<usize>, value: f64);
 
     /// Leaves one region of all.
     fn keep_region(&mut self, region: usize);
 
-    /// Whether it fits a library of so many functions and a partition of so many regions; else what does not.
+    /// Checks that it fits a library of so many functions and a partition of so many regions.
     ///
     /// # Errors
     /// The contradiction, in words.
@@ -51,12 +51,12 @@ pub trait MapKind: Debug {
         self.functions() + self.basis().map_or(0, |basis| basis.count())
     }
 
-    /// Whether a feature has a coefficient in any region.
+    /// Returns true if a feature has a coefficient in any region.
     fn has(&self, feature: usize) -> bool {
         (0..self.regions()).any(|region| self.coefficient(region, feature) != 0.0)
     }
 
-    /// Whether its value depends on a function of the library.
+    /// Returns true if its value depends on a function of the library.
     fn reads(&self, function: usize) -> bool {
         let through = |basis: Basis| {
             let mut own = self.functions()..self.features();

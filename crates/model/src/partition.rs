@@ -1,9 +1,9 @@
 //! Partitions: which region a row belongs to.
 //!
-//! Regions are decided on standardised columns z = (value - centre) / scale (angles enter as their cosine and sine). Voronoi cells of
-//! centroids and learned linear separators are the same thing, `argmax_i (w_i . z + b_i)`: nearest centroid is
-//! `w_i = c_i`, `b_i = -|c_i|^2 / 2` (equation (7) of Buchan, Haldane, Fearing, "Automatic Identification of Dynamic Piecewise Affine
-//! Models for a Running Robot").
+//! Regions are decided on standardised columns z = (value - centre) / scale (angles enter as their cosine and sine).
+//! Voronoi cells of centroids and learned linear separators are the same thing, `argmax_i (w_i . z + b_i)`. Nearest
+//! centroid is `w_i = c_i`, `b_i = -|c_i|^2 / 2` (equation (7) of Buchan, Haldane, Fearing, "Automatic Identification
+//! of Dynamic Piecewise Affine Models for a Running Robot").
 
 use std::sync::Arc;
 
@@ -16,27 +16,27 @@ use crate::Tree;
 pub struct Partition {
     /// As the user wrote it: `kmeans:10`.
     pub specification: String,
-    /// What it looks at, over the model's columns. With [`Rule::Labels`] the last one is the label.
+    /// Partition columns, as expressions over the model's columns. With [`Rule::Labels`] the last one is the label.
     pub columns: Vec<Expr>,
     /// Subtracted from each column (0 for a label).
     pub centre: Vec<f64>,
     /// Divides each column (1 for a label).
     pub scale: Vec<f64>,
-    /// How the region follows.
+    /// Rule that gives the region.
     pub rule: Rule,
-    /// Which region follows which, where it was counted.
+    /// Transitions between regions, if they were counted.
     pub transitions: Option<crate::Transitions>,
-    /// How they lie along a phase, where one was named.
+    /// Distribution of the regions along a phase, if one was named.
     pub phases: Option<crate::Phases>,
-    /// Which of them have the same dynamics, where transitions were counted: pairs ascending.
+    /// Pairs of regions and their test for the same dynamics, if transitions were counted: pairs ascending.
     pub pairs: Vec<crate::RegionPair>,
     /// The tree of joins that the regions are a level of, where they are.
     pub lattice: Option<crate::Lattice>,
-    /// How residuals go on from row to row, where they do.
+    /// Correlation of residuals from row to row, if they are correlated.
     pub correlation: Option<crate::ResidualCorrelation>,
 }
 
-/// How a region follows from standardised columns.
+/// Rule that gives a region from standardised columns.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Rule {
     /// One region.
@@ -60,9 +60,11 @@ pub enum Rule {
         /// The region of each cell.
         regions: Vec<u32>,
     },
-    /// Cuts of single columns, one after another. Its partition leaves the columns in their units (centre 0, scale 1), so that thresholds are what people read.
+    /// Cuts of single columns, one after another. Its partition leaves the columns in their units (centre 0, scale 1),
+    /// so that thresholds have these units.
     Tree(Tree),
-    /// By the value of the last column; every label has a rule of its own for the other columns. Regions are numbered label by label.
+    /// By the value of the last column; every label has a separate rule for the other columns. Regions are numbered
+    /// label by label.
     Labels {
         /// The label values seen in training, ascending.
         values: Vec<f64>,
@@ -70,12 +72,12 @@ pub enum Rule {
         names: Vec<String>,
         /// The rule within each label.
         rules: Vec<Rule>,
-        /// What happens to other labels.
+        /// Treatment of other labels.
         unseen: UnseenLabel,
     },
 }
 
-/// What happens to a row whose label was not seen in training.
+/// Treatment of a row whose label was not seen in training.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum UnseenLabel {
     /// It has no region: an error for the caller to report.
@@ -105,8 +107,8 @@ impl Rule {
         }
     }
 
-    /// Assigns rows to regions. `z` holds one slice per column, standardised, all of the length of `regions`; rows without a region
-    /// (unseen label, a value that is not a number) get `u32::MAX`.
+    /// Assigns rows to regions. `z` holds one slice per column, standardised, all of the length of `regions`. Rows
+    /// without a region (unseen label, NaN) get `u32::MAX`.
     pub fn assign(&self, z: &[&[f64]], regions: &mut [u32]) {
         match self {
             Rule::Whole => regions.fill(0),
@@ -162,7 +164,7 @@ impl Partition {
         }
     }
 
-    /// Whether its regions were drawn where the maps of targets differ: refined regions, joined cells, trees, alone or within labels.
+    /// Returns true if the targets decided its regions: refined regions, joined cells, trees, alone or within labels.
     ///
     /// The specification ends with the kind of regions and their number; a column of labels may have any name.
     pub fn is_drawn_by_targets(&self) -> bool {
@@ -202,7 +204,7 @@ impl Partition {
     }
 }
 
-/// Cells to regions, in place; what has no cell has no region.
+/// Replaces cells by regions, in place; a missing cell stays without a region.
 pub fn join(table: &[u32], cells: &mut [u32]) {
     for cell in cells {
         *cell = table.get(*cell as usize).copied().unwrap_or(u32::MAX);

@@ -1,32 +1,33 @@
-//! How regions lie along a phase, and which follows which from stride to stride.
+//! Distribution of regions along a phase, and transitions from stride to stride.
 
-/// Where the training rows lie in a gait, or whatever else repeats, and which regions they are in there.
+/// Distribution of the training rows along a gait, or another phase, and their regions there.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Phases {
     /// The phase as the user wrote it: `alpha_l:12`, `labels:stance`.
     pub specification: String,
-    /// What its bins are.
+    /// Bins of the phase.
     pub bins: PhaseBins,
     /// Rows of each region in each bin: bins x regions.
     pub rows: Vec<Vec<u64>>,
-    /// Which region follows which one sample later, by the bin of the row before: what was seen, ascending.
+    /// Transitions one sample later, by the bin of the row before: those that occurred, ascending.
     pub passages: Vec<Passage>,
-    /// How many strides that began in a region were followed by one that began in each (the return map of Poincaré): regions x regions.
+    /// Strides that began in a region, counted by the region in which the next one began (the return map of Poincaré):
+    /// regions x regions.
     pub strides: Vec<Vec<u64>>,
     /// Rows of all these strides.
     pub stride_rows: u64,
-    /// Whether the phase falls in time; a stride begins where it wraps from 0 to the end then.
+    /// True if the phase falls in time; a stride then begins where it wraps from 0 to the end.
     pub falling: bool,
 }
 
-/// What the bins of a phase are.
+/// Bins of a phase.
 #[derive(Debug, Clone, PartialEq)]
 pub enum PhaseBins {
     /// Equal parts of a period. A stride begins where the phase wraps.
     Cyclic {
         /// The period, in the phase's unit: 2 pi, or 1.
         period: f64,
-        /// How many bins.
+        /// Number of bins.
         count: usize,
     },
     /// The values of a column, by name, ascending. A stride begins where the first one is entered.
@@ -42,12 +43,12 @@ pub struct Passage {
     pub from: u32,
     /// The region of the row behind.
     pub to: u32,
-    /// How many rows.
+    /// Number of rows.
     pub rows: u64,
 }
 
 impl PhaseBins {
-    /// How many bins.
+    /// Number of bins.
     pub fn count(&self) -> usize {
         match self {
             Self::Cyclic { count, .. } => *count,
@@ -58,7 +59,7 @@ impl PhaseBins {
     /// The name of a bin, for people: where it begins and ends, or the label.
     ///
     /// # Panics
-    /// If there is no such label.
+    /// For an unknown label.
     pub fn name(&self, bin: usize) -> String {
         match self {
             Self::Cyclic { period, count } => {
@@ -74,13 +75,13 @@ impl Phases {
     /// The share of a bin's rows that are in a region; NaN of a bin without rows.
     ///
     /// # Panics
-    /// If there is no such bin or region.
+    /// For an unknown bin or region.
     pub fn share(&self, bin: usize, region: usize) -> f64 {
         ratio(self.rows[bin][region], &self.rows[bin])
     }
 
-    /// The share of a region's rows in a bin that a row of each region (or of itself) follows, regions x regions from the row to the column; NaN where none was
-    /// followed.
+    /// The share of a region's rows in a bin that a row of each region (or of itself) follows: regions x regions, from
+    /// the row to the column. NaN if none was followed.
     pub fn probabilities(&self, bin: usize) -> Vec<Vec<f64>> {
         let regions = self.strides.len();
         let mut counts = vec![vec![0; regions]; regions];
@@ -93,7 +94,7 @@ impl Phases {
     /// The share of the strides that began in a region which one that began in each follows; NaN where none was followed.
     ///
     /// # Panics
-    /// If there is no such region.
+    /// For an unknown region.
     pub fn stride_probability(&self, from: usize, to: usize) -> f64 {
         ratio(self.strides[from][to], &self.strides[from])
     }
@@ -108,7 +109,7 @@ impl Phases {
         self.stride_rows as f64 / self.stride_count() as f64
     }
 
-    /// Whether its parts fit together, and to this many regions.
+    /// Checks that its parts fit together, and to this many regions.
     pub(crate) fn check(&self, regions: usize) -> Result<(), String> {
         let bins = self.bins.count();
         let fits = self.rows.len() == bins

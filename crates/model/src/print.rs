@@ -12,8 +12,8 @@ pub use transitions::describe_transitions;
 
 /// The model as text: columns, equations, and per region its size, rank, place and coefficients. Places have the units of their columns.
 ///
-/// At most `regions` regions are written out, the largest first; terms are listed in the order of the library, zeros left out. Latents that hold over one
-/// region stand by themselves, each with the number of its functions in use.
+/// At most `regions` regions are written out, the largest first; terms are listed in the order of the library, zeros
+/// left out. Latents that hold over one region stand alone, each with the number of its functions in use.
 pub fn describe(model: &Model, regions: usize) -> String {
     let mut out = String::new();
     let t = &model.training;
@@ -87,7 +87,7 @@ fn describe_latent(out: &mut String, model: &Model, latent: &Latent) {
     }
 }
 
-/// What the rows cannot tell apart.
+/// Describes confounded regressors.
 fn describe_confounded(out: &mut String, info: &RegionSummary, library: &[Expr], indent: &str) {
     if info.confounded.is_empty() {
         return;

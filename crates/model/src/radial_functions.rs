@@ -13,7 +13,7 @@ use crate::{Basis, BasisMap, Gaussian, Map, Model, Partition, RegionSummary, Rul
 /// ([`RadialFunctions::gather`]).
 #[derive(Debug, Clone, PartialEq)]
 pub struct RadialFunctions {
-    /// What they are functions of.
+    /// Columns, or expressions, of which they are functions.
     pub inputs: Vec<Expr>,
     /// Centres in the units of the inputs, one row a radial function.
     pub centres: Vec<Vec<f64>>,
@@ -26,8 +26,9 @@ pub struct RadialFunctions {
 impl RadialFunctions {
     /// Around the centroids of a partition by nearest centroid; `None` for another partition.
     ///
-    /// The width is the mean distance of a centre from the nearest other one, in standard deviations (Moody and Darken, "Fast learning in networks of locally-tuned
-    /// processing units", Neural Computation 1989: the global first-nearest-neighbour heuristic); 1 where there is one centre.
+    /// The width is the mean distance of a centre from the nearest other one, in standard deviations. (Moody and
+    /// Darken, "Fast learning in networks of locally-tuned processing units", Neural Computation 1989: the global
+    /// first-nearest-neighbour heuristic.) It is 1 for a single centre.
     pub fn around(partition: &Partition) -> Option<Self> {
         let Rule::Linear { weights: centroids, .. } = &partition.rule else { return None };
         let square = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
@@ -57,7 +58,8 @@ impl RadialFunctions {
         (0..self.centres.len()).map(|k| all.expression(k, &self.inputs)).collect()
     }
 
-    /// Makes latents with a basis of the affine latents over libraries that have these functions written out. What regions tell of the functions that are gone is left out.
+    /// Makes latents with a basis of the affine latents over libraries that have these functions written out.
+    /// Statistics of the removed functions are left out.
     pub fn gather(&self, model: &mut Model) {
         let expressions = self.expressions();
         for index in 0..model.libraries.len() {
@@ -111,7 +113,7 @@ impl RadialFunctions {
     }
 }
 
-/// Leaves what a region tells of some functions; behind them are functions of which it tells nothing, `count` in all.
+/// Restricts a region's statistics to some functions; behind them are functions without statistics, `count` in all.
 fn restrict(region: &mut RegionSummary, kept: &[usize], count: usize) {
     let known = |values: &[f64], at: usize| values.get(at).copied().unwrap_or(f64::NAN);
     let mut covariance = vec![f64::NAN; count * (count + 1) / 2];

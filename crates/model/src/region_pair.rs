@@ -1,6 +1,6 @@
-//! Which pairs of regions have the same dynamics.
+//! Pairs of regions that may have the same dynamics.
 
-/// Whether one affine map would do for two regions: the likelihood ratio of a map for each against one for both.
+/// Test of one affine map for two regions: the likelihood ratio of a map for each against one for both.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RegionPair {
     /// The regions, the smaller number first.
@@ -9,12 +9,14 @@ pub struct RegionPair {
     pub statistic: f64,
     /// Its degrees of freedom: numbers that two maps have more than one, of all targets.
     pub freedom: usize,
-    /// The probability of such a ratio or a larger one where both regions have the same map; NaN where their rows are too few to tell.
+    /// The probability of such a ratio or a larger one if both regions have the same map; NaN if their rows are too
+    /// few.
     pub p: f64,
 }
 
-/// The probabilities of several tests, each so large that none below a level says so by chance but with the level's probability, whatever the tests have in
-/// common (Holm, *Scandinavian Journal of Statistics* 6, 1979); those that are NaN are no tests, and stay.
+/// The probabilities of several tests, corrected for their number (Holm, *Scandinavian Journal of Statistics* 6, 1979).
+/// The chance that any falls below a level, with no real difference, is at most the level, however the tests depend on
+/// each other. NaN stays: no test.
 pub fn holm(p: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..p.len()).filter(|&at| !p[at].is_nan()).collect();
     order.sort_by(|&a, &b| p[a].total_cmp(&p[b]));

@@ -1,10 +1,12 @@
-//! How a model's residuals hang on those of the rows before.
+//! Correlation of a model's residuals from row to row.
 
-/// The correlation of a partition's residuals from row to row, where it is more than chance. Residuals of the q fitted equations are whitened by their region: `rho = L^-1 r`, L the lower Cholesky
-/// factor of the region's residual covariance, so that `E rho rho' = I`; what is kept is common to all regions.
+/// The correlation of a partition's residuals from row to row, if it is more than chance. Residuals of the q fitted
+/// equations are whitened by their region: `rho = L^-1 r`, L the lower Cholesky factor of the region's residual
+/// covariance, so that `E rho rho' = I`. The kept correlation is common to all regions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ResidualCorrelation {
-    /// `E rho_k rho_(k-h)'` for h = 1, 2, ..., each q x q by rows. An autoregression of as many lags leaves white noise, as far as the rows tell.
+    /// `E rho_k rho_(k-h)'` for h = 1, 2, ..., each q x q by rows. An autoregression of as many lags leaves white
+    /// noise, within the accuracy of the rows.
     pub lags: Vec<Vec<f64>>,
 }
 
@@ -27,7 +29,7 @@ impl ResidualCorrelation {
         (own.iter().map(|value| value * value).sum::<f64>() / q as f64).sqrt()
     }
 
-    /// Whether it is of so many fitted equations.
+    /// Checks that it has the size of so many fitted equations.
     pub(crate) fn check(&self, fitted: usize) -> Result<(), String> {
         let fits = |own: &Vec<f64>| own.len() == fitted * fitted && own.iter().all(|value| value.is_finite());
         match !self.lags.is_empty() && self.lags.iter().all(fits) {

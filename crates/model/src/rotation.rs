@@ -1,8 +1,9 @@
-//! How a rotation is written in columns, and what can be computed with it.
+//! Representations of a rotation in columns, and computations with them.
 //!
-//! A rotation R takes vectors of the body to the world. As a unit quaternion it has four columns w, x, y, z (q and -q are the same rotation), as a rotation
-//! vector (axis times angle, rad) three, x, y, z, of length pi at most (the axis times a whole turn more is the same rotation). Differences of rotations are
-//! rotation vectors in the body's axes: Log(b^-1 a), so that b Exp(difference) = a.
+//! A rotation R takes vectors of the body to the world. As a unit quaternion it has four columns w, x, y, z (q and -q
+//! are the same rotation). As a rotation vector (axis times angle, rad) it has three, x, y, z, of length pi at most
+//! (the axis times a whole turn more is the same rotation). Differences of rotations are rotation vectors in the body's
+//! axes: Log(b^-1 a), so that b Exp(difference) = a.
 //!
 //! Exponential, logarithm and right Jacobian: Sola, Deray, Atchuthan, "A micro Lie theory for state estimation in robotics", arXiv:1812.01537, 2018, appendix B.
 
@@ -10,7 +11,7 @@ use std::f64::consts::{PI, TAU};
 
 use serde::{Deserialize, Serialize};
 
-/// How a rotation is written in columns.
+/// Representation of a rotation in columns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum RotationKind {
     /// A unit quaternion: w, x, y, z.
@@ -26,13 +27,13 @@ pub enum RotationKind {
 pub struct RotationPart {
     /// The rotation's name.
     pub group: String,
-    /// How it is written.
+    /// Representation of the rotation.
     pub kind: RotationKind,
-    /// Which part the column is, in the order of [`RotationKind::letters`].
+    /// Index of the column's part, in the order of [`RotationKind::letters`].
     pub part: usize,
 }
 
-/// Below this squared angle quotients are their limits; what is left out is 1e-17 of them.
+/// Below this squared angle quotients are their limits, within 1e-17.
 const SMALL: f64 = 1e-16;
 
 impl RotationKind {
@@ -57,13 +58,13 @@ impl RotationKind {
         }
     }
 
-    /// What `word` stands for.
+    /// The representation that `word` names.
     pub fn of_word(word: &str) -> Option<Self> {
         [Self::Quaternion, Self::Vector].into_iter().find(|kind| kind.word() == word)
     }
 
-    /// Brings what a step of time has made back to rotations: a quaternion to unit length, its sign kept; a vector that is longer than half a turn to the
-    /// same rotation the other way round.
+    /// Retracts the result of a time step to a rotation: a quaternion to unit length, its sign kept. A vector that is
+    /// longer than half a turn becomes the same rotation the other way round.
     #[inline]
     pub fn retract(self, x: &mut [f64]) {
         match self {
@@ -82,8 +83,9 @@ impl RotationKind {
         }
     }
 
-    /// The derivatives of [`RotationKind::retract`] at what a step has made (parts x parts, row by row): `(I - q q')/|p|` of a quaternion p with q = p/|p|, `c I + (1 - c) u u'`
-    /// of a vector of direction u that is shortened by the factor c.
+    /// The derivatives of [`RotationKind::retract`] at the result of a step (parts x parts, row by row). They are
+    /// `(I - q q')/|p|` of a quaternion p with q = p/|p|, and `c I + (1 - c) u u'` of a vector of direction u that is
+    /// shortened by the factor c.
     pub fn retraction_derivative(self, p: &[f64]) -> Vec<f64> {
         let norm = length(p);
         let (own, outer) = match self {
@@ -121,7 +123,8 @@ impl RotationKind {
         }
     }
 
-    /// Writes the rotations of consecutive rows, each as near as it can be to the last one that is there (parts x rows): curves go through their parts then.
+    /// Writes the rotations of consecutive rows, each as near as it can be to the last known one (parts x rows). Curves
+    /// can then go through their parts.
     pub fn turn_on(self, parts: &mut [Vec<f64>]) {
         let mut last: Option<Vec<f64>> = None;
         for row in 0..parts.first().map_or(0, Vec::len) {
@@ -137,7 +140,8 @@ impl RotationKind {
         }
     }
 
-    /// The one way of writing a recorded rotation that does not depend on how it was written: of unit length with w >= 0, or of length pi at most.
+    /// The unique form of a recorded rotation, whatever its form in the log: of unit length with w >= 0, or of length
+    /// pi at most.
     pub fn settle(self, x: &mut [f64]) {
         self.retract(x);
         if self == Self::Quaternion && x[0] < 0.0 {
@@ -153,7 +157,8 @@ impl RotationKind {
         }
     }
 
-    /// What turns `b` into `a`, a vector in the body's axes, rad, of length pi at most: Log(b^-1 a). Its length is the angle between the two.
+    /// Rotation vector that turns `b` into `a`, in the body's axes, rad, of length pi at most: Log(b^-1 a). Its length
+    /// is the angle between the two.
     pub fn difference(self, a: &[f64], b: &[f64]) -> [f64; 3] {
         let [w, x, y, z] = self.quaternion(b);
         logarithm(product([w, -x, -y, -z], self.quaternion(a)))
@@ -168,7 +173,8 @@ impl RotationKind {
         }
     }
 
-    /// How the parts change as the rotation at `x` turns about the axes of the body, each rad (parts x 3, row by row): `x (0, phi)/2` of a quaternion, `Jr(x)^-1 phi` of a vector. [`RotationKind::turning`] undoes it.
+    /// Derivatives of the parts as the rotation at `x` turns about the axes of the body, each rad (parts x 3, row by
+    /// row). They are `x (0, phi)/2` of a quaternion, `Jr(x)^-1 phi` of a vector. [`RotationKind::turning`] undoes it.
     pub fn turned(self, x: &[f64]) -> Vec<f64> {
         match self {
             Self::Quaternion => {
@@ -190,8 +196,8 @@ impl RotationKind {
         }
     }
 
-    /// How small changes of the parts turn the rotation at `x`, rad in the body's axes (3 x parts, row by row): `2 vec(x^-1 dx)` of a quaternion, `Jr(x) dx` of a
-    /// vector.
+    /// Turn of the rotation at `x` by small changes of the parts, rad in the body's axes (3 x parts, row by row). It is
+    /// `2 vec(x^-1 dx)` of a quaternion, `Jr(x) dx` of a vector.
     pub fn turning(self, x: &[f64]) -> Vec<f64> {
         match self {
             Self::Quaternion => {
@@ -275,7 +281,7 @@ mod tests {
     }
 
     proptest! {
-        /// What the parts do while a rotation turns is undone by what turns it, and is the slope of moving it.
+        /// `turning` undoes `turned`, which is the slope of moving a rotation.
         #[test]
         fn turned_parts_turn_back(phi in vectors(3.0), axis in 0..3usize) {
             for kind in KINDS {
@@ -337,7 +343,7 @@ mod tests {
             }
         }
 
-        /// What a step has made is the same rotation after it is brought back, and bringing back twice changes nothing but the last bits.
+        /// A retraction keeps the rotation of a step, and a second one changes nothing but the last bits.
         #[test]
         fn retractions_keep_the_rotation(at in vectors(9.0), scale in 0.5..2.0f64) {
             for kind in KINDS {

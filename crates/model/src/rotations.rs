@@ -7,7 +7,7 @@ use crate::{Column, Model, RotationKind, RotationPart};
 pub struct Rotation {
     /// Its name.
     pub name: String,
-    /// How it is written.
+    /// Representation of the rotation.
     pub kind: RotationKind,
     /// Index of each part among the columns, in the order of [`RotationKind::letters`].
     pub columns: Vec<usize>,

@@ -1,8 +1,9 @@
-//! What the training rows were like: in each region, and over all.
+//! Statistics of the training rows: in each region, and over all.
 
 use crate::TrainedEpisode;
 
-/// What the training rows of a partition's regions were like. A partition says where regions are; this says what was seen there.
+/// Statistics of the training rows in a partition's regions. A partition has the places of the regions; this has the
+/// values that occurred there.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Summary {
     /// One entry per region.
@@ -29,10 +30,11 @@ impl From<Vec<RegionSummary>> for Summary {
     }
 }
 
-/// What a region saw in training, so that a filter can use it and extrapolation is noticed.
+/// Statistics of a region's training rows, for filters and for the detection of extrapolation.
 ///
-/// The vectors speak of the functions of the library of the partition's first latent (regressors x) and of the fitted equations (targets y). NaN stands for
-/// what was not measured: a fit from statistics of several tasks does not know how the residuals of two equations go together, nor absolute errors.
+/// The vectors are over the functions of the library of the partition's first latent (regressors x) and over the fitted
+/// equations (targets y). NaN stands for an unknown value: a fit from statistics of several tasks has neither the
+/// covariance of two equations' residuals nor absolute errors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RegionSummary {
     /// For people: `3`, `grass`, `inner`.
@@ -55,7 +57,7 @@ pub struct RegionSummary {
     pub confounded: Vec<Vec<usize>>,
 }
 
-/// Where a model comes from, and the scale of what it saw.
+/// Training data of a model, and the scale of their values.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Training {
     /// Version of fleetfoot.
@@ -78,7 +80,7 @@ pub struct Training {
     pub state_covariance: Vec<f64>,
     /// Means of the states, in the same order; of models with rotations, empty for others.
     pub state_mean: Vec<f64>,
-    /// Numbers inside the equations that were estimated, with what is known of them; none of most methods.
+    /// Numbers inside the equations that were estimated, with their errors; empty for most methods.
     pub parameters: Vec<Estimated>,
     /// Covariance of these numbers, packed lower triangle; NaN where the data do not determine one.
     pub parameter_covariance: Vec<f64>,
@@ -87,7 +89,7 @@ pub struct Training {
 /// A number inside the equations that was estimated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Estimated {
-    /// What the recipe calls it.
+    /// Its name in the recipe.
     pub name: String,
     /// Its value, which stands in the equations.
     pub value: f64,

@@ -33,8 +33,8 @@ impl From<&Episode> for TrainedEpisode {
     }
 }
 
-/// The fields behind the states of a model, in their order; of a model without states those behind all columns but inputs. What is commanded may be the same in
-/// every log.
+/// The fields behind the states of a model, in their order; of a model without states those behind all columns but
+/// inputs. Commands are left out: they may be the same in every log.
 fn marked_fields(columns: &[Column]) -> Vec<String> {
     let read = |wanted: fn(&Column) -> bool| {
         let mut fields: Vec<String> = Vec::new();
@@ -53,7 +53,7 @@ fn marked_fields(columns: &[Column]) -> Vec<String> {
     }
 }
 
-/// Keeps what a model of these columns needs of the marks.
+/// Keeps only the marks that a model of these columns needs.
 pub(crate) fn keep_marks(episodes: &mut [TrainedEpisode], columns: &[Column]) {
     let fields = marked_fields(columns);
     let kept = if episodes.len() > MANY { 1 } else { FIELDS };
@@ -64,7 +64,7 @@ pub(crate) fn keep_marks(episodes: &mut [TrainedEpisode], columns: &[Column]) {
     }
 }
 
-/// What is searched for in other logs.
+/// Marks of the training rows to search for in other logs.
 pub fn known(episodes: &[TrainedEpisode]) -> Known {
     Known {
         fields: episodes.iter().flat_map(|episode| episode.marks.keys().cloned()).collect(),

@@ -1,6 +1,7 @@
-//! Which region follows which.
+//! Transitions between regions.
 
-/// How many training rows of each region were followed, one sample later in the same episode, by a row of each: regions x regions, from the row to the column.
+/// Counts of transitions: training rows of each region that were followed, one sample later in the same episode, by a
+/// row of each. Regions x regions, from the row to the column.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Transitions {
     /// The counts.
@@ -11,16 +12,17 @@ impl Transitions {
     /// The share of the rows of a region that a row of another one (or of itself) follows; NaN where none was followed.
     ///
     /// # Panics
-    /// If there is no such region.
+    /// For an unknown region.
     pub fn probability(&self, from: usize, to: usize) -> f64 {
         self.counts[from][to] as f64 / self.counts[from].iter().sum::<u64>() as f64
     }
 
-    /// Rows that a visit of a region lasts on average, `1 / (1 - p)` with p the probability of staying (the maximum likelihood estimate of a geometric
-    /// distribution, in which a visit that the end of an episode cuts counts by its rows); infinite where it was never left.
+    /// Mean number of rows of a visit to a region, `1 / (1 - p)` with p the probability of staying; infinite if it was
+    /// never left. It is the maximum likelihood estimate of a geometric distribution, in which a visit that the end of
+    /// an episode cuts counts by its rows.
     ///
     /// # Panics
-    /// If there is no such region.
+    /// For an unknown region.
     pub fn dwell(&self, region: usize) -> f64 {
         let all: u64 = self.counts[region].iter().sum();
         all as f64 / (all - self.counts[region][region]) as f64

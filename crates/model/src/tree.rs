@@ -1,19 +1,19 @@
 //! Trees of cuts: `if vx < 0.3 then (if w < 2 then region 0 else region 1) else region 2`.
 
-/// Where a value of a column is cut, and what follows on either side.
+/// Cut of a column at a value, and the branches on either side.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cut {
-    /// The column, of those that the partition looks at.
+    /// The column, an index into those of the partition.
     pub column: usize,
     /// Values below it go one way, it and all above the other.
     pub threshold: f64,
-    /// Where values below the threshold go.
+    /// Branch of values below the threshold.
     pub below: Branch,
-    /// Where the others go.
+    /// Branch of the others.
     pub above: Branch,
 }
 
-/// What follows a cut.
+/// Branch behind a cut.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Branch {
     /// Another cut, which stands further behind.
@@ -25,11 +25,11 @@ pub enum Branch {
 /// One side of a cut.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Side {
-    /// The column, of those that the partition looks at.
+    /// The column, an index into those of the partition.
     pub column: usize,
-    /// Where it is cut.
+    /// Threshold of the cut.
     pub threshold: f64,
-    /// Whether values are below the threshold; else they are at it or above.
+    /// True if values are below the threshold; else they are at it or above.
     pub below: bool,
 }
 
@@ -49,7 +49,7 @@ impl Branch {
         }
     }
 
-    /// What [`Branch::code`] wrote; `None` where it writes no such number.
+    /// The branch of a [`Branch::code`]; `None` for a number that is no code.
     pub fn of_code(code: i64) -> Option<Self> {
         match code {
             0.. => usize::try_from(code).ok().map(Branch::Cut),
@@ -108,10 +108,10 @@ impl Tree {
         self.paths().into_iter().map(bounded).collect()
     }
 
-    /// Whether each cut and region is reached once, over so many columns.
+    /// Checks that each cut and region is reached once, over so many columns.
     ///
     /// # Errors
-    /// What is no tree, in words.
+    /// A description of the fault.
     pub fn check(&self, columns: usize) -> Result<(), String> {
         let mut reached = vec![false; self.cuts.len()];
         let mut regions = vec![false; self.regions()];

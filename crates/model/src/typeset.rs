@@ -34,7 +34,8 @@ impl Model {
         SetEquation { left, terms: signed(&summands(self, latent, region, DIGITS)) }
     }
 
-    /// All equations, those of fitted functions region by region with the region's name where there are several; then the functions that stand in no equation alone.
+    /// All equations. Those of fitted functions stand region by region, with the region's name if there are several.
+    /// Then follow the functions that stand in no equation alone.
     pub fn set_equations(&self) -> Vec<(Option<&str>, SetEquation)> {
         let mut set = Vec::new();
         let alone: Vec<Option<&Latent>> = self.equations.iter().map(|equation| self.latent_of(equation)).collect();
@@ -106,7 +107,8 @@ fn left(equation: &Equation) -> String {
     }
 }
 
-/// A function in a region as terms, each whether it is subtracted, and its absolute value with coefficients of so many digits; zeros are left out.
+/// A function in a region as terms: true for a subtracted one, and its absolute value with coefficients of so many
+/// digits. Zeros are left out.
 pub fn summands(model: &Model, latent: &Latent, region: usize, digits: usize) -> Vec<(bool, Expr)> {
     let term = |(function, value): (Option<Expr>, f64)| {
         let size = Expr::number(rounded(value.abs(), digits));

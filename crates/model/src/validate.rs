@@ -3,7 +3,7 @@
 use crate::{Join, Latent, Model, Partition, Prediction, RegionSummary, Role, Rule, Summary};
 
 impl Model {
-    /// Checks that indices, lengths and names agree; the message says what does not.
+    /// Checks that indices, lengths and names agree; the message has the contradiction.
     pub fn validate(&self) -> Result<(), String> {
         if !(self.step.is_finite() && self.step >= 0.0) {
             return Err(format!("step {} is not a positive number of seconds", self.step));
@@ -123,7 +123,7 @@ impl Model {
 }
 
 impl Rule {
-    /// Whether its parts fit together, and to this many columns.
+    /// Returns true if its parts fit together, and to this many columns.
     pub fn fits(&self, columns: usize) -> bool {
         check_rule(self, columns).is_ok()
     }

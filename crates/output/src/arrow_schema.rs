@@ -1,9 +1,9 @@
-//! The Arrow schema that Parquet files carry in their key-value metadata: it tells readers the fields' own metadata, which is where units are, and the types
-//! that Parquet does not have: a duration is a plain whole number there.
+//! The Arrow schema that Parquet files carry in their key-value metadata. It has the fields' metadata, with the units,
+//! and the types that Parquet lacks: a duration is a plain whole number there.
 //!
-//! It is a flatbuffer (`Message` and `Schema` of Arrow's columnar format, "Encapsulated message format"), in base64. Of a schema that is read
-//! only names, units and durations are wanted, so that the Arrow libraries, half of the time that compiling a reader of Parquet takes, are not needed. The numbers
-//! below are the places of the fields in the format's tables.
+//! It is a flatbuffer (`Message` and `Schema` of Arrow's columnar format, "Encapsulated message format"), in base64.
+//! Only names, units and durations are read of a schema. The Arrow libraries, half of the compile time of a reader of
+//! Parquet, are therefore not needed. The numbers below are the places of the fields in the format's tables.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ use crate::write_column::{WriteColumn, WriteKind};
 /// The key of the file's metadata under which it stands.
 pub const KEY: &str = "ARROW:schema";
 
-/// What comes before a message that has a length: a continuation marker.
+/// Continuation marker before a message that has a length.
 const CONTINUES: [u8; 4] = [255; 4];
 
 /// The kind of a `Message`, and the version of the format that has been written since Arrow 1.0.
@@ -38,7 +38,7 @@ const DURATION_DEFAULT: usize = 1;
 /// Structs in structs; deeper ones have no units.
 const DEEPEST: usize = 64;
 
-/// Where a table's entry for its field number `place` stands in its layout.
+/// Position of field number `place` in a table's layout.
 const fn slot(place: VOffsetT) -> VOffsetT {
     4 + 2 * place
 }
@@ -105,7 +105,7 @@ fn field(builder: &mut FlatBufferBuilder<'_>, column: &WriteColumn) -> Finished 
     })
 }
 
-/// A field of a schema, as far as Parquet's own schema does not tell it.
+/// The parts of a schema's field that Parquet's schema lacks.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ArrowField {
     /// Its `unit` (or `units`).
@@ -114,7 +114,8 @@ pub struct ArrowField {
     pub duration: Option<i64>,
 }
 
-/// The fields of a schema that have a unit or are durations, by their paths. What is damaged or of another kind has none.
+/// The fields of a schema that have a unit or are durations, by their paths. A damaged schema, or one of another kind,
+/// has none.
 pub fn fields(text: &str) -> BTreeMap<Vec<String>, ArrowField> {
     let mut found = BTreeMap::new();
     if let Ok(bytes) = BASE64_STANDARD.decode(text) {
@@ -176,7 +177,7 @@ fn root(bytes: &[u8]) -> Option<Table<'_>> {
 }
 
 impl<'a> Table<'a> {
-    /// Where the value of a field stands, if the table has one.
+    /// Position of a field's value, if the table has one.
     fn place(&self, field: VOffsetT) -> Option<usize> {
         // The layout stands at a signed distance before (or after) the table.
         let distance = word(self.bytes, self.at)? as u32 as i32;
@@ -187,7 +188,7 @@ impl<'a> Table<'a> {
         if offset == 0 { None } else { self.at.checked_add(offset) }
     }
 
-    /// What the offset in a field points to.
+    /// Position that the offset in a field points to.
     fn target(&self, field: VOffsetT) -> Option<usize> {
         let place = self.place(field)?;
         place.checked_add(word(self.bytes, place)?)

@@ -24,16 +24,16 @@ thread_local! {
 /// Files of this process that have got their names.
 static WRITTEN: AtomicUsize = AtomicUsize::new(0);
 
-/// How many files this process has written whole, and given their names: what it can say of them where it is stopped.
+/// Number of files that this process has completed and named; a stopped process can report it.
 pub fn written_files() -> usize {
     WRITTEN.load(Ordering::Relaxed)
 }
 
 /// A file under construction: written beside its target, renamed onto it by [`AtomicFile::commit`], removed when dropped before.
 ///
-/// A symbolic link is followed and stays. A device, a pipe or a socket gets all bytes at the end, and stays what it is.
+/// A symbolic link is followed and stays. A device, a pipe or a socket gets all bytes at the end, and is not replaced.
 ///
-/// What killed processes have left of earlier ones goes when the next one begins.
+/// Remains of killed processes are removed when the next file begins.
 #[derive(Debug)]
 pub struct AtomicFile {
     work: Work,
@@ -44,7 +44,7 @@ pub struct AtomicFile {
 enum Work {
     /// Beside a regular file.
     Beside(NamedTempFile, PathBuf),
-    /// For something that is no file: in an unnamed temporary file, as formats are written with seeks.
+    /// For a target that is no file: in an unnamed temporary file, as formats are written with seeks.
     Through(File),
 }
 
@@ -60,7 +60,7 @@ impl AtomicFile {
         Ok(Self { work, target })
     }
 
-    /// Where the file will be.
+    /// Path of the final file.
     pub fn target(&self) -> &Path {
         &self.target
     }
@@ -81,7 +81,7 @@ impl AtomicFile {
         alone.map_or(Ok(()), |file| file.place().map(drop))
     }
 
-    /// Gives a complete file its name; tells the path if no file had that name before.
+    /// Gives a complete file its name; returns the path if no file had that name before.
     fn place(self) -> Result<Option<PathBuf>, Error> {
         let Self { work, target } = self;
         let done = match work {
@@ -107,8 +107,9 @@ impl AtomicFile {
 
 /// Files that `work` commits on this thread get their names together once it is done; none of them does where it fails or is stopped.
 ///
-/// The names are given one after another. Where one cannot be given, the new files before it are removed again; a file that replaced an older one stays, since
-/// the older one is gone. A process that is killed while names are given leaves some of the files.
+/// The names are given one after another. If one cannot be given, the new files before it are removed again. A file
+/// that replaced an older one stays, since the older one is gone. A process that is killed while names are given leaves
+/// some of the files.
 ///
 /// # Errors
 /// Those of `work`, and of giving the files their names.
@@ -146,7 +147,8 @@ pub fn together<R, E: From<Error>>(work: impl FnOnce() -> Result<R, E>) -> Resul
 /// Unfinished files begun for one target at most.
 const ATTEMPTS: usize = 100;
 
-/// An unfinished file beside a target, locked while somebody writes it: what a killed process leaves is known by its name and free.
+/// An unfinished file beside a target, locked by its writer: the remains of a killed process have such a name and no
+/// lock.
 fn beside(target: &Path) -> io::Result<NamedTempFile> {
     leftovers::remove_once(target);
     let mut builder = tempfile::Builder::new();
@@ -180,7 +182,7 @@ fn rename(temporary: NamedTempFile, target: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Writes what is in a temporary file through to a device, a pipe or a socket.
+/// Writes the content of a temporary file to a device, a pipe or a socket.
 fn hand_over(mut temporary: File, target: &Path) -> io::Result<()> {
     temporary.seek(SeekFrom::Start(0))?;
     // Neither created nor cut: a redirected standard output may be a file, with something in it.

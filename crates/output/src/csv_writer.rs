@@ -14,10 +14,10 @@ use crate::{
     writer::{Values, check_names},
 };
 
-/// Writes delimited text: commas, or tabs where the file is called `*.tsv`. Numbers have as many digits as give the same number again, what is missing is an
-/// empty cell, stamps are nanoseconds (their column is called `time_ns`, as `open` of `log` and other readers understand it). An apostrophe stands before names and words that a
-/// spreadsheet would take for a formula. Dropping it before
-/// [`CsvWriter::finish`] leaves nothing behind.
+/// Writes delimited text: commas, or tabs for `*.tsv`. Numbers have as many digits as give the same number again, and
+/// missing values are empty cells. Stamps are nanoseconds (their column is called `time_ns`, as `open` of `log` and
+/// other readers understand it). An apostrophe stands before names and words that a spreadsheet would take for a
+/// formula. Dropping it before [`CsvWriter::finish`] leaves no file.
 #[derive(Debug)]
 pub struct CsvWriter {
     path: PathBuf,
@@ -48,7 +48,7 @@ impl CsvWriter {
     /// Appends rows: one slice a column, in the order of the columns, all of one length.
     ///
     /// # Errors
-    /// Values that do not fit the columns; what the system refuses.
+    /// Values that do not fit the columns; refusals of the system.
     pub fn write(&mut self, values: &[Values<'_>]) -> Result<(), Error> {
         let bad = |problem: String| Error::BadBatch { path: self.path.clone(), problem };
         if values.len() != self.columns.len() {
@@ -85,7 +85,7 @@ impl CsvWriter {
     /// Completes the file and gives it its name.
     ///
     /// # Errors
-    /// What the system refuses; then there is no file.
+    /// A refusal of the system; there is then no file.
     pub fn finish(self) -> Result<(), Error> {
         let Self { path, writer, .. } = self;
         let error = |source: io::Error| Error::Io { path: path.clone(), action: "write", source };

@@ -1,4 +1,4 @@
-//! Where an output goes: a file that is replaced whole, or a device, a pipe or a socket that is written through.
+//! Destination of an output: a file that is replaced whole, or a device, a pipe or a socket that is written through.
 
 use std::{
     collections::BTreeMap,
@@ -12,12 +12,12 @@ use crate::error::Error;
 /// Links that lead from one to the next; more are a loop.
 const MAX_LINKS: usize = 40;
 
-/// What an output's name stands for.
+/// Destination behind an output's name.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Destination {
     /// A regular file, there or not yet, at the end of all symbolic links.
     File(PathBuf),
-    /// Something that takes bytes and is no file: a device, a pipe, a socket, another process's open file.
+    /// A target that takes bytes and is no file: a device, a pipe, a socket, another process's open file.
     Stream(PathBuf),
 }
 
@@ -47,8 +47,8 @@ impl Destination {
     }
 }
 
-/// Whether an output is no file but takes bytes: a device, a pipe, a socket, another process's open file. Nothing is lost by writing to it, and nothing can be
-/// kept beside it.
+/// Returns true if an output takes bytes but is no file: a device, a pipe, a socket, another process's open file.
+/// Nothing is lost by writing to it, and nothing can be kept beside it.
 pub fn is_stream(output: &Path) -> bool {
     matches!(Destination::of(output), Ok(Destination::Stream(_)))
 }
@@ -61,7 +61,7 @@ pub(crate) fn folder(path: &Path) -> &Path {
     }
 }
 
-/// What two names of one file have in common.
+/// Identity of a file, which all its names share.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 enum Identity {
     /// Device and number of a file that is there: hard links share them.
@@ -71,7 +71,7 @@ enum Identity {
     Path(PathBuf),
 }
 
-/// The identity of a regular file, there or not yet; `None` for what is no file or cannot be looked at.
+/// The identity of a regular file, there or not yet; `None` for any other target, or one that cannot be inspected.
 fn identity(path: &Path) -> Option<Identity> {
     let Ok(Destination::File(real)) = Destination::of(path) else { return None };
     #[cfg(unix)]
@@ -82,8 +82,8 @@ fn identity(path: &Path) -> Option<Identity> {
     Some(Identity::Path(folder(&real).canonicalize().ok()?.join(real.file_name()?)))
 }
 
-/// Refuses outputs that cannot be written, before any work is done for them: one that is an input, whatever way leads to it (other spelling, symbolic or
-/// hard link), two that are one file, a folder, a file in a folder that is not there.
+/// Refuses outputs that cannot be written, before any work is done for them. Such are an output that is an input by any
+/// path (other spelling, symbolic or hard link), two that are one file, a folder, and a file in a missing folder.
 ///
 /// Devices, pipes and sockets may be named more than once. An input that is a folder stands for the files in it.
 ///
@@ -119,7 +119,7 @@ fn identities(input: &Path) -> Vec<Identity> {
     }
 }
 
-/// Whether an open file is the one that has this name.
+/// Returns true if an open file is the one that has this name.
 #[cfg(unix)]
 pub(crate) fn is_at(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
@@ -127,7 +127,7 @@ pub(crate) fn is_at(file: &File, path: &Path) -> bool {
     file.metadata().ok().zip(fs::metadata(path).ok()).is_some_and(|(own, there)| same(own, there))
 }
 
-/// Whether an open file is the one that has this name.
+/// Returns true if an open file is the one that has this name.
 #[cfg(not(unix))]
 pub(crate) fn is_at(_file: &File, _path: &Path) -> bool {
     true

@@ -11,7 +11,7 @@ pub enum Error {
     Io {
         /// The file.
         path: PathBuf,
-        /// What was tried, as an infinitive.
+        /// The attempted action, as an infinitive.
         action: &'static str,
         /// The system's reason.
         source: std::io::Error,
@@ -36,12 +36,12 @@ pub enum Error {
         /// The file or folder.
         path: PathBuf,
     },
-    /// Columns handed to a writer that do not fit what it was made for.
+    /// Columns that do not fit those of the writer.
     #[error("{}: {problem}", path.display())]
     BadBatch {
         /// The file being written.
         path: PathBuf,
-        /// What does not fit.
+        /// The mismatch, in words.
         problem: String,
     },
 }

@@ -16,7 +16,7 @@ pub(crate) const RANDOM: usize = 6;
 /// The end of the name of an unfinished file.
 pub(crate) const SUFFIX: &str = ".partial";
 
-/// Bytes of a target's name in that of its unfinished file: longer ones leave no room for what is put around them.
+/// Bytes of a target's name in that of its unfinished file: longer ones leave no room for its prefix and suffix.
 const LONGEST_NAME: usize = 200;
 
 /// The beginning of the name of a target's unfinished files.
@@ -33,8 +33,8 @@ pub fn remove_leftovers(output: &Path) -> Vec<PathBuf> {
     remove(&real, &unfinished(folder(&real)))
 }
 
-/// The same for a regular file that is about to be written. A folder is listed once for all first files of their names in it: a listing for each of many
-/// files would take the square of their number.
+/// The same for a regular file that is about to be written. A folder is listed once for all first files of their names
+/// in it; a listing for each of many files would take the square of their number.
 pub(crate) fn remove_once(target: &Path) {
     let Some(name) = target.file_name() else { return };
     let listed = {

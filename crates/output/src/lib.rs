@@ -1,8 +1,9 @@
 //! Results in files, whole or not at all: atomic files and locks; Parquet, CSV and MCAP writers.
 //!
-//! [`write_atomic`] and [`AtomicFile`] give a file its name when it is complete, [`together`] a set of files. [`ParquetWriter`], [`CsvWriter`] and
-//! [`McapWriter`] stream columns and messages into such files; [`TableWriter`] takes the format that the name promises, and [`Overlay`] writes what viewers
-//! draw over a recording. [`check_outputs`] refuses targets before any work is done for them.
+//! [`write_atomic`] and [`AtomicFile`] give a file its name when it is complete, [`together`] a set of files.
+//! [`ParquetWriter`], [`CsvWriter`] and [`McapWriter`] stream columns and messages into such files. [`TableWriter`]
+//! takes the format of the name, and [`Overlay`] writes messages that viewers draw over a recording. [`check_outputs`]
+//! refuses targets before any work is done for them.
 //!
 //! ```
 //! use fleetfoot_output::{TableWriter, Values, WriteColumn, WriteKind, WriteOptions};

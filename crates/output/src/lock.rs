@@ -1,4 +1,4 @@
-//! One writer at a time, where two would mix what they write.
+//! One writer at a time, if the outputs of two would mix.
 
 use std::{
     fs::{self, File, TryLockError},
@@ -16,7 +16,7 @@ pub struct WriteLock {
 }
 
 impl WriteLock {
-    /// Takes the right to write `what`, a file or a folder; `path` is the hidden file that stands for it.
+    /// Takes the right to write `what`, a file or a folder; `path` is the hidden lock file.
     ///
     /// On a file system without locks it is granted to everybody.
     ///
@@ -38,7 +38,7 @@ impl WriteLock {
         }
     }
 
-    /// Whether nobody else can have it: the file system has locks.
+    /// Returns true if the lock excludes others: the file system has locks.
     pub fn is_exclusive(&self) -> bool {
         self.exclusive
     }

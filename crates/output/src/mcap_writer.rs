@@ -21,7 +21,7 @@ pub const METADATA_RECORD: &str = "fleetfoot";
 /// Channels of one file. MCAP numbers them by 16 bits.
 const MAX_CHANNELS: usize = 65_000;
 
-/// How an MCAP file is written.
+/// Options of an MCAP file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct McapOptions {
     /// Files that must not be overwritten: the inputs of the command.
@@ -44,7 +44,7 @@ impl Default for McapOptions {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct ChannelId(usize);
 
-/// What is known of a channel.
+/// Facts about a channel.
 struct Channel {
     /// Its number in the file.
     id: u16,
@@ -104,10 +104,11 @@ impl McapWriter {
         Ok(Self { path, writer, channels: Vec::new(), by_topic: HashMap::new(), message: Vec::new(), failed: false })
     }
 
-    /// The channel of a topic with messages of one type; the same one when asked again.
+    /// The channel of a topic with messages of one type; the same one for the same topic.
     ///
     /// # Errors
-    /// A topic without a name or with messages of another type; more channels than a file can have; what the system refuses.
+    /// A topic without a name or with messages of another type; more channels than a file can have; refusals of the
+    /// system.
     pub fn channel<M: Message>(&mut self, topic: &str) -> Result<ChannelId, Error> {
         if let Some(&known) = self.by_topic.get(topic) {
             self.check_type::<M>(known)?;
@@ -135,7 +136,8 @@ impl McapWriter {
     /// Appends a message; stamps are nanoseconds since 1970. Messages may come in any order, but readers are quicker when log times ascend.
     ///
     /// # Errors
-    /// A message of another type than the channel's, a stamp before 1970, a message of 4 GiB or more; what the system refuses.
+    /// A message of another type than the channel's, a stamp before 1970, a message of 4 GiB or more; refusals of the
+    /// system.
     pub fn write<M: Message>(
         &mut self,
         channel: ChannelId,
@@ -167,7 +169,7 @@ impl McapWriter {
     /// Completes the file, with its index, and gives it its name.
     ///
     /// # Errors
-    /// What the system refuses, or refused before; then there is no file.
+    /// A refusal of the system, now or before; there is then no file.
     pub fn finish(self) -> Result<(), Error> {
         self.refuse_after_failure()?;
         let Self { path, mut writer, .. } = self;
@@ -177,7 +179,7 @@ impl McapWriter {
         file.commit()
     }
 
-    /// Where the file will be.
+    /// Path of the final file.
     pub fn path(&self) -> &Path {
         &self.path
     }

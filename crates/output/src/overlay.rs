@@ -11,9 +11,9 @@ use crate::{
 
 /// Writes named numbers with stamps into an MCAP file.
 ///
-/// A row is a `sensor_msgs/msg/JointState`, the one well-known type with a stamp and names beside numbers: viewers that know it show the
-/// position of `vx` on the topic `/fleetfoot/predicted` as `/fleetfoot/predicted/vx/position`. Dropping it before [`Overlay::finish`] leaves
-/// nothing behind.
+/// A row is a `sensor_msgs/msg/JointState`, the one well-known type with a stamp and names beside numbers. Viewers that
+/// know it show the position of `vx` on the topic `/fleetfoot/predicted` as `/fleetfoot/predicted/vx/position`.
+/// Dropping it before [`Overlay::finish`] leaves no file.
 #[derive(Debug)]
 pub struct Overlay {
     writer: McapWriter,
@@ -43,7 +43,7 @@ impl Overlay {
     /// Numbers called `names` on `topic`, in the coordinate frame `frame` (may be empty).
     ///
     /// # Errors
-    /// A topic without a name; too many topics; what the system refuses.
+    /// A topic without a name; too many topics; refusals of the system.
     pub fn joint_state(&mut self, topic: &str, names: &[String], frame: &str) -> Result<SeriesId, Error> {
         let channel = self.writer.channel::<JointState<'_>>(topic)?;
         let series = SeriesId(self.series.len());
@@ -55,7 +55,7 @@ impl Overlay {
     /// row belongs to. Both are nanoseconds since 1970.
     ///
     /// # Errors
-    /// Another number of values than names; a stamp that ROS or MCAP cannot hold; what the system refuses.
+    /// Another number of values than names; a stamp that ROS or MCAP cannot hold; refusals of the system.
     pub fn row(&mut self, series: SeriesId, stamp: i64, log_time: i64, values: &[f64]) -> Result<(), Error> {
         let Some(Named { channel, names, frame }) = self.series.get(series.0) else {
             return Err(self.writer.misuse("a series of another file".to_owned()));
@@ -77,7 +77,7 @@ impl Overlay {
     /// Completes the file and gives it its name.
     ///
     /// # Errors
-    /// What the system refuses; then there is no file.
+    /// A refusal of the system; there is then no file.
     pub fn finish(self) -> Result<(), Error> {
         self.writer.finish()
     }

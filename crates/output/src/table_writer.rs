@@ -1,4 +1,4 @@
-//! Columns into a table file, Parquet or text as its name says.
+//! Columns into a table file, Parquet or text by its name.
 
 use std::path::{Path, PathBuf};
 
@@ -20,8 +20,8 @@ pub enum TableWriter {
 }
 
 impl TableWriter {
-    /// Begins a file of the format that its name promises: text for `.csv`, `.tsv` and `.txt`, and for a device or a pipe whose name promises nothing; else
-    /// Parquet.
+    /// Begins a file of the format that its name gives: text for `.csv`, `.tsv` and `.txt`, and for a device or a pipe
+    /// without an extension. Else Parquet.
     ///
     /// # Errors
     /// As [`ParquetWriter::create`].
@@ -37,7 +37,7 @@ impl TableWriter {
     /// Appends rows: one slice a column, in the order of the columns, all of one length.
     ///
     /// # Errors
-    /// Values that do not fit the columns; what the system refuses.
+    /// Values that do not fit the columns; refusals of the system.
     pub fn write(&mut self, values: &[Values<'_>]) -> Result<(), Error> {
         match self {
             Self::Parquet(writer) => writer.write(values),
@@ -48,7 +48,7 @@ impl TableWriter {
     /// Completes the file and gives it its name.
     ///
     /// # Errors
-    /// What the system refuses; then there is no file.
+    /// A refusal of the system; there is then no file.
     pub fn finish(self) -> Result<(), Error> {
         match self {
             Self::Parquet(writer) => writer.finish(),
@@ -57,7 +57,7 @@ impl TableWriter {
     }
 }
 
-/// Whether text is written: the name says so, or a device or a pipe has a name that says nothing.
+/// Returns true if text is written: the name says so, or a device or a pipe has a name without an extension.
 fn is_text(path: &Path) -> bool {
     match path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase).as_deref() {
         Some("csv" | "tsv" | "txt") => true,

@@ -7,7 +7,7 @@ pub struct WriteColumn {
     pub name: String,
     /// Its unit; stored in the field's metadata, where `open` of `log` finds it again.
     pub unit: Option<String>,
-    /// What it holds.
+    /// Kind of its values.
     pub kind: WriteKind,
 }
 
@@ -23,7 +23,7 @@ impl WriteColumn {
     }
 }
 
-/// What a written column holds.
+/// Kind of a written column's values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum WriteKind {

@@ -41,7 +41,7 @@ pub enum Values<'a> {
     Text(&'a [&'a str]),
 }
 
-/// How a Parquet file is written.
+/// Options of a Parquet file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WriteOptions {
     /// Key-value metadata of the file.
@@ -50,7 +50,7 @@ pub struct WriteOptions {
     pub inputs: Vec<PathBuf>,
     /// Compress with Zstandard.
     pub compress: bool,
-    /// Rows of a row group; also what is held in memory at any time.
+    /// Rows of a row group, which also limits the memory.
     pub row_group_rows: usize,
 }
 

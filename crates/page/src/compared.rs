@@ -7,7 +7,7 @@ use fleetfoot_report::words::series as listed;
 
 use crate::Judged;
 
-/// The models whose simulations are scored, and by what they are compared.
+/// The models whose simulations are scored, and the quantity of the comparison.
 pub(crate) struct Compared<'a> {
     pub(crate) models: Vec<(&'a str, &'a Horizon)>,
     /// The states of all, where the models have others beside them; else empty, and Mahalanobis scores are compared.
@@ -44,7 +44,7 @@ impl<'a> Compared<'a> {
         Some(Ok(Self { models, shared, deviations }))
     }
 
-    /// What is compared, for people.
+    /// The compared quantity, for people.
     pub(crate) fn what(&self) -> String {
         match self.shared.as_slice() {
             [] => "Mean Mahalanobis score".to_owned(),
@@ -91,7 +91,7 @@ impl<'a> Compared<'a> {
     }
 }
 
-/// Whether anything was measured that the simulations could be compared with.
+/// Returns true if any measurement can be compared with the simulations.
 pub(crate) fn is_scored(horizon: &Horizon) -> bool {
     horizon.model.mahalanobis.iter().any(|score| score.value.is_finite())
 }

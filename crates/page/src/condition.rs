@@ -1,10 +1,10 @@
-//! How closely the functions that a region's coefficients use move together.
+//! Condition of the functions that a region's coefficients use: their correlation in the training rows.
 
 use fleetfoot_model::{Model, RegionSummary};
 use fleetfoot_stats::Gram;
 
-/// From this condition number of the standardised regressors on, coefficients are seriously affected by how the columns move together (Belsley, Kuh,
-/// Welsch, Regression Diagnostics, 1980, section 3.2: 30 and more).
+/// From this condition number of the standardised regressors on, collinearity affects coefficients seriously (Belsley,
+/// Kuh, Welsch, Regression Diagnostics, 1980, section 3.2: 30 and more).
 pub(crate) const CONDITION: f64 = 30.0;
 
 /// The functions of a partition's first latent that some latent of it uses.

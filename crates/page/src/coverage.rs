@@ -1,4 +1,4 @@
-//! How far the rows reach, column by column, beside what the training rows saw.
+//! Ranges of the rows, column by column, beside the training range.
 
 use fleetfoot_data::Column;
 use fleetfoot_model::Model;
@@ -23,17 +23,18 @@ pub(crate) struct Coverage {
     pub(crate) unit: Option<String>,
     /// Its place in the rows that are read.
     pub(crate) place: usize,
-    /// Whether a prediction speaks of it, or nothing does: what only says how a target is measured goes with its errors by itself.
+    /// True if a prediction reads the column, or nothing does. A column that serves only to measure a target correlates
+    /// with its errors by construction.
     pub(crate) explains: bool,
     bins: Bins,
-    /// What the training rows saw of it, where the model knows; and values outside of it.
+    /// Its training range, if the model knows it; then the number of values outside.
     trained: Option<[f64; 2]>,
     outside: u64,
     /// Rows without a value, by the time since the first log's start, logs one behind the other.
     pub(crate) missing: Bins,
 }
 
-/// The columns that a model speaks of, among those that are read.
+/// The columns of a model, among those that are read.
 pub(crate) fn columns(model: &Model, read: &[Column]) -> Vec<Coverage> {
     let known = read.iter().enumerate().filter(|(_, column)| model.column(&column.name).is_some());
     let one = |(place, column): (usize, &Column)| Coverage {
@@ -57,7 +58,7 @@ fn explains(model: &Model, name: &str) -> bool {
     model.libraries.iter().flatten().chain(rights).chain(partitions).any(speaks) || !targets.into_iter().any(speaks)
 }
 
-/// The range of a column over the training rows, where it is a function of a library by itself.
+/// The training range of a column that is itself a function of a library.
 fn trained(model: &Model, name: &str) -> Option<[f64; 2]> {
     let of = |latent: &fleetfoot_model::Latent| {
         let function =
@@ -110,7 +111,7 @@ impl Coverage {
         }
     }
 
-    /// Its row in the table; `gaps` says whether the table has a column for missing values.
+    /// Its row in the table; `gaps`: true if the table has a column for missing values.
     fn row(&self, gaps: bool) -> Vec<Cell> {
         let all = self.rows() as f64;
         let least = self.bins.lows().into_iter().fold(f64::NAN, f64::min);

@@ -37,7 +37,8 @@ pub(crate) fn parts(judged: &[Judged<'_>]) -> Vec<Part> {
     figures
 }
 
-/// The states that have a figure: one that a fitted equation advances and one that a given equation does, as in the paper a velocity and an angle, and so on in turn.
+/// The states that have a figure: alternately one that a fitted equation advances and one that a given equation does,
+/// as in the paper a velocity and an angle.
 fn shown<'a>(model: &Model, states: &'a [State]) -> Vec<&'a State> {
     let is_fitted = |state: &&State| model.fitted().any(|equation| equation.subject == state.name);
     let (fitted, given): (Vec<&State>, Vec<&State>) = states.iter().partition(is_fitted);
@@ -103,7 +104,7 @@ fn near<'a>(recorded: &[f64], all: impl Iterator<Item = &'a f64>) -> Option<[f64
 }
 
 impl RolledOn {
-    /// Where the model's simulations of a state are marked.
+    /// Marks on the model's simulations of a state: left the training range, ended early.
     fn marks(&self, state: &State, name: &str, several: bool) -> Vec<Series> {
         let of = |what: &str| if several { format!("{name} {what}") } else { what.to_owned() };
         let marked = |what: &str, places: &[usize], stroke| {

@@ -1,4 +1,4 @@
-//! What training rows could tell: how the functions that a model uses move together.
+//! Excitation of the training rows: correlation of the functions that a model uses.
 
 use std::collections::BTreeSet;
 
@@ -11,7 +11,7 @@ use fleetfoot_stats::Collinearity;
 
 use crate::condition::{CONDITION, gram, used};
 
-/// Functions that are drawn, and groups that are told.
+/// Functions that are drawn, and groups that are listed.
 const FUNCTIONS: usize = 24;
 const GROUPS: usize = 3;
 /// A function belongs to weak directions that take more than this share of its coefficient's variance (Belsley, Kuh, Welsch, section 3.2).
@@ -28,7 +28,8 @@ struct Excitation {
     found: Collinearity,
 }
 
-/// What the rows of all partitions tell apart; nothing where the model does not know, or no function has company. `place` tells the figure from others.
+/// Parts about the excitation of all partitions. Empty if the model does not know it, or every partition has one
+/// function. `place` distinguishes the figures.
 pub(crate) fn parts(model: &Model, place: usize) -> Vec<Part> {
     let all: Vec<Excitation> =
         (0..model.partitions.len()).filter_map(|partition| Excitation::of(model, partition)).collect();
@@ -89,7 +90,8 @@ impl Excitation {
         )
     }
 
-    /// Functions with the inflation of their coefficients' standard errors, and whether they are to be named with what they make.
+    /// Functions with the inflation of their coefficients' standard errors. `several`: true to name them with their
+    /// latents.
     fn inflated(&self, several: bool) -> impl Iterator<Item = (String, f64)> {
         let name = move |&column: &usize| {
             if several { format!("{}: {}", self.of, self.names[column]) } else { self.names[column].clone() }
@@ -98,7 +100,7 @@ impl Excitation {
     }
 }
 
-/// How many times each standard error is what it would be if the function moved alone.
+/// Inflation of each standard error: its ratio to that of a function that moves alone.
 fn figure(all: &[Excitation], place: usize) -> Figure {
     let mut inflated: Vec<(String, f64)> = all.iter().flat_map(|own| own.inflated(all.len() > 1)).collect();
     inflated.sort_by(|a, b| b.1.total_cmp(&a.1));

@@ -1,5 +1,5 @@
-//! How models were chosen: held-out errors over lambda or over numbers of terms, and how often resamples select a function. A model does not carry that; the report
-//! of its fit does, and tells by the model's hash whose it is.
+//! Choice of models: held-out errors over lambda or over numbers of terms, and selection frequencies. A model does not
+//! carry these. The report of its fit does, and names the model by its hash.
 
 use fleetfoot_data::setting::JSON;
 use fleetfoot_fit::{Bounded, Error, LimitReport};
@@ -18,10 +18,10 @@ const MODELS: usize = 24;
 const EQUATIONS: usize = 6;
 /// Held-out errors are drawn up to so many times the least.
 const FAR: f64 = 3.0;
-/// Functions of a path that are drawn: more lines cannot be told apart.
+/// Functions of a path that are drawn: more lines cannot be distinguished.
 const ALONG: usize = 12;
 
-/// What a page shows of the report of a fit.
+/// Parts of a fit's report that a page shows.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub(crate) struct Fit {
     /// The model's.
@@ -34,11 +34,11 @@ pub(crate) struct Fit {
     latents: Vec<Latent>,
     #[serde(default)]
     pub(crate) candidates: Value,
-    /// Whether losses are of rows that did not train; of some fits something else.
+    /// True if losses are of held-out rows; some fits have another value.
     pub(crate) held_out: Option<Value>,
     #[serde(default)]
     pub(crate) regions: Vec<Region>,
-    /// What was kept within bounds, and what its errors are.
+    /// Bounds of the fit, with their errors.
     #[serde(default)]
     pub(crate) limits: Vec<LimitReport>,
     #[serde(default)]
@@ -68,7 +68,7 @@ pub(crate) struct Priced {
     pub(crate) free_held_out_rms: Option<f64>,
 }
 
-/// The deviation of a state's measurements, or of what is left, with limits and without.
+/// The deviation of a state's measurements, or of residuals, with limits and without.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub(crate) struct Deviation {
     pub(crate) of: String,
@@ -109,7 +109,7 @@ struct Validation {
     standard_error: Vec<Option<f64>>,
 }
 
-/// Coefficients along what made them fewer: a penalty, or the number of terms of each equation.
+/// Coefficients along a penalty, or along the number of terms of each equation.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(untagged)]
 enum Paths {
@@ -179,10 +179,10 @@ struct Point {
     chosen: bool,
 }
 
-/// Reads reports of fits, as `--json` of a fit tells them; of `--by` there are several in one.
+/// Reads reports of fits, in the form of `--json`; one of `--by` has several.
 ///
 /// # Errors
-/// One that is no report of a fit.
+/// A JSON value that is no report of a fit.
 pub(crate) fn read(reports: &[Value]) -> Result<Vec<Fit>, Error> {
     let of = |report: &Value| match report.get("models").and_then(Value::as_array) {
         Some(several) => several.clone(),
@@ -196,7 +196,7 @@ pub(crate) fn read(reports: &[Value]) -> Result<Vec<Fit>, Error> {
     reports.iter().flat_map(of).map(one).collect()
 }
 
-/// What there is to show of all models; nothing where no report is that of a model here.
+/// Parts of all models; empty if no report belongs to a model here.
 pub(crate) fn parts(judged: &[Judged<'_>], fits: &[Fit]) -> Vec<Part> {
     let known: Vec<(&str, &Fit)> =
         judged.iter().filter_map(|one| Some((one.name, Fit::of(fits, one.model)?))).collect();
@@ -219,7 +219,7 @@ pub(crate) fn parts(judged: &[Judged<'_>], fits: &[Fit]) -> Vec<Part> {
     }
 }
 
-/// How many of the reports are of no model here.
+/// Number of reports that belong to no model here.
 pub(crate) fn strangers(judged: &[Judged<'_>], fits: &[Fit]) -> usize {
     fits.iter().filter(|fit| judged.iter().all(|one| one.model.hash() != fit.hash)).count()
 }
@@ -233,7 +233,7 @@ fn list(values: &[Option<f64>]) -> Vec<f64> {
 }
 
 impl Fit {
-    /// Held-out error over lambda, with what lies between the least error and the choice.
+    /// Held-out error over lambda, with the range between the least error and the choice.
     fn curve(&self, place: usize, title: String) -> Option<Figure> {
         let lambda = self.lambda.as_ref()?;
         let own = lambda.validation.as_ref().filter(|own| own.lambdas.len() > 1)?;
@@ -359,7 +359,7 @@ impl Fit {
         Some(Figure::new(format!("orders-{place}"), title, caption, Chart::Panels(Panels::new(panels))))
     }
 
-    /// What each function contributes over the number of terms, an equation a figure, in the first region.
+    /// Contribution of each function over the number of terms, an equation a figure, in the first region.
     fn along_terms(&self, place: usize, title: &str) -> Vec<Figure> {
         let (Some(Paths::Terms(paths)), Some(region)) = (&self.path, self.regions.first()) else { return Vec::new() };
         let own = paths.iter().filter(|path| path.name == region.name && path.terms.len() > 1).take(EQUATIONS);
@@ -372,7 +372,8 @@ impl Fit {
         own.enumerate().map(figure).collect()
     }
 
-    /// The standard errors of the coefficients of an equation, or of a function that equations share, in a region: functions by name, `1` for the constant.
+    /// The standard errors of the coefficients of an equation, or of a shared function, in a region: functions by name,
+    /// `1` for the constant.
     pub(crate) fn standard_errors(&self, label: &str, latent: &str, region: usize) -> Vec<(&str, f64)> {
         let own = self.regions.get(region).into_iter().flat_map(|region| &region.equations);
         let terms = own.filter(|equation| equation.label == label).flat_map(|equation| &equation.terms);
@@ -380,12 +381,12 @@ impl Fit {
         terms.chain(shared).filter_map(|term| Some((term.function.as_str(), term.standard_error?))).collect()
     }
 
-    /// How the maps are bounded that were fitted to simulations, where these were written.
+    /// Contraction of the maps that were fitted to simulations, if these were written.
     pub(crate) fn bound_of_simulations(&self) -> Option<Bounded> {
         self.objective.as_ref().filter(|own| own.written)?.bound
     }
 
-    /// Whether coefficients that were fitted to simulations were written.
+    /// Returns true if coefficients fitted to simulations were written.
     pub(crate) fn is_simulated(&self) -> bool {
         self.objective.as_ref().is_some_and(|own| own.written)
     }

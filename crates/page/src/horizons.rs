@@ -15,9 +15,9 @@ use crate::{
     sentence::{sentence, sentence_of},
 };
 
-/// Steps that are drawn: errors grow smoothly, and a page is no wider.
+/// Steps that are drawn: errors grow smoothly, and a page has no room for more.
 const POINTS: usize = 60;
-/// Models that a figure shows, and states that have one of their own.
+/// Models that a figure shows, and states that have a separate figure.
 const MODELS: usize = 6;
 const STATES: usize = 6;
 
@@ -135,7 +135,7 @@ pub(crate) fn best_at_the_end<'a>(judged: &'a [Judged<'_>]) -> Option<&'a str> {
     Some(compared.models[last.model].0)
 }
 
-/// Which of several models is best to simulate with, and when.
+/// Sentence about the best of several models in simulation, by horizon.
 pub(crate) fn best(judged: &[Judged<'_>]) -> Option<Sentence> {
     let compared = match Compared::of(judged)? {
         Ok(compared) => compared,

@@ -1,4 +1,4 @@
-//! How well each coefficient is known: tables beside the equations.
+//! Intervals of the coefficients: tables beside the equations.
 
 use fleetfoot_data::packed;
 use fleetfoot_data::setting::FIT;
@@ -11,7 +11,7 @@ use fleetfoot_stats::{Gram, student_t_95};
 
 use crate::{fitting::Fit, limits::not_least_squares};
 
-/// Coefficients of a region that stand unfolded, and terms and equations that are told at most.
+/// Coefficients of a region that stand unfolded, and terms and equations that are listed at most.
 const SHOWN: usize = 12;
 const TERMS: usize = 60;
 const EQUATIONS: usize = 24;
@@ -22,25 +22,26 @@ const TWO_SIDED: f64 = 1.959_963_984_540_054;
 
 /// The coefficients of a function in a region.
 struct Known {
-    /// What it makes.
+    /// Label of the function.
     label: String,
     /// Names and values of the terms, and half the widths of their intervals; NaN where that is not known.
     terms: Vec<(String, f64, f64)>,
-    /// Terms that the rows cannot tell from others.
+    /// Confounded terms.
     confounded: Vec<String>,
 }
 
-/// What intervals are made of.
+/// Basis of the intervals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Basis {
     /// Standard errors in the report of the fit.
     Report,
-    /// The moments of the region's rows; how many of how many rows count as independent, where the report of the fit says so.
+    /// The moments of the region's rows. The numbers are the independent rows, and the rows, if the report of the fit
+    /// has them.
     Moments(Option<[f64; 2]>),
 }
 
-/// The coefficients of the equations of a region with their intervals; nothing where neither the report of the fit nor the model knows them.
-/// `said` is what intervals are made of, where it was said before.
+/// The coefficients of the equations of a region with their intervals; empty if neither the report of the fit nor the
+/// model has them. `said`: the basis of intervals that the page has already explained.
 pub(crate) fn parts(
     model: &Model,
     partition: usize,
@@ -127,13 +128,13 @@ fn terms(model: &Model, latent: &Latent, region: usize) -> Vec<(String, f64)> {
     named.filter(|(_, value)| *value != 0.0).collect()
 }
 
-/// Whether a partition's statistics speak of the functions of a latent.
+/// Returns true if a partition's statistics are about the functions of a latent.
 fn is_described(model: &Model, latent: &Latent) -> bool {
     let first = model.latents.iter().find(|own| own.partition == latent.partition);
     first.is_some_and(|first| first.library == latent.library)
 }
 
-/// Terms that a region's rows cannot tell apart.
+/// Confounded terms of a region.
 fn confounded(model: &Model, latent: &Latent, region: usize) -> Vec<String> {
     let groups = &model.summaries[latent.partition].regions[region].confounded;
     let functions = &model.libraries[latent.library];
@@ -172,7 +173,7 @@ impl Known {
         table
     }
 
-    /// Whether a coefficient is told from zero.
+    /// Verdict on a coefficient: different from zero, or not.
     fn told(&self, name: &str, value: f64, half: f64) -> (Light, &'static str) {
         match half {
             _ if self.confounded.iter().any(|own| own == name) => (Light::Bad, "not told from other terms"),
@@ -180,7 +181,8 @@ impl Known {
         }
     }
 
-    /// The coefficient of a term with its interval in one cell; a sign where it is not told from zero, or from other terms.
+    /// The coefficient of a term with its interval in one cell; a sign marks one that is not distinct from zero, or
+    /// from other terms.
     fn cell(&self, name: &str) -> Cell {
         let term = self.terms.iter().find(|(own, _, _)| own == name);
         let Some((_, value, half)) = term else { return Cell::Number(String::new()) };
@@ -214,7 +216,7 @@ fn side_by_side(known: &[Known]) -> Table {
     })
 }
 
-/// How many are not shown of what there is.
+/// Sentence about the number of rows that a table leaves out; empty if none.
 fn beyond(all: usize, shown: usize, what: &str) -> String {
     if all > shown { format!(" Shown are {shown} of {all} {what}.") } else { String::new() }
 }
@@ -223,7 +225,7 @@ fn named(term: &str) -> Cell {
     Cell::Text(if term == "1" { "constant" } else { term }.to_owned())
 }
 
-/// Whether a number is told from zero.
+/// Verdict on a number: different from zero, or not.
 fn told(value: f64, half: f64) -> (Light, &'static str) {
     match half {
         half if half.is_infinite() => (Light::Bad, "not determined"),
@@ -244,8 +246,9 @@ impl<'a> Inverses<'a> {
         Self { region, known: Vec::new() }
     }
 
-    /// Half the widths of the intervals of the terms of an equation, the constant first: `t s sqrt(diag((X'X)^-1))` with the variance of the residuals `s^2` by their degrees of
-    /// freedom, where a share of the rows counts as independent. NaN where the model does not know the moments.
+    /// Half the widths of the intervals of the terms of an equation, the constant first. They are
+    /// `t s sqrt(diag((X'X)^-1))` with the variance of the residuals `s^2` by their degrees of freedom; a share of the
+    /// rows counts as independent. NaN if the model does not have the moments.
     fn half_widths(&mut self, model: &Model, latent: &Latent, region: usize, target: usize, share: f64) -> Vec<f64> {
         let support: Vec<usize> =
             (0..latent.map.features()).filter(|&j| latent.map.coefficient(region, j) != 0.0).collect();
@@ -275,8 +278,8 @@ impl<'a> Inverses<'a> {
     }
 }
 
-/// The diagonal of `(X'X)^-1` for some functions over a region's rows, that of the constant first; infinite where a function does not vary or depends on others, NaN where the
-/// moments are not known.
+/// The diagonal of `(X'X)^-1` for some functions over a region's rows, that of the constant first. Infinite if a
+/// function does not vary or depends on others, NaN if the moments are unknown.
 fn inverse_diagonal(region: &RegionSummary, support: &[usize], constant: bool) -> Vec<f64> {
     let first = usize::from(constant);
     let mean = |j: usize| region.mean.get(support[j]).copied().unwrap_or(f64::NAN);

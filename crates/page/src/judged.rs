@@ -1,4 +1,4 @@
-//! A model with what the logs say of it.
+//! A model with its scores and simulations on the logs.
 
 use fleetfoot_data::Progress;
 use fleetfoot_dataset::{Dataset, Logs};
@@ -26,7 +26,7 @@ pub(crate) struct Judged<'a> {
     pub(crate) scores: Option<Result<Scored, String>>,
     /// `None` without logs.
     pub(crate) rollouts: Option<Result<RolledOut, String>>,
-    /// Where its simulations began.
+    /// Starts of its simulations.
     pub(crate) starts: Vec<Place>,
     /// A stretch of a recording with the simulations on it; `None` where nothing could be simulated.
     pub(crate) on_stretch: Option<RolledOn>,
@@ -90,7 +90,7 @@ impl<'a> Judged<'a> {
     }
 }
 
-/// What cannot be scored or simulated is something to be said; what cannot be read is an error.
+/// Separates failures to score or simulate, which the page reports, from failures to read, which are errors.
 fn said<T>(result: Result<T, Error>) -> Result<Result<T, String>, Error> {
     match result {
         Ok(found) => Ok(Ok(found)),

@@ -1,4 +1,4 @@
-//! What is left of a target: its errors over time, and over columns.
+//! Residuals of a target: over time, and over columns.
 
 use fleetfoot_report::Bins;
 use fleetfoot_stats::Autocorrelation;
@@ -12,7 +12,7 @@ const BINS: usize = 24;
 const COLUMNS: usize = 24;
 const ROWS: u64 = 10;
 
-/// What is left of one target, in standard deviations of the target.
+/// Residuals of one target, in standard deviations of the target.
 #[derive(Clone)]
 pub(crate) struct Leftover {
     pub(crate) time: Autocorrelation,
@@ -42,7 +42,7 @@ impl Leftover {
         }
     }
 
-    /// Takes what is left of the rows behind these; `goes_on` says whether they follow in the same episode.
+    /// Merges the residuals of the rows behind these; `goes_on`: true if they follow in the same episode.
     pub(crate) fn append(&mut self, other: &Self, goes_on: bool) {
         if !goes_on {
             self.time.interrupt();

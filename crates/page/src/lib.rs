@@ -1,4 +1,5 @@
-//! One page that shows what models are worth: sentences, equations, tables and figures, from the one score and rollout that there are.
+//! One page that shows the quality of models: sentences, equations, tables and figures, from the common score and
+//! rollout.
 
 mod compared;
 mod condition;
@@ -49,26 +50,26 @@ use passed::Passed;
 use rolled_on::Wanted;
 use serde_json::Value;
 
-/// What a page shows beside what its models and logs say.
+/// Options of a page beside its models and logs.
 #[derive(Clone)]
 #[non_exhaustive]
 pub struct ReportOptions {
-    /// The title; `None`: what the models are.
+    /// The title; `None`: the names of the models.
     pub title: Option<String>,
     /// Steps of every simulation; `None`: 200, and at most a quarter of the longest episode.
     pub horizon: Option<usize>,
     /// Simulations of every model, evenly spread.
     pub starts: usize,
-    /// What drives the inputs of the simulations; `None`: what was recorded.
+    /// Controller of the inputs in simulations; `None`: recorded inputs.
     pub controller: Option<Arc<dyn Controller>>,
     /// Two columns, or expressions over columns: the page shows on their plane where the best model errs, and where its regions change. `None`: the angles of a model
     /// that has two, else none.
     pub plane: Option<[String; 2]>,
-    /// Reports of fits, as `--json` of a fit tells them, each with the `hash` of its model: how it was chosen.
+    /// Reports of fits, in the form of `--json`, each with the `hash` of its model.
     pub fits: Vec<Value>,
 }
 
-/// As what figures are written.
+/// Format of written figures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FigureFormat {
     /// Drawings, `.svg`.
@@ -83,7 +84,7 @@ impl Default for ReportOptions {
     }
 }
 
-/// A page, and what to know about the data.
+/// A page, and notes about the data.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Report {
@@ -93,17 +94,19 @@ pub struct Report {
     pub episodes: usize,
     /// Names of those that one of the models was trained on: scores on them are in-sample.
     pub in_sample: Vec<String>,
-    /// What was assumed or left out.
+    /// Assumptions and omissions.
     pub notes: Vec<String>,
 }
 
-/// Shows models, and what they are worth on logs. Without logs it shows the models alone.
+/// Shows models, and their errors on logs. Without logs it shows the models alone.
 ///
-/// The logs are opened once for models of the same columns. Their rows are read once a model to score it, once more for what the best of them predicts, and where
-/// simulations start. What is shown of them is binned as it is read: the page does not grow with the rows.
+/// The logs are opened once for models of the same columns. Their rows are read once a model to score it, once more for
+/// the residuals of the best one, and at the starts of simulations. All figures are binned while reading: the page does
+/// not grow with the rows.
 ///
 /// # Errors
-/// No model; those of [`score`](fleetfoot_run::score) and [`rollout`](fleetfoot_run::rollout) but that nothing could be scored or simulated, which the page says.
+/// No model. Those of [`score`](fleetfoot_run::score) and [`rollout`](fleetfoot_run::rollout), except that a failure to
+/// score or simulate is reported on the page.
 pub fn report(
     models: &[(String, Model)],
     changes: &Recipe,
@@ -165,7 +168,8 @@ pub fn report(
     Ok(Report { page, episodes, in_sample, notes })
 }
 
-/// The model with the least error one step ahead in what all predict, else at the end of simulations: of several, the rows and logs of this one are shown.
+/// The model with the least one-step error in the targets of all models, else at the end of simulations. Of several
+/// models, the rows and logs of this one are shown.
 fn best<'a, 'b>(judged: &'b [Judged<'a>]) -> &'b Judged<'a> {
     let shared = scores::shared(judged);
     let known = judged.iter().filter_map(|one| Some((one.mean_over_null(&shared)?, one)));
@@ -208,7 +212,7 @@ fn lead(models: &[(String, Model)], seen: Option<&logs::Seen>) -> String {
     }
 }
 
-/// What the page was made by and from.
+/// Versions and models that made the page.
 fn source(models: &[(String, Model)]) -> Vec<String> {
     let one = |(name, model): &(String, Model)| {
         format!("{name}: model {}, fitted by fleetfoot {}.", model.hash(), model.training.version)
@@ -218,7 +222,7 @@ fn source(models: &[(String, Model)]) -> Vec<String> {
 }
 
 impl Report {
-    /// What the page says first.
+    /// Sentences of the first section.
     pub fn findings(&self) -> impl Iterator<Item = &Sentence> {
         let parts = self.page.sections.first().into_iter().flat_map(|section| &section.parts);
         let findings = parts.filter_map(|part| match part {

@@ -1,4 +1,5 @@
-//! What a fit keeps within bounds: maps that contract or are passive, coefficients, functions and parameters with limits, and what that costs. The report of the fit has it.
+//! Bounds that a fit keeps, and their cost: maps that contract or are passive, coefficients, functions and parameters
+//! with limits. They come from the report of the fit.
 
 use fleetfoot_fit::{BoundedCandidate, BoundedMaps, LimitReport, TextTable, unexplained};
 use fleetfoot_model::Model;
@@ -28,7 +29,8 @@ struct Partition {
     stability: BoundedMaps,
 }
 
-/// Why intervals of least squares are not those of a model's coefficients, where that is so: by the recipe that the model carries, and by the report of its fit where that is known.
+/// Reason why intervals of least squares do not apply to a model's coefficients; `None` if they do. It comes from the
+/// model's recipe, and from the report of its fit if that is known.
 pub(crate) fn not_least_squares(model: &Model, fit: Option<&Fit>) -> Option<&'static str> {
     let recipe = Recipe::parse(&model.training.recipe, "the recipe of the model").ok()?;
     let objective = match model.method.split_whitespace().next() {
@@ -57,7 +59,7 @@ pub(crate) fn not_least_squares(model: &Model, fit: Option<&Fit>) -> Option<&'st
     None
 }
 
-/// What there is to show of all models; nothing where no fit kept anything.
+/// Parts of all models; empty if no fit kept a bound.
 pub(crate) fn parts(judged: &[Judged<'_>], fits: &[Fit]) -> Vec<Part> {
     let mut parts = Vec::new();
     for one in judged {
@@ -73,7 +75,7 @@ pub(crate) fn parts(judged: &[Judged<'_>], fits: &[Fit]) -> Vec<Part> {
 }
 
 impl Fit {
-    /// Whether the bounds of a partition that was taken moved the map of a region.
+    /// Returns true if the bounds of the chosen partition moved the map of a region.
     fn is_moved(&self) -> bool {
         let candidates = self.candidates.as_array().into_iter().flatten();
         let chosen = candidates.filter(|own| own.get("chosen").and_then(Value::as_bool).unwrap_or(true));
@@ -145,7 +147,7 @@ impl Fit {
     }
 }
 
-/// A table that is told, as a page has it.
+/// A terminal table as a table of the page.
 fn set(caption: String, told: TextTable) -> Part {
     let row = |cells: Vec<String>| {
         let mut cells = cells.into_iter();
@@ -155,7 +157,7 @@ fn set(caption: String, told: TextTable) -> Part {
     Part::Table(told.rows.into_iter().map(row).fold(Table::new(caption, told.header), Table::row))
 }
 
-/// What stands above a table on a terminal, as a sentence.
+/// Caption of a terminal table, as a sentence.
 fn sentence(caption: &str) -> String {
     let mut letters = caption.chars();
     letters.next().map_or_else(String::new, |first| format!("{}{}.", first.to_uppercase(), letters.as_str()))

@@ -31,7 +31,7 @@ pub(crate) struct Seen {
     pub(crate) notes: Vec<String>,
     /// Names of the episodes that trained the first model, as a whole or in part.
     trained: Vec<String>,
-    /// Where stamps are from, and the clocks of other computers.
+    /// Source of the stamps, and the clocks of other computers.
     stamps: String,
     clocks: Vec<AlignedClock>,
     /// The channels that rows are made of, in the first log.
@@ -39,7 +39,7 @@ pub(crate) struct Seen {
 }
 
 impl Seen {
-    /// What is opened for the first model.
+    /// Episodes and channels opened for the first model.
     pub(crate) fn of(model: &Model, changes: &Recipe, dataset: &Dataset) -> Result<Self, Error> {
         Ok(Self {
             episodes: dataset.episodes().to_vec(),
@@ -110,7 +110,8 @@ impl Seen {
         )
     }
 
-    /// Where each log has rows, from its own start on: episodes of one file stand in one row, with the gaps between them.
+    /// Spans with rows of each log, from its start on: episodes of one file stand in one row, with the gaps between
+    /// them.
     fn drawn(&self, passed: Option<&Passed>) -> Option<Figure> {
         let mut rows: Vec<(String, i64, Vec<Span>)> = Vec::new();
         let mut lost: Vec<Vec<Span>> = Vec::new();
@@ -180,7 +181,7 @@ impl Seen {
     }
 }
 
-/// Where the stamps of rows are from, as far as the recipe says it.
+/// Sentence about the source of the rows' stamps, by the recipe.
 fn stamps(recipe: &Recipe) -> String {
     let time = &recipe.time;
     let unit = time.unit.as_ref().map_or_else(String::new, |unit| format!(" [{unit}]"));
@@ -203,7 +204,7 @@ fn stamps(recipe: &Recipe) -> String {
     said.into_iter().flatten().collect::<Vec<_>>().join(" ")
 }
 
-/// What channels tell before they are joined to rows.
+/// Table of the channels before they are joined to rows.
 fn channels(topics: &[TopicInfo]) -> Table {
     let caption = "Channels that the model reads, in the first log, before they are joined to rows. A gap is longer than five median periods; headers are compared with the times at which messages \
                    were recorded.";
@@ -226,7 +227,7 @@ fn channels(topics: &[TopicInfo]) -> Table {
     })
 }
 
-/// What the clocks of other computers show more.
+/// Table of clock offsets of other computers.
 fn clocks(clocks: &[AlignedClock]) -> Table {
     let caption = "Clocks of other computers, and what they show more than the first one, with 95 % intervals.";
     let head = ["clock", "log", "by", "offset [ms]", "skew [ppm]"];
@@ -248,7 +249,8 @@ fn file_of(name: &str) -> String {
     name.rsplit_once('#').map_or(name, |(file, _)| file).to_owned()
 }
 
-/// Spans a log at most: neighbours with the least gaps between them are joined, so that a log of ten thousand episodes is drawn in as many strokes as can be seen.
+/// Spans a log at most. Neighbours with the least gaps between them are joined, so that a log of ten thousand episodes
+/// is drawn in as many strokes as can be seen.
 const SPANS: usize = 400;
 
 fn merged(spans: Vec<Span>) -> Vec<Span> {

@@ -1,4 +1,4 @@
-//! Where values are missing: channels that were rejected, that began late or ended early, and what that costs.
+//! Missing values: channels that were rejected, that began late or ended early, and the rows that they cost.
 
 use std::{collections::BTreeMap, sync::Arc};
 
@@ -59,7 +59,7 @@ impl Lost {
         self.episodes.get(&episode).map_or(0, |bins| bins.counts().iter().sum())
     }
 
-    /// Where they are, seconds since the start of the episode.
+    /// Spans without values, seconds since the start of the episode.
     pub(crate) fn spans(&self, episode: usize) -> Vec<[f64; 2]> {
         self.episodes.get(&episode).map_or_else(Vec::new, |bins| spans(bins, self.periods[episode]))
     }

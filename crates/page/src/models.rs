@@ -1,4 +1,4 @@
-//! The models: what they speak of, their equations, their regions.
+//! The models: their columns, equations and regions.
 
 use fleetfoot_model::{Column, Definition, Equation as ModelEquation, Latent, Model, Prediction, Role, SetEquation};
 use fleetfoot_report::{Cell, Equation, Math, Part, Section, Table};
@@ -11,7 +11,7 @@ const COLUMNS: usize = 8;
 const UNFOLDED: usize = 1;
 /// Regions whose equations are written of each of several models; of one alone [`regions::SHOWN`].
 const OF_SEVERAL: usize = 2;
-/// Terms of an equation that are set, and equations: beyond them nobody reads.
+/// Terms of an equation that are set, and equations: more cannot be read.
 const TERMS: usize = 60;
 const EQUATIONS: usize = 24;
 
@@ -34,7 +34,8 @@ pub(crate) fn section(judged: &[Judged<'_>], fits: &[Fit]) -> Section {
     Section::new("model", if one { "Model" } else { "Models" }, parts)
 }
 
-/// What the training rows of a model tell apart; where those of a model before it told the same, only that. `known` are names with what was told.
+/// Parts about the excitation of a model's training rows; a reference if they equal those of a model before. `known`:
+/// names of models, with their parts.
 fn told_apart<'a>(judged: &Judged<'a>, number: usize, known: &mut Vec<(&'a str, Vec<Part>)>) -> Vec<Part> {
     let parts = excitation::parts(judged.model, number);
     // Figures have addresses of their own, and their numbers may differ by rounding; captions have what matters of them.
@@ -54,7 +55,8 @@ fn told_apart<'a>(judged: &Judged<'a>, number: usize, known: &mut Vec<(&'a str, 
     }
 }
 
-/// A model; `number` tells its figures from those of the others, and of so many regions it has the equations. `fit` is the report of its fit.
+/// A model; `number` distinguishes its figures from those of the others, and the equations of `shown` regions appear.
+/// `fit` is the report of its fit.
 fn parts(model: &Model, number: usize, shown: usize, fit: Option<&Fit>) -> Vec<Part> {
     let mut parts = vec![Part::Paragraph(about(model))];
     let given: Vec<Equation> = (model.equations.iter())
@@ -115,12 +117,12 @@ fn about(model: &Model) -> String {
     format!("{kind}{step}.{coefficients}")
 }
 
-/// Whether an equation is a fitted function that differs from region to region.
+/// Returns true if an equation is a fitted function that differs from region to region.
 fn is_by_region(model: &Model, equation: &ModelEquation) -> bool {
     model.latent_of(equation).is_some_and(|latent| latent.map.regions() > 1)
 }
 
-/// Whether a fitted function stands in equations by its name.
+/// Returns true if a fitted function stands in equations by its name.
 fn is_shared(model: &Model, latent: &Latent) -> bool {
     !model.equations.iter().any(|equation| model.latent_of(equation).is_some_and(|own| own.name == latent.name))
 }
@@ -144,7 +146,7 @@ fn capped(mut equations: Vec<Equation>) -> Vec<Part> {
     shown.into_iter().chain(rest).collect()
 }
 
-/// Where it comes from that is not fitted.
+/// Origin of an equation that is not fitted: `given`; empty for a fitted one.
 fn how(equation: &ModelEquation) -> String {
     if equation.target.is_none() { "given".into() } else { String::new() }
 }

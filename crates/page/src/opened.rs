@@ -1,4 +1,4 @@
-//! Logs as a model sees them, opened once for all that a page asks of them: where they have to be decoded, that is most of the work.
+//! Logs with a model's columns, opened once for all parts of a page: decoding them is most of the work.
 
 use fleetfoot_data::Progress;
 use fleetfoot_dataset::{Dataset, Logs, reads_of_model};
@@ -31,7 +31,7 @@ impl<'a> Opened<'a> {
     }
 }
 
-/// Whether two models see the same in any logs: columns, clock, and what is said of them.
+/// Returns true if two models open any logs alike: same columns, clock and recipe.
 fn see_alike(a: &Model, b: &Model) -> bool {
     let labels = |model: &Model| model.partitions.iter().any(|own| matches!(own.rule, Rule::Labels { .. }));
     a.columns == b.columns

@@ -1,4 +1,5 @@
-//! The one pass over the rows that a page is drawn of: a reduction over chunks, on all threads. What is kept of the rows is binned: it does not grow with them.
+//! The one pass over the rows behind a page: a reduction over chunks, on all threads. Sums are binned: they do not grow
+//! with the rows.
 
 use std::ops::Range;
 
@@ -16,12 +17,12 @@ use crate::{
     target::{Target, targets},
 };
 
-/// Regions whose transitions are counted: of more there is no map that one could read.
+/// Regions whose transitions are counted: a larger map could not be read.
 const REGIONS: usize = 64;
 /// Rows of a chunk.
 const CHUNK_ROWS: usize = 65_536;
 
-/// What a pass over the rows saw, or over some of them.
+/// Results of a pass over the rows, or over some of them.
 #[derive(Clone)]
 pub(crate) struct Passed {
     /// The episode that is drawn over time.
@@ -30,7 +31,7 @@ pub(crate) struct Passed {
     pub(crate) columns: Vec<Coverage>,
     /// Rows that a missing value takes from the scores.
     pub(crate) lost: Lost,
-    /// Which region of the first partition followed which, where there are several.
+    /// Transitions between the regions of the first partition, if there are several.
     pub(crate) transitions: Option<Transitions>,
     /// The regions of the first and of the last row.
     ends: Option<[u32; 2]>,
@@ -135,7 +136,7 @@ impl Passed {
         }
     }
 
-    /// Takes the rows behind these; `goes_on` says whether they follow in the same episode.
+    /// Merges the rows behind these; `goes_on`: true if they follow in the same episode.
     fn append(&mut self, other: &Self, goes_on: bool) {
         self.columns.iter_mut().zip(&other.columns).for_each(|(own, other)| own.merge(other));
         self.targets.iter_mut().zip(&other.targets).for_each(|(own, other)| own.append(other, goes_on));

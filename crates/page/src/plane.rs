@@ -1,4 +1,5 @@
-//! Where on a plane of two columns a model errs, and where its regions change (Fig. 9 of Buchan, Haldane, Fearing: the plane of the cranks, leg phases).
+//! Errors of a model over the plane of two columns, and changes of region there (Fig. 9 of Buchan, Haldane, Fearing:
+//! the plane of the cranks, leg phases).
 
 use fleetfoot_data::Progress;
 use fleetfoot_dataset::Dataset;

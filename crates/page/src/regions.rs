@@ -1,4 +1,4 @@
-//! Regions, and what their rows determine.
+//! Regions, and the coefficients that their rows determine.
 
 use fleetfoot_model::{Model, Partition, Rule};
 use fleetfoot_report::{
@@ -16,11 +16,11 @@ const ROWS: u64 = 10;
 /// Regions that are shown unfolded, the largest first, and whose equations are written: a model of hundreds of regions has its file.
 pub(crate) const SHOWN: usize = 8;
 
-/// What a region's rows determine.
+/// Verdict on a region: do its rows determine the coefficients?
 pub(crate) struct Determined {
     pub(crate) light: Light,
     pub(crate) words: String,
-    /// What to drive to mend it.
+    /// Advice on the motion to record, as a remedy.
     mend: Option<String>,
 }
 
@@ -67,7 +67,7 @@ pub(crate) fn determined(model: &Model, partition: usize, region: usize) -> Dete
     Determined { light: Light::Good, words: "determined".into(), mend: None }
 }
 
-/// What the functions of a partition make, where the model has several such partitions; else nothing.
+/// Names of the functions of a partition, if the model has several such partitions; else empty.
 fn named(model: &Model, partition: usize) -> String {
     let own: Vec<String> =
         model.latents.iter().filter(|latent| latent.partition == partition).map(|latent| latent.name.clone()).collect();
@@ -82,7 +82,7 @@ fn all(model: &Model) -> impl Iterator<Item = (usize, usize)> {
         .flat_map(|partition| (0..model.summaries[partition].regions.len()).map(move |region| (partition, region)))
 }
 
-/// Whether the rows determine the coefficients, and what to drive next.
+/// Sentence about rows that do or do not determine the coefficients, and the motion to record next.
 pub(crate) fn finding(model: &Model) -> Option<Sentence> {
     let found: Vec<Determined> = all(model).map(|(partition, region)| determined(model, partition, region)).collect();
     if found.is_empty() || found.iter().all(|region| region.light == Light::Plain) {
@@ -168,7 +168,8 @@ fn row(model: &Model, partition: usize, region: usize) -> Vec<Cell> {
     ]
 }
 
-/// Where a region lies: the box of a tree's, or the columns in which the centroid of a Voronoi cell is farthest from the middle.
+/// Place of a region: the box of a tree's, or the columns in which the centroid of a Voronoi cell is farthest from the
+/// middle.
 fn place(partition: &Partition, region: usize) -> String {
     if let Rule::Tree(tree) = &partition.rule {
         let bound = |(column, [low, high]): &(usize, [f64; 2])| {

@@ -1,11 +1,11 @@
-//! What a model leaves: whether its errors hang together over time, and whether they go with a column.
+//! Residuals of a model: their correlation over time, and with columns.
 
 use fleetfoot_report::{Axis, Chart, Figure, Light, Lines, Panels, Scale, Sentence, Series, words::series};
 
 use crate::{coverage::Coverage, leftover::LAGS, sentence::sentence, target::Target};
 
 const DRAWN: usize = 6;
-/// Pairs, and rows a bin, below which a share says little.
+/// Pairs, and rows a bin, below which a share is uncertain.
 const PAIRS: u64 = 30;
 /// Share of the errors' variance from which on a column is named in the verdict.
 const TELLING: f64 = 0.1;
@@ -68,7 +68,8 @@ pub(crate) fn over_columns(place: usize, target: &Target, columns: &[Coverage]) 
     ))
 }
 
-/// The column that errors go with most, where it is worth a word: for the errors, and beside what there is to predict.
+/// Sentence about the column with which errors correlate most, if that is notable: share of the errors, beside the
+/// share of the target's variance.
 pub(crate) fn finding(targets: &[Target], columns: &[Coverage]) -> Option<Sentence> {
     let most = |target: &Target| {
         let (at, share) = *target.left.by_share().first()?;

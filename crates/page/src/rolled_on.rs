@@ -17,26 +17,26 @@ use crate::starts::{Place, Recorded};
 const SIMULATIONS: usize = 4;
 const DRAWN: [usize; 2] = [60, 25];
 
-/// What simulations are asked for.
+/// Requested simulations.
 pub(crate) struct Wanted<'a> {
     /// That of the models before this one.
     pub(crate) stretch: Option<&'a Stretch>,
-    /// Whether there are several models on the page.
+    /// True if there are several models on the page.
     pub(crate) several: bool,
     /// Rows that the simulations of the models on the page read beside a start.
     pub(crate) reach: Halo,
-    /// Where the simulations of the models before this one began.
+    /// Starts of the simulations of the models before this one.
     pub(crate) starts: Option<&'a [Place]>,
 }
 
-/// Where simulations are begun, in the rows of an episode.
+/// Starts of the simulations, in the rows of an episode.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Stretch {
     pub(crate) episode: Recorded,
     /// Steps of each, and the rows between those that are drawn.
     pub(crate) horizon: usize,
     pub(crate) stride: usize,
-    /// Ascending, and as far apart as is said by [`every`].
+    /// Ascending, at distances by [`every`].
     pub(crate) starts: Vec<usize>,
 }
 
@@ -49,7 +49,7 @@ pub(crate) struct RolledOn {
     /// Seconds since the start of the episode.
     pub(crate) time: Vec<f64>,
     pub(crate) states: Vec<State>,
-    /// Where simulations left the range of the training rows, and where they ended early: places among the drawn ones.
+    /// Places, among the drawn ones, of simulations that left the training range, and of those that ended early.
     pub(crate) left: Vec<usize>,
     pub(crate) ended: Vec<usize>,
     /// Regions of the first partition, as they were recorded and as they were simulated, where there are several.
@@ -70,7 +70,8 @@ fn every(horizon: usize, stride: usize) -> usize {
 }
 
 impl Stretch {
-    /// About the middle one of the starts that were simulated on logs which did not train the model, or on any where all did: chosen before anybody has seen how good they are.
+    /// The stretch about the middle one of the starts that were simulated on held-out logs, or on any if all logs
+    /// trained. It is chosen without regard to its errors.
     fn of(model: &Model, rows: &Dataset, rolled: &RolledOut, horizon: usize, several: bool) -> Option<Self> {
         let outcomes = || rolled.rollouts.outcomes.iter().map(|outcome| outcome.start);
         let trained = rows.trained(model);
@@ -102,7 +103,8 @@ impl Stretch {
 }
 
 impl RolledOn {
-    /// Simulates a model on a stretch: that of the models before it, where it is there, else one of its own. `rolled` is what was simulated of it before.
+    /// Simulates a model on a stretch: that of the models before it, if its rows exist, else a separate one. `rolled`:
+    /// its earlier simulations.
     pub(crate) fn of(
         model: &Model,
         rows: &Dataset,
@@ -125,7 +127,7 @@ impl RolledOn {
         Ok(Some(on))
     }
 
-    /// What was recorded on the stretch.
+    /// Recorded values on the stretch.
     fn recorded(
         model: &Model,
         rows: &Dataset,
@@ -170,7 +172,7 @@ impl RolledOn {
         Ok(Self { stretch, name, trained, time, states, left: Vec::new(), ended: Vec::new(), regions })
     }
 
-    /// Takes what was simulated from one of the starts.
+    /// Takes the simulation from one of the starts.
     fn take(&mut self, model: &Model, trajectory: &Trajectory) {
         let (start, stride) = (trajectory.start.row, self.stretch.stride);
         let rotations = model.rotations_among(&names_of(&self.states));

@@ -50,7 +50,7 @@ pub(crate) fn shared<'a>(judged: &'a [Judged<'_>]) -> Vec<&'a str> {
     names(first).filter(|name| others.iter().all(|other| names(other).any(|own| own == *name))).collect()
 }
 
-/// Which of several models has the least error in what all of them predict.
+/// Sentence about the model with the least error in the outputs that all models predict.
 pub(crate) fn best(judged: &[Judged<'_>]) -> Option<Sentence> {
     let shared = shared(judged);
     let scored: Vec<&Judged<'_>> = judged.iter().filter(|one| one.scored().is_some()).collect();
@@ -163,7 +163,7 @@ fn by_target(scored: &Scored) -> Table {
     table
 }
 
-/// Fig. 6 of Buchan, Haldane, Fearing: whether errors grow with the distance from what was seen.
+/// Fig. 6 of Buchan, Haldane, Fearing: errors over the distance from the training rows.
 fn calibration(judged: &[Judged<'_>]) -> Option<Figure> {
     let line = |one: &Judged<'_>| {
         let bins = &one.scored()?.scores.calibration;

@@ -1,4 +1,4 @@
-//! Where the simulations of several models begin: at the same rows, else their errors say nothing of each other.
+//! Common starts of the simulations of several models: errors from different rows cannot be compared.
 
 use fleetfoot_data::{Episode, Halo};
 use fleetfoot_dataset::Dataset;
@@ -42,7 +42,8 @@ pub(crate) fn reach(models: &[(String, Model)]) -> Halo {
     })
 }
 
-/// The starts of a model: those of the models before it, or so many rows that every model can begin at; `None` where these logs have no such rows.
+/// The starts of a model: those of the models before it, or so many rows that every model can begin at. `None` if these
+/// logs have no such rows.
 pub(crate) fn common(
     rows: &Dataset,
     horizon: usize,
@@ -58,7 +59,7 @@ pub(crate) fn common(
     Ok(Starts::Even(count).choose(&rows.view()?, horizon, reach.before.max(1), after).ok().map(Starts::At))
 }
 
-/// Where simulations began.
+/// Starts of the simulations.
 pub(crate) fn places(rows: &Dataset, rolled: &RolledOut) -> Vec<Place> {
     let place = |start: Start| (Recorded::of(&rows.episodes()[start.episode]), start.row);
     rolled.rollouts.outcomes.iter().map(|outcome| place(outcome.start)).collect()

@@ -1,4 +1,4 @@
-//! What is kept of a target over the rows: its values over time, its errors, and what is left in them.
+//! Sums of a target over the rows: its values over time, its errors, and its residuals.
 
 use fleetfoot_data::Episode;
 use fleetfoot_dynamics::Predicted;
@@ -72,7 +72,7 @@ impl Target {
         }
     }
 
-    /// Takes the rows behind these; `goes_on` says whether they follow in the same episode.
+    /// Merges the rows behind these; `goes_on`: true if they follow in the same episode.
     pub(crate) fn append(&mut self, other: &Self, goes_on: bool) {
         self.measured.merge(&other.measured);
         self.predicted.merge(&other.predicted);

@@ -1,4 +1,5 @@
-//! Which region follows which (Fig. 9 of Buchan, Haldane, Fearing shows where they lie; this shows how they are walked).
+//! Transitions between regions (Fig. 9 of Buchan, Haldane, Fearing shows the regions; this shows the passages between
+//! them).
 
 use fleetfoot_model::{Partition, Phases, Summary, Transitions};
 use fleetfoot_report::{
@@ -53,7 +54,7 @@ pub(crate) fn along(
 /// Regions that are drawn, the largest first.
 const DRAWN: usize = 12;
 
-/// A map of transitions; `rows` says whose they are, `place` tells the figure from others. `None` where no row was followed.
+/// A map of transitions; `rows` names their owner, `place` distinguishes the figure. `None` if no row was followed.
 pub(crate) fn figure(
     (partition, summary): (&Partition, &Summary),
     counted: &Transitions,

@@ -1,4 +1,4 @@
-//! What a reader wants to know first.
+//! Findings at the top of a page.
 
 use fleetfoot_dynamics::{Baseline, TargetScore};
 use fleetfoot_fit::{interval_in_words, replayed_in_words, spans_in_words};
@@ -20,7 +20,8 @@ const NAMES: usize = 4;
 /// Of the scored rows, a share outside of all training that asks for other logs.
 const OUTSIDE: f64 = 0.05;
 
-/// The findings: of one model all that there are; of several what tells them apart, and those of the best, whose rows were gone over.
+/// The findings: all of a single model. Of several models: their differences, and the findings of the best, whose rows
+/// were read.
 pub(crate) fn section(judged: &[Judged<'_>], passed: Option<&Passed>) -> Section {
     let mut findings = Vec::new();
     let best = super::best(judged);
@@ -36,12 +37,12 @@ pub(crate) fn section(judged: &[Judged<'_>], passed: Option<&Passed>) -> Section
     Section::new("verdict", "Verdict", vec![Part::Findings(findings)])
 }
 
-/// A finding that says whose it is.
+/// A finding with the name of its model.
 fn named(name: &str, finding: Sentence) -> Sentence {
     Sentence { head: format!("{name}. {}", finding.head), ..finding }
 }
 
-/// What there is to say of one model.
+/// Findings about one model.
 pub(crate) fn of_model(judged: &Judged<'_>) -> Vec<Sentence> {
     let mut findings = Vec::new();
     match &judged.scores {
@@ -60,7 +61,7 @@ pub(crate) fn of_model(judged: &Judged<'_>) -> Vec<Sentence> {
     findings
 }
 
-/// What was fitted to what.
+/// Sentence about the fit: model, method and training logs.
 pub(crate) fn fitted(judged: &Judged<'_>) -> Sentence {
     let (model, training) = (judged.model, &judged.model.training);
     // A model has its episodes in the order of their identities, which says nothing to people.
@@ -186,7 +187,7 @@ fn worst_log(scored: &Scored) -> Option<Sentence> {
     Some(sentence(light, &format!("The worst log is {}.", worst.name), &text))
 }
 
-/// From when to when a simulation is better than what needs no model.
+/// Sentence about the steps at which a simulation beats the baselines.
 fn simulated(rolled: &RolledOut) -> Sentence {
     let rollouts = &rolled.rollouts;
     let horizon = &rollouts.horizon;

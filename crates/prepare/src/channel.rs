@@ -1,4 +1,4 @@
-//! One channel of one piece: what is left out, the curve, its derivatives.
+//! One channel of one piece: its outliers, its curve and its derivatives.
 
 use std::f64::consts::{PI, TAU};
 
@@ -20,7 +20,7 @@ const HAMPEL: f64 = 6.0;
 /// The share of a period by which steps may differ where a filter counts rows.
 const UNEVEN: f64 = 0.01;
 
-/// Periods of samples over which an interpolation goes: what a join bridges.
+/// Longest gap of an interpolation, in periods of samples: the gap that a join bridges.
 const BRIDGED: f64 = 5.0;
 
 /// Periods between two samples none of which is missing.
@@ -43,7 +43,7 @@ pub(crate) struct Channel<'a> {
     pub(crate) name: &'a str,
     pub(crate) angle: bool,
     pub(crate) options: ChannelOptions,
-    /// Seconds of the episode at which it was sampled, and what was.
+    /// Seconds of the episode at which the channel was sampled, and its samples.
     pub(crate) times: &'a [f64],
     pub(crate) values: &'a [f64],
     /// Seconds of the rows, where these are others.
@@ -110,7 +110,7 @@ impl Channel<'_> {
         }
     }
 
-    /// Leaves out what no sensor measured, before there is a curve.
+    /// Leaves out values that are no measurements, before there is a curve.
     fn leave_out(&self, values: &mut [f64], report: &mut ChannelReport) -> Result<(), SignalError> {
         let leave = |values: &mut [f64], rows: &[usize]| {
             rows.iter().for_each(|&row| values[row] = f64::NAN);
@@ -135,7 +135,7 @@ impl Channel<'_> {
         Ok(())
     }
 
-    /// The spline, and what it rejects taken out of the values.
+    /// The spline; values that it rejects are taken out.
     fn smoothed(
         &self,
         values: &mut [f64],
@@ -161,7 +161,8 @@ impl Channel<'_> {
         Ok(smoothed)
     }
 
-    /// The better of the two smoothing splines, each with the penalty that is its own and without what it rejects, judged by what both keep.
+    /// The better of the two smoothing splines, each with its best penalty and without the values that it rejects, by
+    /// their errors on the values that both keep.
     fn better(
         &self,
         values: &mut Vec<f64>,
@@ -193,7 +194,7 @@ impl Channel<'_> {
         Ok(found)
     }
 
-    /// Leaves out what a spline rejects, where that is asked for.
+    /// Leaves out values that a spline rejects, on request.
     fn reject(&self, values: &mut [f64], report: &mut ChannelReport) -> Result<(), SignalError> {
         if self.options.reject.is_some() {
             self.smoothed(values, Spline::Cubic, Lambda::Likelihood, report)?;
@@ -275,7 +276,7 @@ impl Channel<'_> {
         period(self.times)
     }
 
-    /// A filter on even samples; what is missing, whether its stamp is there or not, comes from a spline.
+    /// A filter on even samples; a spline fills missing values, with or without a stamp.
     fn filtered(&self, values: Vec<f64>, report: &mut ChannelReport) -> Result<Vec<Vec<f64>>, SignalError> {
         let counts = self.counts()?;
         let last = counts[counts.len() - 1];
@@ -328,7 +329,7 @@ impl Channel<'_> {
         })
     }
 
-    /// What is above the Nyquist frequency of the rows that will be written is taken out.
+    /// Takes out frequencies above the Nyquist frequency of the rows that will be written.
     fn without_aliases(&self, list: Vec<f64>, own: f64) -> Result<Vec<f64>, SignalError> {
         let rows = self.rows.map_or(own, median_step);
         let ratio = self.decimate as f64 * rows / own;

@@ -10,7 +10,7 @@ use fleetfoot_task::rate_unit;
 
 use crate::options::{ChannelOptions, check_channels};
 
-/// A column of the view, and what becomes of it.
+/// A column of the view, and its treatment.
 pub(crate) struct Planned {
     pub(crate) name: String,
     pub(crate) angle: bool,
@@ -21,7 +21,7 @@ pub(crate) struct Planned {
 }
 
 impl Planned {
-    /// What becomes of the columns of a view.
+    /// Plans of the columns of a view.
     pub(crate) fn all(recipe: &Recipe, model: &[ModelColumn], view: &[Column]) -> Result<Vec<Self>, Error> {
         check_channels(recipe)?;
         let of_view = |column: &ModelColumn| view.iter().find(|own| own.name == column.name);
@@ -35,12 +35,12 @@ impl Planned {
         model.iter().map(plan).collect()
     }
 
-    /// How many derivatives beside the value are written.
+    /// Number of derivatives that are written beside the value.
     pub(crate) fn rates(&self) -> usize {
         self.options.map_or(0, |options| options.method.rates())
     }
 
-    /// Whether standard deviations are written.
+    /// Returns true if standard deviations are written.
     pub(crate) fn has_deviations(&self) -> bool {
         self.options.is_some_and(|options| options.method.is_smoothing())
     }
@@ -63,7 +63,7 @@ pub(crate) fn quoted(name: &str) -> String {
     Expr::column(name).to_string()
 }
 
-/// The recipe of what was written: `fit` takes it as it is.
+/// The recipe of the written files, ready for `fit`.
 pub(crate) fn written_recipe(read: &Recipe, planned: &[Planned], time: &str, smoothed: f64) -> Result<Recipe, Error> {
     let mut recipe = read.clone();
     recipe.columns.clear();

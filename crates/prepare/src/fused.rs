@@ -1,6 +1,8 @@
-//! The motion of a rigid body from a gyroscope, an accelerometer and poses, and of joints from encoders and sensors of rate: one file a stretch, a row a reading, and a recipe for `fit`.
+//! The motion of a rigid body from a gyroscope, an accelerometer and poses, and of joints from encoders and sensors of
+//! rate. The output is one file a stretch, a row a reading, and a recipe for `fit`.
 //!
-//! Every sensor is opened as a data set of its own, at the stamps of its own topic; all other columns are joined on the readings as everywhere.
+//! Every sensor is opened as a separate data set, at the stamps of its topic; all other columns are joined on the
+//! readings as everywhere.
 
 mod body;
 mod joints;
@@ -40,7 +42,7 @@ const STEEP: f64 = 1.3;
 /// Rows that are written at a time.
 const CHUNK: usize = 65_536;
 
-/// Refuses what speaks of single channels, none of which is smoothed, and of other rows than those of the sensors.
+/// Refuses settings of single channels, none of which is smoothed, and of other rows than those of the sensors.
 fn check(recipe: &Recipe) -> Result<(), Error> {
     if recipe.time.base.is_some() || recipe.time.rate.is_some() {
         return Err(Error::conflict(format!(
@@ -57,7 +59,7 @@ fn check(recipe: &Recipe) -> Result<(), Error> {
     )))
 }
 
-/// The body of a recipe and what was measured of it, log by log.
+/// The body of a recipe and its measurements, log by log.
 struct Body {
     sensors: Sensors,
     poses: Vec<Poses>,
@@ -139,7 +141,8 @@ pub(crate) fn prepare(
     committed(folder, report, &out)
 }
 
-/// The channels whose rows are written, and what is kept of them: the readings of the body, else the position of the first joint.
+/// The channels whose rows are written, and the layout of the kept columns: the readings of the body, else the position
+/// of the first joint.
 fn base(sensors: Option<&Sensors>, plans: &[JointPlan]) -> Result<(Vec<String>, Layout), Error> {
     if let Some(sensors) = sensors {
         let needed = sensors.readings.len();

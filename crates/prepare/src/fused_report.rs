@@ -1,15 +1,15 @@
-//! What fusion found, for people and programs.
+//! Report of sensor fusion, for people and programs.
 
 use fleetfoot_recipe::SensorKind;
 use serde::Serialize;
 
 use crate::places::Places;
 
-/// What fusion found of a body's sensors.
+/// Report of the fusion of a body's sensors.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct BodyReport {
-    /// The origin of the markers' frame in the body frame, m, and the deviations; 0 of what was given.
+    /// The origin of the markers' frame in the body frame, m; the deviation of a given value is 0.
     pub lever: [f64; 3],
     /// Its deviations.
     pub lever_deviation: [f64; 3],
@@ -25,21 +25,23 @@ pub struct BodyReport {
     pub gravity: [f64; 3],
     /// The deviations of its direction about two axes across it, rad.
     pub gravity_deviation: [f64; 2],
-    /// Whether there is an accelerometer. Without one gravity is not felt, and the jerk is taken for white noise.
+    /// True with an accelerometer. Without one gravity is not measured, and the jerk is modelled as white noise.
     pub accelerometer: bool,
     /// Densities of the noise of rate and force, an axis.
     pub imu_noise: [[f64; 3]; 2],
-    /// The deviations of these densities: 0 of what was given, `null` of what the residuals do not tell.
+    /// The deviations of these densities: 0 of a given value, `null` if the residuals do not determine it.
     pub imu_noise_deviation: [[Option<f64>; 3]; 2],
-    /// Deviations of the white noise of single readings of rate (rad/s) and force (m/s^2), an axis, by the readings alone; `null` where these do not tell it.
+    /// Deviations of the white noise of single readings of rate (rad/s) and force (m/s^2), an axis, by the readings
+    /// alone. `null` if these do not determine it.
     pub reading_noise: [[Option<f64>; 3]; 2],
     /// Their deviations.
     pub reading_noise_deviation: [[Option<f64>; 3]; 2],
-    /// How their biases walk, rad/s^2/sqrt(Hz) and m/s^3/sqrt(Hz).
+    /// Random walk of their biases, rad/s^2/sqrt(Hz) and m/s^3/sqrt(Hz).
     pub imu_walk: [f64; 2],
-    /// The deviations of these: 0 of what was given, `null` of what the record does not tell.
+    /// The deviations of these: 0 of a given value, `null` if the record does not determine it.
     pub imu_walk_deviation: [Option<f64>; 2],
-    /// What rates and forces leave open between two readings, as a factor on where a jump may have been: 1 where it may have been anywhere, 0 where readings are means.
+    /// Uncertainty of rates and forces between two readings, as a factor: 1 if a jump may have been anywhere, 0 if
+    /// readings are means.
     pub imu_missed: [f64; 2],
     /// Their deviations.
     pub imu_missed_deviation: [Option<f64>; 2],
@@ -53,7 +55,7 @@ pub struct BodyReport {
     pub pose_noise: [f64; 2],
     /// The deviations of these.
     pub pose_noise_deviation: [Option<f64>; 2],
-    /// Whether the noise was told by the residuals.
+    /// True if the residuals determined the noise.
     pub noise_fitted: bool,
     /// Poses that were read.
     pub poses: usize,
@@ -63,7 +65,7 @@ pub struct BodyReport {
     pub contradicted: usize,
     /// Poses that were left out, log by log.
     pub rejected: Vec<RejectedPoses>,
-    /// Whether the iteration came to rest.
+    /// True if the iteration converged.
     pub converged: bool,
 }
 
@@ -79,7 +81,7 @@ pub struct RejectedPoses {
     pub attitudes: Places,
 }
 
-/// What fusion found of a joint's sensors.
+/// Report of the fusion of a joint's sensors.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct JointReport {
@@ -89,17 +91,17 @@ pub struct JointReport {
     pub sensors: Vec<JointSensorReport>,
     /// Density of the white noise that the jerk is taken for, u/s^3/sqrt(Hz), u the unit of positions.
     pub jerk: f64,
-    /// Whether the readings told it.
+    /// True if the readings determined it.
     pub jerk_fitted: bool,
-    /// How the errors of sensors that share stamps go together.
+    /// Correlations between the errors of sensors that share stamps.
     pub correlations: Vec<CorrelationReport>,
     /// Seconds after which states share a hundredth of a reading.
     pub smoothed: f64,
-    /// Whether the iteration came to rest.
+    /// True if the iteration converged.
     pub converged: bool,
 }
 
-/// What fusion found of a sensor.
+/// Report of the fusion of a sensor.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct JointSensorReport {
@@ -111,21 +113,21 @@ pub struct JointSensorReport {
     pub readings: usize,
     /// Deviation of a reading, steps aside.
     pub noise: f64,
-    /// Whether the readings told it.
+    /// True if the readings determined it.
     pub noise_fitted: bool,
     /// Seconds by which it is stamped late.
     pub delay: f64,
-    /// Its deviation; 0 of what was given.
+    /// Its deviation; 0 of a given value.
     pub delay_deviation: f64,
-    /// What a reading says too much.
+    /// Bias of a reading, measured minus true.
     pub bias: f64,
-    /// Its deviation; 0 of what was given.
+    /// Its deviation; 0 of a given value.
     pub bias_deviation: f64,
-    /// Readings that were left out, log by log, in seconds of its own stamps after the first row of the log.
+    /// Readings that were left out, log by log, in seconds of the sensor's stamps after the first row of the log.
     pub rejected: Vec<Places>,
 }
 
-/// How the errors of two sensors go together.
+/// Correlation between the errors of two sensors.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct CorrelationReport {
@@ -133,6 +135,6 @@ pub struct CorrelationReport {
     pub sensors: [String; 2],
     /// Of their errors at one stamp or at neighbouring ones, the greatest.
     pub correlation: f64,
-    /// Pairs of readings that tell it.
+    /// Pairs of readings behind it.
     pub readings: usize,
 }

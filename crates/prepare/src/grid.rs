@@ -7,7 +7,7 @@ pub(crate) struct Merged {
     pub(crate) times: Vec<f64>,
     /// The samples; NaN at stamps that are a row's alone.
     pub(crate) values: Vec<f64>,
-    /// Where each row is.
+    /// Index of each row.
     pub(crate) rows: Vec<usize>,
 }
 
@@ -32,8 +32,8 @@ pub(crate) fn merged(times: &[f64], values: &[f64], rows: &[f64]) -> Merged {
     all
 }
 
-/// Rows that have no sample at their stamp, and whose neighbours among the samples are more than `bridged` seconds apart; before the first sample and beyond the last one the first and
-/// the last row take the neighbour's place.
+/// Rows that have no sample at their stamp, and whose neighbours among the samples are more than `bridged` seconds
+/// apart. Before the first sample and beyond the last one the first and the last row take the neighbour's place.
 pub(crate) fn empty_rows(times: &[f64], values: &[f64], rows: &[f64], bridged: f64) -> Vec<usize> {
     let is_measured = |(_, value): &(&f64, &f64)| !value.is_nan();
     let measured: Vec<f64> = times.iter().zip(values).filter(is_measured).map(|(time, _)| *time).collect();

@@ -38,20 +38,20 @@ use samples::{Samples, Topics};
 use serde::Serialize;
 use write::{Names, Written};
 
-/// Where clean episodes go.
+/// Output folder of clean episodes.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct PrepareRequest {
     /// The folder, made if it is not there.
     pub folder: PathBuf,
-    /// Replace what an earlier preparation wrote there.
+    /// True to replace the files of an earlier preparation.
     pub force: bool,
 }
 
-/// What was written.
+/// Result of a preparation.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Prepared {
-    /// What was done.
+    /// Report of the preparation.
     pub report: PrepareReport,
     /// The recipe for `fit`.
     pub recipe: PathBuf,
@@ -60,7 +60,7 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// The report with the paths of what was written, as `prepare --json` prints it.
+    /// The report with the paths of the written files, as printed by `prepare --json`.
     pub fn to_json(&self) -> serde_json::Value {
         fleetfoot_dataset::json::value(Told {
             report: &self.report,
@@ -169,7 +169,7 @@ fn committed(folder: Folder, report: PrepareReport, recipe: &Recipe) -> Result<P
     Ok(Prepared { report, recipe, files })
 }
 
-/// What a prepared file says of itself.
+/// Metadata of a prepared file.
 fn metadata(recipe: &Recipe) -> BTreeMap<String, String> {
     let pairs = [(PREPARED_BY, recipe.to_toml()), ("fleetfoot.version", env!("CARGO_PKG_VERSION").to_owned())];
     pairs.map(|(key, value)| (key.to_owned(), value)).into()
@@ -212,7 +212,7 @@ struct Rows<'a> {
     block: &'a Block,
     /// Seconds of the rows.
     times: &'a [f64],
-    /// What was sampled at other stamps, by the places of the columns.
+    /// Samples with other stamps, by the places of the columns.
     samples: &'a BTreeMap<usize, Samples>,
 }
 
@@ -232,7 +232,7 @@ struct Job<'a> {
     notes: Vec<String>,
     /// The pieces in which a channel has too few values.
     too_few: Vec<String>,
-    /// The labels of what was written.
+    /// Labels of the written episodes.
     rules: Vec<EpisodeRule>,
 }
 
@@ -267,7 +267,7 @@ impl Job<'_> {
         })
     }
 
-    /// Seconds of the episode, evened out where that is asked for.
+    /// Seconds of the episode, evened out on request.
     fn times(&mut self, block: &Block, episode: &str) -> Result<(Vec<f64>, Option<ClockReport>), Error> {
         let times = block.seconds();
         if !self.options.dejitter || times.len() < 3 {
@@ -288,7 +288,7 @@ impl Job<'_> {
         Error::Signal { episode: episode.to_owned(), channel: channel.to_owned(), source }
     }
 
-    /// Prepares and writes a piece; `None` where a channel of it has too few values, which a note tells.
+    /// Prepares and writes a piece; `None`, with a note, if a channel of it has too few values.
     fn piece(&mut self, episode: usize, all: Rows<'_>, rows: Range<usize>) -> Result<Option<PieceReport>, Error> {
         let Rows { block, times, .. } = all;
         let info = &self.view.episodes()[episode];
@@ -330,7 +330,7 @@ impl Job<'_> {
         Ok(Some(PieceReport { file, rows: stamps.len(), channels }))
     }
 
-    /// The raw log of an episode, and what was made of its channels.
+    /// The raw log of an episode, and the reports of its channels.
     fn raw_log(&self, episode: usize, channels: &[ChannelReport]) -> Option<RawLog> {
         let mut raw = self.raw[episode].clone()?;
         for own in self.planned {

@@ -1,4 +1,4 @@
-//! How channels are prepared: the words of `[prepare]` and `[channels.NAME]`, checked once.
+//! Options of a preparation: the settings of `[prepare]` and `[channels.NAME]`, checked once.
 
 use fleetfoot_data::setting::PREPARE_SECTION;
 use fleetfoot_data::{did_you_mean, nearest};
@@ -6,7 +6,7 @@ use fleetfoot_dataset::Error;
 use fleetfoot_recipe::{Limits, PrepareMethod, PrepareSection, Recipe, Settings, Tunable};
 use fleetfoot_signal::{Interpolation, Lambda, Spline};
 
-/// How a channel becomes smooth.
+/// Method that smooths a channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Method {
     /// The better of the two smoothing splines.
@@ -28,7 +28,7 @@ pub(crate) enum Method {
     None,
 }
 
-/// What is done to one channel.
+/// Options of one channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ChannelOptions {
     pub(crate) method: Method,
@@ -39,12 +39,12 @@ pub(crate) struct ChannelOptions {
     pub(crate) stuck: usize,
     pub(crate) range: Option<[f64; 2]>,
     pub(crate) bounds: Option<[f64; 2]>,
-    /// Seconds by which stamps are later than what they stamp.
+    /// Delay of the stamps behind the measurements, seconds.
     pub(crate) late: f64,
 }
 
 impl Method {
-    /// How many derivatives beside the value it gives.
+    /// Number of derivatives that it gives beside the value.
     pub(crate) fn rates(self) -> usize {
         match self {
             Self::None => 0,
@@ -55,7 +55,7 @@ impl Method {
         }
     }
 
-    /// Whether it is a smoothing spline, which knows how sure it is.
+    /// Returns true for a smoothing spline, which gives standard deviations.
     pub(crate) fn is_smoothing(self) -> bool {
         matches!(self, Self::Auto(_) | Self::Spline(..))
     }
@@ -76,7 +76,7 @@ impl Method {
     }
 }
 
-/// What is done to whole episodes.
+/// Options of whole episodes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct EpisodeOptions {
     pub(crate) clip: f64,
@@ -85,7 +85,7 @@ pub(crate) struct EpisodeOptions {
     pub(crate) min_rows: usize,
 }
 
-/// Entries that speak of whole episodes.
+/// Settings of whole episodes.
 const OF_EPISODES: [&str; 4] = ["clip", "dejitter", "decimate", "min_rows"];
 
 fn refused(channel: Option<&str>, what: &str, value: impl std::fmt::Display, allowed: &str) -> Error {
@@ -123,7 +123,7 @@ impl EpisodeOptions {
 }
 
 impl ChannelOptions {
-    /// What is done to a state or an input: what `[channels.NAME]` says, else, of a state, what `[prepare]` says.
+    /// Options of a state or an input: those of `[channels.NAME]`, else, for a state, those of `[prepare]`.
     pub(crate) fn new(recipe: &Recipe, name: &str, is_state: bool) -> Result<Self, Error> {
         let (channel, section) = match recipe.channels.get(name) {
             None if is_state => (None, recipe.prepare.clone()),
@@ -238,7 +238,7 @@ fn lambda(channel: Option<&str>, section: &PrepareSection) -> Result<Lambda, Err
     }
 }
 
-/// Refuses `[channels.NAME]` of what is no state and no input, and entries there that speak of whole episodes.
+/// Refuses `[channels.NAME]` of a name that is no state and no input, and settings of whole episodes there.
 pub(crate) fn check_channels(recipe: &Recipe) -> Result<(), Error> {
     for (name, own) in &recipe.channels {
         let names = || recipe.states.keys().chain(recipe.inputs.keys()).map(String::as_str);

@@ -14,7 +14,8 @@ pub(crate) struct Pieces {
     pub(crate) pieces: Vec<Range<usize>>,
 }
 
-/// The rows of an episode, `times` in s, that are `clip` seconds and more from its ends, in runs of `least` rows or more on which no channel is out of its bounds.
+/// The rows of an episode, `times` in s, that are `clip` seconds and more from its ends. They come in runs of `least`
+/// rows or more on which no channel is out of its bounds.
 pub(crate) fn pieces(times: &[f64], channels: &[(&[f64], [f64; 2])], clip: f64, least: usize) -> Pieces {
     let (Some(&first), Some(&last)) = (times.first(), times.last()) else { return Pieces::default() };
     let from = times.partition_point(|&time| time < first + clip);

@@ -6,16 +6,16 @@ use serde::Serialize;
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Places {
-    /// How many.
+    /// Number of rows.
     pub rows: usize,
-    /// How many of them follow one another at the most.
+    /// Length of the longest run of consecutive rows among them.
     pub longest: usize,
     /// From which to which second of the episode, runs of rows each.
     pub spans: Vec<[f64; 2]>,
 }
 
 impl Places {
-    /// Whether there are none.
+    /// Returns true if there are no rows.
     pub(crate) fn is_empty(&self) -> bool {
         self.rows == 0
     }

@@ -1,4 +1,4 @@
-//! What preparation did, for people and programs.
+//! Report of a preparation, for people and programs.
 
 use fleetfoot_dataset::clocks::AlignedClock;
 use fleetfoot_signal::Dejittered;
@@ -9,7 +9,7 @@ use crate::{
     places::Places,
 };
 
-/// What preparation did.
+/// Report of a preparation.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct PrepareReport {
@@ -22,19 +22,19 @@ pub struct PrepareReport {
     /// The clocks of other computers, log by log.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub clocks: Vec<AlignedClock>,
-    /// What fusion found of a body's sensors.
+    /// Report of the fusion of a body's sensors.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub body: Option<BodyReport>,
-    /// What fusion found of the joints' sensors.
+    /// Report of the fusion of the joints' sensors.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub joints: Vec<JointReport>,
     /// Every episode that was read.
     pub episodes: Vec<EpisodeReport>,
-    /// What the user should know.
+    /// Notes for the user.
     pub notes: Vec<String>,
 }
 
-/// What was done to an episode.
+/// Report of an episode.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct EpisodeReport {
@@ -44,20 +44,20 @@ pub struct EpisodeReport {
     pub rows: usize,
     /// Rows cut off at its ends.
     pub clipped: usize,
-    /// Rows of which the sensors that are fused do not tell the state: before, between and beyond what all of them measured.
+    /// Rows whose state the fused sensors do not determine: before, between and beyond the span of all of them.
     #[serde(skip_serializing_if = "Places::is_empty")]
     pub untold: Places,
     /// Rows beyond the bounds of a channel, which end an episode.
     pub out_of_bounds: Places,
     /// Rows of pieces that are too short to be written.
     pub too_short: Places,
-    /// What its stamps say of the clock, where they were evened out.
+    /// Clock of its stamps, if they were evened out.
     pub clock: Option<ClockReport>,
-    /// What was written.
+    /// Pieces that were written.
     pub pieces: Vec<PieceReport>,
 }
 
-/// What stamps say of a clock.
+/// Clock, estimated from stamps.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ClockReport {
@@ -73,7 +73,7 @@ pub struct ClockReport {
     pub missing: u64,
 }
 
-/// What was written of an episode.
+/// A piece of an episode that was written.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct PieceReport {
@@ -85,43 +85,43 @@ pub struct PieceReport {
     pub channels: Vec<ChannelReport>,
 }
 
-/// What was done to a channel.
+/// Report of a channel.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ChannelReport {
     /// The state or input.
     pub channel: String,
-    /// How it became smooth.
+    /// Smoothing method.
     pub method: String,
     /// The topic whose samples the curve goes through, where that is not the rows' own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub topic: Option<String>,
-    /// What the stamps of these samples say of their clock, where they were evened out.
+    /// Clock of these samples' stamps, if they were evened out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clock: Option<ClockReport>,
     /// Samples: rows, or messages of the topic.
     pub samples: usize,
     /// Samples without a value.
     pub missing: usize,
-    /// Values at or beyond the ends of what the sensor can measure.
+    /// Values at or beyond the ends of the sensor's range.
     pub saturated: Places,
-    /// Values that hang.
+    /// Values of a sensor that is stuck.
     pub stuck: Places,
-    /// Values that are repeated before a jump, as of a sensor that hangs; they are not left out.
+    /// Values that are repeated before a jump, as of a stuck sensor; they are not left out.
     pub hangs: Places,
     /// Values off the median of their neighbours.
     pub hampel: Places,
     /// Values off the curve.
     pub rejected: Places,
-    /// Whether rejection was given up and nothing rejected: what stands out is motion, and no error.
+    /// True if rejection was given up and nothing rejected: the outliers are motion, and no errors.
     pub gave_up: bool,
     /// Rows that stay empty: nothing was measured over longer than the curve bridges.
     pub left_empty: Places,
     /// The penalty, s^3 or s^5.
     pub lambda: Option<f64>,
-    /// Whether the penalty is at an end of what was searched.
+    /// True if the penalty is at an end of the searched range.
     pub lambda_at_end: bool,
-    /// Whether the penalty is the least that was searched, so that the curve goes through every value.
+    /// True if the penalty is the least in the searched range: the curve interpolates every value.
     pub through_all: bool,
     /// Standard deviation of a measurement about the curve.
     pub noise: Option<f64>,
@@ -130,7 +130,7 @@ pub struct ChannelReport {
 }
 
 impl ClockReport {
-    /// What evening out found.
+    /// Clock of stamps that were evened out.
     pub(crate) fn of(even: &Dejittered) -> Self {
         Self {
             period: even.period,

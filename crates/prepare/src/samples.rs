@@ -1,7 +1,8 @@
 //! The samples of states whose topic is not the one that makes the rows.
 //!
-//! A join puts what lies on the straight line between two samples, or the last one again, into rows that come faster: to a curve these would be measurements without noise and with
-//! corners, and the true ones gross errors. So the curve of such a state goes through its own topic's samples at their own stamps, and is read off at the rows.
+//! A join fills faster rows with values on the straight line between two samples, or with the last one again. To a
+//! curve these would be measurements without noise and with corners, and the true ones gross errors. So the curve of
+//! such a state goes through the samples of its topic at their stamps, and is read off at the rows.
 
 use std::collections::BTreeMap;
 
@@ -20,7 +21,7 @@ pub(crate) struct Samples {
     /// Seconds of the rows' episode, rising.
     pub(crate) times: Vec<f64>,
     pub(crate) values: Vec<f64>,
-    /// What the stamps say of their clock, of the longest run of them.
+    /// Clock of the longest run of stamps.
     pub(crate) clock: Option<ClockReport>,
 }
 
@@ -67,7 +68,8 @@ fn only_group(expression: &Expr, topics: &[&str]) -> Option<String> {
 }
 
 impl Topics {
-    /// Opens the topics of the states that are smoothed and are of another topic than the rows. A field whose join the recipe tells stays joined.
+    /// Opens the topics of the smoothed states that are of another topic than the rows. A field with a join in the
+    /// recipe stays joined.
     pub(crate) fn new(
         recipe: &Recipe,
         dataset: &Dataset,
@@ -102,7 +104,8 @@ impl Topics {
         Ok(Self { sets: groups.into_iter().map(open).collect::<Result<_, Error>>()?, even })
     }
 
-    /// The samples that belong to the rows of a block of `rows`, by the places of their channels; a topic whose stamps go back in the log is left to the join, and told.
+    /// The samples that belong to the rows of a block of `rows`, by the places of their channels. A topic whose stamps
+    /// go back in the log is left to the join, with a note.
     pub(crate) fn of_episode(
         &self,
         rows: &Dataset,
@@ -127,7 +130,8 @@ impl Topics {
 }
 
 impl OfTopic {
-    /// The topic's samples in a log about the rows of a block, channel by channel, of those of its episodes that meet the rows; `None` where their stamps do not rise.
+    /// The topic's samples in a log about the rows of a block, channel by channel, of those of its episodes that meet
+    /// the rows. `None` if their stamps do not rise.
     fn samples(&self, log: &std::path::Path, rows: &Block, even: bool) -> Result<Option<Vec<Samples>>, Error> {
         let seconds = rows.seconds();
         let (Some(&first), Some(&last)) = (seconds.first(), seconds.last()) else { return Ok(None) };

@@ -55,7 +55,7 @@ pub(crate) fn columns(planned: &[Planned], time: &str) -> Result<Vec<WriteColumn
     unique(columns, "a column of the log has the name of a derivative")
 }
 
-/// The columns, if each has a name of its own; `why` two may share one.
+/// The columns, if each has a unique name; `why`: reason for which two may share one.
 pub(crate) fn unique(columns: Vec<WriteColumn>, why: &str) -> Result<Vec<WriteColumn>, Error> {
     let mut seen = BTreeSet::new();
     match columns.iter().find(|column| !seen.insert(column.name.as_str())) {
@@ -68,7 +68,7 @@ pub(crate) fn unique(columns: Vec<WriteColumn>, why: &str) -> Result<Vec<WriteCo
     }
 }
 
-/// What is written of a column, in the order of [`columns`]; `values` are those of the rows that are written.
+/// Written values of a column, in the order of [`columns`]; `values`: those of the written rows.
 pub(crate) fn values<'a>(own: &'a Planned, values: Vec<f64>, curve: Option<Curve>) -> Vec<Written<'a>> {
     if let Some(curve) = curve {
         return curve.derivatives.into_iter().chain(curve.deviations).map(Written::Numbers).collect();

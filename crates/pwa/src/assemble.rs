@@ -1,4 +1,4 @@
-//! From what was solved to a model: one affine map a region and target, and what each region saw in training.
+//! From solutions to a model: one affine map a region and target, and the training statistics of each region.
 
 use std::collections::BTreeMap;
 

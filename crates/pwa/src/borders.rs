@@ -1,5 +1,5 @@
-//! A pass over all rows for the borders of regions that were refined on a sample of them: separators and maps are known well from some ten thousand rows, but which side of a border a row lies on
-//! is told by the rows beside it, all of them.
+//! A pass over all rows for the borders of regions that were refined on a sample. Some ten thousand rows determine
+//! separators and maps well. The side of a border on which a row lies depends on the rows beside it, all of them.
 
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_stats::{Chunk, scan::scan};

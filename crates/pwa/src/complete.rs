@@ -25,8 +25,8 @@ pub(crate) struct Fit<'a> {
     /// Sums of the cells and their trees, where there are any.
     pub(crate) joined: Option<&'a (Sets, Vec<Tree>)>,
     pub(crate) preconditioner: &'a Preconditioner,
-    /// What the phase's values are bins of, where there is one.
+    /// Bins of the phase's values, if there is a phase.
     pub(crate) phase: Option<&'a Scale>,
-    /// What the models' maps are bounded by.
+    /// Loop whose bound the models' maps keep.
     pub(crate) bound: Option<Loop>,
 }

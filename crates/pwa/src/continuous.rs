@@ -4,13 +4,13 @@
 //!
 //! `A_i x + b_i - (A_j x + b_j) = c (w . z + d)`
 //!
-//! for some vector c, one number a target: two affine functions that agree on a plane differ by a multiple of what vanishes on it (the hinges of Breiman, "Hinging hyperplanes
-//! for regression, classification, and function approximation", 1993). Around every closed walk over borders the right sides must sum to zero, which ties the c of borders that meet.
-//! What is left free is a null space of these equations, the same for all targets: along a tree of borders all maps follow from that of one region and from the c, and c = Z g. So the
-//! maps of all regions are one affine map and hinges, features of the rows that are affine in x within each region, and least squares over them are unconstrained: exact,
-//! on reflectors, from the square-root forms of the regions ([`SquareRoot::pooled`]). What the null space leaves of a jump is rounding, and it is told.
+//! The free numbers form a null space of these equations, the same for all targets. Along a tree of borders all maps
+//! follow from that of one region and from the c, and c = Z g. So the maps of all regions are one affine map and
+//! hinges: features of the rows that are affine in x within each region. Least squares over them are unconstrained and
+//! exact, on reflectors, from the square-root forms of the regions ([`SquareRoot::pooled`]). The jump that remains is
+//! rounding, and it is reported.
 //!
-//! Which regions have a border is told by rows (`borders`): borders that lie where no row is are not looked at.
+//! Rows tell which regions have a border (`borders`); a border where no row lies is ignored.
 
 mod borders;
 
@@ -25,7 +25,7 @@ pub(crate) use borders::{Border, borders, check};
 /// Singular values of the equations below this share of the largest are zero: borders at smaller angles are parallel.
 const PARALLEL: f64 = 1e-10;
 
-/// What is free in maps that meet at their borders.
+/// Free numbers of maps that meet at their borders.
 #[derive(Debug, Clone)]
 pub(crate) struct Ties {
     regions: usize,
@@ -34,7 +34,7 @@ pub(crate) struct Ties {
     places: Vec<usize>,
     centre: Vec<f64>,
     scale: Vec<f64>,
-    /// Regions that hang together over borders.
+    /// Regions that borders connect.
     parts: Vec<Part>,
 }
 
@@ -54,7 +54,7 @@ pub(crate) struct Fitted {
     pub(crate) numbers: usize,
 }
 
-/// What it costs that the maps of neighbouring regions meet at their border.
+/// Cost of continuity: the loss with maps that meet at the borders of neighbouring regions, beside the loss without.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Continuity {
@@ -81,7 +81,7 @@ impl Ties {
         Self { regions, borders, places, centre, scale, parts }
     }
 
-    /// How many borders there are.
+    /// Number of borders.
     pub(crate) fn borders(&self) -> usize {
         self.borders.len()
     }
@@ -167,7 +167,7 @@ impl Ties {
     }
 }
 
-/// A tree of borders through regions that hang together, and the borders that it leaves out.
+/// A tree of borders through connected regions, and the borders that it leaves out.
 struct Walk {
     /// In the order in which they are reached, with the border and the region before; the first has neither.
     regions: Vec<(u32, Option<(usize, u32)>)>,
@@ -251,7 +251,8 @@ impl Part {
     }
 }
 
-/// Goes over a border into a region: the map changes by c times what vanishes on the border, which is positive on the side of the first of its pair.
+/// Goes over a border into a region. The map changes by c times the function that vanishes on the border, which is
+/// positive on the side of the first of its pair.
 fn add(path: &mut Mat<f64>, edge: usize, border: &Border, into: u32) {
     let sign = if border.pair[0] == into { 1.0 } else { -1.0 };
     for (row, normal) in border.normal.iter().enumerate() {
@@ -259,7 +260,7 @@ fn add(path: &mut Mat<f64>, edge: usize, border: &Border, into: u32) {
     }
 }
 
-/// A basis (columns) of what some equations (m x n) leave free.
+/// Basis (columns) of the null space of some equations (m x n).
 fn null_space(equations: &mut Slab) -> Mat<f64> {
     let n = equations.columns();
     if equations.rows() == 0 {

@@ -1,4 +1,5 @@
-//! The chunks that folds cut the rows into, beside chunks that do not know of folds: what is made of all rows then depends on no fold, to the bit.
+//! The chunks into which folds cut the rows, beside chunks without folds. Sums over all rows then depend on no fold, to
+//! the bit.
 
 use std::{collections::BTreeMap, ops::Range};
 
@@ -30,8 +31,8 @@ impl<'a> Cuts<'a> {
         own.start + from..own.start + to
     }
 
-    /// The places of those that complete rows of a tile of that chunk lie in, and these rows; `index` is each row's number in its block, which begins at row
-    /// `first` of the episode.
+    /// Places of the complete rows of a tile of that chunk, and these rows. `index`: each row's number in its block,
+    /// which begins at row `first` of the episode.
     pub(crate) fn pieces(&self, other: &Chunk, first: usize, index: &[usize]) -> Vec<(usize, Range<usize>)> {
         let rows = |place: usize| {
             let Range { start, end } = self.chunks[place].rows;

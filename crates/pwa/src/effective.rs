@@ -1,7 +1,8 @@
-//! Weights whose scale says nothing: together they count as the effective number of rows.
+//! Row weights of any scale: together they count as the effective number of rows.
 //!
-//! Kish, "Survey sampling" (1965), section 11.7: rows of weights w say as much as `(sum w)^2 / sum w^2` rows of weight 1. What is compared with numbers of
-//! rows (the pull of a region, its least rows, the price of a number of a map) is then the same for counts and for shares.
+//! Kish, "Survey sampling" (1965), section 11.7: rows of weights w count as `(sum w)^2 / sum w^2` rows of weight 1.
+//! Quantities that are compared with numbers of rows are then the same for counts and for shares: the pull of a region,
+//! its least rows, the price of a number of a map.
 
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_library::{Binary, Expr};
@@ -12,7 +13,8 @@ use fleetfoot_stats::{
 
 use crate::{Error, Problem};
 
-/// The problem with its weights divided by their mean over themselves, in one pass over the weights; nothing where there are none, or nothing to divide by.
+/// The problem with its weights divided by their weighted mean, in one pass over the weights. `None` without weights,
+/// or if the mean is zero.
 pub(crate) fn with_effective_weights(
     problem: &Problem,
     source: &dyn Source,

@@ -14,7 +14,7 @@ pub enum Error {
     /// The user stopped the work.
     #[error(transparent)]
     Cancelled(#[from] fleetfoot_data::Cancelled),
-    /// An expression speaks of a column that the source does not have.
+    /// An expression reads a column that the source does not have.
     #[error(transparent)]
     UnknownColumn(#[from] fleetfoot_library::UnknownColumn),
     /// A partition could not be understood.
@@ -88,7 +88,7 @@ pub enum Error {
     TooManyLabels {
         /// The column.
         column: String,
-        /// How many are allowed.
+        /// The largest number allowed.
         limit: usize,
     },
     /// A column that does not come round.
@@ -140,7 +140,7 @@ pub enum Error {
     /// Aliases that cannot be written out.
     #[error(transparent)]
     Closed(#[from] fleetfoot_model::ClosedError),
-    /// A regressor bends with a state, so that no matrix tells how the state moves.
+    /// A regressor is not linear in a state, so that no matrix describes the state's motion.
     #[error(
         "stability: the regressor `{function}` is not linear in the state `{state}`, whose motion is to be bounded; leave it out of the library, or leave the bound away"
     )]
@@ -155,7 +155,7 @@ pub enum Error {
         "stability: no regressor reads a state that the model advances by fitted equations, so that there is nothing to bound; leave the bound away"
     )]
     NothingToBound,
-    /// A port that is none.
+    /// A pair that is no port.
     #[error(
         "passivity: {input}:{output} is no port, {reason}; a port is an input of the model and the state with which it is a power, such as a force and a speed"
     )]
@@ -189,7 +189,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// Whether less memory would have done.
+    /// Returns true if the error says that memory is too small.
     pub fn is_memory(&self) -> bool {
         match self {
             Self::Plan(error) | Self::Sums(fleetfoot_sums::system::SystemError::Plan(error)) => error.is_memory(),

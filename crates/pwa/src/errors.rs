@@ -1,5 +1,6 @@
-//! The third pass, for what is not quadratic: absolute errors and Mahalanobis scores, each row predicted by the models that did not
-//! see its fold (paper, Table I), and the residual covariance of the kept models in each region.
+//! The third pass, for errors that are not quadratic: absolute errors and Mahalanobis scores. Each row is predicted by
+//! the models that did not see its fold (paper, Table I). The pass also sums the residual covariance of the kept models
+//! in each region.
 
 use std::collections::BTreeMap;
 
@@ -24,7 +25,7 @@ use crate::{
     walks::{MOST_REGIONS, Walks},
 };
 
-/// What the pass found.
+/// Sums of errors over the rows.
 pub(crate) struct Errors {
     /// Weight of all rows.
     pub(crate) weight: f64,
@@ -34,11 +35,11 @@ pub(crate) struct Errors {
     pub(crate) null: Sums,
     /// Weighted sum of |y - mean over all rows|.
     pub(crate) deviation: Vec<f64>,
-    /// Scatter of the residuals of each kept model in each of its regions, where no statistic tells it.
+    /// Scatter of the residuals of each kept model in each of its regions, if no statistic has it.
     pub(crate) residuals: Vec<Option<Scatter>>,
-    /// Which region follows which, of each kept model whose regions fit the dynamics.
+    /// Transitions between regions, of each kept model whose regions fit the dynamics.
     pub(crate) walks: Vec<Option<Walks>>,
-    /// How residuals hang on those of the rows before, of each kept model of which that is asked.
+    /// Correlation of residuals from row to row, of each kept model for which it is requested.
     pub(crate) lagged: Vec<Option<Lagged>>,
     /// Sums of absolute errors by (episode, fold), in the order of the chunks.
     parts: Vec<((usize, u16), PartErrors)>,
@@ -77,7 +78,7 @@ impl Errors {
         }
     }
 
-    /// What intervals compare: whole episodes where no fold cuts them, else the folds.
+    /// Parts that intervals compare: whole episodes if no fold cuts them, else the folds.
     pub(crate) fn compared(&self, whole: bool) -> (Basis, Vec<PartErrors>) {
         let mut merged: BTreeMap<usize, PartErrors> = BTreeMap::new();
         let mut order = Vec::new();
@@ -111,23 +112,23 @@ struct Prepared {
     by_fold: Vec<Option<Maps>>,
 }
 
-/// What is measured.
+/// Inputs of the pass over the errors.
 pub(crate) struct Measure<'a> {
     pub(crate) rows: &'a Rows,
     pub(crate) segmentation: &'a Segmentation,
     pub(crate) orders: &'a [Order],
     /// Indices of the candidates whose models are kept.
     pub(crate) kept: &'a [usize],
-    /// Whether the scatter of their residuals is asked of the rows.
+    /// True for each kept model whose residual scatter needs the rows.
     pub(crate) scattered: &'a [bool],
     /// Mean of the targets over all rows, and over the training rows of each fold.
     pub(crate) mean: &'a [f64],
     pub(crate) fold_means: &'a [Vec<f64>],
     /// That of the covariance of the targets ([`fleetfoot_stats::Mahalanobis::whitening`]).
     pub(crate) whitening: &'a [f64],
-    /// What the phase's values are bins of, where there is one.
+    /// Bins of the phase's values, if there is a phase.
     pub(crate) phase: Option<&'a Scale>,
-    /// What whitens the residuals of each kept model, where their correlation from row to row is asked.
+    /// Whitening of the residuals of each kept model, if their correlation from row to row is requested.
     pub(crate) whitening_by_region: &'a [Option<Whitening>],
 }
 

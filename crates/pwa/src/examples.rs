@@ -224,7 +224,7 @@ pub(crate) mod tests {
         (0..rows).map(row).collect()
     }
 
-    /// Examples of rows (x0, x1, y), whose regions look at x0 and x1 as they are.
+    /// Examples of rows (x0, x1, y), with x0 and x1 as partition columns.
     pub(crate) fn rows_of(rows: &[[f64; 3]]) -> Examples {
         let column = |j: usize| rows.iter().map(|row| row[j]).collect::<Vec<f64>>();
         let all: Vec<usize> = (0..rows.len()).collect();

@@ -107,8 +107,9 @@ impl Solver<'_> {
 
 /// The models of all `count` regions of a candidate, from the training statistics of its regions.
 ///
-/// `shrinkage` is in rows: the region behaves as if it had seen that many more rows of standardised, independent regressors that obey the one-region
-/// model, `min 1/(2n) rss + s/(2n) |D (beta - beta_average)|^2` with D the standard deviations over all training rows.
+/// `shrinkage` is in rows. The region behaves as if it had seen that many more rows of standardised, independent
+/// regressors that obey the one-region model: `min 1/(2n) rss + s/(2n) |D (beta - beta_average)|^2` with D the standard
+/// deviations over all training rows.
 pub(crate) fn region_models(
     candidate: &Candidate,
     count: usize,

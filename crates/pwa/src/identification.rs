@@ -1,4 +1,4 @@
-//! What an identification finds: the model, and the score of every partition.
+//! Result of an identification: the model, and the score of every partition.
 
 use std::collections::BTreeMap;
 
@@ -17,7 +17,7 @@ pub struct Identification {
     pub models: Vec<Model>,
     /// The square-root forms of the rows in the regions of the chosen model; regions without rows are missing.
     pub roots: BTreeMap<u32, SquareRoot>,
-    /// Every partition that was tried, in the order asked for.
+    /// Every tried partition, in the order of the request.
     pub candidates: Vec<Score>,
     /// Index of the chosen one.
     pub chosen: usize,
@@ -35,11 +35,11 @@ pub struct Identification {
     pub incomplete: u64,
     /// Rows that count as independent.
     pub effective_rows: f64,
-    /// Whether the scores are of rows that did not train (cross-validation).
+    /// True if the scores are of held-out rows (cross-validation).
     pub held_out: bool,
-    /// Which rows were held out, for people; `None` where none were.
+    /// Rule by which rows were held out, for people; `None` without folds.
     pub fold_rule: Option<String>,
-    /// What the intervals of the scores compare.
+    /// Parts that the intervals of the scores compare.
     pub basis: Basis,
     /// Condition number of the standardised regressors of the one-region regression.
     pub condition: f64,
@@ -47,9 +47,9 @@ pub struct Identification {
     pub preconditioned: f64,
     /// For each target the few rows that hold most of its variance, where they do; empty where that is not known.
     pub concentrated: Vec<Option<Concentration>>,
-    /// What the user should know.
+    /// Notes for the user.
     pub notes: Vec<String>,
-    /// What of it is of how partitions were found.
+    /// Those notes that are about the partitions.
     pub partition_notes: Vec<PartitionNote>,
 }
 
@@ -63,7 +63,8 @@ pub struct Score {
     pub regions: usize,
     /// Numbers that its maps have, of all regions and targets, constants among them; of maps that meet at borders those that are free.
     pub coefficients: usize,
-    /// Whether no other partition of as few coefficients errs less on rows that did not train, or as little with fewer; false where no rows are held out.
+    /// True on the front: no other partition of as few coefficients has a lower held-out error, and none has the same
+    /// error with fewer. False without held-out rows.
     pub front: bool,
     /// Shrinkage used, rows.
     pub shrinkage: f64,
@@ -87,17 +88,18 @@ pub struct Score {
     pub losses: Vec<f64>,
     /// Bayesian information criterion.
     pub bic: f64,
-    /// What it costs that maps meet at their borders, where they do.
+    /// Cost of continuity; `None` unless maps meet at their borders.
     pub continuity: Option<Continuity>,
-    /// How its maps contract, where [`Options::stability`](crate::Options::stability) asks for it.
+    /// Contraction of its maps; `None` without [`Options::stability`](crate::Options::stability).
     pub stability: Option<Stability>,
-    /// The loss of the free models in place of the bounded ones; the same where nothing is bounded, and of the training rows where none are held out.
+    /// The loss of the free models in place of the bounded ones; the same without bounds. It is that of the training
+    /// rows if none are held out.
     pub free_loss: f64,
     /// For a refined partition the objective after every pass over the rows that it was refined on: it falls. Empty for the others.
     pub objective: Vec<f64>,
 }
 
-/// Marks what nothing of as few coefficients beats on rows that did not train.
+/// Marks the front: partitions that no other one of as few coefficients beats on held-out rows.
 pub(crate) fn mark(mut scores: Vec<Score>) -> Vec<Score> {
     let models: Vec<(usize, f64)> = scores.iter().map(|own| (own.coefficients, own.loss)).collect();
     scores.iter_mut().zip(front(&models)).for_each(|(own, on)| own.front = on);
@@ -119,8 +121,8 @@ pub(crate) fn coefficients(
 }
 
 impl Identification {
-    /// Absolute error of candidate `a` over that of candidate `b`, for each target, on the same rows: its interval is that of the paired parts, so that
-    /// what makes a part hard for both does not widen it.
+    /// Absolute error of candidate `a` over that of candidate `b`, for each target, on the same rows. Its interval is
+    /// that of the paired parts, so that a part which is hard for both does not widen it.
     pub fn error_ratio(&self, a: usize, b: usize) -> Vec<Estimate> {
         let (a, b) = (&self.candidates[a].absolute, &self.candidates[b].absolute);
         (0..self.targets.len()).map(|t| Estimate::of_ratio(a.iter().zip(b).map(|(a, b)| (a[t], b[t])))).collect()

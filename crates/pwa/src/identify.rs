@@ -31,8 +31,9 @@ use crate::{
 
 /// Identifies a piecewise-affine model of the rows of a source whose columns are the problem's.
 ///
-/// Three passes over the rows: a survey for the partitions (kept rows are clustered), one scan for the Grams of all regions, folds and partitions (and of the
-/// cells that regions are joined of), and one for absolute errors. Weights, whose scale says nothing, take one more before these.
+/// Three passes over the rows: a survey for the partitions (kept rows are clustered), one scan for the Grams, and one
+/// for absolute errors. The Grams are those of all regions, folds and partitions, and of the cells that regions are
+/// joined of. Weights take one more pass before these, which normalises their scale.
 pub fn identify(
     problem: &Problem,
     options: &Options,
@@ -224,7 +225,7 @@ impl Fit<'_> {
         rows.min(base.root.weight)
     }
 
-    /// What the model of a candidate that is joined of cells tells of the tree.
+    /// Description of the tree behind a candidate whose regions are joined cells.
     fn lattice(&self, candidate: usize, orders: &[Order], weight: f64) -> Option<Lattice> {
         let (candidates, (_, trees)) = (&self.segmentation.candidates, self.joined?);
         candidates[candidate].specification.joined()?;
@@ -255,12 +256,13 @@ impl Fit<'_> {
         Ok(Some(roots))
     }
 
-    /// Rows over which the targets are measured, where residuals say what a step may be off.
+    /// Rows over which the targets are measured, if the residuals determine the error of a step.
     fn rows_over(&self) -> Option<usize> {
         span(self.problem.equations.iter().filter(|equation| equation.target.is_some()))
     }
 
-    /// What whitens the residuals of a candidate, where their correlation is kept: a model without regressors leaves more than least squares do.
+    /// Whitening of a candidate's residuals, if their correlation is kept. A model without regressors has larger
+    /// residuals than least squares, and has none.
     fn whitening(&self, candidate: usize, order: &Order, solver: &Solver<'_>) -> Option<Whitening> {
         let Candidate { specification, full, .. } = &self.segmentation.candidates[candidate];
         let asked = self.rows_over().is_some() && *specification != Specification::Null;
@@ -333,7 +335,7 @@ impl Fit<'_> {
     }
 }
 
-/// Owns what a [`Measure`] borrows.
+/// Owned parts that a [`Measure`] borrows.
 struct MeasureInput<'m> {
     fit: &'m Fit<'m>,
     orders: &'m [Order],

@@ -51,7 +51,7 @@ impl Kept {
     }
 }
 
-/// Which rows of a tile are kept.
+/// Share of a tile's rows that is kept.
 pub(crate) enum Share {
     None,
     All,

@@ -1,11 +1,12 @@
 //! k-means: exact Lloyd iterations, fast, with an answer that depends on the data alone.
 //!
-//! The objective is the inertia, `sum_i min_k ||z_i - c_k||^2` over standardised rows `z`. One iteration assigns every row to its nearest centroid
-//! (the first of equally near ones) and moves every centroid to the mean of its rows (Lloyd, "Least squares quantization in PCM", IEEE Trans.
-//! Inf. Theory 1982). Three things make it fast and change nothing in the result:
+//! The objective is the inertia, `sum_i min_k ||z_i - c_k||^2` over standardised rows `z`. One iteration assigns every
+//! row to its nearest centroid (the first of equally near ones). It then moves every centroid to the mean of its rows
+//! (Lloyd, "Least squares quantization in PCM", IEEE Trans. Inf. Theory 1982). Three things make it fast and change
+//! nothing in the result:
 //!
 //! - bounds on the distances skip rows whose label cannot change ([`step`]);
-//! - the rest are screened in `f32`, and what the rounding error leaves open is decided in `f64` ([`screen`]);
+//! - the rest are screened in `f32`, and those within the rounding error are decided in `f64` ([`screen`]);
 //! - sums of rows are exact, so only rows that change their cluster need be added and subtracted ([`sums`]).
 //!
 //! Labels, centroids and counts are the same bits on any number of threads, for any split of the rows into blocks and on any
@@ -34,7 +35,7 @@ pub use run::{KMeansRun, KMeansStep, kmeans_from, plus_plus_draws, starting_cent
 
 use fleetfoot_data::{Cancelled, Progress};
 
-/// Where the centroids start.
+/// Starting centroids.
 #[derive(Debug, Clone, Copy)]
 pub enum Start<'a> {
     /// Greedy k-means++, `restarts` times (at least once); the result with the lowest inertia counts, of equal ones the first.
@@ -48,15 +49,15 @@ pub enum Start<'a> {
     Centroids(&'a [f64]),
 }
 
-/// What to compute.
+/// Options of k-means.
 #[derive(Debug, Clone, Copy)]
 pub struct KMeansOptions {
     /// Clusters wanted, k.
     pub k: usize,
     /// Iterations at most; 0 leaves the centroids where they start.
     pub max_iterations: usize,
-    /// Stop when the squared shifts of all centroids sum up to at most this times the mean variance of the columns (scikit-learn's
-    /// `tol`); 0 runs to a fixed point.
+    /// Stop when the squared shifts of all centroids sum up to at most this times the mean variance of the columns
+    /// (scikit-learn's `tol`). With 0 it runs to a fixed point.
     pub tolerance: f64,
 }
 
@@ -77,7 +78,7 @@ pub struct KMeans {
     pub inertia: f64,
     /// Iterations made.
     pub iterations: usize,
-    /// Whether the labels, or the centroids up to the tolerance, stood still.
+    /// True if the labels, or the centroids up to the tolerance, stood still.
     pub converged: bool,
 }
 
@@ -94,17 +95,17 @@ pub enum KMeansError {
     /// Nothing to cluster.
     #[error("no rows to cluster")]
     NoRows,
-    /// No clusters were asked for.
+    /// The request has no clusters.
     #[error("k-means needs at least one cluster")]
     NoClusters,
     /// Slices that do not fit together.
     #[error("{expected} {what} expected, {found} found")]
     Shape {
-        /// What was counted.
+        /// Name of the counted items.
         what: &'static str,
-        /// How many there should be.
+        /// Required number.
         expected: usize,
-        /// How many there are.
+        /// Actual number.
         found: usize,
     },
     /// A column cannot be standardised.
@@ -113,7 +114,7 @@ pub enum KMeansError {
         column + 1
     )]
     Scale {
-        /// Which column, from 0.
+        /// Index of the column, from 0.
         column: usize,
         /// Its centre.
         centre: f64,
@@ -127,17 +128,17 @@ pub enum KMeansError {
         column + 1
     )]
     Value {
-        /// Which row, from 0.
+        /// Index of the row, from 0.
         row: usize,
-        /// Which column, from 0.
+        /// Index of the column, from 0.
         column: usize,
         /// The value, in the unit of the column.
         value: f64,
     },
-    /// A weight that is no number of rows.
+    /// A weight that is negative, too large or not finite.
     #[error("row {}: its weight is {value}; weights are finite, not negative and at most 1e30", row + 1)]
     Weight {
-        /// Which row, from 0.
+        /// Index of the row, from 0.
         row: usize,
         /// Its weight.
         value: f64,
@@ -148,9 +149,9 @@ pub enum KMeansError {
     /// A starting centroid that is nowhere.
     #[error("coordinate {} of starting centroid {} is {value}", column + 1, cluster + 1)]
     Centroid {
-        /// Which centroid, from 0.
+        /// Index of the centroid, from 0.
         cluster: usize,
-        /// Which coordinate, from 0.
+        /// Index of the coordinate, from 0.
         column: usize,
         /// Its value.
         value: f64,
@@ -165,9 +166,9 @@ pub enum KMeansError {
 
 /// Clusters the rows of `points`.
 ///
-/// A cluster that loses all its rows is restarted from the row that is farthest from its centroid, as scikit-learn does (several such clusters: from
-/// the farthest rows in turn, never from the only row of a cluster). If there are fewer different rows than clusters, the result has
-/// fewer centroids. `progress` advances by iterations.
+/// A cluster that loses all its rows is restarted from the row that is farthest from its centroid, as in scikit-learn.
+/// Several such clusters restart from the farthest rows in turn, never from the only row of a cluster. If there are
+/// fewer different rows than clusters, the result has fewer centroids. `progress` advances by iterations.
 ///
 /// # Errors
 /// No rows, no clusters, starting centroids of a wrong number or not finite, a tolerance that is negative or NaN; cancelled.
@@ -216,7 +217,7 @@ fn iterate(
     Ok(KMeans { centroids, counts, inertia, iterations, converged })
 }
 
-/// Refuses what cannot be clustered.
+/// Refuses points that cannot be clustered.
 fn check(points: &Points, options: &KMeansOptions) -> Result<(), KMeansError> {
     if points.rows() == 0 {
         return Err(KMeansError::NoRows);

@@ -1,4 +1,4 @@
-//! How many values a column of labels may have.
+//! Limit of the number of values in a column of labels.
 
 use std::collections::BTreeSet;
 

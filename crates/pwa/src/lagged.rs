@@ -1,4 +1,4 @@
-//! How residuals hang on those of the rows before: their autocovariances, whitened by region, over the rows in their order.
+//! Correlation of residuals from row to row: their autocovariances, whitened by region, over the rows in their order.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -13,10 +13,11 @@ use pulp::NullaryFnOnce;
 
 /// Residuals that a filter carries at most: rows of them times targets. On a hexapod at 1 kHz (13 targets) the first row gains 0.89 nats a row, the second 0.02, the third and fourth 0.004 together.
 const MOST_CARRIED: usize = 40;
-/// Rows that few residuals hang on at most, and that many may hang on.
+/// Limits of the lags of an autoregression: at least, of many targets, and at most, of few.
 const LAGS: [usize; 2] = [2, 8];
 
-/// Share of a target's variance that is no more than rounding: differences of neighbouring values have lost some seven digits of sixteen.
+/// Share of a target's variance that counts as rounding: differences of neighbouring values have lost some seven digits
+/// of sixteen.
 const ROUNDED: f64 = 1e-18;
 
 /// The longest autoregression of so many targets.
@@ -24,7 +25,8 @@ fn most_lags(targets: usize) -> usize {
     (MOST_CARRIED / targets.max(1)).clamp(LAGS[0], LAGS[1])
 }
 
-/// Rows that derivatives may be measured over: two are those of a central difference. Over more, what neighbouring residuals share is the rows that they are measured over.
+/// Rows that derivatives may be measured over: two are those of a central difference. Over more rows, neighbouring
+/// residuals are correlated because they share rows.
 const MOST_SPAN: usize = 2;
 
 /// Rows over which the fitted equations' targets are measured, the most of them; `None` of targets whose residuals say nothing of a step's noise.
@@ -38,13 +40,15 @@ pub(crate) fn span<'e>(fitted: impl Iterator<Item = &'e Equation>) -> Option<usi
     fitted.map(rows).try_fold(1, |most, rows| Some(most.max(rows?)))
 }
 
-/// What whitens the residuals of each region: the inverse of the lower Cholesky factor of their covariance, column by column of padded length; none where they are no more than rounding.
+/// Whitening of the residuals of each region: the inverse of the lower Cholesky factor of their covariance, column by
+/// column of padded length. `None` if they are no more than rounding.
 pub(crate) struct Whitening {
     regions: Vec<Option<Vec<f64>>>,
 }
 
 impl Whitening {
-    /// By what least squares leave of the rows of every region, of `count` of them; `variances` are those of the targets.
+    /// Whitening by the residuals of least squares in every region, of `count` regions; `variances` are those of the
+    /// targets.
     pub(crate) fn new(
         grams: &BTreeMap<u32, Gram>,
         count: usize,
@@ -72,7 +76,8 @@ impl Whitening {
     }
 }
 
-/// Sums of products of whitened residuals, some rows apart; parts of an episode are merged in their order. What is open to other parts are the first and the last rows.
+/// Sums of products of whitened residuals, some rows apart. Parts of an episode are merged in their order, by their
+/// first and last rows.
 #[derive(Debug, Clone)]
 pub(crate) struct Lagged {
     targets: usize,
@@ -105,7 +110,7 @@ impl Lagged {
         self.products.len() - 1
     }
 
-    /// Goes on with rows of an episode: row numbers, ascending, their regions, residuals (padded) and weights.
+    /// Appends rows of an episode: row numbers, ascending, their regions, residuals (padded) and weights.
     pub(crate) fn extend(
         &mut self,
         whitening: &Whitening,
@@ -131,7 +136,7 @@ impl Lagged {
         }
     }
 
-    /// Goes on with whitened rows without a gap.
+    /// Appends whitened rows without a gap.
     fn follow(&mut self, places: &[usize], own: &[f64]) {
         let (width, lags) = (padded(self.targets), self.lags());
         if self.tail.back().is_some_and(|last| last.at + 1 != places[0]) {
@@ -200,7 +205,8 @@ impl Lagged {
         self.episode = next.episode;
     }
 
-    /// What the residuals of targets that are measured over so many rows hang on: the order of least BIC, where they are correlated over more rows than they share. `None` where they are as good as independent.
+    /// Correlation of the residuals of targets that are measured over `span` rows: the order of least BIC. `None`
+    /// unless they are correlated over more rows than they share.
     pub(crate) fn correlation(&self, span: usize) -> Option<ResidualCorrelation> {
         let (q, width) = (self.targets, padded(self.targets));
         let rows = self.weight / q as f64;
@@ -426,12 +432,13 @@ mod tests {
         }
     }
 
-    /// Residuals of an autoregression of two targets are found to be one, of independent ones not; a series that is averaged over two rows is not taken for one.
+    /// Residuals of an autoregression of two targets are recognised as one; independent residuals are not, and neither
+    /// is a series that is averaged over two rows.
     #[test]
     fn correlation_is_told_where_there_is_any() {
         let uniform = |key: u64| fleetfoot_data::mix(key + 1) as f64 / u64::MAX as f64 - 0.5;
         let width = padded(2);
-        /// The residuals of a row, from its number, those before and noise of its own.
+        /// The residuals of a row, from its number, those before and separate noise.
         type Series<'s> = &'s dyn Fn(usize, &[[f64; 2]], [f64; 2]) -> [f64; 2];
         let found = |series: Series<'_>, span: usize| {
             let mut rows: Vec<[f64; 2]> = Vec::new();

@@ -1,9 +1,11 @@
 //! Many small cells, and the regions that they are joined to.
 //!
-//! Cells of k-means lie across the places where the dynamics change, and a thousand of them hardly find three columns among sixteen that tell where. So borders come first: the separators
-//! of refined regions ([`crate::refined`], as many as a criterion says) on kept training rows, and within each region cells of k-means on the partition columns. One pass over the rows keeps a
-//! Gram matrix for every cell ([`CellSums`]); from these alone follows a tree of joins ([`Tree`]), and with it every number of regions: its maps, its training error and its error on the
-//! rows that were held out. Borders see targets, so that every fold has cells of its own, of its training rows, and a pass sums the rows in all of them.
+//! Cells of k-means lie across the places where the dynamics change, and a thousand of them hardly find the three
+//! relevant columns among sixteen. So borders come first: the separators of refined regions ([`crate::refined`], their
+//! number by a criterion) on kept training rows. Within each region follow cells of k-means on the partition columns.
+//! One pass over the rows keeps a Gram matrix for every cell ([`CellSums`]). From these alone follows a tree of joins
+//! ([`Tree`]), and with it every number of regions: its maps, its training error and its held-out error. Borders depend
+//! on targets, so that every fold has separate cells, of its training rows, and a pass sums the rows in all of them.
 
 mod cells;
 mod sums;
@@ -26,7 +28,8 @@ pub(crate) use tree::{Cell, Limits, Tree};
 
 /// Cells at most (but two for each region).
 const CELLS: usize = 256;
-/// How much more a border between regions weighs than one between the cells of a region, a standard deviation from either: it is moved by one over this.
+/// Weight of a border between regions, relative to one between cells of a region, a standard deviation from either. It
+/// moves by one over this.
 const SHARP: f64 = 1e4;
 /// Rows of a cell that its place is found from, on average.
 const PLACED: usize = 32;
@@ -43,7 +46,7 @@ pub(crate) struct Lattice {
     pub(crate) rule: Arc<Rule>,
     cells: Cells,
     regressors: usize,
-    /// Whether there would be more cells with more memory.
+    /// True if more memory would give more cells.
     cut: bool,
 }
 
@@ -62,14 +65,15 @@ pub(crate) fn bytes(rows: usize, shape: (usize, usize), regions: usize, folds: u
     wanted(rows, shape, regions, folds) * grams_of_a_cell(folds) * gram_bytes(shape.0 + shape.1)
 }
 
-/// How many cells are made for so many regions.
+/// Number of cells for so many regions.
 fn wanted(rows: usize, (regressors, targets): (usize, usize), regions: usize, folds: u16) -> usize {
     cell_count(rows, regressors, regions, CELLS).min(most_cells(regressors + targets, folds)).max(1)
 }
 
 impl Lattice {
-    /// Cells for so many regions of `rows` rows, from the raw partition columns of some of those that train; `shape` is the number of regressors and of targets, `partition` standardises,
-    /// and no cell lies across the borders of the regions of `borders`.
+    /// Cells for so many regions of `rows` rows, from the raw partition columns of some training rows. `shape` is the
+    /// number of regressors and of targets; `partition` standardises. No cell lies across the borders of the regions of
+    /// `borders`.
     ///
     /// # Errors
     /// Cancelled; columns that cannot be clustered.
@@ -99,12 +103,12 @@ impl Lattice {
         Ok(Self { partition, rule: Arc::new(rule), cells: cells.cells, regressors: shape.0, cut })
     }
 
-    /// How many cells there are.
+    /// Number of cells.
     pub(crate) fn count(&self) -> usize {
         self.cells.centroids.len()
     }
 
-    /// What the user should know.
+    /// Note for the user if memory limits the number of cells.
     pub(crate) fn note(&self) -> Option<PartitionNote> {
         let (cells, memory) = (self.count(), STATS_BUDGET >> 20);
         self.cut.then(|| PartitionNote::new("lattice", Finding::CellsLackMemory { cells, memory }))
@@ -178,7 +182,8 @@ impl Bordered {
         Ok(found)
     }
 
-    /// The nearest centroid of the region that a row is in, as one argument of the greatest: scores of regions, far above those of centroids in them.
+    /// The nearest centroid within a row's region, as one argument of the greatest. The scores of regions are far above
+    /// those of the centroids in them.
     fn rule(&self, borders: &Rule) -> Rule {
         let nearest = Rule::voronoi(self.cells.centroids.clone());
         let (Rule::Linear { weights, offsets }, Rule::Linear { weights: of_regions, offsets: levels }) =

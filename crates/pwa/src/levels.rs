@@ -1,10 +1,11 @@
-//! What a model tells of the tree that its regions are a level of.
+//! Description, in a model, of the tree of which its regions are a level.
 
 use fleetfoot_model::{Join, Lattice, Level};
 
 use crate::{lattice::Tree, select::Order};
 
-/// What a model tells of the tree that its regions are a level of: the joins that follow, and the levels that were tried; `weight` is that of the rows.
+/// Description of the tree of which a model's regions are a level: the joins that follow, and the levels that were
+/// tried. `weight`: weight of the rows.
 pub(crate) fn described(tree: &Tree, regions: usize, tried: &[&Order], (weight, targets): (f64, usize)) -> Lattice {
     let table = tree.regions(regions);
     let scaled = |error: f64| error / (weight * targets as f64);

@@ -1,9 +1,9 @@
 //! Piecewise identification: partitions, regression per region, model order.
 //!
-//! After Buchan, Haldane, Fearing, "Automatic Identification of Dynamic Piecewise Affine Models for a Running Robot": the
-//! state space is cut into regions by simple statistics of the observations, every region gets an affine model by least squares, and the number of regions
-//! is chosen by how well rows that did not train are predicted. [`identify`] does it in three passes over the rows, whatever the number of partitions,
-//! regions and folds.
+//! After Buchan, Haldane, Fearing, "Automatic Identification of Dynamic Piecewise Affine Models for a Running Robot".
+//! The state space is cut into regions by simple statistics of the observations, and every region gets an affine model
+//! by least squares. The number of regions is chosen by the held-out error. [`identify`] does it in three passes over
+//! the rows, whatever the number of partitions, regions and folds.
 //!
 //! ```
 //! use fleetfoot_data::Silent;

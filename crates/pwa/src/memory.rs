@@ -1,4 +1,4 @@
-//! What an identification keeps in memory.
+//! Memory of an identification.
 
 use crate::{
     Options, Problem, Specification,
@@ -10,13 +10,14 @@ use crate::{
 /// Passes of an identification: where regions are, the sums in them, and the errors.
 const PASSES: usize = 3;
 
-/// What an identification will keep in memory, and how often it reads the rows.
+/// Memory of an identification, and its passes over the rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Cost {
     /// Rows that are kept to find regions: all, or as many as the memory allows.
     pub clustered_rows: usize,
-    /// Passes over the rows: one more where borders of regions that are refined on a sample are drawn by all rows, and one more where rows have weights.
+    /// Passes over the rows: one more if all rows draw the borders of regions that are refined on a sample, and one
+    /// more for weights.
     pub passes: usize,
     /// Bytes, about: kept rows, stored statistics, blocks in flight.
     pub bytes: usize,
@@ -24,7 +25,7 @@ pub struct Cost {
     pub operations: f64,
 }
 
-/// Tells beforehand what [`identify`](crate::identify()) will keep in memory for `rows` rows.
+/// Memory of [`identify`](crate::identify()) for `rows` rows.
 pub fn cost(problem: &Problem, options: &Options, rows: usize) -> Cost {
     let targets = problem.equations.iter().filter(|equation| equation.target.is_some()).count();
     let width = problem.library.len() + targets;

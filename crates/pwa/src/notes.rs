@@ -1,4 +1,4 @@
-//! What a user should know about a fit beside its numbers.
+//! Notes for the user about a fit.
 
 use fleetfoot_data::setting::SHRINKAGE;
 use fleetfoot_stats::SquareRoot;
@@ -12,7 +12,7 @@ use crate::{
     walks::MOST_REGIONS,
 };
 
-/// What the rows cannot tell apart.
+/// Adds notes about confounded regressors.
 pub(crate) fn confounded(problem: &Problem, base: &Base, notes: &mut Vec<String>) {
     let name = |&function: &usize| problem.library[function].to_string();
     for group in &base.average.confounded {
@@ -24,7 +24,7 @@ pub(crate) fn confounded(problem: &Problem, base: &Base, notes: &mut Vec<String>
     }
 }
 
-/// A chosen model that is worth no more than the mean of the targets, whose held-out loss is 1.
+/// Note on a chosen model that is no better than the mean of the targets, whose held-out loss is 1.
 pub(crate) fn no_better(chosen: &Score) -> Option<String> {
     let Score { specification, loss, standard_error, .. } = chosen;
     let verb = match (specification, loss) {

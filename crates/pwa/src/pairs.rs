@@ -1,4 +1,4 @@
-//! Which pairs of regions have the same map: the likelihood ratio of two against one.
+//! Pairs of regions that have the same map: the likelihood ratio of two maps against one.
 
 use std::collections::BTreeMap;
 
@@ -12,9 +12,9 @@ use crate::Error;
 const ALL_REGIONS: usize = 64;
 const ALL_COLUMNS: usize = 200;
 
-/// Compares the regions of some Gram matrices (regions without rows are missing), pair by pair, ascending; `independent` is the share of the rows that counts as
-/// independent. The growth of the error that joins cells of a lattice is the diagonal of what is compared here, where
-/// regions are equally noisy.
+/// Compares the regions of some Gram matrices (regions without rows are missing), pair by pair, ascending.
+/// `independent`: the share of the rows that counts as independent. If regions are equally noisy, the diagonal of this
+/// comparison is the error growth by which cells of a lattice are joined.
 ///
 /// # Errors
 /// Cancelled.

@@ -24,20 +24,21 @@ use crate::{
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Partitioned {
-    /// What was asked for and what it gave, in the order of [`Options::partitions`]. What their regions saw is not known
-    /// yet; [`fleetfoot_model::Rule::count`] tells how many there are.
+    /// Specifications and their partitions, in the order of [`Options::partitions`]. Rows of the regions are not
+    /// counted yet; [`fleetfoot_model::Rule::count`] gives the number of regions.
     pub partitions: Vec<(Specification, Partition)>,
     /// Rows with all values: of library, targets, partition columns, labels and weight.
     pub rows: u64,
-    /// What the user should know: k-means on a sample, or not converged.
+    /// Notes for the user: k-means on a sample, or not converged.
     pub notes: Vec<String>,
 }
 
-/// Makes the partitions of [`Options::partitions`] on all rows of a source whose columns are the problem's: those that [`crate::identify`] would
-/// report, without the regression: the same bits as without folds. One pass over the rows, one more for cells that are joined, and
-/// one for weights.
+/// Makes the partitions of [`Options::partitions`] on all rows of a source whose columns are the problem's. They are
+/// those of [`crate::identify`], without the regression: the same bits as without folds. One pass over the rows, one
+/// more for cells that are joined, and one for weights.
 ///
-/// Rows count when all that the problem speaks of is there: give it the library and targets of the regression to come, so that both see the same rows.
+/// A row counts if all columns of the problem have values. Give it the library and targets of the regression to come,
+/// so that both see the same rows.
 ///
 /// # Errors
 /// Those of reading, of an unknown column, of too few rows, constant targets and too many labels.
@@ -97,16 +98,16 @@ pub(crate) fn join_cells(
     Ok(Some((sets, trees)))
 }
 
-/// What stands before the regression.
+/// Preparations for the regression.
 pub(crate) struct Prepared {
     pub(crate) rows: Rows,
     pub(crate) grid: Grid,
-    /// Which rows are held out, where there are folds.
+    /// Layout of the held-out rows; `None` without folds.
     pub(crate) folds: Option<FoldLayout>,
     pub(crate) chunks: Vec<Chunk>,
     pub(crate) survey: Survey,
     pub(crate) segmentation: Segmentation,
-    /// What the phase's values are bins of, where there is one.
+    /// Bins of the phase's values, if there is a phase.
     pub(crate) phase: Option<Scale>,
 }
 

@@ -1,20 +1,20 @@
-//! What a user should know of how the regions of a partition were found.
+//! Notes for the user about the making of a partition's regions.
 
 use std::fmt;
 
 use fleetfoot_data::setting::{ITERATIONS, MEMORY};
 
-/// What a user should know of how the regions of a partition were found; its text is a sentence.
+/// Note for the user about the making of a partition's regions; its text is a sentence.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct PartitionNote {
     /// The partition, after the label where it is that of one: `kmeans:4`, `terrain grass: kmeans:4`.
     pub place: String,
-    /// What was found.
+    /// Content of the note.
     pub finding: Finding,
 }
 
-/// What was found of a partition.
+/// Observation about a partition.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Finding {
@@ -47,7 +47,7 @@ pub enum Finding {
     },
     /// Regions are those of a sample of the rows.
     Sampled {
-        /// What was done to the sample: `clustered`, `refined`, `grown on`.
+        /// Use of the sample: `clustered`, `refined`, `grown on`.
         method: SampleMethod,
         /// Rows of the sample.
         kept: u64,
@@ -56,7 +56,7 @@ pub enum Finding {
     },
 }
 
-/// What was done to a sample of the rows.
+/// Use of a sample of the rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SampleMethod {
     /// k-means.
@@ -78,7 +78,7 @@ impl PartitionNote {
         Self { place: format!("{label}: {}", self.place), ..self }
     }
 
-    /// Whether an iteration ended before it converged.
+    /// Returns true if an iteration ended before it converged.
     pub fn is_unconverged(&self) -> bool {
         matches!(self.finding, Finding::NotConverged { .. })
     }

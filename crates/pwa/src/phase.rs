@@ -1,4 +1,4 @@
-//! Where a row is in what repeats: a gait's phase, or its label.
+//! Position of a row in a repeating motion: a gait's phase, or its label.
 
 use std::{collections::BTreeSet, f64::consts::PI};
 
@@ -15,11 +15,11 @@ pub struct Phase {
     pub specification: String,
     /// Its value in a row.
     pub column: Expr,
-    /// What its values are.
+    /// Kind of its values.
     pub kind: PhaseKind,
 }
 
-/// What the values of a phase are.
+/// Kind of a phase's values.
 #[derive(Debug, Clone, PartialEq)]
 pub enum PhaseKind {
     /// They come round.
@@ -33,7 +33,7 @@ pub enum PhaseKind {
     Labels(Column),
 }
 
-/// How much wider than a period what was rounded may be.
+/// Largest relative excess over a period that counts as rounding.
 const ROUNDED: f64 = 1e-6;
 
 /// The values that a phase takes.
@@ -66,7 +66,7 @@ impl Seen {
         self.labels.as_ref().map_or(Ok(()), |labels| limit_labels(&phase.column.to_string(), labels))
     }
 
-    /// Takes in what other rows have.
+    /// Merges the values of other rows.
     ///
     /// # Errors
     /// More values than labels have.
@@ -79,10 +79,10 @@ impl Seen {
         Ok(())
     }
 
-    /// What the values are bins of.
+    /// Bins of the values.
     ///
     /// # Errors
-    /// They are no phase.
+    /// The values are no phase.
     pub(crate) fn scale(&self, phase: &Phase) -> Result<Scale, Error> {
         match &phase.kind {
             PhaseKind::Labels(column) => {
@@ -102,7 +102,7 @@ impl Seen {
     }
 }
 
-/// What the values of a phase are bins of.
+/// Bins of a phase's values.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Scale {
     Cyclic { period: f64, bins: usize },
@@ -134,8 +134,8 @@ impl Scale {
         }
     }
 
-    /// How many strides begin between two neighbouring rows: 1 where the phase wraps (the shorter way round) or the first label is entered, -1 where a phase wraps
-    /// back.
+    /// Number of strides that begin between two neighbouring rows. It is 1 if the phase wraps (the shorter way round)
+    /// or enters the first label, and -1 if it wraps back.
     pub(crate) fn turn(&self, before: f64, after: f64) -> i64 {
         match self {
             Self::Cyclic { period, .. } => {

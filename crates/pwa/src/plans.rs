@@ -1,4 +1,4 @@
-//! What is summed of the partitions that are made on all rows: the plans of their statistic.
+//! Plans of the statistic, for partitions that are made on all rows.
 
 use fleetfoot_data::Source;
 use fleetfoot_library::Expr;
@@ -24,7 +24,8 @@ pub fn system(problem: &Problem) -> System {
     }
 }
 
-/// A plan for every partition that is made on all rows, the first of which is the one region; none for those that are joined of cells, or belong to a fold.
+/// A plan for every partition that is made on all rows, the first of which is the one region. `None` for those that are
+/// joined of cells, or belong to a fold.
 ///
 /// The chunks are those of a statistic of the same rows, as long as the sums of all partitions fit the memory together.
 pub(crate) fn plans(
@@ -61,7 +62,8 @@ pub(crate) fn plans(
     systems.into_iter().map(of).collect()
 }
 
-/// Of which partitions the chunks of the folds are summed: of the one region, of those that folds have, and of those whose residuals are told apart by chunk.
+/// Partitions of which the chunks of the folds are summed: the one region, those of folds, and those whose residuals
+/// need sums by chunk.
 pub(crate) fn cut(segmentation: &Segmentation, plans: &[Option<SystemPlan>], options: &Options) -> Vec<bool> {
     let of = |at: usize| {
         let fold = |candidate: &Candidate| candidate.by_fold.contains(&at);

@@ -1,13 +1,14 @@
-//! Where a model exchanges energy with what is around it.
+//! Ports, at which a model exchanges energy with its surroundings.
 
-/// Where a model exchanges energy.
+/// A port, at which a model exchanges energy.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Port {
     /// The input.
     pub input: String,
     /// The state by which it is multiplied to be a power.
     pub output: String,
-    /// E of the port, in units of the state over those of the input; `None`: twice what sampling takes by the one-region model.
+    /// E of the port, in units of the state over those of the input; `None`: twice the discretisation error of the
+    /// one-region model.
     pub shortage: Option<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! What is to be identified: columns, library, equations; and how.
+//! The problem of an identification (columns, library, equations) and its options.
 
 use fleetfoot_library::Expr;
 use fleetfoot_model::{Column, Equation, UnseenLabel};
@@ -6,25 +6,25 @@ use fleetfoot_stats::Purge;
 
 use crate::{Phase, Specification};
 
-/// What is to be identified, over the columns (aliases) of a source.
+/// The problem of an identification, over the columns (aliases) of a source.
 #[derive(Debug, Clone)]
 pub struct Problem {
-    /// The columns that the model will speak of.
+    /// The columns of the model.
     pub columns: Vec<Column>,
     /// Candidate functions, the constant left out: the regressor of equation (5) without its 1.
     pub library: Vec<Expr>,
     /// Equations: those with a target are fitted, each to the latent that its right side names; the others are given.
     pub equations: Vec<Equation>,
-    /// What partitions look at (angles as cosine and sine).
+    /// Partition columns (angles as cosine and sine).
     pub partition_columns: Vec<Expr>,
-    /// Non-negative row weights: a row of weight w counts as if its squared error counted w times. Their scale says nothing: together they count as
-    /// the effective number of rows, `(sum w)^2 / sum w^2`.
+    /// Non-negative row weights: a row of weight w counts as if its squared error counted w times. Their scale has no
+    /// effect: together they count as the effective number of rows, `(sum w)^2 / sum w^2`.
     pub weight: Option<Expr>,
     /// Sampling period, seconds.
     pub step: f64,
 }
 
-/// How it is to be identified.
+/// Options of an identification.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Options {
@@ -36,15 +36,16 @@ pub struct Options {
     pub purge: Option<usize>,
     /// Rows over which the source was smoothed before; 0 where it was not.
     pub smoothed: usize,
-    /// How one of several partitions is chosen.
+    /// Rule of the choice among several partitions.
     pub selection: Selection,
     /// Pull of each region towards the one-region model.
     pub shrinkage: Shrinkage,
     /// Bound of the norm of every region's map over one sampling period, in a metric that all share (1: stable); `None`: free. See [`crate::Stability`].
     pub stability: Option<f64>,
-    /// Where the model exchanges energy, if its regions are to be passive there: they contract too, by 1 where no bound is given. See [`crate::Passivity`].
+    /// Ports at which the regions are to be passive. They contract too, with the bound 1 if none is given. See
+    /// [`crate::Passivity`].
     pub ports: Vec<crate::Port>,
-    /// What happens to labels not seen in training.
+    /// Treatment of labels not seen in training.
     pub unseen: UnseenLabel,
     /// Seed of k-means++.
     pub seed: u64,
@@ -58,7 +59,7 @@ pub struct Options {
     pub tsqr: bool,
     /// Give the models of all partitions, not only the chosen one.
     pub keep_all: bool,
-    /// Whether the maps of neighbouring regions meet at their border.
+    /// True if the maps of neighbouring regions are to meet at their border.
     pub continuous: bool,
     /// A phase along which regions are counted, and from stride to stride; rows without it do not train.
     pub phase: Option<Phase>,
@@ -135,7 +136,7 @@ pub enum Selection {
 pub enum Shrinkage {
     /// As if each region had seen this many more rows of standardised regressors that obey the one-region model.
     Rows(f64),
-    /// That of the least held-out losses (the mean of their logarithms over the folds), one value for all regions of a partition; of losses within a thousandth the
-    /// smaller pull. None without folds.
+    /// That of the least held-out losses (the mean of their logarithms over the folds), one value for all regions of a
+    /// partition. Of losses within a thousandth the smaller pull. None without folds.
     Auto,
 }

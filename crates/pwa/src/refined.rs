@@ -1,20 +1,23 @@
 //! Regions that fit the dynamics: refined partitions.
 //!
-//! k-means puts regions where rows are dense. Here they are put where one affine map fits, and where a row can be told from its partition columns to belong. After
-//! Bemporad, "A Piecewise Linear Regression and Classification Algorithm with Application to Learning and Model Predictive Control of Hybrid Systems" (PARC, IEEE
-//! Trans. Automatic Control 2023): with the region `l_i` of every row, the map of every region and separators `w_k . z + b_k`,
+//! k-means puts regions where rows are dense. Here a region is a set of rows that one affine map fits, and that the
+//! partition columns separate from the others. After Bemporad, "A Piecewise Linear Regression and Classification
+//! Algorithm with Application to Learning and Model Predictive Control of Hybrid Systems" (PARC, IEEE Trans. Automatic
+//! Control 2023): with the region `l_i` of every row, the map of every region and separators `w_k . z + b_k`,
 //!
 //! `1/V sum_i v_i [ |e_i|^2 / (2 tau^2) + ln sum_k exp(w_k . z_i + b_k) - (w_l . z_i + b_l) ] + q ln tau + pull + penalty`
 //!
-//! is minimised over one of them at a time, so that it falls in every pass: maps by exact least squares on the regions' Gram matrices, tau^2 by the mean squared
-//! error, separators by Newton's method (`separators`), regions row by row. `e_i` is the error of the row's region in units of the targets' standard deviations,
-//! over q targets; `v_i` are weights and V their sum. PARC's weight between error and separation is `2 tau^2`: with it the objective is the negative
-//! logarithm of the likelihood of a mixture of experts with known regions (Jordan and Jacobs, "Hierarchical mixtures of experts and the EM algorithm", 1994),
-//! and needs no tuning.
+//! is minimised over one of them at a time, so that it falls in every pass. The passes are maps by exact least squares
+//! on the regions' Gram matrices, tau^2 by the mean squared error, separators by Newton's method (`separators`), and
+//! regions row by row. `e_i` is the error of the row's region in units of the targets' standard deviations, over q
+//! targets; `v_i` are weights and V their sum. PARC's weight between error and separation is `2 tau^2`. With it the
+//! objective is the negative logarithm of the likelihood of a mixture of experts with known regions (Jordan and Jacobs,
+//! "Hierarchical mixtures of experts and the EM algorithm", 1994), and needs no tuning.
 //!
-//! Every region behaves as if it had seen `PULL` more rows that obey the one map of all (so a starved region has a map), and separators are penalised as if each
-//! weight had been drawn from a normal distribution of variance `1/PENALTY`. In the end borders are drawn by the error itself ([`exact`](mod@exact)), and the region is that of the greatest `w_k . z + b_k`; those that
-//! hold too few rows for a map of their own are given up, and their rows are their second choice's.
+//! Every region behaves as if it had seen `PULL` more rows that obey the one map of all, so that a starved region has a
+//! map. Separators are penalised as if each weight had been drawn from a normal distribution of variance `1/PENALTY`.
+//! In the end borders are drawn by the error itself ([`exact`](mod@exact)), and the region is that of the greatest
+//! `w_k . z + b_k`. Regions with too few rows for a map are given up, and their rows go to their second choice.
 
 mod descent;
 mod exact;
@@ -46,7 +49,8 @@ const BORDERS: [usize; 3] = [5, 10, 20];
 const STARTED: usize = 2048;
 const STARTS: usize = 16;
 
-/// Starts from maps of neighbours, times the square of the rows, and at most (two a row are enough, too): some hundred rows leave the most to chance.
+/// Starts from maps of neighbours, times the square of the rows, and at most (two a row are enough, too): with some
+/// hundred rows the most depends on chance.
 const BY_MAPS: usize = 1 << 20;
 const MOST_BY_MAPS: usize = 128;
 /// Descents that are followed to their end, of least objective.
@@ -56,7 +60,7 @@ const SHARPENED: usize = 8;
 /// Rows up to which it is so many.
 const SHARPENED_ROWS: usize = 128;
 
-/// Rows that starts are compared on where there are many: the best goes on with all.
+/// Rows on which starts are compared if there are many: the best goes on with all.
 const FEW: usize = 8192;
 /// The same, of each region and number of its map.
 const FEW_OF_A_REGION: usize = 16;
@@ -66,7 +70,7 @@ pub(crate) struct Refined {
     pub(crate) rule: Rule,
     /// The objective after every pass.
     pub(crate) objective: Vec<f64>,
-    /// What of the borders is for a pass over all rows to decide, where they were found on a sample.
+    /// Borders that a pass over all rows is to decide, if they come from a sample.
     pub(crate) open: Option<Open>,
 }
 
@@ -95,8 +99,9 @@ impl Ground {
         Some(Self { examples: Examples::new(columns, shape, units, rows)?, few, seed, joined: BTreeMap::new() })
     }
 
-    /// Refines `regions` regions: from joined cells and from k-means, where rows are few several times; the one stays whose regions, as their separators
-    /// tell them, fit best. Where rows are many, it is found on few of them, and then refined on all; of a `sample` a pass over all rows it stands for may draw the borders.
+    /// Refines `regions` regions from joined cells and from k-means, several times if rows are few. The result is the
+    /// one whose regions, as drawn by their separators, fit best. With many rows, it is found on few of them and then
+    /// refined on all. If these are a `sample`, a pass over all rows may draw the borders.
     ///
     /// # Errors
     /// More separators than their Hessian has room for; cancelled.
@@ -141,7 +146,7 @@ impl Ground {
         Ok(Begun { separators, objective, few: few.is_some() })
     }
 
-    /// What was begun, refined on all rows.
+    /// Completes a refinement that was begun, on all rows.
     fn finished(&self, found: Begun, sample: Option<Sample>, progress: &dyn Progress) -> Result<Refined, Error> {
         let Begun { mut separators, mut objective, few } = found;
         if few && separators.regions > 1 {
@@ -153,7 +158,8 @@ impl Ground {
         Ok(Refined { rule: rule(&separators), objective, open })
     }
 
-    /// Borders between which maps hold: those of as many regions, of the numbers of [`BORDERS`], as the Bayesian information criterion says, of few of the rows where there are many.
+    /// Borders between which maps hold: those of as many regions, among [`BORDERS`], as the Bayesian information
+    /// criterion chooses. Many rows are thinned out.
     ///
     /// # Errors
     /// Cancelled.
@@ -177,7 +183,7 @@ struct Begun {
     few: bool,
 }
 
-/// The Bayesian information criterion of the regions that separators tell, each with its own map.
+/// The Bayesian information criterion of the regions that separators draw, each with a separate map.
 fn criterion(examples: &Examples, separators: &Separators) -> f64 {
     let grams = examples.grams(&separators.winners(examples), separators.regions);
     let (rows, q) = (examples.weight, examples.targets as f64);
@@ -186,7 +192,8 @@ fn criterion(examples: &Examples, separators: &Separators) -> f64 {
     rows * q * square.max(f64::MIN_POSITIVE).ln() + separators.regions as f64 * numbers * rows.ln()
 }
 
-/// The separators that fit best of those which descents from some starts end with, and the objective on the way there: of the best few after the last step.
+/// The best separators among the ends of descents from some starts, and the objective on the way there. Only the best
+/// few take the last step.
 fn descended(
     examples: &Examples,
     starts: Vec<Start>,
@@ -227,7 +234,8 @@ fn descended(
     Ok((best.1, best.2))
 }
 
-/// Gives up regions that have too few rows for a map; the squared error that is left, as the separators tell the regions.
+/// Gives up regions that have too few rows for a map. Returns the remaining squared error, with regions drawn by the
+/// separators.
 fn settled(examples: &Examples, mut separators: Separators) -> (f64, Separators) {
     let least = examples.regressors as u64 + 2;
     loop {

@@ -33,7 +33,7 @@ impl RegionModel {
     }
 }
 
-/// The one-region model and what comes with it: prior, fallback, and the units of standardisation.
+/// The one-region model with its prior, fallback, and the units of standardisation.
 pub(crate) struct Base {
     pub(crate) root: SquareRoot,
     pub(crate) scale: Vec<f64>,

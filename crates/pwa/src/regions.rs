@@ -78,7 +78,8 @@ fn not_joined_yet(k: usize, specification: &Specification, lattice: &Lattice) ->
 }
 
 impl Segmentation {
-    /// Adds what was made of a specification: on all rows, then on the training rows of every fold, or for all of them where there is one only.
+    /// Adds the partitions of a specification: on all rows, then on the training rows of every fold, or for all of them
+    /// if there is one only.
     fn add(&mut self, specification: &Specification, made: Vec<Made>, folds: usize) {
         let first = if made.is_empty() { 0 } else { self.partitions.len() };
         let own = |fold: usize| if made.len() > 1 { first + 1 + fold } else { first };
@@ -116,7 +117,7 @@ struct Maker<'a> {
     rows: &'a Rows,
     survey: &'a Survey,
     held: Option<u16>,
-    /// What all refinements begin with, once there is one: of all rows, or of those of a label (its column, its number).
+    /// Shared start of all refinements, once it is made: of all rows, or of those of a label (its column, its number).
     grounds: BTreeMap<Option<(usize, usize)>, Ground>,
     /// The same of trees.
     grown: BTreeMap<Option<(usize, usize)>, Grown>,
@@ -219,7 +220,7 @@ impl Maker<'_> {
         Ok(Made { partition, label, note, objective, ties: None, open })
     }
 
-    /// What is free in maps that meet at the borders of a rule.
+    /// Free numbers of maps that meet at the borders of a rule.
     fn ties(&self, rule: &Rule, places: &[usize]) -> Ties {
         let (centre, scale) = self.units();
         let rows = self.example_rows(None);
@@ -241,7 +242,8 @@ impl Maker<'_> {
         kept.training_runs(self.held).into_iter().flatten().filter(wanted).collect()
     }
 
-    /// What the kept rows stand for, where they are a sample. Maps that meet are tied at the borders as the sample drew them.
+    /// Sample that the kept rows are, with their share of all rows; `None` if all are kept. Maps that meet are tied at
+    /// the borders of the sample.
     fn sample(&self) -> Option<Sample> {
         let (kept, all) = (self.survey.examples.rows(), self.survey.counts.complete);
         let own = self.options.partitions.iter().filter(|one| matches!(one, Specification::Refined(_))).count();

@@ -1,7 +1,7 @@
 //! The arithmetic of the third pass, row by row and vectorised over targets.
 //!
-//! Targets are padded to whole vectors; what is padded stays zero. `mul_add` gives the same bits on every machine, and the kernels are structs
-//! because only what is inlined into the dispatched function gets its vector instructions.
+//! Targets are padded to whole vectors, with zeros. `mul_add` gives the same bits on every machine. The kernels are
+//! structs, because only code inlined into the dispatched function gets its vector instructions.
 
 use fleetfoot_stats::kernel::{LANES, padded};
 use pulp::NullaryFnOnce;

@@ -18,7 +18,7 @@ const PARTITION: usize = 3;
 const LABELS: usize = 4;
 const PHASE: usize = 5;
 
-/// What the columns of the rows are.
+/// Layout of the columns of the rows.
 pub(crate) struct Rows {
     /// Regressors, targets, states, partition columns, labels, the phase where there is one, and the weight.
     pub(crate) columns: Columns,
@@ -150,7 +150,7 @@ impl<'t> Tile<'t> {
         self.partition_columns().into_iter().chain(regression).chain(self.weights()).chain(self.labels()).collect()
     }
 
-    /// Columns that a partition looks at: its own, and a label where it has one.
+    /// Partition columns, and a label if there is one.
     pub(crate) fn places(&self, label: Option<usize>) -> Vec<&'t [f64]> {
         let label = label.map(|label| self.labels()[label]);
         self.partition_columns().into_iter().chain(label).collect()

@@ -1,8 +1,8 @@
 //! The second pass: one scan for all regions, all folds and all partitions together.
 //!
-//! A chunk of the pass is a chunk of the statistic that `fleetfoot scan` makes of the same rows. In partitions that are made on all rows it is summed as
-//! such a statistic sums it, to the bit: a model is the same from logs and from their statistic. Folds cut the rows elsewhere: every chunk is summed once
-//! more in the pieces that they make of it, unless it is one piece.
+//! A chunk of the pass is a chunk of the statistic that `fleetfoot scan` makes of the same rows. In partitions that are
+//! made on all rows it is summed as such a statistic sums it, to the bit: a model is the same from logs and from their
+//! statistic. Folds cut the rows elsewhere. Every chunk that they divide is summed once more in its pieces.
 
 use std::ops::Range;
 
@@ -36,7 +36,7 @@ pub(crate) struct Scan {
     pub(crate) cells: Option<CellSums>,
 }
 
-/// What a pass sums: plans of the partitions that are made on all rows, and everything by chunks of the folds.
+/// Sums that a pass makes: plans of the partitions that are made on all rows, and everything by chunks of the folds.
 pub(crate) struct Wanted<'a> {
     /// By partition.
     pub(crate) plans: &'a [Option<SystemPlan>],
@@ -54,9 +54,9 @@ impl Wanted<'_> {
     }
 }
 
-/// What a chunk of the pass has found so far.
+/// Sums of a chunk so far.
 struct Part {
-    /// By partition; none where there is no plan, or one of moments.
+    /// By partition; `None` without a plan, or with one of moments.
     whole: Vec<Option<RegionGrams>>,
     /// Of the one region, where its plan is one of moments.
     moments: Option<ChunkSums>,
@@ -80,7 +80,7 @@ struct Piece {
     cells: Option<CellPart>,
 }
 
-/// What all parts share.
+/// Inputs that all parts share.
 struct Pass<'a> {
     rows: &'a Rows,
     segmentation: &'a Segmentation,
@@ -190,7 +190,7 @@ impl Pass<'_> {
         }
     }
 
-    /// Regions of a partition that are summed: those joined of cells have no sums of their own.
+    /// Regions of a partition that are summed: those joined of cells have no separate sums.
     fn count(&self, partition: usize) -> usize {
         self.segmentation.partitions[partition].rule.count()
     }

@@ -1,4 +1,4 @@
-//! What the rows are cut into: all partitions that share the second pass, and the kinds that they are of.
+//! Partitions of the rows that share the second pass, and their kinds.
 
 use fleetfoot_model::{Partition, Rule};
 
@@ -16,14 +16,14 @@ pub(crate) struct Candidate {
     pub(crate) full: usize,
     /// Index of the partition for each fold; the same as `full` where the partition does not depend on the rows.
     pub(crate) by_fold: Vec<usize>,
-    /// What is free in maps that meet at borders: of all rows, then of every fold. Empty where maps need not meet.
+    /// Free numbers of maps that meet at borders: of all rows, then of every fold. Empty if maps need not meet.
     pub(crate) ties: Vec<Ties>,
-    /// What a refinement on all rows lowered, after every pass; empty for other kinds.
+    /// Objective of a refinement on all rows, after every pass; empty for other kinds.
     pub(crate) objective: Vec<f64>,
 }
 
 impl Candidate {
-    /// What is free in maps that meet at borders, on the rows that train for `held`.
+    /// Free numbers of maps that meet at borders, on the rows that train for `held`.
     pub(crate) fn ties(&self, held: Option<u16>) -> Option<&Ties> {
         let own = held.map_or(0, |held| 1 + usize::from(held));
         self.ties.get(own).or(self.ties.first())
@@ -42,7 +42,7 @@ pub(crate) struct Segmentation {
     pub(crate) lattices: Vec<Lattice>,
     /// Borders that a pass over all rows draws, and the partitions that have them.
     pub(crate) open: Vec<(usize, Open)>,
-    /// What the user should know.
+    /// Notes for the user.
     pub(crate) notes: Vec<PartitionNote>,
 }
 

@@ -19,10 +19,10 @@ const SHRINKAGE_GRID: [f64; 7] = [0.0, 1.0, 10.0, 100.0, 1e3, 1e4, 1e5];
 /// Pulls whose held-out losses differ by a smaller share count as equal: the smaller one is taken.
 const SAME: f64 = 1e-3;
 
-/// Losses up to this differ by what rounding leaves of sums of squares.
+/// Relative difference of losses up to which they count as equal: rounding of sums of squares.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
-/// What the statistic says about a candidate.
+/// Errors of a candidate, from the statistic.
 #[derive(Debug, Clone)]
 pub(crate) struct Order {
     /// Shrinkage used.
@@ -45,11 +45,11 @@ pub(crate) struct Order {
     pub(crate) full: Vec<RegionModel>,
     /// Numbers that are free in these, of each target.
     pub(crate) numbers: usize,
-    /// What it costs that maps meet at their borders, where they do.
+    /// Cost of continuity; `None` unless maps meet at their borders.
     pub(crate) continuity: Option<Continuity>,
-    /// How the models from all rows contract, where that is asked for, and the loss of the free ones.
+    /// Contraction of the models from all rows, if requested, and the loss of the free ones.
     pub(crate) stability: Option<(Stability, f64)>,
-    /// What the models from all rows were solved from, where this is the only candidate.
+    /// Sums from which the models of all rows were solved, if this is the only candidate.
     pub(crate) training: Option<BTreeMap<u32, SquareRoot>>,
 }
 
@@ -101,7 +101,8 @@ impl Order {
     }
 }
 
-/// Evaluates all candidates on the statistic; `regions` tells how many a partition has, and `folds` is 0 without cross-validation.
+/// Evaluates all candidates on the statistic. `regions` gives the number of regions of a partition; `folds` is 0
+/// without cross-validation.
 ///
 /// # Errors
 /// When a fold holds out rows and leaves none to train, or no bounded maps are found.
@@ -182,7 +183,7 @@ struct Set<'a> {
     testing: BTreeMap<u32, SquareRoot>,
 }
 
-/// What maps of the training rows of every fold are worth on the rows that it holds out.
+/// Held-out loss of every fold, by maps of its training rows.
 fn held_out(
     sets: &[Set<'_>],
     folds: u16,
@@ -203,7 +204,8 @@ fn held_out(
     Order::of_folds(shrinkage, &errors, variance, by_fold)
 }
 
-/// Bounds the models of all rows and those of every fold, each with the metric that its own training rows give; what is held out is the error of the bounded ones.
+/// Bounds the models of all rows and those of every fold, each with the metric of its training rows. The held-out error
+/// is that of the bounded models.
 fn hold(
     bound: &Loop,
     order: &mut Order,
@@ -230,7 +232,8 @@ fn hold(
     Ok(())
 }
 
-/// The index of the chosen candidate, and the rule that chose it, for people; no rule where there was nothing to choose from, or the caller chose.
+/// The index of the chosen candidate, and the rule that chose it, for people. No rule if there is one candidate only,
+/// or the caller chose.
 pub(crate) fn choose(
     selection: Selection,
     specifications: &[&Specification],
@@ -271,8 +274,9 @@ pub(crate) fn effective_rows(stats: &Stats, preconditioner: &Preconditioner, bas
     means.effective_weight(base.root.weight, &error)
 }
 
-/// The same of the models of a partition's regions (not of one that is joined of cells, whose sums no chunk has): what regions explain does not count as correlated. `error` is the sum of their
-/// squares of every target, `weight` that of all rows.
+/// The same of the models of a partition's regions: variance that regions explain does not count as correlated. A
+/// partition joined of cells is excluded, as its sums are in no chunk. `error`: the sum of their squares of every
+/// target; `weight`: that of all rows.
 pub(crate) fn effective_rows_in(
     (stats, preconditioner): (&Stats, &Preconditioner),
     partition: usize,

@@ -20,16 +20,16 @@ pub enum Specification {
     Lattice(usize),
     /// Cuts of single columns, at most so many one after another, that fit the dynamics.
     Tree(usize),
-    /// One region per value of a column, or what each is cut into.
+    /// One region per value of a column, or several if these are divided.
     Labels {
         /// The column.
         column: String,
-        /// How the rows of a label are cut.
+        /// Division of the rows of a label.
         within: Within,
     },
 }
 
-/// How the rows of a label are cut.
+/// Division of the rows of a label.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Within {
     /// Not at all.
@@ -54,10 +54,11 @@ pub struct SpecificationError {
 }
 
 impl Specification {
-    /// Parses a list such as `average,zscore:1.5,kmeans:2,5,10,refined:2..20`: bare numbers continue what is before them, and a range has both its ends.
+    /// Parses a list such as `average,zscore:1.5,kmeans:2,5,10,refined:2..20`: bare numbers continue the entry before
+    /// them, and a range includes both ends.
     ///
     /// # Errors
-    /// What is no partition, with those that are.
+    /// A text that names no partition; the message lists those that exist.
     pub fn parse_list(text: &str) -> Result<Vec<Self>, SpecificationError> {
         let mut list: Vec<Self> = Vec::new();
         for item in text.split(',').map(str::trim) {
@@ -90,7 +91,8 @@ impl Specification {
         }
     }
 
-    /// How many regions are searched for (within each label), where that depends on the rows; of a tree how many there may be.
+    /// Number of regions to search for (within each label), if it is not fixed by the columns. Of a tree: its most
+    /// leaves.
     pub fn clusters(&self) -> Option<usize> {
         match self {
             Self::KMeans(k) | Self::Refined(k) | Self::Lattice(k) => Some(*k),
@@ -100,7 +102,7 @@ impl Specification {
         }
     }
 
-    /// Whether its regions follow from the targets too, and not from where rows lie alone.
+    /// Returns true if its regions depend on the targets too, not only on the places of rows.
     pub fn fits_targets(&self) -> bool {
         matches!(
             self,
@@ -111,7 +113,7 @@ impl Specification {
         )
     }
 
-    /// The cells of k-means that its refinement starts from; `None` of what is not refined.
+    /// The cells of k-means that its refinement starts from; `None` unless it is refined.
     pub fn refined_from(&self) -> Option<Self> {
         match self {
             Self::Refined(k) => Some(Self::KMeans(*k)),
@@ -122,22 +124,22 @@ impl Specification {
         }
     }
 
-    /// Whether its regions follow from a seed too.
+    /// Returns true if its regions depend on a seed too.
     pub fn is_seeded(&self) -> bool {
         self.clusters().is_some() && !self.is_tree()
     }
 
-    /// Whether trees cut its columns.
+    /// Returns true if trees cut its columns.
     pub(crate) fn is_tree(&self) -> bool {
         matches!(self, Self::Tree(_) | Self::Labels { within: Within::Tree(_), .. })
     }
 
-    /// Whether k-means on all rows that the memory holds makes its regions.
+    /// Returns true if its regions come from k-means on all rows that the memory holds.
     pub(crate) fn is_clustered(&self) -> bool {
         self.clusters().is_some() && !self.fits_targets()
     }
 
-    /// How many regions cells are joined to.
+    /// Number of regions to which cells are joined.
     pub(crate) fn joined(&self) -> Option<usize> {
         if let Self::Lattice(k) = self { Some(*k) } else { None }
     }

@@ -1,20 +1,24 @@
 //! Stability as a constraint: the affine maps of all regions contract in one metric.
 //!
-//! Over one sampling period a model with fitted derivatives advances its states, by Euler's step, to `x + h (A_i x + ...)`; one with next values or changes to `A_i x + ...`
-//! or `x + A_i x + ...`. Lags make the earlier rows part of the state. So a region has a matrix M_i that is affine in its coefficients, and what is asked for is
+//! Over one sampling period a model with fitted derivatives advances its states, by Euler's step, to
+//! `x + h (A_i x + ...)`. One with next values or changes advances them to `A_i x + ...` or `x + A_i x + ...`. Lags
+//! make the earlier rows part of the state. So a region has a matrix M_i that is affine in its coefficients, and the
+//! condition is
 //!
 //! ```text
 //! |T M_i T^-1|_2 <= rho    for all regions i, with one T
 //! ```
 //!
-//! the common quadratic bound `M_i' P M_i <= rho^2 P`, `P = T'T`. It holds whatever region follows on whatever: with rho at most 1 no sequence of regions grows, and what
-//! constants and inputs add stays bounded for rho below 1. For derivatives the circle condition `|I + h A| <= 1` also bounds the exact flow (the logarithmic norm of
-//! A is at most `(|I + h A| - 1) / h`) and the steps of the classical method of Runge and Kutta, whose radius of contractivity for linear equations is 1
-//! (Spijker 1983; Kraaijevanger 1991).
+//! the common quadratic bound `M_i' P M_i <= rho^2 P`, `P = T'T`. It holds for every sequence of regions: with rho at
+//! most 1 no sequence grows, and for rho below 1 the effect of constants and inputs stays bounded. For derivatives the
+//! circle condition `|I + h A| <= 1` also bounds the exact flow: the logarithmic norm of A is at most
+//! `(|I + h A| - 1) / h`. It bounds the steps of the classical method of Runge and Kutta too, whose radius of
+//! contractivity for linear equations is 1 (Spijker 1983; Kraaijevanger 1991).
 //!
-//! For given T the regions are independent: of each the coefficients nearest to the free ones are sought in the metric of its own Gram matrix, so that the price in squared
-//! error is least ([`fleetfoot_stats::Contraction`]). T itself is searched for: from the Lyapunov equation of the one-region model and from the states' units, by descent along
-//! the derivative of the price, which the dual points tell. Any T that is found is sound; a better one is cheaper.
+//! For given T the regions are independent. The coefficients of each are the nearest to the free ones in the metric of
+//! its Gram matrix, so that the price in squared error is least ([`fleetfoot_stats::Contraction`]). T itself is
+//! searched for: from the Lyapunov equation of the one-region model and from the states' units, by descent along the
+//! derivative of the price, which the dual points give. Every T of the search is sound; a better one is cheaper.
 
 // Matrices are capitals.
 #![allow(non_snake_case)]
@@ -46,7 +50,7 @@ pub use region::RegionWeight;
 pub struct Stability {
     /// rho: the bound of all regions' norms over one sampling period.
     pub bound: f64,
-    /// What the maps advance: states, and earlier rows of them, `lag(y, 1)`.
+    /// Variables that the maps advance: states, and earlier rows of them, `lag(y, 1)`.
     pub variables: Vec<String>,
     /// States that the regions read and that act as inputs here: their equations are given and not linear, or read through bounded functions alone.
     pub inputs: Vec<String>,
@@ -54,7 +58,7 @@ pub struct Stability {
     pub metric: Vec<f64>,
     /// One a region.
     pub regions: Vec<StableRegion>,
-    /// What they take in at ports, where they are passive: then the metric is twice the energy.
+    /// Passivity at ports; `None` unless the maps are passive. The metric is then twice the energy.
     pub passivity: Option<Passivity>,
 }
 

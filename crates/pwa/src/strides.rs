@@ -1,4 +1,4 @@
-//! Which regions rows are in along a phase, and which follows which from stride to stride, counted over the rows in their order.
+//! Regions of the rows along a phase, and transitions from stride to stride, counted over the rows in their order.
 
 use std::collections::BTreeMap;
 
@@ -14,8 +14,8 @@ pub(crate) struct Step {
     pub(crate) phase: f64,
 }
 
-/// Rows without a gap. Turns are counted from its first row on; a stride begins where they are more (or less, of a phase that falls) than ever before, so that a
-/// phase which trembles about its wrap begins one.
+/// Rows without a gap. Turns are counted from its first row on. A stride begins at each new maximum of the turns
+/// (minimum, of a phase that falls), so that a phase which trembles about its wrap begins one.
 #[derive(Debug, Clone)]
 struct Run {
     episode: usize,
@@ -46,7 +46,7 @@ impl Run {
         Self { episode, first: step, last: step, turns: 0, begun: [Vec::new(), Vec::new()] }
     }
 
-    /// Whether a row is the next one.
+    /// Returns true if a row is the next one.
     fn goes_on(&self, episode: usize, step: Step) -> bool {
         self.episode == episode && self.last.row + 1 == step.row
     }
@@ -80,7 +80,7 @@ impl Strides {
         }
     }
 
-    /// Goes on with rows of an episode, in their order.
+    /// Appends rows of an episode, in their order.
     pub(crate) fn extend(&mut self, scale: &Scale, episode: usize, steps: impl Iterator<Item = Step>) {
         let regions = self.regions;
         for step in steps.filter(|step| (step.region as usize) < regions) {

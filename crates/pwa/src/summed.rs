@@ -1,8 +1,9 @@
 //! Identification from sums that were made before, in partitions that were frozen before them. No row is read.
 //!
-//! What is quadratic is there: every model, held-out squared errors, the choice of a partition. Absolute errors and Mahalanobis scores need rows, and are NaN.
-//! The model of a partition is the one that [`crate::identify`] makes of the rows, which sums them in the same way (`scan.rs`). There, regions are clustered anew on the training rows
-//! of every fold; here those of every fold are the regions that were made on all rows.
+//! Quadratic results are there: every model, held-out squared errors, the choice of a partition. Absolute errors and
+//! Mahalanobis scores need rows, and are NaN. The model of a partition is the one that [`crate::identify`] makes of the
+//! rows, which sums them in the same way (`scan.rs`). There, regions are clustered anew on the training rows of every
+//! fold. Here those of every fold are the regions that were made on all rows.
 
 use std::{borrow::Cow, collections::BTreeMap};
 
@@ -49,7 +50,7 @@ pub struct SummedPartition<'a> {
     pub sums: &'a dyn Summed,
 }
 
-/// What is known of the rows beside the sums of a partition.
+/// Facts about the rows beside the sums of a partition.
 #[derive(Debug, Clone)]
 pub struct SummedRows {
     /// Moments of the targets, then of the states, over all rows.
@@ -64,7 +65,7 @@ pub struct SummedRows {
     pub episodes: Vec<TrainedEpisode>,
     /// Folds; 0 without cross-validation.
     pub folds: u16,
-    /// Which rows they hold out, for people.
+    /// Rule by which the folds hold out rows, for people.
     pub fold_rule: Option<String>,
 }
 
@@ -159,7 +160,7 @@ fn candidate(at: usize, own: &SummedPartition<'_>, rows: &SummedRows) -> Candida
     }
 }
 
-/// What an absolute error is asked for is NaN.
+/// Score of a partition; scores that need absolute errors are NaN.
 fn score(own: &SummedPartition<'_>, order: &Order, sigma: &[f64], regressors: usize) -> Score {
     let unknown = || vec![f64::NAN; sigma.len()];
     let no_interval = Estimate { value: f64::NAN, low: f64::NAN, high: f64::NAN };

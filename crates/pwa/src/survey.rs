@@ -1,5 +1,5 @@
-//! The first pass: moments of the partition columns for every fold, the labels there are, the rows that k-means will cluster, and those that regions are
-//! refined on.
+//! The first pass: moments of the partition columns for every fold, the labels, the rows for k-means, and those on
+//! which regions are refined.
 //!
 //! While the partition columns of all rows fit the memory budget, all are kept and the clustering is exact; beyond it a sample is ([`Kept`]).
 
@@ -23,10 +23,12 @@ use crate::{
     rows::{Rows, Tile},
 };
 
-/// The share of the rows that is few: chunks of short logs are a larger one, and the first tenth of what decays holds most of its variance.
+/// The share of the rows that counts as few. Chunks of short logs are a larger one, and the first tenth of a decay
+/// holds most of its variance.
 const FEW: f64 = 0.02;
 
-/// Rows that regions are refined on, at most: separators and maps are known far better than that from them, and all rows fit the maps in the end.
+/// Rows that regions are refined on, at most. They determine separators and maps far better than needed, and all rows
+/// fit the maps in the end.
 const EXAMPLES: usize = 1 << 16;
 
 /// Bytes of a row that regions are refined on: as read, and as it is worked on.
@@ -44,7 +46,7 @@ pub(crate) fn kept_bytes(partition_columns: usize, labels: usize) -> usize {
     16 * (partition_columns + labels)
 }
 
-/// What the first pass found.
+/// Result of the first pass.
 pub(crate) struct Survey {
     /// Moments of the partition columns over all rows, whatever the folds.
     all: Option<Moments>,
@@ -54,9 +56,9 @@ pub(crate) struct Survey {
     pub(crate) labels: Vec<Vec<f64>>,
     /// The rows that k-means will cluster: partition columns, then labels.
     pub(crate) kept: Kept,
-    /// The rows that regions are refined on, that cells are made of, and that tell borders ([`Tile::example`]).
+    /// The rows for the refinement of regions, for cells and for borders ([`Tile::example`]).
     pub(crate) examples: Kept,
-    /// Whether these are fewer than they would be with more memory.
+    /// True if more memory would give more of them.
     pub(crate) examples_lack_memory: bool,
     /// The values of the phase, where there is one.
     pub(crate) phase: Option<Seen>,
@@ -64,7 +66,7 @@ pub(crate) struct Survey {
     pub(crate) scales: Gram,
     /// The targets' own by chunk.
     targets: Stats,
-    /// What became of the rows.
+    /// Counts of the rows: complete, at borders, incomplete.
     pub(crate) counts: RowCounts,
 }
 
@@ -182,11 +184,11 @@ impl Survey {
     }
 }
 
-/// Which rows are kept for what.
+/// Shares of the rows that are kept, by use.
 struct Shares {
     kept: Share,
     examples: Share,
-    /// Whether the memory allows fewer examples than there would be.
+    /// True if the memory limits the examples.
     short: bool,
 }
 

@@ -1,14 +1,17 @@
 //! Trees of cuts: `if vx < 0.3`, and an affine map at every leaf.
 //!
-//! A node is cut where its rows' error falls most, each side with a map of its own: exactly, from the Gram matrices of bins of its rows along every partition
-//! column, merged from both ends (`cuts`). After Breiman, Friedman, Olshen, Stone, "Classification and Regression Trees" (1984), with the affine leaves of
-//! Quinlan's M5 ("Learning with continuous classes", 1992) in place of means. All nodes grow down to the depth asked for, for a cut may be worth something only
-//! together with those that follow it. Then branches go that do not pay for their numbers: of all subtrees the one stays of least
+//! A node is cut where its rows' error falls most, each side with a separate map. The cut is exact, from the Gram
+//! matrices of bins of its rows along every partition column, merged from both ends (`cuts`). After Breiman, Friedman,
+//! Olshen, Stone, "Classification and Regression Trees" (1984), with the affine leaves of Quinlan's M5 ("Learning with
+//! continuous classes", 1992) in place of means. All nodes grow down to the requested depth, for a cut may pay only
+//! together with those that follow it. Then branches go that do not pay for their numbers: of all subtrees the one
+//! stays of least
 //!
 //! `sum over leaves |e|^2 / tau^2 + alpha leaves`, `alpha = (q (p + 1) + 1) ln n`
 //!
-//! over n rows, q targets and p regressors, with `tau^2` the mean squared error of the grown tree by its degrees of freedom (cost-complexity pruning at the price
-//! of the Bayesian information criterion: a leaf is q maps of p + 1 numbers and a threshold). How deep a tree should be the folds say, as with every partition.
+//! over n rows, q targets and p regressors, with `tau^2` the mean squared error of the grown tree by its degrees of
+//! freedom. (It is cost-complexity pruning at the price of the Bayesian information criterion: a leaf is q maps of p +
+//! 1 numbers and a threshold.) The folds choose the depth of a tree, as they choose every partition.
 //!
 //! Thresholds stand between two rows, at the shortest decimal number that is there, in the units of their column.
 
@@ -27,7 +30,7 @@ use cuts::{Found, Node};
 /// Rows of a leaf at least, of each number of a map.
 const ROWS_OF_A_NUMBER: usize = 5;
 
-/// A tree of one training set, grown as deep as was asked for so far.
+/// A tree of one training set, grown to the deepest request so far.
 pub(crate) struct Grown {
     examples: Examples,
     nodes: Vec<Grew>,
@@ -101,7 +104,7 @@ impl Grown {
         self.depth += 1;
     }
 
-    /// Which nodes are cut in the subtree that costs least.
+    /// Marks of the nodes that are cut in the subtree of least cost.
     fn pruned(&self, depth: usize) -> Vec<bool> {
         let (p, q) = (self.examples.regressors, self.examples.targets);
         let cut = |node: &Grew| node.cut.filter(|_| node.depth < depth);

@@ -1,4 +1,4 @@
-//! Which region follows which, counted over the rows in their order.
+//! Transitions from region to region, counted over the rows in their order.
 
 use fleetfoot_model::{Phases, Transitions};
 
@@ -32,7 +32,7 @@ impl Walks {
         Self { regions, counts: vec![0; regions * regions], episode: 0, first: None, last: None, strides }
     }
 
-    /// Goes on with rows of an episode: row numbers, ascending, and their regions.
+    /// Appends rows of an episode: row numbers, ascending, and their regions.
     pub(crate) fn extend(&mut self, episode: usize, steps: impl Iterator<Item = Step>) {
         self.episode = episode;
         for step in steps {
@@ -42,7 +42,7 @@ impl Walks {
         }
     }
 
-    /// Goes on with rows of an episode along a phase.
+    /// Appends rows of an episode along a phase.
     pub(crate) fn along(&mut self, scale: &Scale, episode: usize, steps: impl Iterator<Item = strides::Step>) {
         if let Some(own) = &mut self.strides {
             own.extend(scale, episode, steps);

@@ -19,7 +19,7 @@ const TURNED: usize = 64;
 #[derive(Debug)]
 struct Owner(#[expect(dead_code, reason = "held, not read")] AssertUnwindSafe<Py<PyAny>>);
 
-/// What a cell is.
+/// Type of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Scalar {
     Bool,
@@ -39,7 +39,8 @@ pub(crate) enum Scalar {
 
 /// An array of one or two dimensions, borrowed from numpy.
 ///
-/// Nobody should write into an array while a call reads it; a call that does sees some of the old and some of the new values.
+/// A caller should not write into an array while a call reads it: the call would see some of the old and some of the
+/// new values.
 #[derive(Debug, Clone)]
 pub(crate) struct Array {
     owner: Arc<Owner>,
@@ -57,7 +58,7 @@ unsafe impl Send for Array {}
 unsafe impl Sync for Array {}
 
 impl Array {
-    /// Borrows an array of numbers, or what becomes one ([`plain`]); `what` is its name for messages.
+    /// Borrows an array of numbers, or an object that becomes one ([`plain`]); `what` is its name for messages.
     pub(crate) fn of(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Self> {
         let as_it_lies = match object.cast_exact::<PyUntypedArray>() {
             Ok(array) if scalar(array)?.is_some() => Some(array.clone()),
@@ -102,12 +103,12 @@ impl Array {
         self.columns
     }
 
-    /// What its cells are.
+    /// Type of its cells.
     pub(crate) fn scalar(&self) -> Scalar {
         self.scalar
     }
 
-    /// Whether a column's values are `f64` one after the other.
+    /// Returns true if a column's values are `f64` one after the other.
     fn is_contiguous(&self) -> bool {
         self.scalar == Scalar::F64
             && self.strides[0] == 8
@@ -115,7 +116,7 @@ impl Array {
             && self.strides[1] % 8 == 0
     }
 
-    /// Where a column begins, at a row.
+    /// Address of a cell.
     fn at(&self, row: usize, column: usize) -> *const u8 {
         // Both products stay within the array's memory, and so within `isize`.
         self.data.wrapping_offset(row as isize * self.strides[0]).wrapping_offset(column as isize * self.strides[1])
@@ -210,12 +211,13 @@ impl Array {
     }
 }
 
-/// A plain array of what a caller gives, by a function of `fleetfoot._arrays`, which all arrays go through that are not of this machine's numbers already.
+/// A plain array of a caller's object, by a function of `fleetfoot._arrays`. All arrays go through it that are not of
+/// this machine's numbers already.
 pub(crate) fn plain<'py>(object: &Bound<'py, PyAny>, what: &str, function: &str) -> PyResult<Bound<'py, PyAny>> {
     object.py().import("fleetfoot._arrays")?.call_method1(function, (object, what))
 }
 
-/// What the cells of an array are; `None` when they are no numbers of this machine.
+/// Type of an array's cells; `None` if they are no numbers of this machine.
 fn scalar(array: &Bound<'_, PyUntypedArray>) -> PyResult<Option<Scalar>> {
     let kind = array.dtype();
     if kind.is_native_byteorder() == Some(false) {

@@ -11,7 +11,8 @@ use crate::{array::Arrays, error::Kind};
 
 /// Arrays of equal length whose rows are one episode after the other; row k of an episode has the stamp k.
 ///
-/// Episodes are known by their place, not by their values: what is drawn for a row depends on the seed and the row alone.
+/// Episodes are known by their place, not by their values: a random draw for a row depends on the seed and the row
+/// alone.
 pub(crate) struct ArraySource {
     arrays: Arrays,
     episodes: Vec<Episode>,

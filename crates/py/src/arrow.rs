@@ -1,4 +1,4 @@
-//! Arrow tables as what the engine reads: shared where the layout allows, turned into numbers elsewhere.
+//! Arrow tables as sources of the engine: shared if the layout allows, else turned into numbers.
 //!
 //! Leaves become columns as those of a Parquet file do: nested structs by their path (`pose.x`), times in seconds, texts as categories.
 

@@ -29,7 +29,7 @@ const NONE: u32 = u32::MAX;
 const MISSING: i64 = i64::MIN;
 const DAY_SECONDS: i64 = 86_400;
 
-/// What a column holds.
+/// Content of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Meaning {
     Boolean,
@@ -131,7 +131,7 @@ impl ArrowColumn {
         Self { chunks, starts, meaning: meaning(&kind), kind, categories: OnceLock::new() }
     }
 
-    /// What it is, categories without their names.
+    /// Its kind, categories without their names.
     fn bare_kind(&self) -> ColumnKind {
         match self.meaning {
             Meaning::Boolean => ColumnKind::Boolean,
@@ -141,7 +141,7 @@ impl ArrowColumn {
         }
     }
 
-    /// What it is, categories with their names; `table` and `name` are told in errors.
+    /// Its kind, categories with their names; errors name `table` and `name`.
     ///
     /// # Errors
     /// A type that cannot become numbers, and a text with too many values.
@@ -230,7 +230,7 @@ impl ArrowColumn {
         }
     }
 
-    /// Times, texts, and what has no values.
+    /// Times, texts, and columns without values.
     fn read_others(&self, chunk: usize, rows: Range<usize>, out: &mut Vec<f64>) {
         match self.meaning {
             Meaning::Time { unit, days } => {

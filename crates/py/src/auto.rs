@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 
 use crate::{data::Data, model::Model, object::object, recipe::of_json, run::run};
 
-/// The model, the linear model where it is another one, what is told of them, and the recipe as TOML.
+/// The model, the linear model if it is another one, the report, and the recipe as TOML.
 type Found<'py> = (Model, Option<Model>, Bound<'py, PyAny>, String);
 
 /// Finds a model of recordings; writes the folder of the result where one is given.

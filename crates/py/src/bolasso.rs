@@ -27,26 +27,27 @@ use crate::{
     run::{Failure, guard, run_any},
 };
 
-/// What is resampled, and how: a dictionary in Python.
+/// Request of a bolasso: a dictionary in Python.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct BolassoRequest {
     /// Penalty of every target's lassos (q).
     alphas: Vec<f64>,
-    /// Root mean square of every target about its mean (q): tasks are solved together, each in units of its own.
+    /// Root mean square of every target about its mean (q): tasks are solved together, each in separate units.
     scales: Vec<f64>,
     intercept: bool,
     positive: bool,
     replicates: usize,
     seed: u64,
-    /// What a replicate draws: rows, blocks of rows, or groups.
+    /// Unit that a replicate draws: rows, blocks of rows, or groups.
     unit: String,
     /// Rows of every block or group, one after the other; of rows the whole.
     lengths: Vec<usize>,
 }
 
-/// Selection frequencies (q x p), mean signs (q x p), coefficients of all replicates (b x q x p), their intercepts (b x q), the largest violation of the
-/// optimality conditions as a correlation, replicates whose solver missed its tolerance, and replicates without rows.
+/// Selection frequencies (q x p), mean signs (q x p), coefficients of all replicates (b x q x p) and their intercepts
+/// (b x q). Then the largest violation of the optimality conditions as a correlation, replicates whose solver missed
+/// its tolerance, and replicates without rows.
 type Found<'py> = (
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray2<f64>>,
@@ -145,7 +146,7 @@ impl BolassoRequest {
         })
     }
 
-    /// How often every replicate draws every row.
+    /// Counts with which every replicate draws every row (replicates x rows).
     fn counts(&self) -> Vec<Vec<f64>> {
         if self.unit == "rows" {
             let rows = self.lengths.iter().sum();
@@ -159,7 +160,7 @@ impl BolassoRequest {
         (0..self.replicates).map(|replicate| rows(drawn(replicate))).collect()
     }
 
-    /// A latent of its own for every target: the tasks share the rows and their counts, and nothing else.
+    /// A separate latent for every target: the tasks share the rows and their counts, and nothing else.
     fn regression(&self, features: usize, targets: usize, weighted: bool) -> Regression {
         let column = |name: String| Expr::column(name.as_str());
         let mut functions: Vec<Expr> = (0..features).map(|j| column(format!("x{j}"))).collect();
@@ -224,7 +225,8 @@ fn unpacked<'py>(
     ))
 }
 
-/// How often every replicate draws every row (replicates x rows), of groups of these lengths one after the other: Poisson(1) counts.
+/// Counts with which every replicate draws every row (replicates x rows), of groups of these lengths one after the
+/// other: Poisson(1) counts.
 #[pyfunction]
 pub(crate) fn row_counts<'py>(
     py: Python<'py>,
@@ -243,7 +245,8 @@ pub(crate) fn row_counts<'py>(
     })
 }
 
-/// How often every replicate draws every unit (replicates x units): as many draws with replacement as there are units.
+/// Counts with which every replicate draws every unit (replicates x units): as many draws with replacement as there are
+/// units.
 #[pyfunction]
 pub(crate) fn unit_counts<'py>(
     py: Python<'py>,

@@ -20,14 +20,14 @@ const SCHEMA: &CStr = c"arrow_schema";
 const ARRAY: &CStr = c"arrow_array";
 const STREAM: &CStr = c"arrow_array_stream";
 
-/// Record batches of one schema, perhaps computed while they are asked for.
+/// Record batches of one schema, perhaps computed on demand.
 pub(crate) type Batches = Box<dyn RecordBatchReader + Send>;
 
 fn invalid(error: ArrowError) -> PyErr {
     PyValueError::new_err(format!("the Arrow data cannot be taken over: {error}"))
 }
 
-/// What a capsule of this name points to.
+/// Pointer of a capsule of this name.
 fn pointer<T>(capsule: &Bound<'_, PyAny>, name: &CStr) -> PyResult<NonNull<T>> {
     Ok(capsule.cast::<PyCapsule>()?.pointer_checked(Some(name))?.cast())
 }

@@ -1,10 +1,10 @@
-//! What is wrong with logs, as a dict.
+//! Faults of logs, as a dict.
 
 use pyo3::prelude::*;
 
 use crate::{data::Data, object::object, recipe::of_json, run::run};
 
-/// What is wrong with logs before anything is fitted.
+/// Faults of logs, to be seen before anything is fitted.
 #[pyfunction]
 #[pyo3(signature = (data, recipe_text, progress=None))]
 pub(crate) fn check<'py>(

@@ -105,7 +105,7 @@ impl KMeansPoints {
     }
 }
 
-/// How many uniform numbers k-means++ needs.
+/// Number of uniform random numbers that k-means++ needs.
 #[pyfunction]
 pub(crate) fn kmeans_draws(clusters: usize) -> usize {
     fleetfoot::pwa::plus_plus_draws(clusters)

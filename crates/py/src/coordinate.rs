@@ -1,4 +1,4 @@
-//! Least-squares problems of arrays, and what estimators and information criteria make of them.
+//! Least-squares problems of arrays, for estimators and information criteria.
 
 use fleetfoot::{
     data::{Silent, parallel_map},
@@ -25,8 +25,8 @@ pub(crate) struct Problems {
     pub(crate) targets: Vec<Quadratic>,
 }
 
-/// Solutions of one target: coefficients (alphas x features), intercepts, duality gaps in the units of the objective and relative to the target's mean
-/// square, sweeps, and whether the engine's tolerance was met.
+/// Solutions of one target: coefficients (alphas x features), intercepts, duality gaps in the units of the objective
+/// and relative to the target's mean square, and sweeps. The flag is true if the engine's tolerance was met.
 type Solutions<'py> = (
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray1<f64>>,
@@ -189,8 +189,8 @@ fn solutions<'py>(py: Python<'py>, problem: &Quadratic, found: &[Descended]) -> 
     ))
 }
 
-/// Mean squared errors of the first target on the held-out rows of every fold (alphas x folds), and the places of alphas where the solver of some fold
-/// missed its tolerance.
+/// Mean squared errors of the first target on the held-out rows of every fold (alphas x folds). Then the indices of
+/// alphas at which the solver of some fold missed its tolerance.
 #[pyfunction]
 #[pyo3(signature = (folds, alphas, intercept, estimator, positive, progress=None))]
 pub(crate) fn fold_errors<'py>(

@@ -1,4 +1,4 @@
-//! What a Python call reads: files, arrays, Arrow tables, or a statistic.
+//! Data of a Python call: files, arrays, Arrow tables, or a statistic.
 
 use std::{path::PathBuf, sync::Arc};
 
@@ -18,7 +18,8 @@ use crate::{
 /// An array with the names of its columns.
 type Part<'py> = (Bound<'py, PyAny>, Vec<String>);
 
-/// What is read: files, tables in memory, or both. Files that are made for it go with it: it can be referred to weakly.
+/// Data to read: files, tables in memory, or both. Temporary files of the data are removed with it: it can be referred
+/// to weakly.
 #[pyclass(frozen, weakref, module = "fleetfoot._core")]
 pub(crate) struct Data {
     pub(crate) logs: Logs,

@@ -1,7 +1,8 @@
 //! Dense designs: numpy arrays X and y as the statistics that every regression here is fitted on.
 //!
-//! Python makes a [`Design`] of X (n x p), y (n or n x q), row weights and group labels, in one pass over the arrays as they lie (any order, any strides,
-//! any type of number, sparse rows too; no copy of the whole). Then, for the rows of any union of groups (`None`: of all):
+//! Python makes a [`Design`] of X (n x p), y (n or n x q), row weights and group labels, in one pass over the arrays as
+//! they lie. They may have any order, any strides and any type of number, and sparse rows too; there is no copy of the
+//! whole. Then, for the rows of any union of groups (`None`: of all):
 //!
 //! - `design.of().problems(groups, intercept)` gives the [`Quadratic`](fleetfoot::sparse::Quadratic) of every target, for `lars`,
 //!   `coordinate_descent` and all other solvers of `fleetfoot::sparse`;
@@ -127,8 +128,8 @@ impl Design {
 
 #[pymethods]
 impl Design {
-    /// Reads X (n x p; an array or scipy's compressed rows) and y (n, or n x q) with row weights (n) and a label below `groups` for every row (n);
-    /// `few`: only a few solutions of the one group are wanted.
+    /// Reads X (n x p; an array or scipy's compressed rows) and y (n, or n x q) with row weights (n) and a label below
+    /// `groups` for every row (n). `few`: true if only a few solutions of the one group are needed.
     #[new]
     #[pyo3(signature = (x, y, weights=None, labels=None, groups=1, few=false, progress=None))]
     fn new(
@@ -167,7 +168,7 @@ impl Design {
         (self.of.rows(), self.of.regressors(), self.of.targets(), self.of.groups())
     }
 
-    /// Whether the sums of the rows show that all values are finite; false where they do not show it.
+    /// True if the sums of the rows show that all values are finite; false if they do not show it.
     #[getter]
     fn seen_finite(&self) -> bool {
         self.of.is_seen_finite()

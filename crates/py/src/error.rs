@@ -15,7 +15,7 @@ use pyo3::{
 /// The kinds of errors, by the names of their classes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
-    /// What was asked for cannot be understood or does not exist: recipes, expressions, columns, options.
+    /// A request that cannot be understood or met: recipes, expressions, columns, options.
     Request,
     /// A request: an option has a value that it does not take, is missing, or excludes another.
     Option,
@@ -27,9 +27,9 @@ pub(crate) enum Kind {
     NeedsLogs,
     /// A request: the data do not determine the answer.
     Undetermined,
-    /// Recordings that cannot be read, or do not hold what is needed.
+    /// Recordings that cannot be read, or lack a needed column.
     Data,
-    /// The data do not determine what was to be fitted, or the options of a fit are out of their range.
+    /// The data do not determine the fit, or the options of a fit are out of their range.
     Fit,
     /// A model that cannot be read, run or exported.
     Model,
@@ -78,7 +78,7 @@ fn class<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyType>> {
     found.cast_into::<PyType>().map_err(|_| PyImportError::new_err(name.to_owned()))
 }
 
-/// What a pipeline's error is in Python.
+/// The Python exception of a pipeline's error.
 pub(crate) fn of_engine(error: impl Into<Error>) -> PyErr {
     let error = error.into();
     let kind = match &error {
@@ -100,7 +100,7 @@ pub(crate) fn of_engine(error: impl Into<Error>) -> PyErr {
     kind.error(error)
 }
 
-/// What kind an error between a recipe and the rows of its logs is of.
+/// Kind of an error between a recipe and the rows of its logs.
 fn of_dataset(error: &DatasetError) -> Kind {
     match error {
         DatasetError::Recipe(RecipeError::Columns(_)) => Kind::UnknownName,
@@ -122,7 +122,7 @@ fn of_dataset(error: &DatasetError) -> Kind {
     }
 }
 
-/// What a request that cannot be met is in Python: a class a cause, with what a program can act on as attributes.
+/// The Python exception of a request that cannot be met: a class a cause, with attributes on which a program can act.
 fn of_request(request: &RequestError) -> PyErr {
     match &request.cause {
         Cause::Value | Cause::Conflict | Cause::Missing | Cause::NameTaken { .. } => Kind::Option.error(request),

@@ -33,7 +33,7 @@ pub(crate) fn recipe_json(text: &str, name: &str) -> PyResult<String> {
     })
 }
 
-/// What the methods' sections of `said` say above those of `recipe`, both JSON: the rule by which flags stand above a recipe.
+/// Merges the methods' sections of `said` over those of `recipe`, both JSON, by the rule that flags go above a recipe.
 #[pyfunction]
 pub(crate) fn say(said: &str, recipe_text: &str) -> PyResult<String> {
     guard(|| {
@@ -64,7 +64,7 @@ pub(crate) fn settings() -> Vec<(&'static str, Vec<&'static str>)> {
     ]
 }
 
-/// What a fit says of itself, as a dict.
+/// Report of a fit, as a dict.
 type Report<'py> = Bound<'py, PyAny>;
 
 /// The value of a label, the model, its report, and the models of other candidates by name.

@@ -22,7 +22,7 @@ pub(crate) fn robots() -> Vec<&'static str> {
     all_robots()
 }
 
-/// What a job may say beside its robot and folder.
+/// Options of a job beside its robot and folder.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 struct Wanted {
@@ -67,7 +67,7 @@ fn world_of(
     Ok(world)
 }
 
-/// Runs a robot and writes its logs and a recipe; what was made, as a dict.
+/// Runs a robot and writes its logs and a recipe; returns a report as a dict.
 #[pyfunction]
 #[pyo3(signature = (robot, folder, text, settings, wanted, progress = None))]
 pub(crate) fn generate<'py>(
@@ -99,8 +99,8 @@ pub(crate) fn generate<'py>(
     object(py, &made)
 }
 
-/// A model's regions and one-step scores on the plane of two expressions over its columns, as a dict of arrays of `bins * bins` cells, the second
-/// axis' cells of the first axis' first bin first.
+/// A model's regions and one-step scores on the plane of two expressions over its columns, as a dict of arrays of
+/// `bins * bins` cells. The second axis' cells of the first axis' first bin come first.
 #[pyfunction]
 #[pyo3(signature = (model, data, recipe, x, y, bins, progress = None))]
 #[expect(clippy::too_many_arguments, reason = "a plane has a model, data, two axes and a number of bins")]

@@ -17,7 +17,7 @@ use crate::{
     run::{Failure, run_any},
 };
 
-/// A path: what it is at its k knots, alpha descending.
+/// A path: its values at its k knots, alpha descending.
 #[pyclass(frozen, module = "fleetfoot._core")]
 pub(crate) struct LarsPath {
     path: Path,
@@ -73,19 +73,19 @@ impl LarsPath {
         order
     }
 
-    /// Columns that stay out because only rounding tells them from the active ones.
+    /// Columns that stay out because they differ from the active ones by rounding only.
     #[getter]
     fn collinear(&self) -> Vec<usize> {
         self.path.collinear.clone()
     }
 
-    /// Whether rounding ended the path before it was at its end.
+    /// True if rounding ended the path early.
     #[getter]
     fn stalled(&self) -> bool {
         self.path.status == PathStatus::Stalled
     }
 
-    /// Whether the end of the path goes through all rows.
+    /// True if the end of the path interpolates all rows.
     #[getter]
     fn interpolating(&self) -> bool {
         self.interpolating
@@ -116,15 +116,15 @@ impl LarsPath {
     }
 }
 
-/// Which path is followed, and how far: a dictionary in Python.
+/// Request of a path: a dictionary in Python.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct LarsRequest {
-    /// Whether columns leave where their coefficients reach zero.
+    /// True if columns leave at zero coefficients.
     lasso: bool,
-    /// Whether coefficients must not be negative.
+    /// True if coefficients must not be negative.
     positive: bool,
-    /// Where the path ends.
+    /// Penalty at the end of the path.
     alpha_min: f64,
     /// The most steps.
     max_iter: usize,
@@ -219,8 +219,8 @@ pub(crate) fn lars_path_of_products(
 /// Lambdas, and the errors of every fold there.
 type FoldErrors<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
 
-/// Knots of the paths of all folds, ascending, about `most` of them, and mean squared errors of the first target there on the held-out rows (alphas x
-/// folds).
+/// Knots of the paths of all folds, ascending, about `most` of them. Then mean squared errors of the first target there
+/// on the held-out rows (alphas x folds).
 #[pyfunction]
 #[pyo3(signature = (folds, intercept, request, most, progress=None))]
 pub(crate) fn lars_fold_errors<'py>(

@@ -1,7 +1,8 @@
 //! The Python package: conversion, exceptions, estimators.
 //!
-//! This crate is the module `fleetfoot._core`: thin functions and classes that turn Python objects into what the engine reads and its answers into
-//! Python objects. What Python users see is the package in `python/fleetfoot`, which is written in Python on top of it.
+//! This crate is the module `fleetfoot._core`: thin functions and classes that turn Python objects into the engine's
+//! inputs and its answers into Python objects. The public package is `python/fleetfoot`, which is written in Python on
+//! top of it.
 
 mod array;
 mod data;

@@ -91,7 +91,7 @@ impl Model {
     }
 }
 
-/// How derivatives are integrated.
+/// Integration method of derivatives, by name.
 pub(crate) fn method(name: &str) -> PyResult<Method> {
     match name {
         "rk4" => Ok(Method::Rk4),
@@ -151,7 +151,8 @@ impl Model {
         fleetfoot::describe(&self.model, regions)
     }
 
-    /// The equations as the content of `<math>` elements, each with the name of its region where there are several, in the order in which they are said in words.
+    /// The equations as the content of `<math>` elements, each with the name of its region if there are several, in the
+    /// order of their text form.
     fn mathml(&self) -> Vec<(Option<String>, String)> {
         let set = self.model.set_equations().into_iter();
         set.map(|(region, set)| (region.map(str::to_owned), set.left + &set.terms.concat())).collect()
@@ -163,7 +164,8 @@ impl Model {
         (self.stepper.states().map(own).collect(), self.stepper.inputs().map(own).collect(), self.model.outputs())
     }
 
-    /// Rows that the equations look back, whether they speak of time, whether a derivative is integrated, and the sampling period.
+    /// Rows that the equations look back; true if they contain the time; true if a derivative is integrated; and the
+    /// sampling period.
     fn facts(&self) -> (usize, bool, bool, f64) {
         (self.stepper.history(), self.stepper.uses_time(), self.stepper.is_continuous(), self.model.step)
     }
@@ -240,7 +242,8 @@ impl Model {
         })
     }
 
-    /// What is predicted for the consecutive rows of a run: rows x fitted equations, and the regions; NaN and -1 where a row has no past.
+    /// Predictions for the consecutive rows of a run (rows x fitted equations), and the regions; NaN and -1 at a row
+    /// without a past.
     #[pyo3(signature = (x=None, u=None, t=None))]
     fn fitted<'py>(
         &self,
@@ -321,7 +324,8 @@ impl Model {
         })
     }
 
-    /// Writes the model in another language into a folder; tells the files, the points compared, and what the code takes (JSON).
+    /// Writes the model in another language into a folder. Returns the files, the number of compared points, and the
+    /// cost of the code (JSON).
     #[pyo3(signature = (target, folder, prefix="model", precision="double", method_name="rk4", dt=None, domain=true))]
     #[expect(clippy::too_many_arguments, reason = "those of the Python method")]
     fn export(
@@ -344,7 +348,7 @@ impl Model {
     }
 }
 
-/// What code is wanted.
+/// Options of an export.
 fn export_options(target: &str, prefix: &str, precision: &str, method_name: &str) -> PyResult<ExportOptions> {
     let mut options = ExportOptions::new(match target {
         "c" => Target::C,
@@ -369,7 +373,7 @@ fn export_options(target: &str, prefix: &str, precision: &str, method_name: &str
     Ok(options)
 }
 
-/// Writes the filter of a model as C into a folder, as the recipe's `[filter]` says; tells the files.
+/// Writes the filter of a model as C into a folder, by the recipe's `[filter]`. Returns the files.
 #[pyfunction]
 pub(crate) fn export_filter(
     py: Python<'_>,
@@ -399,7 +403,7 @@ pub(crate) fn write_controller(py: Python<'_>, text: &str, path: PathBuf) -> PyR
     run(py, None, |_| fleetfoot::controller_file(text)?.write(&path))
 }
 
-/// Writes a controller, the text of its file, in another language into a folder; tells the files.
+/// Writes a controller, the text of its file, in another language into a folder. Returns the files.
 #[pyfunction]
 pub(crate) fn export_controller(
     py: Python<'_>,

@@ -10,7 +10,8 @@ use serde_json::Value;
 
 use crate::error::Kind;
 
-/// What a report says, as dicts, lists, strings and numbers: the keys of docs/reference/reports.md. A number that is none is `None`.
+/// Content of a report, as dicts, lists, strings and numbers, with the keys of docs/reference/reports.md. A number that
+/// is not finite is `None`.
 pub(crate) fn object<'py>(py: Python<'py>, report: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
     of_value(py, &serde_json::to_value(report).map_err(|error| Kind::Internal.error(error))?)
 }

@@ -37,7 +37,7 @@ pub(crate) fn score<'py>(
     object(py, &scored.to_json())
 }
 
-/// What a page shows, and where it is written.
+/// Content of a page, and its path.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct ReportRequest {
@@ -55,7 +55,7 @@ pub(crate) struct ReportRequest {
     settings: Vec<String>,
 }
 
-/// Writes the page of models by name, and tells what it says first.
+/// Writes the page of models by name, and returns its first findings.
 #[pyfunction]
 #[pyo3(signature = (models, data, recipe_text, request, cache=None, progress=None))]
 pub(crate) fn report<'py>(
@@ -91,7 +91,7 @@ pub(crate) fn report<'py>(
     object(py, &told)
 }
 
-/// What to do where an answer does not fit into memory.
+/// Advice for an answer that does not fit into memory.
 const PARTS: &str = "give the recordings in parts";
 
 /// Rows with their predictions, while they are collected.
@@ -106,7 +106,7 @@ struct Collected {
     residual: Vec<f64>,
     region: Vec<i64>,
     distance: Vec<f64>,
-    /// Whether the row has target and prediction, and how far it is outside of the training domain.
+    /// True for a row with target and prediction; then the position of the row relative to the training range.
     complete: Vec<bool>,
     domain: Vec<u8>,
 }
@@ -182,12 +182,12 @@ pub(crate) fn predict_rows<'py>(
     Ok(dict)
 }
 
-/// Where rollouts start, and how they go.
+/// Request of rollouts: their starts and options.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct RolloutRequest {
     horizon: usize,
-    /// How many starts, when `at` is empty.
+    /// Number of starts, when `at` is empty.
     count: usize,
     seed: Option<u64>,
     /// Episode and row.
@@ -197,7 +197,7 @@ pub(crate) struct RolloutRequest {
     keep: bool,
     /// "tell", "end", "hold".
     outside: String,
-    /// States whose distance is told.
+    /// States whose distance is reported.
     position: Vec<String>,
     controller: Option<String>,
     settings: Vec<String>,
@@ -246,7 +246,8 @@ pub(crate) fn rollout<'py>(
     Ok((report, found.collect::<PyResult<_>>()?))
 }
 
-/// Recordings filtered by a model, as the recipe's `[filter]` says: the report (JSON), and with `keep` what is estimated of each episode.
+/// Recordings filtered by a model, by the recipe's `[filter]`: the report (JSON), and with `keep` the estimates of each
+/// episode.
 #[pyfunction]
 #[pyo3(signature = (model, data, recipe_text, keep=false, output=None, cache=None, progress=None))]
 #[expect(clippy::too_many_arguments, reason = "those of the Python method")]
@@ -307,7 +308,8 @@ fn filtered_to_dict<'py>(py: Python<'py>, found: &FilteredRows) -> PyResult<Boun
     Ok(dict)
 }
 
-/// Recordings followed by a model within bounds, as the recipe's `[resimulate]` says: the report (JSON), and what follows each episode.
+/// Recordings that a model follows within bounds, by the recipe's `[resimulate]`: the report (JSON), and the trajectory
+/// of each episode.
 #[pyfunction]
 #[pyo3(signature = (model, data, recipe_text, cache=None, progress=None))]
 pub(crate) fn resimulate<'py>(

@@ -13,7 +13,8 @@ pub(crate) struct Floats {
 }
 
 impl Floats {
-    /// Reads an array of any order of memory, any strides and any type of number, or what becomes one; `what` is the argument's name.
+    /// Reads an array of any order of memory, any strides and any type of number, or an object that becomes one; `what`
+    /// is the argument's name.
     pub(crate) fn of(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Self> {
         // A stride of other than whole numbers is one of a field among others.
         let as_it_lies = object.cast_exact::<PyArrayDyn<f64>>().ok().filter(|array| {
@@ -37,7 +38,7 @@ impl Floats {
     }
 }
 
-/// What a call at points is given.
+/// Arguments of a call at points.
 pub(crate) struct Given<'a, 'py> {
     pub(crate) x: Option<&'a Bound<'py, PyAny>>,
     pub(crate) u: Option<&'a Bound<'py, PyAny>>,
@@ -55,7 +56,7 @@ pub(crate) struct Asked {
 /// Values of states or inputs at points: (width), (points, width), or with rows in between.
 struct Block {
     values: Vec<f64>,
-    /// Whether every point has its own.
+    /// True if every point has separate values.
     by_point: bool,
     rows: usize,
     width: usize,
@@ -200,7 +201,7 @@ pub(crate) struct Rows {
 }
 
 impl Rows {
-    /// Reads a run; `t` is needed where the model speaks of time.
+    /// Reads a run; `t` is needed if the model contains the time.
     pub(crate) fn of(stepper: &Stepper, given: &Given<'_, '_>) -> PyResult<Self> {
         let (x, u) = (Floats::or_none(given.x, "x")?, Floats::or_none(given.u, "u")?);
         let (states, inputs) = (stepper.states().len(), stepper.inputs().len());
@@ -230,7 +231,7 @@ impl Rows {
         Ok(Self { x: values(x), u: values(u), t, states, inputs, count })
     }
 
-    /// Some rows as points; what lies before the first row is not a number.
+    /// Some rows as points; rows before the first are NaN.
     pub(crate) fn points(&self, stepper: &Stepper, rows: std::ops::Range<usize>) -> Points {
         let mut points = stepper.points(rows.len());
         let own = [(&self.x, self.states), (&self.u, self.inputs)];

@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 
 use crate::{data::Data, object::object, recipe::of_json, run::run};
 
-/// Writes clean episodes and their recipe into a folder; what was done, as a dict.
+/// Writes clean episodes and their recipe into a folder; returns a report as a dict.
 #[pyfunction]
 #[pyo3(signature = (data, recipe_text, folder, force=false, progress=None))]
 pub(crate) fn prepare<'py>(

@@ -99,20 +99,20 @@ impl From<fleetfoot::pwa::Error> for Failure {
     }
 }
 
-/// How regions are made and chosen: a dictionary in Python.
+/// Request of regions and a choice among them: a dictionary in Python.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct PwaRequest {
     /// Partitions as users write them.
     partitions: String,
-    /// Features that partitions look at.
+    /// Features that are partition columns.
     features: Vec<usize>,
     /// Rows of each group; neighbours.
     groups: Vec<usize>,
     folds: u16,
     /// Rows of shrinkage; `None`: by cross-validation.
     shrinkage: Option<f64>,
-    /// Whether maps meet at borders.
+    /// True if maps meet at borders.
     continuous: bool,
     bic: bool,
     seed: u64,
@@ -271,7 +271,7 @@ impl PwaFit {
         }
     }
 
-    /// Whether the weights are centroids.
+    /// True if the weights are centroids.
     #[getter]
     fn is_voronoi(&self) -> bool {
         matches!(self.found.candidates[self.found.chosen].specification, Specification::KMeans(_))
@@ -303,7 +303,7 @@ impl PwaFit {
         self.found.candidates.iter().map(told).collect()
     }
 
-    /// For each partition the held-out loss of maps that need not meet; NaN where that is not asked.
+    /// For each partition the held-out loss of maps that need not meet; NaN unless requested.
     #[getter]
     fn apart(&self) -> Vec<f64> {
         let told = |score: &fleetfoot::pwa::Score| score.continuity.map_or(f64::NAN, |continuity| continuity.apart);
@@ -316,7 +316,7 @@ impl PwaFit {
         self.found.chosen
     }
 
-    /// What the user should know, and whether it is of an iteration that has not converged.
+    /// Notes for the user; the flag is true if the note is about an iteration that has not converged.
     #[getter]
     fn notes(&self) -> Vec<(String, bool)> {
         let unconverged = self.found.partition_notes.iter().filter(|note| note.is_unconverged());
@@ -331,7 +331,7 @@ impl PwaFit {
     }
 }
 
-/// Column, threshold, and what follows below and above: a cut, or `-1 - region`.
+/// Column, threshold, and the branches below and above: a cut, or `-1 - region`.
 type TreeCut = (usize, f64, i64, i64);
 
 /// The rule of a partition: a dictionary in Python.

@@ -1,4 +1,4 @@
-//! Files into tables: messages of a topic, joined rows, and what a file holds.
+//! Files into tables: messages of a topic, joined rows, and the content of a file.
 
 use std::path::PathBuf;
 
@@ -84,7 +84,7 @@ pub(crate) fn read_table(
     table.finish(rows.notes).or_raise(Kind::Data)
 }
 
-/// What a model (as JSON) sees and says of rows, as a dict of arrays.
+/// Columns and values of a model (as JSON) at rows, as a dict of arrays.
 #[pyfunction]
 #[pyo3(signature = (model, data, recipe = "", progress = None))]
 pub(crate) fn read_model_rows<'py>(
@@ -135,7 +135,7 @@ pub(crate) fn student_t_95(freedom: usize) -> f64 {
     fleetfoot::stats::student_t_95(freedom)
 }
 
-/// What a file holds, as a dict.
+/// Content of a file, as a dict.
 #[pyfunction]
 #[pyo3(signature = (path, values = false, progress = None))]
 pub(crate) fn info(

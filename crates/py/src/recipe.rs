@@ -1,11 +1,12 @@
-//! Recipes from what Python gives.
+//! Recipes from Python values.
 
 use fleetfoot::{Recipe, Time};
 use pyo3::prelude::*;
 
 use crate::error::{Kind, of_engine};
 
-/// A recipe as TOML, checked, with what is given beside it: the name of the clock's column and the unit of its numbers, or a period in seconds; the rows in use.
+/// A recipe as TOML, checked, with the values given beside it. These are the name of the clock's column and the unit of
+/// its numbers, or a period in seconds; and the rows in use.
 ///
 /// `text` is TOML, or JSON of the same shape; `origin` names it in messages. TOML that is not changed comes back as it is.
 #[pyfunction]

@@ -1,4 +1,5 @@
-//! Long calls: without the interpreter's lock, stopped by Ctrl-C, told of by a progress callback, and whole after a fork.
+//! Long calls: without the interpreter's lock, stopped by Ctrl-C, reported by a progress callback, and whole after a
+//! fork.
 
 use std::{
     any::Any,
@@ -19,10 +20,10 @@ use pyo3::prelude::*;
 
 use crate::error::{Kind, of_engine};
 
-/// How often Ctrl-C and the progress are looked at.
+/// Period between two checks for Ctrl-C and reports of progress.
 const PERIOD: Duration = Duration::from_millis(50);
 
-/// The most threads that can be asked for.
+/// The largest number of threads allowed.
 const MOST_THREADS: usize = 1024;
 
 /// The threads, and the process that they are of: a forked child has none of its parent's.
@@ -84,7 +85,7 @@ struct Watcher {
     done: AtomicUsize,
     total: AtomicUsize,
     stage: Mutex<String>,
-    /// Durations that are still to be told.
+    /// Durations that are still to be reported.
     durations: Mutex<Vec<String>>,
 }
 
@@ -110,7 +111,7 @@ impl Progress for Watcher {
 }
 
 impl Watcher {
-    /// Lets Python handle its signals and hear of the progress; what either raises stops the work.
+    /// Lets Python handle its signals and calls the progress callback; an exception of either stops the work.
     fn look(&self, callback: Option<&Py<PyAny>>) -> PyResult<()> {
         Python::attach(|py| {
             py.check_signals()?;
@@ -126,8 +127,8 @@ impl Watcher {
     }
 }
 
-/// Runs work of the engine with the package's threads. The interpreter's lock is released meanwhile; `progress` is called now and then with the
-/// name of the stage, the pieces that are done and the pieces in all (0: not known).
+/// Runs work of the engine with the package's threads, with the interpreter's lock released. `progress` is called now
+/// and then with the name of the stage, the pieces that are done and the pieces in all (0: not known).
 pub(crate) fn run<R: Send>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,
@@ -136,7 +137,7 @@ pub(crate) fn run<R: Send>(
     run_any(py, progress, |progress| work(progress).map_err(Failure::Engine))
 }
 
-/// What work that is not a pipeline fails with: a kind and a message, or a pipeline's error.
+/// Failure of work that is not a pipeline: a kind and a message, or a pipeline's error.
 pub(crate) enum Failure {
     /// Of a pipeline.
     Engine(fleetfoot::Error),

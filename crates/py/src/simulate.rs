@@ -30,7 +30,7 @@ impl TimeGrid {
         self.grid.intervals()
     }
 
-    /// One interval by itself.
+    /// A grid of one interval.
     fn interval(&self, at: usize) -> PyResult<Self> {
         if at >= self.grid.intervals() {
             return Err(Kind::Request.error(format!("interval {at} of {}", self.grid.intervals())));
@@ -58,7 +58,7 @@ pub(crate) fn time_grid(model: &Model, t: &Bound<'_, PyAny>) -> PyResult<TimeGri
     Ok(TimeGrid { grid: model.stepper().grid(t.values).or_raise(Kind::Model)? })
 }
 
-/// How a simulation passes from one time to the next: a dictionary in Python.
+/// Step rule of a simulation between two times: a dictionary in Python.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct Passing {
@@ -161,7 +161,8 @@ fn sequence(
     }
 }
 
-/// States at the times of a grid from x0: (times, states), or (points, times, states); and by how much the tolerance was missed, in sizes of a state.
+/// States at the times of a grid from x0: (times, states), or (points, times, states). Then the shortfall from the
+/// tolerance, in sizes of a state.
 #[pyfunction]
 #[pyo3(signature = (model, x0, grid, u, passing, history=None, lines=false))]
 #[expect(clippy::too_many_arguments, reason = "those of the Python method")]

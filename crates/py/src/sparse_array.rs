@@ -14,7 +14,7 @@ const CHECKED: usize = 65_536;
 #[derive(Debug)]
 pub(crate) struct SparseRows {
     columns: usize,
-    /// Where every row begins among the values, and the end of the last.
+    /// Start of every row among the values, and the end of the last.
     starts: Vec<usize>,
     /// Column of every value.
     places: Array,
@@ -22,7 +22,7 @@ pub(crate) struct SparseRows {
 }
 
 impl SparseRows {
-    /// Borrows a matrix; `None` for what is none of scipy's in compressed rows.
+    /// Borrows a matrix of scipy's in compressed rows; `None` for any other object.
     pub(crate) fn of(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Option<Self>> {
         let format = object.getattr_opt("format")?.and_then(|format| format.extract::<String>().ok());
         if format.as_deref() != Some("csr") {

@@ -25,7 +25,7 @@ use crate::{
     run::{guard, run},
 };
 
-/// A statistic: a plan, and the sums of what was scanned with it. It never changes.
+/// A statistic: a plan, and the sums that were scanned with it. It never changes.
 #[pyclass(frozen, module = "fleetfoot._core")]
 pub(crate) struct Statistic {
     file: Arc<StatisticFile>,
@@ -37,7 +37,7 @@ impl Statistic {
     }
 }
 
-/// What a scan reads beside recordings: labels from paths, rows of a chunk.
+/// Options of a scan beside recordings: labels from paths, rows of a chunk.
 fn options(keys: &[String], chunk_rows: Option<usize>) -> PyResult<ScanOptions> {
     let keys: Result<Vec<LabelKey>, _> = keys.iter().map(|key| key.parse()).collect();
     let chunk_rows = match chunk_rows {
@@ -71,7 +71,7 @@ impl Statistic {
         Ok((Self::of(file), notes))
     }
 
-    /// A scan with a plan of its own; what was skipped, and notes.
+    /// A scan with a new plan; the skipped files, and notes.
     #[staticmethod]
     #[pyo3(signature = (recipe, data, keys, chunk_rows=None, progress=None))]
     fn scan(
@@ -154,7 +154,8 @@ impl Statistic {
         Ok(Self::of(run(py, None, work)?))
     }
 
-    /// This and others as one, in order; of what two of them have, the first one's stays. And what was skipped.
+    /// This and others as one, in order; of a file that two of them have, the first one's sums stay. Also the skipped
+    /// files.
     fn appended(&self, py: Python<'_>, others: Vec<PyRef<'_, Self>>) -> PyResult<(Self, Vec<String>)> {
         let others: Vec<Arc<StatisticFile>> = others.iter().map(|other| other.file.clone()).collect();
         let work = |_: &dyn Progress| {

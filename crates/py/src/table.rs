@@ -26,7 +26,7 @@ use crate::{
 /// A stamp that is missing, and numpy's "not a time".
 const MISSING: i64 = i64::MIN;
 
-/// A table: named columns of equal length. Hands itself to any library that speaks Arrow, without a copy.
+/// A table: named columns of equal length. Hands itself to any library that reads Arrow, without a copy.
 #[pyclass(frozen, module = "fleetfoot", name = "Table")]
 pub(crate) struct Table {
     batch: RecordBatch,
@@ -144,7 +144,7 @@ impl Table {
         Ok(units)
     }
 
-    /// What had to be assumed or left out while reading.
+    /// Assumptions and omissions of the reading.
     #[getter]
     fn notes(&self) -> Vec<String> {
         self.notes.clone()
@@ -160,12 +160,12 @@ impl Table {
         self.batch.num_rows()
     }
 
-    /// The rows, each a dict by the names of the columns: what ``pandas.DataFrame(table)`` reads.
+    /// The rows, each a dict by the names of the columns, in the form that ``pandas.DataFrame(table)`` reads.
     fn __iter__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         slf.py().import("fleetfoot._rows")?.call_method1("rows", (slf,))
     }
 
-    /// Columns of numbers side by side (rows, columns), a copy, for libraries that speak DLPack.
+    /// Columns of numbers side by side (rows, columns), a copy, for libraries that read DLPack.
     #[pyo3(signature = (**options))]
     fn __dlpack__<'py>(slf: &Bound<'py, Self>, options: Option<&Bound<'py, PyDict>>) -> PyResult<Bound<'py, PyAny>> {
         let matrix = slf.py().import("fleetfoot._rows")?.call_method1("matrix", (slf,))?;
@@ -191,8 +191,9 @@ impl Table {
         format!("Table({} rows: {}{more})", self.batch.num_rows(), shown.collect::<Vec<_>>().join(", "))
     }
 
-    /// A column as a numpy array that shares the table's memory and cannot be written (texts are made anew), for a name; a table, for a list of names, for
-    /// rows (a number, numbers, a mask, a slice: neighbouring rows are not copied), and for ``rows, names``.
+    /// For a name: a column as a numpy array that shares the table's memory and cannot be written (texts are made
+    /// anew). For a list of names, for rows, and for ``rows, names``: a table. Rows are a number, numbers, a mask or a
+    /// slice; neighbouring rows are not copied.
     fn __getitem__<'py>(slf: &Bound<'py, Self>, key: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         let own = slf.get();
         match Asked::of(key, own.batch.num_rows())? {
@@ -214,8 +215,8 @@ impl Table {
         capsule::of_schema(py, &self.schema())
     }
 
-    /// The rows as a capsule of Arrow's C interface; nothing is copied. They come in the table's own schema: another one that is asked for is
-    /// the consumer's to cast to, as the interface allows.
+    /// The rows as a capsule of Arrow's C interface; nothing is copied. They come in the table's schema; a consumer
+    /// casts them to another one itself, as the interface allows.
     #[pyo3(signature = (requested_schema = None))]
     fn __arrow_c_stream__<'py>(
         &self,

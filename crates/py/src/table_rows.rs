@@ -1,4 +1,4 @@
-//! What stands in the brackets of a table: a column, columns, rows.
+//! Indexing of a table: a column, columns, rows.
 
 use std::{ops::Range, sync::Arc};
 
@@ -16,7 +16,7 @@ use pyo3::{
 
 use crate::error::Kind;
 
-/// What is asked of a table.
+/// Selection from a table.
 pub(crate) enum Asked {
     /// One column, as an array.
     Column(String),
@@ -31,10 +31,10 @@ pub(crate) enum Asked {
 }
 
 impl Asked {
-    /// Reads what stands in the brackets of a table with so many rows: a name, names, a row, rows, a slice, a mask, or rows and names.
+    /// Reads the index of a table with so many rows: a name, names, a row, rows, a slice, a mask, or rows and names.
     ///
     /// # Errors
-    /// What numpy says of rows that there are not.
+    /// The errors of numpy about rows that do not exist.
     pub(crate) fn of(key: &Bound<'_, PyAny>, rows: usize) -> PyResult<Self> {
         if let Ok(name) = key.extract::<String>() {
             return Ok(Self::Column(name));

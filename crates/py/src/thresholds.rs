@@ -68,7 +68,7 @@ impl SparseModels {
         self.joint.iterations
     }
 
-    /// Whether they ended by their rule.
+    /// True if they ended by their rule.
     #[getter]
     fn converged(&self) -> bool {
         self.joint.converged

@@ -2,7 +2,7 @@
 
 use fleetfoot::data::setting::{Command, Kind, Setting, Wording};
 
-/// Messages speak of arguments.
+/// Wording of messages by arguments.
 pub(crate) struct Arguments;
 
 impl Wording for Arguments {
@@ -66,7 +66,7 @@ fn call(name: &str, setting: Option<&str>) -> String {
 /// Sections that are no argument of any call: they stand in a recipe.
 const OF_RECIPES: [&str; 5] = ["clocks", "[episodes]", "files", "join", "prepare"];
 
-/// Whether the entries of a section have the names that a user gives: of states, of constraints.
+/// Returns true if the user gives the names of a section's entries: of states, of constraints.
 fn named_by_user(section: &str) -> bool {
     ["states", "inputs", "latents", "tasks", "parameters", "columns", "constraints", "join", "files", "clocks"]
         .contains(&section)

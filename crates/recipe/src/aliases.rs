@@ -1,4 +1,4 @@
-//! The names that a recipe or a model gives to what is recorded.
+//! The names that a recipe or a model gives to recorded fields.
 
 use fleetfoot_data::setting::{COLUMNS, INPUTS_SECTION, STATES_SECTION};
 use fleetfoot_data::{Column as DataColumn, ColumnKind, nearest};
@@ -14,7 +14,7 @@ use crate::{
 
 /// The aliases of a model or recipe while they are collected.
 pub struct Aliases<'a> {
-    /// What the logs hold.
+    /// Fields of the logs.
     pub fields: &'a [DataColumn],
     scope: Scope,
     /// The columns named so far.
@@ -129,7 +129,8 @@ impl<'a> Aliases<'a> {
         })
     }
 
-    /// Parses an expression over aliases and fields, adding what it speaks of as auxiliary columns; the result speaks of aliases alone.
+    /// Parses an expression over aliases and fields, adding its names as auxiliary columns; the result is over aliases
+    /// alone.
     pub fn over_aliases(&mut self, text: &str, place: &str) -> Result<Expr, Error> {
         self.over_latents(text, &[], place)
     }
@@ -175,7 +176,7 @@ impl<'a> Aliases<'a> {
         scope
     }
 
-    /// Adds the columns that an expression over aliases and latents speaks of, as auxiliary ones.
+    /// Adds the columns of an expression over aliases and latents, as auxiliary ones.
     pub fn add_used(&mut self, expression: &Expr, latents: &[String], place: &str) -> Result<(), Error> {
         for name in expression.sources() {
             if !latents.iter().chain(&self.hidden).any(|hidden| **hidden == *name) {
@@ -185,7 +186,7 @@ impl<'a> Aliases<'a> {
         Ok(())
     }
 
-    /// Whether a name stands for a column already.
+    /// Returns true if a name stands for a column already.
     pub fn has(&self, name: &str) -> bool {
         self.own_names(&[]).contains(&name)
     }

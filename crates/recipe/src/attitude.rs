@@ -1,4 +1,5 @@
-//! Rotations among the states of a recipe: one section for all columns of one, written out as a state for each, whose equations are the kinematics.
+//! Rotations among the states of a recipe. One section for all columns of a rotation is written out as a state for
+//! each, whose equations are the kinematics.
 
 use fleetfoot_data::Column as DataColumn;
 use fleetfoot_data::setting::STATES_SECTION;
@@ -11,11 +12,11 @@ use crate::{
     recipe::{Frame, Kind, State},
 };
 
-/// What stands between a rotation's name and its part's.
+/// Separators between a rotation's name and its part's.
 const SEPARATORS: [&str; 3] = [".", "_", ""];
 
 impl Kind {
-    /// How a rotation of this kind is written; `None` for what is none.
+    /// Representation of a rotation of this kind; `None` if it is no rotation.
     pub fn rotation(self) -> Option<RotationKind> {
         match self {
             Self::Quaternion => Some(RotationKind::Quaternion),
@@ -26,12 +27,12 @@ impl Kind {
 }
 
 impl State {
-    /// Whether its equation is given: `known`, or the kinematics of a rotation.
+    /// Returns true if its equation is given: `known`, or the kinematics of a rotation.
     pub fn is_given(&self) -> bool {
         self.known.is_some() || self.kind.and_then(Kind::rotation).is_some()
     }
 
-    /// The part that it is of a rotation; `None` for a state of its own, and for a rotation that is not written out yet.
+    /// Its part in a rotation; `None` for a single state, and for a rotation that is not written out yet.
     pub fn rotation_part(&self) -> Option<RotationPart> {
         let kind = self.kind?.rotation()?;
         let (group, letter) = self.part.as_deref()?.rsplit_once('.')?;
@@ -39,10 +40,11 @@ impl State {
         Some(RotationPart { group: group.to_owned(), kind, part })
     }
 
-    /// Writes a rotation out: a state for each of its parts; `None` for any other state. `aliases` and `fields` are what its columns may be.
+    /// Writes a rotation out: a state for each of its parts; `None` for any other state. `aliases` and `fields` are the
+    /// possible names of its columns.
     ///
     /// # Errors
-    /// Columns that are not there or whose order is not said, no rates, what a rotation cannot have.
+    /// Columns that are not there or whose order is unknown, no rates, settings that a rotation cannot have.
     pub(crate) fn parts(
         &self,
         name: &str,
@@ -169,7 +171,7 @@ impl State {
         ))
     }
 
-    /// The letter of every column: as `order` says, else their own last ones.
+    /// The letter of every column: by `order`, else their last ones.
     fn order_of(&self, columns: &[String], kind: RotationKind, place: &str) -> Result<Vec<String>, Error> {
         let letters = kind.letters();
         let is_order = |order: &[String]| letters.iter().all(|letter| order.iter().any(|own| own == letter));

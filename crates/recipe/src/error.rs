@@ -1,11 +1,11 @@
-//! What can go wrong with the words of a recipe. Every message says where, and what to do.
+//! Errors in the settings of a recipe. Every message names the place and the remedy.
 
 use fleetfoot_data::did_you_mean;
 use fleetfoot_data::setting::{self, INFO, PARTITION_ON};
 
 use crate::{request::RequestError, request_constructors};
 
-/// What can go wrong with the words of a recipe.
+/// Errors in the settings of a recipe.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -14,33 +14,33 @@ pub enum Error {
     Recipe {
         /// The recipe's file or origin.
         name: String,
-        /// What is wrong.
+        /// The problem, in words.
         problem: String,
     },
     /// An expression cannot be understood.
     #[error("{}: {source}", setting::assigned(place, text))]
     Expression {
-        /// Where it stands.
+        /// Its place.
         place: String,
         /// The expression.
         text: String,
-        /// What is wrong.
+        /// The problem.
         source: fleetfoot_library::ParseError,
     },
     /// A column that does not exist.
     #[error("{place}: there is no column `{name}`{}", meant(.candidates))]
     UnknownColumn {
-        /// Where it was asked for.
+        /// Place of the name.
         place: String,
         /// The name.
         name: String,
         /// The nearest names.
         candidates: Vec<String>,
     },
-    /// What was asked for cannot be done.
+    /// The request cannot be met.
     #[error(transparent)]
     Request(#[from] RequestError),
-    /// A partition by what is predicted.
+    /// A partition by the predicted quantity.
     #[error(
         "the partition looks at `{column}`, which tells `{target}`, and that is what is predicted: the region of a row would not be known before its \
          answer; name other columns with {PARTITION_ON}, or its past: lag({target}, 1)"
@@ -64,7 +64,7 @@ pub enum Error {
 
 request_constructors!(Error);
 
-/// What a name may have meant, else where names are found.
+/// Suggestion of similar names, else the command that lists names.
 fn meant(candidates: &[String]) -> String {
     match did_you_mean(candidates) {
         nothing if nothing.is_empty() => format!("; {INFO} lists those of a log"),

@@ -1,4 +1,4 @@
-//! Which candidate functions enter together: the words of `groups`, read once.
+//! Groups of candidate functions that enter together: the setting `groups`, read once.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,11 +9,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::{error::Error, list::items};
 
-/// What may be written, for people.
+/// Allowed values, for people.
 const ALLOWED: &str =
     "signal, term, or lists of signals by name: `legs=q1,q2,arms=q3,q4`, in a recipe also { legs = [\"q1\", \"q2\"] }";
 
-/// How a recipe names groups: a word, or lists of signals.
+/// Groups as a recipe names them: a word, or lists of signals.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected \"signal\", \"term\", or lists: { legs = [\"q1\", \"q2\"] }")]
 pub enum GroupWords {
@@ -31,7 +31,7 @@ impl std::str::FromStr for GroupWords {
     }
 }
 
-/// Which candidate functions enter together.
+/// Rule of the candidate functions that enter together.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum GroupRule {
@@ -64,7 +64,7 @@ impl GroupRule {
         }
     }
 
-    /// What enters together, for people.
+    /// Functions that enter together, in words.
     pub fn in_words(&self) -> String {
         match self {
             Self::Signal => "the functions of a signal together".to_owned(),

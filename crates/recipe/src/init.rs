@@ -34,8 +34,8 @@ pub fn starter_recipe(info: &FileInfo) -> String {
     }
 }
 
-/// States and inputs that [`starter_recipe`] proposes of a robot's log, with the clock and the names of topics that a recipe says; `None` of tables, and where nothing
-/// is proposed.
+/// States and inputs that [`starter_recipe`] proposes of a robot's log, with the clock and the topics' names of the
+/// recipe. `None` of tables, and without a proposal.
 pub fn draft_of_topics(recipe: &Recipe, info: &FileInfo) -> Option<Recipe> {
     if info.topics.is_empty() {
         return None;
@@ -61,7 +61,7 @@ fn listed(info: &FileInfo) -> Vec<Column> {
         .collect()
 }
 
-/// Whether a name usually stands for an angle in radians.
+/// Returns true if a name usually stands for an angle in radians.
 pub fn is_named_angle(name: &str) -> bool {
     is_angle(name)
 }
@@ -126,7 +126,7 @@ fn table_recipe(file: &str, columns: &[Column], clock: Option<&ClockInfo>) -> St
     out
 }
 
-/// What may be useful: angles of quaternions, short names for odd ones, an example.
+/// Aliases that may be useful: angles of quaternions, short names for odd ones, an example.
 fn aliases(out: &mut String, columns: &[Column]) {
     let counts = counts(columns);
     let has = |name: &str| counts.get(name) == Some(&1);
@@ -218,7 +218,7 @@ fn episodes_section(out: &mut String) {
     let _ = writeln!(out, "# [[episodes]]\n# match = \"grass_*\"\n# terrain = \"grass\"");
 }
 
-/// How many columns have a name.
+/// Number of columns with each name.
 fn counts(columns: &[Column]) -> HashMap<&str, usize> {
     let mut counts = HashMap::new();
     columns.iter().for_each(|column| *counts.entry(column.name.as_str()).or_insert(0) += 1);

@@ -1,7 +1,7 @@
-//! The words of a recipe: which fields of a log are what, and the settings of every command.
+//! The settings of a recipe: the meaning of a log's fields, and the options of every command.
 //!
-//! A [`Recipe`] is read from TOML, or from the flags of a command ([`Settings`]); [`starter_recipe`] drafts one from what a log holds. What its words mean for a recording
-//! is settled by the crates above.
+//! A [`Recipe`] is read from TOML, or from the flags of a command ([`Settings`]); [`starter_recipe`] drafts one from
+//! the content of a log. The crates above resolve it for a recording.
 //!
 //! ```
 //! use fleetfoot_recipe::Recipe;

@@ -1,6 +1,7 @@
-//! The recipe: which fields of a log are what, in TOML.
+//! The recipe: the meaning of a log's fields, in TOML.
 //!
-//! Flags of the command line are written into the recipe before it is used, so the recipe that a model carries says all.
+//! Flags of the command line are written into the recipe before it is used, so the recipe that a model carries is
+//! complete.
 
 mod auto;
 mod body;
@@ -54,32 +55,32 @@ pub use sparse::{ConstraintSection, LatentSection, SparseSection, TaskSection};
 
 use crate::error::Error;
 
-/// What a user says about the recordings and the model.
+/// Settings of a user about the recordings and the model.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Recipe {
     /// Short names: alias = a field of the log, or an expression over fields and earlier aliases.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub columns: IndexMap<String, String>,
-    /// What the model advances in time.
+    /// States that the model advances in time.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub states: IndexMap<String, State>,
-    /// What is given from outside.
+    /// Inputs from outside.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub inputs: IndexMap<String, Input>,
     /// Unknown functions, each a library over its own variables, that the equations of `[tasks]` and `[states]` may share.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub latents: IndexMap<String, LatentSection>,
-    /// What the latents are regressed on.
+    /// Tasks on which the latents are regressed.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub tasks: IndexMap<String, TaskSection>,
-    /// What the latents keep together.
+    /// Constraints between the latents.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub constraints: IndexMap<String, ConstraintSection>,
-    /// How a piecewise-affine model is found: what the flags of `fit pwa` say when they are not given.
+    /// Options of a piecewise-affine fit: defaults of the flags of `fit pwa`.
     #[serde(skip_serializing_if = "is_default")]
     pub pwa: PwaSection,
-    /// How a sparse regression goes: what the flags of `fit sparse` say when they are not given.
+    /// Options of a sparse regression: defaults of the flags of `fit sparse`.
     #[serde(skip_serializing_if = "is_default")]
     pub sparse: SparseSection,
     /// Candidate functions of the equations of `fit sindy`.
@@ -88,13 +89,13 @@ pub struct Recipe {
     /// Numbers inside expressions that are not known.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub parameters: IndexMap<String, ParameterSection>,
-    /// How parameters of given equations are estimated: what the flags of `fit parameters` say when they are not given.
+    /// Options of the estimation of parameters in given equations: defaults of the flags of `fit parameters`.
     #[serde(skip_serializing_if = "is_default")]
     pub estimate: EstimateSection,
-    /// How equations are found: what the flags of `fit sindy` say when they are not given.
+    /// Options of an equation fit: defaults of the flags of `fit sindy`.
     #[serde(skip_serializing_if = "is_default")]
     pub sindy: SindySection,
-    /// How an autoregression is found: what the flags of `fit narx` say when they are not given.
+    /// Options of an autoregression: defaults of the flags of `fit narx`.
     #[serde(skip_serializing_if = "is_default")]
     pub narx: NarxSection,
     /// How a network is trained and chosen: what the flags of `fit network` say when they are not given.
@@ -103,52 +104,56 @@ pub struct Recipe {
     /// What a regulator is to do: what the flags of `control lqr` say when they are not given.
     #[serde(skip_serializing_if = "is_default")]
     pub control: ControlSection,
-    /// How channels are prepared: what the flags of `prepare` say when they are not given.
+    /// Options of the preparation of channels: defaults of the flags of `prepare`.
     #[serde(skip_serializing_if = "is_default")]
     pub prepare: PrepareSection,
-    /// How states are filtered by a model: what the flags of `filter` say when they are not given.
+    /// Options of a filter by a model: defaults of the flags of `filter`.
     #[serde(skip_serializing_if = "is_default")]
     pub filter: FilterSection,
-    /// How recordings are followed by a model: what the flags of `resimulate` say when they are not given.
+    /// Options of recordings that a model follows: defaults of the flags of `resimulate`.
     #[serde(skip_serializing_if = "is_default")]
     pub resimulate: ResimulateSection,
-    /// How `auto` looks for a model: what its flags say when they are not given.
+    /// Options of the search by `auto`: defaults of its flags.
     #[serde(skip_serializing_if = "is_default")]
     pub auto: AutoSection,
-    /// How single states and inputs are prepared, where not as `[prepare]` says: its entries that speak of a channel.
+    /// Options of the preparation of single states and inputs: the entries of `[prepare]` that concern a channel, with
+    /// other values.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub channels: IndexMap<String, PrepareSection>,
     /// A rigid body whose motion `prepare` fuses of the sensors that `[sensor]` names.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub body: Option<BodySection>,
-    /// Joints whose motion `prepare` fuses, by names of their own.
+    /// Joints whose motion `prepare` fuses, by name.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub joint: IndexMap<String, JointSection>,
-    /// The sensors of the body and of joints, by names of their own.
+    /// The sensors of the body and of joints, by name.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub sensor: IndexMap<String, SensorSection>,
     /// The clock and the episodes.
     #[serde(skip_serializing_if = "is_default")]
     pub time: Time,
-    /// Clocks of other computers, by names of their own, and what tells how they go beside the one that stamps the other topics. A clock may be compared with those before it.
+    /// Clocks of other computers, by name, and the columns that compare them with the clock of the other topics. A
+    /// clock may be compared with those before it.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub clocks: IndexMap<String, ClockSection>,
-    /// How fields of other channels than the base are brought to its stamps, by field or wildcard, where their types do not say it right.
+    /// Resampling of fields of other channels to the stamps of the base, by field or wildcard, in place of the rule of
+    /// their types.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub join: IndexMap<String, Join>,
-    /// The files of a run, a file a topic, joined as topics of one log are: topics, and what their files are called in the run's folder (`imu = "imu*.csv"`).
+    /// The files of a run, a file a topic, joined as topics of one log are: topics, and the names of their files in the
+    /// run's folder (`imu = "imu*.csv"`).
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub files: IndexMap<String, String>,
     /// Topics as this recipe calls them, and as the files do.
     #[serde(skip_serializing_if = "IndexMap::is_empty")]
     pub rename: IndexMap<String, String>,
-    /// What is predicted, from which functions.
+    /// Predicted quantity, and candidate functions.
     #[serde(skip_serializing_if = "is_default")]
     pub model: ModelSection,
     /// Labels for the episodes of matching files.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub episodes: Vec<EpisodeRule>,
-    /// Where decoded columns of robot logs are kept; no part of what is written.
+    /// Folder of decoded columns of robot logs; no part of a written recipe.
     #[serde(skip)]
     pub cache: Option<fleetfoot_log::Cache>,
 }
@@ -164,32 +169,33 @@ pub struct State {
     /// Field or expression, when the name is not an alias or a field itself.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub column: Option<String>,
-    /// How its derivative is measured: `auto` (a central difference; `fit sindy` chooses its order by the data), `central`, `central4`, `central6` (of order 2, 4,
-    /// 6), `forward`, `backward`, a field or expression, or the mean slope over a span, `{ over = 20 }`, `{ over = "auto" }`.
+    /// Measurement of its derivative. `auto` is a central difference, whose order `fit sindy` chooses by the data.
+    /// Others: `central`, `central4`, `central6` (of order 2, 4, 6), `forward`, `backward`, or a field or expression.
+    /// The mean slope over a span is `{ over = 20 }` or `{ over = "auto" }`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub derivative: Option<Derivative>,
     /// Its derivative is this expression: integrated, never fitted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub known: Option<String>,
-    /// What is predicted of it, over columns and latents: `(T*cos(alpha) - D)/m - 9.80665*sin(gamma)`.
+    /// Its predicted quantity, over columns and latents: `(T*cos(alpha) - D)/m - 9.80665*sin(gamma)`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub equation: Option<String>,
-    /// What is known of the right side, an expression over columns and parameters: only the rest is learnt.
+    /// Known part of the right side, an expression over columns and parameters: only the rest is fitted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub nominal: Option<String>,
     /// Candidate functions of its equation, in place of `[library]`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub library: Option<Vec<String>>,
-    /// Terms that its equation has in any case.
+    /// Terms that its equation always has.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub fixed: Vec<String>,
-    /// Whether it stands in the library and the partition; yes unless said otherwise.
+    /// True to have it in the library and the partition; the default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub regressor: Option<bool>,
     /// `angle`, `quaternion`, `rotation-vector` or `linear`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kind: Option<Kind>,
-    /// Unit, when the file does not tell it.
+    /// Unit, if the file lacks it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unit: Option<String>,
     /// Of a rotation: the columns of its parts, fields or aliases.
@@ -204,12 +210,12 @@ pub struct State {
     /// Of a rotation: the axes that the rates are about, `body` (default) or `world`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame: Option<Frame>,
-    /// The rotation and the letter of the part that this state is, `attitude.w`: what a rotation is written out to.
+    /// The rotation and the letter of this state's part, `attitude.w`, in a written-out rotation.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub part: Option<String>,
 }
 
-/// The axes that vectors are told in.
+/// The axes of vectors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Frame {
@@ -219,7 +225,7 @@ pub enum Frame {
     World,
 }
 
-/// What kind of quantity a column is.
+/// Kind of a column's quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
@@ -227,8 +233,8 @@ pub enum Kind {
     Linear,
     /// An angle in radians: differences wrap, regressors and partitions see its cosine and sine.
     Angle,
-    /// A unit quaternion in four columns: its equations are the kinematics, given its rates; it stays of unit length, and q and -q are the same. The library speaks of it by
-    /// `rotate(NAME, v)` and the like.
+    /// A unit quaternion in four columns. Its equations are the kinematics, given its rates; it stays of unit length,
+    /// and q and -q are the same. The library names it by `rotate(NAME, v)` and the like.
     Quaternion,
     /// A rotation vector, axis times angle in radians, in three columns: as [`Kind::Quaternion`]. Turns more or less are the same.
     #[serde(alias = "axis-angle")]
@@ -258,7 +264,7 @@ pub struct InputTable {
     /// `angle` or `linear`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kind: Option<Kind>,
-    /// Unit, when the file does not tell it.
+    /// Unit, if the file lacks it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unit: Option<String>,
 }
@@ -299,7 +305,7 @@ pub struct Time {
     pub smoothed: Option<f64>,
 }
 
-/// How a field is brought to the stamps of the base: `"hold"` or `{ kind = "hold", max_gap = 1.0 }`.
+/// Resampling of a field to the stamps of the base: `"hold"` or `{ kind = "hold", max_gap = 1.0 }`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(
     untagged,
@@ -344,7 +350,7 @@ pub enum Gap {
     Word(String),
 }
 
-/// What is predicted, from which functions.
+/// Predicted quantity, and candidate functions.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ModelSection {
@@ -354,7 +360,8 @@ pub struct ModelSection {
     /// Total degree of the polynomial library; 1 (affine) by default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub degree: Option<u32>,
-    /// Past rows of every state and input that stand beside the present one: `3`, or every 5th of the last 50, `{ last = 50, every = 5 }`.
+    /// Past rows of every state and input beside the present one: `3`, or every 5th of the last 50,
+    /// `{ last = 50, every = 5 }`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lags: Option<Lags>,
     /// Non-negative row weights: a field or expression.
@@ -363,7 +370,7 @@ pub struct ModelSection {
     /// Partitions: `kmeans:10`, `null,average,zscore:1.5,kmeans:2,5,10`, `refined:2..20`, `lattice:2..50`, `tree:1..6`, `labels:COLUMN+kmeans:3`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub partition: Option<String>,
-    /// What partitions look at, when not the states.
+    /// Partition columns, in place of the states.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub partition_on: Option<Vec<String>>,
 }
@@ -400,7 +407,7 @@ impl Recipe {
     /// Reads a recipe from a file.
     ///
     /// # Errors
-    /// A file that cannot be read, that is a log, or that is no recipe.
+    /// A file that cannot be read, that is a log, or that holds no recipe.
     pub fn read(path: &Path) -> Result<Self, Error> {
         if fleetfoot_log::Format::of(path).is_some() {
             return Err(Error::Recipe {
@@ -420,7 +427,7 @@ impl Recipe {
     /// Reads a recipe from JSON of the same shape; `name` is its origin, for messages.
     ///
     /// # Errors
-    /// What cannot be understood, with the place in the recipe as TOML.
+    /// A text that cannot be understood, with the place in the recipe as TOML.
     pub fn from_json(text: &str, name: &str) -> Result<Self, Error> {
         let refused = |problem: String| Error::Recipe { name: name.to_owned(), problem };
         let recipe: Self = serde_json::from_str(text).map_err(|problem: serde_json::Error| {

@@ -1,4 +1,4 @@
-//! What was asked for and cannot be done: a cause that a program can act on, and a message for people.
+//! Requests that cannot be met: a cause that a program can act on, and a message for people.
 
 /// A request that cannot be met.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -6,7 +6,7 @@
 pub struct RequestError {
     /// Why.
     pub cause: Cause,
-    /// Where, what, and what to do about it.
+    /// Place, problem and remedy.
     pub message: String,
 }
 
@@ -30,20 +30,20 @@ pub enum Cause {
         /// The name.
         name: String,
     },
-    /// Too few rows for what is to be learnt from them.
+    /// Too few rows for the fit.
     TooFewRows {
         /// Rows that can be used.
         rows: u64,
-        /// How many it takes at least.
+        /// The least number of rows.
         needed: u64,
     },
     /// It takes the rows of logs, and a statistic has none.
     NeedsRows,
     /// The statistic was scanned for something else.
     OtherStatistic,
-    /// The data do not determine what was asked for.
+    /// The data do not determine the answer.
     Undetermined,
-    /// A file that cannot be written as asked: it stands in the way, or its kind does not fit.
+    /// An output file that cannot be written: a file stands in the way, or its kind does not fit.
     Output,
     /// A mistake in fleetfoot itself.
     Internal,

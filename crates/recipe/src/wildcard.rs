@@ -1,8 +1,9 @@
 //! Wildcards of a recipe: one line for many fields of a log.
 //!
-//! A star stands for what is in a pair of brackets, `/joint_states.position[*]`, or for one part between dots,
-//! `/imu.angular_velocity.*`. An alias of a wildcard becomes as many aliases, each with what its stars stand for: `q` of
-//! `/joint_states.position[*]` becomes `q[left_crank]`, `q[right_crank]`; `w` of `/imu.angular_velocity.*` becomes `w.x`, `w.y`, `w.z`.
+//! A star stands for the text in a pair of brackets, `/joint_states.position[*]`, or for one part between dots,
+//! `/imu.angular_velocity.*`. An alias of a wildcard becomes as many aliases, each with the text of its stars. `q` of
+//! `/joint_states.position[*]` becomes `q[left_crank]`, `q[right_crank]`; `w` of `/imu.angular_velocity.*` becomes
+//! `w.x`, `w.y`, `w.z`.
 
 use fleetfoot_data::Column;
 use fleetfoot_data::setting::{COLUMNS, INFO_VALUES, INPUTS_SECTION, STATES_SECTION};
@@ -13,7 +14,7 @@ use crate::{
     recipe::{Input, InputTable, Recipe, State},
 };
 
-/// A star and what surrounds it.
+/// A star and its surroundings.
 #[derive(Clone, Copy, PartialEq)]
 enum Part<'a> {
     Text(&'a str),
@@ -49,7 +50,7 @@ fn parts(text: &str) -> Option<Vec<Part<'_>>> {
     found.then_some(parts)
 }
 
-/// What the stars stand for in `name`, as it is appended to an alias.
+/// Part of `name` under the stars, as it is appended to an alias.
 fn suffix(parts: &[Part<'_>], name: &str) -> Option<String> {
     let (mut rest, mut suffix) = (name, String::new());
     for part in parts {
@@ -70,7 +71,7 @@ fn suffix(parts: &[Part<'_>], name: &str) -> Option<String> {
     rest.is_empty().then_some(suffix)
 }
 
-/// The fields that a wildcard names, with what its stars stand for; `None` for a text without a star of this kind.
+/// The fields that a wildcard names, with the text of its stars; `None` for a text without a star of this kind.
 fn matches(text: &str, fields: &[Column], place: &str) -> Result<Option<Vec<(String, String)>>, Error> {
     let Some(parts) = parts(text) else { return Ok(None) };
     let found: Vec<(String, String)> = fields
@@ -84,7 +85,7 @@ fn matches(text: &str, fields: &[Column], place: &str) -> Result<Option<Vec<(Str
     Ok(Some(found))
 }
 
-/// Whether a column's name matches a pattern: a wildcard as in a recipe, or the name itself.
+/// Returns true if a column's name matches a pattern: a wildcard as in a recipe, or the name itself.
 pub fn is_match(pattern: &str, name: &str) -> bool {
     pattern == name || parts(pattern).is_some_and(|parts| suffix(&parts, name).is_some())
 }
@@ -93,7 +94,7 @@ impl Recipe {
     /// The recipe with every wildcard and every rotation written out for the fields of a log.
     ///
     /// # Errors
-    /// A wildcard that no field matches, a rotation whose columns, order or rates are not said.
+    /// A wildcard that no field matches; a rotation whose columns, order or rates are unknown.
     pub fn expand(&self, fields: &[Column]) -> Result<Self, Error> {
         let mut out = self.clone();
         out.columns = IndexMap::new();
@@ -155,7 +156,7 @@ impl Recipe {
     }
 }
 
-/// The states with every rotation written out. A state that says nothing and is a part of one is that part.
+/// The states with every rotation written out. A state without settings that is a part of one is that part.
 fn with_parts(
     states: IndexMap<String, State>,
     aliases: &IndexMap<String, String>,

@@ -1,9 +1,10 @@
-//! Values in bins: what is drawn of many rows is as long as there are bins.
+//! Values in bins: the length of a drawing is the number of bins, for any number of rows.
 
 /// Bins of equal width along an axis; in each the number, mean, deviation and extremes of the values whose places fall into it.
 ///
-/// The width is a power of two and the edges are its multiples: the smallest width of which no more bins are needed than there may be. So nobody has to know
-/// beforehand how far the places reach, the order of the values does not matter but for the rounding of the means, and bins of parts merge.
+/// The width is a power of two and the edges are its multiples. It is the smallest width with at most the allowed
+/// number of bins. The range of the places need not be known beforehand, the order of the values matters only for the
+/// rounding of the means, and bins of parts merge.
 ///
 /// ```
 /// use fleetfoot_report::Bins;
@@ -60,7 +61,7 @@ impl Bins {
         Self { most: most.max(4), width: FINEST, inverse: 1.0 / FINEST, first: 0, bins: Vec::new() }
     }
 
-    /// Adds a value at a place; what is not finite is left out.
+    /// Adds a value at a place; one that is not finite is left out.
     pub fn add(&mut self, place: f64, value: f64) {
         if !(place.is_finite() && value.is_finite()) {
             return;
@@ -99,7 +100,7 @@ impl Bins {
         self.first + self.bins.len() as i64 - 1
     }
 
-    /// Whether bins from one index to another can stand beside those that there are.
+    /// Returns true if bins from one index to another can stand beside the present ones.
     fn has_room(&self, from: i64, to: i64) -> bool {
         let (from, to) = if self.bins.is_empty() { (from, to) } else { (from.min(self.first), to.max(self.last())) };
         // A sum of squares of whole numbers this large still fits.
@@ -139,7 +140,7 @@ impl Bins {
         self
     }
 
-    /// Adds what is in other bins.
+    /// Merges other bins.
     pub fn merge(&mut self, other: &Self) {
         if other.bins.is_empty() {
             return;
@@ -197,8 +198,8 @@ impl Bins {
         (spread(&all) / all.count as f64).sqrt()
     }
 
-    /// The share of the values' variance that the means of the bins explain, less what they would explain by chance of independent values (Kelley's epsilon
-    /// squared, 1935); NaN where it cannot be said.
+    /// The share of the values' variance that the means of the bins explain, less the share by chance for independent
+    /// values (Kelley's epsilon squared, 1935). NaN if it is not known.
     pub fn explained(&self) -> f64 {
         let filled = self.bins.iter().filter(|bin| bin.count > 0);
         let (groups, all) = filled.clone().fold((0.0, EMPTY), |(groups, all), bin| (groups + 1.0, all.with(*bin)));

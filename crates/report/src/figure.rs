@@ -1,7 +1,7 @@
-//! Figures: what is drawn, its caption and its text alternative.
+//! Figures: chart, caption and text alternative.
 //!
-//! A figure is drawn as SVG in two widths, one for pages and paper and one for telephones, as text that shrinks with its figure cannot be read. Colours are
-//! classes: the style sheet says what they are in the light and in the dark.
+//! A figure is drawn as SVG in two widths, one for pages and paper and one for telephones, as text that shrinks with
+//! its figure cannot be read. Colours are classes: the style sheet defines them for light and dark.
 
 mod bars;
 mod canvas;
@@ -26,7 +26,7 @@ use crate::{Table, markup::Element};
 use canvas::{Canvas, NARROW, WIDE};
 use lines::Form;
 
-/// Colours and strokes of figures, for the page and for figures in files of their own.
+/// Colours and strokes of figures, for the page and for figures in separate files.
 pub(crate) const STYLE: &str = include_str!("figure.css");
 
 /// A figure.
@@ -37,13 +37,13 @@ pub struct Figure {
     pub name: String,
     /// Its title.
     pub title: String,
-    /// What one sees, in a sentence or two.
+    /// Caption: the content of the figure, in a sentence or two.
     pub caption: String,
-    /// What is drawn.
+    /// Chart of the figure.
     pub chart: Chart,
 }
 
-/// What is drawn.
+/// Chart of a figure.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Chart {
@@ -67,7 +67,7 @@ impl Figure {
         Self { name: name.into(), title: title.into(), caption: caption.into(), chart }
     }
 
-    /// The figure as a file of its own, on light paper, in colours that programs without style variables know too.
+    /// The figure as a separate file, on light paper, in colours for programs without style variables.
     pub fn to_svg(&self) -> String {
         let style = Element::new("style").style(&plain::resolved(STYLE));
         self.drawn(WIDE, Some(style)).with("xmlns", "http://www.w3.org/2000/svg").to_text()
@@ -104,7 +104,7 @@ impl Figure {
         canvas.finish(&self.title, &self.alternative(), style)
     }
 
-    /// What somebody is told who does not see the figure.
+    /// Text in place of the figure, for readers who cannot see it.
     pub fn alternative(&self) -> String {
         let what = match &self.chart {
             Chart::Lines(lines) => lines.in_words(),

@@ -1,8 +1,9 @@
 //! One page that shows a result: sentences, tables, typeset equations and figures, as self-contained HTML and SVG.
 //!
-//! This crate knows nothing of logs and models: it takes a [`Page`] of plain data and gives its text. The page needs no network and no script; it is light or
-//! dark as its reader's system is, fits a telephone and a sheet of paper, and every figure has a caption, a text alternative and the table of its data. A page is
-//! as long as its data, so whoever makes one bins what grows with the rows.
+//! This crate knows nothing of logs and models: it takes a [`Page`] of plain data and gives its text. The page needs no
+//! network and no script. It is light or dark by its reader's system, fits a telephone and a sheet of paper, and every
+//! figure has a caption, a text alternative and the table of its data. A page is as long as its data, so its maker bins
+//! data that grow with the rows.
 //!
 //! ```
 //! use fleetfoot_report::{Axis, Chart, Figure, Lines, Page, Part, Section, Series};

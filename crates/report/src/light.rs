@@ -1,11 +1,11 @@
-//! How good something is.
+//! Quality marks.
 
-/// How good something is. It is shown by a sign and a word, never by a colour alone.
+/// Quality mark. A sign and a word show it, never a colour alone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Light {
     /// As it should be.
     Good,
-    /// To be looked at.
+    /// Doubtful.
     Doubtful,
     /// Not as it should be.
     Bad,

@@ -1,7 +1,7 @@
-//! Elements of HTML and SVG: what is written is well formed and escaped because there is no other way to write it.
+//! Elements of HTML and SVG, which are always well formed and escaped.
 //!
-//! The output is HTML and XML at once (empty elements are closed by themselves or by their end), so that a test may read it with a strict parser, and a figure
-//! is the same text in a page and in a file of its own.
+//! The output is HTML and XML at once (empty elements are closed in their tag or by an end tag). A test can therefore
+//! read it with a strict parser, and a figure is the same text in a page and in a separate file.
 
 use std::fmt::Write;
 
@@ -10,7 +10,7 @@ const VOID: [&str; 4] = ["br", "col", "hr", "meta"];
 /// Elements of SVG that end where they begin when nothing is in them.
 const SHAPES: [&str; 4] = ["line", "rect", "path", "circle"];
 
-/// An element with its attributes and what is in it.
+/// An element with its attributes and its content.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Element {
     name: &'static str,
@@ -59,25 +59,25 @@ impl Element {
         self.with("class", class)
     }
 
-    /// With text behind what is in it.
+    /// Appends a text.
     pub(crate) fn text(mut self, text: impl Into<String>) -> Self {
         self.children.push(Node::Text(text.into()));
         self
     }
 
-    /// With an element behind what is in it.
+    /// Appends an element.
     pub(crate) fn child(mut self, child: Element) -> Self {
         self.children.push(Node::Element(child));
         self
     }
 
-    /// With elements behind what is in it.
+    /// Appends elements.
     pub(crate) fn children(mut self, children: impl IntoIterator<Item = Element>) -> Self {
         self.children.extend(children.into_iter().map(Node::Element));
         self
     }
 
-    /// With a formula behind what is in it.
+    /// Appends a formula.
     pub(crate) fn math(mut self, math: &Math) -> Self {
         self.children.push(Node::Raw(format!("<math>{}</math>", math.0)));
         self
@@ -143,7 +143,8 @@ fn escape(text: &str, out: &mut String) {
     }
 }
 
-/// The data of a path through places: each is told from the one before, which is half as long as to tell where it is.
+/// The data of a path through places: each place is relative to the one before, which is half as long as absolute
+/// places.
 pub(crate) fn trace(points: &[[f64; 2]], closed: bool) -> String {
     // From rounded place to rounded place, so that rounding does not add up.
     let tenths = |value: f64| (10.0 * value).round() as i64;

@@ -1,8 +1,8 @@
-//! What a page says.
+//! Content of a page.
 
 use crate::{Figure, Light, Math, Table};
 
-/// A page: what stands at its top, and its sections.
+/// A page: its head, and its sections.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Page {
@@ -10,7 +10,7 @@ pub struct Page {
     pub title: String,
     /// A sentence under it.
     pub lead: String,
-    /// What it was made by and from, at its end.
+    /// Program and models that made it, at its end.
     pub source: Vec<String>,
     /// The sections.
     pub sections: Vec<Section>,
@@ -24,7 +24,7 @@ pub struct Section {
     pub id: String,
     /// Its heading.
     pub title: String,
-    /// What stands in it.
+    /// Parts of the section.
     pub parts: Vec<Part>,
 }
 
@@ -52,11 +52,11 @@ pub enum Part {
 /// A finding.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sentence {
-    /// How good that is.
+    /// Quality mark of the finding.
     pub light: Light,
     /// The finding, short.
     pub head: String,
-    /// What there is to say of it.
+    /// Explanation of the finding.
     pub text: String,
 }
 
@@ -65,7 +65,7 @@ pub struct Sentence {
 pub struct Equation {
     /// The pieces.
     pub pieces: Vec<Math>,
-    /// What there is to say of it; empty for nothing.
+    /// Note about the equation; empty without one.
     pub note: String,
 }
 

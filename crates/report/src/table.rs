@@ -12,7 +12,7 @@ use crate::{
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
 pub struct Table {
-    /// What it shows, in a sentence.
+    /// Content of the table, in a sentence.
     pub caption: String,
     /// Heads of the columns.
     pub head: Vec<String>,
@@ -52,7 +52,7 @@ impl Cell {
         matches!(self, Self::Number(_) | Self::Value(_))
     }
 
-    /// The cell; in a table of numbers alone it needs no class of its own.
+    /// The cell; in a table of numbers alone it needs no class.
     fn to_element(&self, first: bool, numbers: bool) -> Element {
         // The first cell of a row says what the row is about.
         let cell = if first { Element::new("th").with("scope", "row") } else { Element::new("td") };
@@ -81,7 +81,7 @@ impl Table {
         self
     }
 
-    /// The table as comma-separated values (RFC 4180); what is not known is empty.
+    /// The table as comma-separated values (RFC 4180); unknown values are empty.
     pub fn to_csv(&self) -> String {
         let line = |cells: &mut dyn Iterator<Item = String>| cells.collect::<Vec<_>>().join(",") + "\n";
         let head = line(&mut self.head.iter().map(|name| quoted(&no_formula(name))));
@@ -89,7 +89,7 @@ impl Table {
         std::iter::once(head).chain(rows).collect()
     }
 
-    /// The table as an element that scrolls by itself where it is wider than the page.
+    /// The table as an element that scrolls if it is wider than the page.
     pub(crate) fn to_element(&self) -> Element {
         let numeric = |column: usize| {
             let mut cells = self.rows.iter().filter_map(|row| row.get(column));

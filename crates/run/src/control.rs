@@ -9,7 +9,8 @@ use fleetfoot_fit::Error;
 use fleetfoot_model::Model;
 use fleetfoot_recipe::{ControlSchedule, ControlSection, Recipe, Settings, items};
 
-/// Makes the linear-quadratic regulator of a model. What `said` leaves open is as `[control]` of the model's own recipe says.
+/// Makes the linear-quadratic regulator of a model. Defaults of `said` are the settings of `[control]` in the model's
+/// recipe.
 ///
 /// # Errors
 /// Settings that cannot be read, and those of [`lqr`].

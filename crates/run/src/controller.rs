@@ -17,8 +17,8 @@ use crate::ControllerFile;
 /// Controllers that there are.
 const KINDS: [&str; 1] = ["treadmill"];
 
-/// A controller: `what` is its kind (`treadmill`), a TOML file with `kind` and its settings, or a file that [`crate::control_lqr`] made, or the text of one;
-/// `settings` are `KEY=VALUE` and stand above those of a kind.
+/// A controller. `what` is its kind (`treadmill`), a TOML file with `kind` and its settings, a file that
+/// [`crate::control_lqr`] made, or the text of one. `settings` are `KEY=VALUE` and stand above those of a kind.
 ///
 /// # Errors
 /// A file that cannot be read or understood, an unknown kind or setting (with the nearest name), a value that cannot be used.
@@ -60,7 +60,7 @@ pub fn controller(what: &str, settings: &[String]) -> Result<Arc<dyn Controller>
 /// The controller that was made for a model: `what` is its file, or the text of one.
 ///
 /// # Errors
-/// What is neither.
+/// A `what` that is neither.
 pub fn controller_file(what: &str) -> Result<ControllerFile, Error> {
     made(what)?.ok_or_else(|| refused(what, format!("no file that {CONTROL_LQR} made")))
 }
@@ -76,7 +76,7 @@ pub fn made_controller(path: &Path) -> Result<Option<ControllerFile>, Error> {
     marked.then(|| ControllerFile::from_json(&text, &path.display().to_string())).transpose()
 }
 
-/// What is text of JSON, or a file of it, as a controller.
+/// Controller in a text of JSON, or in a file of it; `None` for other files.
 fn made(what: &str) -> Result<Option<ControllerFile>, Error> {
     if is_json(what) {
         return ControllerFile::from_json(what, "the controller").map(Some);
@@ -90,12 +90,12 @@ fn is_json(text: &str) -> bool {
     text.trim_start().starts_with('{')
 }
 
-/// What a message calls a controller.
+/// Name of a controller in messages.
 fn short(what: &str) -> String {
     if is_json(what) { "the controller".to_owned() } else { what.to_owned() }
 }
 
-/// What is wrong with the settings, held against the default ones.
+/// Checks the settings against the names of the default ones.
 fn check_keys(table: &Table, known: &Table) -> Result<(), String> {
     for (key, value) in table {
         let Some(default) = known.get(key) else {
@@ -134,7 +134,8 @@ fn refused(what: &str, problem: String) -> Error {
     Error::value(format!("{given_controller}: {problem}", given_controller = CONTROLLER.to(what)))
 }
 
-/// The model with a column for everything that the controller looks at: an alias of the model's recipe, a field of the log, or an expression over these.
+/// The model with a column for every name that the controller reads: an alias of the model's recipe, a field of the
+/// log, or an expression over these.
 pub(crate) fn with_columns(model: &Model, controller: &dyn Controller) -> Result<Model, Error> {
     let mut model = model.clone();
     let recipe = Recipe::parse(&model.training.recipe, "the model's recipe")?;
@@ -154,7 +155,7 @@ pub(crate) fn with_columns(model: &Model, controller: &dyn Controller) -> Result
     Ok(model)
 }
 
-/// What a name means in the fields of the log.
+/// Expression of a name in the fields of the log.
 pub(crate) fn source(recipe: &Recipe, name: &str) -> String {
     let mut scope = Scope::open();
     let aliased = scope.define_all(&recipe.columns).ok().and_then(|()| Expr::parse(name, &scope).ok());
@@ -164,7 +165,7 @@ pub(crate) fn source(recipe: &Recipe, name: &str) -> String {
     }
 }
 
-/// An error about a column that the model did not ask for, told as the controller's.
+/// An error about a column that only the controller needs, worded as the controller's.
 pub(crate) fn explained(error: DatasetError, own: &Model) -> Error {
     let told = |place: String| {
         let name = place.strip_prefix("column ").and_then(|rest| rest.strip_suffix(" of the model"));

@@ -17,13 +17,13 @@ const VECTORS: usize = 32;
 /// Seed of the test vectors' points.
 const SEED: u64 = 1;
 
-/// What was written.
+/// Files that an export wrote.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Exported {
     /// The files.
     pub files: Vec<PathBuf>,
-    /// What the code takes; `None` for documents.
+    /// Cost of the code; `None` for documents.
     pub cost: Option<Cost>,
     /// Points at which the code and the engine were compared.
     pub compared: usize,
@@ -47,7 +47,8 @@ pub fn export(model: &Model, options: &ExportOptions, folder: &Path, inputs: &[P
     Ok(Exported { files, cost: exported.cost, compared: vectors.len() })
 }
 
-/// Writes the filter of a model as C into a folder, as `[filter]` says: `PREFIX_filter.h` and `PREFIX_filter.c`.
+/// Writes the filter of a model as C into a folder, by the settings of `[filter]`: `PREFIX_filter.h` and
+/// `PREFIX_filter.c`.
 ///
 /// # Errors
 /// Those of [`crate::filter_of`]; another language than C, regions that are not affine; [`Error::Export`], those of writing.

@@ -28,7 +28,7 @@ use writer::FilteredWriter;
 
 use crate::output;
 
-/// What filtering logs gave.
+/// Result of filtering logs.
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct Filtered {
@@ -42,13 +42,13 @@ pub struct Filtered {
     pub states: Vec<String>,
     /// The regions.
     pub regions: usize,
-    /// How they follow one another.
+    /// Rule by which they follow one another.
     pub switching: FilterSwitching,
     /// Factor on the process noise; of one that was found the mean of the episodes' last ones.
     pub process: f64,
-    /// Rows before that the process noise of a row hangs on; 0 where it is white.
+    /// Rows over which the process noise is correlated; 0 if it is white.
     pub noise_rows: usize,
-    /// Whether every step is the exact one of an affine region; else regions are made linear about the present mean.
+    /// True if every step is the exact one of an affine region; else regions are linearised about the present mean.
     pub exact: bool,
     /// The sensors.
     pub sensors: Vec<SensorReport>,
@@ -64,7 +64,7 @@ pub struct Filtered {
     pub held_inputs: u64,
     /// Names of the episodes that the model was trained on.
     pub in_sample_episodes: Vec<String>,
-    /// What was assumed or left out.
+    /// Assumptions and omissions.
     pub notes: Vec<String>,
 }
 
@@ -74,9 +74,9 @@ pub struct Filtered {
 pub struct SensorReport {
     /// The state that it measures.
     pub state: String,
-    /// Its standard deviation; of one that was found or told row by row the mean of the episodes' last ones.
+    /// Its standard deviation. Of one that was estimated, or given row by row, the mean of the episodes' last ones.
     pub deviation: f64,
-    /// Where that is from.
+    /// Source of the deviation.
     pub deviation_from: DeviationFrom,
     /// Innovations.
     pub rows: u64,
@@ -84,11 +84,11 @@ pub struct SensorReport {
     pub share: f64,
     /// The correlation of normalised innovations with those of the row before: none, where they are white.
     pub correlation: f64,
-    /// How large that is, with 95 % probability, where they are.
+    /// Bound of the correlation of white innovations, with 95 % probability.
     pub white: f64,
 }
 
-/// Where a sensor's deviation is from.
+/// Source of a sensor's deviation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DeviationFrom {
@@ -110,7 +110,7 @@ pub struct SquareReport {
     pub freedom: usize,
     /// The mean, by them.
     pub mean: f64,
-    /// Where 95 % of the means of consistent filters lie.
+    /// Lower end of the 95 % band of the means of consistent filters.
     pub low: f64,
     /// See `low`.
     pub high: f64,
@@ -137,20 +137,21 @@ impl SquareReport {
         Some(Self { rows: found.rows(), freedom: found.freedom(), mean: mean.mean, low, high, share: found.share() })
     }
 
-    /// Whether the mean lies in its band.
+    /// Returns true if the mean lies in its band.
     pub fn holds(&self) -> bool {
         (self.low..=self.high).contains(&self.mean)
     }
 }
 
-/// Rows of an episode: filtered, where they are all of it, which does not wait for others; else read, for the filter that goes on along the episode.
+/// Rows of an episode: filtered, if they are all of it, which does not wait for others. Else read only, for the filter
+/// that goes on along the episode.
 enum Piece {
     Filtered(Box<FilteredRows>),
     Read(Block),
 }
 
-/// Filters the episodes of logs by a model; writes what it finds where `output` is given. How is said by `[filter]` of `changes`, above the model's own recipe. Nothing that is
-/// told of a row depends on later ones.
+/// Filters the episodes of logs by a model; writes the posterior if `output` is given. Settings are those of `[filter]`
+/// in `changes`, above those of the model's recipe. No value of a row depends on later ones.
 ///
 /// # Errors
 /// Those of [`filter_rows`] and of writing.
@@ -178,8 +179,9 @@ pub fn filter(
     Ok(filtered)
 }
 
-/// Filters the episodes of logs by a model; `take` gets their rows in order, some at a time, and the filter. Memory is that of some pieces of 65,536 rows a thread, however long an episode is: episodes of one piece are filtered side by side, a
-/// longer one from piece to piece, while the next ones are read.
+/// Filters the episodes of logs by a model; `take` gets their rows in order, some at a time, and the filter. Memory is
+/// that of some pieces of 65,536 rows a thread, however long an episode is. Episodes of one piece are filtered side by
+/// side, a longer one from piece to piece, while the next ones are read.
 ///
 /// # Errors
 /// Those of the settings, of opening and reading, of [`SwitchedFilter::new`], and of `take`.

@@ -1,4 +1,4 @@
-//! Reports of what a model does, as JSON.
+//! Reports of scores, rollouts and filters, as JSON.
 
 mod control;
 mod filter;
@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 
 use fleetfoot_dynamics::Baseline;
 
-/// What is told of every baseline, by its name.
+/// Values of all baselines, by name.
 fn by_baseline<T, V>(all: &[(Baseline, T)], of: impl Fn(&T) -> V) -> BTreeMap<&'static str, V> {
     all.iter().map(|(baseline, own)| (baseline.name(), of(own))).collect()
 }

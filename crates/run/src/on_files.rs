@@ -19,7 +19,7 @@ use crate::{
     output::{Place, PredictionsWriter},
 };
 
-/// Scores, and what to know about the data.
+/// Scores, and notes about the data.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Scored {
@@ -31,7 +31,7 @@ pub struct Scored {
     pub episodes: usize,
     /// Names of those that the model was trained on: their scores are in-sample.
     pub in_sample: Vec<String>,
-    /// What was assumed or left out.
+    /// Assumptions and omissions.
     pub notes: Vec<String>,
 }
 
@@ -73,7 +73,7 @@ fn compared(model: &Model) -> BTreeSet<String> {
     targets.flat_map(Expr::columns).map(|name| name.to_string()).collect()
 }
 
-/// The notes of opened rows, with what is measured in the raw logs of prepared ones.
+/// The notes of opened rows, with the measured columns in the raw logs of prepared ones.
 fn notes(dataset: &Dataset, measured: Option<&Measured>) -> Vec<String> {
     measured.map_or_else(|| dataset.notes().to_vec(), |measured| measured.notes(dataset.notes()))
 }
@@ -105,7 +105,7 @@ fn nothing_to_score(scores: &Scores) -> Error {
     )
 }
 
-/// A model whose labels do not cover the data says so unless it was fitted to pool them.
+/// Refuses a model whose labels do not cover the data, unless it was fitted to pool them.
 fn refuse_unseen_labels(model: &Model, without_region: u64, scored: u64) -> Result<(), Error> {
     let label = model.partitions.iter().find_map(|partition| match &partition.rule {
         Rule::Labels { names, .. } => {
@@ -124,7 +124,7 @@ fn refuse_unseen_labels(model: &Model, without_region: u64, scored: u64) -> Resu
     }
 }
 
-/// What was written.
+/// Counts of the written rows.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct Written {
@@ -134,9 +134,9 @@ pub struct Written {
     pub predicted: u64,
     /// Of these, rows with a target to compare it with.
     pub compared: u64,
-    /// Of the predicted rows, those outside what their region saw in training.
+    /// Of the predicted rows, those outside the training range of their region.
     pub outside_domain: u64,
-    /// What was assumed or left out.
+    /// Assumptions and omissions.
     pub notes: Vec<String>,
 }
 
@@ -146,7 +146,7 @@ pub struct Written {
 pub struct PredictedRows<'a> {
     /// The episode that they are of.
     pub episode: &'a fleetfoot_data::Episode,
-    /// What must be added to the stamps to get the times of the recording, nanoseconds.
+    /// Offset from the stamps to the times of the recording, nanoseconds.
     pub log_offset: i64,
     /// Their stamps, nanoseconds.
     pub stamps: &'a [i64],
@@ -158,8 +158,8 @@ pub struct PredictedRows<'a> {
     pub predicted: &'a Predicted,
 }
 
-/// Whether a run of a model needs a column: all but those that only the targets speak of, which say what a prediction is compared with. A rollout starts from
-/// the states that it advances, so it needs these too.
+/// Returns true if a run of a model needs a column. Columns that only the targets read are not needed: a prediction is
+/// merely compared with them. A rollout starts from the states that it advances, so it needs these too.
 pub fn is_needed(model: &Model, name: &str, rollout: bool) -> bool {
     let speaks =
         |expression: &Expr| expression.columns().iter().chain(&expression.sources()).any(|column| **column == *name);
@@ -172,7 +172,8 @@ pub fn is_needed(model: &Model, name: &str, rollout: bool) -> bool {
         || (rollout && model.equations.iter().any(advanced))
 }
 
-/// Predicts the rows of logs, in order; `take` gets them some at a time, and the predictor that made them. Tells how many there were.
+/// Predicts the rows of logs, in order; `take` gets them some at a time, and the predictor that made them. Returns
+/// their number.
 ///
 /// # Errors
 /// Those of opening and reading, and of `take`.
@@ -222,8 +223,8 @@ pub fn predict_rows(
     Ok(written)
 }
 
-/// Writes per row: episode, stamp, measured target, prediction, residual of every fitted equation, region, distance from the training domain,
-/// and whether the row is inside it.
+/// Writes per row: episode and stamp; measured target, prediction and residual of every fitted equation; region;
+/// distance from the training rows; and true if the row is inside the training range.
 pub fn predict(
     model: &Model,
     changes: &Recipe,
@@ -248,7 +249,7 @@ pub fn predict(
     Ok(written)
 }
 
-/// Rollouts, and what to know about the data.
+/// Rollouts, and notes about the data.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct RolledOut {
@@ -258,7 +259,7 @@ pub struct RolledOut {
     pub episodes: usize,
     /// Names of those that the model was trained on.
     pub in_sample: Vec<String>,
-    /// What was assumed or left out.
+    /// Assumptions and omissions.
     pub notes: Vec<String>,
 }
 

@@ -18,7 +18,7 @@ pub(crate) use plane::write_plane;
 pub(crate) use predictions::{Place, PredictionsWriter};
 pub(crate) use trajectories::write_trajectories;
 
-/// What is written.
+/// Format of the output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
     Table,

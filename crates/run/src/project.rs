@@ -13,7 +13,7 @@ use fleetfoot_recipe::Recipe;
 
 use crate::output;
 
-/// A plane, and what to know about the data.
+/// A plane, and notes about the data.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Projected {
@@ -23,7 +23,7 @@ pub struct Projected {
     pub episodes: usize,
     /// Names of those that the model was trained on.
     pub in_sample: Vec<String>,
-    /// What was assumed or left out.
+    /// Assumptions and omissions.
     pub notes: Vec<String>,
 }
 
@@ -31,7 +31,8 @@ pub struct Projected {
 /// turn, other expressions the range of their values. Writes the cells as Parquet when `output` is given.
 ///
 /// # Errors
-/// An axis that is no expression over the model's columns, or not two of them; those of [`fleetfoot_dynamics::plane`], of reading and of writing.
+/// An axis that is no expression over the model's columns, or a number of axes other than two. Those of
+/// [`fleetfoot_dynamics::plane`], of reading and of writing.
 pub fn project(
     model: &Model,
     changes: &Recipe,

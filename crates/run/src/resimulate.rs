@@ -16,11 +16,11 @@ use serde::Serialize;
 
 use crate::{on_files::is_needed, output};
 
-/// Recordings followed, and what to know of them.
+/// Recordings that a model followed, and notes about them.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Followed {
-    /// What was found.
+    /// Result of the resimulation.
     pub found: Resimulation,
     /// Units of the columns, where they are known.
     pub units: Vec<Option<String>>,
@@ -30,7 +30,7 @@ pub struct Followed {
     pub left_out: Vec<String>,
     /// Names of those that the model was trained on.
     pub in_sample: Vec<String>,
-    /// What was assumed or left out.
+    /// Assumptions and omissions.
     pub notes: Vec<String>,
 }
 
@@ -89,7 +89,7 @@ impl Followed {
         self.found.episodes.iter().filter(|own| own.ending == Ending::Minimum).count()
     }
 
-    /// What the user should be warned of, in sentences.
+    /// Warnings for the user, in sentences.
     pub fn warnings(&self) -> Vec<String> {
         let mut told = Vec::new();
         for (own, name) in self.found.episodes.iter().zip(&self.names) {
@@ -113,7 +113,8 @@ impl Followed {
     }
 }
 
-/// Follows the episodes of logs with a model; writes what follows them where `output` is given. How is said by `[resimulate]` of `changes`, above the model's own recipe.
+/// Follows the episodes of logs with a model; writes the result if `output` is given. Settings are those of
+/// `[resimulate]` in `changes`, above those of the model's recipe.
 ///
 /// # Errors
 /// Those of the settings, of opening and reading, of [`fleetfoot_estimate::resimulate`] and of writing.
@@ -160,7 +161,7 @@ pub fn resimulate(
     Ok(followed)
 }
 
-/// What was asked for and cannot be is an error of the request.
+/// Turns a request that cannot be met into an error of the request.
 fn refused(error: EstimateError) -> Error {
     match &error {
         EstimateError::Option { .. } | EstimateError::Bounds { .. } | EstimateError::TooLong { .. } => {
@@ -176,7 +177,7 @@ fn refused(error: EstimateError) -> Error {
     }
 }
 
-/// What `[resimulate]` says, checked as far as it can be without the model.
+/// Options of `[resimulate]`, checked if that is possible without the model.
 fn options(said: &ResimulateSection) -> Result<ResimulationOptions, Error> {
     let mut options = ResimulationOptions::default();
     options.every = said.every.unwrap_or(options.every);

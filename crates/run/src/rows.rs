@@ -1,4 +1,4 @@
-//! Rows of logs as columns in memory: what a recipe names, or what a model sees and predicts.
+//! Rows of logs as columns in memory: those of a recipe, or those of a model with its predictions.
 
 use fleetfoot_data::{Column, Halo, Progress, Source, ensure_memory, parallel_fold};
 use fleetfoot_dataset::{Dataset, Logs, blocks::blocks};
@@ -21,11 +21,11 @@ pub struct Rows {
     pub seconds: Vec<f64>,
     /// The columns.
     pub columns: Vec<(Column, Vec<f64>)>,
-    /// What had to be assumed or left out.
+    /// Assumptions and omissions.
     pub notes: Vec<String>,
 }
 
-/// What a model says of rows.
+/// Values of a model at rows.
 #[derive(Debug, Clone, Default)]
 #[non_exhaustive]
 pub struct ModelRows {
@@ -33,7 +33,7 @@ pub struct ModelRows {
     pub rows: Rows,
     /// Names of the targets.
     pub targets: Vec<String>,
-    /// Whether each target is an angle, so that errors wrap.
+    /// True for a target that is an angle, so that errors wrap.
     pub wrapped: Vec<bool>,
     /// Measured targets, one column each; NaN where they cannot be measured.
     pub measured: Vec<Vec<f64>>,
@@ -49,7 +49,7 @@ pub struct ModelRows {
 /// else all fields.
 ///
 /// # Errors
-/// A name that is none, no column at all; those of opening and reading.
+/// An unknown name, or no column at all; those of opening and reading.
 pub fn read_rows(
     recipe: &Recipe,
     names: Option<&[String]>,

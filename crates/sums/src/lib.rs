@@ -1,7 +1,8 @@
-//! The scan of every method: what is summed of a log's rows, in a frozen plan, and the answers that the sums hold.
+//! The scan of every method: sums of a log's rows, in a frozen plan, and their queries.
 //!
-//! A plan says what is regressed on what, in which coordinates and in which chunks of rows. One pass makes keyed sums of it, which merge with those of other
-//! rows, and need no row any more: folds, replicates and sub-libraries are weighted sums in the square-root form that solvers take.
+//! A plan has regressors and targets, their coordinates and the chunks of rows. One pass makes keyed sums of it, which
+//! merge with those of other rows, and need no row any more. Folds, replicates and sub-libraries are weighted sums in
+//! the square-root form that solvers take.
 //!
 //! - [`system`]: a system of equations, one library for all targets, in one region or in those of a partition;
 //! - [`structured`]: tasks that share latent functions, one Gram matrix a task.

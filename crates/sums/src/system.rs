@@ -1,8 +1,9 @@
 //! The statistic of a system of equations: q targets over one library of p candidate functions, in one region or in those of a partition.
 //!
-//! A [`System`] says what is regressed on what. A [`SystemPlan`] freezes the coordinates on a pilot sample and cuts the rows into chunks; its one pass makes a
-//! [`SystemSums`]: one statistic a chunk and region, for all targets together, which can be merged with those of other rows, parted by episode and kept.
-//! Everything that a fit, a choice of terms, folds and replicates ask of them through a [`SystemScan`] is then a weighted sum, in the square-root form that
+//! A [`System`] has regressors and targets. A [`SystemPlan`] freezes the coordinates on a pilot sample and cuts the
+//! rows into chunks; its one pass makes a [`SystemSums`]. It has one statistic a chunk and region, for all targets
+//! together, which can be merged with those of other rows, parted by episode and kept. A [`SystemScan`] answers the
+//! queries of fits, choices of terms, folds and replicates. Each answer is a weighted sum, in the square-root form that
 //! solvers take.
 
 mod columns;
@@ -30,12 +31,12 @@ pub use statistic::SystemScan;
 pub use sums::{EpisodeSums, SystemSums};
 pub use weak::{LEAST_REACH, Rate, Weak, WeakTarget, weak_accuracy};
 
-/// What is regressed on what: `target_t = constant_t + sum_j b_jt function_j`, in every region anew.
+/// A regression `target_t = constant_t + sum_j b_jt function_j`, separate in every region.
 #[derive(Debug, Clone, PartialEq)]
 pub struct System {
     /// Candidate functions over the columns of a source (p). The constant is not among them: it is known of any rows, as their weight and means.
     pub functions: Vec<Expr>,
-    /// Targets (q), measured or differences of what was measured.
+    /// Targets (q), measured or differences of measurements.
     pub targets: Vec<Expr>,
     /// More columns whose moments are wanted: states, measured targets.
     pub also: Vec<Expr>,
@@ -55,7 +56,7 @@ impl System {
         Self { functions, targets, also: Vec::new(), sampled: Vec::new(), weight: None, partition: None, weak: None }
     }
 
-    /// What a row's place in the regression is made of: functions, targets, and the columns of the partition.
+    /// Expressions of a row in the regression: functions, targets, and the columns of the partition.
     pub fn expressions(&self) -> impl Iterator<Item = &Expr> {
         let partition = self.partition.iter().flat_map(|partition| &partition.columns);
         self.functions.iter().chain(&self.targets).chain(partition)
@@ -66,7 +67,7 @@ impl System {
         self.partition.as_ref().map_or(1, |partition| partition.rule.count())
     }
 
-    /// What it says, one line a fact, the numbers of the partition left out.
+    /// Text of the system, one line a fact, without the numbers of the partition.
     fn text(&self) -> String {
         let mut text = String::new();
         let mut lines = |what: &str, expressions: &[Expr]| {
@@ -111,7 +112,7 @@ pub struct Unit {
     pub rows: u64,
 }
 
-/// Why there is no statistic.
+/// Reason why there is no statistic.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SystemError {
@@ -152,7 +153,7 @@ pub enum SystemError {
     /// Statistics that do not go together.
     #[error(transparent)]
     Merge(#[from] fleetfoot_stats::MergeError),
-    /// What was kept of a plan is no plan.
+    /// The kept part of a plan is damaged.
     #[error("the coordinates of the plan are damaged or of another version")]
     Coordinates,
     /// The source has no such column.
@@ -167,7 +168,7 @@ pub enum SystemError {
     /// A row that cannot be summed.
     #[error(transparent)]
     Row(#[from] fleetfoot_stats::scan::RowError),
-    /// Squares of values beyond what f64 holds.
+    /// Squares of values overflow f64.
     #[error(
         "the squares of `{function}` overflow, its values reach {least:e} to {most:e}: remove outliers or sentinel values from its columns, or leave the function \
          out"

@@ -1,5 +1,5 @@
-//! The demonstration: logs of a hexapod on a treadmill, and what Buchan, Haldane, Fearing, "Automatic Identification of Dynamic Piecewise Affine
-//! Models for a Running Robot", looked at in theirs.
+//! The demonstration: logs of a hexapod on a treadmill, with the analyses of Buchan, Haldane, Fearing, "Automatic
+//! Identification of Dynamic Piecewise Affine Models for a Running Robot".
 
 mod drive;
 mod gait;

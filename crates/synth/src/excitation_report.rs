@@ -1,4 +1,4 @@
-//! How well a run excites its robot: what its rows could tell a model, before any model is fitted.
+//! Excitation of a run: information in its rows about a model, before any model is fitted.
 
 use fleetfoot_recipe::{Kind, Recipe};
 use fleetfoot_sim::{
@@ -8,23 +8,24 @@ use fleetfoot_sim::{
 use fleetfoot_stats::{Gram, RowGram};
 use serde::{Serialize, Serializer, ser::SerializeSeq};
 
-/// What the rows of a run, or of all runs, could tell an affine model of the robot.
+/// Information in the rows of a run, or of all runs, about an affine model of the robot.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Excitation {
-    /// `ln det((1/n) [1 X]'[1 X])` of the n rows: X are the regressors of the recipe's affine model, the states and inputs that it shows to
-    /// the library in SI units, angles by cosine and sine. Minus infinity when some of them never move or move together.
+    /// `ln det((1/n) [1 X]'[1 X])` of the n rows. X are the regressors of the recipe's affine model: the states and
+    /// inputs of its library in SI units, angles by cosine and sine. Minus infinity when some of them never move or
+    /// move together.
     ///
-    /// Half the difference between two logs of a robot, divided by the number of regressors, is the logarithm of the ratio of the
-    /// standard errors that the same number of rows gives, in the geometric mean over the coefficients (D-optimality); units do
-    /// not matter in it.
+    /// Half the difference between two logs of a robot, divided by the number of regressors, is a logarithm. It is that
+    /// of the ratio of the standard errors that the same number of rows gives, in the geometric mean over the
+    /// coefficients (D-optimality). Units do not matter in it.
     pub log_determinant: f64,
     /// The columns of X.
     pub regressors: Vec<String>,
     /// Those that are constant or combinations of the others.
     pub dependent: Vec<String>,
-    /// How unevenly the rows spread over bins of [`Excitation::spread`]: 0 is even, 1 is all in one bin (Towards Sim-to-Real via Real-to-Sim,
-    /// section 6.4). NaN where there are none.
+    /// Nonuniformity of the rows over bins of [`Excitation::spread`]: 0 is even, 1 is all in one bin (Towards
+    /// Sim-to-Real via Real-to-Sim, section 6.4). NaN without bins.
     pub nonuniformity: f64,
     /// The columns of the bins, with their ranges and numbers of bins.
     #[serde(serialize_with = "axes")]
@@ -48,14 +49,14 @@ fn axes<S: Serializer>(spread: &[(String, Axis)], to: S) -> Result<S::Ok, S::Err
     list.end()
 }
 
-/// What is gathered of rows: their regressors, and the columns that they should spread over.
+/// Quantities that are gathered from rows: their regressors, and the columns that they should spread over.
 #[derive(Debug, Clone)]
 pub(super) struct Terms {
     regressors: Vec<Term>,
     spread: Vec<(usize, String, Axis)>,
 }
 
-/// What was gathered; it merges.
+/// Gathered sums, which merge.
 #[derive(Debug, Clone)]
 pub(super) struct Gathered {
     gram: Gram,
@@ -70,7 +71,8 @@ struct Term {
 }
 
 impl Terms {
-    /// What the affine model of a recipe sees of rows with these columns; if that is nothing, all states and inputs as they are.
+    /// Regressors of a recipe's affine model on rows with these columns; if there are none, all states and inputs as
+    /// they are.
     pub(super) fn new(recipe: &Recipe, scenario: &dyn Scenario, spread: &[(&str, Axis)]) -> Self {
         let (columns, regressors) = (scenario.columns(), scenario.regressors());
         let find = |name: &str| columns.iter().position(|column| column.name == name);
@@ -95,13 +97,13 @@ impl Terms {
         Self { regressors: terms, spread: spread.collect() }
     }
 
-    /// What no rows gather.
+    /// Sums of no rows.
     pub(super) fn nothing(&self) -> Gathered {
         let axes = self.spread.iter().map(|&(_, _, axis)| axis);
         Gathered { gram: Gram::new(self.regressors.len()), visits: Histogram::new(axes) }
     }
 
-    /// What rows could tell.
+    /// Excitation of the gathered rows.
     pub(super) fn excitation(&self, gathered: &Gathered) -> Excitation {
         let found = gathered.gram.log_determinant();
         let name = |term: &Term| term.name.clone();
@@ -117,7 +119,7 @@ impl Terms {
 }
 
 impl Gathered {
-    /// Adds what other rows gathered.
+    /// Adds the sums of other rows.
     pub(super) fn merge(&mut self, other: &Self) {
         self.gram.merge(&other.gram);
         self.visits.merge(&other.visits);

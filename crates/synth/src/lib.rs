@@ -1,7 +1,8 @@
 //! Logs of simulated robots: runs in parallel, a file each, and the recipe for them.
 //!
-//! A [`World`] has every physical parameter of a robot; a [`Job`] says how many runs of it, how long, and where to. The same world, seed
-//! and length give the same bytes on any number of threads, and a run does not depend on how many others there are.
+//! A [`World`] has every physical parameter of a robot; a [`Job`] has the number of its runs, their length and their
+//! folder. The same world, seed and length give the same bytes on any number of threads, and a run does not depend on
+//! how many others there are.
 
 pub mod demo;
 mod excitation_report;
@@ -40,10 +41,10 @@ use serde::{Serialize, Serializer};
 use world::{SCENARIO, WORLD};
 pub use world::{World, robots};
 
-/// How logs are kept.
+/// Format of logs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
-    /// What the sensors say, as ROS 2 messages, with the truth on topics of its own.
+    /// Messages of the sensors, as ROS 2 messages, with the truth on separate topics.
     Mcap,
     /// Rows of truth.
     Parquet,
@@ -58,24 +59,24 @@ impl Format {
     }
 }
 
-/// What is to be generated.
+/// A job: the logs to generate.
 #[derive(Debug, Clone)]
 pub struct Job {
     /// The robot and its parameters.
     pub world: World,
-    /// How many runs.
+    /// Number of runs.
     pub runs: u64,
     /// The number of the first run, which with the seed decides its random numbers.
     pub first_run: u64,
     /// The length of a run, s of simulated time.
     pub seconds: f64,
-    /// Where the random numbers of all runs begin.
+    /// Seed of the random numbers of all runs.
     pub seed: u64,
     /// The first and the last run's value of [`World::speed_parameter`], spread evenly over the runs; the world's where `None`.
     pub speed: Option<(f64, f64)>,
-    /// How logs are kept.
+    /// Format of logs.
     pub format: Format,
-    /// Whether messages tell the truth too, on topics that begin with `/truth`.
+    /// True to write the truth as messages too, on topics that begin with `/truth`.
     pub truth: bool,
     /// The folder of the logs.
     pub folder: PathBuf,
@@ -105,7 +106,7 @@ impl Job {
         }
     }
 
-    /// What cannot be asked for.
+    /// Refuses a job that cannot be done.
     fn check(&self) -> Result<(), Error> {
         let refuse = |problem: String| Err(Error::value(problem));
         if self.runs == 0 || self.runs > 1_000_000 {
@@ -145,7 +146,7 @@ impl Job {
         Ok(world)
     }
 
-    /// Whether runs can be built, before any is simulated: the first and the last one have the extreme speeds.
+    /// Checks that runs can be built, before any is simulated: the first and the last one have the extreme speeds.
     fn check_worlds(&self) -> Result<(), Error> {
         [0, self.runs - 1].into_iter().try_for_each(|index| self.world_of(index).map(drop))
     }
@@ -156,7 +157,7 @@ impl Job {
         run_name(self.world.robot(), self.first_run + index, last, self.format.extension())
     }
 
-    /// What a run's file says of itself: enough to make it again.
+    /// Metadata of a run's file: enough to make it again.
     fn metadata(&self, index: u64, world: &World) -> BTreeMap<String, String> {
         let pairs = [
             ("fleetfoot.version", env!("CARGO_PKG_VERSION").to_owned()),
@@ -202,10 +203,10 @@ pub struct RunReport {
     pub messages: u64,
     /// The file's size.
     pub bytes: u64,
-    /// How it ended.
+    /// End of the run.
     #[serde(flatten, serialize_with = "end")]
     pub end: End,
-    /// What its rows could tell a model.
+    /// Excitation of its rows.
     pub excitation: Excitation,
 }
 
@@ -225,27 +226,27 @@ fn end<S: Serializer>(end: &End, to: S) -> Result<S::Ok, S::Error> {
     Told { end, ended_at: told.map(|(at, _)| at), reason: told.map(|(_, reason)| reason) }.serialize(to)
 }
 
-/// What was generated.
+/// Generated runs.
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct Generated {
     /// In the order of their numbers.
     pub runs: Vec<RunReport>,
-    /// What the rows of all runs together could tell a model.
+    /// Excitation of the rows of all runs together.
     pub excitation: Excitation,
     /// The recipe for the logs.
     #[serde(serialize_with = "path_in_words")]
     pub recipe: PathBuf,
-    /// What a person should know of the folder.
+    /// Notes for the user about the folder.
     pub notes: Vec<String>,
 }
 
 /// Runs the robot and writes its logs, and a recipe for `fit` beside them.
 ///
-/// Nothing is left behind when it fails or is cancelled. Progress is told in simulated seconds.
+/// No file is left when it fails or is cancelled. Progress is in simulated seconds.
 ///
 /// # Errors
-/// A job that cannot be done, a folder that holds other logs, and what the system refuses.
+/// A job that cannot be done, a folder that holds other logs, and refusals of the system.
 pub fn generate(job: &Job, progress: &dyn Progress) -> Result<Generated, Error> {
     job.check()?;
     job.check_worlds()?;
@@ -304,7 +305,7 @@ fn generate_run(
     Ok((report, gathered))
 }
 
-/// Runs a scenario; what its sink says is an error of ours again.
+/// Runs a scenario; an error of its sink is turned back into one of this crate.
 fn record(scenario: &dyn Scenario, run: Run, recorder: &mut Recorder<'_>) -> Result<End, Error> {
     scenario.run(run, recorder).map_err(|error| match error.downcast::<Error>() {
         Ok(error) => *error,

@@ -10,7 +10,7 @@ use fleetfoot_message::write::{
 use fleetfoot_output::{ChannelId, McapOptions, McapWriter};
 use fleetfoot_sim::{Kind, Reading, SinkError, Stamps, Topic};
 
-/// What the orientation's covariance begins with in an [`Imu`] that measures none.
+/// First entry of the orientation's covariance in an [`Imu`] that measures none.
 const NOT_MEASURED: f64 = -1.0;
 
 /// A run's MCAP file under construction.

@@ -8,7 +8,7 @@ pub(super) fn run_name(robot: &str, run: u64, runs: u64, extension: &str) -> Str
     format!("{robot}_{run:0width$}.{extension}", width = digits.max(2))
 }
 
-/// Whether a file has the name of a generated run.
+/// Returns true if a file has the name of a generated run.
 pub(super) fn is_run(name: &str) -> bool {
     let Some((stem, "mcap" | "parquet")) = name.rsplit_once('.') else { return false };
     let Some((robot, run)) = stem.rsplit_once('_') else { return false };

@@ -24,7 +24,7 @@ enum Held {
     Float(Vec<f64>),
     Integer(Vec<i64>),
     Boolean(Vec<bool>),
-    /// Codes, and what they stand for.
+    /// Codes, and their names.
     Category(Vec<usize>, Vec<String>),
 }
 

@@ -1,4 +1,4 @@
-//! What a job would do, told before it is done: by a short run that leaves nothing behind.
+//! Plan of a job, made by a short run that leaves no files.
 
 use fleetfoot_data::{Progress, Silent};
 use fleetfoot_dataset::folder::Folder;
@@ -19,7 +19,7 @@ use super::{
 /// Rows of the short run, about.
 const SAMPLE_ROWS: f64 = 4000.0;
 
-/// What a job would do.
+/// Plan of a job.
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct Plan {
@@ -65,7 +65,7 @@ pub struct PlannedColumn {
     pub unit: Option<String>,
 }
 
-/// Tells what [`super::generate`] would do.
+/// Plans [`super::generate`].
 ///
 /// # Errors
 /// Those that [`super::generate`] would begin with.

@@ -1,4 +1,4 @@
-//! What the logs of each robot are identified by: the recipe that is written beside them.
+//! Recipe of each robot's logs, which is written beside them.
 
 use std::fmt::{self, Write};
 
@@ -8,7 +8,7 @@ use fleetfoot_recipe::Recipe;
 
 use super::{Format, parquet_sink::TIME, world_file::comment};
 
-/// What is known of a state.
+/// Details of a state's equation.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Details {
     /// Its derivative is fitted, and measured by differences.
@@ -42,28 +42,30 @@ impl fmt::Display for Details {
 
 /// The parts of a robot's recipe, by the names of its columns of truth.
 pub(super) struct RecipeParts {
-    /// What the model is, for the reader of the recipe.
+    /// Description of the model, for the reader of the recipe.
     pub(super) about: &'static str,
-    /// Where messages have what the rows of truth have: name, field or expression. Later ones may use earlier ones.
+    /// Fields of the messages that stand for columns of the rows of truth: name, field or expression. Later ones may
+    /// use earlier ones.
     pub(super) fields: &'static [(&'static str, &'static str)],
     /// Expressions that both formats need, over fields and earlier ones.
     pub(super) aliases: &'static [(&'static str, &'static str)],
-    /// What the model advances in time.
+    /// States that the model advances in time.
     pub(super) states: &'static [(&'static str, Details)],
-    /// What is given from outside.
+    /// Inputs from outside.
     pub(super) inputs: &'static [&'static str],
     /// The topic whose messages make the rows.
     pub(super) base: &'static str,
     /// The clock on which all messages of the truth agree: `header`, or `log` where they have no headers.
     pub(super) stamp: &'static str,
-    /// What partitions may look at.
+    /// Columns that partitions may have.
     pub(super) partition_on: &'static [&'static str],
     /// Sections of a structured sparse regression, where the robot has one.
     pub(super) sparse: &'static str,
 }
 
 impl RecipeParts {
-    /// The recipe for logs of a format; `command` made them, `truth` are its columns, with units that messages do not tell.
+    /// The recipe for logs of a format. `command` made them, `truth` are its columns, with the units that messages
+    /// lack.
     pub(super) fn text(&self, format: Format, command: &str, truth: &[Column]) -> String {
         let mut out = String::new();
         comment(&mut out, &format!("Recipe for the truth in the logs of: {command}"));

@@ -1,4 +1,4 @@
-//! What a run's readings and rows go through: the file, the measure of excitation, progress and cancellation.
+//! Recorder of a run's readings and rows: the file, the measure of excitation, progress and cancellation.
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -19,12 +19,12 @@ const TRUTH: &str = "/truth";
 
 const NANOSECONDS: f64 = 1e9;
 
-/// Whether a job keeps a topic.
+/// Returns true if a job keeps a topic.
 pub(super) fn keeps(job: &Job, topic: &Topic) -> bool {
     job.truth || !topic.name.starts_with(TRUTH)
 }
 
-/// Where a run's log goes.
+/// Output of a run's log.
 pub(super) enum Output {
     Mcap(Box<McapSink>),
     Parquet(Box<ParquetSink>),
@@ -126,7 +126,7 @@ impl<'a> Recorder<'a> {
         Self { output, meter: Meter::new(terms), columns, rows: 0, messages: 0, start: None, seconds }
     }
 
-    /// Completes the file: rows, messages, and what the rows gathered.
+    /// Completes the file. Returns rows, messages, and the gathered sums.
     pub(super) fn finish(mut self) -> Result<(u64, u64, Gathered), Error> {
         // A fault ends a run early: what was not simulated is done too.
         self.seconds.reach(usize::MAX)?;

@@ -1,4 +1,4 @@
-//! What a robot is to the generator, whichever parameters it has.
+//! Common interface of the robots, for any parameters.
 
 use std::any::type_name;
 
@@ -8,7 +8,7 @@ use toml::Table;
 
 use super::recipes::RecipeParts;
 
-/// What is the same for all worlds of one robot, whose parameters are a `P`.
+/// Common facts about all worlds of one robot, whose parameters are a `P`.
 pub(super) struct Kind<P> {
     /// As the user calls it, and the beginning of its files' names.
     pub(super) name: &'static str,
@@ -18,11 +18,11 @@ pub(super) struct Kind<P> {
     pub(super) excite: Option<Excite<P>>,
     /// The columns, with their ranges and bins, that runs should spread over evenly.
     pub(super) spread: &'static [(&'static str, Axis)],
-    /// Whether its logs are tables rather than messages unless the user says otherwise.
+    /// True if its logs are tables by default, and no messages.
     pub(super) tables: bool,
-    /// How its logs are identified.
+    /// Recipe of its logs.
     pub(super) recipe: RecipeParts,
-    /// Seconds of a run unless the user says otherwise.
+    /// Default length of a run, seconds.
     pub(super) seconds: f64,
     /// The scenario of some parameters, which it checks.
     pub(super) scenario: fn(P) -> Result<Box<dyn Scenario>, ParameterError>,
@@ -46,14 +46,14 @@ pub(super) trait Robot: Send + Sync {
     fn defaults(&self) -> Result<Table, String>;
     /// All parameters where a text gives some, checked.
     fn parse(&self, text: &str) -> Result<Table, String>;
-    /// The parameters of a table, checked, with what they describe.
+    /// The parameters of a table, checked, with their scenario.
     fn build(&self, table: &Table) -> Result<(Table, Box<dyn Scenario>), String>;
     /// The parameters of a table with the excitation of a kind.
     fn excite(&self, table: &Table, kind: &str) -> Result<Table, String>;
 }
 
 impl<P: Serialize> Kind<P> {
-    /// Parameters that are allowed, all of them, with what they describe.
+    /// Allowed parameters, all of them, with their scenario.
     fn checked(&self, parameters: P) -> Result<(Table, Box<dyn Scenario>), String> {
         let table = Table::try_from(&parameters).map_err(|error| error.to_string())?;
         let scenario = (self.scenario)(parameters).map_err(|error| error.to_string())?;
@@ -115,8 +115,8 @@ impl<P: Serialize + DeserializeOwned + Default + 'static> Robot for Kind<P> {
     }
 }
 
-/// Parameters from a table, by its text: every robot's parameters are then read by one deserializer, where reading the table itself would compile
-/// a second one for each of them.
+/// Parameters from a table, by its text. Every robot's parameters are then read by one deserializer; reading the table
+/// itself would compile a second one for each of them.
 fn parameters_of<P: DeserializeOwned>(table: &Table) -> Result<P, String> {
     toml::from_str(&table.to_string()).map_err(|error| error.message().to_owned())
 }

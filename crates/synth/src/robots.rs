@@ -17,7 +17,7 @@ use super::{
     robot::{Kind, Robot},
 };
 
-/// All robots, in the order in which they are told.
+/// All robots, in the order of messages.
 pub(super) static ROBOTS: &[&dyn Robot] = &[&HEXAPOD, &DIFFDRIVE, &AIRCRAFT, &QUADROTOR, &STAGE];
 
 static HEXAPOD: Kind<HexapodTreadmill> = Kind {

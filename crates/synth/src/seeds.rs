@@ -1,8 +1,9 @@
-//! Where the random numbers of each run begin.
+//! Seeds of each run's random numbers.
 
 use fleetfoot_data::mix;
 
-/// The seed of a run: by the seed of all runs and the run's number and by nothing else, so that a run is the same however many there are.
+/// The seed of a run, by the seed of all runs and the run's number only, so that a run is the same however many there
+/// are.
 pub fn run_seed(seed: u64, run: u64) -> u64 {
     mix(mix(seed).wrapping_add(run))
 }

@@ -1,4 +1,4 @@
-//! A small scenario through the whole pipeline: bytes, metadata, what is read back, and what is refused.
+//! A small scenario through the whole pipeline: bytes, metadata, reading back, and refusals.
 
 mod regulated;
 mod robots;
@@ -196,7 +196,7 @@ fn files(folder: &Path) -> Vec<(String, Vec<u8>)> {
     files
 }
 
-/// What a job writes.
+/// Files that a job writes.
 fn written(change: impl FnOnce(&mut Job)) -> Vec<(String, Vec<u8>)> {
     let folder = tempfile::tempdir().unwrap();
     let mut job = job(folder.path());

@@ -56,7 +56,7 @@ impl World {
     /// The same robot with the parameters that a TOML text gives, the default ones where it is silent; `name` is its origin, for messages.
     ///
     /// # Errors
-    /// What is no TOML, unknown keys with the nearest known one and the line, and values that are not allowed.
+    /// A text that is no TOML; unknown keys, with the nearest known one and the line; values that are not allowed.
     pub fn parse(&self, text: &str, name: &str) -> Result<Self, Error> {
         let table = self.robot.parse(text).map_err(|problem| world_error(name, &problem))?;
         Ok(Self { robot: self.robot, table })
@@ -83,7 +83,8 @@ impl World {
         }
     }
 
-    /// Sets the parameter at a path such as `belt.speed` to a value written as TOML; what is no TOML is a text.
+    /// Sets the parameter at a path such as `belt.speed` to a value written as TOML; any other text is taken as a
+    /// string.
     ///
     /// Setting a `kind` replaces the table that it is in, because another kind has other parameters: they have their defaults then.
     ///
@@ -119,10 +120,10 @@ impl World {
         Ok(())
     }
 
-    /// The same robot with a regulator in the place of its own controller.
+    /// The same robot with a regulator in the place of its controller.
     ///
     /// # Errors
-    /// A robot that takes none, and a regulator that reads what the robot does not show or drives what it does not have.
+    /// A robot that takes none, and a regulator that reads columns or drives inputs that the robot does not have.
     pub fn regulate(&mut self, regulator: &Regulator) -> Result<(), Error> {
         let place = &CONTROLLER.to_string();
         let law = Table::try_from(regulator).map_err(|error| world_error(place, &error.to_string()))?;
@@ -142,7 +143,7 @@ impl World {
         self.robot.speed()
     }
 
-    /// Whether [`World::excite`] can do anything.
+    /// Returns true if [`World::excite`] has an effect.
     pub fn excitable(&self) -> bool {
         self.robot.excitable()
     }
@@ -163,7 +164,7 @@ impl World {
         toml::to_string(&self.table).unwrap_or_default()
     }
 
-    /// All parameters as TOML, each with what it is and its unit.
+    /// All parameters as TOML, each with its description and its unit.
     pub fn to_commented_toml(&self) -> String {
         let name = self.robot.name();
         let mut out = format!(

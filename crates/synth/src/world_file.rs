@@ -1,4 +1,4 @@
-//! World files for people: every parameter with what it is and its unit.
+//! World files for people: every parameter with its description and its unit.
 
 use std::{collections::BTreeSet, fmt::Write};
 
@@ -19,7 +19,7 @@ pub(super) fn commented(table: &Table, type_name: &str) -> String {
 
 struct Printer<'a> {
     out: &'a mut String,
-    /// Enums whose kinds have been told.
+    /// Enums whose kinds have been listed.
     told: BTreeSet<&'static str>,
 }
 
@@ -60,7 +60,7 @@ impl Printer<'_> {
         }
     }
 
-    /// `kind = ...`, and, once, what else it may be.
+    /// `kind = ...`, and, once, the other kinds.
     fn kind(&mut self, kind: &'static TypeDoc, value: &Value) {
         if self.told.insert(kind.name) {
             for variant in kind.variants {

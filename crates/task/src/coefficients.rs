@@ -51,9 +51,9 @@ pub fn bounds<'a>(
     bounds
 }
 
-/// What has coefficients: an unknown function, or what is learnt of an equation.
+/// Owner of coefficients: an unknown function, or the fitted part of an equation.
 pub(crate) struct Owner {
-    /// By what it may be called; the first is what it is called to people.
+    /// Its possible names; the first stands in messages.
     pub(crate) names: Vec<String>,
     /// Its candidates, the number 1 for a constant; `None` for those that it may not have.
     pub(crate) functions: Vec<Option<Expr>>,
@@ -62,7 +62,8 @@ pub(crate) struct Owner {
 /// The bounds that a constraint sets; none where it is about something else. `hidden`: names that the functions may have beside the columns.
 ///
 /// # Errors
-/// Owners and candidates that there are not, a bound that is missing or empty, and what a constraint says beside its coefficients.
+/// Unknown owners and candidates, a bound that is missing or empty, and entries of a constraint beside its
+/// coefficients.
 pub(crate) fn coefficient_limits(
     name: &str,
     section: &ConstraintSection,
@@ -164,7 +165,7 @@ pub(crate) fn sides(section: &ConstraintSection, place: &str) -> Result<Vec<(Lim
     Ok(found)
 }
 
-/// Whether two functions are the same one, up to the order of factors.
+/// Returns true if two functions are equal up to the order of factors.
 pub(crate) fn same(known: &Expr, function: &Expr) -> bool {
     let scope = Scope::open();
     let vocabulary = Vocabulary { variables: &[], scope: &scope };

@@ -1,9 +1,9 @@
-//! What the derivative of a state is measured as.
+//! Measured derivative of a state.
 
 use fleetfoot_library::{Expr, backward_difference, central_difference, forward_difference, mean_slope};
 use fleetfoot_recipe::{Aliases, Derivative, Error};
 
-/// What the derivative of `x` is measured as; `place` is where the recipe says it.
+/// Measured derivative of `x`, as an expression; `place`: its place in the recipe, for messages.
 pub(crate) fn measured(
     said: Option<&Derivative>,
     x: &Expr,

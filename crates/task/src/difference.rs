@@ -8,13 +8,13 @@ use serde::Serialize;
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Difference {
-    /// Which one.
+    /// The difference.
     pub form: CentralDifference,
-    /// Whether the data may choose its order.
+    /// True if the data may choose its order.
     pub any_order: bool,
-    /// Whether its weights may follow the stamps: it was asked for by a word, not written out.
+    /// True if its weights may follow the stamps: the recipe names it by a word, without weights.
     pub any_spacing: bool,
-    /// What the data say of its error; `None` before they are seen, and where no row has enough neighbours.
+    /// Its estimated error; `None` before the data are read, or if no row has enough neighbours.
     pub errors: Option<DifferenceErrors>,
 }
 
@@ -24,7 +24,7 @@ pub struct Difference {
 pub struct DifferenceErrors {
     /// The order that is used.
     pub order: usize,
-    /// What the differences of order 2, 4 and 6 err by.
+    /// Errors of the differences of order 2, 4 and 6.
     #[serde(rename = "rms_by_order")]
     pub by_order: [f64; 3],
     /// The part of the error of the order used that is there without noise.
@@ -42,14 +42,14 @@ impl DifferenceErrors {
     }
 }
 
-/// What the data settled of a central difference.
+/// Order and spacing of a central difference, settled by the data.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SettledDifference {
     /// Rows to either side that it takes, 1 to 3; its order is twice that.
     pub reach: usize,
-    /// How the stamps lie.
+    /// Spacing of the stamps.
     pub spacing: Spacing,
-    /// What the data say of its error.
+    /// Its estimated error.
     pub errors: Option<DifferenceErrors>,
 }
 
@@ -70,14 +70,15 @@ impl SettledDifference {
 }
 
 impl Difference {
-    /// The difference that is measured by, where it is a central one. `said`: what a word says, else it is looked for in what was written.
+    /// The difference that measures the derivative, if it is a central one. `said`: the difference that a word names;
+    /// else it is recognised in the written expression.
     pub fn of(said: Option<CentralDifference>, any_order: bool, measured: &Expr) -> Option<Self> {
         let any_spacing = said.is_some();
         let form = said.or_else(|| CentralDifference::recognised(measured))?;
         Some(Self { form, any_order, any_spacing, errors: None })
     }
 
-    /// What tells its error: the truncation of every order, then the noise.
+    /// Expressions that estimate its error: the truncation of every order, then the noise.
     pub(super) fn witnesses(&self) -> impl Iterator<Item = Expr> {
         let truncations = REACHES.map(|reach| self.form.with_reach(reach).truncation());
         truncations.into_iter().chain([self.form.noise()])

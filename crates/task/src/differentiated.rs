@@ -11,7 +11,8 @@ use crate::{
     error::Error,
 };
 
-/// Unevenness of the stamps (root mean square) up to which the weights of even ones are right: what they neglect is smaller than the derivative by that much.
+/// Unevenness of the stamps (root mean square) up to which the weights of even ones are right: their error is smaller
+/// than the derivative by that factor.
 const EVEN: f64 = 1e-4;
 
 impl EquationTask {
@@ -65,7 +66,7 @@ impl EquationTask {
         same.for_each(|one| one.target = Some(equation.measured.clone()));
     }
 
-    /// How the derivative of every fitted equation was settled; `None` where it is no central difference.
+    /// Settled derivative of every fitted equation; `None` unless it is a central difference.
     pub fn settled_differences(&self) -> Vec<Option<SettledDifference>> {
         let of = |equation: &FittedEquation| {
             let Difference { form, errors, .. } = equation.central.as_ref()?;
@@ -75,8 +76,8 @@ impl EquationTask {
         self.fitted.iter().map(of).collect()
     }
 
-    /// The task with its derivatives as those of an equal one were settled: where an equation of `raw` (as it was before) asks for the same derivative, it is
-    /// settled alike.
+    /// The task with its derivatives settled like those of an equal one. An equation of `raw` (before settling) with
+    /// the same derivative is settled alike.
     pub fn differentiated_like(mut self, raw: &Self, settled: &[Option<SettledDifference>]) -> Self {
         for at in 0..self.fitted.len() {
             let own = &self.fitted[at];

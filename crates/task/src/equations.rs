@@ -1,4 +1,4 @@
-//! A recipe resolved to a system of equations over one library: what `fit sindy` fits.
+//! A recipe resolved to a system of equations over one library, for `fit sindy`.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -21,7 +21,8 @@ use crate::{
     windows::Windows,
 };
 
-/// What a recipe means for a recording: a system of equations, each `target = sum_j c_j function_j + error`, over one library of candidates.
+/// A recipe resolved for a recording: a system of equations, each `target = sum_j c_j function_j + error`, over one
+/// library of candidates.
 ///
 /// Candidates are numbered with the constant first where there is one ([`EquationTask::constant`]), then the functions in their order.
 #[derive(Debug, Clone)]
@@ -35,7 +36,7 @@ pub struct EquationTask {
     pub equations: Vec<Equation>,
     /// The fitted equations, in the order of [`EquationTask::equations`].
     pub fitted: Vec<FittedEquation>,
-    /// Whether 1 is a candidate of any equation.
+    /// True if 1 is a candidate of any equation.
     pub constant: bool,
     /// All candidate functions, the constant left out.
     pub functions: Vec<Expr>,
@@ -43,15 +44,15 @@ pub struct EquationTask {
     pub weight: Option<Expr>,
     /// Numbers inside the expressions that are not known; none once they are estimated.
     pub parameters: Vec<Parameter>,
-    /// What partitions look at.
+    /// Partition columns.
     pub partition_columns: Vec<Expr>,
-    /// Whether the library that nobody named is `poly(1)`, because `poly(2)` would have more than 500 functions.
+    /// True if the default library is `poly(1)`, because `poly(2)` would have more than 500 functions.
     pub narrowed: bool,
     /// The windows of the weak form, where equations are fitted on windows in the place of rows.
     pub windows: Option<Windows>,
     /// Bounds of coefficients; the owners are the fitted equations.
     pub limits: Vec<CoefficientLimit>,
-    /// What libraries are made of: states and inputs, angles as cosine and sine, and their past.
+    /// Variables of the libraries: states and inputs, angles as cosine and sine, and their past.
     pub variables: Vec<Expr>,
     /// The radial functions among the candidates, the last of them, once their centres are known.
     pub radial: Option<RadialFunctions>,
@@ -65,19 +66,19 @@ pub struct FittedEquation {
     pub label: String,
     /// Name of the latent that is learnt.
     pub latent: String,
-    /// What the left side is measured as, over the columns.
+    /// Measured left side, over the columns.
     pub measured: Expr,
-    /// What is known of the right side, where something is.
+    /// Known part of the right side, if there is one.
     pub nominal: Option<Expr>,
-    /// What the candidates explain: what is measured less the nominal part.
+    /// Target of the candidates: the measured left side minus the nominal part.
     pub target: Expr,
-    /// Whether the equation may have a candidate (candidates).
+    /// True for each candidate that the equation may have (candidates).
     pub allowed: Vec<bool>,
-    /// Candidates that it has in any case, ascending.
+    /// Candidates of every model, ascending.
     pub fixed: Vec<usize>,
-    /// Where what is measured is a central difference, an estimate of its error without noise.
+    /// Estimate, without noise, of the error of the left side, if that is a central difference.
     pub difference: Option<Expr>,
-    /// That central difference, and what is known of it.
+    /// That central difference, and its estimated error.
     pub central: Option<Difference>,
     /// Unit of the left side, when known.
     pub unit: Option<String>,
@@ -97,7 +98,8 @@ impl FittedEquation {
 /// Candidates beyond which a library is refused: the matrix of their products alone would take 0.4 GB, in each of several chunks.
 const MOST_CANDIDATES: usize = 10_000;
 
-/// Functions at most of a library that nobody named: beyond it the products of many signals would be most of the work, and hardly ever what is wanted.
+/// Functions of a default library, at most. Beyond it the products of many signals would be most of the work, and are
+/// rarely useful.
 const MOST_UNASKED: usize = 500;
 
 /// The candidates of one equation, while the union is not known.
@@ -110,11 +112,12 @@ struct Own {
 impl EquationTask {
     /// Resolves a recipe against the fields of a recording.
     ///
-    /// The candidates are those of `[library]` (or of a state's own `library`), else all monomials of states and inputs up to the degree of `[model]`, with the
-    /// constant. Where there is no degree it is 2, or 1 where there would be more than 500 monomials.
+    /// The candidates are those of `[library]` (or of a state's `library`), else all monomials of states and inputs up
+    /// to the degree of `[model]`, with the constant. The default degree is 2, or 1 if there would be more than 500
+    /// monomials.
     ///
     /// # Errors
-    /// What the recipe asks for does not exist or contradicts itself.
+    /// A recipe that names something that does not exist, or contradicts itself.
     pub fn resolve(recipe: &Recipe, fields: &[DataColumn]) -> Result<Self, Error> {
         refuse_other_sections(recipe)?;
         let mut aliases = Aliases::of_recipe(recipe, fields)?;
@@ -207,7 +210,7 @@ impl EquationTask {
         Ok(if task.parameters.is_empty() { task.settled(&BTreeMap::new()) } else { task })
     }
 
-    /// Whether a fitted equation gives a rate of change.
+    /// Returns true if a fitted equation gives a rate of change.
     pub fn is_rate(&self, fitted: usize) -> bool {
         let mut own = self.equations.iter().filter(|equation| equation.target.is_some());
         own.nth(fitted).is_some_and(|equation| equation.prediction == Prediction::Derivative)
@@ -218,7 +221,7 @@ impl EquationTask {
         usize::from(self.constant) + self.functions.len()
     }
 
-    /// That the library which nobody named is the smaller one.
+    /// Note that the default library is the smaller one.
     pub fn narrowed_note(&self) -> Option<String> {
         self.narrowed.then(|| {
             format!(
@@ -244,13 +247,14 @@ impl EquationTask {
         }
     }
 
-    /// Which radial function a candidate function is, if it is one.
+    /// Number of the radial function that a candidate is; `None` for other candidates.
     pub(crate) fn radial_function(&self, function: usize) -> Option<usize> {
         let first = self.functions.len() - self.radial.as_ref()?.centres.len();
         function.checked_sub(first)
     }
 
-    /// The task with radial functions behind its candidates, and with the variables that these are functions of: for all equations that have no library in the recipe.
+    /// The task with radial functions behind its candidates, and with the variables of these functions. It applies to
+    /// all equations without a library in the recipe.
     #[must_use]
     pub fn with_radial(mut self, radial: RadialFunctions, recipe: &Recipe) -> Self {
         let more = radial.inputs.iter().filter(|input| !self.functions.contains(input));
@@ -269,7 +273,7 @@ impl EquationTask {
         self
     }
 
-    /// Columns whose moments the model needs: what the fitted equations measure, then the states.
+    /// Columns whose moments the model needs: the measured left sides of the fitted equations, then the states.
     pub fn also(&self) -> Vec<Expr> {
         let measured = self.fitted.iter().map(|equation| equation.measured.clone());
         let states = self.columns.iter().filter(|column| column.role == Role::State);
@@ -289,7 +293,7 @@ impl EquationTask {
         self.functions.iter().chain(fitted).chain(sides).chain(&self.weight).chain(&self.partition_columns)
     }
 
-    /// The task with every expression changed; what becomes of the candidates must stay distinct.
+    /// The task with every expression changed; the changed candidates must stay distinct.
     #[must_use]
     pub fn map(&self, change: impl Fn(&Expr) -> Expr) -> Self {
         let mut task = self.clone();
@@ -329,7 +333,7 @@ impl EquationTask {
 struct Reader<'a> {
     recipe: &'a Recipe,
     names: &'a [String],
-    /// The library of the equations that have none of their own.
+    /// The library of the equations without one in the recipe.
     general: Option<(bool, Vec<Expr>)>,
     narrowed: bool,
 }
@@ -438,7 +442,7 @@ impl Own {
         Ok(())
     }
 
-    /// What the equation may and must have, by the numbers of the candidates.
+    /// Marks the candidates that the equation may have, and those of every model.
     fn mark(&self, equation: &mut FittedEquation, constant: bool, functions: &[Expr]) {
         let first = usize::from(constant);
         let places: HashMap<&Expr, usize> = functions.iter().zip(first..).collect();
@@ -455,7 +459,7 @@ impl Own {
     }
 }
 
-/// The distinct functions of all equations: those of the first, then what the others have beside them.
+/// The distinct functions of all equations: those of the first, then the additional ones of the others.
 fn union(owns: &[Own]) -> Vec<Expr> {
     let mut seen = std::collections::HashSet::new();
     owns.iter().flat_map(|own| &own.functions).filter(|function| seen.insert((*function).clone())).cloned().collect()

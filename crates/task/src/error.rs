@@ -1,6 +1,6 @@
-//! What can go wrong where the rows of a recording settle a task.
+//! Errors of rows that settle a task.
 
-/// What can go wrong where the rows of a recording settle a task.
+/// Errors of rows that settle a task.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The recipe's words do not fit the recording.

@@ -9,7 +9,7 @@ use fleetfoot_model::{Column, Role};
 use crate::equations::EquationTask;
 
 impl EquationTask {
-    /// The task with numbers in place of its parameters, and a column for every filter: what rows can be evaluated for.
+    /// The task with numbers in place of its parameters, and a column for every filter, so that rows can be evaluated.
     #[must_use]
     pub fn settled(&self, values: &BTreeMap<String, f64>) -> Self {
         let number = |name: &str| values.get(name).map(|&value| Expr::number(value));

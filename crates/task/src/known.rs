@@ -7,7 +7,7 @@ use fleetfoot_recipe::{Aliases, Error, Recipe};
 
 use crate::task::state_equation;
 
-/// Given equations alone, and the columns that they speak of.
+/// Given equations alone, and their columns.
 #[derive(Debug, Clone, Default)]
 pub struct KnownTask {
     /// The model's columns.
@@ -24,7 +24,7 @@ impl KnownTask {
         Self::over(recipe, Aliases::of_recipe(recipe, fields)?)
     }
 
-    /// The equations over what the aliases know.
+    /// The equations over the columns of the aliases.
     pub(crate) fn over(recipe: &Recipe, mut aliases: Aliases<'_>) -> Result<Self, Error> {
         let mut equations = Vec::new();
         for (name, state) in &recipe.states {

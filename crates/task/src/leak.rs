@@ -1,4 +1,4 @@
-//! What must not decide about a prediction: the predicted value itself.
+//! Leaks of the predicted value into its prediction.
 
 use std::collections::BTreeSet;
 
@@ -6,10 +6,12 @@ use fleetfoot_library::{Expr, Node};
 use fleetfoot_model::{Equation, Prediction, Role};
 use fleetfoot_recipe::{Aliases, Error};
 
-/// Refuses columns of a partition that tell what is predicted, in plain regression: which region a row is in would be known only when its target is.
+/// Refuses columns of a partition that leak the predicted value, in plain regression: the region of a row would be
+/// known only with its target.
 ///
-/// A column does when it reads the target at the row itself or later: by its name, by another alias of the same field, by an expression over either, or,
-/// where the target is a function of one field that is no regressor, by that field. The target's past is known and may be used.
+/// A column leaks if it reads the target at the row itself or later. It may do so by its name, by another alias of the
+/// same field, or by an expression over either. If the target is a function of one field, that field leaks too, unless
+/// it is a regressor. The target's past is known and may be used.
 ///
 /// # Errors
 /// [`Error::TargetInPartition`], with the column.
@@ -38,7 +40,7 @@ pub(crate) fn refuse_target_in_partition(
     Ok(())
 }
 
-/// Whether a column is what a plain regression predicts.
+/// Returns true if a plain regression predicts the column.
 pub(crate) fn predicted(equations: &[Equation], name: &str) -> bool {
     equations.iter().any(|equation| equation.prediction == Prediction::Value && equation.subject == name)
 }
@@ -51,7 +53,7 @@ fn in_fields(expression: &Expr, aliases: &Aliases<'_>) -> Expr {
     })
 }
 
-/// The fields that an expression reads at its row or later. What a filter gives is made of its input's past.
+/// The fields that an expression reads at its row or later. A filter's value depends on its input's past alone.
 fn now(expression: &Expr) -> BTreeSet<String> {
     let mut names = BTreeSet::new();
     expression.fold(|part, _: &[()]| {

@@ -1,7 +1,8 @@
-//! What a recipe means for a recording: its columns, its equations, and what they are fitted on.
+//! A recipe resolved for a recording: its columns, its equations, and the task of a fit.
 //!
-//! Every method has its task: [`Task`] of `fit pwa`, [`StructuredTask`] of `fit sparse`, [`EquationTask`] of `fit sindy` and `fit narx`, [`ParametersTask`] of `fit parameters`, and
-//! [`KnownTask`] where nothing is fitted. All read a recipe through the same [`Aliases`](fleetfoot_recipe::Aliases). No log is opened here.
+//! Every method has a task: [`Task`] of `fit pwa`, [`StructuredTask`] of `fit sparse`, [`EquationTask`] of `fit sindy`
+//! and `fit narx`, [`ParametersTask`] of `fit parameters`. [`KnownTask`] has given equations only. All read a recipe
+//! through the same [`Aliases`](fleetfoot_recipe::Aliases). No log is opened here.
 
 mod coefficients;
 mod derivative;

@@ -10,7 +10,7 @@ use fleetfoot_sums::{structured::Spread, system::SystemScan};
 
 use crate::equations::EquationTask;
 
-/// What a model carries beside its coefficients.
+/// Parts of a model beside its coefficients.
 #[derive(Debug, Clone, Default)]
 pub struct Provenance {
     /// The method: `sindy stlsq`.
@@ -60,7 +60,8 @@ impl EquationTask {
         })
     }
 
-    /// [`EquationTask::model`] to be simulated and forgotten: what its regions saw is not asked of the statistic, which takes longer than many simulations.
+    /// [`EquationTask::model`] for one simulation, without the statistics of its regions, which take longer than many
+    /// simulations.
     ///
     /// # Panics
     /// As that.
@@ -85,7 +86,7 @@ impl EquationTask {
         })
     }
 
-    /// A model with all candidates in its library, every coefficient zero: what coefficients are looked for in.
+    /// A model with all candidates in its library, every coefficient zero, as the start of a search.
     pub fn open(&self, scan: &SystemScan, provenance: Provenance) -> Model {
         let all: Vec<usize> = (0..self.functions.len()).collect();
         let mut model = self.trial(scan, None, &[Mat::zeros(self.candidates(), self.fitted.len())], provenance);
@@ -169,7 +170,7 @@ impl EquationTask {
         used
     }
 
-    /// States, and the columns that the model speaks of.
+    /// States, and the other columns of the model.
     fn model_columns(&self, used: &[usize], partition: &Partition) -> Vec<Column> {
         let functions = used.iter().map(|&j| &self.functions[j]);
         let sides = self.equations.iter().flat_map(|equation| std::iter::once(&equation.right).chain(&equation.target));
@@ -186,7 +187,7 @@ impl EquationTask {
     }
 }
 
-/// What was seen over all rows.
+/// Facts over all training rows.
 fn training(scan: &SystemScan, fitted: usize, states: usize, provenance: &Provenance) -> Training {
     let also = scan.also();
     Training {

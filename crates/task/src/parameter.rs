@@ -12,13 +12,13 @@ use fleetfoot_recipe::{Aliases, Error, Recipe};
 pub struct Parameter {
     /// Its name in expressions.
     pub name: String,
-    /// Where the search begins.
+    /// Starting value of the search.
     pub initial: f64,
     /// Least and greatest value; infinite where there is none.
     pub bounds: [f64; 2],
     /// Unit, when known.
     pub unit: Option<String>,
-    /// Whether it stays where it is.
+    /// True if it keeps its value.
     pub fixed: bool,
 }
 

@@ -11,7 +11,7 @@ use fleetfoot_sparse::constrained::{Form, Limit, RowLimit};
 
 use crate::{derivative, known::KnownTask, parameter::Parameter, structured::together};
 
-/// Equations, parameters, and what the equations say of every row.
+/// Equations, parameters, and the residuals of the equations at every row.
 #[derive(Debug, Clone)]
 pub struct ParametersTask {
     /// The equations, over columns and parameters.
@@ -20,7 +20,7 @@ pub struct ParametersTask {
     pub parameters: Vec<Parameter>,
     /// Measured derivatives beside right sides, of the equations that have parameters.
     pub residuals: Vec<Residual>,
-    /// What matrices of parameters keep.
+    /// Bounds of matrices of parameters.
     pub limits: Vec<MatrixLimit>,
 }
 
@@ -66,7 +66,7 @@ impl ParametersTask {
         Ok(Self { known, parameters, residuals, limits })
     }
 
-    /// A parameter of which no equation says anything row by row.
+    /// A parameter without a residual: no equation with it can be evaluated row by row.
     pub fn without_residual(&self) -> Option<&str> {
         let uses = |own: &Residual, name: &str| own.model.columns().iter().any(|column| **column == *name);
         let silent = |own: &&Parameter| !self.residuals.iter().any(|residual| uses(residual, &own.name));
@@ -89,7 +89,8 @@ impl ParametersTask {
     }
 }
 
-/// Refuses filters in the equations: a simulation has no past of its own states to filter, and their constants are no numbers of the equations.
+/// Refuses filters in the equations: a simulation has no past of its states to filter, and their constants are no
+/// numbers of the equations.
 fn refuse_filters(known: &KnownTask, names: &[String]) -> Result<(), Error> {
     for equation in &known.equations {
         let Some(filter) = equation.right.filters().into_iter().next() else { continue };

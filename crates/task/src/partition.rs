@@ -24,7 +24,7 @@ pub fn specification(recipe: &Recipe) -> Result<Option<Specification>, Error> {
     }
 }
 
-/// A partition before it has numbers: its name, and what it looks at. `None` is the one region of all rows.
+/// A partition before it has numbers: its name and its columns. `None` is the one region of all rows.
 pub fn placeholder(one: Option<&Specification>, on: &[Expr]) -> Option<Partition> {
     let one = one.filter(|one| !matches!(one, Specification::Null | Specification::Average))?;
     Some(Partition {

@@ -1,4 +1,4 @@
-//! What `fit pwa` asks of a statistic.
+//! Problem of `fit pwa` on a statistic.
 
 use fleetfoot_data::Column;
 use fleetfoot_pwa::Problem;
@@ -10,10 +10,10 @@ use crate::{
     task::Task,
 };
 
-/// What `fit pwa` is to identify in the one partition of a recipe, and the system that answers for it.
+/// Problem of `fit pwa` in the one partition of a recipe, and its system.
 ///
 /// # Errors
-/// What the recipe asks for is not there.
+/// A recipe that names something that does not exist.
 pub fn piecewise(recipe: &Recipe, fields: &[Column], step: f64) -> Result<(Problem, System), Error> {
     let labels: Vec<String> = specification(recipe)?.iter().filter_map(|one| one.label().map(str::to_owned)).collect();
     let problem = Task::resolve(recipe, fields, &labels, step)?.problem;

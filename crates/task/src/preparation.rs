@@ -1,11 +1,11 @@
-//! What `prepare` reads of a recipe.
+//! Columns of a recipe that `prepare` reads.
 
 use fleetfoot_data::Column;
 use fleetfoot_data::setting::{COLUMNS, MODEL, STATES_SECTION};
 use fleetfoot_model::Role;
 use fleetfoot_recipe::{Aliases, Derivative, Error, Recipe};
 
-/// What is read of a recipe: its states and inputs, its other columns, and what its equations and weights speak of.
+/// Columns of a recipe: its states and inputs, its other columns, and those in its equations and weights.
 pub fn prepared<'a>(recipe: &'a Recipe, fields: &'a [Column]) -> Result<Aliases<'a>, Error> {
     let mut aliases = Aliases::of_recipe(recipe, fields)?;
     for name in recipe.columns.keys() {

@@ -23,14 +23,14 @@ use crate::{
     task::{equations, library, state_equation},
 };
 
-/// What a recipe means for a recording: the regression of `fit sparse`, and the model that will follow from it.
+/// A recipe resolved for a recording: the regression of `fit sparse`, and the model that will follow from it.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct StructuredTask {
     /// Latents and tasks over the aliases; the priors stand behind the measured tasks.
     pub regression: Regression,
-    /// Columns whose moments the model needs: the targets of its fitted equations, the states, then the functions of the latents that
-    /// [`StructuredTask::moments`] says.
+    /// Columns whose moments the model needs: the targets of its fitted equations, the states, then the functions of
+    /// the latents by [`StructuredTask::moments`].
     pub also: Vec<Expr>,
     /// The model's equations, over its columns and the names of the latents.
     pub equations: Vec<Equation>,
@@ -38,23 +38,23 @@ pub struct StructuredTask {
     pub columns: Vec<Column>,
     /// The columns of the view, and the expressions over the recording's fields that give them.
     pub aliases: Vec<(DataColumn, Expr)>,
-    /// The error of every task that counts as one, where the recipe says it (tasks).
+    /// The error of every task that counts as one, if the recipe has it (tasks).
     pub scales: Vec<Option<f64>>,
-    /// Weight of every task beside its scale: 1, of a prior lambda_t where the recipe says it (tasks).
+    /// Weight of every task beside its scale: 1, of a prior lambda_t if the recipe has it (tasks).
     pub strengths: Vec<Option<f64>>,
     /// Penalty factor of every coefficient (p).
     pub penalties: Vec<f64>,
     /// Sign of every coefficient (p).
     pub signs: Vec<Sign>,
-    /// What is kept at every row of the training data: bounds of latents, then what latents keep together.
+    /// Limits at every row of the training data: bounds of latents, then constraints between latents.
     pub limits: Vec<RowLimit>,
     /// Bounds of coefficients; the owners are the latents.
     pub coefficients: Vec<CoefficientLimit>,
-    /// Where the moments of every latent's functions are found (latents).
+    /// Source of the moments of every latent's functions (latents).
     pub moments: Vec<Moments>,
 }
 
-/// Where the moments of a latent's candidate functions are found.
+/// Source of the moments of a latent's candidate functions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Moments {
     /// In a task's statistic, whose columns from `first` on are the functions times `factor`.
@@ -63,17 +63,17 @@ pub enum Moments {
         task: usize,
         /// The first column.
         first: usize,
-        /// What the functions are multiplied with.
+        /// Factor of the functions.
         factor: f64,
     },
     /// In the statistic of [`StructuredTask::also`], from this column on.
     Also(usize),
 }
 
-/// What is found while a recipe is read.
+/// Parts of a task while a recipe is read.
 struct Parts {
     latents: Vec<Latent>,
-    /// What latents keep together.
+    /// Constraints between latents.
     limits: Vec<RowLimit>,
     coefficients: Vec<CoefficientLimit>,
     tasks: Vec<RegressionTask>,
@@ -84,11 +84,11 @@ struct Parts {
 impl StructuredTask {
     /// Resolves a recipe against the fields of a recording.
     ///
-    /// Without `[latents]` and `[tasks]` every fitted equation of the recipe is a task with a latent of its own, over the polynomial library; bounds of coefficients are then those of
-    /// `fit sindy` alone.
+    /// Without `[latents]` and `[tasks]` every fitted equation of the recipe is a task with a separate latent, over the
+    /// polynomial library. Bounds of coefficients are then those of `fit sindy` alone.
     ///
     /// # Errors
-    /// What the recipe asks for does not exist, is not linear in the latents, or contradicts itself.
+    /// A recipe that names something that does not exist, is not linear in the latents, or contradicts itself.
     pub fn resolve(recipe: &Recipe, fields: &[DataColumn]) -> Result<Self, Error> {
         let mut aliases = Aliases::of_recipe(recipe, fields)?;
         let parts = match (recipe.latents.is_empty(), recipe.tasks.is_empty()) {
@@ -210,7 +210,7 @@ impl Parts {
     }
 }
 
-/// Where the moments of a latent's functions are found; adds the functions to `also` where no task has them.
+/// Source of the moments of a latent's functions; adds the functions to `also` if no task has them.
 fn moments(regression: &Regression, latent: usize, also: &mut Vec<Expr>) -> Moments {
     for (task, found) in regression.tasks.iter().enumerate() {
         let mut first = 0;
@@ -225,7 +225,7 @@ fn moments(regression: &Regression, latent: usize, also: &mut Vec<Expr>) -> Mome
     Moments::Also(also.len() - regression.latents[latent].functions.len())
 }
 
-/// Every fitted equation is a task with a latent of its own and a free constant.
+/// Every fitted equation is a task with a separate latent and a free constant.
 fn plain(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Parts, Error> {
     if let Some((name, _)) = recipe.states.iter().find(|(_, state)| state.equation.is_some()) {
         return Err(Error::conflict(format!(
@@ -393,7 +393,7 @@ fn state_equations(recipe: &Recipe, aliases: &mut Aliases<'_>, names: &[String])
     Ok(equations)
 }
 
-/// One equation a task, on a column of its name that is its target; what is constant has nothing to predict.
+/// One equation a task, on a column of its name that is its target; a constant target has nothing to predict.
 fn task_equations(
     recipe: &Recipe,
     aliases: &mut Aliases<'_>,

@@ -1,4 +1,4 @@
-//! What is summed for a fit of equations.
+//! Sums for a fit of equations.
 
 use fleetfoot_model::Partition;
 use fleetfoot_pwa::Problem;
@@ -7,7 +7,7 @@ use fleetfoot_sums::system::System;
 use crate::equations::EquationTask;
 
 impl EquationTask {
-    /// What is summed for a fit: the system in its regions, and the errors of its differences.
+    /// Sums for a fit: the system in its regions, and the errors of its differences.
     pub fn summed(&self, partition: Option<Partition>) -> System {
         let sampled = self.fitted.iter().filter_map(|equation| equation.difference.clone()).collect();
         match &self.windows {
@@ -16,7 +16,7 @@ impl EquationTask {
         }
     }
 
-    /// What is summed, in one region.
+    /// Sums for a fit, in one region.
     pub fn system(&self) -> System {
         System {
             also: self.also(),

@@ -1,4 +1,5 @@
-//! A recipe resolved against the columns of a recording: the problem of `fit pwa`, and what every fit reads of a recipe.
+//! A recipe resolved against the columns of a recording: the problem of `fit pwa`, and the parts of a recipe that every
+//! fit reads.
 
 use fleetfoot_data::setting::{
     FIT_PWA, FIT_SINDY, INPUTS, PARTITION, PARTITION_ON, PHASE, PREDICT, STATES, STATES_SECTION,
@@ -14,12 +15,12 @@ use crate::{
     leak::{predicted, refuse_target_in_partition},
 };
 
-/// What a recipe means for a recording.
+/// A recipe resolved for a recording.
 #[derive(Debug, Clone)]
 pub struct Task {
     /// The problem to identify, over the aliases.
     pub problem: Problem,
-    /// What the library is made of: states and inputs, angles as cosine and sine, and their past.
+    /// Variables of the library: states and inputs, angles as cosine and sine, and their past.
     pub variables: Vec<Expr>,
     /// The phase along which regions are counted, where the recipe names one.
     pub phase: Option<Phase>,
@@ -27,7 +28,7 @@ pub struct Task {
     pub aliases: Vec<(DataColumn, Expr)>,
 }
 
-/// How the left side of an equation is measured.
+/// Measured left side of an equation.
 fn target(name: &str, angle: bool, prediction: Prediction) -> Expr {
     let x = Expr::column(name);
     let rise = &x.shifted(-1) - &x;
@@ -77,7 +78,7 @@ fn resolved(phase: &PhaseColumn, aliases: &mut Aliases<'_>) -> Result<Phase, Err
 }
 
 impl Task {
-    /// The phase over the columns of the logs that were opened, which know the names of labels; what is text is labels.
+    /// The phase over the columns of the opened logs, which have the names of labels; text counts as labels.
     pub fn phase_in(&self, columns: &[DataColumn]) -> Option<Phase> {
         let mut phase = self.phase.clone()?;
         let own = phase.column.as_column().and_then(|name| columns.iter().find(|column| column.name == name));
@@ -209,7 +210,8 @@ pub(crate) fn state_equation(
     })
 }
 
-/// An angle stands as its cosine and sine, a rotation, once, as the nine entries of its matrix: they do not depend on how it is written.
+/// Regressors of a column. An angle stands as its cosine and sine, a rotation, once, as the nine entries of its matrix:
+/// they do not depend on its representation.
 pub fn seen(column: &Column, all: &[Column]) -> Vec<Expr> {
     let x = Expr::column(column.name.as_str());
     match &column.rotation {
@@ -232,7 +234,7 @@ fn polynomials(recipe: &Recipe, variables: &[Expr]) -> Result<Vec<Expr>, Error> 
     Ok(Library::polynomial(variables, recipe.model.degree.unwrap_or(1).max(1))?.functions().to_vec())
 }
 
-/// What libraries range over: states and inputs (angles as cosine and sine), and their past where the recipe asks for it.
+/// Variables of the libraries: states and inputs (angles as cosine and sine), and their past if the recipe has lags.
 pub(crate) fn variables(recipe: &Recipe, aliases: &Aliases<'_>, equations: &[Equation]) -> Result<Vec<Expr>, Error> {
     let regressor = |name: &str| recipe.states.get(name).is_none_or(|state| state.regressor != Some(false));
     let present: Vec<Expr> = aliases
@@ -259,7 +261,7 @@ pub(crate) fn variables(recipe: &Recipe, aliases: &Aliases<'_>, equations: &[Equ
     Ok(variables)
 }
 
-/// What partitions look at: what the recipe says, else the states, else the inputs; never what is predicted.
+/// Partition columns: those of the recipe, else the states, else the inputs; never the predicted value.
 pub(crate) fn partition_columns(
     recipe: &Recipe,
     equations: &[Equation],

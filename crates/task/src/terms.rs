@@ -1,4 +1,4 @@
-//! What every equation may and must have.
+//! Candidates that every equation may have, and those of every model.
 
 use fleetfoot_sparse::threshold::Terms;
 
@@ -8,7 +8,7 @@ use crate::{
 };
 
 impl EquationTask {
-    /// What every equation may and must have, for the optimisers.
+    /// Candidates that every equation may have, and those of every model, for the optimisers.
     pub fn terms(&self) -> Vec<Terms> {
         let mut terms = self.free_terms();
         if !self.limits.is_empty() {

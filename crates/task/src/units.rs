@@ -1,4 +1,4 @@
-//! Units, where the log or the recipe gives them: what does not fit is said, and coefficients carry theirs.
+//! Units, if the log or the recipe gives them: notes on contradictions, and units of coefficients.
 
 use fleetfoot_library::{Expr, Unit, coefficient_unit};
 
@@ -15,7 +15,8 @@ impl EquationTask {
         Unit::parse(self.fitted[target].unit.as_deref()?).ok()
     }
 
-    /// What does not fit: inside a candidate function, inside a nominal part, and between it and what it stands beside.
+    /// Notes on units that do not fit: inside a candidate function, inside a nominal part, and between it and its
+    /// neighbours.
     pub fn unit_notes(&self) -> Vec<String> {
         let unit = |expression: &Expr| expression.unit(|name| self.unit_of(name));
         let mut notes = Vec::new();

@@ -25,7 +25,7 @@ impl EquationTask {
     /// The windows of the weak form of these rows, where there are to be any.
     ///
     /// # Errors
-    /// Those of reading; windows that are asked for and cannot be had.
+    /// Those of reading; requested windows that are impossible.
     pub fn windows_for(
         &self,
         form: WeakForm,
@@ -79,7 +79,7 @@ impl EquationTask {
         Ok(Some(Windows { reach, accuracy, noise }))
     }
 
-    /// The equations whose left sides are central differences, and of what.
+    /// The equations whose left sides are central differences, and their arguments.
     fn differences(&self) -> impl Iterator<Item = (&FittedEquation, &CentralDifference)> {
         self.fitted.iter().filter_map(|equation| Some((equation, &equation.central.as_ref()?.form)))
     }
@@ -96,9 +96,10 @@ impl EquationTask {
         Ok(shares.max_by(|a, b| a.1.total_cmp(&b.1)))
     }
 
-    /// Rows from the middle of a window to its end: as many as the fastest state takes to change by as much as it is spread, noise taken away, which is a sixth of
-    /// the period of a wave. The test function, much narrower than the window, passes the frequencies of the states then, and stops those above. Windows of one and a
-    /// half times that length leave of a wave too little of its harmonics to tell a cube from the wave itself.
+    /// Rows from the middle of a window to its end. They are as many as the fastest state takes to change by its
+    /// spread, without noise, which is a sixth of the period of a wave. The test function, much narrower than the
+    /// window, then passes the frequencies of the states, and stops those above. Windows of one and a half times that
+    /// length leave too little of a wave's harmonics to distinguish a cube from the wave itself.
     fn reach(&self, source: &dyn Source) -> Result<usize, Error> {
         let signals: Vec<Expr> =
             self.differences().map(|(_, form)| if form.angle { form.of.sin() } else { form.of.clone() }).collect();
@@ -125,7 +126,7 @@ impl EquationTask {
         Ok(LAGS[LAGS.len() - 1] as usize)
     }
 
-    /// What is summed over windows.
+    /// Sums over windows.
     pub(crate) fn weak(&self, windows: &Windows) -> Weak {
         let target = |equation: &FittedEquation| match &equation.central {
             None => WeakTarget { rate: None, mean: equation.target.clone() },

@@ -4,10 +4,10 @@ use fleetfoot_data::setting::{SINDY, WEAK};
 use fleetfoot_recipe::{Error, SindySection, Tunable};
 use fleetfoot_sums::system::{LEAST_REACH, Weak};
 
-/// Whether there are windows, as users ask for it.
+/// Setting of the windows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum WeakForm {
-    /// Where noise is more than a fifth of what differences vary by.
+    /// Windows if noise is more than a fifth of the variance of differences.
     ByNoise,
     /// Never.
     Off,
@@ -25,7 +25,8 @@ pub struct Windows {
     pub reach: usize,
     /// Error of the integrals, relative to a rate.
     pub accuracy: f64,
-    /// The left side whose differences noise hits hardest, and the share of their variance that is noise; `None` where the noise was not looked at.
+    /// The left side whose differences are noisiest, and the share of noise in their variance; `None` if the noise was
+    /// not estimated.
     pub noise: Option<(String, f64)>,
 }
 
@@ -33,7 +34,7 @@ pub struct Windows {
 pub(super) const NOISE: f64 = 0.2;
 
 impl Windows {
-    /// Whether noise is more of some state's differences than they are taken for.
+    /// Returns true if noise is more than the allowed share of some state's differences.
     pub fn noisy(&self) -> bool {
         self.noise.as_ref().is_some_and(|(_, share)| *share > NOISE)
     }
@@ -64,7 +65,7 @@ impl WeakForm {
         }
     }
 
-    /// Refuses a statistic that was summed otherwise than it is asked for.
+    /// Refuses a statistic whose windows differ from the request.
     pub fn check_statistic(self, held: Option<&Weak>) -> Result<(), Error> {
         let fits = match (self, held) {
             (Self::ByNoise, _) | (Self::Off, None) | (Self::Auto, Some(_)) => true,

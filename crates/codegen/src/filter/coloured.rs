@@ -1,4 +1,5 @@
-//! Process noise in C that hangs on that of the rows before: the whitened residuals of those rows stand behind the states.
+//! Process noise in C that is correlated from row to row: the whitened residuals of earlier rows stand behind the
+//! states.
 
 use super::sizes::Filter;
 use crate::writer::Writer;

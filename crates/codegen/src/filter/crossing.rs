@@ -1,4 +1,4 @@
-//! Crossing of borders in C, where regions follow from the state: the points of a distribution tell where it stands.
+//! Crossing of borders in C, if regions follow from the state: the points of a distribution give its regions.
 
 use super::sizes::Filter;
 use crate::{print::Syntax, writer::Writer};
@@ -45,7 +45,7 @@ impl Filter<'_> {
         });
     }
 
-    /// Whether a point that stood in a region now stands in another one; where none stood there, all count.
+    /// Writes the test that a point left its region for another one; if no point was in the region, all count.
     pub(super) fn went(&self, w: &mut Writer) {
         let Self { p, points, .. } = self;
         w.comment(
@@ -159,7 +159,7 @@ impl Filter<'_> {
         });
     }
 
-    /// Joins in every region what stayed there and what came over its border.
+    /// Joins in every region the part that stayed there and the parts that came over its border.
     pub(super) fn join(&self, w: &mut Writer) {
         let Self { p, points, r, t, zero, .. } = self;
         w.comment("Joins in every region what stayed there and what came over its border.");

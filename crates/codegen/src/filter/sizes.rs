@@ -12,9 +12,9 @@ pub(super) struct Filter<'a> {
     pub(super) model: &'a Model,
     /// Places of the code's inputs among those of the tables.
     pub(super) inputs: Vec<usize>,
-    /// Whether the state decides the region.
+    /// True if the state decides the region.
     pub(super) by_state: bool,
-    /// Whether a table of probabilities decides the next region.
+    /// True if a table of probabilities decides the next region.
     pub(super) switches: bool,
     /// The prefix of all names.
     pub(super) p: &'a str,
@@ -32,7 +32,7 @@ pub(super) struct Filter<'a> {
     pub(super) m: usize,
     /// Regions.
     pub(super) r: usize,
-    /// Residuals of a row that the noise hangs on.
+    /// Residuals of a row in the correlated noise.
     pub(super) q: usize,
     /// Those of all rows that are kept, behind the states.
     pub(super) behind: usize,

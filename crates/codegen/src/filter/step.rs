@@ -69,7 +69,7 @@ impl Filter<'_> {
         });
     }
 
-    /// Takes in one measurement under a region; gives what it adds to the logarithm of the likelihood.
+    /// Takes in one measurement under a region; returns its term of the log-likelihood.
     pub(super) fn observe(&self, w: &mut Writer) {
         let Self { all, p, square, t, .. } = self;
         let one_half = self.c.number(0.5);
@@ -110,7 +110,7 @@ impl Filter<'_> {
         });
     }
 
-    /// What all regions say together.
+    /// Writes the estimate over all regions.
     pub(super) fn estimate(&self, w: &mut Writer) {
         let Self { p, .. } = self;
         w.comment("What all regions say together.");
@@ -182,7 +182,7 @@ impl Filter<'_> {
         });
     }
 
-    /// What every region begins with.
+    /// Writes the start of every region under white noise.
     fn white_begin(&self, w: &mut Writer) {
         let Self { n, nn, .. } = self;
         w.each("i", n, |w| {
@@ -308,7 +308,7 @@ impl Filter<'_> {
         writeln!(w, "{p}_join_(f);");
     }
 
-    /// What the points tell of a region after a measurement.
+    /// Writes the evidence of the points for a region after a measurement.
     fn evidence(&self, w: &mut Writer) {
         let Self { p, t, .. } = self;
         let log = self.c.library("log");

@@ -13,7 +13,7 @@ use fleetfoot_model::{Model, Prediction, Role};
 
 use crate::models;
 
-/// Strict C: what a certified project's build would use.
+/// Strict C, as in a certified project's build.
 pub(crate) const FLAGS: [&str; 10] = [
     "-std=c99",
     "-Wall",
@@ -46,7 +46,7 @@ impl Drop for Folder {
     }
 }
 
-/// Whether a program is there; says so where it is not.
+/// Returns true if a program is there; prints a line if it is not.
 pub(crate) fn present(program: &str) -> bool {
     let found = Command::new(program).arg("--version").output().is_ok();
     if !found {
@@ -55,7 +55,7 @@ pub(crate) fn present(program: &str) -> bool {
     found
 }
 
-/// Runs a program; what it says where it fails.
+/// Runs a program; returns its output if it fails.
 fn run(command: &mut Command, what: &str) -> Result<(), String> {
     let output = command.output().map_err(|error| format!("{what}: {error}"))?;
     let text = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
@@ -158,7 +158,7 @@ fn list(values: &[f64], real: &str) -> String {
     format!("[{}]", texts.join(", "))
 }
 
-/// Rust that compares the first vectors with what they should be.
+/// Rust that compares the first vectors with their expected values.
 fn rust_checks(name: &str, model: &Model, options: &ExportOptions, real: &str) -> String {
     let names = signals(model, options).expect("signals");
     let mut out = String::new();

@@ -15,7 +15,7 @@ fn numbers(regions: usize, count: usize) -> Vec<Vec<f64>> {
     (0..regions).map(|region| (0..count).map(|i| 0.1 + (31 * region + i) as f64 / 7.0).collect()).collect()
 }
 
-/// The tables of a filter of [`models::pwa`], whose fourth state is an angle; the noise hangs on `rows` rows before.
+/// The tables of a filter of [`models::pwa`], whose fourth state is an angle; the noise is correlated over `rows` rows.
 fn tables(regions: usize, switches: bool, rows: usize, driven: bool) -> FilterTables {
     let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<String>>();
     let (states, inputs) =

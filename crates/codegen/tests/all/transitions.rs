@@ -34,7 +34,7 @@ fn expected(most: u64) -> (Vec<u64>, Vec<f64>) {
     (counts, reals)
 }
 
-/// What a program prints, one number a line: counts, shares, dwells.
+/// Output of a program, one number a line: counts, shares, dwells.
 fn printed(program: &mut Command) -> Vec<String> {
     let output = program.output().expect("a program");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

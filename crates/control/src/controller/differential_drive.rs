@@ -6,8 +6,8 @@ use super::{ParameterError, check};
 
 /// Equation (2) of Buchan, Haldane, Fearing: no slip, the same effective radius on both sides.
 ///
-/// With z up and yaw to the left positive, the right side is the faster one in a left turn: `left = (v - d/2 w) / r`,
-/// `right = (v + d/2 w) / r`. (The paper's signs are for yaw to the right.)
+/// With z up and yaw to the left positive, the right side is the faster one in a left turn: `left = (v - d/2 w) / r`
+/// and `right = (v + d/2 w) / r`. (The paper's signs are for yaw to the right.)
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DifferentialDrive {
@@ -25,7 +25,7 @@ impl Default for DifferentialDrive {
 }
 
 impl DifferentialDrive {
-    /// Whether the parameters can be used.
+    /// Checks the parameters.
     ///
     /// # Errors
     /// A radius or a width that is not positive.

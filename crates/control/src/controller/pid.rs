@@ -43,10 +43,10 @@ impl Default for Pid {
 }
 
 impl Pid {
-    /// Whether the parameters can be used.
+    /// Checks the parameters.
     ///
     /// # Errors
-    /// A gain that is no number, a negative filter, limits in the wrong order.
+    /// A gain that is not finite, a negative filter, limits in the wrong order.
     pub fn validate(&self) -> Result<(), ParameterError> {
         for (name, gain) in [
             ("proportional", self.proportional),

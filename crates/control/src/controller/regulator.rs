@@ -10,9 +10,10 @@ use fleetfoot_dynamics::wrap;
 /// Stamps closer than this count as equal, s.
 const SAME: f64 = 1e-9;
 
-/// Feedback of states about a set point, with gains for every region of a partition: `u = u_i - K_i (x - x*) - L_i z - F_i (w - w*)` within limits, where i is
-/// the region of the present row, z the integral of the error of some states, and w what is measured beside the states. The error of a rotation q is that which turns its set point into it, the vector `Log(q*^-1 q)`, rad
-/// about the axes of the body.
+/// Feedback of states about a set point, with gains for every region of a partition:
+/// `u = u_i - K_i (x - x*) - L_i z - F_i (w - w*)` within limits. Here i is the region of the present row, z the
+/// integral of the error of some states, and w the measurements beside the states. The error of a rotation q is the
+/// vector `Log(q*^-1 q)`, rad about the axes of the body, which turns its set point into it.
 ///
 /// It is evaluated every `period` and held. At a limit the integral does not grow further outwards (conditional integration). Where no region holds, or something is missing, inputs and
 /// integrals stay as they are. It is plain data, so that the same law drives models, simulated robots and exported code.
@@ -28,13 +29,13 @@ pub struct Regulator {
     pub rotations: Vec<RegulatedRotation>,
     /// The inputs that are driven, m of them.
     pub inputs: Vec<DrivenInput>,
-    /// Further columns that are looked at, k of them.
+    /// Further columns that are read, k of them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub measured: Vec<MeasuredColumn>,
     /// Errors that are integrated, indices, q of them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub integrated: Vec<usize>,
-    /// How the region follows; `None`: there is one.
+    /// Choice of the region; `None`: there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub partition: Option<RegionChoice>,
     /// One a region.
@@ -47,11 +48,12 @@ pub struct Regulator {
 pub struct RegulatedState {
     /// Its column.
     pub name: String,
-    /// Where it is kept.
+    /// Its set point.
     pub at: f64,
-    /// How far from there is far: its standard deviation in training, 1 where that is not known. Exported code is tested within twice that.
+    /// Typical deviation: its standard deviation in training, 1 if that is unknown. Exported code is tested within
+    /// twice that.
     pub size: f64,
-    /// Whether its error is taken within half a turn.
+    /// True if its error is taken within half a turn.
     #[serde(default)]
     pub angle: bool,
 }
@@ -62,13 +64,13 @@ pub struct RegulatedState {
 pub struct RegulatedRotation {
     /// Its name.
     pub name: String,
-    /// How its columns write it.
+    /// Representation of the rotation in its columns.
     pub kind: RotationKind,
     /// Its columns, in the order of [`RotationKind::letters`].
     pub columns: Vec<String>,
-    /// Where it is kept, as its columns write it.
+    /// Its set point, in its columns.
     pub at: Vec<f64>,
-    /// How far from there is far, rad about each axis of the body: standard deviations in training, 1 where they are not known.
+    /// Typical deviation, rad about each axis of the body: standard deviations in training, 1 if they are unknown.
     pub size: [f64; 3],
 }
 
@@ -84,7 +86,7 @@ pub struct DrivenInput {
     pub highest: f64,
 }
 
-/// A column that is looked at.
+/// A further column that is read.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MeasuredColumn {
@@ -96,17 +98,17 @@ pub struct MeasuredColumn {
     pub size: f64,
 }
 
-/// How the region of a row follows: [`fleetfoot_model::Partition`] without what its regions are.
+/// Choice of a row's region: [`fleetfoot_model::Partition`] without the names of its regions.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RegionChoice {
-    /// What it looks at: expressions over columns.
+    /// Partition columns: expressions over columns.
     pub columns: Vec<String>,
     /// Subtracted from each.
     pub centre: Vec<f64>,
     /// Divides each.
     pub scale: Vec<f64>,
-    /// How the region follows.
+    /// Rule that gives the region.
     pub rule: Rule,
 }
 
@@ -132,7 +134,7 @@ impl RegionChoice {
         self.columns.iter().map(|text| Expr::parse(text, &Scope::open()).ok()).collect()
     }
 
-    /// The columns that it looks at, where they can be read at the present row.
+    /// The columns that it reads; `None` if they cannot be read at the present row.
     fn reads(&self) -> Option<Vec<String>> {
         let mut names: Vec<String> = Vec::new();
         for expression in self.parsed()? {
@@ -155,7 +157,7 @@ impl Regulator {
         self.states.iter().map(|state| state.name.clone()).chain(axes).collect()
     }
 
-    /// What is far of each error.
+    /// Typical deviation of each error.
     pub fn sizes(&self) -> Vec<f64> {
         self.states.iter().map(|state| state.size).chain(self.rotations.iter().flat_map(|own| own.size)).collect()
     }
@@ -190,7 +192,7 @@ impl Regulator {
         reads.into_iter().filter(|name| !known(name)).collect()
     }
 
-    /// What the region's columns are made of, compiled: for every leaf its place among what is read, or among the inputs behind these.
+    /// Compiled partition columns, with the place of every leaf among the read columns or the inputs behind them.
     fn compiled(&self) -> Option<Chooser> {
         let partition = self.partition.as_ref()?;
         let names: Vec<String> =

@@ -10,10 +10,11 @@ use fleetfoot_model::{
 use super::{Controller, ParameterError, RegulatedRotation, Regulator};
 
 impl Regulator {
-    /// The law as a model of its own memory: states are the inputs that it drives, then the integrals; inputs are the columns that it reads; a step is a sample. After a step
-    /// the first states are the commands.
+    /// The law as a model of its memory. States are the inputs that it drives, then the integrals; inputs are the
+    /// columns that it reads; a step is a sample. After a step the first states are the commands.
     ///
-    /// What the law leaves as it is where no region holds or something is missing, exported code leaves too: it gives a code, and its variable stays.
+    /// Without a region, or with a missing value, the law leaves its memory as it is. Exported code does the same: it
+    /// gives a code, and its variable stays.
     ///
     /// # Errors
     /// Those of [`Controller::validate`].
@@ -50,7 +51,7 @@ impl Regulator {
         Ok(model)
     }
 
-    /// Errors of states, integrals, and what is measured beside the set point.
+    /// Errors of states, integrals, and deviations of the further measurements from the set point.
     fn functions(&self, names: &Names) -> Vec<Expr> {
         let from = |name: &String, at: f64| {
             if at == 0.0 { Expr::column(name.as_str()) } else { Expr::column(name.as_str()) - at }
@@ -66,7 +67,7 @@ impl Regulator {
             .collect()
     }
 
-    /// The partition, with the sizes of states as what its regions saw.
+    /// The partition, with the sizes of states as the statistics of its regions.
     fn regions(&self) -> (Partition, Vec<RegionSummary>) {
         let own = self.sizes();
         let (n, q) = (own.len(), self.integrated.len());
@@ -102,7 +103,7 @@ impl Regulator {
         (partition, regions)
     }
 
-    /// What every input would be with the integrals as they are, and with them grown by a sample.
+    /// Value of every input with the present integrals, and with the integrals grown by a sample.
     fn latents(&self, names: &Names) -> Vec<Latent> {
         let n = self.sizes().len();
         let row = |law: &super::RegionLaw, j: usize, grown: bool| -> Vec<f64> {
@@ -165,7 +166,8 @@ impl Regulator {
         equations
     }
 
-    /// 1 where longer integrals would push an input, which is at its limit, further outwards; else 0. `None` where there is nothing to hold.
+    /// 1 if longer integrals would push an input, which is at its limit, further outwards; else 0. `None` without
+    /// integrals or limits.
     fn outwards(&self, names: &Names) -> Option<Expr> {
         let one = |(j, input): (usize, &super::DrivenInput)| {
             let now = || Expr::column(names.now[j].as_str());
@@ -182,9 +184,10 @@ impl Regulator {
     }
 }
 
-/// The vector that turns the set point of a rotation into what its columns say: twice the half angle along the vector part of `q*^-1 q`, the shorter way round.
+/// The vector that turns the set point of a rotation into its columns' rotation: twice the half angle along the vector
+/// part of `q*^-1 q`, the shorter way round.
 ///
-/// Where nothing is off the direction is none, and the least positive length in its place gives zero.
+/// Without an error there is no direction; the least positive length in its place gives zero.
 fn rotation_error(own: &RegulatedRotation) -> [Expr; 3] {
     let column = |part: usize| Expr::column(own.columns[part].as_str());
     let q = match own.kind {
@@ -211,7 +214,7 @@ fn rotation_error(own: &RegulatedRotation) -> [Expr; 3] {
     vector.map(|part| part * &scale)
 }
 
-/// What everything is called.
+/// Names of all columns of the model.
 struct Names {
     driven: Vec<String>,
     read: Vec<String>,

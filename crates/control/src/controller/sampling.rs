@@ -1,4 +1,4 @@
-//! A controller's clock: evaluated now and then, from what was seen a while ago.
+//! A controller's clock: evaluation at samples, from delayed measurements.
 
 use std::collections::VecDeque;
 
@@ -15,7 +15,7 @@ pub struct Sampling<const N: usize> {
 }
 
 impl<const N: usize> Sampling<N> {
-    /// Samples every `period` seconds from 0 on, each what there was `latency` seconds before.
+    /// Samples every `period` seconds from 0 on, each the value of `latency` seconds before.
     pub fn new(period: f64, latency: f64) -> Self {
         Self { period, latency, next: 0.0, seen: VecDeque::new() }
     }

@@ -6,9 +6,10 @@ use super::{ParameterError, check};
 
 /// Equation (1) of Buchan, Haldane, Fearing: forward velocity `(v_t - k_x x) / cos(yaw)` and yaw rate `-k_yaw yaw`, within limits.
 ///
-/// x is the robot's place along the belt (m, forward), v_t the belt's speed (m/s, backward), yaw its heading against the belt (rad). The paper's
-/// law does not look at the place y across the belt (m, to the left), so that errors of heading add up in it; with a gain `k_y` the robot heads
-/// for the middle line, `-k_yaw (yaw + k_y y)`. The paper's law has `k_y = 0`.
+/// x is the robot's place along the belt (m, forward), v_t the belt's speed (m/s, backward), yaw its heading against
+/// the belt (rad). The paper's law does not read the place y across the belt (m, to the left), so that errors of
+/// heading add up in it. With a gain `k_y` the robot heads for the middle line, `-k_yaw (yaw + k_y y)`. The paper's law
+/// has `k_y = 0`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Treadmill {
@@ -47,7 +48,7 @@ impl Default for Treadmill {
 }
 
 impl Treadmill {
-    /// Whether the parameters can be used.
+    /// Checks the parameters.
     ///
     /// # Errors
     /// A period that is not positive, limits in the wrong order, gains that are no numbers.

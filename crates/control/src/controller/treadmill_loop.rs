@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{Controller, ControllerState, ParameterError, Sampling, Treadmill, check};
 
-/// [`Treadmill`] as the controller of a rollout: II-F of Buchan, Haldane, Fearing, where the input is computed from the simulated state "using the
-/// same control law".
+/// [`Treadmill`] as the controller of a rollout: II-F of Buchan, Haldane, Fearing, which computes the input from the
+/// simulated state "using the same control law".
 ///
 /// A command is computed every `period` from the state as it was `latency` ago, and held. Until the first state of the trajectory itself has
 /// come through the latency, the recorded inputs of its start are held.
@@ -19,7 +19,7 @@ pub struct TreadmillLoop {
     pub latency: f64,
     /// The column of the place along the belt, m.
     pub x: String,
-    /// The column of the place across the belt, m; looked at where the law has a gain for it.
+    /// The column of the place across the belt, m; read if the law has a gain for it.
     pub y: String,
     /// The column of the heading against the belt, rad.
     pub yaw: String,
@@ -31,7 +31,7 @@ pub struct TreadmillLoop {
     pub u_w: String,
 }
 
-/// Where the belt's speed comes from.
+/// Source of the belt's speed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum TreadmillSpeed {

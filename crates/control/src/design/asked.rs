@@ -1,4 +1,4 @@
-//! What is asked of a regulator, checked, and by its place.
+//! Requests to a regulator, checked, and by the place of each coordinate.
 
 use fleetfoot_model::Model;
 

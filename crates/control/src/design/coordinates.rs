@@ -1,7 +1,9 @@
-//! The numbers that a regulator keeps: a state each, and three of every rotation, the vector that turns its set point into what it is, rad about the axes of the body.
+//! The numbers that a regulator keeps: one for a state, and three for a rotation. These three are the vector that turns
+//! its set point into it, rad about the axes of the body.
 //!
-//! About a point x a small error e of a rotation changes its parts by `E e`, and a change dx of the parts is the error `T dx`, with `T E = 1`; so a step `x+ = A x + B u + c` becomes `e+ = T A E e + T B u + ...`. What the parts of a
-//! quaternion do along their own length, which is no motion, is not in it, and no mode of it has to be reached by an input.
+//! About a point x a small error e of a rotation changes its parts by `E e`, and a change dx of the parts is the error
+//! `T dx`, with `T E = 1`. So a step `x+ = A x + B u + c` becomes `e+ = T A E e + T B u + ...`. Changes of a quaternion
+//! along its length are no motion. They are not in it, and no mode of it has to be reached by an input.
 
 use faer::Mat;
 use fleetfoot_data::nearest;
@@ -18,7 +20,7 @@ use crate::{
 /// Axes of a body.
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// How far from 1 the length of a quaternion may be that somebody writes down.
+/// Largest deviation from 1 of the length of a quaternion that a user writes down.
 const UNIT: f64 = 1e-3;
 
 /// One number.
@@ -30,7 +32,7 @@ pub(super) struct Coordinate {
     pub(super) of: Of,
 }
 
-/// What it is of.
+/// Subject of the number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Of {
     /// A state.
@@ -135,7 +137,7 @@ impl<'a> Coordinates<'a> {
         Affine { a: &to * &affine.a * &from, b: &to * &affine.b, c: (0..self.len()).map(|row| c[(row, 0)]).collect() }
     }
 
-    /// Which of `kept` (places of coordinates) a name is of: one, or all three of a rotation.
+    /// Places among `kept` (places of coordinates) that a name stands for: one, or all three of a rotation.
     pub(super) fn find(
         &self,
         of: &'static str,
@@ -164,7 +166,8 @@ impl<'a> Coordinates<'a> {
         Err(ControlError::Unknown { of, kind, name: name.to_owned(), hint: hint(name, &names) })
     }
 
-    /// Places of the coordinates that are not free: a rotation is kept or free as a whole, by its name or by those of all of its parts.
+    /// Places of the coordinates that are not free. A rotation is kept or free as a whole, by its name or by those of
+    /// all of its parts.
     pub(super) fn kept(&self, free: &[String]) -> Result<Vec<usize>, ControlError> {
         let mut is_free = vec![false; self.len()];
         let all: Vec<usize> = (0..self.len()).collect();
@@ -197,8 +200,9 @@ impl<'a> Coordinates<'a> {
         self.groups.iter().position(|group| group.places.contains(&state))
     }
 
-    /// Takes what a set point says of states for theirs, and tells which coordinates it gives. A rotation is given by all of its parts, or by `roll(NAME)`, `pitch(NAME)` and `yaw(NAME)`, rad, of
-    /// Rz(yaw) Ry(pitch) Rx(roll). What speaks of no state is handed back.
+    /// Sets states to their values in a set point, and marks the coordinates that it gives. A rotation is given by all
+    /// of its parts, or by `roll(NAME)`, `pitch(NAME)` and `yaw(NAME)`, rad, of Rz(yaw) Ry(pitch) Rx(roll). Entries of
+    /// other names are returned.
     pub(super) fn given(&self, setpoint: &[Named], x: &mut [f64]) -> Result<(Vec<bool>, Vec<Named>), ControlError> {
         let (mut given, mut rest) = (vec![false; self.len()], Vec::new());
         let mut turns: Vec<Turned> = vec![Turned::default(); self.groups.len()];
@@ -239,7 +243,7 @@ impl<'a> Coordinates<'a> {
     }
 }
 
-/// What a name that is none may have meant.
+/// Suggestion for an unknown name.
 fn hint(name: &str, known: &[&str]) -> String {
     match nearest(name, known.iter().copied()).as_slice() {
         [] => format!("there is {}", known.join(", ")),
@@ -247,7 +251,7 @@ fn hint(name: &str, known: &[&str]) -> String {
     }
 }
 
-/// What is said of a rotation.
+/// Values given for a rotation.
 #[derive(Debug, Clone, Copy, Default)]
 struct Turned {
     parts: [Option<f64>; 4],
@@ -255,7 +259,7 @@ struct Turned {
 }
 
 impl Turned {
-    /// The parts of the rotation that is said; `None` where nothing is.
+    /// The parts of the given rotation; `None` if none is given.
     fn parts(&self, group: &Group) -> Result<Option<Vec<f64>>, ControlError> {
         let half = || ControlError::HalfRotation { of: "setpoint", rotation: group.name.clone() };
         let (parts, angles) = (&self.parts[..group.places.len()], &self.angles);
@@ -295,7 +299,8 @@ impl Turned {
     }
 }
 
-/// The standard deviations of the turns of a rotation in training, rad about the axes of the body at their mean; 1 where they are not known.
+/// The standard deviations of the turns of a rotation in training, rad about the axes of the body at their mean; 1 if
+/// they are unknown.
 fn turns(pieces: &Pieces, model: &Model, group: usize) -> [f64; 3] {
     let (geometry, training) = (pieces.whole.geometry(), &model.training);
     let places = &geometry.groups[group].places;

@@ -5,7 +5,7 @@ use faer::{Mat, MatRef, linalg::solvers::Solve};
 use super::setpoint::shortest;
 use crate::linear::{Mode, Riccati, riccati, times, unreached_modes};
 
-/// What is left of a motion that a target should cancel, in sizes of states, below which it is cancelled.
+/// Remainder of a motion, in sizes of states, below which it counts as cancelled.
 const CANCELLED: f64 = 1e-9;
 /// The least weight of a state, of its inverse square size: states that cost nothing may be anywhere, but not everywhere.
 const LEAST_WEIGHT: f64 = 1e-3;
@@ -25,7 +25,7 @@ pub(super) struct Weights {
     pub(super) period: f64,
 }
 
-/// The law `u = -K e - L z`, and what follows from a constant disturbance.
+/// The law `u = -K e - L z`, and its answer to a constant disturbance.
 pub(super) struct Gains {
     /// m x n.
     pub(super) state: Mat<f64>,
@@ -99,11 +99,12 @@ impl Weights {
         })
     }
 
-    /// What a constant disturbance d of the step asks of the inputs, beside the feedback of errors about the set point (m), and whether the step can rest
-    /// under it.
+    /// Inputs (m) that a constant disturbance d of the step requires, beside the feedback of errors about the set
+    /// point. The flag is true if the step can rest under it.
     ///
-    /// First the nearest rest: the errors e and inputs v of least cost `e'Qe + v'Rv` with `(A - I) e + B v + d = 0`, held states without an error where that can
-    /// be; feedback then goes about e. What no rest cancels is met by the affine term of the optimal cost, `(R + B'XB)^-1 B' (I - (A - BK)')^-1 X d`.
+    /// First the nearest rest: the errors e and inputs v of least cost `e'Qe + v'Rv` with `(A - I) e + B v + d = 0`.
+    /// Held states have no error if that is possible. Feedback then goes about e. The affine term of the optimal cost,
+    /// `(R + B'XB)^-1 B' (I - (A - BK)')^-1 X d`, meets the part that no rest cancels.
     pub(super) fn answer(&self, gains: &Gains, a: MatRef<'_, f64>, b: MatRef<'_, f64>, d: &[f64]) -> (Vec<f64>, bool) {
         let (n, m) = b.shape();
         let own = |weight: f64, size: f64| 1.0 / weight.max(LEAST_WEIGHT / (size * size)).sqrt();

@@ -26,17 +26,17 @@ const TRUSTED: f64 = 1e-6;
 /// States take part in a mode from this share on.
 const TAKES_PART: f64 = 0.1;
 
-/// A regulator, and what is known of it.
+/// A regulator, with its certificates and notes.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Lqr {
     /// The law.
     pub regulator: Regulator,
-    /// Where it keeps the model.
+    /// Set point of the model.
     pub setpoint: SetPoint,
     /// One entry a law.
     pub regions: Vec<LqrRegion>,
-    /// What a person should know.
+    /// Notes for the user.
     pub notes: Vec<String>,
 }
 
@@ -50,9 +50,10 @@ pub struct SetPoint {
     pub inputs: Vec<Named>,
     /// The region that rests there; `None` where it is found for the mean of all.
     pub region: Option<usize>,
-    /// What moves there all the same: derivatives, or changes a sample, of the states that are kept.
+    /// Remaining motion there: derivatives, or changes a sample, of the states that are kept.
     pub drift: Vec<Named>,
-    /// Whether nothing does, as far as the model's numbers are known: what is left is within three of their standard errors.
+    /// True if the model rests there within its accuracy: the drift is within three standard errors of the model's
+    /// numbers.
     pub at_rest: bool,
 }
 
@@ -70,13 +71,13 @@ pub struct LqrRegion {
     pub radius: f64,
     /// Residual of the Riccati equation, relative to its solution.
     pub residual: f64,
-    /// Whether its submodel can rest near the set point.
+    /// True if its submodel can rest near the set point.
     pub rests: bool,
-    /// Whether its law is that of the set point, for want of an own one.
+    /// True if its law is that of the set point, because it has no law itself.
     pub borrowed: bool,
 }
 
-/// A model, and what of it is kept, driven and measured.
+/// A model, with the coordinates that are kept, driven and measured.
 struct Design<'a> {
     pieces: &'a Pieces,
     coordinates: Coordinates<'a>,
@@ -84,7 +85,7 @@ struct Design<'a> {
     period: f64,
     /// Places of the coordinates that are kept.
     kept: Vec<usize>,
-    /// Where the search for a set point begins, and which coordinates, then inputs, it gives.
+    /// Start of the search for a set point, and marks of the given coordinates, then inputs.
     start: Vec<f64>,
     given: Vec<bool>,
     /// Indices of the inputs that are driven.
@@ -98,7 +99,8 @@ struct Design<'a> {
 /// Finds the set point and the laws.
 ///
 /// # Errors
-/// [`Error::Control`]: names that the model has not, weights that cannot be, a set point that cannot be kept, a model that looks back; those of [`fleetfoot_dynamics::Stepper::new`].
+/// [`Error::Control`]: names that the model does not have, weights or a set point that are impossible, a model with
+/// lags. Those of [`fleetfoot_dynamics::Stepper::new`].
 pub fn lqr(model: &Model, options: &LqrOptions) -> Result<Lqr, Error> {
     let pieces = Pieces::new(model)?;
     let labelled = |index: usize| matches!(model.partitions[index].rule, Rule::Labels { .. });
@@ -266,7 +268,7 @@ impl<'a> Design<'a> {
         Ok((found, None))
     }
 
-    /// Says which inputs cannot be what the set point asks of them.
+    /// Notes the inputs whose limits the set point exceeds.
     fn tell_input_limits(&mut self, found: &Rest) {
         for (name, lowest, highest) in &self.options.limits {
             let own = self.driven.iter().find(|&&input| self.pieces.inputs[input] == *name);
@@ -463,7 +465,7 @@ impl<'a> Design<'a> {
     }
 }
 
-/// Where the search for a set point begins, states, then inputs, and which coordinates, then inputs, are given.
+/// Start of the search for a set point (states, then inputs), and marks of the given coordinates, then inputs.
 fn given(
     model: &Model,
     pieces: &Pieces,

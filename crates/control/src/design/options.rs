@@ -1,9 +1,9 @@
-//! What a regulator is to do.
+//! Options of a regulator.
 
 /// A number by name.
 pub type Named = (String, f64);
 
-/// What a regulator is to do.
+/// Options of a regulator.
 ///
 /// It minimises the sum over samples of `e'Qe + v'Rv`, e being the error of the states and v that of the inputs, Q and R diagonal.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -24,7 +24,7 @@ pub struct LqrOptions {
     pub free: Vec<String>,
     /// Seconds between commands; the model's sampling period where not given.
     pub period: Option<f64>,
-    /// Whether every region has its law.
+    /// Schedule of the laws: one for every region, or one for all.
     pub schedule: Schedule,
 }
 
@@ -36,6 +36,7 @@ pub enum Schedule {
     Auto,
     /// By region.
     Region,
-    /// One, of the mean of the regions' steps by their training rows: for regions that a cycle passes through too fast to rest in any, such as those of a stride.
+    /// One, of the mean of the regions' steps by their training rows. It suits regions that a cycle passes through too
+    /// fast to rest in any, such as those of a stride.
     Mean,
 }

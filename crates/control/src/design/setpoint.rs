@@ -12,9 +12,9 @@ const MOST_STEPS: usize = 100;
 const STILL: f64 = 1e-12;
 /// Singular values below this share of the largest one are taken for zero: the directions they belong to stay as they are.
 const DEPENDENT: f64 = 1e-10;
-/// What is left of the motion, in sizes of states (per second, or per sample), below which the model is at rest.
+/// Remaining motion, in sizes of states (per second, or per sample), below which the model is at rest.
 const AT_REST: f64 = 1e-7;
-/// Standard errors of the model's own numbers within which what is left cannot be told from rest.
+/// Standard errors of the model's numbers within which a remaining motion counts as rest.
 const DOUBTED: f64 = 3.0;
 
 /// A point where a submodel rests, or moves as little as it can.
@@ -22,24 +22,24 @@ const DOUBTED: f64 = 3.0;
 pub(super) struct Rest {
     pub(crate) x: Vec<f64>,
     pub(crate) u: Vec<f64>,
-    /// What moves all the same: derivatives (or, of a discrete model, changes a sample), one a coordinate.
+    /// Remaining motion: derivatives (or, of a discrete model, changes a sample), one a coordinate.
     pub(crate) drift: Vec<f64>,
-    /// What of it is motion: coordinates that neither stand still nor may do so for all that the submodel's rows tell.
+    /// Moving coordinates: those that neither stand still nor could do so within the standard errors of the submodel.
     pub(crate) moving: Vec<usize>,
-    /// Whether nothing is left but rounding.
+    /// True if only rounding remains.
     pub(crate) exact: bool,
 }
 
 impl Rest {
-    /// Whether the submodel rests there, as far as its numbers are known.
+    /// Returns true if the submodel rests there, within its accuracy.
     pub(crate) fn holds(&self) -> bool {
         self.moving.is_empty()
     }
 }
 
-/// What is asked of a set point.
+/// Requirements of a set point.
 pub(super) struct Wanted {
-    /// Where the search begins, and what is given.
+    /// Start of the search, with the given values.
     pub(crate) x: Vec<f64>,
     pub(crate) u: Vec<f64>,
     /// Coordinates, then inputs, that may be chosen.

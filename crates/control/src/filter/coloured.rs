@@ -1,4 +1,4 @@
-//! A step whose noise hangs on that of the steps before.
+//! A step whose noise is correlated with that of the steps before.
 
 use fleetfoot_stats::Autoregression;
 
@@ -6,7 +6,8 @@ use super::{Gaussian, StepMap};
 use fleetfoot_dynamics::geometry::Geometry;
 
 impl Gaussian {
-    /// One step on of n states and, behind them, of the whitened residuals of the last p rows, the newest first: `rho+ = Phi h + e`, then `x+ = A x + B u + c + sqrt(f) S rho+ + w`, w of covariance `f Q`.
+    /// One step of n states and, behind them, of the whitened residuals of the last p rows, the newest first.
+    /// `rho+ = Phi h + e`, then `x+ = A x + B u + c + sqrt(f) S rho+ + w`, w of covariance `f Q`.
     pub(super) fn coloured(
         &self,
         step: &StepMap,

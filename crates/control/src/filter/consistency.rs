@@ -1,4 +1,4 @@
-//! Whether a filter's deviations are what its errors are: normalised squares and their bands.
+//! Consistency of a filter: normalised squares of its errors, and their bands.
 
 use fleetfoot_data::EpisodeId;
 use fleetfoot_stats::BatchMeans;
@@ -44,7 +44,8 @@ fn chi_square(x: f64, freedom: usize) -> f64 {
     sum.min(1.0)
 }
 
-/// Squares that are chi-square numbers of so many degrees of freedom where a filter is consistent: of innovations (NIS) or of errors (NEES). What is kept does not grow with the rows.
+/// Squares that are chi-square numbers of so many degrees of freedom if a filter is consistent: of innovations (NIS) or
+/// of errors (NEES). Memory does not grow with the rows.
 #[derive(Debug, Clone)]
 pub struct Consistency {
     freedom: usize,
@@ -52,7 +53,8 @@ pub struct Consistency {
     inside: u64,
     rows: u64,
     sum: f64,
-    /// Sums of squares less the degrees of freedom, which are their mean where the filter is consistent, and of the squares of that: digits that a large mean would take stay.
+    /// Sums of the squares less the degrees of freedom, which are their mean if the filter is consistent, and sums of
+    /// the squares of that. The subtraction keeps digits that a large mean would cost.
     off: f64,
     spread: f64,
     /// Means of chunks, less the degrees of freedom.
@@ -87,12 +89,13 @@ impl Chunk {
 pub struct MeanBand {
     /// The mean.
     pub mean: f64,
-    /// Where 95 % of the means of a consistent filter lie, for as many independent rows as the squares' own correlation leaves.
+    /// The 95 % band of the means of a consistent filter, for as many independent rows as the squares' correlation
+    /// leaves.
     pub band: [f64; 2],
 }
 
 impl MeanBand {
-    /// Whether the mean lies in its band.
+    /// Returns true if the mean lies in its band.
     pub fn holds(&self) -> bool {
         (self.band[0]..=self.band[1]).contains(&self.mean)
     }
@@ -119,7 +122,7 @@ impl Consistency {
         self.freedom
     }
 
-    /// Adds squares of an episode in their order, all at once or some at a time; what is no number is left out.
+    /// Adds squares of an episode in their order, all at once or some at a time; NaN is left out.
     pub fn add(&mut self, episode: EpisodeId, squares: impl IntoIterator<Item = f64>) {
         if self.chunk.episode != episode {
             std::mem::replace(&mut self.chunk, Chunk::new(episode)).close(&mut self.means);

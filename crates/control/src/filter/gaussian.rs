@@ -26,7 +26,7 @@ impl Gaussian {
         Self { mean, covariance }
     }
 
-    /// Independent of these, the residuals of the rows before that the noise hangs on, as they are at any time.
+    /// Appends, independent of these, the residuals of the rows before, with their stationary distribution.
     pub(super) fn with_residuals(self, colour: &Autoregression) -> Self {
         let (n, behind) = (self.mean.len(), colour.targets() * colour.order());
         let entry = |i: usize, j: usize| match (i < n, j < n) {
@@ -91,8 +91,9 @@ impl Gaussian {
         Self { mean, covariance }
     }
 
-    /// Takes in the measurement of one state with a variance: gives the innovation and its variance. The covariance is that of Joseph's form, a sum of two
-    /// positive semidefinite terms (Bucy and Joseph, *Filtering for Stochastic Processes with Applications to Guidance*, 1968).
+    /// Takes in the measurement of one state with a variance; returns the innovation and its variance. The covariance
+    /// is that of Joseph's form, a sum of two positive semidefinite terms (Bucy and Joseph, *Filtering for Stochastic
+    /// Processes with Applications to Guidance*, 1968).
     pub(super) fn observe(&mut self, state: usize, value: f64, variance: f64, geometry: &Geometry) -> [f64; 2] {
         let n = self.mean.len();
         let innovation = geometry.wrapped(state, value - self.mean[state]);
@@ -147,7 +148,8 @@ impl Gaussian {
         Self { mean, covariance }
     }
 
-    /// The distribution of a part of this one: of `count` of the points that stand for its first n numbers, at these offsets from their mean. What stands behind them follows from them by regression.
+    /// The distribution of a part of this one: of `count` of the points that stand for its first n numbers, at these
+    /// offsets from their mean. The numbers behind them follow from them by regression.
     pub(super) fn around<'a>(
         &self,
         n: usize,
@@ -187,8 +189,9 @@ impl Gaussian {
         Self { mean, covariance }
     }
 
-    /// Mean and covariance of all numbers where the first n have another distribution, `centre` off and of this covariance: with W their regression on those, `h + W centre` and `P + W D W'`, D the change of
-    /// the first n's covariance.
+    /// Mean and covariance of all numbers after a change of the first n: `centre` off and of this covariance. With W
+    /// the regression of the others on those, they are `h + W centre` and `P + W D W'`, D the change of the first n's
+    /// covariance.
     fn followed(&self, mean: Vec<f64>, centre: &[f64], first: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let (n, all) = (mean.len(), self.mean.len());
         let (lower, behind) = (self.factor(n), all - n);

@@ -1,4 +1,4 @@
-//! Process noise: what the residuals of a region say.
+//! Process noise, from the residuals of a region.
 
 use faer::Mat;
 use fleetfoot_data::packed;
@@ -7,13 +7,14 @@ use fleetfoot_model::{Equation, Model, Partition, Prediction, RegionSummary, Sum
 use super::{FilterError, Gaussian, step_noise::StepNoise};
 use crate::pieces::Pieces;
 
-/// The share of a state's size that a step of a given equation may be off: what keeps covariances definite.
+/// Error of a step of a given equation, as a share of a state's size: it keeps covariances definite.
 const GIVEN: f64 = 1e-6;
 
-/// The noise of a region where all of it is white: the covariance of a step's of a discrete model, the spectral density of a continuous one.
+/// The white noise of a region: the covariance of a step of a discrete model, the spectral density of a continuous one.
 ///
-/// Residuals of derivatives that were measured over k rows are means over k steps of noise that is white, so that their variance is that of a step's by `k h^2`; a step's
-/// noise divided by h is the density. Few rows fit their own noise: a covariance over all rows is made one over the degrees of freedom.
+/// Residuals of derivatives that were measured over k rows are means over k steps of white noise. Their variance times
+/// `k h^2` is therefore that of a step; a step's noise divided by h is the density. Few rows fit their own noise: a
+/// covariance over all rows is corrected to one over the degrees of freedom.
 pub(super) fn white_noise(model: &Model, pieces: &Pieces, region: usize) -> Result<StepNoise, FilterError> {
     let n = pieces.states.len();
     let own = described(model, pieces).and_then(|(_, summary)| summary.regions.get(region));
@@ -44,11 +45,14 @@ pub(super) fn white_noise(model: &Model, pieces: &Pieces, region: usize) -> Resu
     }
 }
 
-/// The noise of a region whose residuals hang on those of the rows before: what the whitened residuals of a row become in the states, and the little that given equations may be off.
+/// The noise of a region whose residuals are correlated from row to row: the effect of a row's whitened residuals on
+/// the states, and a small error of given equations.
 ///
-/// What a residual is in a row it is over the whole step, as inputs are. Residuals of central differences are means over two rows; they do over many rows what those of one row do, and are somewhat smaller over one.
-/// `time`: rows that say as much as an independent one. Few rows fit their own noise, and what coefficients are off by it adds to that of other rows: the covariance is that of rows which did not train,
-/// `(n + p) / (n - p)` times that of those which did, n of them independent (Akaike, "Fitting autoregressive models for prediction", Ann. Inst. Statist. Math. 21, 1969).
+/// A residual of a row lasts over the whole step, as inputs do. Residuals of central differences are means over two
+/// rows: over many rows they act like those of one row, over one row they are somewhat smaller. `time`: rows that count
+/// as an independent one. Few rows fit their own noise, and the errors of the coefficients add to the noise of other
+/// rows. The covariance is therefore that of held-out rows: `(n + p) / (n - p)` times that of the training rows, n of
+/// them independent (Akaike, "Fitting autoregressive models for prediction", Ann. Inst. Statist. Math. 21, 1969).
 pub(super) fn coloured_noise(
     model: &Model,
     pieces: &Pieces,
@@ -83,7 +87,7 @@ pub(super) fn described<'m>(model: &'m Model, pieces: &Pieces) -> Option<(&'m Pa
     model.partitions.get(index).zip(model.summaries.get(index))
 }
 
-/// What makes a covariance over all rows one over the degrees of freedom.
+/// Factor from a covariance over all rows to one over the degrees of freedom.
 fn over_freedom(own: &RegionSummary) -> f64 {
     let (rows, spent) = (own.rows as f64, own.rank as f64 + 1.0);
     if rows > spent { rows / (rows - spent) } else { 1.0 }

@@ -9,9 +9,10 @@ const LEAST: usize = 128;
 /// Points a dimension, where that is more.
 const EACH: usize = 16;
 
-/// Points of the standard normal distribution in n dimensions (points x n): every coordinate has a value in each of as many strata of equal probability, in an order of its own
-/// (Latin hypercube: McKay, Beckman and Conover, "A comparison of three methods for selecting values of input variables", Technometrics 21, 1979), each point with its
-/// opposite, and scaled so that mean and covariance are 0 and I to rounding.
+/// Points of the standard normal distribution in n dimensions (points x n). Every coordinate has a value in each of as
+/// many strata of equal probability, in a separate order (Latin hypercube: McKay, Beckman and Conover, "A comparison of
+/// three methods for selecting values of input variables", Technometrics 21, 1979). Each point has its opposite, and
+/// all are scaled so that mean and covariance are 0 and I to rounding.
 pub(super) fn standard_points(n: usize) -> Vec<f64> {
     let half = LEAST.max(EACH * n) / 2;
     let strata: Vec<f64> = (0..half).map(|k| quantile((k as f64 + 0.5) / half as f64)).collect();

@@ -8,7 +8,8 @@ use crate::{
     pieces::Affine,
 };
 
-/// A step `x+ = A x + B u + c + S rho + w`, rho the whitened residuals that hang on those before, w white of covariance Q; matrices by rows.
+/// A step `x+ = A x + B u + c + S rho + w`, rho the whitened residuals that are correlated with those before, w white
+/// of covariance Q. Matrices by rows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StepMap {
     /// n x n.
@@ -51,9 +52,10 @@ fn by_rows(a: MatRef<'_, f64>) -> Vec<f64> {
     (0..a.nrows()).flat_map(|i| (0..a.ncols()).map(move |j| a[(i, j)])).collect()
 }
 
-/// What white noise of a spectral density S adds over `seconds`: the integral of `e^(A t) S e^(A' t)`, from the exponential of `[-A S; 0 A']` (Van Loan, "Computing integrals
-/// involving the matrix exponential", IEEE Trans. Automatic Control 23, 1978) over a part of the time in which that is well-conditioned, doubled as often as it
-/// takes: fast decays would overflow it.
+/// Covariance that white noise of a spectral density S adds over `seconds`: the integral of `e^(A t) S e^(A' t)`. It
+/// comes from the exponential of `[-A S; 0 A']` (Van Loan, "Computing integrals involving the matrix exponential", IEEE
+/// Trans. Automatic Control 23, 1978). The exponential is over a part of the time in which it is well-conditioned, and
+/// is doubled as often as needed: fast decays would overflow it.
 fn noise_over(a: MatRef<'_, f64>, density: &Mat<f64>, seconds: f64) -> Mat<f64> {
     let n = a.nrows();
     let length = norm(a) * seconds;

@@ -25,7 +25,8 @@ use crate::{
 
 /// A step this near to the model's own is its own, a share of it.
 const SAME_STEP: f64 = 1e-3;
-/// Probabilities of transitions are a mixture with this share of all regions alike: what was never seen is not impossible.
+/// Share of all regions alike that is mixed into the probabilities of transitions: an unseen transition is not
+/// impossible.
 pub(super) const FLOOR: f64 = 1e-3;
 /// Regions less probable than this take no part in a step.
 const LEAST: f64 = 1e-9;
@@ -34,18 +35,19 @@ const MOST_MISSING: f64 = 1e5;
 /// Slopes that differ by less, relative to the largest, are the same: the submodel is affine.
 const SAME_SLOPE: f64 = 1e-9;
 
-/// What a filter is to do.
+/// Options of a filter.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct FilterOptions {
-    /// What is measured; each state once.
+    /// Measured states, each once.
     pub measured: Vec<Measured>,
-    /// Where states begin that the first row does not measure: mean and standard deviation. Where not given, those of the training.
+    /// Initial mean and standard deviation of states that the first row does not measure; the default is those of the
+    /// training.
     pub initial: Vec<(String, f64, f64)>,
     /// The factor on the process noise, which is the residual covariance of the regions.
     pub process: ProcessFactor,
-    /// Whether the process noise hangs on that of the rows before.
+    /// Colour of the process noise: white, or correlated from row to row.
     pub noise: NoiseColour,
-    /// How one region follows another.
+    /// Rule by which one region follows another.
     pub switching: Switching,
 }
 
@@ -54,7 +56,7 @@ pub struct FilterOptions {
 pub struct Measured {
     /// Its name.
     pub state: String,
-    /// The standard deviation of a measurement; `None`: told row by row, or found from the innovations so far.
+    /// The standard deviation of a measurement; `None`: given row by row, or estimated from the innovations so far.
     pub deviation: Option<f64>,
 }
 
@@ -73,10 +75,10 @@ impl Default for ProcessFactor {
     }
 }
 
-/// Whether the process noise of a row hangs on that of the rows before.
+/// Colour of the process noise: white, or correlated from row to row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum NoiseColour {
-    /// Where the residuals of the model do.
+    /// Correlated if the residuals of the model are.
     #[default]
     Found,
     /// It does not.
@@ -85,7 +87,7 @@ pub enum NoiseColour {
     Coloured,
 }
 
-/// How one region follows another.
+/// Rule by which one region follows another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Switching {
     /// The region is where the state is: its probability is the mass that the state's distribution has there.
@@ -95,31 +97,34 @@ pub enum Switching {
     Transitions,
 }
 
-/// A filter for every region of a model, which exchange what they know (interacting multiple models: Blom and Bar-Shalom, "The interacting multiple model algorithm for
-/// systems with Markovian switching coefficients", IEEE Trans. Automatic Control 33, 1988).
+/// A filter for every region of a model, which exchange their estimates (interacting multiple models: Blom and
+/// Bar-Shalom, "The interacting multiple model algorithm for systems with Markovian switching coefficients", IEEE
+/// Trans. Automatic Control 33, 1988).
 ///
-/// The regions of a piecewise-affine model are functions of the state, and so are their transitions, as in Seah and Hwang, "State estimation for stochastic linear hybrid systems with
-/// continuous-state-dependent transitions", IEEE Trans. Aerospace and Electronic Systems 45, 2009. Here the hypothesis of a region is a normal distribution of which only what
-/// lies inside counts. A step carries its points along: those that cross a border go over to the region behind it, with their moments. A measurement moves the distribution, and the
-/// hypothesis is as much less probable as less of it lies in its region than before. Points are placed by the partition itself, whatever its rule.
+/// The regions of a piecewise-affine model are functions of the state, and so are their transitions (as in Seah and
+/// Hwang, "State estimation for stochastic linear hybrid systems with continuous-state-dependent transitions", IEEE
+/// Trans. Aerospace and Electronic Systems 45, 2009). Here the hypothesis of a region is a normal distribution of which
+/// only the part inside counts. A step carries its points along: those that cross a border go over to the region behind
+/// it, with their moments. A measurement moves the distribution. The hypothesis becomes less probable by the factor by
+/// which its part inside the region shrinks. Points are placed by the partition itself, whatever its rule.
 ///
 /// It is immutable, and shared by all recordings; a [`Track`](super::Track) is the memory along one.
 pub struct SwitchedFilter {
     pub(super) pieces: Pieces,
-    /// Where the states live.
+    /// Geometry of the states.
     pub(super) geometry: Geometry,
     /// Of every sensor: its state and its deviation.
     pub(super) sensors: Vec<(usize, Option<f64>)>,
     /// Mean and deviation of the states before the first row.
     pub(super) prior: (Vec<f64>, Vec<f64>),
     noise: Vec<StepNoise>,
-    /// What the whitened residuals of the rows before say of those of a row, where they do.
+    /// Autoregression of the whitened residuals, if they are correlated from row to row.
     colour: Option<Autoregression>,
     /// The steps of affine submodels, over the model's own period.
     steps: Option<Vec<StepMap>>,
     /// Points x states.
     points: Vec<f64>,
-    /// Probabilities from region to region, where these switch by themselves.
+    /// Probabilities from region to region, if these switch independent of the state.
     transitions: Option<Vec<Vec<f64>>>,
     pub(super) process: ProcessFactor,
     period: f64,
@@ -200,7 +205,7 @@ impl SwitchedFilter {
         &self.pieces.states
     }
 
-    /// What is given at every row.
+    /// Columns that are given at every row.
     pub fn inputs(&self) -> &[String] {
         &self.pieces.inputs
     }
@@ -225,7 +230,7 @@ impl SwitchedFilter {
         self.pieces.regions.iter().map(|piece| piece.name.as_str())
     }
 
-    /// Whether errors of a state are taken within half a turn.
+    /// Returns true if errors of a state are taken within half a turn.
     pub fn is_angle(&self, state: usize) -> bool {
         self.geometry.shapes[state] == Shape::Circle
     }
@@ -235,7 +240,8 @@ impl SwitchedFilter {
         if self.geometry.groups.is_empty() { values.to_vec() } else { self.geometry.aligned(states, values, mean) }
     }
 
-    /// What true values of some states are told by: states, and rotations of which all parts are there.
+    /// Components of the reported errors when `states` have true values: states, and rotations of which all parts are
+    /// there.
     fn told(&self, states: &[usize]) -> Vec<Component> {
         let there = |state: usize| states.contains(&state);
         let counts = |own: &Component| match *own {
@@ -245,7 +251,8 @@ impl SwitchedFilter {
         self.geometry.components().into_iter().filter(counts).collect()
     }
 
-    /// Degrees of freedom of errors of some states: three of a rotation, all of whose parts are among them, and none of one that lacks some.
+    /// Degrees of freedom of errors of some states: three for a rotation all of whose parts are among them, none for
+    /// one that lacks some.
     pub fn freedom(&self, states: &[usize]) -> usize {
         if self.geometry.groups.is_empty() {
             return states.len();
@@ -279,7 +286,7 @@ impl SwitchedFilter {
         apart.square(&(0..d).collect::<Vec<_>>(), &errors)
     }
 
-    /// What the sensors measured, as near to a mean as it can be written.
+    /// Measurements of the sensors, written as near to a mean as possible.
     pub(super) fn aligned_sensors(&self, measured: &[f64], mean: &[f64]) -> Vec<f64> {
         self.aligned(&self.sensors.iter().map(|&(state, _)| state).collect::<Vec<_>>(), measured, mean)
     }
@@ -289,17 +296,18 @@ impl SwitchedFilter {
         [self.prior.0[state], self.prior.1[state]]
     }
 
-    /// Whether the mean of a state in training is known, where it begins before it is measured.
+    /// Returns true if the training mean of a state is known, as a start before it is measured.
     pub fn has_mean(&self, state: usize) -> bool {
         self.pieces.seen[state].is_some()
     }
 
-    /// The steps of the regions over the model's period, their noise without the factor, where every submodel is affine; else they are made about the present mean, step by step.
+    /// The steps of the regions over the model's period, their noise without the factor, if every submodel is affine.
+    /// Else they are linearised about the present mean, step by step.
     pub fn steps(&self) -> Option<&[StepMap]> {
         self.steps.as_deref()
     }
 
-    /// The autoregression of whitened residuals that the process noise hangs on; `None` where it is white.
+    /// The autoregression of whitened residuals in the process noise; `None` if it is white.
     pub fn colour(&self) -> Option<&Autoregression> {
         self.colour.as_ref()
     }
@@ -388,14 +396,14 @@ impl SwitchedFilter {
         found.map(|&region| Some(region as usize).filter(|&region| region < self.regions())).collect()
     }
 
-    /// Whether the partition looks at inputs.
+    /// Returns true if the partition reads inputs.
     pub(super) fn regions_read_inputs(&self) -> bool {
         let Some(partition) = self.pieces.partition else { return false };
         let columns = &self.pieces.whole.model().partitions[partition].columns;
         columns.iter().any(|column| column.columns().iter().any(|name| self.inputs().iter().any(|own| **own == **name)))
     }
 
-    /// Whether regions follow from the state.
+    /// Returns true if regions follow from the state.
     pub(super) fn by_state(&self) -> bool {
         self.transitions.is_none() && self.regions() > 1
     }
@@ -424,7 +432,7 @@ impl SwitchedFilter {
         }
     }
 
-    /// Whether a step is the model's own: those of discrete models always are.
+    /// Returns true if a step has the model's period; steps of discrete models always have.
     fn is_own(&self, seconds: f64) -> bool {
         !self.pieces.continuous || (seconds / self.period - 1.0).abs() <= SAME_STEP
     }
@@ -443,7 +451,7 @@ impl SwitchedFilter {
         }
     }
 
-    /// Whether every submodel has the same slopes wherever it is asked.
+    /// Returns true if every submodel has the same slopes at all points.
     fn is_affine(&self) -> bool {
         let (n, all) = (self.states().len(), self.states().len() + self.inputs().len());
         let point = |turn: usize| -> Vec<f64> {
@@ -477,7 +485,7 @@ impl SwitchedFilter {
     }
 }
 
-/// The autoregression of the residuals, where it is asked and there is one.
+/// The autoregression of the residuals, on request and if there is one.
 fn colour(model: &Model, pieces: &Pieces, asked: NoiseColour) -> Result<Option<Autoregression>, FilterError> {
     let known = described(model, pieces).and_then(|(partition, _)| partition.correlation.as_ref());
     let found = || {
@@ -491,7 +499,7 @@ fn colour(model: &Model, pieces: &Pieces, asked: NoiseColour) -> Result<Option<A
     }
 }
 
-/// Refuses what is no positive number.
+/// Refuses a value that is not a positive number.
 fn positive(of: &'static str, name: &str, value: f64) -> Result<(), Error> {
     if value.is_finite() && value > 0.0 {
         return Ok(());

@@ -5,7 +5,7 @@
 pub struct FilterTables {
     /// Names of the n states.
     pub states: Vec<String>,
-    /// Whether a state is an angle.
+    /// True for a state that is an angle.
     pub angles: Vec<bool>,
     /// Names of the m inputs.
     pub inputs: Vec<String>,
@@ -19,7 +19,7 @@ pub struct FilterTables {
     pub c: Vec<Vec<f64>>,
     /// n x n: the covariance of a step's noise.
     pub q: Vec<Vec<f64>>,
-    /// What hangs on the rows before, where the noise is not white.
+    /// Correlation from row to row, if the noise is not white.
     pub colour: Option<FilterColour>,
     /// Of every sensor: the state that it measures, and its standard deviation.
     pub sensors: Vec<(usize, f64)>,
@@ -29,20 +29,21 @@ pub struct FilterTables {
     pub points: Vec<f64>,
     /// Probabilities from region to region, where these do not follow from the state.
     pub transitions: Option<Vec<Vec<f64>>>,
-    /// Whether the partition looks at inputs.
+    /// True if the partition reads inputs.
     pub regions_read_inputs: bool,
     /// Seconds of a step.
     pub period: f64,
 }
 
-/// Process noise that hangs on that of the rows before: an autoregression of order p of the q whitened residuals, matrices by rows.
+/// Process noise that is correlated from row to row: an autoregression of order p of the q whitened residuals, matrices
+/// by rows.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct FilterColour {
-    /// What the residuals of a row become in the states: n x q of every region.
+    /// Effect of a row's residuals on the states: n x q of every region.
     pub s: Vec<Vec<f64>>,
     /// q x (p q): by those of the row before, of the one before that, ...
     pub coefficients: Vec<f64>,
-    /// q x q: the covariance of what is new.
+    /// q x q: the covariance of its innovation.
     pub innovation: Vec<f64>,
     /// (p q) x (p q): the covariance of the residuals of p rows.
     pub stationary: Vec<f64>,

@@ -3,16 +3,17 @@
 use super::{Gaussian, ProcessFactor, SwitchedFilter, switched::Placing};
 use fleetfoot_dynamics::geometry::Geometry;
 
-/// The deviation of a sensor that the first rows go by, as a share of what is large for the state.
+/// First guess of a sensor's deviation, as a share of the state's typical size.
 const GUESS: f64 = 0.1;
 /// Rows that this guess counts for.
 const GUESSED: f64 = 10.0;
-/// Slope that the factor on the process noise begins with, rows: what it is moved by first.
+/// Initial slope of the factor on the process noise, rows: it damps the first steps.
 const FIRST_SLOPE: f64 = 20.0;
-/// A row moves that factor, and the deviation of a sensor, no more than this many times the expected square says: outliers are no noise.
+/// Limit of a row's effect on that factor, and on the deviation of a sensor, in expected squares: outliers are no
+/// noise.
 const MOST_OVER: f64 = 20.0;
 
-/// What a filter knows at a row.
+/// State of a filter at a row.
 pub struct Track {
     /// The probability of every region.
     weights: Vec<f64>,
@@ -35,13 +36,15 @@ pub struct Track {
 #[derive(Debug, Clone, Copy)]
 struct Process {
     factor: f64,
-    /// How much the normalised innovations so far would have changed with the logarithm; `None`: it is given.
+    /// Derivative of the normalised innovations so far by the logarithm of the factor; `None`: the factor is given.
     slope: Option<f64>,
 }
 
 impl Process {
-    /// A step of Newton's method towards the factor by which the squares of normalised innovations, `over` their number, have been what they should be (Robbins and Monro, "A stochastic
-    /// approximation method", Ann. Math. Statist. 22, 1951). Gains fall as 2/k, not 1/k, so that the k-th row counts k times: the first ones were judged by a factor that was wrong.
+    /// A step of Newton's method towards the factor that makes normalised innovations consistent, with `over` the
+    /// excess of their squares over their number (Robbins and Monro, "A stochastic approximation method", Ann. Math.
+    /// Statist. 22, 1951). Gains fall as 2/k, not 1/k, so that the k-th row counts k times: the first ones were judged
+    /// by a wrong factor.
     fn learn(&mut self, over: f64, slope: f64, sensors: f64) {
         if let Some(all) = &mut self.slope {
             *all += slope;
@@ -50,7 +53,8 @@ impl Process {
     }
 }
 
-/// The states under the hypothesis that they are in a region: a normal distribution, of which what lies outside does not count.
+/// The states under the hypothesis that they are in a region: a normal distribution, of which only the part inside
+/// counts.
 #[derive(Clone)]
 struct Mode {
     state: Gaussian,
@@ -59,13 +63,13 @@ struct Mode {
     places: Vec<Option<usize>>,
 }
 
-/// What is known of a sensor.
+/// State of a sensor.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sensor {
     /// The innovation at the present row, NaN for none, and its variance.
     innovation: f64,
     variance: f64,
-    /// The variance of its noise by the innovations so far, and what they tell of its logarithm.
+    /// The variance of its noise by the innovations so far, and their information about its logarithm.
     noise: Option<f64>,
     information: f64,
 }
@@ -76,9 +80,10 @@ impl Sensor {
         self.noise.unwrap_or((GUESS * size).powi(2))
     }
 
-    /// A step of Fisher's scoring towards the most likely variance of the noise, which was taken for `noise` where an innovation of the variance `all` was `off`: a square over its expectation
-    /// tells of the logarithm as far as noise is a share of it, so that rows before which the state was hardly known tell next to nothing. Gains are four times those of a mean, so that a guess that was a
-    /// hundred times too large is forgotten within some hundred rows.
+    /// A step of Fisher's scoring towards the most likely variance of the noise. It was taken for `noise` when an
+    /// innovation of the variance `all` was `off`. A square over its expectation is informative about the logarithm as
+    /// far as noise is a share of it, so that rows with an uncertain state count next to nothing. Gains are four times
+    /// those of a mean, so that a guess that was a hundred times too large is forgotten within some hundred rows.
     fn learn(&mut self, off: f64, noise: f64, all: f64) {
         let share = noise / all;
         self.information += share * share;
@@ -107,7 +112,7 @@ impl Mode {
         inside.max(0.5) / self.places.len() as f64
     }
 
-    /// What lies where a test says so, as a normal distribution; the whole, where all does or nothing.
+    /// Part of the distribution inside a test, as a normal distribution; the whole if all points or none are inside.
     fn part(&self, inside: &dyn Fn(usize) -> bool, geometry: &Geometry) -> Gaussian {
         let n = self.offsets.len().checked_div(self.places.len()).unwrap_or(0);
         let count = (0..self.places.len()).filter(|&point| inside(point)).count();
@@ -118,7 +123,8 @@ impl Mode {
         self.state.around(n, count, offsets.map(|(_, offset)| offset), geometry)
     }
 
-    /// Where this went from a region: probabilities and states by region, by what its points, which stood at `before`, have crossed. What stays is the whole, as it was.
+    /// Result of a step from a region: probabilities and states by the regions to which its points moved; `before` are
+    /// their regions before. The part that stays is the whole, unchanged.
     fn crossed(&self, from: usize, before: &[Option<usize>], geometry: &Geometry) -> Vec<(usize, f64, Gaussian)> {
         let began = |point: usize| before[point] == Some(from);
         // Where no point stood in the region, all of them count.
@@ -140,14 +146,15 @@ impl Mode {
 }
 
 impl SwitchedFilter {
-    /// Begins at a row: states that it measures at what it says, the others as known before.
+    /// Begins at a row: measured states at their measurements, the others at their prior.
     ///
-    /// `measured` and `deviations` have a number a sensor; NaN: missing, and not told.
+    /// `measured` and `deviations` have a number a sensor; NaN: missing, and not given.
     pub fn start(&self, measured: &[f64], deviations: &[f64]) -> Track {
         Track::new(self, measured, deviations)
     }
 
-    /// Passes to the next row, `seconds` later: `inputs` are those of the row before, held until then (NaN: as they were), `measured` and `deviations` those of the new one.
+    /// Passes to the next row, `seconds` later. `inputs` are those of the row before, held until then (NaN: unchanged);
+    /// `measured` and `deviations` are those of the new row.
     pub fn step(&self, track: &mut Track, inputs: &[f64], seconds: f64, measured: &[f64], deviations: &[f64]) {
         track.advance(self, inputs, seconds, measured, deviations);
     }
@@ -230,7 +237,7 @@ impl Track {
         self.sensors[sensor].variance
     }
 
-    /// The logarithm of the probability density of what the row measured, given all rows before.
+    /// The logarithm of the probability density of the row's measurements, given all rows before.
     pub fn log_likelihood(&self) -> f64 {
         self.log_likelihood
     }
@@ -255,7 +262,7 @@ impl Track {
         self.process.factor
     }
 
-    /// The variance of a measurement: told with it, or of its sensor, or found so far.
+    /// The variance of a measurement: given with it, or that of its sensor, or estimated so far.
     fn variance(&self, filter: &SwitchedFilter, sensor: usize, told: f64) -> f64 {
         let (state, deviation) = filter.sensors[sensor];
         let told = Some(told).filter(|told| told.is_finite() && *told > 0.0);
@@ -324,7 +331,7 @@ impl Track {
         (0..self.weights.len()).filter(|&region| self.weights[region] > 0.0).collect()
     }
 
-    /// The inputs of the step that begins; where the regions hang on them, the state changes its region with them.
+    /// The inputs of the step that begins; if the regions depend on them, the state changes its region with them.
     fn take_inputs(&mut self, filter: &SwitchedFilter, inputs: &[f64]) {
         let (mut held, mut changed) = (false, false);
         for (own, &input) in self.inputs.iter_mut().zip(inputs) {
@@ -360,7 +367,7 @@ impl Track {
         self.set(filter, next);
     }
 
-    /// The step of every region, and what crosses a border by it.
+    /// The step of every region, and the parts that cross a border by it.
     fn predict(&mut self, filter: &SwitchedFilter, seconds: f64) {
         let mut moved: Vec<(usize, Mode, Vec<Option<usize>>)> = Vec::new();
         let active = self.active();
@@ -384,7 +391,7 @@ impl Track {
         }
     }
 
-    /// Joins in every region what stayed there and what came.
+    /// Joins in every region the part that stayed there and the parts that came.
     fn join(&mut self, filter: &SwitchedFilter, moved: Vec<(usize, Mode, Vec<Option<usize>>)>) {
         let mut parts: Vec<Vec<(f64, Gaussian)>> = vec![Vec::new(); self.weights.len()];
         let mut stayed = true;
@@ -406,7 +413,7 @@ impl Track {
         self.set(filter, next);
     }
 
-    /// Takes over probabilities and states by region; what is hardly probable is dropped.
+    /// Takes over probabilities and states by region; improbable ones are dropped.
     fn set(&mut self, filter: &SwitchedFilter, next: Vec<(f64, Gaussian)>) {
         self.weights.iter_mut().zip(&next).for_each(|(own, (share, _))| *own = *share);
         filter.likely(&mut self.weights);

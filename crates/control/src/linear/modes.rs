@@ -10,7 +10,8 @@ use fleetfoot_stats::svd;
 
 use super::{is_finite, norm};
 
-/// A mode grows, or stays, where its eigenvalue is this near to the unit circle: what a defective pair of eigenvalues is known to.
+/// A mode grows, or stays, if its eigenvalue is this near to the unit circle: the accuracy of a defective pair of
+/// eigenvalues.
 const BORDER: f64 = 1e-7;
 /// A row of `[A - lambda, B]` below this share of |A| is rounding.
 const ROUNDING: f64 = 1e-13;
@@ -22,7 +23,7 @@ const DEPENDENT: f64 = 1e-9;
 pub struct Mode {
     /// Its eigenvalue, real and imaginary part (not negative).
     pub eigenvalue: [f64; 2],
-    /// How much every state takes part in it (n), the largest one 1: the left eigenvector, by absolute value.
+    /// Share of every state in it (n), the largest one 1: the left eigenvector, by absolute value.
     pub share: Vec<f64>,
 }
 
@@ -50,8 +51,8 @@ pub fn spectral_radius(a: MatRef<'_, f64>) -> Option<f64> {
     Some(eigenvalues(a)?.iter().map(|[re, im]| re.hypot(*im)).fold(0.0, f64::max))
 }
 
-/// The modes of `x+ = A x + B u` that do not decay and that u does not reach, by the test of Popov, Belevitch and Hautus: `[A - lambda I, B]` loses rank. None of
-/// them: the system is stabilisable.
+/// The modes of `x+ = A x + B u` that do not decay and that u does not reach, by the test of Popov, Belevitch and
+/// Hautus: `[A - lambda I, B]` loses rank. Without any the system is stabilisable.
 ///
 /// Rows are compared at unit length, which changes no rank: a short sampling period makes all that inputs do small.
 ///

@@ -20,18 +20,20 @@ pub struct Riccati {
     pub gain: Mat<f64>,
     /// `R + B'XB` (m x m): the cost of an input.
     pub weighed: Mat<f64>,
-    /// `|X - F(X)| / |X|`, F being the equation's right side: what the solution is certified by.
+    /// `|X - F(X)| / |X|`, F being the equation's right side: the certificate of the solution.
     pub residual: f64,
     /// The spectral radius of `A - B K`.
     pub radius: f64,
 }
 
-/// The regulator of `x+ = A x + B u` that minimises the sum of `x'Qx + u'Ru`, by structured doubling (Chu, Fan, Lin, Wang, "Structure-preserving algorithms for
-/// periodic discrete-time algebraic Riccati equations", Int. J. Control 77, 2004): it converges quadratically, keeps X symmetric, and divides by `I + G X` alone,
-/// where a Schur method divides by A or by a basis of the stable subspace.
+/// The regulator of `x+ = A x + B u` that minimises the sum of `x'Qx + u'Ru`, by structured doubling (Chu, Fan, Lin,
+/// Wang, "Structure-preserving algorithms for periodic discrete-time algebraic Riccati equations", Int. J. Control 77,
+/// 2004). It converges quadratically, keeps X symmetric, and divides by `I + G X` alone. A Schur method divides by A or
+/// by a basis of the stable subspace.
 ///
-/// Q (n x n) is positive semidefinite, R (m x m) positive definite. `None` where there is no finite solution: (A, B) is not stabilisable, or R is singular. Whether
-/// the solution stabilises is told by its radius: a mode on the unit circle that costs nothing is left as it is.
+/// Q (n x n) is positive semidefinite, R (m x m) positive definite. `None` without a finite solution: (A, B) is not
+/// stabilisable, or R is singular. The solution's radius decides if it stabilises: a mode on the unit circle that costs
+/// nothing is left unchanged.
 ///
 /// # Panics
 /// If the shapes disagree.
@@ -69,8 +71,8 @@ pub fn riccati(a: MatRef<'_, f64>, b: MatRef<'_, f64>, q: MatRef<'_, f64>, r: Ma
     Some(Riccati { residual: norm((&next - &x).as_ref()) / size, x, gain, weighed, radius })
 }
 
-/// The cost of a step with the best input, when what follows costs X, and the gain that is best: a sum of positive semidefinite terms
-/// (Joseph's form), so that nothing cancels.
+/// The cost of a step with the best input, if the later cost is X, and the best gain. It is a sum of positive
+/// semidefinite terms (Joseph's form), so that nothing cancels.
 fn cost(
     a: MatRef<'_, f64>,
     b: MatRef<'_, f64>,

@@ -32,7 +32,7 @@ fn robot() -> Model {
     )
 }
 
-/// Rows of a robot that stands off its place; the recorded inputs are not what the law would give.
+/// Rows of a robot that stands off its place; the recorded inputs differ from those of the law.
 fn recording(rows: usize) -> MemorySource {
     let column = |f: &dyn Fn(usize) -> f64| (0..rows).map(f).collect::<Vec<f64>>();
     let names = ["x", "yaw", "u_v", "u_w", "belt_speed"];

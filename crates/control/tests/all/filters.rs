@@ -142,8 +142,9 @@ fn filtered_means_are_those_of_all_measurements_at_once() {
     }
 }
 
-/// The mean and covariance of the last state given all measurements, of a model in one region whose whitened residuals have these autocovariances (of lag 0, 1, ...): by conditioning the normal
-/// distribution of everything, beginning and residuals of all rows. No autoregression, and no residual that is a state.
+/// The mean and covariance of the last state given all measurements, of a model in one region whose whitened residuals
+/// have these autocovariances (of lag 0, 1, ...). They come from conditioning the normal distribution of everything,
+/// beginning and residuals of all rows: no autoregression, and no residual among the states.
 fn conditioned(
     model: &Model,
     filter: &SwitchedFilter,
@@ -254,7 +255,7 @@ fn noise_that_hangs_on_the_rows_before_is_conditioned_as_all_of_it_at_once() {
     }
 }
 
-/// A walk in two regions, left and right of `x = border`, that pull to -1 and 1 and tell v what to do.
+/// A walk in two regions, left and right of `x = border`, that pull to -1 and 1 and drive v.
 pub(crate) fn jumping(border: f64, q: f64) -> Model {
     let columns =
         vec![column("x", Role::State, false), column("v", Role::State, false), column("u", Role::Input, false)];
@@ -317,7 +318,7 @@ pub(crate) fn simulated(
     states
 }
 
-/// How consistent a filter is over seeds.
+/// Consistency of a filter over seeds.
 #[derive(Debug)]
 struct Found {
     mean: MeanBand,

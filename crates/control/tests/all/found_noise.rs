@@ -47,7 +47,8 @@ fn noise_of_sensors_is_found_from_innovations_so_far() {
     assert!((found / 0.2 - 1.0).abs() < 0.06, "{found}");
 }
 
-/// A sensor that is far quieter than what is known of the states at first: rows before which the velocity was unknown are no measure of its noise.
+/// A sensor that is far quieter than the prior of the states: rows before which the velocity was unknown are no measure
+/// of its noise.
 #[test]
 fn noise_of_a_quiet_sensor_is_found_though_states_begin_unknown() {
     let columns = ["x", "v"].map(|name| column(name, Role::State, false));

@@ -105,7 +105,8 @@ fn double_integrator(b: f64) -> Vec<f64> {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
-    /// At any set point a satellite at rest is three double integrators: its gains are theirs, whatever the attitude and however it is written, and the law's code is the law.
+    /// At any set point a satellite at rest is three double integrators. Its gains are theirs, for any attitude and
+    /// representation, and the law's code is the law.
     #[test]
     fn gains_about_any_rotation_are_those_of_three_double_integrators(phi in prop::array::uniform3(-1.7f64..1.7)) {
         for kind in KINDS {
@@ -127,7 +128,7 @@ proptest! {
     }
 }
 
-/// A closed loop from here, the states in the end and whether it got there; inputs hold what they are recorded as.
+/// A closed loop from here: the final states, and true if it got there. Inputs hold their recorded values.
 fn closed(model: &Model, regulator: &Regulator, start: &[f64], inputs: &[f64], seconds: f64) -> (Vec<f64>, End) {
     let rows = (seconds / 0.01) as usize + 2;
     let names: Vec<&str> = model.columns.iter().map(|column| column.name.as_str()).collect();
@@ -175,7 +176,8 @@ fn a_satellite_turns_to_its_set_point_however_it_is_written() {
     assert!(apart(&ends[0], &ends[1]) < 1e-14 && apart(&ends[0], &ends[2]) < 1e-6, "{ends:?}");
 }
 
-/// A rotor in wind whose turning is commanded: the attitude that rests is found, its thrust against gravity and wind, and the loop keeps the place.
+/// A rotor in wind whose turning is commanded. The search gives the attitude at rest, its thrust against gravity and
+/// wind, and the loop keeps the place.
 #[test]
 fn the_attitude_that_rests_is_found() {
     for kind in KINDS {
@@ -243,7 +245,8 @@ fn the_attitude_that_rests_is_found() {
     }
 }
 
-/// Angles name a rotation, too, and a part of one alone is refused, as is a quaternion that is none; what is free is free as a whole.
+/// Angles name a rotation, too. A part of one alone is refused, as is a quaternion that is far from unit length; a
+/// rotation is free as a whole.
 #[test]
 fn rotations_are_given_and_left_free_as_a_whole() {
     let model = satellite(RotationKind::Quaternion);

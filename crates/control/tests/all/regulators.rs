@@ -28,7 +28,8 @@ fn mass() -> Model {
     model(columns, &[], Partition::whole(), vec![], &given)
 }
 
-/// Two regions by x or v: friction pulls back by 0.5 in one and pushes by 0.1 in the other, where the input is stronger, too.
+/// Two regions by x or v: friction pulls back by 0.5 in one and pushes by 0.1 in the other, which also has a stronger
+/// input.
 fn two_regions(by: &str, border: f64) -> Model {
     let columns =
         vec![column("x", Role::State, false), column("v", Role::State, false), column("u", Role::Input, false)];
@@ -116,7 +117,8 @@ fn every_region_has_its_law_and_its_own_answer_to_what_pulls_there() {
     assert!(mean.regulator.partition.is_none() && mean.regulator.laws.len() == 1);
 }
 
-/// A spring that becomes stiffer beyond x = 0.2, as samples: fitted maps of x and v, what they say of x at a standstill off by so much.
+/// A spring that becomes stiffer beyond x = 0.2, as samples: fitted maps of x and v, their prediction of x at a
+/// standstill off by so much.
 fn spring(off: f64) -> Model {
     let columns =
         vec![column("x", Role::State, false), column("v", Role::State, false), column("u", Role::Input, false)];
@@ -360,7 +362,7 @@ fn at_names(x: f64) -> Vec<(String, f64)> {
     vec![("x".to_owned(), x)]
 }
 
-/// The cost of a law by itself: the sum along its own closed loop, without any Riccati equation.
+/// The cost of a law: the sum along its closed loop, without any Riccati equation.
 fn paid(a: [[f64; 2]; 2], b: [f64; 2], gain: [f64; 2], q: [f64; 2], r: f64, start: [f64; 2]) -> f64 {
     let (mut x, mut sum) = (start, 0.0);
     for _ in 0..20_000 {

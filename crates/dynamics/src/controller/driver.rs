@@ -16,18 +16,18 @@ pub(crate) struct Driver {
     pub(crate) names: Vec<String>,
 }
 
-/// Where a value that the controller looks at comes from.
+/// Source of a value that the controller reads.
 pub(crate) enum Read {
     /// An advanced state.
     State(usize),
     /// A column of the recording.
     Recorded(usize),
-    /// What follows from these at the same row.
+    /// A value computed from others at the same row.
     Computed(Program, Vec<Read>),
 }
 
 impl Driver {
-    /// Whether the rows that the driven columns start from are finite.
+    /// Returns true if the rows that the driven columns start from are finite.
     pub(crate) fn is_complete(&self, window: &Window<'_>) -> bool {
         let finite = |&(column, most): &(usize, i32)| {
             window.values(column, -i64::from(most), 1).iter().all(|value| value.is_finite())
@@ -47,7 +47,7 @@ impl Driver {
     }
 }
 
-/// What a controller looks at along a trajectory.
+/// Values that a controller reads along a trajectory.
 enum Seen<'a> {
     State(usize),
     /// From the start on.
@@ -94,7 +94,7 @@ pub(crate) struct Drive<'a> {
 }
 
 impl Drive<'_> {
-    /// Computes the inputs of step `k`, which begins at `seconds` in the state that `states` tells.
+    /// Computes the inputs of step `k`, which begins at `seconds` with the values of `states`.
     #[inline]
     pub(crate) fn step(&mut self, k: usize, seconds: f64, states: impl Fn(usize) -> f64) {
         for (seen, read) in self.seen.iter_mut().zip(&self.reads) {

@@ -10,8 +10,8 @@ pub struct FreeRunScore {
     pub errors: OutputErrors,
 }
 
-/// Errors of one output in the output's unit or without one, as told. A run that ended early makes those of the model infinite: the rows that it did
-/// not reach have no prediction.
+/// Errors of one output, in the output's unit or without one. A run that ended early makes those of the model infinite:
+/// the rows that it did not reach have no prediction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct OutputErrors {
@@ -19,8 +19,8 @@ pub struct OutputErrors {
     pub rows: u64,
     /// Those of them that were not reached.
     pub lost: u64,
-    /// Root relative squared error `|y - yhat| / |y - mean(y)|` (2-norms over the rows, the mean that of these rows). NaN of a constant output: there is no
-    /// deviation that an error could be relative to.
+    /// Root relative squared error `|y - yhat| / |y - mean(y)|` (2-norms over the rows, the mean that of these rows).
+    /// NaN for a constant output, which has no deviation.
     pub rrse: f64,
     /// `100 (1 - rrse)`, percent: the FIT of system identification.
     pub fit: f64,

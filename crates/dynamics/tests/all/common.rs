@@ -30,7 +30,8 @@ pub(crate) fn source(names: &[&str], dt: f64, episodes: Vec<Vec<Vec<f64>>>) -> M
     source
 }
 
-/// What the regions of a model of `functions` functions and `targets` targets might have seen: unit covariances, wide ranges.
+/// Region summary of a model of `functions` functions and `targets` targets, as training might give it: unit
+/// covariances, wide ranges.
 pub(crate) fn region(name: &str, functions: usize, targets: usize) -> RegionSummary {
     RegionSummary {
         name: name.into(),

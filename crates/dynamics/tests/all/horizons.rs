@@ -33,7 +33,7 @@ fn a_perfect_model_is_useful_over_the_whole_horizon() {
     assert!(velocity.rmse[0] < 0.1 * persistence.rmse[0]);
 }
 
-/// A model that loses the first steps and wins the others is told to win these.
+/// A model that loses the first steps and wins the others is reported as better in these.
 #[test]
 fn the_spans_in_which_a_model_is_better_are_told_for_each_baseline() {
     // The recording stands still for a step and then rises by 1 a second; the model rises from the start, so the baselines win the first step alone.

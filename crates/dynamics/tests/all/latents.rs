@@ -1,4 +1,4 @@
-//! Models whose equations share latents, each with a library and a partition of its own: held against hand-computed values.
+//! Models whose equations share latents, each with a separate library and partition, against hand-computed values.
 
 use crate::common::{column, identity, parse, region, source};
 use fleetfoot_data::{Silent, Source};

@@ -1,4 +1,4 @@
-//! What models do: simulated, scored, closed.
+//! Tests of models: simulated, scored, closed.
 
 mod common;
 mod controllers;

@@ -1,4 +1,4 @@
-//! Latents with radial functions do what the same functions do that are written out in a library.
+//! Latents with radial functions equal those whose library has the same functions written out.
 
 use crate::common::*;
 use fleetfoot_data::{MemorySource, Silent, Source};

@@ -1,4 +1,5 @@
-//! Columns that follow from simulated ones are computed: an alias and its text give the same bits, whatever the recording says.
+//! Columns that follow from simulated ones are computed: an alias and its text give the same bits, whatever the
+//! recording has.
 
 use std::sync::Arc;
 
@@ -15,7 +16,7 @@ use fleetfoot_model::{Column, Model, Prediction, Role, Rule};
 
 const DT: f64 = 0.01;
 
-/// What the aliases stand for: over fields, and over the columns of the model.
+/// Definitions of the aliases: over fields, and over the columns of the model.
 const ALIASES: [(&str, &str, &str); 5] = [
     ("slip", "2*(/y*/v + /u)", "2*(y*v + u)"),
     ("gust", "wind*/v - cos(/y)", "wind*v - cos(y)"),
@@ -259,7 +260,7 @@ fn slopes_are_those_of_differences(
     }
 }
 
-/// u = -0.5 of what it reads.
+/// u = -0.5 times the column that it reads.
 #[derive(Debug)]
 struct Damper(&'static str);
 

@@ -424,8 +424,8 @@ fn the_same_bits_on_any_number_of_threads_and_in_any_grouping() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// Trajectories that advance together, each alone, and each by the general path: the same bits, whether they change regions, diverge, leave the domain, or need the
-    /// recording's last row.
+    /// Trajectories that advance together, each alone, and each by the general path have the same bits. They may change
+    /// regions, diverge, leave the training range, or need the recording's last row.
     #[test]
     fn trajectories_together_are_those_alone(
         (states, inputs, regions) in (1usize..20, 0usize..3, 1usize..60),
@@ -529,7 +529,7 @@ fn what_cannot_be_rolled_out_is_said() {
     assert!(matches!(error, Err(Error::NoHorizon)));
 }
 
-/// x' = x, seen up to 2: beyond it a trajectory goes on, ends, or grows by what the border gives.
+/// x' = x, with a training range up to 2. Beyond it a trajectory goes on, ends, or grows at the rate of the border.
 #[test]
 fn what_leaves_the_training_domain_is_told_ended_or_held() {
     let columns = vec![column("x", Role::State, false)];

@@ -1,4 +1,5 @@
-//! Rotations among the states: what a turning body does in closed form, what it conserves, and that nothing depends on how a rotation is written.
+//! Rotations among the states: closed forms and conserved quantities of a turning body. No result depends on the
+//! representation of a rotation.
 
 use std::f64::consts::{PI, TAU};
 
@@ -128,7 +129,8 @@ fn constant_rates_have_a_closed_form() {
     }
 }
 
-/// Energy and the size of the angular momentum belong to the rates; the momentum itself, in the axes of the world, is conserved where the attitude turns with them.
+/// Energy and the size of the angular momentum belong to the rates. The momentum itself, in the axes of the world, is
+/// conserved if the attitude turns with them.
 #[test]
 fn a_free_body_conserves_energy_and_momentum() {
     let adaptive = Integration::Adaptive(Tolerance { relative: 1e-11, ..Tolerance::default() });
@@ -214,7 +216,8 @@ fn rolled(kind: RotationKind, source: &MemorySource) -> Rollouts {
     rollout(&body(kind, false, false), source, &Starts::Even(9), &options, &Silent).unwrap()
 }
 
-/// Of a rotation there is one error, its angle; the score is that of the rotation vector under a covariance of three: 4 I of a quaternion whose parts have variances of 1.
+/// A rotation has one error, its angle. The score is that of the rotation vector under a covariance of three: 4 I for a
+/// quaternion whose parts have variances of 1.
 #[test]
 fn errors_are_angles() {
     for kind in [RotationKind::Quaternion, RotationKind::Vector] {

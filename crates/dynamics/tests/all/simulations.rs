@@ -1,4 +1,5 @@
-//! Simulations between given times: as exact as asked for, on the grid that the model has, each point by itself.
+//! Simulations between given times: within the tolerance, on the grid of the model, and each point independent of the
+//! others.
 
 use crate::common::{column, identity, parse, region};
 use fleetfoot_dynamics::{Course, Error, InputSequence, Integration, Method, Points, Stepper, Tolerance};

@@ -8,7 +8,8 @@ use fleetfoot_dynamics::{
 };
 use fleetfoot_model::{AffineMap, Equation, Latent, Model, Partition, Prediction, Role, Rule, Training};
 
-/// Two regions, two latents of one library, an angle, a lag, a product of latents, time, and an input: or the same as next values and differences.
+/// Two regions, two latents of one library, an angle, a lag, a product of latents, time, and an input. Or the same as
+/// next values and differences.
 fn model(prediction: [Prediction; 3]) -> Model {
     let columns = vec![
         column("v", Role::State, false),

@@ -1,4 +1,4 @@
-//! The best beginning of one segment at given parameters, and what it leaves of the derivatives.
+//! The best beginning of one segment at given parameters, and the derivatives without its part.
 
 // Matrices are capitals.
 #![allow(non_snake_case)]
@@ -41,18 +41,18 @@ pub(super) struct Residuals {
     pub(super) values: Vec<f64>,
     /// Of every value, whether it was measured.
     pub(super) there: Vec<bool>,
-    /// By the parameters, and the gains of what is compared (p).
+    /// By the parameters, and the gains of the compared states (p).
     pub(super) by_parameters: Mat<f64>,
     /// By the beginning (n).
     pub(super) by_beginning: Mat<f64>,
-    /// Sum of the squares of what was measured, in these units.
+    /// Sum of the squares of the measurements, in these units.
     pub(super) size: f64,
 }
 
 /// A segment at its best beginning.
 pub(super) struct Best {
     pub(super) beginning: Vec<f64>,
-    /// How the beginning moves with the parameters (n x p).
+    /// Derivatives of the beginning by the parameters (n x p).
     pub(super) response: Mat<f64>,
     /// The derivatives by the parameters are those that no beginning takes up.
     pub(super) residuals: Residuals,
@@ -89,7 +89,7 @@ impl Segment<'_> {
         self.stretches.simulate(self.block, self.stretch, beginning, self.gains)
     }
 
-    /// With the derivatives by the parameters where they are asked for.
+    /// Residuals, with the derivatives by the parameters on request.
     fn residuals(&self, beginning: &[f64], path: &StretchPath, parameters: bool) -> Residuals {
         let (n, rows) = (beginning.len(), self.stretch.steps + 1);
         let width = path.by_coefficients.len() / (rows * n);
@@ -126,7 +126,7 @@ impl Objective for Segment<'_> {
         1
     }
 
-    /// What the rows do not determine of a beginning stays as it was measured.
+    /// Parts of a beginning that the rows do not determine stay as measured.
     fn unknowns(&self) -> usize {
         0
     }
@@ -158,8 +158,9 @@ pub(super) fn products(J: MatRef<'_, f64>) -> Mat<f64> {
     J.transpose() * J
 }
 
-/// Takes out of the derivatives by the parameters what a beginning takes up, `S - U U'S` with U an orthonormal basis of the derivatives by the beginning; tells how the best beginning
-/// moves with the parameters. `None` where the decomposition fails.
+/// Takes the part that a beginning takes up out of the derivatives by the parameters: `S - U U'S` with U an orthonormal
+/// basis of the derivatives by the beginning. Returns the derivatives of the best beginning by the parameters. `None`
+/// if the decomposition fails.
 fn eliminate(residuals: &mut Residuals) -> Option<Mat<f64>> {
     let (J, S) = (&residuals.by_beginning, &mut residuals.by_parameters);
     let (n, p) = (J.ncols(), S.ncols());

@@ -1,6 +1,8 @@
-//! What residuals that last for several rows say of the covariance (Morelli and Klein, Accuracy of aerodynamic model parameters estimated from flight test data, 1997).
+//! Covariance of parameters under residuals that are correlated over several rows (Morelli and Klein, Accuracy of
+//! aerodynamic model parameters estimated from flight test data, 1997).
 //!
-//! With the reduced derivatives S of all rows, in units of the noise, the estimate errs by `(S'S)^-1 S' v`, whatever the noise v is, and so its covariance is
+//! With the reduced derivatives S of all rows, in units of the noise, the estimate errs by `(S'S)^-1 S' v`, whatever
+//! the noise v is. So its covariance is
 //!
 //! ```text
 //! (S'S)^-1 (sum_i sum_j S_i' R(i - j) S_j) (S'S)^-1
@@ -26,13 +28,13 @@ const MOST_LAGS: usize = 5_000;
 /// Lags that must look white behind the last one that does not.
 const WHITE_LAGS: usize = 20;
 
-/// What the residuals show.
+/// Correlation of the residuals.
 pub(super) struct Coloured {
     /// The middle of the covariance (p x p).
     pub(super) middle: Mat<f64>,
     /// Rows over which residuals are correlated.
     pub(super) memory: usize,
-    /// Whether they are to the end of the lags that were looked at, or nearly.
+    /// True if they are correlated up to the longest lag that is tried, or nearly.
     pub(super) lasting: bool,
     /// Mean products of the residuals of a row, in units of the noise (outputs x outputs).
     pub(super) of_a_row: Mat<f64>,
@@ -75,7 +77,8 @@ fn covariances(series: &[Series], m: usize, most: usize) -> Vec<Vec<f64>> {
     (0..=most).map(of_lag).collect()
 }
 
-/// The last lag at which some output's residuals are correlated by more than three times the deviation of white ones, before as many lags in which they look white.
+/// The last lag at which some output's residuals are correlated by more than three times the deviation of white ones.
+/// As many lags in which they look white must follow.
 fn memory(covariances: &[Vec<f64>], m: usize, rows: usize) -> usize {
     let level = 3.0 / (rows as f64).sqrt();
     let coloured = |lag: usize| (0..m).any(|a| (covariances[lag][a * m + a] / covariances[0][a * m + a]).abs() > level);

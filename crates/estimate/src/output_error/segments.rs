@@ -33,7 +33,7 @@ pub(super) struct Segments<'a> {
     source: &'a dyn Source,
     options: &'a OutputErrorOptions,
     progress: &'a dyn Progress,
-    /// Of the parameters, then of the outputs' gains where there are some: what is searched for.
+    /// Bounds of the unknowns: the parameters, then the outputs' gains if there are some.
     bounds: Vec<[f64; 2]>,
     limits: Option<Limits>,
     /// Without bounds, one a state.
@@ -47,9 +47,9 @@ pub(super) struct Segments<'a> {
     least: Vec<f64>,
     segments: Vec<Stretch>,
     missing: usize,
-    /// From where beginnings are searched for: what was found at the best parameters so far.
+    /// Starting points of the beginnings: those at the best parameters so far.
     known: Mutex<Known>,
-    /// Whether beginnings are searched for to the last digits.
+    /// True to search for beginnings to the last digits.
     pub(super) exact: bool,
     passes: AtomicUsize,
 }
@@ -63,7 +63,7 @@ struct Known {
     responses: Vec<Mat<f64>>,
 }
 
-/// What a search has found beside parameters, and goes on from.
+/// State of a search beside the parameters, from which it goes on.
 #[derive(Clone)]
 pub(super) struct Standing {
     deviations: Vec<f64>,
@@ -82,7 +82,7 @@ struct Part {
     size: f64,
 }
 
-/// What is known at the end.
+/// Results at the end of a search.
 pub(super) struct Last {
     pub(super) beginnings: Vec<Begun>,
     pub(super) series: Vec<Series>,
@@ -170,19 +170,19 @@ impl<'a> Segments<'a> {
         Standing { deviations: self.deviations.clone(), known }
     }
 
-    /// Goes on from there.
+    /// Continues from there.
     pub(super) fn stand(&mut self, standing: Standing) {
         self.deviations = standing.deviations;
         *self.known.get_mut().unwrap_or_else(PoisonError::into_inner) = standing.known;
     }
 
-    /// Costs of other noise are no measure of what was best.
+    /// Forgets the best cost: costs of other noise cannot be compared.
     pub(super) fn forget(&mut self) {
         self.known.get_mut().unwrap_or_else(PoisonError::into_inner).cost = f64::INFINITY;
     }
 
-    /// The deviations of maximum likelihood, from what the outputs have of the cost: of each its sum of squares, then how many numbers; and the largest share by which one
-    /// differs from what it was.
+    /// The deviations of maximum likelihood, from the shares of the outputs in the cost: of each its sum of squares,
+    /// then the number of residuals. Also the largest relative change of a deviation.
     pub(super) fn deviations_of(&self, shares: &[f64]) -> (Vec<f64>, f64) {
         let (squares, counts) = shares.split_at(self.outputs.len());
         let deviation = |at: usize| self.deviations[at] * (squares[at] / counts[at].max(1.0)).sqrt();
@@ -330,7 +330,7 @@ impl Objective for Segments<'_> {
     }
 }
 
-/// Which states are compared.
+/// Numbers of the compared states.
 fn outputs(states: &[String], named: &[String]) -> Result<Vec<usize>, EstimateError> {
     let place = |name: &String| {
         let unknown = || EstimateError::NoState { name: name.clone(), states: states.join(", ") };
@@ -339,7 +339,7 @@ fn outputs(states: &[String], named: &[String]) -> Result<Vec<usize>, EstimateEr
     if named.is_empty() { Ok((0..states.len()).collect()) } else { named.iter().map(place).collect() }
 }
 
-/// How far the outputs spread: where the noise begins.
+/// Spread of the outputs: the starting value of the noise.
 struct Spread {
     sums: Vec<[f64; 3]>,
 }

@@ -1,12 +1,15 @@
 //! Sequential convex programs within a region of trust (Nocedal and Wright, Numerical Optimization, 2006, sections 18.2 and 18.5).
 //!
-//! A step solves the program whose constraints are linearised where the iteration stands, the objective being quadratic as it is. The merit is the objective and
-//! nu |zeta|_1, nu above every multiplier; a step is taken where it brings a fair part of what the program promised. Where it does not, the constraints are corrected to
-//! second order once, and then the region shrinks. Near a minimum the promise is of second order in what is missing, and drowns in the merit's rounding when half of the
-//! digits are right: from there on steps are taken as long as the certificate, which is of first order, gets better. Curvature of the constraints is left out of the
-//! programs: it matters by as much as the model and the recording disagree.
+//! A step solves the program whose constraints are linearised at the present place; the objective is quadratic already.
+//! The merit is the objective and nu |zeta|_1, nu above every multiplier. A step is taken if it brings a fair part of
+//! the reduction that the program promised. If not, the constraints are corrected to second order once, and then the
+//! region shrinks. Near a minimum the promise is of second order in the remaining distance, and drowns in the merit's
+//! rounding when half of the digits are right. From there on steps are taken as long as the certificate, which is of
+//! first order, gets better. Curvature of the constraints is left out of the programs: it matters by as much as the
+//! model and the recording disagree.
 //!
-//! Columns are counted in their deviations here, in which the objective weighs all of them alike; the region of trust and the certificate of the constraints in spreads.
+//! Columns are counted in their deviations here, in which the objective weighs all of them alike. The region of trust
+//! and the certificate of the constraints are in spreads.
 
 use super::{
     Certificate, Ending, Scale,
@@ -18,16 +21,17 @@ use crate::{
     transcription::{Defects, Transcription},
 };
 
-/// Where the iteration ends: defects in spreads, and stationarity.
+/// Convergence limits: defects in spreads, and stationarity.
 const DEFECT: f64 = 1e-10;
 const STATIONARY: f64 = 1e-8;
 /// The region at first, and where it is given up, in spreads.
 const RADIUS: [f64; 2] = [1.0, 1e-9];
-/// The share of what was promised that a step must bring.
+/// The share of the promised reduction that a step must bring.
 const TAKEN: f64 = 1e-3;
 /// The share of the merit below which a promise is not to be seen in it.
 const DROWNED: f64 = 1e-9;
-/// Parts of the gradient that are smaller, in deviations, count as this: what is 0 but for rounding has no largest part.
+/// Parts of the gradient that are smaller, in deviations, count as this: a part that is 0 but for rounding needs a
+/// floor.
 const LEAST_PART: f64 = 1e-4;
 
 /// A recording followed.
@@ -39,7 +43,7 @@ pub(super) struct Followed {
     pub(super) programs: usize,
 }
 
-/// Where the iteration stands.
+/// Place of the iteration.
 struct Place {
     z: Vec<f64>,
     /// In units of the deviations.
@@ -64,7 +68,7 @@ struct Search<'a> {
     radius: f64,
     nu: f64,
     programs: usize,
-    /// Where a step that the merit could not judge came from.
+    /// Origin of a step that the merit could not judge.
     before: Option<(Place, Vec<f64>, Certificate)>,
 }
 
@@ -129,7 +133,7 @@ impl<'a> Search<'a> {
         Ok(None)
     }
 
-    /// Takes a step, corrects it or shrinks the region, as the merit says.
+    /// Takes a step, corrects it or shrinks the region, by the merit.
     fn judged(&mut self, slope: &[f64], found: Step, promised: f64) -> Result<Option<Ending>, EstimateError> {
         let (problem, place, nu) = (self.problem, &self.place, self.nu);
         let length = problem.length(&found.step);
@@ -157,7 +161,7 @@ impl<'a> Search<'a> {
 }
 
 impl Certificate {
-    /// How far from where a minimum is told, which is at 1 and below.
+    /// Distance from a certified minimum, which is at 1 and below.
     fn of_minimum(&self) -> f64 {
         (self.dynamics / DEFECT).max(self.stationarity / STATIONARY)
     }
@@ -172,7 +176,7 @@ impl<'a> Problem<'a> {
         Self { transcription, own, scale, weights, n: transcription.states() }
     }
 
-    /// What the column of a place may be off: its unit.
+    /// Unit of a place's column: its deviation.
     fn unit(&self, at: usize) -> f64 {
         self.scale.deviations[at % self.scale.deviations.len()]
     }
@@ -200,7 +204,7 @@ impl<'a> Problem<'a> {
         step.iter().enumerate().map(own).fold(0.0, f64::max)
     }
 
-    /// From the defects, and what the multipliers are thought to be.
+    /// Step from the defects and the expected multipliers.
     fn step(
         &self,
         place: &Place,
@@ -227,7 +231,7 @@ impl<'a> Problem<'a> {
         place.objective + nu * place.defects.values.iter().map(|value| value.abs()).sum::<f64>()
     }
 
-    /// What the defects' rounding does to the merit: they are differences of states.
+    /// Effect of the defects' rounding on the merit: they are differences of states.
     fn rounding(&self, place: &Place, nu: f64) -> f64 {
         let c = self.scale.spreads.len();
         let own = |at: usize| if at % c < self.n { (place.z[at] / self.unit(at)).abs() } else { 0.0 };
@@ -244,7 +248,7 @@ impl<'a> Problem<'a> {
         lowered + nu * (sum(&place.defects.values) - sum(&left))
     }
 
-    /// Where a step leads; no place where the model has no value.
+    /// End of a step; `None` if the model has no value there.
     fn moved(&self, place: &Place, step: &[f64]) -> Option<Place> {
         let c = self.scale.spreads.len();
         let moved = |at: usize| {
@@ -254,7 +258,7 @@ impl<'a> Problem<'a> {
         self.at((0..place.z.len()).map(moved).collect())
     }
 
-    /// Where a step leads, and what share of what was promised it brings.
+    /// End of a step, and the share of the promised reduction that it brings.
     fn tried(&self, place: &Place, found: &Step, promised: f64, nu: f64) -> (f64, Option<Place>) {
         match self.moved(place, &found.step) {
             Some(next) => ((self.merit(place, nu) - self.merit(&next, nu)) / promised, Some(next)),
@@ -262,7 +266,7 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// The step with what the constraints did beyond their linear part taken into account.
+    /// The step, corrected for the second-order change of the constraints.
     fn corrected(
         &self,
         (place, tried): (&Place, &Place),
@@ -277,7 +281,7 @@ impl<'a> Problem<'a> {
         Ok(next.filter(|_| ratio >= TAKEN).map(|next| (ratio, next)))
     }
 
-    /// How far a place with these multipliers is from a minimum.
+    /// Distance from a minimum of a place with these multipliers.
     fn certificate(&self, place: &Place, multipliers: &[f64]) -> Certificate {
         let c = self.scale.spreads.len();
         let slope = self.slope(&place.z);

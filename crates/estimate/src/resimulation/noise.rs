@@ -1,15 +1,13 @@
-//! How far columns are off, from a recording beside the model: the noise of inputs and states under which it is likeliest.
+//! Deviations of columns, from a recording and the model: the noise of inputs and states with the greatest likelihood.
 //!
-//! Along the recording the constraints are linear in what is wrong with it: e = x - y of the states, and w = u - v of the inputs, held over an interval,
+//! Along the recording the constraints are linear in its errors: e = x - y of the states, and w = u - v of the inputs,
+//! held over an interval,
 //!
 //! ```text
 //! e_k+1 = Phi_k e_k + Gamma_k w_k - b_k,    0 = e_k + noise
 //! ```
 //!
-//! with independent w of variances q, and noise of variances r. The variances of maximum likelihood are approached by expectation and maximisation (Shumway and Stoffer
-//! 1982), the smoother being that of Bryson and Frazier with one scalar measurement at a time: no covariance is inverted. Such steps are short where a variance is on its
-//! way to a border: they are lengthened as long as the likelihood grows (Salakhutdinov and Roweis 2003).
-//! What the model is off by for many rows is told by both, as it explains the recording better.
+//! An error of the model that lasts for many rows counts in both, as it explains the recording better.
 
 // Matrices are capitals.
 #![allow(non_snake_case)]
@@ -20,15 +18,15 @@ use crate::{recorded::Recorded, transcription::Transcription};
 
 /// Steps of expectation and maximisation, at most.
 const STEPS: usize = 300;
-/// Where they end: no step changes the logarithm of a variance by more.
+/// Convergence limit: the largest change of the logarithm of a variance.
 const SETTLED: f64 = 1e-3;
 /// By how much steps are lengthened from one to the next, and at most.
 const LONGER: [f64; 2] = [1.5, 100.0];
-/// Where they begin, as a share of the spread: states and inputs. From free inputs there is no plateau.
+/// Starting deviations as shares of the spread: states and inputs. From free inputs there is no plateau.
 const BEGIN: [f64; 2] = [0.03, 1.0];
 /// No column is known better than this share of its spread.
 const LEAST: f64 = 1e-3;
-/// Rows of a recording that tell its noise, at most.
+/// Rows of a recording from which its noise is estimated, at most.
 const MOST_ROWS: usize = 2_000;
 
 /// A recording as a linear system, in units of the spreads.
@@ -41,7 +39,7 @@ struct System {
     measured: Vec<bool>,
 }
 
-/// What a scalar measurement did to the belief: the gain (n), and what was predicted of it with its variance.
+/// Update of the belief by a scalar measurement: the gain (n), and the innovation with its variance.
 struct Update {
     state: usize,
     gain: Vec<f64>,
@@ -84,7 +82,7 @@ pub(super) fn variances(transcription: &Transcription, own: &Recorded, spreads: 
     Some(variances)
 }
 
-/// Within what a share of the spread may be.
+/// Limits a share of the spread to its allowed range.
 fn held(variance: f64) -> f64 {
     variance.clamp(LEAST * LEAST, 1.0)
 }
@@ -114,7 +112,8 @@ impl System {
         Some(Self { n, m: c - n, steps, measured })
     }
 
-    /// The logarithm of the likelihood of variances, but for a constant, and one step from them: those that are likeliest for what is expected under them.
+    /// The logarithm of the likelihood of variances, but for a constant, and one step from them: the likeliest
+    /// variances for the expected errors under them.
     fn maximised(&self, variances: &[f64]) -> (f64, Vec<f64>) {
         let (n, m) = (self.n, self.m);
         let beliefs = self.forward(variances);

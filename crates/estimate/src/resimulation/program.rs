@@ -5,8 +5,9 @@
 //! such that   zeta + J d = s,    low <= d <= high
 //! ```
 //!
-//! all in units of the columns' deviations. Most steps need neither s nor the bounds: s is 0 unless the region of trust leaves no step that satisfies the constraints, and a
-//! step of the equations alone that stays within the bounds is the solution.
+//! all in units of the columns' deviations. Most steps need neither s nor the bounds. s is 0 unless the region of trust
+//! leaves no step that satisfies the constraints, and a step of the equations alone that stays within the bounds is the
+//! solution.
 
 use clarabel::{
     algebra::CscMatrix,
@@ -17,9 +18,9 @@ use fleetfoot_data::checkpoint;
 use crate::EstimateError;
 use crate::transcription::Defects;
 
-/// What the solver aims at; what it reaches is judged by the certificate.
+/// Tolerance of the solver; the certificate judges the result.
 const TOLERANCE: f64 = 1e-10;
-/// How far outside of a bound a step may end, in deviations, before it is put on it.
+/// Largest distance beyond a bound, in deviations, at which a step is put on it.
 const NEAR: f64 = 1e-10;
 /// The least unit of a program with bounds: in a smaller one they would be far away.
 const BOUNDED_UNIT: f64 = 1e-3;
@@ -36,7 +37,8 @@ pub(super) struct Program<'a> {
     pub(super) defects: &'a Defects,
     /// zeta (intervals x states).
     pub(super) values: &'a [f64],
-    /// What the multipliers are thought to be (intervals x states): the solver is asked for what is missing to them, which has as many digits as it has.
+    /// Expected multipliers (intervals x states). The solver computes the remainder, which then has as many digits as
+    /// the solver gives.
     pub(super) known: &'a [f64],
     pub(super) low: &'a [f64],
     pub(super) high: &'a [f64],
@@ -51,7 +53,7 @@ pub(super) struct Step {
     pinned: Vec<(usize, f64)>,
 }
 
-/// What a program is solved with.
+/// Kind of a program.
 #[derive(Clone, Copy, PartialEq)]
 enum Kind {
     Equations,
@@ -92,7 +94,7 @@ impl Program<'_> {
         Ok(Step { step, multipliers, pinned: Vec::new() })
     }
 
-    /// With some components of the step pinned to bounds; `None` where there is no solution.
+    /// Solves with some components of the step pinned to bounds; `None` without a solution.
     fn solve(&self, kind: Kind, pinned: &[(usize, f64)]) -> Result<Option<Step>, EstimateError> {
         let (count, constraints) = (self.slope.len(), self.values.len());
         let elastic = matches!(kind, Kind::Elastic(_));
@@ -160,7 +162,8 @@ impl Program<'_> {
         CscMatrix::new(size, size, starts, places, self.weights.to_vec())
     }
 
-    /// The constraints by columns: those of the interval before a row, those of the interval behind it, pins, bounds; of s its place among the constraints, and its sign.
+    /// The constraints by columns: those of the interval before a row, those of the interval behind it, pins, bounds.
+    /// Of s its place among the constraints, and its sign.
     fn matrix(&self, pinned: &[(usize, f64)], bounds: usize, slack: usize) -> CscMatrix {
         let (n, c, count, constraints) = (self.states, self.columns, self.slope.len(), self.values.len());
         let equal = constraints + pinned.len();
@@ -195,8 +198,8 @@ impl Program<'_> {
     }
 }
 
-/// The unit of a program's right sides. The step and the multipliers are proportional to them, and the solver's tolerance is one of numbers of the order of 1: in this
-/// unit a small step has as many digits as a large one.
+/// The unit of a program's right sides. The step and the multipliers are proportional to them, and the solver's
+/// tolerance is for numbers of the order of 1. In this unit a small step has as many digits as a large one.
 fn unit<'a>(sides: impl Iterator<Item = &'a f64>, least: f64) -> f64 {
     let largest = sides.fold(least, |largest, value| largest.max(value.abs()));
     if largest > 0.0 { largest } else { 1.0 }

@@ -15,7 +15,7 @@ use crate::{
     step::rank_level,
 };
 
-/// What is evaluated for every target: its functions, their slopes, itself.
+/// Expressions that are evaluated for every target: its functions, their slopes, itself.
 pub(super) struct Layer {
     layout: Layout,
     bounds: Vec<[f64; 2]>,
@@ -68,7 +68,7 @@ pub(super) struct Projected<'a> {
     rows: Rows<'a>,
 }
 
-/// What is left of one target at its best coefficients, without weight.
+/// Residual of one target at its best coefficients, without weight.
 struct Left {
     /// `-P D c` (m x q).
     jacobian: Mat<f64>,
@@ -134,8 +134,8 @@ impl Objective for Projected<'_> {
 }
 
 impl Task {
-    /// Solves for the coefficients, of least norm in units of the functions' lengths, and takes what the functions explain out of the target and
-    /// the slopes.
+    /// Solves for the coefficients, of least norm in units of the functions' lengths. Takes the part that the functions
+    /// explain out of the target and the slopes.
     fn project(&self, rows: &Unfolded, q: usize) -> Result<Left, EstimateError> {
         let (m, p) = (rows.rhs.len(), self.functions);
         let length = |j: usize| norm(rows.columns.col_as_slice(j).iter().copied());

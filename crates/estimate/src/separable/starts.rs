@@ -5,9 +5,9 @@ use crate::Parameter;
 /// Bounds further apart than this are filled evenly in the logarithm.
 const DECADE: f64 = 10.0;
 
-/// The initial values, and `count` points between the bounds: even for one parameter, for several the additive recurrence with the generalised
-/// golden ratio (Roberts, The unreasonable effectiveness of quasirandom sequences, 2018). Parameters without finite bounds, or without room
-/// between them, stay.
+/// The initial values, and `count` points between the bounds: even for one parameter. For several they follow the
+/// additive recurrence with the generalised golden ratio (Roberts, The unreasonable effectiveness of quasirandom
+/// sequences, 2018). Parameters without finite bounds, or without room between them, stay.
 pub(super) fn points(parameters: &[Parameter], count: usize) -> Vec<Vec<f64>> {
     let initial: Vec<f64> = parameters.iter().map(|parameter| parameter.initial).collect();
     let moving = |parameter: &Parameter| {

@@ -1,4 +1,5 @@
-//! Variable projection beside the joint problem, what filters' constants are recovered to, and whether the standard errors cover them.
+//! Variable projection beside the joint problem, the recovered constants of filters, and the coverage of their standard
+//! errors.
 
 use fleetfoot_data::{Column, Halo, MemorySource, Silent, Source, mix, with_threads};
 use fleetfoot_library::{Filtered, Scope};
@@ -127,8 +128,8 @@ fn exact_data_give_exact_constants() {
 
 const REPLICATES: usize = 400;
 
-/// 95 % intervals of many replicates cover the truth as often as they should: the share has a standard error of 0.011, and five standard
-/// errors of a parameter are exceeded once in thousands of such studies.
+/// 95 % intervals of many replicates cover the truth as often as they should. The share has a standard error of 0.011,
+/// and five standard errors of a parameter are exceeded once in thousands of such studies.
 fn covers(truth: f64, replicate: impl Fn(u64) -> Uncertain + Sync) {
     let one = |seed| Ok::<_, EstimateError>(replicate(seed as u64));
     let all = fleetfoot_data::parallel_map(REPLICATES, &Silent, one).unwrap();

@@ -1,21 +1,26 @@
 //! Simulation error over many coefficients, J'J never formed, near to the coefficients that it begins with.
 //!
-//! What is minimised over the coefficients theta, from those of one step theta_1, is
+//! The objective over the coefficients theta, with theta_1 those of one step, is
 //!
 //! ```text
 //! F(theta) = |r(theta)|^2 + tau |theta - theta_1|_H^2
 //! ```
 //!
-//! with H the normal matrix of one step, by blocks of the coefficients that a latent has in a region. The second term is what the error of one step grows by, tau times: the more coefficients there
-//! are, the more directions are told by few segments, and there the model stays what the rows say of one step. A path of falling tau begins each where the one before ended.
+//! with H the normal matrix of one step, by blocks of the coefficients that a latent has in a region. The second term
+//! is tau times the growth of the one-step error. With more coefficients, more directions depend on few segments, and
+//! there the model stays near that of one step. A path of falling tau begins each time at the end of the one before.
 //!
-//! A trial step minimises `|r + J s|^2 + tau |theta + s - theta_1|_H^2` over a Krylov subspace of `H^-1 J'J`, from the gradient on, within a region of trust `|s|_H <= radius`: the
-//! steps of truncated conjugate gradients, preconditioned by H (Steihaug, The conjugate gradient method and trust regions in large scale optimization, 1983). A direction of the subspace is one
-//! product `J'J v`, one pass over the rows, of which a part of the segments tells enough (Byrd, Chin, Neveitt and Nocedal, On the use of stochastic Hessian information in optimization methods for
-//! machine learning, 2011); a step that is refused is tried again, shorter, in the same subspace. H is the preconditioner, the metric of trust and that of the prior.
+//! A trial step minimises `|r + J s|^2 + tau |theta + s - theta_1|_H^2` over a Krylov subspace of `H^-1 J'J`, from the
+//! gradient on, within a region of trust `|s|_H <= radius`. These are the steps of truncated conjugate gradients,
+//! preconditioned by H (Steihaug, The conjugate gradient method and trust regions in large scale optimization, 1983). A
+//! direction of the subspace is one product `J'J v`, one pass over the rows, for which a part of the segments suffices
+//! (Byrd, Chin, Neveitt and Nocedal, On the use of stochastic Hessian information in optimization methods for machine
+//! learning, 2011). A step that is refused is tried again, shorter, in the same subspace. H is the preconditioner, the
+//! metric of trust and that of the prior.
 //!
-//! Where a model has to keep within a convex set ([`Hold`]), the quadratic model is minimised in the set by spectral projected gradients in the metric H, one product `J'J v` a direction, and a trial
-//! step goes the way to the point that they end at, as far as the radius says: all points on that way are of the set.
+//! A model may have to keep within a convex set ([`Hold`]). The quadratic model is then minimised in the set by
+//! spectral projected gradients in the metric H, one product `J'J v` a direction. A trial step goes towards their end
+//! point, as far as the radius allows: all points on that way are of the set.
 
 // Matrices are capitals.
 #![allow(non_snake_case)]
@@ -35,11 +40,12 @@ use crate::{EstimateError, Status, descent::radius_after};
 
 /// Numbers in the blocks of H, of which every chunk in flight has a copy in the first pass: 128 MiB.
 pub const MOST_PRODUCTS: usize = 1 << 24;
-/// How a model of many coefficients is fitted.
+/// Options of a fit of many coefficients.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct ManyOptions {
-    /// Weights tau of the error of one step, falling, in squares of the steps of a segment: what N steps add up.
+    /// Weights tau of the one-step error, falling, in squares of the steps of a segment: the growth of an error over N
+    /// steps.
     pub weights: Vec<f64>,
     /// Trial steps of every weight, at most.
     pub trials: usize,
@@ -47,11 +53,12 @@ pub struct ManyOptions {
     pub directions: usize,
     /// Relative reduction of F below which a weight is done.
     pub reduction: f64,
-    /// Residuals a coefficient that the curvature of a step is told by, about: of more segments one of so many is taken, and counts for them. The sum of squares and its derivative are those of all.
+    /// Residuals per coefficient that determine the curvature of a step, about. Of more segments one of so many is
+    /// taken, and counts for them. The sum of squares and its derivative are those of all.
     pub sample: f64,
 }
 
-/// Of so many segments one tells the curvature, at most.
+/// Largest thinning of the segments that determine the curvature.
 const SPARSEST: f64 = 16.0;
 
 impl Default for ManyOptions {
@@ -69,7 +76,8 @@ impl ManyOptions {
 
 /// A convex set of models.
 pub trait Hold: Sync {
-    /// The model of the set that is nearest by the normal matrix of one step, which has a row more for every block; `None` where none is found.
+    /// The model of the set that is nearest by the normal matrix of one step, which has a row more for every block.
+    /// `None` without such a model.
     fn nearest(&self, model: &Model, normal: &NormalBlocks) -> Option<Model>;
 }
 
@@ -130,7 +138,7 @@ pub(super) fn path(
     Ok(found)
 }
 
-/// The numbers of functions that a model uses somewhere, zeros among them: what keeps within a set need not keep zeros.
+/// The numbers of functions that a model uses somewhere, zeros among them: a member of the set may have other zeros.
 fn in_use(model: &Model) -> Vec<Coefficient> {
     let used = |coefficient: &Coefficient| {
         let library = model.latents[coefficient.latent].library;
@@ -149,7 +157,7 @@ struct Rows<'a> {
     options: &'a SimulationOptions,
     progress: &'a dyn Progress,
     passes: usize,
-    /// Of so many segments one tells the curvature.
+    /// Thinning of the segments that determine the curvature.
     every: usize,
 }
 
@@ -164,7 +172,7 @@ struct Pass {
 }
 
 impl Rows<'_> {
-    /// What the segments leave, and the normal matrix of one step.
+    /// Sums over the segments, and the normal matrix of one step.
     fn begin(&mut self, theta: &[f64], blocks: NormalBlocks) -> Result<(Pass, NormalBlocks), EstimateError> {
         let mut found = self.pass(theta, None, Some(&blocks))?;
         let normal = found.normal.take().unwrap_or(blocks);
@@ -247,7 +255,8 @@ impl Pass {
     }
 }
 
-/// The normal matrix with a row more for every block, in which every function stands at the root of its mean square over all rows: where a region has seen less than that its coefficients stay.
+/// The normal matrix with a row more for every block, in which every function stands at the root of its mean square
+/// over all rows. In a region with fewer values than that, coefficients stay.
 fn raised(normal: NormalBlocks, coefficients: &[Coefficient], rows: u64) -> NormalBlocks {
     let name = |at: usize| (coefficients[at].latent, coefficients[at].function);
     let mut totals = BTreeMap::new();
@@ -283,7 +292,7 @@ impl Metric {
         out
     }
 
-    /// `L' x`: what is as long as x is by H.
+    /// `L' x`: the vector whose length is that of x by H.
     fn up(&self, x: &[f64]) -> Vec<f64> {
         self.each(x, |L, x| *x = L.transpose() * &*x)
     }
@@ -304,7 +313,7 @@ impl Metric {
     }
 }
 
-/// Where a descent stands.
+/// State of a descent.
 struct Near<'a> {
     rows: Rows<'a>,
     metric: &'a Metric,
@@ -339,8 +348,9 @@ impl Near<'_> {
         self.at.back.iter().zip(pull).map(|(own, pull)| own + self.tau * pull).collect()
     }
 
-    /// A bound of the certificate: the cosine of the angle between the residual of F and any direction of the coefficients that a latent has in a region. The length of
-    /// the Jacobian along it is at least that of the prior. Of a model that is held, by the step of projected gradients in place of the gradient.
+    /// A bound of the certificate: the cosine of the angle between the residual of F and any direction of the
+    /// coefficients that a latent has in a region. The length of the Jacobian along it is at least that of the prior.
+    /// For a held model the step of projected gradients takes the place of the gradient.
     fn certificate(&self) -> f64 {
         let (gradient, cost) = (self.gradient(), self.cost(&self.theta, &self.at));
         let mut slope = self.metric.slope(&gradient);
@@ -365,7 +375,7 @@ impl Near<'_> {
         Some(coefficients.iter().map(|coefficient| coefficient.value(&found)).collect())
     }
 
-    /// Steps until F falls by less than what was asked for.
+    /// Steps until F falls by less than the tolerance.
     fn run(&mut self) -> Result<Status, EstimateError> {
         let mut trials = 0;
         loop {
@@ -408,7 +418,7 @@ impl Near<'_> {
         }
     }
 
-    /// Relative reduction of F below which there is no more to be had; rounding has some.
+    /// Relative reduction of F below which it is rounding.
     fn least(&self) -> f64 {
         self.options().reduction.max(4.0 * f64::EPSILON)
     }

@@ -1,6 +1,7 @@
-//! How the constraints of Hermite and Simpson move with the coefficients of a model.
+//! Derivatives of the constraints of Hermite and Simpson by the coefficients of a model.
 //!
-//! A coefficient c of a function phi in the derivative of the state s moves f at both rows and in the middle, and the middle itself:
+//! A coefficient c of a function phi in the derivative of the state s moves f at both rows and in the middle. It moves
+//! the middle itself too:
 //!
 //! ```text
 //! d zeta_i/dc = -h/6 (phi_0 + 4 phi_m + phi_1) [i = s] - h^2/12 A_m[i, s] (phi_0 - phi_1)
@@ -16,10 +17,10 @@ use crate::{
     transcription::{Middles, Transcription},
 };
 
-/// Functions of coefficients, compiled over states and what is replayed.
+/// Functions of coefficients, compiled over states and replayed columns.
 pub(super) struct Candidates {
     program: Program,
-    /// Of every leaf: a state, or behind them what is replayed; `None`: time.
+    /// Of every leaf: a state, or behind them a replayed column; `None`: time.
     leaves: Vec<Option<usize>>,
     /// Of every coefficient the output of the program, and the state whose derivative it is in.
     entries: Vec<(usize, usize)>,
@@ -126,7 +127,8 @@ fn state_of(model: &Model, transcription: &Transcription, latent: &str) -> Resul
     state.ok_or_else(|| EstimateError::NotAdditive { latent: latent.to_owned() })
 }
 
-/// The model with every column that its functions read, and that is no state, among its inputs: which of them are read does not change with the coefficients then.
+/// The model with every column that its functions read, other than states, among its inputs. The set of read columns
+/// then does not change with the coefficients.
 pub(super) fn with_inputs(model: &Model) -> Model {
     let mut model = model.clone();
     let read: Vec<_> = model.libraries.iter().flatten().flat_map(|function| function.columns()).collect();

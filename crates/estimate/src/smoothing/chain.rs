@@ -1,8 +1,9 @@
 //! Least squares over a chain of states with a border of coefficients, by reflectors.
 //!
-//! The states z_k of a trajectory are eliminated one after the other from the rows that see them (a square-root information filter: Bierman, "Factorization Methods for
-//! Discrete Sequential Estimation", 1977, chapter VI): of each is left `R z_k + U z_k+1 + V c + rho = 0`, rows on z_k+1 and c are carried on, and rows on c alone are
-//! handed out. No normal matrix is formed, and work and memory grow with the rows.
+//! The states z_k of a trajectory are eliminated one after the other from their rows (a square-root information filter:
+//! Bierman, "Factorization Methods for Discrete Sequential Estimation", 1977, chapter VI). Each leaves
+//! `R z_k + U z_k+1 + V c + rho = 0`. Rows on z_k+1 and c are carried on, and rows on c alone are handed out. No normal
+//! matrix is formed, and work and memory grow with the rows.
 
 use faer::Mat;
 use fleetfoot_stats::{
@@ -38,8 +39,8 @@ impl Rows {
         2 * self.states + self.border
     }
 
-    /// Reflects the rows so that each of the first columns is zero below a row of its own, and tells how many rows these are: a next state that too little has been seen of
-    /// has fewer. `None` where nothing sees a column of the state itself.
+    /// Reflects the rows so that each of the first columns is zero below one row. Returns the number of these rows; a
+    /// next state with too few measurements has fewer. `None` if a column of the state itself has no row.
     fn reduce(&mut self, columns: usize) -> Option<usize> {
         let (stride, count) = (self.stride, self.count());
         let mut dots = vec![0.0; stride];
@@ -115,7 +116,7 @@ impl Row<'_> {
     }
 }
 
-/// What rows say of the coefficients: `|R dc + rho|^2 + residual`.
+/// Objective of the coefficients, from the rows: `|R dc + rho|^2 + residual`.
 #[derive(Debug, Clone)]
 pub(super) struct Border {
     /// R, then rho (p x (p + 1)).
@@ -161,7 +162,7 @@ impl Border {
 pub(super) struct Eliminated {
     states: usize,
     border: usize,
-    /// What is left of every state, n rows of two states, the border and the right side; empty where it is not kept.
+    /// Eliminated equations of every state: n rows of two states, the border and the right side; empty if not kept.
     heads: Vec<f64>,
     pub(super) on_border: Border,
     /// Of the matrix of the squares by the states alone.

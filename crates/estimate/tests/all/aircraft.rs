@@ -30,7 +30,7 @@ fn parameter(latent: Latent, k: usize) -> String {
     )
 }
 
-/// Parameters of a latent by linear least squares on what it is believed to be.
+/// Parameters of a latent by linear least squares on its prior.
 fn initial(latent: Latent, target: Expr, source: &MemorySource) -> Estimate {
     let parameters: Vec<Parameter> =
         (0..latent.features().len()).map(|k| Parameter::new(parameter(latent, k), 0.0)).collect();

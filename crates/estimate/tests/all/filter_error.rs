@@ -41,7 +41,7 @@ const LAG: System = System {
 };
 const STEP: f64 = 0.1;
 
-/// What a Runge-Kutta step of [`LAG`] multiplies state and held input by.
+/// Factors of state and held input in a Runge-Kutta step of [`LAG`].
 fn factors(a: f64, g: f64) -> [f64; 2] {
     let z = -a * STEP;
     let mean = 1.0 + z / 2.0 + z * z / 6.0 + z * z * z / 24.0;
@@ -85,7 +85,8 @@ fn a_gain_of_zero_is_output_error() {
     }
 }
 
-/// Every step begins at what was measured: of a linear equation a regression of the next value on value and input, whose coefficients are those of a Runge-Kutta step.
+/// Every step begins at the measurement. For a linear equation that is a regression of the next value on value and
+/// input, whose coefficients are those of a Runge-Kutta step.
 #[test]
 fn a_gain_of_one_is_equation_error_over_a_step() {
     let columns = lag_rows(3, 400, 0.02, 0.05);
@@ -181,7 +182,8 @@ fn the_gain_is_that_of_the_riccati_equation() {
     assert!(covered as f64 / (2 * seeds) as f64 > 0.95 - slack(2 * seeds), "{covered} of {}", 2 * seeds);
 }
 
-/// Without one of the noises the gain is near that end. Half of the rows ask it to be beyond: it is kept there, said to be there, has no interval, and the parameters are those of output error.
+/// Without one of the noises the gain is near that end, and half of the samples would have it beyond. It is kept there,
+/// marked as at a bound and has no interval; the parameters are those of output error.
 #[test]
 fn gains_stay_between_their_bounds() {
     for (process, measured, end) in [(0.0, 0.05, 0.0), (0.05, 0.0, 1.0)] {
@@ -296,7 +298,8 @@ fn what_cannot_be_held_is_refused() {
     }
 }
 
-/// An unstable machine under feedback, pushed from row to row: its simulation leaves the recording within seconds, and output error has no start; the filter stays with it.
+/// An unstable machine under feedback, pushed from row to row. Its simulation leaves the recording within seconds, and
+/// output error has no start; the filter stays with it.
 #[test]
 fn what_is_unstable_is_followed() {
     let [factor, gain] = factors(-0.8, 1.5);
@@ -321,7 +324,7 @@ fn what_is_unstable_is_followed() {
     }
 }
 
-/// Only what is compared corrects, and a missing measurement corrects nothing.
+/// Only compared states correct, and a missing measurement corrects nothing.
 #[test]
 fn what_is_not_measured_corrects_nothing() {
     let mut columns = SHORT_PERIOD.rows(3, 300, 0.02, BOTH);
@@ -407,8 +410,8 @@ fn tallies(seeds: usize, noisy: Noise) -> [Tally; 3] {
     tallies
 }
 
-/// The comparison of the aircraft paper: noise of the sensors pulls equation error, disturbed dynamics spread output error, filter error takes both for what they are. 200 seeds with
-/// FLEETFOOT_SWEEPS=full, else 4.
+/// The comparison of the aircraft paper. Noise of the sensors pulls equation error, disturbed dynamics spread output
+/// error, and filter error models both. 200 seeds with FLEETFOOT_SWEEPS=full, else 4.
 #[test]
 fn noise_of_both_kinds() {
     let full = std::env::var("FLEETFOOT_SWEEPS").is_ok_and(|value| value == "full");

@@ -1,4 +1,4 @@
-//! Nonlinear least squares beside closed forms, and what it does with bounds, weights, missing values and bad input.
+//! Nonlinear least squares beside closed forms; bounds, weights, missing values and bad input.
 
 use faer::Mat;
 use fleetfoot_data::{Column, MemorySource, Silent, with_threads};
@@ -40,7 +40,8 @@ fn fit(residuals: &[Residual], parameters: &[Parameter], source: &MemorySource) 
     nonlinear_least_squares(residuals, parameters, source, &Options::default(), &Silent).expect("an estimate")
 }
 
-/// Powers of x up to the sixth, condition 1e5: the coefficients of Householder QR, in one step and a step to see that there is no other.
+/// Powers of x up to the sixth, condition 1e5: the coefficients of Householder QR, in one step and a second that
+/// confirms it.
 #[test]
 fn a_linear_model_is_least_squares() {
     let source = source(3, 400, |x, i| 1.0 + (3.0 * x).sin() + 0.1 * noise(i));

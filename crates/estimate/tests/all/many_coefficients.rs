@@ -16,7 +16,8 @@ impl Hold for Everywhere {
     }
 }
 
-/// Models whose first latent has a first coefficient of at most so much: the nearest one moves the others of its block along, by the conditions of a minimum under one constraint.
+/// Models whose first latent has a first coefficient of at most so much. The nearest one moves the others of its block
+/// along, by the conditions of a minimum under one constraint.
 struct AtMost(f64);
 
 impl Hold for AtMost {
@@ -65,7 +66,8 @@ fn start() -> (Model, MemorySource) {
     (start, source(&["x", "y", "u"], 0.1, (0..3).map(|seed| linear(seed, 300, 0.2)).collect()))
 }
 
-/// Without weight both fits have one minimum; that of products stops where a step takes nothing off the sum of squares any more, which knows a coefficient to the root of rounding.
+/// Without weight both fits have one minimum. That of products stops when a step reduces the sum of squares no further,
+/// which determines a coefficient to the root of rounding.
 #[test]
 fn without_a_prior_the_minimum_is_that_of_the_whole_matrix() {
     let (start, source) = start();
@@ -85,8 +87,9 @@ fn without_a_prior_the_minimum_is_that_of_the_whole_matrix() {
     }
 }
 
-/// Of one step the sum of squares is |theta - theta_2|_J'J^2 and a constant, J'J being H, so that the minimum lies between theta_2 and theta_1 at 1 to tau. H has a row more for every block: of 897 rows
-/// that moves it by the order of a thousandth of the way.
+/// Of one step the sum of squares is |theta - theta_2|_J'J^2 and a constant, J'J being H. The minimum therefore lies
+/// between theta_2 and theta_1 at 1 to tau. H has a row more for every block: of 897 rows that moves it by the order of
+/// a thousandth of the way.
 #[test]
 fn a_prior_pulls_towards_the_start() {
     let (start, source) = start();
@@ -102,7 +105,8 @@ fn a_prior_pulls_towards_the_start() {
     }
 }
 
-/// 120 regions, each with maps of its own, of three states and two inputs: 2,160 coefficients, more than a whole matrix is held of.
+/// 120 regions, each with separate maps, of three states and two inputs: 2,160 coefficients, more than the limit of a
+/// whole matrix.
 fn many(seed: usize) -> (Model, MemorySource) {
     let (regions, states, inputs) = (120, 3, 2);
     let names = ["x", "y", "z", "u", "w"];
@@ -205,7 +209,8 @@ fn more_coefficients_than_a_matrix_is_held_of_descend_with_the_same_bits_on_any_
     assert!(after < before);
 }
 
-/// A coefficient that may not be as large as it wants to be ends at its bound, the others where the sum of squares and the prior are least with it there: no difference of theirs lowers it.
+/// A coefficient whose optimum is beyond its bound ends at the bound. The others end at the least sum of squares and
+/// prior with it there: no difference of theirs lowers it.
 #[test]
 fn a_model_that_is_held_ends_where_the_conditions_of_a_minimum_hold() {
     let (start, source) = start();

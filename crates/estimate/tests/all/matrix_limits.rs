@@ -105,7 +105,8 @@ proptest! {
     }
 }
 
-/// Of rows that weigh entries unevenly: the slopes at the end are a positive semidefinite matrix that the distance from the bound is orthogonal to, and no feasible step lowers the cost.
+/// Rows weigh entries unevenly. The slopes at the end are a positive semidefinite matrix, orthogonal to the distance
+/// from the bound, and no feasible step lowers the cost.
 #[test]
 fn the_conditions_of_the_minimum_hold() {
     let n = 3;

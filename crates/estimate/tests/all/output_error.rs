@@ -1,4 +1,4 @@
-//! Output error: certificates, closed forms, coverage of intervals, scipy, and what is refused.
+//! Output error: certificates, closed forms, coverage of intervals, scipy, and refusals.
 
 use std::{fs, path::Path, process::Command, time::Instant};
 
@@ -50,7 +50,7 @@ fn elevator(seconds: f64) -> f64 {
     }
 }
 
-/// Noise on what is measured, and on the states from row to row.
+/// Noise of the measurements, and of the states from row to row.
 #[derive(Clone, Copy)]
 pub(crate) struct Noise {
     pub(crate) measured: [f64; 2],
@@ -87,7 +87,7 @@ impl System {
         self.states.iter().map(of).collect()
     }
 
-    /// Where a search begins: thirty percent off the truth.
+    /// Start of a search: thirty percent off the truth.
     pub(crate) fn start(&self) -> Vec<Parameter> {
         let off = |(j, (name, truth)): (usize, &(&str, f64))| Parameter::new(*name, truth * [1.3, 0.7][j % 2]);
         self.parameters.iter().enumerate().map(off).collect()
@@ -192,7 +192,8 @@ fn lasting_residuals_widen_the_intervals() {
     assert!(wider >= 4 && lasting >= 4, "{wider} {lasting}");
 }
 
-/// A sensor's offset that turns over once in four hundred rows is correlated for longer than a fifth of them, which is as far as is looked.
+/// A sensor's offset that turns over once in four hundred rows is correlated for longer than a fifth of them, the
+/// longest lag that is tried.
 #[test]
 fn correlation_beyond_what_was_looked_at_is_told() {
     let mut columns = SHORT_PERIOD.rows(1, 400, 0.02, GYRO);
@@ -211,7 +212,8 @@ fn threads_change_no_bit() {
     assert_eq!((&found[0].covariance, found[0].passes), (&found[1].covariance, found[1].passes));
 }
 
-/// What is not compared needs no measurement beyond the first row; segments cut an episode and leave no row out.
+/// A state that is not compared needs no measurement beyond the first row; segments cut an episode and leave no row
+/// out.
 #[test]
 fn outputs_and_segments_are_chosen() {
     let mut columns = SHORT_PERIOD.rows(3, 300, 0.02, GYRO);

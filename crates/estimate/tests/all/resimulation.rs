@@ -1,4 +1,5 @@
-//! Resimulation: a closed form, the equations integrated by other means, the gradient by differences, bounds, noise, and what is refused.
+//! Resimulation: a closed form, the equations integrated by other means, the gradient by differences, bounds, noise,
+//! and refusals.
 
 use fleetfoot_data::{Column as DataColumn, MemorySource, Silent, with_threads};
 use fleetfoot_estimate::{Ending, EstimateError, Resimulation, ResimulationOptions, resimulate};
@@ -155,7 +156,7 @@ fn integrated(f: &dyn Fn([f64; 2], f64) -> [f64; 2], beginning: [f64; 2], u: &[f
 
 const PENDULUM: [(&str, &str); 2] = [("q", "w"), ("w", "-9.81*sin(q) - 0.1*w + u")];
 
-/// A pendulum whose damping is not what the model says, with noise: 160 rows.
+/// A pendulum whose damping differs from the model's, with noise: 160 rows.
 fn pendulum(h: f64) -> Vec<Vec<f64>> {
     let u: Vec<f64> = (0..160).map(|k| 2.0 * (0.7 * h * f64::from(k)).sin()).collect();
     let truth = integrated(&|x, u| [x[1], -9.81 * x[0].sin() - 0.5 * x[1] + u], [1.2, 0.0], &u, h);
@@ -328,7 +329,7 @@ fn rows_of_next_values_follow_with_gaps_and_the_bits_do_not_know_of_threads() {
     }
 }
 
-/// What the columns may be off is the noise that was put on them.
+/// The estimated deviations of the columns are the noise that was put on them.
 #[test]
 fn noise_is_found_beside_the_model() {
     let model = model(&[("x", "0.95*x + 0.2*u")], &["u"], Prediction::Next, 0.1);

@@ -1,4 +1,4 @@
-//! Coefficients by simulation error: closed forms, noise in the states, scipy, and what is refused.
+//! Coefficients by simulation error: closed forms, noise in the states, scipy, and refusals.
 
 use std::{fs, path::Path, process::Command};
 
@@ -89,7 +89,7 @@ pub(crate) fn model(
     model
 }
 
-/// What a region of so many functions might have seen.
+/// Region summary of so many functions, as training might give it.
 fn region(index: usize, functions: usize, residual_covariance: Vec<f64>) -> RegionSummary {
     RegionSummary {
         name: index.to_string(),
@@ -187,8 +187,8 @@ fn rows_without_noise_give_the_system() {
     assert_eq!((found.segments, found.missing, found.residuals), (24 + 18, 0, 42 * 16));
 }
 
-/// Noise in the states that a step is fitted on pulls its coefficients towards zero by sigma^2 / (sigma^2 + variance), whatever the number of rows. Over ten
-/// steps the inputs, which are known, and the dynamics weigh more than the first state.
+/// Noise in the states that a step is fitted on pulls its coefficients towards zero by sigma^2 / (sigma^2 + variance),
+/// whatever the number of rows. Over ten steps the known inputs and the dynamics weigh more than the first state.
 #[test]
 fn noise_in_the_states_pulls_one_step_and_not_simulations() {
     let mut won = 0;
@@ -254,7 +254,7 @@ fn scipy_has_the_same_minimum() {
     assert!((found.cost[1] / peer[3] - 1.0).abs() < 1e-12);
 }
 
-/// Regions with maps of their own, zeros among them: what is zero stays so, and the other coefficients are found again.
+/// Regions with separate maps, zeros among them: zeros stay, and the other coefficients are recovered.
 fn hybrid() -> (Model, MemorySource) {
     let truth = [(0.3, vec![-1.0, 0.0]), (0.0, vec![-0.4, 2.0])];
     let rule = Rule::voronoi(vec![vec![-1.0], vec![1.0]]);

@@ -11,7 +11,7 @@ use proptest::prelude::*;
 
 use crate::simulation::{expression, noise as draw};
 
-/// x' = a latent each, over the functions, beside what is known of it.
+/// x' = a latent each, over the functions, beside its known part.
 fn model(states: &[(&str, &str)], inputs: &[&str], functions: &[&str], period: f64) -> Model {
     let column = |name: &str, role| Column::new(name, role);
     let columns = states.iter().map(|(name, _)| column(name, Role::State));

@@ -27,7 +27,7 @@ pub(crate) fn with_paths<S: Serializer>(regions: &[RegionReport], serializer: S)
     Told { regions, path }.serialize(serializer)
 }
 
-/// What the functions of an equation contribute to its models of so many terms.
+/// Contributions of the functions of an equation to its models, by number of terms.
 #[derive(Serialize)]
 struct EquationPath<'a> {
     name: &'a str,

@@ -10,7 +10,7 @@ use crate::serialize;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct NarxCandidate {
-    /// Index among the partitions asked for.
+    /// Index among the partitions of the request.
     #[serde(skip)]
     pub partition: usize,
     /// The partition, as the user wrote it.
@@ -26,28 +26,30 @@ pub struct NarxCandidate {
     pub order: NarxOrder,
     /// Most terms of an equation in a region.
     pub terms: usize,
-    /// Root relative squared error of free runs of the spans that did not train, the mean of the folds: of these terms, refitted on the other spans. Infinite when
-    /// one diverged, NaN where one-step errors decide and nothing is simulated.
+    /// Root relative squared error of free runs of the held-out spans, the mean of the folds: of these terms, refitted
+    /// on the other spans. Infinite if one diverged. NaN if one-step errors decide and nothing is simulated.
     pub rrse: f64,
-    /// That of every fold, the root mean square over the outputs that move: every fold counts as much, whatever its rows and how far its outputs move. NaN of a fold in
-    /// which none moves, which counts for nothing.
+    /// That of every fold: the root mean square over the outputs that move. Every fold has the same weight, whatever
+    /// its rows and the movement of its outputs. NaN of a fold in which no output moves, which is left out.
     pub folds: Vec<f64>,
     /// Coefficients of the model: those of all regions and equations.
     pub coefficients: usize,
-    /// Squared one-step error of the spans that did not train over the variance of an output, the mean of the folds and outputs; `None` where free runs decide.
+    /// Squared one-step error of the held-out spans over the variance of an output, the mean of the folds and outputs;
+    /// `None` if free runs decide.
     pub loss: Option<f64>,
     /// That of every fold.
     #[serde(skip)]
     pub losses: Vec<f64>,
-    /// Bayesian information criterion of one-step errors on all rows that train, with the rows that count as independent; `None` where a search compares models of several
-    /// scans, which have rows of their own.
+    /// Bayesian information criterion of one-step errors on all training rows, by the number of independent rows.
+    /// `None` if a search compares models of several scans, which have different rows.
     pub bic: Option<f64>,
     /// Akaike's.
     #[serde(skip)]
     pub aic: Option<f64>,
-    /// Whether no other model of as few coefficients errs less on the spans that did not train, or as little with fewer.
+    /// True on the front: no other model of as few coefficients has a lower held-out error, and none has the same error
+    /// with fewer.
     pub front: bool,
-    /// Whether it is the one that is written.
+    /// True for the model that is written.
     pub chosen: bool,
 }
 
@@ -76,8 +78,8 @@ pub(crate) fn best<'a>(tried: impl Iterator<Item = &'a NarxCandidate> + Clone) -
     simplest(tried, |_| 0.0)
 }
 
-/// The fewest terms within one standard error of the least error, then the lowest order: of hundreds of models that were looked at, the least error alone would take
-/// one that suits these very spans. `None` when all diverge.
+/// The fewest terms within one standard error of the least error, then the lowest order. Among hundreds of models, the
+/// least error alone would take one that suits these very spans. `None` when all diverge.
 pub(crate) fn best_within_one_standard_error<'a>(
     tried: impl Iterator<Item = &'a NarxCandidate> + Clone,
 ) -> Option<usize> {
@@ -90,7 +92,8 @@ pub(crate) fn best_within_one_standard_error<'a>(
     })
 }
 
-/// The simplest of the models whose error is that of the best one, or larger by no more than what is allowed; of equally simple ones the best.
+/// The simplest of the models whose error exceeds the least one by no more than the allowed excess; of equally simple
+/// ones the best.
 fn simplest<'a>(
     tried: impl Iterator<Item = &'a NarxCandidate> + Clone,
     allowed: impl Fn(&NarxCandidate) -> f64,

@@ -1,4 +1,4 @@
-//! Which partition, order and terms a fit writes: those that were given, those of one-step errors, or those of free runs.
+//! Choice of partition, order and terms: as given, by one-step errors, or by free runs.
 
 use std::collections::BTreeMap;
 
@@ -30,7 +30,7 @@ use crate::{error::Error, spans::Spans};
 /// The shortest span has as many rows for every lag that is looked for.
 const ROWS_PER_LAG: usize = 8;
 
-/// What is written.
+/// The chosen model.
 pub(crate) struct Chosen {
     /// Index among the partitions.
     pub partition: usize,
@@ -48,7 +48,7 @@ pub(crate) struct Chosen {
     pub(crate) rivals: Vec<(usize, Chosen)>,
 }
 
-/// How it was chosen.
+/// The choice, its candidates and its searches.
 #[derive(Default)]
 pub(crate) struct How {
     pub(crate) text: Option<String>,
@@ -61,7 +61,7 @@ pub(crate) struct How {
 /// The spans in which no output moves, for people: they count for nothing, as any model that rests is perfect there.
 ///
 /// # Errors
-/// Fewer than two spans are left: nothing tells models apart, and no model is tested on what it did not see.
+/// Fewer than two spans are left: models cannot be compared, and no model is tested on held-out rows.
 fn resting(tried: &[Tried], folds: usize) -> Result<String, Error> {
     let rests =
         |fold: &usize| tried.iter().any(|own| own.candidate.folds.get(*fold).is_some_and(|error| error.is_nan()));
@@ -319,7 +319,7 @@ impl Fit<'_> {
         Ok(chosen)
     }
 
-    /// A model that was tried, on all rows that train: those that lack none of its own lags.
+    /// A tried model, on all training rows that have its lags.
     fn written(&self, tried: &Tried, partition: &Choice, how: How, progress: &dyn Progress) -> Result<Chosen, Error> {
         let mut columns: Vec<usize> = tried.supports.iter().flatten().flat_map(|s| s.columns.iter().copied()).collect();
         columns.sort_unstable();

@@ -1,7 +1,7 @@
 //! Delays of inputs, found before orders are looked for: those that look for a few lags never see an input that acts later.
 //!
-//! One scan has a few lags of the outputs and many of every input. Forward regression takes the terms that explain the outputs; an input whose terms all lie beyond the lags that the
-//! search has acts late, and its lags begin there.
+//! One scan has a few lags of the outputs and many of every input. Forward regression takes the terms that explain the
+//! outputs. An input acts late if all its terms lie beyond the lags of the search; its lags then begin there.
 
 use fleetfoot_data::Progress;
 use fleetfoot_recipe::Criterion;
@@ -20,11 +20,13 @@ const MOST: usize = 200;
 const PRODUCTS: f64 = 2e10;
 /// Rows that every lag needs.
 const ROWS_PER_LAG: usize = 10;
-/// Terms that are taken at most. One counts that explains such a share of what the outputs' past leaves, and of what the input's best term explains.
+/// Terms that are taken at most. A term counts if it explains such a share of the variance that the outputs' past
+/// leaves, and of the variance that the input's best term explains.
 const TERMS: usize = 12;
 const LEAST: f64 = 0.05;
 const SHARE: f64 = 0.1;
-/// Lags before the first that counts: an input that is held for some rows tells no better.
+/// Lags added before the first that counts: with an input that is held for some rows, the first lag is uncertain by so
+/// many.
 const MARGIN: usize = 3;
 
 impl Fit<'_> {

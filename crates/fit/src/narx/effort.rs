@@ -1,9 +1,9 @@
-//! How much work a search may be: a count of what is evaluated, never the time that it takes, so that the same input gives the same model.
+//! Limit of a search. It counts evaluations and never time, so that the same input gives the same model.
 
 use fleetfoot_recipe::Effort;
 use fleetfoot_sparse::narx::NarxOrder;
 
-/// What of the effort is left.
+/// Evaluations spent of the effort.
 #[derive(Debug, Clone)]
 pub(crate) struct Budget {
     pub(crate) effort: Effort,

@@ -39,13 +39,14 @@ use crate::{
     worth::no_better,
 };
 
-/// `fit narx`: one scan for all orders, one more a partition, and simulations. To a statistic: no pass, and no simulation of what trained.
+/// `fit narx`: one scan for all orders, one more a partition, and simulations. Of a statistic: no pass, and no
+/// simulation of training rows.
 #[derive(Debug, Clone)]
 pub struct Narx {
     options: NarxOptions,
     /// Files to run the model on that did not train it.
     free_run: Logs,
-    /// Whether the models of the front are wanted.
+    /// True to keep the other models of the front.
     rivals: bool,
 }
 
@@ -409,7 +410,7 @@ fn regions(
     regions
 }
 
-/// The terms of an equation, and what the model has for them.
+/// The report of an equation, with its terms in the model.
 fn equation(
     chosen: &Chosen,
     model: &Model,

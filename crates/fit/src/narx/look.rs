@@ -1,5 +1,6 @@
-//! The search for an order, the cheapest first: linear models of many lags, then forward regression on the best of these lags up to the third degree, then the orders
-//! next to the best one, until none of them is better or the effort is spent.
+//! The search for an order, the cheapest first: linear models of many lags, then forward regression on the best of
+//! these lags up to the third degree. Then follow the orders next to the best one, until none of them is better or the
+//! effort is spent.
 
 use std::collections::BTreeSet;
 
@@ -19,14 +20,14 @@ use crate::error::Error;
 
 /// The highest degree that is looked for.
 const MOST_DEGREE: usize = 3;
-/// What a simulated step costs beside its terms, in terms.
+/// Fixed cost of a simulated step, beside its terms; unit: terms.
 const STEP: u64 = 20;
 /// Products of a scan that cost as much as a term of a simulation.
 const PRODUCTS: u64 = 100;
 /// Training rows that a candidate needs.
 const ROWS_PER_CANDIDATE: usize = 5;
 
-/// What was looked at, and what was not.
+/// Search for lags and degree: work, stages, and orders that the limit cut.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct NarxSearch {
@@ -47,7 +48,7 @@ pub struct NarxSearch {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct NarxStage {
-    /// What was tried, for people.
+    /// Name of the stage, for people.
     pub name: String,
     /// Orders.
     pub orders: usize,
@@ -57,7 +58,7 @@ pub struct NarxStage {
     pub rrse: f64,
 }
 
-/// Looks for what is not given.
+/// Searches for the parts of the order that are not given.
 pub(crate) struct Look<'a> {
     pub(crate) selection: &'a Selection<'a>,
     pub(crate) options: &'a NarxOptions,
@@ -139,7 +140,7 @@ impl Look<'_> {
         Ok(())
     }
 
-    /// The linear models with all terms of the lags of these orders, as far as they were not tried: they compete with every order.
+    /// The linear models with all terms of the lags of these orders, if not tried yet: they compete with every order.
     fn linear_beside(&self, orders: &[NarxOrder], state: &mut State) -> Vec<Job> {
         let linear = orders.iter().map(|&order| NarxOrder { degree: 1, ..order });
         let new: Vec<NarxOrder> = linear.filter(|&order| state.linear.insert(order)).collect();
@@ -237,7 +238,7 @@ impl Look<'_> {
         orders
     }
 
-    /// One lag more or less, one degree more or less, inputs at once or not, as far as they are not given.
+    /// One lag more or less, one degree more or less, inputs at once or not; given parts stay.
     fn neighbours(&self, order: NarxOrder) -> Vec<NarxOrder> {
         let mut found = vec![order];
         let steps = |value: usize| [value.saturating_sub(1), value + 1];

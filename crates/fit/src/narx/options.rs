@@ -1,4 +1,4 @@
-//! How an autoregression is found: the words of `[narx]`, checked once.
+//! Options of an autoregression: the settings of `[narx]`, checked once.
 
 use fleetfoot_data::setting::{INPUTS, INPUTS_SECTION, LAGS, NARX, PARTITION, SELECT};
 use fleetfoot_pwa::Specification;
@@ -9,7 +9,7 @@ use fleetfoot_sparse::narx::NarxOrder;
 
 use crate::{error::Error, radial};
 
-/// How many terms an equation has.
+/// Number of terms of an equation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TermRule {
     /// As many, by forward regression.
@@ -21,20 +21,20 @@ pub enum TermRule {
 }
 
 impl TermRule {
-    /// Whether the number of terms is to be chosen.
+    /// Returns true if the fit chooses the number of terms.
     pub(crate) fn is_free(self) -> bool {
         matches!(self, Self::Auto(_))
     }
 }
 
-/// Where lags, degree and the inputs at once come from.
+/// Source of lags, degree and direct inputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OrderRule {
     /// As given.
     Fixed(NarxOrder),
     /// The best up to this one.
     UpTo(NarxOrder),
-    /// What is not given is looked for, within an effort.
+    /// Missing parts are searched for, within an effort.
     Look(GivenOrder),
 }
 
@@ -47,14 +47,14 @@ pub struct GivenOrder {
     pub inputs: Option<usize>,
     /// Total degree.
     pub degree: Option<usize>,
-    /// Whether inputs act at once.
+    /// True if inputs act at once (lag 0).
     pub direct: Option<bool>,
     /// Rows between two past values.
     pub every: Option<usize>,
 }
 
 impl GivenOrder {
-    /// The order with what is given, the rest from another.
+    /// The order with the given parts, the rest from another.
     pub(crate) fn or(self, other: NarxOrder) -> NarxOrder {
         NarxOrder {
             outputs: self.outputs.unwrap_or(other.outputs),
@@ -66,17 +66,17 @@ impl GivenOrder {
     }
 }
 
-/// How an autoregression is found.
+/// Options of an autoregression.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct NarxOptions {
     /// Lags, degree, and whether inputs act at once.
     pub order: OrderRule,
-    /// How far what is not given is looked for.
+    /// Effort of the search for orders.
     pub effort: Effort,
     /// Number of terms.
     pub terms: TermRule,
-    /// What is chosen by.
+    /// Criterion of the choice.
     pub selection: NarxSelection,
     /// Spans of the training rows that are held out in turn.
     pub folds: usize,
@@ -90,7 +90,7 @@ pub struct NarxOptions {
     pub seed: u64,
     /// Clusterings of every k to choose from, from this seed and the next ones.
     pub starts: usize,
-    /// What coefficients are fitted to.
+    /// Objective of the coefficients.
     pub objective: Objective,
     /// Seconds over which the logs were smoothed before, where they were.
     pub(crate) smoothed: Option<f64>,
@@ -159,7 +159,7 @@ impl NarxOptions {
     }
 }
 
-/// What is given of the order, and what becomes of the rest.
+/// Order rule of a recipe: the given parts, and a search or the defaults for the others.
 fn order(recipe: &Recipe, selection: NarxSelection, terms: TermRule) -> Result<OrderRule, Error> {
     let section = &recipe.narx;
     let has_inputs = !recipe.inputs.is_empty();
@@ -214,7 +214,8 @@ fn order(recipe: &Recipe, selection: NarxSelection, terms: TermRule) -> Result<O
     })
 }
 
-/// Past rows of outputs and inputs as all methods say them: the present row, from which the next is told, and those before it.
+/// Past rows of outputs and inputs, counted as in all methods: the present row, which predicts the next, and those
+/// before it.
 #[derive(Clone, Copy)]
 struct Past {
     values: usize,

@@ -1,4 +1,4 @@
-//! The partitions that a fit chooses from, and what they are on the training rows of a fold.
+//! The partitions that a fit chooses from, made on all rows or on the training rows of a fold.
 
 use std::collections::BTreeMap;
 
@@ -12,7 +12,8 @@ use super::{OrderRule, choice::Choice, options::USUAL, summed::Evidence, task::N
 use crate::{error::Error, spans::Spans};
 
 impl Fit<'_> {
-    /// The partitions asked for, and beside them the cells that refinements start from, on all rows that train; those that cluster once a start.
+    /// The requested partitions, and beside them the cells that refinements start from, on all training rows; the
+    /// clustered ones once a start.
     pub(crate) fn partitions(&self, notes: &mut Vec<String>, progress: &dyn Progress) -> Result<Vec<Choice>, Error> {
         if self.options.partitions == [Specification::Average] {
             return Ok(vec![Choice::whole(self.options.seed)]);
@@ -49,8 +50,9 @@ impl Fit<'_> {
         Ok(choices)
     }
 
-    /// Of every partition whose regions follow from the targets: what it is on the training rows of every fold, so that what it is tested on has no part in it.
-    /// Nothing for the others, whose regions follow from where rows lie and not from what they do. `cut` are the spans, `folds` the fold of each of them.
+    /// Partitions whose regions follow from the targets, made on the training rows of every fold, so that held-out rows
+    /// have no part in them. `None` for the others, whose regions follow from the places of rows alone. `cut`: the
+    /// spans; `folds`: the fold of each of them.
     ///
     /// # Errors
     /// Those of reading; training rows of a fold that are too few.
@@ -84,7 +86,7 @@ impl Fit<'_> {
         Ok(found)
     }
 
-    /// What rows have all lags of; regions look at columns of their own.
+    /// Task whose rows have all lags, for the regions, which have separate columns.
     fn task_of_regions(&self) -> Result<NarxTask, Error> {
         let order = match self.options.order {
             OrderRule::Fixed(order) | OrderRule::UpTo(order) => order,
@@ -94,8 +96,8 @@ impl Fit<'_> {
     }
 }
 
-/// Partitions to choose from, and the cells of k-means that refined ones start from: regions that fit one-step errors better need not simulate better, which free runs tell of both.
-/// One partition alone is what was asked for.
+/// Partitions to choose from, and the cells of k-means that refined ones start from. Regions with lower one-step errors
+/// need not simulate better; free runs compare both. A request for a single partition stays as it is.
 pub(crate) fn with_starts(asked: &[Specification]) -> Vec<Specification> {
     let mut all = asked.to_vec();
     if all.len() > 1 {
@@ -108,7 +110,7 @@ pub(crate) fn with_starts(asked: &[Specification]) -> Vec<Specification> {
     all
 }
 
-/// What is said of a choice of cells that only refinements asked for.
+/// Note about a starting partition that only refinements named.
 pub(crate) fn start_note(asked: &[Specification], chosen: &Choice) -> Option<String> {
     if asked.contains(&chosen.specification) {
         return None;

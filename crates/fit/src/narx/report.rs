@@ -1,4 +1,4 @@
-//! What a fit of an autoregression found, for people and for programs.
+//! Report of an autoregression, for people and for programs.
 
 use fleetfoot_sparse::narx::{NarxOrder, OrderSearch};
 use serde::Serialize;
@@ -6,7 +6,7 @@ use serde::Serialize;
 use super::{FileRuns, NarxCandidate, NarxScores, NarxSearch};
 use crate::summary::FitSummary;
 
-/// What a fit of an autoregression found.
+/// Report of an autoregression.
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct NarxReport {
@@ -15,20 +15,20 @@ pub struct NarxReport {
     /// Lags and degree of the model.
     #[serde(serialize_with = "crate::json::narx::order")]
     pub order: NarxOrder,
-    /// Whether inputs act at once.
+    /// True if inputs act at once (lag 0).
     pub direct: bool,
     /// Candidate functions of this order, the constant among them.
     pub candidates: usize,
     /// The partition, as users write it.
     pub partition: String,
-    /// What order, terms and partition were chosen by, for people; `None` where all were given.
+    /// Criterion of order, terms and partition, for people; `None` if all were given.
     pub choice: Option<String>,
     /// The model that is written, among those that were simulated: its terms, refitted on the other spans of every fold.
     pub held_out: Option<NarxCandidate>,
     /// The best linear model with all terms of the same lags, among those that were tried.
     #[serde(rename = "linear_of_the_same_lags")]
     pub linear: Option<NarxCandidate>,
-    /// What was looked at where the order was looked for, and what the effort cut.
+    /// Search for the order, with the orders that the effort cut; `None` without a search.
     pub search: Option<NarxSearch>,
     /// Models that were simulated to choose one, in the order in which they were tried.
     pub tried: Vec<NarxCandidate>,
@@ -43,7 +43,7 @@ pub struct NarxReport {
     pub test: Option<NarxScores>,
     /// On other files, one by one.
     pub files: Option<FileRuns>,
-    /// What the reports of all methods say.
+    /// The part of the report that all methods share.
     #[serde(flatten)]
     pub summary: FitSummary,
 }
@@ -64,7 +64,7 @@ pub struct NarxRegion {
     pub name: String,
     /// Its rows.
     pub rows: u64,
-    /// Whether it saw too few rows for terms of its own and has those of all rows.
+    /// True if the region has too few rows and takes the terms of all rows.
     pub shared: bool,
     /// The equations.
     pub equations: Vec<NarxEquation>,

@@ -1,4 +1,4 @@
-//! A saved autoregression run freely through whole files, each scored by itself.
+//! Free runs of a saved autoregression through whole files, each with a separate score.
 
 use std::{collections::BTreeMap, path::PathBuf};
 
@@ -47,13 +47,14 @@ pub struct MeanRun {
 }
 
 impl FileRuns {
-    /// Whether nothing was run: the model is no autoregression.
+    /// Returns true if no file was run, because the model is no autoregression.
     pub fn is_empty(&self) -> bool {
         self.files.is_empty() && self.skipped.is_empty()
     }
 }
 
-/// Whether a model gives the next value of its outputs from outputs and inputs alone, so that it can be run through a whole file.
+/// Returns true if a model gives the next value of its outputs from outputs and inputs alone. It can then run through a
+/// whole file.
 fn is_autoregression(model: &Model) -> bool {
     model.method.starts_with("narx") && model.equations.iter().all(|equation| equation.prediction == Prediction::Next)
 }

@@ -1,4 +1,4 @@
-//! What an autoregression is worth on some rows.
+//! One-step and free-run scores of an autoregression.
 
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_dynamics::{FreeRun, FreeRunOptions, ScoreOptions, Scores, free_run, score};

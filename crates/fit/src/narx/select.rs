@@ -1,6 +1,7 @@
 //! Choice of partition, order and number of terms by simulations of rows that did not train.
 //!
-//! One-step errors flatter an autoregression: the outputs hardly move within a row. What a model is for is seen when it feeds on its own answers.
+//! One-step errors flatter an autoregression: the outputs hardly move within a row. Its quality shows when it feeds on
+//! its own predictions.
 
 use std::{borrow::Cow, collections::BTreeMap, ops::Range, sync::Arc};
 
@@ -23,12 +24,12 @@ use super::{
 };
 use crate::{error::Error, spans::Spans};
 
-/// What models are compared by.
+/// Errors by which models are compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum By {
     /// Simulations, of models of one scan after another.
     Search,
-    /// Simulations, of models of one scan: information criteria tell of the same rows.
+    /// Simulations of models of one scan, which have information criteria of the same rows.
     Simulations,
     /// One-step errors of models of one scan.
     OneStep,
@@ -38,7 +39,7 @@ pub(crate) enum By {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Job {
     pub(crate) order: NarxOrder,
-    /// How many of its terms.
+    /// Number of terms.
     pub(crate) terms: TermRule,
 }
 
@@ -53,7 +54,7 @@ impl Job {
     }
 }
 
-/// A model that was tried, with what it takes to make it again.
+/// A tried model, with the settings to make it again.
 #[derive(Debug, Clone)]
 pub(crate) struct Tried {
     pub(crate) candidate: NarxCandidate,
@@ -73,7 +74,8 @@ pub(crate) struct Selection<'a> {
     /// The spans of every fold.
     pub(crate) held: &'a [Spans<'a>],
     pub(crate) fold_of: &'a BTreeMap<EpisodeId, usize>,
-    /// Rows of a span that nobody predicts, so that models with few lags and with many are compared on the same rows.
+    /// First rows of a span that are not scored, so that models with few lags and with many are compared on the same
+    /// rows.
     pub(crate) first: usize,
     pub(crate) step: f64,
     pub(crate) by: By,
@@ -97,7 +99,7 @@ struct Training<'a> {
 }
 
 impl Training<'_> {
-    /// Whether its regions are its own, and not those of all rows.
+    /// Returns true if the fold has regions made on its training rows instead of those of all rows.
     fn is_anew(&self) -> bool {
         matches!(self.scan, Cow::Owned(_))
     }
@@ -112,7 +114,7 @@ struct Wanted {
 /// Squared relative errors of every output over free runs; `None` where no run could begin.
 type Squares = Option<Vec<f64>>;
 
-/// What a model of the other spans does on those of a fold.
+/// Held-out error of a model on a fold.
 #[derive(Debug, Clone)]
 enum Held {
     Simulated(Squares),
@@ -120,17 +122,18 @@ enum Held {
     OneStep(Option<f64>),
 }
 
-/// What information criteria need of the rows that train: those that count as independent, and the variance of every output.
+/// Inputs of the information criteria: number of independent training rows, and the variance of every output.
 struct Scale {
     independent: f64,
     variance: Vec<f64>,
 }
 
 impl Selection<'_> {
-    /// Tries every order and number of terms with every partition. Terms are chosen on all spans; the spans of every fold are simulated by the same terms, refitted on
-    /// the others. Regions that fit the dynamics are those of the others too, and as they are different ones so many terms are chosen in each of them anew: regions
-    /// that had seen what they are tested on would flatter themselves. One scan of the union of all candidates serves every order, one a partition more, and one
-    /// a fold where regions are made anew; lags do not reach over the borders of spans.
+    /// Tries every order and number of terms with every partition. Terms are chosen on all spans; the spans of every
+    /// fold are simulated by the same terms, refitted on the others. Regions that fit the dynamics are made anew on the
+    /// other spans, and so many terms are chosen in each of them: otherwise the held-out rows would have shaped the
+    /// regions. One scan of the union of all candidates serves every order. A partition takes one more, and so does a
+    /// fold whose regions are made anew. Lags do not reach over the borders of spans.
     pub(crate) fn run(&self, jobs: &[Job], progress: &dyn Progress) -> Result<Vec<Tried>, Error> {
         if jobs.is_empty() {
             return Ok(Vec::new());
@@ -166,7 +169,7 @@ impl Selection<'_> {
         Ok(found)
     }
 
-    /// What a partition trains on, from the scans of all rows without regions and with them.
+    /// Training statistics of a partition, from the scans of all rows with and without regions.
     fn sets<'s>(
         &'s self,
         index: usize,
@@ -244,7 +247,7 @@ impl Selection<'_> {
         folds.map(|_| None).collect()
     }
 
-    /// What models of the other spans do on those of a fold, one for each number of terms that is wanted.
+    /// Held-out errors on a fold of the models of the other spans, one for each wanted number of terms.
     fn runs(
         &self,
         (sets, scale): (&Sets<'_>, Option<&Scale>),
@@ -309,7 +312,7 @@ fn relative(squares: &Squares) -> f64 {
     mean_of_moving(outputs.iter().copied()).sqrt()
 }
 
-/// What the statistic of all rows tells of a model.
+/// Information criteria of a model on the statistic of all rows.
 #[derive(Debug, Clone, Copy)]
 struct Criteria {
     coefficients: usize,
@@ -331,7 +334,7 @@ fn scale(whole: &SystemScan) -> Result<Scale, Error> {
     Ok(Scale { independent, variance })
 }
 
-/// What the statistic of all rows tells of the models of an order.
+/// Information criteria, on the statistic of all rows, of the models of an order.
 fn criteria(sets: &Sets<'_>, scale: Option<&Scale>, wanted: &[Wanted]) -> Result<Vec<Criteria>, Error> {
     let of = |own: &Wanted| {
         let coefficients_of = count(&own.supports);

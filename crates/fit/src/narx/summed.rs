@@ -1,4 +1,4 @@
-//! An autoregression whose candidates were summed with a statistic: what `fit narx` fits without the logs.
+//! An autoregression whose candidates were summed with a statistic, for `fit narx` without the logs.
 
 use std::{borrow::Cow, collections::BTreeMap};
 
@@ -28,7 +28,7 @@ use crate::{error::Error, sindy::keys};
 
 /// The candidates that a scan sums for `fit narx`: those of all lags up to the recipe's, in one of its partitions.
 pub(crate) struct Summed {
-    /// How the recipe says that the autoregression is found.
+    /// Options of the autoregression, from the recipe.
     pub(crate) options: NarxOptions,
     /// The largest lags and degree.
     pub(crate) order: NarxOrder,
@@ -36,10 +36,11 @@ pub(crate) struct Summed {
 }
 
 impl Summed {
-    /// Of a recipe that has its wildcards written out; `None` where it has no `[narx]`: lags of every output and input are not summed unasked.
+    /// Takes a recipe whose wildcards are written out. `None` without `[narx]`: lags of outputs and inputs are summed
+    /// on request only.
     ///
     /// # Errors
-    /// What the recipe asks for is not there, or needs rows.
+    /// A column that is not there; a setting that needs rows.
     pub(crate) fn of(recipe: &Recipe, fields: &[fleetfoot_data::Column]) -> Result<Option<Self>, Error> {
         if recipe.narx == NarxSection::default() {
             return Ok(None);
@@ -56,23 +57,23 @@ impl Summed {
         Ok(Some(Self { options, order, task }))
     }
 
-    /// What is summed, in one region.
+    /// System whose products are summed, in one region.
     pub(crate) fn system(&self) -> System {
         self.task.task.system()
     }
 
-    /// What regions are made of.
+    /// Problem in which regions are made.
     pub(crate) fn problem(&self, step: f64) -> Problem {
         self.task.task.problem(step)
     }
 
-    /// What regions look at.
+    /// Columns of the partition.
     pub(crate) fn partition_columns(&self) -> &[Expr] {
         &self.task.task.partition_columns
     }
 }
 
-/// What the sums of every row cannot answer.
+/// Refuses settings that sums over all rows cannot serve.
 fn refuse_rows(options: &NarxOptions) -> Result<(), Error> {
     let wish = if options.decimate > 1 {
         format!("{}: every n-th row is picked from rows", NARX.entry("decimate").is(options.decimate))
@@ -84,7 +85,7 @@ fn refuse_rows(options: &NarxOptions) -> Result<(), Error> {
     Err(Error::needs_rows(format!("{wish}, which a statistic has not; leave it away, or give the logs")))
 }
 
-/// Where the sums of a fit come from.
+/// Source of the sums of a fit.
 #[derive(Clone, Copy)]
 pub(crate) enum Evidence<'a> {
     /// Rows that train.
@@ -97,7 +98,7 @@ pub(crate) enum Evidence<'a> {
 pub(crate) struct Sums<'a> {
     file: &'a StatisticFile,
     equations: &'a EquationStatistic,
-    /// The order that was summed: what is fitted is within it.
+    /// The order that was summed, which contains the fitted one.
     pub(super) order: NarxOrder,
 }
 
@@ -105,7 +106,7 @@ impl<'a> Sums<'a> {
     /// The sums of a file that answer for a fit, in the regions that it asks for.
     ///
     /// # Errors
-    /// None that do, with what was summed.
+    /// No candidates that fit the sums; the message says which were summed.
     pub(super) fn new(file: &'a StatisticFile, scanned: &Recipe, fit: &NarxOptions) -> Result<Self, Error> {
         let whole = EquationStatistic::whole(&scanned.expand(&file.fields)?);
         let (Some(equations), Some(summed)) = (&file.equations, Summed::of(&whole, &file.fields)?) else {
@@ -176,7 +177,8 @@ impl Evidence<'_> {
     }
 }
 
-/// Folds by the one rule, of the chunks of a scan; no lag of a row that trains, and no smoothing over so many rows, reaches what is held out.
+/// Folds of the chunks of a scan, by the common rule. No lag of a training row, and no smoothing over so many rows,
+/// reaches the held-out ones.
 pub(super) fn folds_of_chunks(
     scan: &SystemScan,
     count: usize,
@@ -190,10 +192,11 @@ pub(super) fn folds_of_chunks(
     Ok(problems(folds.train()).zip(problems(folds.test())).map(|(train, test)| NarxFold { train, test }).collect())
 }
 
-/// The recipe of a fit from sums: what nobody says, and would be chosen by free runs, is chosen by errors of single steps of held-out chunks.
+/// The recipe of a fit from sums. A choice that free runs would make by default is made by one-step errors of held-out
+/// chunks.
 ///
 /// # Errors
-/// A choice by free runs that was asked for.
+/// A recipe that demands a choice by free runs.
 pub(super) fn by_single_steps<'a>(recipe: &'a Recipe, notes: &mut Vec<String>) -> Result<Cow<'a, Recipe>, Error> {
     let options = NarxOptions::new(recipe)?;
     refuse_rows(&options)?;

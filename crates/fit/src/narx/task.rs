@@ -20,7 +20,7 @@ pub struct NarxBase {
     candidates: Candidates,
 }
 
-/// What the candidates are made of.
+/// Construction of the candidates.
 #[derive(Debug, Clone)]
 enum Candidates {
     /// Products of lags.
@@ -34,7 +34,7 @@ enum Candidates {
 pub(crate) struct NarxTask {
     /// The system with all candidates.
     pub(crate) task: EquationTask,
-    /// Which of them an order has.
+    /// Candidates by order.
     pub(crate) library: NarxLibrary,
 }
 
@@ -135,7 +135,7 @@ impl NarxBase {
         }
     }
 
-    /// What a row needs, whatever the order.
+    /// Functions that every row needs, for any order.
     pub(crate) fn row_functions(&self) -> Vec<Expr> {
         let mut functions = self.task.row_functions();
         if let Candidates::Polynomial { outputs, inputs } = &self.candidates {
@@ -169,7 +169,8 @@ impl NarxBase {
         delayed
     }
 
-    /// The equations over so many lags of every output, and then of every input, lag by lag; inputs begin with that of the row that is predicted.
+    /// The equations over so many lags of every output, and then of every input, lag by lag. Inputs begin with those of
+    /// the predicted row.
     pub(crate) fn lags(&self, outputs: usize, inputs: usize) -> EquationTask {
         let functions = match &self.candidates {
             Candidates::Polynomial { outputs: own, inputs: given } => {
@@ -190,8 +191,8 @@ impl NarxBase {
         self.task.fitted.len()
     }
 
-    /// The rule with the orders that can run free. Inputs that follow from an output and would be needed before it is predicted are refused; where it is still
-    /// to be found whether inputs act at once, they then do not.
+    /// The rule with the orders that can run free. Refuses inputs that follow from an output and would be needed before
+    /// it is predicted. If the search were to decide about direct inputs, they are excluded.
     pub(crate) fn simulated(&self, rule: OrderRule, step: f64) -> Result<OrderRule, Error> {
         self.check_simulated(false, step)?;
         let Err(refused) = self.check_simulated(true, step) else { return Ok(rule) };
@@ -239,7 +240,8 @@ fn with_functions(task: &EquationTask, functions: Vec<Expr>) -> EquationTask {
     task
 }
 
-/// What a function of a library reads. A column that is neither an output nor computed from one comes from outside, as inputs do.
+/// Addend of a library's function: the column that it reads. A column that is neither an output nor computed from one
+/// counts as an input.
 fn addend(function: &Expr, task: &EquationTask) -> Result<Addend, Error> {
     let several = fleetfoot_library::Program::compile(std::slice::from_ref(function), &names(task))
         .is_ok_and(|program| program.leaves().iter().any(|leaf| leaf.lag() != 0));

@@ -55,7 +55,7 @@ pub(crate) struct Trails {
 pub(crate) struct EquationTerms {
     /// Candidate, coefficient and error reduction ratio, in the order in which they entered.
     pub(crate) terms: Vec<(usize, f64, f64)>,
-    /// Whether the region saw too few rows and has the terms of all of them.
+    /// True if the region has too few rows and takes the terms of all rows.
     pub(crate) shared: bool,
 }
 
@@ -84,7 +84,8 @@ impl Trails {
         Ok(Self { whole: trails(&problems.whole)?, regions: regions.collect::<Result<_, ThresholdError>>()?, columns })
     }
 
-    /// The terms of every region (outer) and equation: `count` terms of each, or as many as there are; `None`: what forward regression itself chose.
+    /// The terms of every region (outer) and equation: `count` terms of each, or as many as there are; `None`: the
+    /// number that forward regression chose.
     pub(crate) fn terms(&self, count: Option<usize>) -> Vec<Vec<EquationTerms>> {
         let one = |trail: &Trail, shared: bool| {
             let at = count.map_or(trail.chosen, |count| count.min(trail.steps.len() - 1));
@@ -116,17 +117,18 @@ impl Trails {
     }
 }
 
-/// Which candidates an equation has in a region.
+/// Candidates of an equation in a region.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Support {
     /// Columns of the problem.
     pub(crate) columns: Vec<usize>,
-    /// Whether they are those of all rows.
+    /// True if they are those of all rows.
     pub(crate) shared: bool,
 }
 
 impl Problems {
-    /// The rows that an equation of a region is fitted on: the region's, all of them where its support is that of all or it has fewer than two rows a term.
+    /// The rows for an equation of a region: the region's, or all rows if its support is that of all or it has fewer
+    /// than two rows a term.
     fn rows_of(&self, region: usize, support: &Support) -> &Compressed {
         let enough = |problem: &&Compressed| problem.rows > 0 && problem.rows >= 2 * support.columns.len() as u64;
         self.regions.get(region).filter(|_| !support.shared).filter(enough).unwrap_or(&self.whole)

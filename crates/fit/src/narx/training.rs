@@ -1,4 +1,4 @@
-//! What a model is found from: the recipe, its options and its candidates, and the rows that train or their sums.
+//! Inputs of a fit: recipe, options, candidates, and the training rows or their sums.
 
 use fleetfoot_data::Progress;
 use fleetfoot_model::Partition;
@@ -9,7 +9,7 @@ use fleetfoot_task::{EquationTask, Provenance};
 use super::{NarxOptions, TermRule, summed::Evidence, task::NarxBase};
 use crate::{constant::refuse_constant_targets, error::Error, folds::smoothed_rows};
 
-/// What all ways to a model share.
+/// Inputs that all ways to a model share.
 pub(crate) struct Fit<'a> {
     pub(crate) recipe: &'a Recipe,
     pub(crate) options: &'a NarxOptions,
@@ -17,7 +17,7 @@ pub(crate) struct Fit<'a> {
     /// The rows that train, or their sums.
     pub(crate) evidence: Evidence<'a>,
     pub(crate) step: f64,
-    /// Whether the other models of the front are wanted.
+    /// True to keep the other models of the front.
     pub(crate) rivals: bool,
 }
 

@@ -12,7 +12,7 @@ use crate::error::Error;
 /// Piecewise-affine models whose regions contract in one metric.
 pub(crate) struct Bound(Contracting);
 
-/// Weight of a function that no region uses, in place of what no row tells: its coefficients stay zero.
+/// Weight of a function that no region uses, as no row determines it: its coefficients stay zero.
 const UNUSED: f64 = 1e12;
 
 impl Bound {
@@ -24,7 +24,7 @@ impl Bound {
         Ok(Self(Contracting::new(problem, stability)?))
     }
 
-    /// How a model of the set is bounded.
+    /// Contraction of a model of the set.
     pub(crate) fn told(&self, before: &Stability, model: &Model) -> Bounded {
         let told = self.0.told(before, model);
         let greatest = |of: fn(&fleetfoot_pwa::StableRegion) -> f64| told.regions.iter().map(of).fold(0.0, f64::max);

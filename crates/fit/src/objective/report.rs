@@ -1,4 +1,4 @@
-//! What a fit to simulations brought, for people and for programs.
+//! Report of a fit to simulations, for people and for programs.
 
 use fleetfoot_estimate::Status;
 use fleetfoot_library::Expr;
@@ -37,8 +37,8 @@ impl Refinement {
         ([sum(|fold| fold.one_step.ended), sum(|fold| fold.simulated.ended)], sum(|fold| fold.one_step.starts))
     }
 
-    /// Root of the mean squared error of a target one step ahead on the rows that did not train, and the coefficient of determination there: of the model
-    /// fitted to simulations.
+    /// One-step error of the model fitted to simulations, on held-out rows: root of the mean squared error of a target,
+    /// and its coefficient of determination.
     pub(crate) fn held_out(&self, target: usize) -> [f64; 2] {
         let scores = || self.folds.iter().map(|fold| &fold.simulated.one_step);
         let rows: f64 = scores().map(|scores| scores.rows as f64).sum();
@@ -50,7 +50,7 @@ impl Refinement {
         [(errors / rows).sqrt(), if spread > 0.0 { 1.0 - errors / spread } else { f64::NAN }]
     }
 
-    /// Which model is written, and why.
+    /// One sentence: the model that is written, and the reason.
     pub fn verdict(&self) -> &'static str {
         if self.written {
             "The model fitted to simulations is written: its rollouts on rows that did not train err less."
@@ -61,7 +61,7 @@ impl Refinement {
         }
     }
 
-    /// What was done and what it brought, in sentences.
+    /// The fit and its effect on held-out rollouts, in sentences.
     pub fn in_words(&self) -> String {
         let Self { rule, fitted, far, .. } = self;
         let end = match fitted.status {
@@ -98,7 +98,7 @@ impl Refinement {
         )
     }
 
-    /// Which weight of the prior was taken, where there is one.
+    /// The chosen weight of the prior, in words; empty without a prior.
     fn weights_in_words(&self) -> String {
         let Some(weight) = self.fitted.weight.filter(|_| !self.weights.is_empty()) else { return String::new() };
         let told = |own: &super::WeightErrors| format!("{} ({:.4}, {:.4})", own.weight, own.rollouts, own.far);
@@ -111,7 +111,7 @@ impl Refinement {
         )
     }
 
-    /// How the maps are bounded, where they are.
+    /// The contraction of the maps, in words; empty without a bound.
     fn bound_in_words(&self) -> String {
         self.bound.map_or_else(String::new, |own| format!("Its regions {}\n", own.in_words()))
     }
@@ -196,7 +196,7 @@ impl Serialize for Refinement {
     }
 }
 
-/// Where the candidates of a fitted equation stand in its latent.
+/// Positions of a fitted equation's candidates in its latent.
 pub(crate) struct Coefficients<'a> {
     latent: Option<&'a Latent>,
     /// The feature of every candidate: `None` for one that the latent does not have.

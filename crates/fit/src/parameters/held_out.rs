@@ -1,4 +1,4 @@
-//! What a model is worth on rows that did not train it: refitted without them, and simulated over them.
+//! Held-out error of a model with parameters: refitted without a fold, and simulated over it.
 
 use fleetfoot_data::setting::FOLDS;
 use fleetfoot_data::{Progress, Source};

@@ -1,4 +1,4 @@
-//! What is known of estimated parameters.
+//! Report of estimated parameters.
 
 use faer::Mat;
 use fleetfoot_estimate::{EquationError, FilterError, Gain, MatrixLimit, OutputError, Status};
@@ -10,17 +10,17 @@ use serde::Serialize;
 
 use crate::{limit_report::LimitReport, summary::FitSummary};
 
-/// Correlation beyond which two parameters can hardly be told apart (Klein and Morelli 2006, section 5.4).
+/// Correlation beyond which two parameters are confounded (Klein and Morelli 2006, section 5.4).
 const CONFOUNDED: f64 = 0.9;
 
-/// How much wider an interval is by the correlation of the residuals where that is told.
+/// Ratio of standard errors from which a note says that correlated residuals widen the intervals.
 const WIDER: f64 = 1.1;
 
 /// The report of `fit parameters`.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct ParametersReport {
-    /// What the parameters were fitted to.
+    /// Method of estimation.
     pub method: EstimateMethod,
     /// Rows of the logs.
     pub rows: u64,
@@ -28,33 +28,34 @@ pub struct ParametersReport {
     pub parameters: Vec<ParameterInterval>,
     /// Pairs whose correlation exceeds 0.9.
     pub confounded: Vec<ConfoundedPair>,
-    /// Standard deviation of the noise: of the measured states, by filter error of what it predicts of them, by equation error of the derivatives.
+    /// Standard deviation of the noise: of the measured states; by filter error of their innovations; by equation error
+    /// of the derivatives.
     pub noise: Vec<(String, f64)>,
     /// The same without `[constraints]`, where there are any and something is found: their price.
     pub free_noise: Vec<f64>,
-    /// What matrices of parameters keep.
+    /// Bounds of matrices of parameters.
     pub limits: Vec<LimitReport>,
     /// By filter error, by how much the measurements of every compared state correct the simulation; else none.
     pub gains: Vec<GainInterval>,
-    /// By filter error the covariance of what the filter predicts and what was measured of the compared states, by rows; else none.
+    /// Covariance of the innovations of the compared states, by rows, by filter error; else empty.
     pub innovations: Vec<Vec<f64>>,
     /// Segments that were simulated, and those left out for missing values; none by equation error.
     pub segments: Option<[usize; 2]>,
     /// Rows over which residuals are correlated; `None` by equation error.
     pub memory: Option<usize>,
-    /// Whether that is as far as was looked, so that the intervals may be too narrow.
+    /// True if the memory reaches the longest lag that is tried, so that the intervals may be too narrow.
     pub lasting: bool,
     /// Condition of the Jacobian, its columns scaled to unit length.
     pub condition: f64,
     /// The certificate: the largest cosine of the angle between the residual and a column of the Jacobian.
     pub gradient: f64,
-    /// Whether the minimum was reached.
+    /// True if the minimum was reached.
     pub converged: bool,
     /// Rollouts of rows that did not train.
     pub held_out: Option<ParametersHeldOut>,
     /// The equations with their values.
     pub equations: Vec<String>,
-    /// What the reports of all methods say.
+    /// The part of the report that all methods share.
     pub summary: FitSummary,
 }
 
@@ -74,11 +75,11 @@ pub struct ParameterInterval {
     pub interval: [f64; 2],
     /// Unit, when known.
     pub unit: Option<String>,
-    /// Whether it was kept.
+    /// True if the value was kept fixed.
     pub fixed: bool,
-    /// Whether it is at a bound that pushes back.
+    /// True if the estimate is at an active bound.
     pub at_bound: bool,
-    /// Whether the rows determine it.
+    /// True if the rows determine the value.
     pub determined: bool,
 }
 
@@ -94,7 +95,7 @@ pub struct GainInterval {
     pub standard_error: f64,
     /// The 95 % interval.
     pub interval: [f64; 2],
-    /// Whether it is 0 or 1 because the rows ask for less, or more.
+    /// True if the gain is 0 or 1 as the rows would have it beyond these bounds.
     pub at_bound: bool,
 }
 
@@ -105,7 +106,7 @@ impl From<&Gain> for GainInterval {
     }
 }
 
-/// Two parameters that the rows hardly tell apart.
+/// Two parameters that the rows hardly distinguish.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ConfoundedPair {
@@ -136,13 +137,13 @@ impl ParametersHeldOut {
     }
 }
 
-/// What a method found.
+/// Result of a method.
 pub(super) enum Found {
     Equation(EquationError),
     Simulated { found: OutputError, filter: Option<Filter> },
 }
 
-/// What a filter has beside parameters.
+/// Results of a filter beside the parameters.
 pub(super) struct Filter {
     pub(super) gains: Vec<Gain>,
     pub(super) innovations: Mat<f64>,
@@ -344,7 +345,8 @@ fn confounded(
 }
 
 impl ParametersReport {
-    /// Warnings, in sentences: what the rows do not tell, or hardly tell apart; residuals that last.
+    /// Warnings, in sentences: parameters that the rows do not determine or hardly distinguish; residuals that are
+    /// correlated.
     pub fn warnings(&self) -> Vec<String> {
         let mut told = Vec::new();
         for own in self.parameters.iter().filter(|own| !own.determined) {

@@ -1,4 +1,4 @@
-//! How a piecewise-affine model is found: the words of `[pwa]` and the partitions of `[model]`, checked once.
+//! Options of a piecewise-affine fit: the settings of `[pwa]` and the partitions of `[model]`, checked once.
 
 use fleetfoot_data::setting::{
     CONSTRAINTS, CONTINUOUS, FIT_PARAMETERS, FIT_SINDY, FIT_SPARSE, HORIZON, OBJECTIVE, PASSIVE, PWA, SELECT, STABLE,
@@ -13,19 +13,20 @@ use crate::{
     rollout_choice::{RolloutRule, USUAL_HORIZON, open_spans},
 };
 
-/// How a piecewise-affine model is found.
+/// Options of a piecewise-affine fit.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct PwaOptions {
-    /// What the identification is told; its purge gap, in rows, follows from [`PwaOptions::purge`] once the sampling period is known.
+    /// Options of the identification. Its purge gap, in rows, follows from [`PwaOptions::purge`] once the sampling
+    /// period is known.
     pub identification: Options,
     /// Gap between held-out and training rows, seconds; `None`: a tenth of a held-out span.
     pub purge: Option<f64>,
-    /// How partitions and open spans are compared by rollouts, where they are.
+    /// Rule by which rollouts compare partitions and open spans; `None` without rollouts.
     pub rollouts: Option<RolloutRule>,
-    /// What coefficients are fitted to.
+    /// Objective of the coefficients.
     pub objective: Objective,
-    /// Whether regions are counted along a phase, which is known once the columns are ([`fleetfoot_task::Task::phase`]).
+    /// True to count regions along a phase, which the columns give ([`fleetfoot_task::Task::phase`]).
     pub(crate) phase: bool,
     /// Seconds over which the logs were smoothed before, where they were.
     smoothed: Option<f64>,
@@ -34,7 +35,7 @@ pub struct PwaOptions {
 /// Most folds.
 const FOLDS: u16 = 100;
 
-/// What is tried where nothing is said of partitions: in one pass more than one region takes, each of the four with its error on rows that did not train.
+/// Partitions to try by default, all in one pass, each with its held-out error.
 pub(crate) const TRIED: &str = "average,kmeans:2,5,10";
 
 impl PwaOptions {
@@ -123,7 +124,7 @@ impl PwaOptions {
         self.identification.partitions.iter().filter_map(|own| own.label().map(str::to_owned)).collect()
     }
 
-    /// What the identification is told of rows that are `step` seconds apart; 0 where they have no clock.
+    /// Options of the identification for rows that are `step` seconds apart; `step` is 0 without a clock.
     pub(crate) fn of_step(&self, step: f64) -> Options {
         let mut options = self.identification.clone();
         if let (Some(seconds), true) = (self.purge, step > 0.0) {
@@ -134,7 +135,7 @@ impl PwaOptions {
     }
 }
 
-/// What the recipe says of states that maps of regions have no use for, for people.
+/// Note about settings of states that maps of regions do not use.
 pub(super) fn unused(recipe: &Recipe) -> Option<String> {
     let has =
         |state: &fleetfoot_recipe::State| state.nominal.is_some() || state.library.is_some() || !state.fixed.is_empty();
@@ -145,7 +146,7 @@ pub(super) fn unused(recipe: &Recipe) -> Option<String> {
     })
 }
 
-/// How partitions and open spans are compared by rollouts, where they are.
+/// Rule by which rollouts compare partitions and open spans; `None` without rollouts.
 fn rollouts(section: &PwaSection, recipe: &Recipe) -> Result<Option<RolloutRule>, Error> {
     let compared = section.select == Some(PartitionChoice::Rollout) || !open_spans(recipe).is_empty();
     match (section.horizon, compared) {

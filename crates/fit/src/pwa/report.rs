@@ -1,4 +1,4 @@
-//! What a piecewise-affine fit found, for people and for programs.
+//! Report of a piecewise-affine fit, for people and for programs.
 
 use fleetfoot_pwa::{Continuity, Identification, Score};
 use serde::{Serialize, Serializer};
@@ -7,13 +7,13 @@ use crate::{
     bounded_maps::BoundedMaps, interval::Interval, method::FitReport, summary::FitSummary, words::interval_in_words,
 };
 
-/// What a piecewise-affine fit found.
+/// Report of a piecewise-affine fit.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct PwaReport {
     /// The model, its rivals, and their scores.
     pub identification: Identification,
-    /// What the reports of all methods say.
+    /// The part of the report that all methods share.
     pub summary: FitSummary,
 }
 
@@ -123,7 +123,7 @@ impl<'a> From<&'a Score> for Candidate<'a> {
     }
 }
 
-/// What it costs that maps meet at their borders.
+/// Cost of continuity: the loss of maps that meet at their borders beside that of maps that do not.
 #[derive(Serialize)]
 struct Meeting {
     borders: usize,

@@ -1,4 +1,4 @@
-//! What moved coefficients leave, without a pass over the rows.
+//! Residual covariance after a change of coefficients, computed from sums without a pass over the rows.
 
 use std::collections::BTreeMap;
 
@@ -7,10 +7,12 @@ use fleetfoot_data::packed;
 use fleetfoot_model::Model;
 use fleetfoot_stats::SquareRoot;
 
-/// The second moments of the residuals of a model's regions after its coefficients moved from those of `before`; `roots` are the sums of the regions' rows.
+/// Moves the second moments of the residuals of a model's regions, after its coefficients moved from those of `before`.
+/// `roots`: the sums of the regions' rows.
 ///
-/// Those of `before` are known from the rows. What no regressor explains is the same in both, so that the moments differ by what differs of the rest
-/// ([`SquareRoot::error_products`]), whether `before` is the solution of least squares, pulled towards one region, or bounded.
+/// The moments of `before` are known from the rows. The variance that no regressor explains is the same in both, so
+/// that the moments differ by the rest ([`SquareRoot::error_products`]). This holds whether `before` is the solution of
+/// least squares, pulled towards one region, or bounded.
 pub(super) fn move_residuals(before: &Model, model: &mut Model, roots: &BTreeMap<u32, SquareRoot>) {
     let q = model.latents.len();
     for (&at, root) in roots {

@@ -100,7 +100,7 @@ impl Summed {
     }
 }
 
-/// What a statistic cannot answer.
+/// Refuses settings that a statistic cannot serve.
 fn refuse_rows(said: &PwaOptions) -> Result<(), Error> {
     let problem = if said.rollouts.is_some() {
         format!(
@@ -128,7 +128,7 @@ fn refuse_rows(said: &PwaOptions) -> Result<(), Error> {
 struct Part {
     scan: SystemScan,
     partition: Partition,
-    /// Where the library's functions stand among those of the scan.
+    /// Positions of the library's functions among those of the scan.
     places: Vec<usize>,
     folds: Option<Folds>,
     /// Region by region: all rows, then the training rows of every fold.
@@ -175,7 +175,7 @@ impl Part {
         Ok(Self { partition, scan, places, folds, training, testing })
     }
 
-    /// What is known of the rows beside the sums.
+    /// Facts about the rows beside the sums.
     fn rows(&self, file: &StatisticFile) -> SummedRows {
         let counts = self.scan.counts();
         SummedRows {

@@ -18,11 +18,11 @@ pub struct ParameterReport {
     pub name: String,
     /// The estimate.
     pub value: f64,
-    /// Its standard error; NaN where it cannot be said.
+    /// Its standard error; NaN if it is not known.
     pub standard_error: f64,
     /// Its unit, when known.
     pub unit: Option<String>,
-    /// Whether the estimate is at one of its bounds.
+    /// True if the estimate is at one of its bounds.
     pub at_bound: bool,
 }
 

@@ -1,4 +1,4 @@
-//! What equations are fitted on: a task whose parameters are known, and the statistic of its rows.
+//! Evidence for equations: a task whose parameters are known, and the statistic of its rows.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -37,7 +37,7 @@ pub struct Evidence {
     pub weak: Option<Weak>,
     /// Mean squared error of the differences that derivatives are measured by, for every fitted equation; 0 where they are measured otherwise.
     pub resolution: Vec<f64>,
-    /// Of that, what comes of rounded stamps, for every equation that is measured by differences.
+    /// The part of it due to rounded stamps, for every equation that is measured by differences.
     rounding: Vec<f64>,
     /// The parameters' estimates.
     pub parameters: Vec<ParameterReport>,
@@ -45,7 +45,7 @@ pub struct Evidence {
     pub step: f64,
     /// Neighbours on either side that are made of the same samples as a row: lags, differences and smoothing reach over them.
     pub shared_rows: usize,
-    /// Rows of the logs, whether they count or not; a statistic does not tell.
+    /// Rows of the logs, whether they count or not; `None` from a statistic.
     pub rows_read: Option<usize>,
     /// The episodes that have rows, in the order of the identities.
     pub episodes: Vec<TrainedEpisode>,
@@ -53,7 +53,7 @@ pub struct Evidence {
 
 /// Too few rows, or windows of them, for the candidates of an equation.
 struct Few {
-    /// Where there are several.
+    /// Region; `None` if there is one only.
     region: Option<String>,
     rows: u64,
     windows: bool,
@@ -122,7 +122,8 @@ impl Evidence {
         Ok(found)
     }
 
-    /// The evidence of rows, for what was settled before their pass; whether they are enough is for the caller to look at ([`Evidence::check`]).
+    /// The evidence of rows, for choices made before their pass; the caller checks that the rows suffice
+    /// ([`Evidence::check`]).
     pub(super) fn of_rows(
         recipe: &Recipe,
         seed: u64,
@@ -146,7 +147,7 @@ impl Evidence {
         self
     }
 
-    /// What was frozen, and the statistic of its rows, and the episodes that these may be of.
+    /// Makes the evidence of a frozen task and the statistic of its rows. `known`: episodes by identity.
     pub(super) fn new(
         frozen: Frozen,
         system: System,
@@ -191,7 +192,8 @@ impl Evidence {
 
     /// Mean squared error of differences, of the equations that are measured by them, that comes of rounded stamps alone.
     ///
-    /// A stamp is known to half a unit in its last place, which at the end of an episode of n rows is epsilon n of a sampling period: no difference is known better.
+    /// Error of rounded stamps. A stamp is known to half a unit in its last place: at the end of an episode of n rows
+    /// epsilon n of a sampling period. No difference is known better.
     fn rounding_of(&self) -> Vec<f64> {
         let mut rows = BTreeMap::<EpisodeId, u64>::new();
         self.scan.units().iter().for_each(|unit| *rows.entry(unit.episode).or_default() += unit.rows);
@@ -213,7 +215,7 @@ impl Evidence {
         squares.into_iter().map(|square| MARGIN * weak.accuracy.powi(2) * square).collect()
     }
 
-    /// What a model of this evidence carries.
+    /// Provenance that a model of this evidence carries.
     pub fn provenance(&self, method: &str, recipe: &Recipe, seed: u64) -> Provenance {
         Provenance {
             method: method.to_owned(),
@@ -248,7 +250,7 @@ impl Evidence {
         ))
     }
 
-    /// Refuses what no equation can come of.
+    /// Refuses evidence that gives no equation.
     pub(super) fn check(&self) -> Result<(), Error> {
         let rows: u64 = (0..self.scan.regions()).map(|region| self.scan.rows(region)).sum();
         let counts = self.scan.counts();
@@ -311,8 +313,8 @@ impl Evidence {
     }
 }
 
-/// Of a mean squared error of differences, as it is estimated, what models are not compared below: twice the error. (That of noise is estimated at 0.14 of what it
-/// is, so that models of noisy rows stand well above it.)
+/// Factor on the estimated mean squared error of differences below which models are not compared: twice the error. (The
+/// error of noise is estimated at 0.14 of its true value, so that models of noisy rows stand well above it.)
 const MARGIN: f64 = 4.0;
 
 /// Refuses a library that the rows cannot carry, before they are read.

@@ -1,4 +1,4 @@
-//! What is decided before the pass that sums equations, from a sample of the rows or in passes of its own.
+//! Choices before the pass that sums equations: from a sample of the rows, or from separate passes.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! Bounds of coefficients, and what they cost.
+//! Bounds of coefficients, and their cost.
 
 use fleetfoot_data::Progress;
 use fleetfoot_data::setting::{CONSTRAINTS, PARAMETERS};
@@ -29,7 +29,7 @@ pub(super) fn free(
     regions.map(|region| free.solve(region, &mut Vec::new(), progress)).collect::<Result<_, _>>().map(Some)
 }
 
-/// Tells the errors without the bounds, and how near coefficients are to them.
+/// Reports the errors without the bounds, and the distances of coefficients to them.
 pub(super) fn tell(evidence: &Evidence, regions: &[Vec<Solved>], free: &[Vec<Solved>], report: &mut SindyReport) {
     for (region, (found, free)) in report.regions.iter_mut().zip(free).enumerate() {
         let weight = evidence.scan.root(region).weight;

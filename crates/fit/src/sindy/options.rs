@@ -1,4 +1,4 @@
-//! How equations are found: the words of `[sindy]`, checked once.
+//! Options of an equation fit: the settings of `[sindy]`, checked once.
 
 use fleetfoot_data::setting::{
     self, CONSTRAINTS, FIT_SPARSE, FRONT, GROUPS, INCLUSION, LIBRARY, SINDY, TERMS, THRESHOLD,
@@ -14,7 +14,7 @@ use fleetfoot_task::WeakForm;
 
 use crate::{error::Error, folds, folds::FoldRule};
 
-/// What an ensemble varies.
+/// Part of the problem that an ensemble varies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ensemble {
     /// Chunks or episodes, drawn with replacement.
@@ -23,7 +23,7 @@ pub enum Ensemble {
     Library,
 }
 
-/// How equations are found.
+/// Options of an equation fit.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct SindyOptions {
@@ -41,11 +41,11 @@ pub struct SindyOptions {
     pub kappa: Option<f64>,
     /// Number of terms of every equation, where it is given.
     pub terms: Option<usize>,
-    /// What is chosen by.
+    /// Criterion of the choice.
     pub criterion: Criterion,
-    /// Which rows are held out.
+    /// Rule by which rows are held out.
     pub folds: FoldRule,
-    /// What an ensemble varies, and how many members it has.
+    /// The part that an ensemble varies, and the number of members.
     pub ensemble: Option<(Ensemble, usize)>,
     /// Share of the members that must have a term.
     pub inclusion: f64,
@@ -55,9 +55,9 @@ pub struct SindyOptions {
     pub l1_ratio: f64,
     /// Seed of everything random.
     pub seed: u64,
-    /// What coefficients are fitted to.
+    /// Objective of the coefficients.
     pub objective: Objective,
-    /// Whether states are smoothed under the equations.
+    /// Setting of state smoothing under the equations.
     pub smooth_states: SmoothStates,
 }
 
@@ -147,7 +147,7 @@ impl SindyOptions {
     /// The same where coefficients have bounds.
     ///
     /// # Errors
-    /// What cannot keep them.
+    /// An option that cannot keep bounds.
     pub(super) fn within(mut self, recipe: &Recipe) -> Result<Self, Error> {
         let Some(name) = recipe.constraints.keys().next() else { return Ok(self) };
         let refused = |what: String| {
@@ -183,7 +183,7 @@ impl SindyOptions {
         }
     }
 
-    /// How terms are found, for people.
+    /// Method of the term selection, for people.
     pub(super) fn method_in_words(&self) -> String {
         let units = match self.scaling {
             Scaling::Share => "shares of the target",
@@ -203,7 +203,7 @@ impl SindyOptions {
         }
     }
 
-    /// How many terms there are was chosen so, for people. `folds`: how rows were held out.
+    /// Criterion of the number of terms, for people. `folds`: rule by which rows were held out.
     pub(super) fn choice_in_words(&self, folds: Option<&str>) -> String {
         if let Some(kappa) = self.kappa {
             let weight = if kappa > 0.0 { format!(", kappa = {kappa}") } else { String::new() };
@@ -232,7 +232,7 @@ impl SindyOptions {
         format!("{rule}{}", folds.map_or_else(String::new, |folds| format!("; {folds}")))
     }
 
-    /// What to do about an equation that has no term, for people: options that this fit has.
+    /// Remedies for an equation without terms, for people: options of this fit.
     pub(super) fn mend_of_no_terms(&self) -> String {
         match (self.threshold, self.terms, self.ensemble) {
             (Some(_), ..) => format!("lower the threshold ({THRESHOLD}), or offer other candidates ({LIBRARY})"),
@@ -251,7 +251,7 @@ impl SindyOptions {
         }
     }
 
-    /// What an ensemble varied, for people.
+    /// The part that an ensemble varied, for people.
     pub(super) fn ensemble_in_words(&self) -> Option<String> {
         let (what, members) = self.ensemble?;
         let what = match what {
@@ -301,7 +301,7 @@ fn kappa(section: &SindySection, optimizer: SindyOptimizer) -> Result<Option<f64
     }
 }
 
-/// What enters together, and a look at what only the group lasso has.
+/// Groups of terms that enter together. Refuses settings of the group lasso for other optimisers.
 fn groups(section: &SindySection, optimizer: SindyOptimizer) -> Result<GroupRule, Error> {
     let given = [("groups", section.groups.is_some()), ("l1_ratio", section.l1_ratio.is_some())];
     if let Some((what, _)) = given.iter().find(|(_, given)| *given && optimizer != SindyOptimizer::GroupLasso) {
@@ -370,7 +370,7 @@ fn smooth_states(section: &SindySection) -> Result<SmoothStates, Error> {
     }
 }
 
-/// What else says which terms there are.
+/// Name of another setting that fixes the terms.
 fn overruled(section: &SindySection) -> Option<&'static str> {
     let said = [
         (section.terms.is_some(), "terms"),

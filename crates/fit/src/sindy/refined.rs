@@ -15,7 +15,8 @@ pub(crate) fn coefficients_of(model: &Model, task: &EquationTask, regions: usize
 }
 
 impl SindyReport {
-    /// Tells the equations of the model, where it was fitted to simulations: its coefficients, whose standard errors are not known, and its errors.
+    /// Reports the equations of a model that was fitted to simulations: its coefficients, whose standard errors are not
+    /// known, and its errors.
     pub(super) fn refine(&mut self, task: &EquationTask, model: &Model) {
         let Some(refinement) = self.summary.refinement.as_ref().filter(|found| found.written) else { return };
         // What a region errs by is not told apart.

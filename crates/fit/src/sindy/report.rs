@@ -1,4 +1,4 @@
-//! What a fit of equations found, for people and for programs.
+//! Report of an equation fit, for people and for programs.
 
 use fleetfoot_model::factor;
 use fleetfoot_stats::Compressed;
@@ -12,21 +12,21 @@ use crate::{
     summary::FitSummary,
 };
 
-/// What a fit of equations found.
+/// Report of an equation fit.
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct SindyReport {
     /// Rows of positive weight.
     pub rows: u64,
-    /// How terms were found, for people.
+    /// Method of the term selection, for people.
     pub method: String,
-    /// How many terms there are was chosen so, for people.
+    /// Criterion of the number of terms, for people.
     pub choice: String,
     /// Folds of the held-out errors; 0 where there are none.
     pub folds: usize,
-    /// How rows were held out, for people; `None` where they were not.
+    /// Rule by which rows were held out, for people; `None` without folds.
     pub fold_rule: Option<String>,
-    /// What an ensemble varied, for people.
+    /// The part that an ensemble varied, for people.
     pub ensemble: Option<String>,
     /// The windows that equations are fitted on in the place of rows, for people; `None` where rows are taken as they are.
     #[serde(rename = "weak", skip_serializing_if = "Option::is_none")]
@@ -35,16 +35,16 @@ pub struct SindyReport {
     pub parameters: Vec<ParameterReport>,
     /// Candidate functions of any equation, the constant among them.
     pub candidates: Vec<String>,
-    /// The regions; one where there is no partition.
+    /// The regions; one without a partition.
     #[serde(flatten, serialize_with = "crate::json::sindy::with_paths")]
     pub regions: Vec<RegionReport>,
     /// The equations that were found in turn with smoothed states, where that was done.
     #[serde(rename = "smooth_states", skip_serializing_if = "Option::is_none")]
     pub smoothing: Option<StateSmoothing>,
-    /// What coefficients keep, where the recipe has `[constraints]`.
+    /// Bounds of coefficients under `[constraints]`.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub limits: Vec<LimitReport>,
-    /// What the reports of all methods say.
+    /// The part of the report that all methods share.
     #[serde(flatten)]
     pub summary: FitSummary,
 }
@@ -69,13 +69,14 @@ pub struct EquationReport {
     pub label: String,
     /// The right side with numbers for coefficients, its nominal part included.
     pub right: String,
-    /// The terms of what was learnt.
+    /// The fitted terms.
     pub terms: Vec<TermReport>,
     /// Number of candidates that it had.
     pub candidates: usize,
     /// Root mean squared error on the rows of the fit.
     pub rms: f64,
-    /// Share of the variance of what was learnt (the target less the nominal part) that is explained on these rows; NaN where it does not vary.
+    /// Share of the variance of the fitted part (the target less the nominal part) that is explained on these rows; NaN
+    /// if it does not vary.
     pub r2: f64,
     /// Root mean squared error on held-out rows; NaN without folds.
     #[serde(rename = "held_out_rms")]
@@ -91,18 +92,19 @@ pub struct EquationReport {
     pub correlation: f64,
     /// Error against number of terms, ascending by terms.
     pub front: Vec<FrontPoint>,
-    /// Functions of any model of [`Self::front`], the largest first, with what they contribute to each: their coefficient times their root mean square over the rows, in the
-    /// unit of the left side. Of very many functions those with the largest contributions.
+    /// Functions of any model of [`Self::front`], the largest first, with their contribution to each model. A
+    /// contribution is the coefficient times the root mean square over the rows, in the unit of the left side. Of very
+    /// many functions those with the largest contributions.
     #[serde(skip)]
     pub along: Vec<(String, Vec<f64>)>,
-    /// How many functions any model of [`Self::front`] has.
+    /// Number of functions that any model of [`Self::front`] has.
     #[serde(skip)]
     pub entered: usize,
     /// Share of an ensemble's members that have each candidate, where there is an ensemble (candidates of [`SindyReport::candidates`]).
     pub inclusion: Option<Vec<f64>>,
-    /// Groups of terms that the rows cannot tell apart.
+    /// Groups of confounded terms.
     pub confounded: Vec<Vec<String>>,
-    /// Where the left side is measured by central differences, what is known of their error.
+    /// Error of central differences, if the left side is measured by them.
     pub difference: Option<DifferenceErrors>,
 }
 
@@ -119,11 +121,11 @@ pub struct TermReport {
     pub coefficient: f64,
     /// Unit of the coefficient, where those of the left side and of the function are known.
     pub unit: Option<String>,
-    /// Standard error of the coefficient, given the terms; NaN where it cannot be said.
+    /// Standard error of the coefficient, given the terms; NaN if it is not known.
     pub standard_error: f64,
     /// Share of an ensemble's members that have the term, where there is one.
     pub inclusion: Option<f64>,
-    /// Whether it is there in any case.
+    /// True if the term is in every model.
     pub fixed: bool,
 }
 
@@ -140,7 +142,7 @@ pub struct FrontPoint {
     pub held_out: f64,
     /// The threshold, lambda or number of terms.
     pub parameter: f64,
-    /// Whether it is the model that was taken.
+    /// True for the model that was taken.
     pub chosen: bool,
     /// Its terms.
     pub functions: Vec<String>,
@@ -175,7 +177,7 @@ impl EquationReport {
     }
 }
 
-/// Functions that are told along the front of an equation.
+/// Functions that are listed along the front of an equation.
 const ALONG: usize = 24;
 
 /// The report of a fitted equation. `problem`: the moments of the region's rows; `error`: the standard error of a candidate.
@@ -244,7 +246,7 @@ pub(super) fn equation(
     }
 }
 
-/// What each function contributes to the models of a front, the largest first, and how many functions there are.
+/// Contribution of each function to the models of a front, the largest first, and the number of functions.
 fn along(
     task: &EquationTask,
     found: &Solved,
@@ -265,7 +267,7 @@ fn along(
     (all.into_iter().map(|(j, values)| (task.candidate(j), values)).collect(), members.len())
 }
 
-/// The right side with what was learnt written out behind the nominal part.
+/// The right side with the fitted part written out behind the nominal part.
 pub(super) fn right(task: &EquationTask, target: usize, terms: &[TermReport]) -> String {
     let learnt = sum(terms.iter().map(|term| (term.function.as_str(), term.coefficient)));
     let nominal = &task.fitted[target].nominal;

@@ -21,21 +21,21 @@ use crate::{
     sindy::{Evidence, StateSmoothing},
 };
 
-/// Equations found in turn with the states, and what came of it.
+/// Equations that alternated with smoothed states.
 pub(super) struct Smoothed {
     pub(super) told: StateSmoothing,
     /// Candidates x fitted equations.
     pub(super) coefficients: Mat<f64>,
-    /// Their standard errors; 0 of what is not in.
+    /// Their standard errors; 0 for candidates that are out.
     errors: Mat<f64>,
 }
 
-/// Rows that are smoothed without being asked for, at most: what follows takes some hundred passes over them.
+/// Rows that are smoothed by default, at most: the search takes some hundred passes over them.
 const UNASKED: usize = 20_000;
 /// Folds that are held out in turn.
 const FOLDS: usize = 5;
 
-/// Whether these equations are to be found in turn with the states.
+/// Returns true if these equations alternate with smoothed states.
 fn applies(asked: SmoothStates, evidence: &Evidence, recipe: &Recipe) -> Result<bool, Error> {
     if asked == SmoothStates::Off {
         return Ok(false);
@@ -53,7 +53,8 @@ fn applies(asked: SmoothStates, evidence: &Evidence, recipe: &Recipe) -> Result<
     }
 }
 
-/// Whether the states of so many rows may be smoothed, before it is known how noisy they are; `regions`: whether there is a partition.
+/// Returns true if states of so many rows may be smoothed, before their noise is known. `regions`: true with a
+/// partition.
 pub(super) fn may_apply(asked: SmoothStates, task: &EquationTask, recipe: &Recipe, regions: bool, rows: usize) -> bool {
     let asked = match asked {
         SmoothStates::Off => false,
@@ -63,7 +64,7 @@ pub(super) fn may_apply(asked: SmoothStates, task: &EquationTask, recipe: &Recip
     asked && obstacle(task, recipe, false, regions).is_none()
 }
 
-/// What keeps states from being smoothed.
+/// Obstacle to state smoothing, in words.
 fn obstacle(task: &EquationTask, recipe: &Recipe, estimated: bool, regions: bool) -> Option<String> {
     Some(if !task.parameters.is_empty() || estimated {
         format!("numbers inside expressions are estimated ({PARAMETERS})")
@@ -80,7 +81,8 @@ fn obstacle(task: &EquationTask, recipe: &Recipe, estimated: bool, regions: bool
     })
 }
 
-/// Finds equations in turn with the states, where that is asked for; from the coefficients of a fit (candidates x equations).
+/// Alternates between equations and smoothed states, on request; from the coefficients of a fit (candidates x
+/// equations).
 pub(super) fn smoothed(
     recipe: &Recipe,
     options: &SindyOptions,
@@ -218,7 +220,7 @@ impl<'a> Alternation<'a> {
         self.evidence.provenance("sindy", self.recipe, self.options.seed)
     }
 
-    /// Both ways on the training rows of every fold, and what they are worth on the rows that were held out.
+    /// Both ways on the training rows of every fold, and their errors on the held-out rows.
     fn held_out(&self, open: &Model, found: &Found, view: &dyn Source, progress: &dyn Progress) -> Result<Held, Error> {
         let rule = RolloutRule { folds: FOLDS, ..RolloutRule::new(1) };
         let smoothed = smoothed_rows(self.recipe.time.smoothed, self.evidence.step);
@@ -275,16 +277,18 @@ impl<'a> Alternation<'a> {
     }
 }
 
-/// What held-out rows say.
+/// Held-out errors.
 struct Held {
     /// Without smoothing and with it.
     misfit: [f64; 2],
-    /// Of every equation found with smoothed states: the root of the mean squared error on recorded rows or windows, and the share of their variance that is explained.
+    /// For every equation of smoothed states: root of the mean squared error on recorded rows or windows, and the
+    /// explained share of their variance.
     windows: Vec<[f64; 2]>,
 }
 
 impl Smoothed {
-    /// Tells these equations in the place of those of the report: standard errors of the errors-in-variables problem, and errors on the recorded rows or windows.
+    /// Reports these equations in the place of those of the report: standard errors of the errors-in-variables problem,
+    /// and errors on the recorded rows or windows.
     pub(super) fn tell(&self, evidence: &Evidence, report: &mut SindyReport) {
         let task = &evidence.task;
         let problem = evidence.scan.root(0).compressed(task.constant);

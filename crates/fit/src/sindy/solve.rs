@@ -39,7 +39,7 @@ pub(super) fn most_thresholds(candidates: usize) -> usize {
     if candidates > MANY { THRESHOLDS_OF_MANY } else { THRESHOLDS }
 }
 
-/// What was found of one equation in one region.
+/// Solution of one equation in one region.
 pub(super) struct Solved {
     /// The model that was taken.
     pub(super) step: Step,
@@ -51,7 +51,7 @@ pub(super) struct Solved {
     pub(super) inclusion: Option<Vec<f64>>,
 }
 
-/// Folds of a region, and what the means of their training rows err by on their held-out rows, summed (targets).
+/// Folds of a region, and the error of the training means on the held-out rows, summed (targets).
 struct HeldOut {
     folds: Vec<FoldProblem>,
     null: Vec<f64>,
@@ -71,12 +71,12 @@ impl HeldOut {
 pub(super) struct Solver<'a> {
     pub(super) evidence: &'a Evidence,
     pub(super) options: &'a SindyOptions,
-    /// Whether models of other sizes than the chosen are wanted too.
+    /// True to keep models of other sizes than the chosen one.
     pub(super) front: bool,
-    /// Whether coefficients keep their bounds.
+    /// True if coefficients keep their bounds.
     bounded: bool,
     folds: Option<Folds>,
-    /// The penalty of groups, where it is asked for.
+    /// The penalty of groups, on request.
     groups: Option<GroupLasso>,
 }
 
@@ -107,7 +107,7 @@ impl<'a> Solver<'a> {
         Self { bounded: false, front: false, ..self }
     }
 
-    /// How rows are held out, for people; `None` where they are not.
+    /// Rule by which rows are held out, for people; `None` without folds.
     pub(super) fn fold_rule(&self) -> Option<&str> {
         self.folds.as_ref().map(Folds::rule)
     }
@@ -215,7 +215,7 @@ impl<'a> Solver<'a> {
         self.folds.as_ref().is_some_and(Folds::overlap)
     }
 
-    /// What competes beside the optimiser's own models, where one is chosen.
+    /// Models that compete with those of the optimiser, if one is chosen.
     fn rivals(&self) -> Rivals {
         if self.options.threshold.is_some() || self.options.optimizer == SindyOptimizer::LeastSquares {
             return Rivals::default();
@@ -224,7 +224,7 @@ impl<'a> Solver<'a> {
         Rivals { backward, zero: true, alone: self.evidence.task.constant.then_some(0) }
     }
 
-    /// The models that forward regression chooses by itself, where it is asked to: of all targets together, as pysindy does.
+    /// The models that forward regression chooses itself, on request: of all targets together, as pysindy does.
     fn by_ratio(&self, problem: &Compressed, terms: &[Terms]) -> Result<Vec<Step>, Error> {
         match (self.optimizer(problem.columns()), self.options.kappa) {
             (Optimizer::Frols(frols), Some(kappa)) => {
@@ -422,7 +422,7 @@ fn correlated(evidence: &Evidence) -> Result<Option<f64>, Error> {
     Ok(Some(problem.weight / rows))
 }
 
-/// How often every unit is drawn (units x members).
+/// Number of draws of every unit (units x members).
 fn draws(scan: &SystemScan, unit: BootstrapUnit, members: usize, seed: u64) -> Mat<f64> {
     let units = scan.units();
     let groups: Vec<usize> = match unit {

@@ -1,4 +1,4 @@
-//! What is told of equations that were found in turn with the states.
+//! Report of equations that alternated with smoothed states.
 
 use serde::Serialize;
 
@@ -14,32 +14,33 @@ pub struct StateSmoothing {
     pub segments: usize,
     /// Candidates of all equations together.
     pub candidates: usize,
-    /// What is wrong with measurements and equations, one a state.
+    /// Errors of measurement and equation, one entry a state.
     pub noise: Vec<StateNoise>,
-    /// Twice the objective and the price of the terms, of the terms that it began with and of those that were found, at the same variances.
+    /// Twice the objective plus the price of the terms, at the same variances: with the first terms, and with the last.
     pub value: [f64; 2],
-    /// What a term costs in it.
+    /// Price of a term in it.
     pub price: f64,
     /// Supports that were tried, and taken.
     pub tried: usize,
-    /// Those that were worth more than the ones before.
+    /// Those of lower value than the ones before.
     pub taken: usize,
-    /// The certificate: what another step would lower the objective by, to first order.
+    /// The certificate: reduction of the objective by another step, to first order.
     pub promise: f64,
-    /// Whether that is within a billionth of the objective.
+    /// True if the promise is within a billionth of the objective.
     pub converged: bool,
     /// Folds that are held out in turn.
     pub folds: usize,
-    /// Mean squared deviation of smoothed trajectories from the rows that did not train, with the equations' own errors, in variances of the measurements: the equations without
-    /// smoothing, and these, both of the same training rows.
+    /// Mean squared deviation of smoothed trajectories from the held-out rows, with the equations' own errors, in
+    /// variances of the measurements. The first is that of the equations without smoothing, the second of these; both
+    /// have the same training rows.
     pub held_out: [f64; 2],
-    /// Whether the equations that were found so are written: they follow rows that did not train more closely.
+    /// True if these equations are written: they have the lower held-out deviation.
     pub written: bool,
     #[serde(skip)]
     pub(super) windows: Vec<[f64; 2]>,
 }
 
-/// What is wrong with a state.
+/// Errors of a state.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct StateNoise {
@@ -52,7 +53,7 @@ pub struct StateNoise {
 }
 
 impl StateSmoothing {
-    /// What was done and what it brought, in sentences.
+    /// The smoothing and its effect, in sentences.
     pub fn in_words(&self) -> String {
         let deviation = |own: &StateNoise| format!("{} {}", own.state, short(own.measurement));
         let noise: Vec<String> = self.noise.iter().map(deviation).collect();

@@ -53,7 +53,7 @@ fn unserved(file: &StatisticFile, recipe: &Recipe) -> Error {
     ))
 }
 
-/// What a statistic cannot answer.
+/// Refuses settings that a statistic cannot serve.
 fn refuse_rows(recipe: &Recipe) -> Result<(), Error> {
     radial::refuse_statistic(recipe)?;
     match recipe.parameters.keys().next() {
@@ -65,7 +65,7 @@ fn refuse_rows(recipe: &Recipe) -> Result<(), Error> {
     }
 }
 
-/// What is told beside the fit.
+/// Notes beside the fit.
 fn said(task: &EquationTask, group: &EquationGroup) -> Vec<String> {
     let mut notes = task.unit_notes();
     notes.extend(task.narrowed_note());

@@ -1,4 +1,4 @@
-//! How much work the models of a fit of equations are: told beforehand, as a large library takes minutes.
+//! Work of the models of an equation fit, estimated beforehand: a large library takes minutes.
 
 use fleetfoot_data::Work;
 use fleetfoot_data::setting::FOLDS;
@@ -7,7 +7,7 @@ use fleetfoot_sparse::threshold::Rivals;
 
 use super::{SindyOptions, solve::most_thresholds};
 
-/// What the folds' refits of a path's supports cost, in factorisations of the size of the library.
+/// Cost of refitting a path's supports on all folds, in factorisations of the size of the library.
 const OF_PATH: f64 = 11.0;
 
 /// The models of `targets` equations in every region, and their held-out errors. Measured against fits of 30 to 180 candidates, it is right within a factor of two;

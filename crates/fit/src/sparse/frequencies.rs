@@ -8,8 +8,9 @@ use super::{CandidateReport, SparseReport};
 use crate::error::Error;
 use crate::method::Fitted;
 
-/// Writes a row a candidate of every model: the value of the label (in a column of the label's name), latent, function, selection frequency, whether it
-/// was selected, coefficient, its standard error, and the coefficient of the lasso. What is not known is NaN.
+/// Writes a row for every candidate of every model. Its columns are the value of the label (in a column of the label's
+/// name), latent, function, selection frequency, selected or not, coefficient, its standard error, and the coefficient
+/// of the lasso. Unknown values are NaN.
 ///
 /// # Errors
 /// Those of writing.

@@ -1,4 +1,4 @@
-//! What every log does to a sparse fit, by name.
+//! Influence of every episode on a sparse fit, by name.
 
 use fleetfoot_data::Progress;
 use fleetfoot_dataset::StatisticFile;
@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::problem::Problem;
 use crate::{error::Error, serialize};
 
-/// A fit and the fits without each of its episodes: least squares on what was selected from all rows.
+/// A fit and the fits without each of its episodes: least squares on the columns selected from all rows.
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct LeaveOneOutReport {
@@ -22,7 +22,7 @@ pub struct LeaveOneOutReport {
     pub episodes: Vec<EpisodeInfluence>,
 }
 
-/// What leaving an episode out does.
+/// Change of the fit without an episode.
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct EpisodeInfluence {
@@ -30,7 +30,7 @@ pub struct EpisodeInfluence {
     pub name: String,
     /// Its share of the weight of all rows.
     pub share: f64,
-    /// Cook's distance; infinite when the other episodes do not tell the selected coefficients apart.
+    /// Cook's distance; infinite if the other episodes do not determine the selected coefficients.
     #[serde(rename = "cooks_distance")]
     pub distance: f64,
     /// Root mean square of its errors, in the tasks' scales, by the fit on all rows.
@@ -39,15 +39,16 @@ pub struct EpisodeInfluence {
     /// The same by the fit without it; NaN when there is none.
     #[serde(rename = "held_out_rms")]
     pub held_out: f64,
-    /// The coefficient that changes most in its standard errors, `T: N1*rho`, and the change without the episode in these; `None` without a fit or without
-    /// standard errors.
+    /// The coefficient that changes most in its standard errors, `T: N1*rho`, and that change; `None` without a fit or
+    /// without standard errors.
     #[serde(serialize_with = "serialize::largest_change")]
     pub largest_change: Option<(String, f64)>,
 }
 
-/// Leaves every episode out once. What the coefficients theta (p) use is the support, `errors` (p) their standard errors.
+/// Leaves every episode out once. The support is that of the coefficients theta (p); `errors` (p): their standard
+/// errors.
 ///
-/// `None`, with a note that says why, where it has no answer.
+/// `None`, with a note that has the reason, if there is no answer.
 pub(super) fn leave_one_out(
     problem: &Problem<'_>,
     file: &StatisticFile,

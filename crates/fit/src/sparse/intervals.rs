@@ -1,4 +1,4 @@
-//! What the replicates of a bolasso say of the size of a coefficient.
+//! Percentile intervals of coefficients over the replicates of a bolasso.
 
 use faer::MatRef;
 use fleetfoot_sparse::{bolasso::Selection, inference::bootstrap_intervals};

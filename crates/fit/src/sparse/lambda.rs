@@ -31,19 +31,20 @@ const LEAST_LAMBDA: f64 = 1e-8;
 pub struct LambdaChoice {
     /// Lambda, in the objective of `fleetfoot_sparse`.
     pub value: f64,
-    /// How it was chosen, for people.
+    /// Criterion of the choice, for people.
     pub how: String,
     /// The smallest lambda at which every penalised coefficient is zero.
     pub largest: f64,
     /// Number of folds of the held-out errors; 0 where there are none.
     pub folds: usize,
-    /// How rows were held out, for people; `None` where they were not.
+    /// Rule by which rows were held out, for people; `None` without folds.
     pub fold_rule: Option<String>,
     /// The held-out errors of the penalised fits at every lambda that was compared, where there are folds.
     pub validation: Option<CrossValidation>,
 }
 
-/// The folds of a statistic of logs that were smoothed over so many rows; `None`, with a note, where there are none and nobody asked for some.
+/// The folds of a statistic of logs that were smoothed over so many rows. `None`, with a note, if there are none by
+/// default.
 pub(super) fn folds(
     problem: &Problem<'_>,
     options: &SparseOptions,
@@ -74,7 +75,7 @@ pub(super) fn folds(
     }
 }
 
-/// Rows over which the residuals of least squares on all columns are correlated, where that can be said.
+/// Rows over which the residuals of least squares on all columns are correlated; `None` if unknown.
 fn correlated(problem: &Problem<'_>) -> Option<f64> {
     let all: Vec<usize> = (0..problem.structure.coefficients()).collect();
     let theta = refit(&problem.structure, &problem.roots, &problem.assembly, &all).ok()?;
@@ -82,7 +83,7 @@ fn correlated(problem: &Problem<'_>) -> Option<f64> {
     Some(problem.rows() / independent)
 }
 
-/// Chooses lambda; held-out errors come with it where there are folds. Notes say what could not be done.
+/// Chooses lambda; held-out errors come with it if there are folds. Notes name the steps that could not be done.
 pub(super) fn choose(
     problem: &Problem<'_>,
     options: &SparseOptions,
@@ -110,7 +111,8 @@ pub(super) fn choose(
     Ok(LambdaChoice { validation: validation.transpose()?, ..LambdaChoice::new(value, how, largest, folds) })
 }
 
-/// The smallest lambda at which every penalised coefficient is zero; of a net that is almost a ridge, that of the net with the least share that has one.
+/// The smallest lambda at which every penalised coefficient is zero. Of an elastic net that is almost a ridge: that of
+/// the net with the least share that has one.
 fn largest(problem: &Problem<'_>) -> Result<f64, Error> {
     let (quadratic, penalty) = (&problem.assembled.problem, &problem.assembled.penalty);
     Ok(match problem.estimator.lambda_max(quadratic, penalty) {

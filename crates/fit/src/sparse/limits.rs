@@ -125,7 +125,8 @@ impl Limited<'_> {
         self.found.fit.theta.clone()
     }
 
-    /// The coefficients of other rows, without a pass: limits are kept at the rows that became constraints here, those that are the same at every row anew.
+    /// The coefficients of other rows, without a pass. Limits are kept at the rows that became constraints here; those
+    /// that are the same at every row, anew.
     pub(super) fn refit(&self, roots: &[SquareRoot]) -> Result<Vec<f64>, Error> {
         let Self { problem, support, found } = self;
         let assembled = assemble(&problem.structure, roots, &problem.assembly)?;
@@ -135,7 +136,7 @@ impl Limited<'_> {
         Ok(found.fit.theta)
     }
 
-    /// What is kept, and how near to its bound.
+    /// The kept bounds, and the distance to each.
     pub(super) fn report(&self) -> Vec<LimitReport> {
         let of = |(at, (limit, clearance)): (usize, (&RowLimit, &Clearance))| LimitReport {
             name: limit.name.clone(),

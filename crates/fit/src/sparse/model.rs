@@ -1,4 +1,4 @@
-//! From coefficients to a model: one latent a candidate list, each with a library and one region of its own.
+//! From coefficients to a model: one latent a candidate list, each with a separate library and one region.
 
 use std::collections::BTreeSet;
 
@@ -77,7 +77,7 @@ fn is_one(function: &Expr) -> bool {
     function.as_number() == Some(1.0)
 }
 
-/// The columns that the model speaks of: what only a task or a prior needed is left out.
+/// The columns of the model's expressions, without those that only a task or a prior needed.
 fn columns(task: &StructuredTask) -> Vec<Column> {
     let functions = task.regression.latents.iter().flat_map(|latent| &latent.functions);
     let sides = task.equations.iter().flat_map(|equation| std::iter::once(&equation.right).chain(&equation.target));
@@ -98,7 +98,7 @@ fn ranges(file: &StatisticFile, episodes: &BTreeSet<fleetfoot_data::EpisodeId>, 
     ranges
 }
 
-/// What a latent's functions looked like.
+/// Spread of a latent's functions over the training rows.
 fn spread(problem: &Problem<'_>, also: &Gram, latent: usize) -> Spread {
     let count = problem.structure.functions[latent];
     match problem.task.moments[latent] {
@@ -131,8 +131,8 @@ fn region(
     }
 }
 
-/// Variance of the residuals of the equations that are tasks themselves; what the tasks' statistics do not know (other equations, products of two
-/// equations' residuals) is NaN.
+/// Variance of the residuals of the equations that are tasks themselves. NaN for values that the tasks' statistics do
+/// not have: other equations, products of two equations' residuals.
 fn residual_covariance(problem: &Problem<'_>, theta: &[f64]) -> Vec<f64> {
     let fitted: Vec<&Equation> = problem.task.equations.iter().filter(|equation| equation.target.is_some()).collect();
     let mut covariance = vec![f64::NAN; packed_row(fitted.len())];

@@ -1,4 +1,4 @@
-//! How a sparse regression goes: the words of `[sparse]`, checked once.
+//! Options of a sparse regression: the settings of `[sparse]`, checked once.
 
 use fleetfoot_data::Work;
 use fleetfoot_data::setting::{BOLASSO, FOLDS, SPARSE, STABILITY};
@@ -7,10 +7,10 @@ use fleetfoot_sparse::bolasso::BootstrapUnit;
 
 use crate::{error::Error, folds, folds::FoldRule};
 
-/// What a path of lambda costs, in factorisations of the size of the problem.
+/// Cost of a path of lambda, in factorisations of the size of the problem.
 const OF_PATH: f64 = 2.5;
 
-/// How lambda is given.
+/// Source of lambda.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum LambdaRule {
     /// Chosen by [`Criterion`].
@@ -21,7 +21,7 @@ pub enum LambdaRule {
     OverRoot(f64),
 }
 
-/// What a bolasso resamples.
+/// Units that a bolasso resamples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Resampled {
     /// Rows: needs a pass over the data.
@@ -30,14 +30,14 @@ pub enum Resampled {
     Units(BootstrapUnit),
 }
 
-/// How a sparse regression goes.
+/// Options of a sparse regression.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SparseOptions {
-    /// How lambda is given.
+    /// Source of lambda.
     pub lambda: LambdaRule,
-    /// What it is chosen by.
+    /// Criterion that chooses lambda.
     pub criterion: Criterion,
-    /// Which rows are held out.
+    /// Rule by which rows are held out.
     pub folds: FoldRule,
     /// Share of the absolute values in the penalty.
     pub l1_ratio: f64,
@@ -45,7 +45,7 @@ pub struct SparseOptions {
     pub groups: Option<GroupRule>,
     /// Penalty factors from a first fit.
     pub adaptive: bool,
-    /// What a bolasso resamples, and how often.
+    /// Units that a bolasso resamples, and the number of replicates.
     pub bolasso: Option<(Resampled, usize)>,
     /// Share of the replicates that must select a column.
     pub threshold: Option<f64>,
@@ -60,11 +60,8 @@ pub struct SparseOptions {
 }
 
 impl SparseOptions {
-    /// Reads the words of a recipe's `[sparse]`.
-    ///
-    /// # Errors
-    /// What choosing lambda among `coefficients` and the replicates of a bolasso take, rows left out: a path costs some factorisations. Measured against fits of 90 to 180
-    /// functions.
+    /// Work of the choice of lambda among `coefficients` and of the replicates of a bolasso, without passes over rows.
+    /// A path costs some factorisations. Measured against fits of 90 to 180 functions.
     pub fn work(&self, coefficients: usize, folds: usize) -> Work {
         let criterion = !matches!(self.criterion, Criterion::CrossValidation | Criterion::OneStandardError);
         let paths = folds + 1 + if criterion && self.lambda == LambdaRule::Auto { 12 } else { 0 };
@@ -81,7 +78,10 @@ impl SparseOptions {
         self.work(coefficients, self.folds.expected(episodes))
     }
 
-    /// A word or number that is not allowed, with those that are.
+    /// Reads the settings of a recipe's `[sparse]`.
+    ///
+    /// # Errors
+    /// A word or number that is not allowed; the message lists those that are.
     pub fn new(section: &SparseSection) -> Result<Self, Error> {
         let threshold = section.threshold;
         if let Some(value) = threshold.filter(|value| !(*value > 0.0 && *value <= 1.0)) {

@@ -25,7 +25,7 @@ pub(super) struct Problem<'a> {
     pub(super) roots: Vec<SquareRoot>,
     pub(super) assembly: Assembly,
     pub(super) assembled: Assembled,
-    /// What is fitted at every lambda.
+    /// Estimator at every lambda.
     pub(super) estimator: Estimator,
     /// The error of every task that counts as one.
     pub(super) scales: Vec<f64>,
@@ -105,7 +105,8 @@ fn estimator(task: &StructuredTask, options: &SparseOptions) -> Result<Estimator
     Ok(GroupLasso { l1_ratio: options.l1_ratio, ..GroupLasso::new(Groups::new(groups.labels(&functions)?)) }.into())
 }
 
-/// The error of a task that counts as one: what the recipe says, else the standard deviation of the target, of a prior its root mean square.
+/// The error of a task that counts as one: the recipe's value, else the standard deviation of the target, or for a
+/// prior its root mean square.
 fn scale(task: &StructuredTask, index: usize, root: &SquareRoot) -> Result<f64, Error> {
     if let Some(scale) = task.scales[index] {
         return Ok(scale);

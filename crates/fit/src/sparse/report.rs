@@ -1,4 +1,4 @@
-//! What a sparse fit found, for people and for programs.
+//! Report of a sparse fit, for people and for programs.
 
 use fleetfoot_sparse::{Certificate, inference::confounded};
 use serde::Serialize;
@@ -13,10 +13,10 @@ use crate::{
     summary::FitSummary,
 };
 
-/// What a column may have beyond others, relative to its length, and still be called one with them.
+/// Largest part of a column beyond others, relative to its length, at which the columns still count as confounded.
 const CONFOUNDED: f64 = 1e-6;
 
-/// What a sparse fit found.
+/// Report of a sparse fit.
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct SparseReport {
@@ -26,16 +26,16 @@ pub struct SparseReport {
     pub lambda: LambdaChoice,
     /// The path of the penalised fit, from the largest lambda to beyond the chosen one; where there is a penalty.
     pub path: Option<PathReport>,
-    /// How columns were selected.
+    /// Method of the selection.
     pub selection: String,
     /// The regression's tasks.
     pub tasks: Vec<TaskReport>,
-    /// What is kept at every row.
+    /// Bounds that hold at every row.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub limits: Vec<LimitReport>,
     /// The latents.
     pub latents: Vec<LatentReport>,
-    /// What was fitted at lambda, for people: `lasso`, `group lasso`.
+    /// Penalised fit at lambda, for people: `lasso`, `group lasso`.
     #[serde(skip)]
     pub penalty: &'static str,
     /// Certificate of the penalised fit of all rows at lambda.
@@ -44,13 +44,13 @@ pub struct SparseReport {
     /// The largest violation of the optimality conditions of any replicate, where there are any.
     #[serde(rename = "worst_replicate_kkt")]
     pub worst_replicate: Option<f64>,
-    /// Selected coefficients that the rows and priors can hardly tell apart.
+    /// Selected coefficients that the rows and priors hardly distinguish.
     pub confounded: Vec<Vec<String>>,
     /// Condition number of the selected columns.
     pub condition: f64,
-    /// The fits without each episode, where they were asked for and there are any.
+    /// The fits without each episode, on request.
     pub influence: Option<LeaveOneOutReport>,
-    /// What the reports of all methods say.
+    /// The part of the report that all methods share.
     #[serde(flatten)]
     pub summary: FitSummary,
 }
@@ -61,7 +61,7 @@ pub struct SparseReport {
 pub struct TaskReport {
     /// Its name.
     pub name: String,
-    /// Whether it is a prior.
+    /// True for a prior.
     pub prior: bool,
     /// The error that counts as one, in the target's units.
     pub scale: f64,
@@ -79,7 +79,7 @@ pub struct TaskReport {
     pub free: Option<FreeErrors>,
 }
 
-/// What a fit without limits has: coefficients, and mean squared errors on held-out rows of the measured tasks.
+/// Fit without limits: coefficients, and mean squared held-out errors of the measured tasks.
 pub(super) struct Price {
     pub(super) free: Vec<f64>,
     pub(super) held_out: Option<Vec<f64>>,
@@ -104,11 +104,11 @@ pub struct CandidateReport {
     pub function: String,
     /// Its coefficient; 0 when it was not selected.
     pub coefficient: f64,
-    /// Whether it was selected.
+    /// True if it was selected.
     pub selected: bool,
     /// The coefficient of the lasso at lambda.
     pub lasso: f64,
-    /// Standard error of the coefficient, given the selection; NaN when it was not selected or cannot be said.
+    /// Standard error of the coefficient, given the selection; NaN if it was not selected or the error is not known.
     pub standard_error: f64,
     /// Share of the replicates that select it, where there are replicates.
     pub frequency: Option<f64>,
@@ -144,7 +144,7 @@ impl SparseReport {
     }
 }
 
-/// Columns that can hardly be told apart, by name; and the condition number of all.
+/// Confounded columns, by name; and the condition number of all.
 pub(super) fn named(problem: &Problem<'_>, columns: &[usize]) -> Result<(Vec<Vec<String>>, f64), Error> {
     let found = confounded(&problem.assembled, columns, CONFOUNDED)?;
     let groups = found.groups.iter().map(|group| group.iter().map(|&j| problem.name(j)).collect());

@@ -1,4 +1,5 @@
-//! The regularisation path beyond the choice, as a report tells it: what enters when, and what a smaller lambda would have let in.
+//! The regularisation path beyond the choice, as in a report: the order in which columns enter, and those that a
+//! smaller lambda would add.
 
 use fleetfoot_sparse::{Path, Solution, estimator::Stop};
 use serde::Serialize;
@@ -6,10 +7,10 @@ use serde::Serialize;
 use super::problem::Problem;
 use crate::{error::Error, serialize};
 
-/// The path goes on to this share of the chosen lambda, or until so many more columns are in than were chosen.
+/// The path ends at this share of the chosen lambda, or when so many more columns are in than were chosen.
 const BEYOND: f64 = 0.1;
 const MORE: usize = 40;
-/// Functions that are told, those with the largest coefficients along the path, and knots.
+/// Functions and knots that are listed: those with the largest coefficients along the path.
 const FUNCTIONS: usize = 24;
 const KNOTS: usize = 120;
 
@@ -27,7 +28,7 @@ pub struct PathReport {
 }
 
 impl PathReport {
-    /// The path of all rows, down to a tenth of the chosen lambda; `None` where there is no penalty or nothing enters.
+    /// The path of all rows, down to a tenth of the chosen lambda; `None` if there is no penalty or nothing enters.
     pub(super) fn of(problem: &Problem<'_>, lambda: f64, chosen: usize) -> Result<Option<Self>, Error> {
         if lambda <= 0.0 {
             return Ok(None);
@@ -51,7 +52,7 @@ impl PathReport {
     }
 }
 
-/// The knots that are told, the first and the last among them.
+/// The listed knots, the first and the last among them.
 fn told(path: &Path) -> Vec<&Solution> {
     let all = path.knots.len();
     let shown = all.min(KNOTS);

@@ -9,7 +9,7 @@ use fleetfoot_sparse::{Certificate, Strength, bolasso::refit, certificate};
 use super::{SparseOptions, model, problem::Problem, report::named, standard_errors, support};
 use crate::error::Error;
 
-/// What is solved for.
+/// Method of the solution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum SolveMethod {
     /// Least squares on all columns.
@@ -23,7 +23,7 @@ pub enum SolveMethod {
     },
 }
 
-/// Coefficients at a penalty, and what they make.
+/// Coefficients at a penalty, and their model.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Solved {
@@ -33,17 +33,17 @@ pub struct Solved {
     pub coefficients: Vec<f64>,
     /// Their standard errors, clustered by episode or chunk (p), of least squares only; NaN for columns that are left out.
     pub standard_errors: Option<Vec<f64>>,
-    /// How far they are from the minimum.
+    /// Distance of the coefficients from the minimum.
     pub certificate: Certificate,
     /// Rows, weights included.
     pub rows: f64,
     /// Name, root mean squared error and R2 of every task on its rows.
     pub tasks: Vec<(String, f64, f64)>,
-    /// Coefficients that the rows cannot tell apart, or nearly so.
+    /// Coefficients that the rows cannot, or can hardly, distinguish.
     pub confounded: Vec<Vec<String>>,
     /// The model.
     pub model: Model,
-    /// What the user should know.
+    /// Notes for the user.
     pub notes: Vec<String>,
 }
 

@@ -1,4 +1,4 @@
-//! Which columns stay: those of the penalised fit at lambda, what the replicates of a bolasso agree on, or a stability selection.
+//! Support of a sparse fit: of the penalised fit at lambda, of a bolasso's replicates, or of a stability selection.
 
 use fleetfoot_data::{Progress, Source};
 use fleetfoot_dataset::StatisticFile;
@@ -16,7 +16,7 @@ const STABILITY_GRID: usize = 20;
 /// Complementary pairs of halves, as Shah and Samworth recommend.
 const STABILITY_PAIRS: usize = 50;
 
-/// What was selected.
+/// Selected columns, and the evidence for them.
 pub(super) struct Support {
     /// Columns, ascending.
     pub(super) columns: Vec<usize>,
@@ -28,13 +28,13 @@ pub(super) struct Support {
     pub(super) replicates: Option<Selection>,
     /// The method, as a model is called by it: `lasso`, `group lasso`, `bolasso`, `stability`.
     pub(super) method: &'static str,
-    /// How it was selected, for people.
+    /// Method of the selection, for people.
     pub(super) how: String,
-    /// What the user should know.
+    /// Notes for the user.
     pub(super) notes: Vec<String>,
 }
 
-/// The penalised fit of all rows at lambda, and what its path said.
+/// The penalised fit of all rows at lambda, and the notes of its path.
 pub(super) fn penalised(problem: &Problem<'_>, lambda: f64) -> Result<(Solution, Vec<String>), Error> {
     let (quadratic, penalty) = (&problem.assembled.problem, &problem.assembled.penalty);
     let (solution, path) = problem.estimator.at(quadratic, penalty, lambda)?;
@@ -133,7 +133,7 @@ fn resample(
 }
 
 impl Support {
-    /// Keeps what the replicates agree on.
+    /// Keeps the columns on which the replicates agree.
     fn agree(&mut self, found: Selection, what: Resampled, bootstrap: &BootstrapOptions) {
         let BootstrapOptions { replicates, threshold, .. } = *bootstrap;
         let unit = match what {

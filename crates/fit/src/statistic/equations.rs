@@ -1,4 +1,4 @@
-//! What a scan freezes and sums of a recipe's equations, and what it costs.
+//! Plan and sums of a recipe's equations in a scan, with their cost.
 
 use fleetfoot_data::setting::{FIT_NARX, FIT_SINDY};
 use fleetfoot_data::{Column, Progress};
@@ -27,7 +27,7 @@ fn refuse_text_labels(recipe: &Recipe, task: &EquationTask, dataset: &Dataset) -
     }
 }
 
-/// Freezes what is decided before the pass, from a sample of the rows and by clustering, and sums nothing yet.
+/// Freezes the choices before the pass, from a sample of the rows and by clustering, and sums nothing yet.
 ///
 /// # Errors
 /// Those of reading and of clustering; texts in the columns.
@@ -110,8 +110,8 @@ pub(super) fn cost(recipe: &Recipe, fields: &[Column], rows: usize) -> (usize, u
     (passes, recipes.iter().zip(&tasks).map(bytes).chain(of_narx).sum())
 }
 
-/// What [`EquationStatistic::text`] would say of another recipe with the differences and chunks of this one; `scanned` is the recipe of this one, with its
-/// fields.
+/// [`EquationStatistic::text`] of another recipe with the differences and chunks of this statistic. `scanned`: the
+/// recipe of this statistic, with its fields.
 ///
 /// # Errors
 /// Those of [`EquationStatistic::tasks`].
@@ -158,7 +158,7 @@ pub(super) fn accepts_equations(
     Ok(StatisticFile::refuse_difference(&equations.text(), &wanted, Vec::new(), [left, right])?)
 }
 
-/// Whether two ways to find regions of the same rows find the same.
+/// Returns true if two clustering options give the same regions of the same rows.
 fn finds_alike(one: &Options, other: &Options) -> bool {
     (one.seed, one.restarts, one.iterations, one.memory) == (other.seed, other.restarts, other.iterations, other.memory)
 }

@@ -1,4 +1,4 @@
-//! What a scan would do and has done, and what a statistic holds.
+//! JSON of a scan's plan, of its result, and of a statistic.
 
 use std::collections::BTreeMap;
 
@@ -39,7 +39,7 @@ impl Serialize for ScanPlan {
 }
 
 impl ScanOutcome {
-    /// What was scanned and what the file has of it, for programs.
+    /// The scan and the file's content, for programs.
     pub fn to_json(&self) -> Value {
         let (file, report) = (&self.file, &self.report);
         value(Told {
@@ -77,7 +77,7 @@ struct Told<'a> {
     notes: &'a [String],
 }
 
-/// What one scan has read.
+/// Data read by one scan.
 #[derive(Serialize)]
 struct Scanned {
     files: usize,
@@ -85,7 +85,7 @@ struct Scanned {
     rows: u64,
 }
 
-/// What became of the rows.
+/// Rows of a scan: complete, at borders, incomplete.
 #[derive(Serialize)]
 struct Rows {
     complete: u64,
@@ -99,7 +99,7 @@ impl From<RowCounts> for Rows {
     }
 }
 
-/// What the statistic holds, for programs; with the sizes that it was read by, and its tasks
+/// Content of the statistic, for programs: with the sizes that it was read by, and its tasks
 /// ([`task_summaries`](StatisticFile::task_summaries)).
 pub fn description(file: &StatisticFile, sizes: &Sizes, tasks: &[TaskSummary]) -> Value {
     let values = |values: BTreeMap<String, (usize, u64)>| {
@@ -145,7 +145,7 @@ struct Held<'a> {
     recipe: &'a str,
 }
 
-/// What has a value of a label.
+/// Episodes and rows with one value of a label.
 #[derive(Serialize)]
 struct Labelled {
     episodes: usize,

@@ -1,4 +1,4 @@
-//! What a scan would read and keep.
+//! Plan of a scan: data to read, statistics to keep.
 
 use std::collections::HashSet;
 
@@ -19,11 +19,11 @@ use super::{
 };
 use crate::{error::Error, radial};
 
-/// What a scan would read and keep.
+/// Plan of a scan: data to read, statistics to keep.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct ScanPlan {
-    /// What its passes would read; files that are there already are not among it.
+    /// Data that its passes would read, without files that are in the statistic already.
     pub reading: ReadPlan,
     /// Files that are there already.
     pub skipped: usize,
@@ -41,7 +41,7 @@ pub struct ScanPlan {
     pub equation_bytes: usize,
     /// Passes that the equations take beside the first, at most: clusterings, and sums whose chunks are of another length.
     pub equation_passes: usize,
-    /// What was assumed or left out.
+    /// Assumptions and omissions.
     pub notes: Vec<String>,
 }
 
@@ -51,11 +51,11 @@ pub struct ScanPlan {
 pub struct PlannedLatent {
     /// Its name.
     pub name: String,
-    /// How many candidate functions it has.
+    /// Number of candidate functions.
     pub functions: usize,
 }
 
-/// Opens the files and tells what a scan would do. Robots' logs are not decoded for it.
+/// Opens the files and plans a scan. Robots' logs are not decoded for it.
 ///
 /// # Errors
 /// Those of opening files and of resolving the recipe.
@@ -79,10 +79,10 @@ pub fn plan_scan(
     }
 }
 
-/// [`plan_scan`] of a scan that goes on from this statistic: files that it has are left out, and its chunks are used.
+/// [`plan_scan`] of a scan that extends this statistic: its files are left out, and its chunks are used.
 ///
 /// # Errors
-/// As [`plan_scan`]; a recipe that asks for something else than what is here.
+/// As [`plan_scan`]; a recipe that differs from that of the statistic.
 pub fn plan_append(
     file: &StatisticFile,
     recipe: &Recipe,

@@ -31,7 +31,7 @@ const GROUP_ROWS: usize = 1 << 18;
 /// Bytes that the statistics of all chunks should fit into.
 const BUDGET: usize = 256 << 20;
 
-/// What a user may choose of a scan.
+/// Options of a scan.
 #[derive(Debug, Clone, Default)]
 pub struct ScanOptions {
     /// Labels from the files' paths; they stand above the recipe's.
@@ -40,7 +40,7 @@ pub struct ScanOptions {
     pub chunk_rows: Option<NonZeroUsize>,
 }
 
-/// What a scan did beside what it found.
+/// Counts and notes of a scan.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct ScanReport {
@@ -52,7 +52,7 @@ pub struct ScanReport {
     pub rows: u64,
     /// Files and episodes that were there already, each with the reason.
     pub skipped: Vec<String>,
-    /// What had to be assumed or left out.
+    /// Assumptions and omissions.
     pub notes: Vec<String>,
 }
 
@@ -87,7 +87,8 @@ pub(crate) fn scan_tasks(
     scan.finish()
 }
 
-/// The plan that a scan of these logs would freeze from a pilot sample of their rows, without any rows; and what had to be assumed.
+/// The plan that a scan of these logs would freeze from a pilot sample of their rows, without any rows; and its
+/// assumptions.
 ///
 /// Scans that begin with it, wherever they run, go together.
 ///
@@ -108,7 +109,7 @@ pub fn freeze(
 
 /// [`scan`] of some of the logs of one scan, with the plan of `plan`, whose rows are left out. A part may be without a complete row.
 ///
-/// Parts put together with [`StatisticFile::append`] in the order of their logs are what one scan of all finds, bit for bit.
+/// Parts put together with [`StatisticFile::append`] in the order of their logs equal one scan of all, bit for bit.
 ///
 /// # Errors
 /// As [`scan`], a part without a complete row excepted.
@@ -129,17 +130,17 @@ pub fn scan_part(
 pub(super) struct Scan<'a> {
     recipe: &'a Recipe,
     options: &'a ScanOptions,
-    /// What is complete, file by file.
+    /// Statistic of the complete files.
     pub(super) file: Option<StatisticFile>,
     whose: String,
     pub(super) report: ScanReport,
     pub(super) group_rows: usize,
-    /// Whether the equations of the recipe are summed, where there is no base that tells.
+    /// True to sum the equations of the recipe, if there is no base that decides.
     equations: bool,
 }
 
 impl<'a> Scan<'a> {
-    /// Goes on from `base`, which messages call `whose`.
+    /// Continues from `base`, which messages call `whose`.
     pub(super) fn new(recipe: &'a Recipe, options: &'a ScanOptions, base: Option<StatisticFile>, whose: &str) -> Self {
         Self {
             recipe,
@@ -152,7 +153,7 @@ impl<'a> Scan<'a> {
         }
     }
 
-    /// Scans what is new; `keep` is called whenever more files are complete.
+    /// Scans the new files; `keep` is called whenever more files are complete.
     pub(super) fn run(
         &mut self,
         files: Vec<Hashed>,
@@ -189,7 +190,7 @@ impl<'a> Scan<'a> {
         Ok(())
     }
 
-    /// What there is; else a plan from a pilot sample, without rows.
+    /// Takes the statistic of the complete files; else makes a plan from a pilot sample, without rows.
     fn begin(&mut self, opened: &OpenedStructure, progress: &dyn Progress) -> Result<StatisticFile, Error> {
         let OpenedStructure { dataset, task, recipe, fields, equations } = opened;
         self.report.notes.extend_from_slice(dataset.notes());
@@ -319,7 +320,7 @@ impl<'a> Scan<'a> {
         Ok(logs)
     }
 
-    /// What was found.
+    /// Ends the scan with its statistic and report.
     pub(super) fn finish(self) -> Result<(StatisticFile, ScanReport), Error> {
         let Self { file, mut report, .. } = self;
         let Some(mut file) = file else { return Err(Error::missing("no file is given".into())) };
@@ -399,7 +400,7 @@ fn chunks_of(file: &StatisticFile, rows: usize) -> usize {
     lengths.into_iter().chain([file.plan.chunk_rows]).map(|length| rows.div_ceil(length.max(1))).sum()
 }
 
-/// Progress of a part of the chunks, told as progress of all.
+/// Progress of a part of the chunks, as progress of all.
 struct Whole<'a> {
     outer: &'a dyn Progress,
     total: usize,

@@ -1,11 +1,11 @@
-//! What a statistic can be asked for.
+//! Fits that a statistic can serve.
 
 use fleetfoot_data::setting::PARTITION;
 use fleetfoot_dataset::StatisticFile;
 
 use crate::{narx, pwa};
 
-/// What can be fitted without the logs, for people: the methods, each with its regions.
+/// Fits that need no logs, for people: the methods, each with its regions.
 pub fn serves(file: &StatisticFile) -> Vec<String> {
     let mut methods = vec!["fit sparse".to_owned()];
     let mut add = |method: &str, regions: Vec<String>| {

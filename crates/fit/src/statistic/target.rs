@@ -16,28 +16,28 @@ use fleetfoot_recipe::Recipe;
 use super::{ScanOptions, ScanReport, Sizes, StatisticError, StatisticFile, scan::Scan};
 use crate::error::Error;
 
-/// Where a scan goes, and what may be there.
+/// Output of a scan, and treatment of an existing file.
 #[derive(Debug, Clone, Default)]
 pub struct ScanTarget {
     /// The `.stats` file.
     pub output: PathBuf,
     /// A `.stats` file whose plan is used.
     pub plan: Option<PathBuf>,
-    /// What is in the output is kept, and its plan is used.
+    /// True to keep the output's content and use its plan.
     pub append: bool,
-    /// What is in the output is replaced.
+    /// True to replace the output's content.
     pub force: bool,
 }
 
-/// What a scan wrote.
+/// Result of a scan.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct ScanOutcome {
     /// The statistic.
     pub file: StatisticFile,
-    /// What was done for it.
+    /// Counts and notes of the scan.
     pub report: ScanReport,
-    /// Whether an interrupted scan was gone on with.
+    /// True if the scan resumed an interrupted one.
     pub resumed: bool,
     /// Bytes of the output before, where it was appended to.
     pub before: Option<u64>,
@@ -47,13 +47,13 @@ pub struct ScanOutcome {
 
 /// Scans files into a `.stats` file.
 ///
-/// While it works, what is complete is kept beside the output as `OUTPUT.partial`. The same command goes on from there, to the same bytes as if it had
-/// never been interrupted; another command is refused, and so is a second one at the same time. An output that is no file (a device, a pipe) is written
-/// at the end, and nothing is kept beside it.
+/// During the scan the complete part is kept beside the output as `OUTPUT.partial`. The same command resumes from it,
+/// to the same bytes as without an interruption. Another command is refused, and so is a second one at the same time.
+/// An output that is no file (a device, a pipe) is written at the end, and nothing is kept beside it.
 ///
 /// # Errors
-/// Those of [`scan`](super::scan()) and of reading and writing statistics; an output that exists, without `append` and `force`; [`Error::Paused`] when the
-/// user stops it and something is kept.
+/// Those of [`scan`](super::scan()) and of reading and writing statistics. An output that exists, without `append` and
+/// `force`. [`Error::Paused`] when the user stops it and something is kept.
 pub fn scan_to(
     target: &ScanTarget,
     recipe: &Recipe,
@@ -141,7 +141,7 @@ pub(super) fn partial(output: &Path) -> PathBuf {
     name.into()
 }
 
-/// What an interrupted scan of the same command has left.
+/// Statistic that an interrupted scan of the same command left.
 fn interrupted(partial: &Path, command: [u8; 32], force: bool) -> Result<Option<StatisticFile>, Error> {
     if !partial.exists() {
         return Ok(None);

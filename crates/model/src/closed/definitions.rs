@@ -1,4 +1,4 @@
-//! What the columns of a model are in terms of each other.
+//! Definitions of a model's columns in terms of each other.
 
 use fleetfoot_library::{Expr, Filter, Scope};
 
@@ -7,7 +7,7 @@ use crate::{Column, Equation, Prediction, Role};
 /// In front of the number of a column, while columns and fields of the same name could be confused.
 const MARK: char = '\u{1}';
 
-/// What the columns of a model are in terms of each other.
+/// Definitions of a model's columns in terms of each other.
 pub(super) struct Definitions {
     /// The model's columns, then those that were added.
     pub(super) columns: Vec<Column>,
@@ -17,7 +17,7 @@ pub(super) struct Definitions {
     sources: Vec<Option<Expr>>,
 }
 
-/// How a column comes about in a simulation.
+/// Source of a column in a simulation.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Meaning {
     /// From outside, or from an equation of the model.
@@ -85,7 +85,7 @@ impl Definitions {
         Some(Expr::lagged(format!("{MARK}{other}"), lag))
     }
 
-    /// Whether an expression over marked columns and fields follows from states and inputs, or from time alone.
+    /// Returns true if an expression over marked columns and fields follows from states and inputs, or from time alone.
     fn speaks(&self, marked: &Expr) -> bool {
         let names = marked.sources();
         let own = |column: usize| {
@@ -96,7 +96,7 @@ impl Definitions {
         names.is_empty() || names.iter().filter_map(|name| marked_column(name)).any(own)
     }
 
-    /// The same with names: of computed columns what they are, of fields the columns that hold them.
+    /// The same with names: computed columns by their definitions, fields by the columns that hold them.
     fn named(&mut self, marked: &Expr) -> Expr {
         marked.substituted(|name| match marked_column(name) {
             Some(column) => Some(match &self.meanings[column] {

@@ -1,10 +1,10 @@
-//! Why a model cannot be simulated by itself.
+//! Reasons why a model cannot be simulated.
 
-/// Why a model cannot be simulated by itself.
+/// Reason why a model cannot be simulated.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ClosedError {
-    /// A column would be needed before what it is computed from is known.
+    /// A column would be needed before its sources are known.
     #[error(
         "`{column}` = {definition} looks at `{state}` {ahead} row{} ahead, which a simulation does not know yet; use earlier rows of it (for example `lag({column}, {ahead})`), \
          or fit without it", if *.ahead == 1 { "" } else { "s" }
@@ -12,14 +12,14 @@ pub enum ClosedError {
     Ahead {
         /// The column.
         column: String,
-        /// What it is.
+        /// Its definition.
         definition: String,
         /// The simulated column that it reads.
         state: String,
         /// Rows ahead.
         ahead: i32,
     },
-    /// A filter without a recursion, or with a constant that is none.
+    /// A filter without a recursion, or with a constant that is no number.
     #[error(
         "`{filter}` of simulated values cannot be simulated: lags (`lag1`) and delays (`delay`) of a number of seconds can; fit without it"
     )]

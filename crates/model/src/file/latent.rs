@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::{Real, Reals, floats, reals, rows};
 use crate::{Activation, AffineMap, Basis, BasisMap, DenseLayer, Gaussian, Latent, Map, Network};
 
-/// A latent: constants and coefficients stand in it whatever its kind; what another kind has besides follows them.
+/// A latent of any kind: constants and coefficients, then the numbers that only another kind has.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct LatentText {

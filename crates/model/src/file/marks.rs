@@ -18,7 +18,7 @@ pub(super) fn of(episodes: &[TrainedEpisode]) -> MarksText {
         .collect()
 }
 
-/// Episodes with their marks; `None` where one is no such number, or of an episode that is not there.
+/// Episodes with their marks; `None` if a mark is malformed, or of an unknown episode.
 pub(super) fn joined(episodes: Vec<(String, String)>, mut text: MarksText) -> Option<Vec<TrainedEpisode>> {
     let numbers = |text: &str| text.split(' ').map(|mark| u64::from_str_radix(mark, 16).ok()).collect::<Option<_>>();
     let with_marks = |(id, name): (String, String)| {

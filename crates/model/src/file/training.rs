@@ -1,4 +1,4 @@
-//! Where a model comes from, as text.
+//! Training data of a model, as text.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! Where regions lie: centres, thresholds and borders in the units of the columns that a partition looks at.
+//! Places of regions: centres, thresholds and borders in the units of the partition columns.
 
 use super::short;
 use crate::{Column, Partition, Rule, UnseenLabel};
@@ -14,7 +14,8 @@ struct Axis {
     scale: f64,
 }
 
-/// For every region the lines that say where it lies; none for a tree, whose cuts are written as they are nested, and for the one region of all rows.
+/// Lines about the place of every region. Empty for a tree, whose cuts are written as they are nested, and for the one
+/// region of all rows.
 pub(super) fn places(partition: &Partition, columns: &[Column]) -> Vec<Vec<String>> {
     let unit = |name: &str| {
         let own = columns.iter().find(|column| column.name == name);
@@ -149,7 +150,7 @@ fn centre(weights: &[f64], axes: &[Axis]) -> String {
     format!("centre {}", weights.iter().zip(axes).map(of).collect::<Vec<_>>().join(", "))
 }
 
-/// Where the score of a region is the largest.
+/// Set in which the score of a region is the largest, in words.
 fn border(scores: &[Score], region: usize, axes: &[Axis], of_all: &str) -> String {
     let own = &scores[region];
     match (axes, scores) {
@@ -202,7 +203,7 @@ mod tests {
     use fleetfoot_library::Expr;
     use std::sync::Arc;
 
-    /// Columns `v` (centre 2, scale 0.5) and `u` (centre -1, scale 4), as many as the rule looks at.
+    /// Columns `v` (centre 2, scale 0.5) and `u` (centre -1, scale 4), as many as the rule has.
     fn of(rule: Rule, columns: usize) -> Vec<Vec<String>> {
         let mut partition = Partition::whole();
         partition.columns = ["v", "u"].iter().take(columns).map(|name| Expr::column(*name)).collect();

@@ -1,4 +1,5 @@
-//! Which region follows which, for people: from sample to sample, along a phase, from stride to stride; and which regions have the same map.
+//! Transitions between regions, as text: from sample to sample, along a phase, from stride to stride; and regions that
+//! have the same map.
 
 use std::fmt::Write;
 
@@ -9,12 +10,13 @@ use crate::{Model, Partition, PhaseBins, Phases, Transitions, holm};
 const PAIRS: usize = 24;
 /// Changes of region of a bin that are printed, at most.
 const CHANGES: usize = 4;
-/// The probability below which two regions are told apart.
+/// The probability below which two regions count as different.
 const LEVEL: f64 = 0.05;
 
-/// Which region follows which, for people: shares of a region's rows by the region one sample later, and how long a visit lasts; where the regions lie along a
-/// phase and which follows which from stride to stride, where a phase was named; and which neighbours (rows pass from one to the other) are told apart by their
-/// maps, of `all` pairs or of neighbours alone. `None` where no partition of the model has them counted.
+/// Transitions between regions, as text: shares of a region's rows by the region one sample later, and the mean length
+/// of a visit. With a phase: regions along it, and transitions from stride to stride. Neighbours (rows pass from one to
+/// the other) are compared by their maps; with `all`, all pairs are. `None` if no partition of the model has
+/// transitions.
 pub fn describe_transitions(model: &Model, all: bool) -> Option<String> {
     let mut out = String::new();
     for partition in &model.partitions {
@@ -61,7 +63,7 @@ fn by_sample(out: &mut String, model: &Model, partition: &Partition, (counted, n
     }
 }
 
-/// Where the regions lie along the phase, and which changes there are in a bin.
+/// Regions along the phase, and the changes of region in each bin.
 fn along(out: &mut String, phases: &Phases, names: &[String]) {
     let width = width(names);
     let bins: Vec<String> = (0..phases.bins.count()).map(|bin| phases.bins.name(bin)).collect();
@@ -116,7 +118,7 @@ fn by_stride(out: &mut String, model: &Model, phases: &Phases, names: &[String])
     }
 }
 
-/// Which regions are told apart by their maps: those that are not come first.
+/// Pairs of regions, tested by their maps: those with the same map come first.
 fn pairs(out: &mut String, partition: &Partition, (counted, names): (&Transitions, &[String]), all: bool) {
     let passes = |from: u32, to: u32| counted.counts[from as usize][to as usize] > 0;
     let neighbours = |&[a, b]: &[u32; 2]| passes(a, b) || passes(b, a);

@@ -171,7 +171,7 @@ impl Maker {
         self.model.equations.push(Equation { subject: subject.into(), prediction, right, target, unit: None });
     }
 
-    /// Fills in what training knows: ranges of the functions over random rows.
+    /// Fills in the training statistics: ranges of the functions over random rows.
     pub(crate) fn finish(mut self) -> Model {
         let fitted = self.model.fitted().count();
         let states = self.model.columns.iter().filter(|column| column.role == Role::State).count();

@@ -4,7 +4,8 @@ use fleetfoot_model::{PhaseBins, RegionPair, describe_transitions};
 
 use crate::{counted, models};
 
-/// What people read: tables from sample to sample, along the phase and from stride to stride, and the pairs, those that are not told apart first.
+/// Tables from sample to sample, along the phase and from stride to stride; then the pairs, those with the same map
+/// first.
 #[test]
 fn people_read_them() {
     let mut model = counted::model(1_000);

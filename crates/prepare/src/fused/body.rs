@@ -1,4 +1,4 @@
-//! The body of a recipe: its readings and poses as fusion wants them, and what fusion found.
+//! The body of a recipe: its readings and poses in the form for fusion, and the report of the fusion.
 
 use std::path::{Path, PathBuf};
 
@@ -16,7 +16,7 @@ use super::{
     sensors::Sensors,
 };
 
-/// How far a quaternion's length may be from one before that is told.
+/// Deviation of a quaternion's length from one above which a note warns.
 const LENGTH: f64 = 0.01;
 
 /// The square of the length of a quaternion below which it is none.
@@ -25,7 +25,8 @@ const NONE: f64 = 1e-6;
 /// A bias of an accelerometer, m/s^2, and of a gyroscope, rad/s, that no sensor has which works.
 const BIASES: [f64; 2] = [1.0, 0.3];
 
-/// How much noisier than by themselves readings may be beside the poses before it is told that they contradict each other.
+/// Ratio of the readings' noise beside the poses to their noise alone above which a note says that they contradict each
+/// other.
 const NOISIER: f64 = 20.0;
 
 /// The poses of a log, in seconds after the first of its readings.
@@ -36,8 +37,9 @@ pub(super) struct Poses {
 }
 
 impl Poses {
-    /// `seen` has positions as its vectors, and the parts of quaternions as its columns; each pose is the mean of so many seconds before its stamp. What a camera says that does not see the body is no pose: a quaternion of zeros, or the
-    /// last pose again and again until the body is seen elsewhere. It is left out, and told in `notes`.
+    /// `seen` has positions as its vectors, and the parts of quaternions as its columns. Each pose is the mean of so
+    /// many seconds before its stamp. A camera that does not see the body sends no pose: a quaternion of zeros, or the
+    /// last pose until it sees the body elsewhere. Such poses are left out, with a note in `notes`.
     pub(super) fn new(seen: LogRows, epoch: i64, average: f64, notes: &mut Vec<String>) -> Self {
         let (log, rows) = (seen.log.display(), seen.times.len());
         let apart = (seen.epoch - epoch) as f64 * 1e-9 - 0.5 * average;
@@ -84,7 +86,8 @@ impl Poses {
     }
 }
 
-/// What fusion found that no body and no sensor is like: units, signs and frames are wrong then, and the motion that is written is, too.
+/// Notes about fused values that no body and no sensor can have. Units, signs or frames are then wrong, and so is the
+/// written motion.
 pub(super) fn doubts(fused: &Fused, rows: &[LogRows], sensors: &Sensors) -> Vec<String> {
     let mut doubts = Vec::new();
     let states = || fused.tracks.iter().flat_map(|track| &track.states);
@@ -145,7 +148,8 @@ pub(super) fn fused(rows: &[LogRows], poses: &[Poses], sensors: &Sensors, kept: 
     fuse_from(&records, &sensors.options, kept).map_err(|source| error(&all, source))
 }
 
-/// Seconds after which states share a hundredth of a measurement: a position under the noise of the force, integrated twice, or of the jerk, three times, an attitude under that of the rate, integrated once.
+/// Seconds after which states share a hundredth of a measurement. A position is under the noise of the force,
+/// integrated twice, or of the jerk, three times. An attitude is under that of the rate, integrated once.
 pub(super) fn smoothed(fused: &Fused, poses: &[Poses], accelerometer: bool) -> f64 {
     let rows: usize = poses.iter().map(|run| run.stamps.len()).sum();
     let seconds: f64 = poses.iter().filter_map(|run| Some(run.stamps.last()? - run.stamps.first()?)).sum();

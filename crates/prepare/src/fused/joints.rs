@@ -1,4 +1,4 @@
-//! The joints of a recipe: their sensors as fusion wants them, and what fusion found.
+//! The joints of a recipe: their sensors in the form for fusion, and the report of the fusion.
 
 use fleetfoot_data::{Progress, did_you_mean, nearest};
 use fleetfoot_dataset::{Dataset, Error, Logs, found_clocks::Clocks};
@@ -20,13 +20,14 @@ use super::{
 /// The correlation of their errors beyond which two sensors are one.
 const ONE: f64 = 0.35;
 
-/// That beyond which it is told.
+/// Correlation above which a note names it.
 const TOLD: f64 = 0.15;
 
 /// Deviations by which a correlation differs from none.
 const SURE: f64 = 6.0;
 
-/// How much noisier than about its own curve a sensor may be before it is told that sensors contradict each other.
+/// Ratio of a sensor's noise to that about its separate curve above which a note says that sensors contradict each
+/// other.
 const CONTRADICTED: f64 = 3.0;
 
 /// A joint and its sensors, checked.
@@ -103,7 +104,7 @@ impl JointPlan {
         })
     }
 
-    /// The channel whose rows are written where there is no body: the first position.
+    /// The channel whose rows are written if there is no body: the first position.
     pub(super) fn base(&self) -> Option<&String> {
         let is_position = |at: &usize| self.options.sensors[*at].quantity == Quantity::Position;
         (0..self.sensors.len()).find(is_position).map(|at| &self.sensors[at].1)
@@ -143,7 +144,7 @@ pub(super) struct Joint {
     records: Vec<Vec<LogRows>>,
 }
 
-/// What is read for joints.
+/// Inputs of the joints' logs.
 #[derive(Clone, Copy)]
 pub(super) struct Opening<'a> {
     pub(super) recipe: &'a Recipe,
@@ -174,7 +175,7 @@ impl Joint {
         Ok(Self { plan, fused, records })
     }
 
-    /// From which to which second of a log positions tell where the joint is.
+    /// Span of a log, in seconds, in which positions measure the joint.
     pub(super) fn span(&self, at: usize) -> [f64; 2] {
         let positions = self.records.iter().zip(&self.plan.options.sensors);
         let positions =
@@ -239,7 +240,8 @@ fn record(rows: &LogRows) -> JointRecord<'_> {
 }
 
 impl JointPlan {
-    /// The readings of a sensor, log by log in the order of `rows`, in seconds after the first row of each; none where a log lacks it.
+    /// The readings of a sensor, log by log in the order of `rows`, in seconds after the first row of each. Empty if a
+    /// log lacks it.
     fn records(
         &self,
         sensor: usize,
@@ -293,7 +295,7 @@ impl JointPlan {
         fused.correlations.iter().map(of).collect()
     }
 
-    /// Refuses sensors that are one, and tells what is doubtful.
+    /// Refuses two sensors that are one, and notes doubtful results.
     fn judge(&self, fused: &FusedJoint, notes: &mut Vec<String>) -> Result<(), Error> {
         let place = format!("[joint.{}]", self.name);
         for CorrelationReport { sensors: [first, second], correlation, readings } in self.correlations(fused) {

@@ -1,4 +1,4 @@
-//! Where the fusion of a body stands, in a hidden file of the output folder: a killed preparation goes on from there.
+//! State of a body's fusion, in a hidden file of the output folder: a killed preparation goes on from there.
 
 use std::{
     fs,
@@ -12,7 +12,7 @@ use fleetfoot_signal::fuse::Checkpoint;
 /// The name of the file.
 pub(super) const NAME: &str = ".fusing";
 
-/// How many times as long as it took to write the file is fused before it is written again.
+/// Time of fusion between two writes of the file, in multiples of the time of a write.
 const REST: u32 = 20;
 
 /// The file, which goes with the preparation unless that is killed or stopped.

@@ -9,7 +9,7 @@ use fleetfoot_signal::dejitter;
 /// Rows that are read at a time.
 const CHUNK: usize = 65_536;
 
-/// What of a data set is kept.
+/// Layout of the kept columns of a data set.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Layout {
     /// Rows count in which the first so many columns have values.
@@ -70,7 +70,7 @@ impl LogRows {
         Ok(logs)
     }
 
-    /// A log in which a sensor of one channel said nothing.
+    /// A log in which a sensor of one channel has no reading.
     pub(super) fn silent(of: &Self) -> Self {
         Self {
             log: of.log.clone(),

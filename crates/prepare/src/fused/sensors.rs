@@ -1,4 +1,4 @@
-//! The sensors of a recipe, checked once: their channels, and what is known of them beforehand.
+//! The sensors of a recipe, checked once: their channels, and their known constants.
 
 use fleetfoot_dataset::Error;
 use fleetfoot_recipe::{Gravity, Mounting, Recipe, SensorKind, SensorSection, Tunable};
@@ -7,7 +7,8 @@ use fleetfoot_signal::{
     fuse::{FuseOptions, Prior},
 };
 
-/// The deviation about the given stamps within which a delay is found, s: clocks that are further apart are told by `[clocks]` first.
+/// Largest deviation from the given stamps in the search for a delay, s: clocks that are further apart need `[clocks]`
+/// first.
 pub(super) const DELAY: f64 = 0.02;
 
 /// Sensors that make a body.
@@ -51,7 +52,7 @@ fn prior<const N: usize>(
     }
 }
 
-/// How many channels a sensor has.
+/// Number of channels of a sensor.
 pub(super) fn channels(kind: SensorKind) -> usize {
     match kind {
         SensorKind::Pose => 7,
@@ -61,7 +62,7 @@ pub(super) fn channels(kind: SensorKind) -> usize {
     }
 }
 
-/// A number of seconds, 0 where nothing is said.
+/// A number of seconds, 0 by default.
 pub(super) fn seconds(name: &str, what: &str, said: Option<f64>) -> Result<f64, Error> {
     let seconds = said.unwrap_or(0.0);
     match seconds >= 0.0 && seconds.is_finite() {
@@ -70,7 +71,7 @@ pub(super) fn seconds(name: &str, what: &str, said: Option<f64>) -> Result<f64, 
     }
 }
 
-/// What residuals cost: `huber` or `student` of a section.
+/// Loss of the residuals: `huber` or `student` of a section.
 pub(super) fn loss(place: &str, huber: Option<f64>, student: Option<f64>) -> Result<Loss, Error> {
     match (huber, student) {
         (Some(_), Some(_)) => Err(Error::conflict(format!("{place}: huber and student; say one of them"))),
@@ -142,7 +143,7 @@ impl Sensors {
         Ok(own)
     }
 
-    /// Whether there is an accelerometer.
+    /// Returns true if there is an accelerometer.
     pub(super) fn has_forces(&self) -> bool {
         self.readings.len() > 3
     }
@@ -169,7 +170,7 @@ impl Sensors {
         Ok(())
     }
 
-    /// What a section knows beside its channels.
+    /// Reads the settings of a section beside its channels.
     fn read(&mut self, name: &str, sensor: &SensorSection) -> Result<(), Error> {
         let (options, is_pose) = (&mut self.options, sensor.kind == SensorKind::Pose);
         if !is_pose && (sensor.lever.is_some() || sensor.mounting.is_some() || sensor.delay.is_some()) {

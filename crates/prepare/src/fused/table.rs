@@ -1,4 +1,4 @@
-//! The columns that the motion of a body and of joints is written in, and what they are to a fit.
+//! The columns of the motion of a body and of joints, and their roles in a fit.
 
 use fleetfoot_data::Column;
 use fleetfoot_dataset::Error;
@@ -80,16 +80,17 @@ struct JointColumns {
     angle: bool,
 }
 
-/// What is written.
+/// Columns that are written.
 pub(super) struct Columns {
     pub(super) write: Vec<WriteColumn>,
-    /// What the attitude of the body is, where there is one.
+    /// Form of the body's attitude, if it has one.
     attitude: Option<AttitudeForm>,
     joints: Vec<JointColumns>,
 }
 
 impl Columns {
-    /// The columns of a body, whose attitude is a state as `attitude` says, those of joints, and those that go along.
+    /// Columns of a body, with its attitude as a state in the form of `attitude`; columns of joints; and the extra
+    /// columns.
     pub(super) fn new(
         body: Option<&Sensors>,
         attitude: AttitudeForm,
@@ -204,7 +205,7 @@ fn known(text: &str) -> State {
     State { known: Some(text.to_owned()), ..State::default() }
 }
 
-/// How far a body's nose points up or down at most, rad.
+/// Largest pitch of a body's nose, up or down, rad.
 pub(super) fn steepest(states: &[BodyState]) -> f64 {
     states.iter().map(|own| angles(own.attitude)[1].abs()).fold(0.0, f64::max)
 }
@@ -217,7 +218,7 @@ fn angles([x, y, z, w]: [f64; 4]) -> [f64; 3] {
     [roll, pitch, yaw]
 }
 
-/// States as columns, in the order of [`Columns`] without stamps and what goes along.
+/// States as columns, in the order of [`Columns`] without stamps and extra columns.
 pub(super) fn values(states: &[BodyState], has_forces: bool) -> Vec<Vec<f64>> {
     let biases = if has_forces { 3 } else { 0 };
     let row = |own: &BodyState| {

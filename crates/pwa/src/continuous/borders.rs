@@ -1,4 +1,4 @@
-//! Which regions have a border, and the plane that it lies on.
+//! Pairs of regions that have a border, and the plane of each border.
 
 use std::collections::BTreeSet;
 
@@ -6,7 +6,7 @@ use fleetfoot_model::{Rule, Tree};
 
 use crate::{Error, Problem, Specification, Within};
 
-/// Rows that tell borders, at most.
+/// Rows that determine borders, at most.
 const ROWS: usize = 1 << 16;
 
 /// A border of two regions: `normal . (z, 1) = 0`, positive on the side of the first, of unit length.
@@ -38,8 +38,8 @@ pub(crate) fn check(problem: &Problem, partitions: &[Specification]) -> Result<V
     problem.partition_columns.iter().map(place).collect()
 }
 
-/// The borders of a rule between some rows, given by their raw partition columns; `units` is the centre and scale that z is made with, the rule's own where it has linear
-/// separators. Rules of one region have none.
+/// The borders of a rule between some rows, given by their raw partition columns. `units`: the centre and scale of z,
+/// those of the rule if it has linear separators. Rules of one region have none.
 pub(crate) fn borders(rule: &Rule, columns: &[Vec<f64>], (centre, scale): (&[f64], &[f64])) -> Vec<Border> {
     let mut found = match rule {
         Rule::Linear { weights, offsets } => separated(weights, offsets, columns, (centre, scale)),
@@ -55,8 +55,9 @@ pub(crate) fn borders(rule: &Rule, columns: &[Vec<f64>], (centre, scale): (&[f64
     found
 }
 
-/// Regions that are the first and the second choice of a row have a border between that row and those of the second region: on the way there the second stays
-/// before all others, for scores are affine (Martinetz and Schulten, "Topology representing networks", 1994, for the nearest of centroids).
+/// Two regions that are the first and the second choice of a row have a border between that row and those of the second
+/// region. On the way there the second stays before all others, for scores are affine (Martinetz and Schulten,
+/// "Topology representing networks", 1994, for the nearest of centroids).
 fn separated(
     weights: &[Vec<f64>],
     offsets: &[f64],

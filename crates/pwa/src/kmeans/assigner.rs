@@ -43,7 +43,8 @@ impl Assigner {
     /// The nearest centroid of every row of a block: d slices of one length, with one centre and one scale each, `z = (value - centre) / scale`.
     ///
     /// `labels` has one place for each row; a row with a value that is not finite gets [`Assigner::NOWHERE`].
-    /// `squared_distances`, if asked for, too (NaN for such a row). Works on the calling thread; blocks may be assigned in parallel.
+    /// `squared_distances`, if given, too (NaN for such a row). Works on the calling thread; blocks may be assigned in
+    /// parallel.
     ///
     /// # Errors
     /// Slices of wrong number or length; a scale that is not positive.

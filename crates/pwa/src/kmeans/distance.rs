@@ -1,7 +1,7 @@
 //! The arithmetic that decides: squared distances in `f64`, in one order on every machine.
 //!
-//! Everything faster in this module only proves what these functions would answer. That is why the order of the
-//! operations is fixed here: eight partial sums with fused multiply-adds, as wide as the widest vectors in use.
+//! The faster code in this module only proves the answers of these functions. The order of the operations is therefore
+//! fixed here: eight partial sums with fused multiply-adds, as wide as the widest vectors in use.
 
 const LANES: usize = 8;
 

@@ -1,7 +1,7 @@
 //! Lloyd's iteration: assign rows to centroids, move centroids to the means of their rows.
 //!
-//! An assignment visits the chunks in parallel ([`super::step`]) and changes the sums by the rows whose label changed. The sums are exact
-//! ([`super::sums`]), so that it does not matter who adds what and when.
+//! An assignment visits the chunks in parallel ([`super::step`]) and changes the sums by the rows whose label changed.
+//! The sums are exact ([`super::sums`]), so that the order of the additions does not matter.
 
 use std::sync::{
     Mutex, PoisonError,
@@ -194,7 +194,7 @@ impl<'a> Lloyd<'a> {
     }
 }
 
-/// The next chunk that nobody has taken.
+/// The next chunk that no thread has taken.
 fn claim<'a, T>(next: &AtomicUsize, chunks: &'a [T]) -> Option<(usize, &'a T)> {
     let chunk = next.fetch_add(1, Ordering::Relaxed);
     chunks.get(chunk).map(|state| (chunk, state))

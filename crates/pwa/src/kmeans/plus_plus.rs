@@ -1,12 +1,13 @@
 //! Starting centroids: greedy k-means++.
 //!
-//! Arthur and Vassilvitskii, "k-means++: the advantages of careful seeding" (SODA 2007): each next centroid is a row drawn with a probability proportional
-//! to its squared distance to the nearest centroid so far. The greedy variant, as in scikit-learn, draws `2 + ln k` candidates
-//! and keeps the one that leaves the least sum of squared distances.
+//! Arthur and Vassilvitskii, "k-means++: the advantages of careful seeding" (SODA 2007). Each next centroid is a row
+//! drawn with a probability proportional to its squared distance to the nearest centroid so far. The greedy variant, as
+//! in scikit-learn, draws `2 + ln k` candidates and keeps the one that leaves the least sum of squared distances.
 //!
-//! A candidate matters only to the rows that are nearer to it than to any centroid, and those become few. So a row is left alone if
-//! its centroid is more than twice as far from every candidate as from the row (triangle inequality), the others are screened in `f32`, and
-//! what remains is computed in `f64`: what is skipped would have changed nothing, not a bit.
+//! A candidate matters only to the rows that are nearer to it than to any centroid, and those become few. A row is
+//! skipped if its centroid is more than twice as far from every candidate as from the row (triangle inequality). The
+//! others are screened in `f32`, and those that remain are computed in `f64`. The skipped rows would have changed
+//! nothing, not a bit.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -30,7 +31,7 @@ struct Closest {
     squared: Vec<f64>,
 }
 
-/// What a round found in a chunk.
+/// Result of a round in a chunk.
 struct Found {
     /// Sum of the squared distances to the nearest centroids.
     total: f64,
@@ -98,7 +99,8 @@ pub(super) fn plus_plus(
     Ok(centroids)
 }
 
-/// Where the running sum passes `target`, and what is left of the target there. If rounding carries it past the end: the last value that counts.
+/// Index at which the running sum passes `target`, and the rest of the target there. If rounding carries it past the
+/// end: the last value that counts.
 fn pass(values: &[f64], mut target: f64) -> (usize, f64) {
     for (i, value) in values.iter().enumerate() {
         if target < *value {
@@ -239,7 +241,7 @@ impl Visit<'_> {
         active
     }
 
-    /// For each row of a tile a mask of the columns that may be nearer than what there is.
+    /// For each row of a tile a mask of the columns that may be nearer than its present centroid.
     #[inline(always)]
     fn hits(&self, chosen: &[u32], bounds: &[Lane]) -> [u64; TILE] {
         let mut limits = [0.0; TILE];
@@ -257,7 +259,7 @@ impl Visit<'_> {
         hits
     }
 
-    /// Lets rows join the newest centroid, and adds what they would gain from the candidates.
+    /// Lets rows join the newest centroid, and adds their gains from the candidates.
     #[inline(always)]
     fn consider(&mut self, hits: &mut Vec<(u32, u64)>, x: &mut [f64], gains: &mut [f64]) {
         let (round, d) = (self.round, self.round.dimensions);

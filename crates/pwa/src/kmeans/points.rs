@@ -21,8 +21,9 @@ const LOW: u64 = (1 << 29) - 1;
 /// Rows are appended block by block from columns; the memory is `8 n d` bytes and at most one chunk of 4,096 rows more.
 /// The content depends on the rows and their order only, not on how they were split into blocks.
 ///
-/// Each coordinate is kept exactly, in two parts: the `f32` towards zero from it, and the rest of its mantissa. Most of k-means needs the first part only,
-/// and memory traffic is what limits it. Coordinates below `f32::MIN_POSITIVE` (1.2e-38) are taken as zero.
+/// Each coordinate is kept exactly, in two parts: the `f32` towards zero from it, and the rest of its mantissa. Most of
+/// k-means needs the first part only, and memory traffic limits its speed. Coordinates below `f32::MIN_POSITIVE`
+/// (1.2e-38) are taken as zero.
 #[derive(Debug, Clone)]
 pub struct Points {
     dimensions: usize,
@@ -46,7 +47,7 @@ pub(super) struct ChunkRows<'a> {
     dimensions: usize,
     /// Coordinates rounded towards zero, row-major.
     pub(super) high: &'a [f32],
-    /// What the rounding took away.
+    /// Remainders of the rounding.
     pub(super) low: &'a [u32],
     /// Weights, where there are any.
     pub(super) weights: Option<&'a [f64]>,
@@ -71,8 +72,8 @@ impl Points {
     /// Appends the rows of a block: d slices of one length, with one centre and one scale each.
     ///
     /// # Errors
-    /// A wrong number of columns, centres or scales, columns of different lengths, a scale that is not positive, a value that is not finite or
-    /// that is beyond 1e30 when standardised. Nothing is appended then.
+    /// A wrong number of columns, centres or scales; columns of different lengths; a scale that is not positive. A
+    /// value that is not finite or that is beyond 1e30 when standardised. Nothing is appended then.
     pub fn append(&mut self, columns: &[&[f64]], centre: &[f64], scale: &[f64]) -> Result<(), KMeansError> {
         if self.weights.is_some() {
             return Err(KMeansError::Shape {

@@ -82,7 +82,7 @@ impl Units {
         centroids.iter().zip(self.centre.iter().cycle()).map(|(z, centre)| z * self.scale + centre).collect()
     }
 
-    /// What squared distances in these units are multiplied by for the rows' own.
+    /// Factor from squared distances in these units to those in the rows' units.
     pub fn area(&self) -> f64 {
         self.scale * self.scale
     }

@@ -1,4 +1,4 @@
-//! One run of Lloyd's iterations, with all its centroids and, when wanted, what each iteration did.
+//! One run of Lloyd's iterations, with all its centroids and, on request, the numbers of each iteration.
 
 use fleetfoot_data::Progress;
 
@@ -16,11 +16,11 @@ pub struct KMeansRun {
     pub inertia: f64,
     /// Iterations made.
     pub iterations: usize,
-    /// Whether the labels, or the centroids up to the tolerance, stood still.
+    /// True if the labels, or the centroids up to the tolerance, stood still.
     pub converged: bool,
-    /// What the sum of the squared shifts was compared with.
+    /// Threshold of the sum of the squared shifts.
     pub threshold: f64,
-    /// Every iteration, when it was asked for; else empty.
+    /// Every iteration, on request; else empty.
     pub history: Vec<KMeansStep>,
 }
 
@@ -53,7 +53,7 @@ pub fn kmeans_from(
     iterate(points, start.to_vec(), options, history, progress)
 }
 
-/// How many uniform numbers [`starting_centroids`] needs for `k` centroids.
+/// Number of uniform random numbers that [`starting_centroids`] needs for `k` centroids.
 pub fn plus_plus_draws(k: usize) -> usize {
     1 + k.saturating_sub(1) * plus_plus::trials(k)
 }
@@ -64,7 +64,7 @@ pub fn plus_plus_draws(k: usize) -> usize {
 /// different rows than centroids, the first row fills the rest, as there.
 ///
 /// # Errors
-/// No rows, no clusters, another number of draws than [`plus_plus_draws`] tells; cancelled.
+/// No rows; no clusters; a number of draws other than that of [`plus_plus_draws`]; cancelled.
 pub fn starting_centroids(
     points: &Points,
     k: usize,

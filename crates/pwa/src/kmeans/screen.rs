@@ -1,15 +1,17 @@
 //! The screen: nearest centroids of a tile of rows in `f32`, with a proof or a doubt for every row.
 //!
-//! With `h = ||c||^2 / 2`, the nearest centroid has the least score `h - x.c` (half the squared distance less `||x||^2 / 2`). The kernel
-//! computes all scores of a tile with fused multiply-adds and keeps, in registers, the two least of each row and the place of the least; no score
-//! reaches memory.
+//! With `h = ||c||^2 / 2`, the nearest centroid has the least score `h - x.c` (half the squared distance less
+//! `||x||^2 / 2`). The kernel computes all scores of a tile with fused multiply-adds. It keeps in registers the two
+//! least of each row and the place of the least; no score reaches memory.
 //!
-//! What proves the answer is a bound on the rounding. With unit roundoff `u = 2^-24`, the rounding of `x` (towards zero: 2 u), of `c` and `h` and of the
-//! `d` multiply-adds changes a score by at most `e (h + ||x|| ||c||)`, `e = (d + 16) u`, which is at most `e (2 h + ||x||^2 / 2)`.
-//! The part `2 e h` of a centroid is taken off its `h` beforehand. Then a computed score exceeds the true one by at most `e ||x||^2 / 2` and falls short of it
-//! by at most `4 e h + e ||x||^2 / 2`; one far centroid spoils only its own scores. If the gap between the two least scores is larger than the sum of the two errors, the first is the nearest
-//! centroid, strictly, also in the `f64` arithmetic of [`squared_distance`](super::distance::squared_distance), whose error is accounted for.
-//! Otherwise the row is in doubt, and the caller compares all centroids in `f64`.
+//! A bound on the rounding proves the answer. With unit roundoff `u = 2^-24`, rounding occurs in `x` (towards zero:
+//! `2 u`), in `c` and `h`, and in the `d` multiply-adds. It changes a score by at most `e (h + ||x|| ||c||)`,
+//! `e = (d + 16) u`. This is at most `e (2 h + ||x||^2 / 2)`. The part `2 e h` of a centroid is taken off its `h`
+//! beforehand. Then a computed score exceeds the true one by at most `e ||x||^2 / 2`. It falls short of it by at most
+//! `4 e h + e ||x||^2 / 2`; one far centroid spoils only its own scores. If the gap between the two least scores is
+//! larger than the sum of the two errors, the first is the nearest centroid, strictly. This holds also in the `f64`
+//! arithmetic of [`squared_distance`](super::distance::squared_distance), whose error is accounted for. Otherwise the
+//! row is in doubt, and the caller compares all centroids in `f64`.
 
 use pulp::Simd;
 
@@ -39,7 +41,7 @@ pub(super) struct Screen {
     groups: Vec<usize>,
     /// The constant `e`.
     error: f32,
-    /// Whether the centroids fit `f32`; if not, every row is in doubt.
+    /// True if the centroids fit `f32`; if not, every row is in doubt.
     safe: bool,
 }
 
@@ -231,13 +233,13 @@ impl Screen {
     }
 }
 
-/// `far - near`, less a margin of parts in a million for the rounding before and here, and of what may be lost to underflow.
+/// `far - near`, less a margin of parts in a million for the rounding before and here, and for underflow.
 #[inline(always)]
 pub(super) fn gap(near: f32, far: f32) -> f32 {
     far * (1.0 - 2e-6) - (near * (1.0 + 2e-6) + 1e-12)
 }
 
-/// What becomes of the scores of `C` centroids, the first of which is `label`, for `P` vectors of rows.
+/// Consumer of the scores of `C` centroids, the first of which is `label`, for `P` vectors of rows.
 trait Take<S: Simd, const P: usize> {
     fn take<const C: usize>(&mut self, simd: S, label: usize, scores: [[S::f32s; P]; C]);
 }
@@ -280,7 +282,7 @@ impl<S: Simd, const P: usize> Take<S, P> for Keep<'_> {
     }
 }
 
-/// Where the vectors of rows begin. The last step overlaps nothing: a tile is a whole number of steps.
+/// Starts of the vectors of rows. The last step overlaps nothing: a tile is a whole number of steps.
 fn steps<S: Simd, const P: usize>(rows: usize) -> impl Iterator<Item = usize> {
     const { assert!(TILE.is_multiple_of(P * S::F32_LANES)) };
     (0..rows.min(TILE)).step_by(P * S::F32_LANES)
@@ -354,7 +356,8 @@ mod tests {
         }
     }
 
-    /// What the screen says of `count` rows is true, in the arithmetic of any vector length; how many doubts it has.
+    /// Checks the screen's claims about `count` rows, in the arithmetic of any vector length; returns the number of
+    /// doubts.
     fn check(rows: &[f64], d: usize, centroids: &[f64], run: impl Fn(Run<'_>)) -> usize {
         let k = centroids.len() / d;
         // As the rows of `Points`: rounded towards zero.

@@ -1,11 +1,12 @@
 //! The assignment of one chunk, with Hamerly's bounds.
 //!
-//! Each row keeps a gap: at most the distance to its second-nearest centroid less that to its own (the difference of the two bounds of Hamerly,
-//! "Making k-means even faster", SDM 2010). When centroids move, the gap shrinks by the shift of its own centroid and the largest shift of
-//! the others; a row whose gap stays positive keeps its label unseen. The others are packed into tiles for the
-//! [screen](super::screen). Hamerly's second test, half the distance to the next centroid, decided nothing more in our measurements.
+//! Each row keeps a gap: at most the distance to its second-nearest centroid less that to its nearest (the difference
+//! of the two bounds of Hamerly, "Making k-means even faster", SDM 2010). When centroids move, the gap shrinks by the
+//! shift of the row's centroid and the largest shift of the others. A row whose gap stays positive keeps its label
+//! unseen. The others are packed into tiles for the [screen](super::screen). Hamerly's second test, half the distance
+//! to the next centroid, decided nothing more in our measurements.
 //!
-//! Gaps are `f32` and every operation on them is rounded downwards, so a skipped row is a proven one: labels are those
+//! Gaps are `f32` and every operation on them is rounded downwards, so a skipped row is a proven one. Labels are those
 //! of the plain algorithm bit for bit.
 
 use pulp::{Simd, WithSimd};
@@ -21,7 +22,7 @@ use super::{
 /// Outweighs the rounding of a subtraction and of its own multiplication.
 const DOWN: f32 = 1.0 - 2.4e-7;
 
-/// What is known of the rows of one chunk.
+/// State of the rows of one chunk: labels, and gaps to the second centroid.
 pub(super) struct Rows {
     pub(super) labels: Vec<u32>,
     gaps: Vec<f32>,
@@ -116,7 +117,7 @@ impl Step<'_> {
         active.truncate(count);
     }
 
-    /// Takes over what the screen found for the rows of a tile, and lists those whose label changed.
+    /// Takes over the screen's results for the rows of a tile, and lists those whose label changed.
     #[inline(always)]
     fn settle(&mut self, chosen: &[u32]) {
         let Scratch { tile, changed, x, .. } = &mut *self.scratch;
@@ -141,7 +142,7 @@ impl Step<'_> {
     /// Moves the rows whose label changed from sum to sum.
     #[inline(always)]
     fn transfer(&mut self) {
-        /// Rows ahead that are asked for.
+        /// Distance of prefetching, in rows.
         const AHEAD: usize = 12;
         let Scratch { changed, x, .. } = &mut *self.scratch;
         for (i, &(row, old)) in changed.iter().enumerate() {

@@ -1,11 +1,6 @@
 //! Sums of rows that do not depend on the order of the additions.
 //!
-//! Each value is split into a multiple of a coarse quantum and a multiple of a fine one (Demmel and Nguyen, "Fast
-//! reproducible floating-point summation", ARITH 2013). Both parts are added in `f64`, where they are exact as long as the
-//! sum stays below `2^53` quanta; the quanta are chosen from the number of rows and the largest value so that it does.
-//! An exact sum has no order: threads, tiles and blocks do not show in the bits, and a row that changes its cluster can be
-//! subtracted from one sum and added to another for ever without drift.
-//! What is rounded away of a value is below `max|x| n^2 2^-103`, under the rounding of an ordinary sum for up to 1e8 rows.
+//! The rounding of a value is below `max|x| n^2 2^-103`, under the rounding of an ordinary sum for up to 1e8 rows.
 
 /// The two quanta, as the constants whose addition and subtraction rounds to them.
 #[derive(Debug, Clone, Copy)]

@@ -66,7 +66,7 @@ mod avx512 {
         }
     }
 
-    /// Up to sixteen values; what is missing is zero.
+    /// Up to sixteen values; missing ones are zero.
     #[target_feature(enable = "avx512f")]
     #[inline]
     fn load(values: &[f32]) -> __m512 {

@@ -17,7 +17,7 @@ const ITERATIONS: usize = 20;
 /// Standardised columns of some rows, column by column.
 pub(crate) type Columns<'a> = Vec<&'a [f64]>;
 
-/// Where cells lie.
+/// Places of the cells, and their neighbours.
 pub(crate) struct Cells {
     /// One centroid a cell, standardised.
     pub(crate) centroids: Vec<Vec<f64>>,
@@ -25,7 +25,7 @@ pub(crate) struct Cells {
     pub(crate) neighbours: Vec<BTreeSet<u32>>,
 }
 
-/// How many cells, `most` at most (but two for each region), are made of so many rows.
+/// Number of cells for so many rows: at most `most`, at least two for each region.
 pub(crate) fn count(rows: usize, regressors: usize, regions: usize, most: usize) -> usize {
     let few = rows / (ROWS_OF_A_CELL * (regressors + 2));
     few.min(most).max(2 * regions).min(rows)
@@ -95,8 +95,8 @@ pub(crate) fn centroids(
     Ok(found.centroids.chunks_exact(d.max(1)).map(<[f64]>::to_vec).collect())
 }
 
-/// The nearest and the second nearest centroid of every row: cells that are so for some row share a border (Martinetz and Schulten, "Topology representing
-/// networks", 1994).
+/// The nearest and the second nearest centroid of every row. Two cells that are so for some row share a border
+/// (Martinetz and Schulten, "Topology representing networks", 1994).
 fn two_nearest(columns: &[&[f64]], centroids: &[Vec<f64>]) -> Vec<(u32, u32)> {
     let rows = columns.first().map_or(0, |column| column.len());
     let mut found = vec![(0, 0); rows];

@@ -1,4 +1,4 @@
-//! What one pass over the rows keeps of cells: Gram matrices of the rows that train and of those that are held out, and ranges.
+//! Sums of one pass over the rows, by cell: Gram matrices of training and of held-out rows, and ranges.
 
 use std::collections::BTreeMap;
 
@@ -25,7 +25,8 @@ impl CellPart {
         }
     }
 
-    /// Adds rows at a place in cross-validation in their cells of every training set: regressors and targets in the preconditioner's coordinates, and the regressors as they are.
+    /// Adds rows at a place in cross-validation in their cells of every training set. Regressors and targets are in the
+    /// preconditioner's coordinates; the raw regressors follow.
     pub(crate) fn add<'c>(
         &mut self,
         (z, weights, fold): (MatRef<'_, f64>, Option<&[f64]>, Fold),
@@ -41,7 +42,7 @@ impl CellPart {
     }
 }
 
-/// What rows are to a training set.
+/// Use of a row in a training set.
 enum Use {
     Trains,
     Tests(usize),

@@ -1,9 +1,10 @@
 //! Cells joined to regions: at every step the two whose joint fit costs least.
 //!
-//! The cost of a join is the exact growth of the residual sum of squares, `g(a, b) = rss(a + b) - rss(a) - rss(b)`, from the merged Gram matrix (the statistic of
-//! Chow's test of equal coefficients; as Ward's method joins clusters by the growth of their inertia). Of joins that cost the same the one of the nearest
-//! regions is made. Few joins are priced: `rss` is superadditive, so that after a join of a and b `g(a + b, c) >= max(g(a, c), g(b, c)) - g(a, b)`, and only a
-//! join whose bound is the least of all needs its price.
+//! The cost of a join is the exact growth of the residual sum of squares, `g(a, b) = rss(a + b) - rss(a) - rss(b)`,
+//! from the merged Gram matrix. (It is the statistic of Chow's test of equal coefficients; Ward's method joins clusters
+//! by the growth of their inertia in the same way.) Of joins with the same cost the one of the nearest regions is made.
+//! Few joins are priced: `rss` is superadditive, so that after a join of a and b
+//! `g(a + b, c) >= max(g(a, c), g(b, c)) - g(a, b)`. Only a join whose bound is the least of all needs its price.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,7 +13,7 @@ use fleetfoot_stats::Gram;
 /// Growths below this share of the rows' total are rounding, and equal.
 const ROUNDING: f64 = 1e-13;
 
-/// A cell, or what cells were joined to.
+/// A cell, or a region that cells were joined to.
 #[derive(Clone)]
 pub(crate) struct Cell {
     pub(crate) gram: Gram,
@@ -22,12 +23,12 @@ pub(crate) struct Cell {
     pub(crate) neighbours: BTreeSet<u32>,
 }
 
-/// What may be joined, and how far.
+/// Limits of the joins.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Limits {
     /// Regions that are left in the end, at least one.
     pub(crate) least: usize,
-    /// Regions of fewer rows have no map of their own, and are joined before all others.
+    /// Regions of fewer rows have no separate map, and are joined before all others.
     pub(crate) rows: u64,
     /// When so many regions are left all are each other's neighbours: a map may hold in places that lie apart.
     pub(crate) apart: usize,
@@ -37,7 +38,7 @@ pub(crate) struct Limits {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Tree {
     cells: usize,
-    /// Error of all cells, each with a map of its own.
+    /// Error of all cells, each with a separate map.
     start: f64,
     joins: Vec<Join>,
 }
@@ -109,7 +110,8 @@ struct Region {
     error: f64,
 }
 
-/// What a join costs, as the queue sorts it: starved regions before others, then growth of the error, bounds before prices, then distance.
+/// Cost of a join, in the queue's order: starved regions before others, then growth of the error, bounds before prices,
+/// then distance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Price {
     fed: bool,
@@ -167,7 +169,7 @@ impl<E: Fn(&Gram) -> f64> Growing<E> {
         self.queue.insert(price);
     }
 
-    /// What the join of a pair costs: growth of the error, then distance.
+    /// Cost of joining a pair: growth of the error, then distance.
     fn price(&self, (a, b): (u32, u32)) -> (f64, f64) {
         let (a, b) = (&self.regions[&a], &self.regions[&b]);
         let mut gram = a.cell.gram.clone();

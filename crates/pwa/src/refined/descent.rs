@@ -1,4 +1,4 @@
-//! The passes: maps, their error, separators, regions, each the best for what the others are.
+//! The passes: maps, their error, separators, regions, each the best for the present others.
 
 use fleetfoot_data::{Cancelled, Progress};
 use fleetfoot_stats::ridge;
@@ -14,7 +14,7 @@ use crate::{
 const PULL: f64 = 1.0;
 /// Penalty of the separators: one over the variance of their weights.
 const PENALTY: f64 = 0.1;
-/// The same where borders are sharp: regions that rows do not blur are told apart exactly.
+/// The same with sharp borders: regions without overlap are separated exactly.
 const SHARP: f64 = 1e-4;
 /// Passes at most.
 const PASSES: usize = 25;
@@ -77,7 +77,7 @@ impl<'a> Descent<'a> {
         (cost + maps + self.separators.penalty(examples, PENALTY), moved)
     }
 
-    /// The maps of the regions, the squared error of their rows, and what they are charged for leaving the one map of all.
+    /// The maps of the regions, the squared error of their rows, and their penalty for leaving the one map of all.
     fn fit(&self) -> (Vec<RegionModel>, f64, f64) {
         let (examples, base) = (self.examples, &self.examples.base);
         let (mut error, mut pull) = (0.0, 0.0);

@@ -4,13 +4,16 @@
 //!
 //! `E(w, b) = sum_i v_i |e_i(argmax_k w_k . z_i + b_k)|^2`
 //!
-//! is least for given maps, along one line after another: where the separator of one region moves, `(w_k, b_k) + t g`, each row passes into the region or out of it at one
-//! `t`, so that E is a step function of t whose steps are sorted and summed, and whose minimum is exact. It is the least-squares estimate of a threshold (Hansen, "Sample
-//! splitting and threshold estimation", Econometrica 2000), whose error falls with the number of rows and not with its root. Directions g are those in which the rows
-//! between the region and its neighbours do not go together, so that a border moves and turns one by one.
+//! is least for given maps, along one line after another. Where the separator of one region moves, `(w_k, b_k) + t g`,
+//! each row passes into the region or out of it at one `t`. So E is a step function of t, whose steps are sorted and
+//! summed, and whose minimum is exact. It is the least-squares estimate of a threshold (Hansen, "Sample splitting and
+//! threshold estimation", Econometrica 2000), whose error falls with the number of rows and not with its root.
+//! Directions g are those in which the rows between the region and its neighbours do not go together, so that a border
+//! moves and turns one by one.
 //!
-//! Only rows near a border can pass: the others are not looked at, and all steps together are not so long that one of them would. So what a sample of the rows leaves open is
-//! decided by a pass over all of them that keeps those near its borders ([`Open`]).
+//! Only rows near a border can pass; the others are skipped, and all steps together are not so long that one of them
+//! would. A pass over all rows keeps those near the borders ([`Open`]), and so decides the borders that a sample leaves
+//! open.
 
 use faer::{Mat, Side};
 use fleetfoot_data::mix;
@@ -24,7 +27,8 @@ use crate::{
     residual::Maps,
 };
 
-/// Rows near borders that are looked at, at most; of a pass over all rows, about as many. Fewer where lines are many: rows times numbers of the separators.
+/// Rows near borders that are searched, at most; of a pass over all rows, about as many. Fewer for many lines: rows
+/// times numbers of the separators.
 const NEAR: usize = 1 << 14;
 const WORK: usize = 1 << 20;
 /// Numbers of the rows that a pass keeps near the borders of all partitions, at most (64 MiB).
@@ -67,19 +71,20 @@ pub(super) fn exact(examples: &Examples, separators: Separators) -> (f64, Separa
     }
 }
 
-/// Rows that are looked at for such separators.
+/// Number of rows that are searched for such separators.
 fn near_rows(separators: &Separators) -> usize {
     NEAR.min(WORK / (separators.regions * (separators.dimensions + 1)))
 }
 
-/// Whether an error falls by more than its price in the Bayesian information criterion for all numbers of the separators.
+/// Returns true if the error falls by more than the price, in the Bayesian information criterion, of all numbers of the
+/// separators.
 fn pays((before, after): (f64, f64), (rows, targets): (f64, usize), separators: &Separators) -> bool {
     let gain = rows * targets as f64 * (before.max(f64::MIN_POSITIVE) / after.max(f64::MIN_POSITIVE)).ln();
     let numbers = (separators.regions - 1) * (separators.dimensions + 1);
     gain > numbers as f64 * rows.ln()
 }
 
-/// Separators, and what rows cost in every region.
+/// Separators, and the cost of rows in every region.
 struct Look {
     separators: Separators,
     maps: Maps,
@@ -87,7 +92,7 @@ struct Look {
     variance: Vec<f64>,
 }
 
-/// The same of some rows, with what these leave of the targets.
+/// The same of some rows, with the residuals of the targets.
 struct State {
     look: Look,
     error: f64,
@@ -139,7 +144,7 @@ impl State {
 }
 
 impl Look {
-    /// What lies between the best and the second best score of every row of a chunk.
+    /// Margins of a chunk: best minus second best score of every row.
     fn margins(&self, chunk: &Chunk) -> Vec<f64> {
         let scores = self.separators.scores(chunk);
         let mut best = vec![[f64::NEG_INFINITY; 2]; chunk.rows];
@@ -238,7 +243,7 @@ pub(crate) struct Near {
     costs: Vec<f64>,
     /// The greatest of the partition columns, and 1, over all rows that were seen.
     largest: Vec<f64>,
-    /// What rows that are not near have at least between their two best scores; none where all are near.
+    /// Least margin between the two best scores among rows that are not near; `None` if all are near.
     margin: Option<f64>,
 }
 
@@ -368,7 +373,8 @@ impl Near {
     }
 }
 
-/// As many directions between the given ones, by chance: along its axes alone a search of steps stops where a border has to move and to turn at once.
+/// As many random directions between the given ones. Along its axes alone a search of steps stops where a border has to
+/// move and to turn at once.
 fn oblique(directions: &[Vec<f64>], key: u64) -> Vec<Vec<f64>> {
     let uniform = |draw: usize| (mix(mix(key).wrapping_add(draw as u64)) >> 11) as f64 * 2f64.powi(-52) - 1.0;
     let one = |at: usize| {
@@ -427,7 +433,8 @@ mod tests {
             prop_assert_eq!(error, State::of(&examples, found).error);
         }
 
-        /// What the sums of passing rows say is what the costs of all rows by their winners say. A row that a border passes within rounding may count on either side.
+        /// The sums of passing rows equal the costs of all rows by their winners. A row that a border passes within
+        /// rounding may count on either side.
         #[test]
         fn the_fall_is_that_of_the_costs(table in prop::collection::vec(-3.0..3.0f64, 9), rows in 40usize..200) {
             let examples = rows_of(&waves(rows));

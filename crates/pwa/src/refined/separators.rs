@@ -4,16 +4,17 @@
 //!
 //! `1/V sum_i v_i [ ln sum_k exp(w_k . z_i + b_k) - (w_l . z_i + b_l) ] + penalty/(2V) sum_k |w_k|^2`
 //!
-//! is minimised: convex, by Newton's method with backtracking. Value, gradient and Hessian are sums over rows, merged chunk by chunk. With `p_k` the
-//! probabilities of a row and `u = (z, 1)`, the Hessian is a graph Laplacian of blocks, `sum v p_k p_l u u'` between the regions k and l (Böhning, "Multinomial
-//! logistic regression algorithm", 1992), so that a row has work only in the pairs of regions that it lies between.
+//! is minimised: convex, by Newton's method with backtracking. Value, gradient and Hessian are sums over rows, merged
+//! chunk by chunk. With `p_k` the probabilities of a row and `u = (z, 1)`, the Hessian is a graph Laplacian of blocks,
+//! `sum v p_k p_l u u'` between the regions k and l (Böhning, "Multinomial logistic regression algorithm", 1992). A row
+//! therefore has work only in the pairs of regions that it lies between.
 
 use faer::{Mat, Side, linalg::solvers::Solve};
 use fleetfoot_data::packed_row;
 
 use crate::examples::{Chunk, Examples};
 
-/// What the offsets are penalised with beside the weights: enough to fix the direction in which all move together.
+/// Penalty of the offsets, relative to the weights': enough to fix the direction in which all move together.
 const OFFSET: f64 = 1e-6;
 
 /// A pair of regions in a row below this has no part in the Hessian.
@@ -199,7 +200,7 @@ impl Separators {
         0.5 * penalty * squares / examples.weight
     }
 
-    /// What a number of the table counts in the penalty.
+    /// Penalty factor of a number of the table.
     fn penalised(&self, at: usize) -> f64 {
         if at % (self.dimensions + 1) == self.dimensions { OFFSET } else { 1.0 }
     }

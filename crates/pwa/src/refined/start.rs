@@ -1,4 +1,4 @@
-//! Where a descent begins: regions of the rows, and separators.
+//! Start of a descent: regions of the rows, and separators.
 
 use fleetfoot_data::{Progress, mix};
 use fleetfoot_stats::{Gram, ridge};
@@ -19,7 +19,7 @@ const APART: usize = 50;
 /// The regions of the rows, by chunk, and separators to begin with.
 pub(super) type Start = (Vec<Vec<u32>>, Separators);
 
-/// How many cells are joined to so many regions.
+/// Number of cells that are joined to so many regions.
 pub(super) fn cells(examples: &Examples, regions: usize) -> usize {
     cell_count(examples.rows, examples.regressors, regions, CELLS)
 }
@@ -35,8 +35,10 @@ pub(super) fn by_kmeans(
     Ok((separators.regions > 1).then(|| (separators.winners(examples), separators)))
 }
 
-/// Rows by the map that errs least on them, of maps that each fit the neighbours of one row: the first row by chance, every further one by its squared error under the maps before, as k-means++ draws
-/// centroids by their distance (Arthur and Vassilvitskii 2007). Where modes do not follow density, and rows are few, cells lie across modes; a few neighbours often do not.
+/// Rows by the map of least error, of maps that each fit the neighbours of one row. The first row is random, every
+/// further one is drawn by its squared error under the maps before, as k-means++ draws centroids by their distance
+/// (Arthur and Vassilvitskii 2007). If modes do not follow density, and rows are few, cells lie across modes; a few
+/// neighbours often do not.
 pub(super) fn by_maps(examples: &Examples, regions: usize, seed: u64) -> Start {
     let uniform = |draw: usize| (mix(mix(seed).wrapping_add(draw as u64)) >> 11) as f64 * 2f64.powi(-53);
     let weight = |at: usize, row: usize| examples.chunks[at].weight(row);
@@ -90,7 +92,7 @@ fn neighbours(examples: &Examples, (at, row): (usize, usize)) -> RegionModel {
     RegionModel::new(ridge(&root, &base.scale, 1.0 / root.weight, Some(base.average.coefficients.as_ref())))
 }
 
-/// Small cells, joined by what their joint fit costs.
+/// Small cells, joined by the growth of their joint error.
 pub(super) struct Joined {
     /// The cell of every row.
     cells: Vec<Vec<u32>>,

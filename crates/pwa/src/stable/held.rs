@@ -23,7 +23,7 @@ impl Contracting {
     /// The set in whose metric a fit with [`Options::stability`](crate::Options::stability) left its model.
     ///
     /// # Errors
-    /// Those of reading what a problem's regions advance.
+    /// Those of reading the states that a problem's regions advance.
     pub fn new(problem: &Problem, stability: &Stability) -> Result<Self, Error> {
         let ports = stability.passivity.as_ref().map_or(&[][..], |passivity| &passivity.ports);
         let whole = Loop::new(problem, stability.bound, ports)?;
@@ -37,8 +37,9 @@ impl Contracting {
         Ok(Self { metric: Metric::new(&own, root, &start).ok_or_else(none)?, own })
     }
 
-    /// The model of the set in which every region's coefficients are nearest to those of a model; `None` where a region has no room, a decomposition fails, or a latent is not affine. The first partition's regions
-    /// have one weight each; what contracts already stays to the bit.
+    /// The model of the set in which every region's coefficients are nearest to those of a model. `None` if a region
+    /// has no room, a decomposition fails, or a latent is not affine. The first partition's regions have one weight
+    /// each; maps that contract already stay to the bit.
     pub fn nearest(&self, model: &Model, weights: &[RegionWeight]) -> Option<Model> {
         let (own, metric) = (&self.own, &self.metric);
         let coefficients: Vec<Mat<f64>> = (0..weights.len()).map(|region| coefficients(model, region)).collect();
@@ -85,7 +86,7 @@ impl Contracting {
         Some(out)
     }
 
-    /// What a fit with the bound tells, of the regions of another model of the set.
+    /// Report of the bound for the regions of another model of the set.
     pub fn told(&self, before: &Stability, model: &Model) -> Stability {
         let mut told = before.clone();
         for (at, region) in told.regions.iter_mut().enumerate() {

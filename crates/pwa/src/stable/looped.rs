@@ -1,4 +1,4 @@
-//! Which states a model's regions advance, and how a region's coefficients do it.
+//! States that a model's regions advance, and the linear maps from coefficients to their advance.
 
 mod ports;
 
@@ -32,13 +32,13 @@ impl Display for Variable {
 /// The maps of a model's regions, `M = C + sum_t gain_t e_row(t) beta_t' reads`, and their bound. With m ports the inputs of these stand behind the variables as columns: `[M N]`.
 #[derive(Debug, Clone)]
 pub(crate) struct Loop {
-    /// What is advanced (n).
+    /// Advanced variables (n).
     pub(crate) variables: Vec<Variable>,
     /// C (n x n + m): the states' own part of a step, given equations, and the rows of lags.
     pub(crate) offset: Mat<f64>,
-    /// Of every target, the row of M that it makes and what it is multiplied by; `None` for one that advances nothing of the loop (q).
+    /// The row of M that every target makes, and its factor; `None` for a target that advances nothing of the loop (q).
     pub(crate) targets: Vec<Option<(usize, f64)>>,
-    /// How functions of the library change with the variables and the ports' inputs (p x n + m).
+    /// Derivatives of the library's functions with respect to the variables and the ports' inputs (p x n + m).
     pub(crate) reads: Mat<f64>,
     /// The functions that do.
     pub(crate) regressors: Vec<usize>,
@@ -48,7 +48,7 @@ pub(crate) struct Loop {
     pub(crate) given: Vec<usize>,
     /// rho.
     pub(crate) bound: f64,
-    /// Where the model exchanges energy, if it is to be passive.
+    /// Ports at which the model is to be passive.
     pub(crate) ports: Option<Ports>,
 }
 
@@ -234,7 +234,7 @@ pub(super) fn reads(function: &Expr, state: &str) -> bool {
     function.sources().iter().any(|name| **name == *state)
 }
 
-/// Slopes of a function by a state, lag by lag; `None` where one is no number, or the state is read through a filter.
+/// Slopes of a function by a state, lag by lag; `None` if one is not constant, or the state is read through a filter.
 pub(super) fn slopes(function: &Expr, state: &str) -> Option<Vec<(i32, f64)>> {
     if function.filters().iter().any(|filter| filter.sources().iter().any(|name| **name == *state)) {
         return None;
@@ -252,7 +252,7 @@ pub(super) fn slopes(function: &Expr, state: &str) -> Option<Vec<(i32, f64)>> {
     lags.map(slope).collect()
 }
 
-/// Whether the values of a function are bounded, whatever it reads.
+/// Returns true if the values of a function are bounded, whatever it reads.
 fn is_bounded(function: &Expr) -> bool {
     matches!(function.node(), Node::Unary(Unary::Sin | Unary::Cos | Unary::Tanh | Unary::Sign | Unary::Step, _))
 }

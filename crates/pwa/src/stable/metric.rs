@@ -16,7 +16,7 @@ pub(crate) struct Metric {
     pub(crate) inverse: Mat<f64>,
     /// Coefficients of the loop's functions (s x q) whose map contracts, for where a region begins.
     pub(crate) start: Mat<f64>,
-    /// What comes in through ports, where there are any.
+    /// Supply through the ports, if there are any.
     pub(crate) supply: Option<Supply>,
 }
 
@@ -58,7 +58,7 @@ impl Metric {
         largest(&(&self.root * M.subcols(0, n) * &self.inverse))
     }
 
-    /// What the bound is about, and the bound: the map's norm, of a passive loop that of `T [M N] L^-T`.
+    /// Bounded quantity, and its bound: the map's norm, or that of `T [M N] L^-T` in a passive loop.
     pub(crate) fn measure(&self, own: &Loop, M: &Mat<f64>) -> (f64, f64) {
         match self.supply {
             None => (self.norm(M), own.bound),
@@ -66,7 +66,8 @@ impl Metric {
         }
     }
 
-    /// A map in the coordinates of the metric: `T M T^-1`, of a passive loop `T [M N] L^-T` with rows of zeros that make it square.
+    /// A map in the coordinates of the metric: `T M T^-1`. Of a passive loop it is `T [M N] L^-T` with rows of zeros
+    /// that make it square.
     pub(crate) fn seen(&self, M: &Mat<f64>) -> Mat<f64> {
         match &self.supply {
             None => &self.root * M * &self.inverse,

@@ -9,13 +9,15 @@ use fleetfoot_stats::{Contraction, SquareRoot, svd};
 use super::{Loop, metric::Metric};
 use crate::region_model::RegionModel;
 
-/// Share of a region's mean curvature that pulls towards the free coefficients in directions that its rows do not tell.
+/// Share of a region's mean curvature that pulls towards the free coefficients in directions that its rows do not
+/// determine.
 const UNTOLD: f64 = 1e-9;
 
-/// Pull on how the other coefficients follow, in squares of a row at one standard deviation. Where the rows of a region tell less than that they stay: rows elsewhere would pay for it.
+/// Pull on the map from these to the other coefficients, in squares of a row at one standard deviation. With fewer rows
+/// than that they stay: rows elsewhere would pay for it.
 const FOLLOWED: f64 = 1.0;
 
-/// What the rows of a region weigh, as the nearest coefficients are sought.
+/// Weights of the rows of a region in the search for the nearest coefficients.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct RegionWeight {
@@ -32,8 +34,9 @@ impl RegionWeight {
     }
 }
 
-/// A region: for coefficients A (s x q) of the functions that read the loop's variables, all others following, the squared errors over their variance grow by
-/// `|Y - Y0|^2` with `Y = L' A diag(1 / sigma)`, L L' being what the other functions leave of the Gram matrix.
+/// A region. Let A (s x q) be the coefficients of the functions that read the loop's variables; all others follow. The
+/// squared errors over their variance grow by `|Y - Y0|^2` with `Y = L' A diag(1 / sigma)`. L L' is the Gram matrix of
+/// these functions without the part that the other functions explain.
 pub(crate) struct Region {
     /// Y0 (s x q).
     pub(crate) free: Mat<f64>,
@@ -41,7 +44,7 @@ pub(crate) struct Region {
     right: Mat<f64>,
     /// `L'` (s x s).
     upper: Mat<f64>,
-    /// How the other coefficients follow (others x s).
+    /// Dependence of the other coefficients on these (others x s).
     follow: Mat<f64>,
     others: Vec<usize>,
     /// 1 / sigma of every target (q).
@@ -75,7 +78,8 @@ impl Region {
         Self::of(own, &model.coefficients, R.as_ref(), (units, FOLLOWED), scale)
     }
 
-    /// Of products of the functions, the constant first, that are positive definite, and weights of the targets: the coefficients are sought that are nearest by them. With the means of the functions.
+    /// Of products of the functions, the constant first, that are positive definite, and weights of the targets: the
+    /// metric of the nearest coefficients. With the means of the functions.
     pub(crate) fn weighted(own: &Loop, coefficients: &Mat<f64>, weight: &RegionWeight) -> Option<(Self, Vec<f64>)> {
         let (G, p) = (&weight.products, coefficients.nrows());
         let mean: Vec<f64> = (0..p).map(|j| G[(j + 1, 0)] / G[(0, 0)]).collect();

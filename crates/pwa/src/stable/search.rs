@@ -17,7 +17,7 @@ const TRIALS: usize = 40;
 /// Relative reduction of the price below which the search ends.
 const BETTER: f64 = 1e-3;
 
-/// A metric with what it costs.
+/// A metric with its price.
 struct Tried {
     metric: Metric,
     /// Half the growth of the squared errors over their variances, all regions.
@@ -88,7 +88,8 @@ impl Metric {
 
     /// `<Lambda, dK>` as the product of a matrix with `dT T^-1`, of a region's dual point Lambda.
     ///
-    /// `K = T M T^-1` turns by `Z K - K Z`. Of a passive loop `K = J L^-T`, J being the map [M N] in the coordinates T x, and besides J the supply S turns, by `-h C T^-1 Z` and its transpose.
+    /// `K = T M T^-1` turns by `Z K - K Z`. Of a passive loop `K = J L^-T`, J being the map [M N] in the coordinates T
+    /// x. Besides J the supply S turns, by `-h C T^-1 Z` and its transpose.
     fn turned(&self, own: &Loop, one: &Contracted) -> Mat<f64> {
         let (Some(supply), Some(ports)) = (&self.supply, &own.ports) else {
             return &one.multiplier * one.matrix.transpose() - one.matrix.transpose() * &one.multiplier;
@@ -129,7 +130,8 @@ impl Metric {
 }
 
 impl Tried {
-    /// Steps of T along the falling price, `T <- (I - eta G / |G|) T`, longer after one that helped and shorter after one that did not.
+    /// Steps of T along the falling price, `T <- (I - eta G / |G|) T`: longer after a step that helped, and shorter
+    /// after one that did not.
     fn descend(self, own: &Loop, regions: &[Region]) -> Result<Metric, Error> {
         let (mut at, mut length) = (self, 0.3);
         for _ in 0..TRIALS {
@@ -179,8 +181,8 @@ type Begun = (Mat<f64>, Mat<f64>);
 /// Margins of the storages that are tried, in squares of the inputs' power at one deviation over a step.
 const MARGINS: [f64; 4] = [1e-1, 1e-2, 1e-3, 1e-4];
 
-/// Roots of storages with which the one-region model dissipates, and its coefficients (s x q): as they are, else as near to them as a storage is found for, those of the states first, then those of
-/// the ports too.
+/// Roots of storages with which the one-region model dissipates, and its coefficients (s x q). They are unchanged if a
+/// storage exists, else as near as one exists for: those of the states first, then those of the ports too.
 fn dissipating(own: &Loop, base: &Base, units: &[f64]) -> Vec<Begun> {
     let Some(ports) = &own.ports else { return Vec::new() };
     let n = units.len();
@@ -251,7 +253,8 @@ fn in_units(own: &Loop, units: &[f64]) -> fleetfoot_stats::Contraction {
     }
 }
 
-/// Coefficients (s x q) between those that move the variables least and those of the one-region model, as near to these as a spectral radius below the bound allows; with their map.
+/// Coefficients (s x q) between those that move the variables least and those of the one-region model. They are as near
+/// to these as a spectral radius below the bound allows; with their map.
 fn contracting(own: &Loop, base: &Base, units: &[f64]) -> Option<(Mat<f64>, Mat<f64>)> {
     let (s, q) = (own.regressors.len(), own.targets.len());
     let average = Mat::from_fn(s, q, |k, t| base.average.coefficients[(own.regressors[k], t)]);

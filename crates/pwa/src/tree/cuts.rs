@@ -1,4 +1,4 @@
-//! Where a node is best cut along a column.
+//! Best cut of a node along a column.
 
 use std::ops::Range;
 
@@ -31,7 +31,7 @@ pub(super) struct Found {
     pub(super) threshold: f64,
     /// The rows below, in the order of the column.
     at: usize,
-    /// The cuts beside it that were looked at: the best of all lies between them.
+    /// The tried cuts beside it: the best of all lies between them.
     between: (usize, usize),
 }
 
@@ -51,7 +51,7 @@ impl Node {
         ordered.best(0..n, least, None)
     }
 
-    /// The same cut, as sharp as the rows tell it: what lies between the cuts beside it is looked at in ever finer bins.
+    /// The same cut, located to the row: the range between the tried cuts beside it is searched in ever finer bins.
     pub(super) fn sharpened(&self, examples: &Examples, coarse: Found, least: u64) -> Found {
         let ordered = Ordered::new(examples, coarse.column, &self.rows);
         let mut best = coarse;
@@ -87,12 +87,13 @@ impl<'a> Ordered<'a> {
         examples.chunks[chunk].column(column)[at]
     }
 
-    /// Whether a cut before this row separates two values.
+    /// Returns true if a cut before this row separates two values.
     fn separates(&self, at: usize) -> bool {
         at > 0 && at < self.rows.len() && self.rows[at - 1].0 < self.rows[at].0
     }
 
-    /// Cuts to look at within a range of the rows, its ends included: one that is known, and those next to even places, about as many as bins.
+    /// Cuts to try within a range of the rows, its ends included: a known one, and those next to even places, about as
+    /// many as bins.
     fn candidates(&self, range: &Range<usize>, least: usize, known: Option<usize>) -> Vec<usize> {
         let (first, last) = (range.start.max(least), range.end.min(self.rows.len().saturating_sub(least)));
         if first > last {

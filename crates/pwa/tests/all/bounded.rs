@@ -1,4 +1,5 @@
-//! What tests of maps that contract, and of maps that are passive, have in common: two states and an input, rows of next values, and what is least and nearest within a bound.
+//! Common parts of the tests of contracting and of passive maps: two states and an input, and rows of next values. Also
+//! the least and nearest maps within a bound.
 
 // Matrices are capitals.
 #![allow(non_snake_case)]
@@ -52,7 +53,7 @@ pub(crate) fn run(problem: &Problem, options: &Options, source: &MemorySource) -
     identify(problem, options, source, &Silent).unwrap()
 }
 
-/// The metric that is told, which is twice the energy where maps are passive.
+/// The reported metric, which is twice the energy if maps are passive.
 pub(crate) fn metric(told: &Stability) -> Mat<f64> {
     let n = told.variables.len();
     Mat::from_fn(n, n, |i, j| told.metric[i * n + j])
@@ -67,7 +68,8 @@ fn numbers(model: &Model, region: usize, target: usize) -> Numbers {
     [own.affine().unwrap().constants[region], x, v, input]
 }
 
-/// Squared errors of a source's rows, each target's over the variance of what the free one-region model leaves of it: what a bound map is to keep least.
+/// Squared errors of a source's rows, each target's over its residual variance in the free one-region model: the price
+/// that a bounded map keeps least.
 pub(crate) struct Price {
     rows: Vec<[f64; 5]>,
     variance: [f64; 2],
@@ -96,7 +98,8 @@ impl Price {
         (0..2).map(|t| self.squares(&own[t], t) / self.variance[t]).sum()
     }
 
-    /// None of many maps near to that of a model is within the bound and costs less, by more than its gap; the bound costs something.
+    /// Asserts that none of many maps near to that of a model is within the bound and costs less, by more than its gap.
+    /// The bound has a cost.
     pub(crate) fn is_least(&self, model: &Model, is_within: impl Fn(&[Numbers; 2]) -> bool) {
         let own = [0, 1].map(|t| numbers(model, 0, t));
         let (least, best) = (2.0 * self.rows.len() as f64, self.of(&own));
@@ -117,8 +120,9 @@ impl Price {
     }
 }
 
-/// Coefficients that left a bound by steps of a size go to the nearest ones of it: from there no way within the bound leads nearer, the condition of a least distance over
-/// a convex set. What is within stays to the bit. `is_within` tells of a region, with room for rounding where that is asked for. Gives what the models were moved to.
+/// Coefficients that left a bound by steps of a size go to the nearest ones of it. From there no way within the bound
+/// leads nearer, the condition of a least distance over a convex set. Coefficients within stay to the bit. `is_within`
+/// tests a region, with optional room for rounding. Returns the moved models.
 pub(crate) fn goes_to_the_nearest(
     set: &Contracting,
     found: &Model,

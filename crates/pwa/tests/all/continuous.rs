@@ -26,7 +26,7 @@ fn sampled(d: usize, rows: usize, noise: f64, seed: u64, f: impl Fn(&[f64]) -> f
     (0..rows).map(&mut row).collect()
 }
 
-/// Regions look at the first column alone.
+/// Problem whose only partition column is the first.
 fn on_the_first(d: usize) -> Problem {
     let mut problem = problem(d);
     problem.partition_columns.truncate(1);

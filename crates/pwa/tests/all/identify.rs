@@ -235,7 +235,8 @@ fn shrinkage_leads_from_the_regions_to_the_average() {
     );
 }
 
-/// Forty cells of a few noisy rows each run away outside of them; cells of exact maps stay as they are, though folds draw their borders elsewhere.
+/// Forty cells of a few noisy rows each diverge outside of them. Cells of exact maps stay unchanged, though folds draw
+/// their borders elsewhere.
 #[test]
 fn regions_are_pulled_where_rows_that_did_not_train_ask_for_it() {
     let held_out = |shrinkage, noise| {
@@ -305,7 +306,7 @@ fn a_constant_column_and_a_copy_are_named() {
     );
 }
 
-/// What explains nothing on rows that did not train is told; the null model, which promises nothing, is not.
+/// A note names a model that explains nothing on held-out rows; the null model, which promises nothing, gets none.
 #[test]
 fn a_model_that_predicts_no_better_than_the_mean_is_told() {
     let mut random = Pcg64::seed_from_u64(7);

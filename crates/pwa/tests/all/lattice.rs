@@ -1,4 +1,4 @@
-//! Cells joined to regions: closed forms, invariants, and what `refined` and k-means make of the same rows.
+//! Cells joined to regions: closed forms, invariants, and comparison with `refined` and k-means on the same rows.
 
 use fleetfoot_data::Silent;
 use fleetfoot_model::{Model, Rule};

@@ -1,4 +1,5 @@
-//! Regions that are passive with one storage: the inequality, the price and what follows for loops are checked from the model's own numbers.
+//! Regions that are passive with one storage: the inequality, the price and the consequence for loops are checked from
+//! the model's numbers.
 
 // Matrices are capitals.
 #![allow(non_snake_case)]
@@ -15,7 +16,8 @@ use crate::bounded::{self, H, Price, equation, goes_to_the_nearest, metric, run}
 
 const MASS: f64 = 1.5;
 
-/// A mass on a spring that is stiffer where it is pushed together, hardly damped, with a force on it: exact steps by many small ones. Rows `x, v, f, dv`.
+/// A mass on a spring that is stiffer under compression, hardly damped, with a force on it: exact steps by many small
+/// ones. Rows `x, v, f, dv`.
 fn mass(rows: usize, seed: u64, noise: f64) -> MemorySource {
     let mut random = Pcg64::seed_from_u64(seed);
     let mut source = MemorySource::new(["x", "v", "f", "dv"].map(DataColumn::float).to_vec());

@@ -59,7 +59,8 @@ pub(crate) fn run(problem: &Problem, options: &Options, source: &MemorySource) -
     identify(problem, options, source, &Silent).unwrap()
 }
 
-/// What is found in rows of six episodes of 1,500, the same bits on one thread, two and seven and for the episodes in the other order; gives the model as text.
+/// Model of rows of six episodes of 1,500, as text. Checks that its bits are the same on one, two and seven threads,
+/// and for the episodes in the other order.
 pub(crate) fn same_bits(problem: &Problem, options: &Options, rows: &[Row]) -> String {
     let said = |source: &MemorySource| {
         let found = run(problem, options, source);
@@ -144,7 +145,8 @@ fn modes_that_do_not_follow_density_are_found() {
     }
 }
 
-/// How far the slopes of regions are from those of the modes that they stand for, in standard errors of ordinary least squares by what the model says of its regions.
+/// Deviations of the regions' slopes from those of their modes, in standard errors of ordinary least squares by the
+/// model's region summaries.
 fn off(found: &Identification, names: &[usize]) -> Vec<f64> {
     let latent = &found.model.latents[0];
     let slopes = names.iter().enumerate().flat_map(|(region, &mode)| {
@@ -158,7 +160,7 @@ fn off(found: &Identification, names: &[usize]) -> Vec<f64> {
     slopes.collect()
 }
 
-/// Of 58 rows a set may have a border that its rows do not tell: one row in fifty on the other side is as likely.
+/// Of 58 rows a set may have a border that its rows do not determine: one row in fifty on the other side is as likely.
 #[test]
 fn modes_of_few_rows_are_found() {
     let shares = (0..8).map(|seed| {
@@ -169,7 +171,8 @@ fn modes_of_few_rows_are_found() {
     assert!(shares.iter().filter(|share| **share >= 0.98).count() >= 7, "{shares:?}");
 }
 
-/// Regions are refined on 65,536 of these rows, and one in ten thousand of the others would lie on the wrong side of a border that those alone had drawn.
+/// Regions are refined on 65,536 of these rows. One in ten thousand of the others would lie on the wrong side of a
+/// border drawn by those alone.
 #[test]
 fn borders_of_a_sample_are_drawn_by_all_rows() {
     for seed in [0, 1] {

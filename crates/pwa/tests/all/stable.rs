@@ -48,7 +48,7 @@ fn map(model: &Model, region: usize, n: usize) -> Mat<f64> {
     Mat::from_fn(n, n, |i, j| model.latents[i].affine().unwrap().coefficients[region][j])
 }
 
-/// The largest singular value of M in the metric: by the Cholesky factor of P, from nothing but what is told.
+/// The largest singular value of M in the metric, by the Cholesky factor of the reported P alone.
 fn norm(M: &Mat<f64>, P: &Mat<f64>) -> f64 {
     use faer::linalg::solvers::Solve;
     let T = P.llt(Side::Lower).unwrap().L().transpose().to_owned();
@@ -98,7 +98,8 @@ fn all_regions_contract_in_the_metric_that_is_told() {
     }
 }
 
-/// The squared errors of a region's rows are least among maps within the bound: none that is found by random steps is better by more than the gap.
+/// The squared errors of a region's rows are least among maps within the bound. None of many random steps is better by
+/// more than the gap.
 #[test]
 fn no_map_within_the_bound_has_less_error() {
     let source = oscillator(1000, 2);

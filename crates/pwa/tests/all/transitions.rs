@@ -1,4 +1,4 @@
-//! What models tell of regions beside their maps: where they lie along a phase, strides, and which pairs have the same map.
+//! Region facts in a model beside the maps: phase, strides, and pairs of regions with the same map.
 
 use fleetfoot_data::{Column as DataColumn, MemorySource, Silent, with_threads};
 use fleetfoot_library::{Expr, Scope};
@@ -16,7 +16,8 @@ fn normal(random: &mut Pcg64) -> f64 {
     (-2.0 * a.ln()).sqrt() * (2.0 * std::f64::consts::PI * b).cos()
 }
 
-/// Rows of x, u, the target, a mode that changes with the gait, and the gait's phase in turns; `differs` is added to the coefficient of u in mode 2.
+/// Rows of x, u, the target, a mode that changes with the gait, and the gait's phase in turns. `differs` is added to
+/// the coefficient of u in mode 2.
 fn gait(rows: usize, episodes: usize, differs: f64, seed: u64) -> MemorySource {
     let mut random = Pcg64::seed_from_u64(seed);
     let mut source = MemorySource::new(["x", "u", "dx", "mode", "phase"].map(DataColumn::float).to_vec());

@@ -16,7 +16,7 @@ use super::{
     short::short_names, states_heading, text,
 };
 
-/// Ends of an odometry's fields and the names that they get, with what the model makes of them.
+/// Ends of an odometry's fields with their proposed names and roles in the model.
 const ODOMETRY: [(&str, &str); 5] = [
     ("x", "pose.pose.position.x"),
     ("y", "pose.pose.position.y"),
@@ -86,11 +86,11 @@ pub(crate) fn recipe(file: &str, columns: &[Column], topics: &[TopicInfo]) -> St
     out
 }
 
-/// Messages of a topic below which it is no signal.
+/// Messages of a topic below which it is not a signal.
 const FEW_MESSAGES: u64 = 20;
 
-/// States of the first odometry of a robot's log that is measured, where it has one: the pose follows from speeds and heading, the speeds are fitted. Inputs are the
-/// commanded speed and turn, of other commands all fields.
+/// States of the first measured odometry of a robot's log, if it has one: the pose follows from speeds and heading, the
+/// speeds are fitted. Inputs are the commanded speed and turn, of other commands all fields.
 pub(super) fn of_odometry(columns: &[Column], topics: &[TopicInfo]) -> Option<Recipe> {
     let moves = |topic: &&TopicInfo| topic.messages.is_none_or(|count| count >= FEW_MESSAGES);
     let odometries = || topics.iter().filter(|topic| is_odometry(topic)).filter(moves);
@@ -194,15 +194,16 @@ fn columns_section(
 /// Fields of a log from which only those of the draft's topics are listed.
 const MANY_FIELDS: usize = 300;
 
-/// What a field of the draft is.
+/// Role of a field in the draft.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Role {
     State,
     Input,
 }
 
-/// Fields that usually are the states: rates of turn, else speeds of a twist, else positions and speeds of joints; and those that usually are the inputs. The
-/// first group of each that the log has is taken, and nothing where it has an odometry, whose states are proposed already.
+/// Fields that usually are the states: rates of turn, else speeds of a twist, else positions and speeds of joints; and
+/// those that usually are the inputs. The first group of each in the log is taken. A log with an odometry takes none,
+/// as its states are proposed already.
 const DRAFTS: [(Role, &[&str]); 2] = [
     (
         Role::State,
@@ -225,14 +226,15 @@ const DRAFTS: [(Role, &[&str]); 2] = [
     ),
 ];
 
-/// What is drafted: fields by their roles, and the attitude that turns with the rates among them.
+/// Content of the draft: fields by their roles, and the attitude that turns with the rates among them.
 #[derive(Clone, Copy)]
 struct Drafted<'a> {
     roles: &'a BTreeMap<String, Role>,
     attitude: Option<&'a Attitude>,
 }
 
-/// The end of the topic whose quaternion, w first, is a PX4 vehicle's attitude: from the body (forward, right, down) to the world (north, east, down).
+/// The end of the topic whose quaternion, w first, is a PX4 vehicle's attitude. It turns the body (forward, right,
+/// down) to the world (north, east, down).
 const ATTITUDE: &str = "vehicle_attitude";
 
 /// Roll, pitch and yaw of a quaternion.
@@ -289,7 +291,7 @@ impl Attitude {
     }
 }
 
-/// What fields of a draft are usually called: p, q and r are the rates of turn about the body's axes, u0, u1, ... inputs.
+/// Usual names of fields in a draft: p, q and r are the rates of turn about the body's axes, u0, u1, ... inputs.
 fn usual_name(role: Role, field: &str) -> Option<String> {
     let (array, element) = field.strip_suffix(']')?.rsplit_once('[')?;
     let element: usize = element.parse().ok()?;
@@ -376,7 +378,7 @@ impl Odometry {
     }
 }
 
-/// What may be a state or an input: no text, no stamp of a header, no covariance.
+/// Returns true for a possible state or input: no text, no stamp of a header, no covariance.
 fn is_signal(column: &Column) -> bool {
     let stamp =
         [".sec", ".nanosec", ".secs", ".nsecs", ".seconds", ".nanos", ".nsec", ".timestamp", ".timestamp_sample"];

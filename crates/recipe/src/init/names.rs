@@ -19,7 +19,8 @@ impl Names {
         Self { taken: taken.into_iter().map(str::to_owned).collect(), next: HashMap::new() }
     }
 
-    /// A free name as like `wanted` as can be: letters, digits and `_`, not a digit first, with a number behind it where it is taken.
+    /// A free name as similar to `wanted` as possible: letters, digits and `_`, not a digit first, with a number behind
+    /// it if it is taken.
     pub(super) fn take(&mut self, wanted: &str) -> String {
         let word: String = wanted.trim().chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect();
         let word = match word.trim_end_matches('_') {

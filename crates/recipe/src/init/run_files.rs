@@ -10,7 +10,8 @@ use super::{
     short::short_names, states_heading, text, unit,
 };
 
-/// What a file's name says of its columns: commands are inputs, and states are measured where the robot is or how it moves.
+/// Words in a file's name that mark its columns. Commands are inputs; states are measured values of the robot's place
+/// and motion.
 const COMMANDS: [&str; 6] = ["cmd", "command", "control", "input", "setpoint", "action"];
 const STATES: [&str; 7] = ["odom", "state", "pose", "joint", "position", "velocity", "mocap"];
 

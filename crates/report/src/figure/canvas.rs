@@ -1,4 +1,4 @@
-//! What all charts share: the drawing, its frame, its axes and its legend.
+//! Common parts of all charts: the drawing, its frame, its axes and its legend.
 
 use super::scale::Ruler;
 use crate::markup::{Element, trace};
@@ -34,7 +34,7 @@ pub(crate) struct Frame {
     pub(crate) bottom: f64,
 }
 
-/// How something looks in the legend.
+/// Sample of a series in the legend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Sample {
     Line,
@@ -47,7 +47,7 @@ pub(crate) fn width_of(text: &str) -> f64 {
     text.chars().count() as f64 * CHARACTER
 }
 
-/// A text that fits into a width; what is cut ends in dots.
+/// A text that fits into a width; a cut text ends in dots.
 pub(crate) fn fitting(text: &str, width: f64) -> String {
     let most = (width / CHARACTER).max(3.0) as usize;
     if text.chars().count() <= most {
@@ -147,7 +147,7 @@ impl Canvas {
         self.add(diamond(class, place));
     }
 
-    /// A mark at the end of an axis for what is beyond it.
+    /// A mark at the end of an axis for values beyond it.
     pub(crate) fn beyond(&mut self, class: &str, [x, y]: [f64; 2]) {
         self.add(polygon(&format!("mark {class}"), &[[x - 3.0, y - 4.5], [x + 4.0, y], [x - 3.0, y + 4.5]]));
     }
@@ -186,7 +186,7 @@ impl Canvas {
         self.add(Element::new("path").class("grid").with("d", grid));
     }
 
-    /// A drawing of its own within this one.
+    /// A separate drawing within this one.
     pub(crate) fn part(&self, index: usize, width: f64) -> Self {
         Self::new(width, self.id(&(index + 1).to_string()))
     }

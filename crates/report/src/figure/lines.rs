@@ -30,12 +30,12 @@ pub struct Lines {
     pub range: Option<([f64; 2], String)>,
 }
 
-/// How much of a chart of lines is drawn.
+/// Extent of a drawn chart of lines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Form {
     /// All of it.
     Whole,
-    /// One of several that share a legend, and of which the caption says what the vertical axis is: its horizontal axis is its title.
+    /// One of several that share a legend and, by the caption, a vertical axis: its horizontal axis is its title.
     Panel,
 }
 
@@ -51,18 +51,18 @@ pub struct Series {
     pub y: Vec<f64>,
     /// Lower and upper ends of a band around it.
     pub band: Option<[Vec<f64>; 2]>,
-    /// How it looks.
+    /// Stroke of the line.
     pub stroke: Stroke,
 }
 
-/// How a line looks.
+/// Stroke of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stroke {
-    /// In a colour of its own.
+    /// In a separate colour.
     Own,
     /// Grey and dashed: something to compare with.
     Reference,
-    /// Dark: what was measured.
+    /// Dark: measurements.
     Measured,
     /// Steps of equal width about the places.
     Steps,
@@ -117,7 +117,7 @@ impl Lines {
         self
     }
 
-    /// Where the lines begin and end.
+    /// Beginnings and ends of the lines, in words.
     pub(super) fn in_words(&self) -> String {
         let ends = |series: &Series| {
             if series.is_marks() {
@@ -191,7 +191,7 @@ impl Lines {
         canvas
     }
 
-    /// What is drawn within the frame, and cut at its edges.
+    /// Draws the curves within the frame, and cuts them at its edges.
     fn curves(&self, canvas: &mut Canvas, frame: &Frame, across: &Ruler, vertical: &Ruler) {
         let clip = canvas.id("clip");
         let edge = Element::new("rect").at("x", frame.left).at("y", frame.top);
@@ -213,7 +213,7 @@ impl Lines {
         canvas.add(group);
     }
 
-    /// The class of a line: those in colours of their own are counted apart from the others.
+    /// The class of a line; lines in separate colours are counted apart from the others.
     fn class(&self, index: usize) -> String {
         let before = |stroke: &[Stroke]| self.series[..index].iter().filter(|s| stroke.contains(&s.stroke)).count();
         match self.series[index].stroke {
@@ -230,7 +230,7 @@ impl Lines {
         }
     }
 
-    /// What the legend says; nothing where there is nothing to tell apart.
+    /// Entries of the legend; empty for a single series.
     pub(super) fn entries(&self) -> Vec<(Sample, String, String)> {
         let sample = |series: &Series| if series.is_marks() { Sample::Mark } else { Sample::Line };
         let entry = |(index, series): (usize, &Series)| (sample(series), self.class(index), series.name.clone());
@@ -289,7 +289,7 @@ impl Series {
     }
 }
 
-/// Runs of what is there.
+/// Runs of present values.
 fn runs<T>(things: impl Iterator<Item = Option<T>>) -> Vec<Vec<T>> {
     let mut runs: Vec<Vec<T>> = vec![Vec::new()];
     for thing in things {

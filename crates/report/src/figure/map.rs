@@ -14,7 +14,7 @@ use crate::{
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Map {
-    /// What the values are.
+    /// Name of the values.
     pub what: String,
     /// The axes, across and up, each with its range.
     pub axes: [Axis; 2],
@@ -22,7 +22,7 @@ pub struct Map {
     pub columns: Vec<Vec<f64>>,
 }
 
-/// Shades that are told apart; the style sheet has their opacities.
+/// Number of distinct shades; the style sheet has their opacities.
 const SHADES: usize = 6;
 /// Side of the plane at most, pixels.
 const WIDEST: f64 = 420.0;
@@ -49,7 +49,7 @@ impl Map {
         if high > low { ((SHADES as f64 * (value - low) / (high - low)) as usize).min(SHADES - 1) } else { SHADES / 2 }
     }
 
-    /// How far the values reach, and where the largest is.
+    /// Range of the values, and the place of the largest, in words.
     pub(super) fn in_words(&self) -> String {
         let [low, high] = extent(self.known());
         let middle = |axis: usize, at: usize| {
@@ -131,7 +131,7 @@ impl Map {
         shades
     }
 
-    /// What the shades are.
+    /// Entries of the legend of shades.
     fn entries(&self, reach: [f64; 2]) -> Vec<(Sample, String, String)> {
         let [low, high] = reach;
         if low >= high {

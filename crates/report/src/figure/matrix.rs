@@ -10,9 +10,9 @@ use crate::{
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Matrix {
-    /// What the values are.
+    /// Name of the values.
     pub what: String,
-    /// What the rows and the columns are.
+    /// Names of the row axis and the column axis.
     pub sides: [String; 2],
     /// Names of the rows, from the top.
     pub rows: Vec<String>,
@@ -29,7 +29,7 @@ const CELL: f64 = 22.0;
 const NAME: f64 = 120.0;
 
 impl Matrix {
-    /// Shares, rows of columns. `sides` say what the rows and the columns are.
+    /// Shares, rows of columns. `sides`: names of the row axis and the column axis.
     pub fn new(
         what: impl Into<String>,
         sides: [&str; 2],

@@ -1,6 +1,7 @@
-//! The style sheet of figures without variables: programs that turn SVG into PDF or PNG for papers (librsvg, Inkscape, resvg) do not know them, and would draw in black.
+//! The style sheet of figures without variables. Programs that turn SVG into PDF or PNG for papers (librsvg, Inkscape,
+//! resvg) do not know them, and would draw in black.
 
-/// The rules in the colours of the light, each variable replaced by what it is.
+/// The rules in the light colours, each variable replaced by its value.
 pub(super) fn resolved(sheet: &str) -> String {
     let rules: Vec<(&str, &str)> = sheet.lines().filter(|line| !line.starts_with('@')).filter_map(rule).collect();
     let palette: Vec<(&str, &str)> = rules

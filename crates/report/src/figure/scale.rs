@@ -1,8 +1,8 @@
-//! Axes: what they measure, where a value stands, and which values are written beside them.
+//! Axes: their quantities, the places of values, and the labelled values.
 
 use crate::words::typeset;
 
-/// What an axis measures.
+/// Axis of a chart.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Axis {
@@ -10,25 +10,25 @@ pub struct Axis {
     pub label: String,
     /// Its unit, where it has one.
     pub unit: Option<String>,
-    /// How values are spaced.
+    /// Spacing of values.
     pub scale: Scale,
-    /// Whether zero is on it, of a linear axis.
+    /// True if zero is on the axis; for linear axes.
     pub zero: bool,
     /// Its ends; those of the values where there are none.
     pub range: Option<[f64; 2]>,
 }
 
-/// How values are spaced.
+/// Spacing of values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scale {
     /// By their differences.
     Linear,
-    /// By their ratios; what is not above zero is not drawn.
+    /// By their ratios; values at or below zero are not drawn.
     Logarithmic,
 }
 
 impl Axis {
-    /// A linear axis of a quantity; an empty unit is none, and 1 says nothing either.
+    /// A linear axis of a quantity; an empty unit, or 1, is left out.
     pub fn of(label: impl Into<String>, unit: impl Into<String>) -> Self {
         let unit = Some(unit.into()).filter(|unit| !unit.is_empty() && unit != "1");
         Self { label: label.into(), unit, scale: Scale::Linear, zero: false, range: None }
@@ -93,7 +93,7 @@ pub(crate) fn extent(values: impl Iterator<Item = f64>) -> [f64; 2] {
         .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
 }
 
-/// Where values stand on a drawing.
+/// Ruler that places values on a drawing.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Ruler {
     pub(crate) low: f64,
@@ -115,7 +115,7 @@ impl Ruler {
         }
     }
 
-    /// The place of a value; `None` for what is no number, or has no place on a logarithmic axis.
+    /// The place of a value; `None` for NaN, or a value that has no place on a logarithmic axis.
     pub(crate) fn at(&self, value: f64) -> Option<f64> {
         let share = if self.logarithmic {
             (value / self.low).ln() / (self.high / self.low).ln()
@@ -126,7 +126,7 @@ impl Ruler {
         share.is_finite().then(|| self.from + share.clamp(-2.0, 3.0) * (self.to - self.from))
     }
 
-    /// Whether a value is beyond the end.
+    /// Returns true if a value is beyond the end.
     pub(crate) fn is_beyond(&self, value: f64) -> bool {
         value > self.high
     }
@@ -138,7 +138,8 @@ impl Ruler {
         values.into_iter().map(|value| (value, self.label(value, step))).collect()
     }
 
-    /// 1, 2 or 5 times a power of ten, of which about so many are on the axis: two at least, as one value alone is no scale.
+    /// 1, 2 or 5 times a power of ten, of which about so many are on the axis. There are two at least, as one value
+    /// alone is no scale.
     fn step(&self, most: usize) -> f64 {
         let step = |most: usize| {
             let rough = (self.high - self.low) / most as f64;

@@ -24,15 +24,15 @@ pub struct Spans {
 /// A span.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Span {
-    /// Where it begins.
+    /// Beginning of the span.
     pub from: f64,
-    /// Where it ends.
+    /// End of the span.
     pub to: f64,
     /// Index of its kind.
     pub kind: usize,
 }
 
-/// Height of a row, and of what is drawn in it.
+/// Height of a row, and of the bar in it.
 const ROW: f64 = 20.0;
 const BAR: f64 = 10.0;
 /// A row's name has at most this much room.

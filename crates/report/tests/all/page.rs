@@ -1,4 +1,4 @@
-//! Pages of all parts, with names and numbers that nobody expects.
+//! Pages of all parts, with unusual names and numbers.
 
 use fleetfoot_report::{
     Axis, Bars, Cell, Chart, Equation, Figure, Interval, Light, Lines, Map, Mark, Math, Matrix, Page, Panels, Part,
@@ -269,7 +269,7 @@ proptest! {
     }
 }
 
-/// A band that reaches below zero is drawn whole on a logarithmic axis, and does not decide what the axis shows.
+/// A band that reaches below zero is drawn whole on a logarithmic axis, and does not decide the axis' range.
 #[test]
 fn bands_below_zero_are_drawn_to_the_foot_of_a_logarithmic_axis() {
     let mut axis = Axis::of("score", "");

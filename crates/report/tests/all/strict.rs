@@ -1,9 +1,9 @@
-//! A strict reader of markup: every element is closed by its own end, every attribute is quoted and stands once, every identifier is there once, and nothing
-//! but known entities is escaped.
+//! A strict reader of markup. Every element has an end tag, every attribute is quoted and stands once, every identifier
+//! is there once, and nothing but known entities is escaped.
 
 use std::collections::BTreeSet;
 
-/// What was found on a page.
+/// Parts of a page.
 #[derive(Debug, Default)]
 pub(crate) struct Found {
     /// Names of the elements, in order.
@@ -12,7 +12,7 @@ pub(crate) struct Found {
     pub(crate) text: String,
     /// Identifiers.
     pub(crate) ids: BTreeSet<String>,
-    /// What refers to one.
+    /// References to identifiers.
     pub(crate) references: Vec<String>,
     /// Values of attributes.
     pub(crate) values: Vec<(String, String)>,
@@ -21,7 +21,7 @@ pub(crate) struct Found {
 /// Elements that may end where they begin: in HTML those without an end, and those of SVG and MathML.
 const CLOSED: [&str; 7] = ["meta", "line", "rect", "path", "circle", "mspace", "br"];
 
-/// Reads a page; panics with the place of what is wrong.
+/// Reads a page; panics with the place of an error.
 pub(crate) fn read(page: &str) -> Found {
     let mut found = Found::default();
     let mut open: Vec<String> = Vec::new();

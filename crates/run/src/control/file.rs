@@ -1,4 +1,4 @@
-//! Controllers as files: the law, what it was made from, and what is known of it.
+//! Controllers as files: the law, its origin and its certificates.
 
 use std::path::Path;
 
@@ -22,27 +22,27 @@ const FORMAT: u32 = 1;
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct ControllerFile {
-    /// What made it.
+    /// Kind of the design.
     pub kind: ControllerRecord,
-    /// What it does.
+    /// The law.
     pub law: Regulator,
     /// The hash of the model that it was made for.
     pub model: String,
-    /// What made the model.
+    /// Method of the model's fit.
     pub method: String,
     /// Version of fleetfoot.
     pub version: String,
-    /// What was asked for.
+    /// Settings of the design.
     pub settings: ControlSection,
-    /// Where it keeps the model.
+    /// Set point of the model.
     pub setpoint: SetPointRecord,
     /// One entry a law.
     pub regions: Vec<LqrRecord>,
-    /// What a person should know.
+    /// Notes for the user.
     pub notes: Vec<String>,
 }
 
-/// What made a controller.
+/// Kind of a controller's design.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
@@ -62,9 +62,9 @@ pub struct SetPointRecord {
     pub inputs: IndexMap<String, f64>,
     /// The region that rests there; none where it is found for the mean of all.
     pub region: Option<String>,
-    /// What moves there all the same: derivatives, or changes a sample.
+    /// Remaining motion there: derivatives, or changes a sample.
     pub drift: IndexMap<String, f64>,
-    /// Whether nothing does, as far as the model's numbers are known.
+    /// True if the model rests there, within the accuracy of its numbers.
     pub at_rest: bool,
 }
 
@@ -83,9 +83,9 @@ pub struct LqrRecord {
     pub radius: Option<f64>,
     /// Residual of the Riccati equation, relative to its solution; none of a borrowed law.
     pub residual: Option<f64>,
-    /// Whether the region's submodel can rest near the set point.
+    /// True if the region's submodel can rest near the set point.
     pub rests: bool,
-    /// Whether the law is that of the set point, for want of an own one.
+    /// True if the law is that of the set point, because the region has no law itself.
     pub borrowed: bool,
 }
 
@@ -153,7 +153,7 @@ impl ControllerFile {
     /// Reads a file's text; `name` is its origin, for messages.
     ///
     /// # Errors
-    /// What is no controller, is of another version, was damaged or edited, or has a law that cannot be used.
+    /// A text that is no controller, is of another version, or was damaged or edited; a law that cannot be used.
     pub fn from_json(text: &str, name: &str) -> Result<Self, Error> {
         #[derive(Deserialize)]
         struct Head {
@@ -191,7 +191,8 @@ impl ControllerFile {
         Self::from_json(&text, &name)
     }
 
-    /// The law as a model, of which [`crate::export`] makes code; its training domain is no matter ([`fleetfoot_codegen::ExportOptions::domain`]).
+    /// The law as a model, of which [`crate::export`] makes code; its training range has no meaning
+    /// ([`fleetfoot_codegen::ExportOptions::domain`]).
     ///
     /// # Errors
     /// A law that cannot be used.

@@ -1,4 +1,4 @@
-//! The engine's values at test vectors: each is an episode of its own.
+//! The engine's values at test vectors: each is a separate episode.
 
 use fleetfoot_codegen::{ExportOptions, Signals, StepMethod, TestResult, TestVector, signals};
 use fleetfoot_data::{Column, MemorySource, Silent, Source};

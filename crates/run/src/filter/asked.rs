@@ -1,4 +1,4 @@
-//! What is asked of a filter, and where the logs have it.
+//! Settings of a filter, and the columns of the logs that it reads.
 
 use fleetfoot_control::filter::{FilterOptions, Measured, NoiseColour, ProcessFactor, SwitchedFilter, Switching};
 use fleetfoot_data::setting::{FILTER_SECTION, INITIAL, MEASURED};
@@ -11,7 +11,7 @@ use fleetfoot_recipe::{FilterNoise, FilterSection, FilterSwitching, Recipe, Sett
 
 use crate::controller::source;
 
-/// What is asked, resolved on logs.
+/// Settings, resolved on logs.
 pub(super) struct Asked {
     pub(super) filter: SwitchedFilter,
     pub(super) readings: Reading,
@@ -19,12 +19,12 @@ pub(super) struct Asked {
     pub(super) notes: Vec<String>,
 }
 
-/// Where the view of the logs has what a filter reads: indices of columns.
+/// Columns of the logs' view that a filter reads, as indices.
 pub(crate) struct Reading {
     pub(super) inputs: Vec<usize>,
     /// Of every sensor.
     pub(super) measured: Vec<usize>,
-    /// Of every sensor whose deviation is told row by row.
+    /// Of every sensor whose deviation is a column.
     pub(super) deviations: Vec<Option<usize>>,
     pub(super) truth: Vec<Truth>,
 }
@@ -35,7 +35,7 @@ pub(super) struct Truth {
     pub(super) column: usize,
 }
 
-/// The filter that `[filter]` asks of a model by itself, without logs: every sensor has its deviation.
+/// The filter by `[filter]` of a model, without logs: every sensor has a fixed deviation.
 ///
 /// # Errors
 /// Settings that cannot be read, sensors without a deviation, and those of [`SwitchedFilter::new`].
@@ -54,11 +54,11 @@ pub fn filter_of(model: &Model, said: &FilterSection) -> Result<SwitchedFilter, 
     Ok(SwitchedFilter::new(model, &options(&settings, measured)?)?)
 }
 
-/// What `[filter]` says of a model's states: checked, and in the fields of logs.
+/// Settings of `[filter]` about a model's states: checked, and in the fields of logs.
 struct Said<'a> {
     model: &'a Model,
     sensors: Vec<Measured>,
-    /// Where measurements stand that are not where the model was trained on.
+    /// Fields of measurements, if they differ from those of the training.
     fields: Vec<(String, String)>,
     truth: Vec<(String, String)>,
 }
@@ -96,7 +96,7 @@ impl<'a> Said<'a> {
         Ok(said)
     }
 
-    /// Where the measurement of a state stands.
+    /// Field of a state's measurement.
     fn measurement(&self, state: &str) -> String {
         let said = self.fields.iter().find(|(name, _)| name == state).map(|(_, field)| field.clone());
         let trained = || self.model.column(state).map(|at| self.model.columns[at].source.clone());
@@ -190,7 +190,7 @@ impl Asked {
     }
 }
 
-/// What was assumed.
+/// Assumptions.
 fn notes(filter: &SwitchedFilter, sensors: &[Measured], readings: &Reading) -> Vec<String> {
     let mut notes = Vec::new();
     let names = |wanted: &dyn Fn(usize) -> bool| -> Vec<&str> {

@@ -34,7 +34,8 @@ pub struct FilteredRows {
     truths: Vec<f64>,
     /// Rows x sensors.
     measured: Vec<f64>,
-    /// At the last row: the deviation of every sensor, the factor on the process noise, and the steps of the episode so far whose inputs were missing.
+    /// At the last row: the deviation of every sensor, the factor on the process noise, and the number of steps so far
+    /// whose inputs were missing.
     pub(super) last_deviations: Vec<f64>,
     pub(super) process: f64,
     pub(super) held_inputs: usize,
@@ -203,7 +204,7 @@ impl FilteredRows {
         &self.episode
     }
 
-    /// What must be added to the stamps to get the times of the recording, nanoseconds.
+    /// Offset from the stamps to the times of the recording, nanoseconds.
     pub fn log_offset(&self) -> i64 {
         self.log_offset
     }
@@ -248,7 +249,7 @@ impl FilteredRows {
         &self.innovation_deviations
     }
 
-    /// The logarithm of the probability density of what each row measured.
+    /// The logarithm of the probability density of each row's measurements.
     pub fn log_likelihood(&self) -> &[f64] {
         &self.log_likelihood
     }
@@ -260,7 +261,7 @@ impl FilteredRows {
         own[best].is_finite().then_some(best)
     }
 
-    /// What a sensor measured; NaN for nothing.
+    /// Measurement of a sensor; NaN without one.
     pub fn measured(&self, row: usize, sensor: usize) -> f64 {
         self.measured[row * self.sensors + sensor]
     }

@@ -28,7 +28,7 @@ pub(super) struct Sums {
     lost: u64,
     first_lost: Option<(String, usize)>,
     lost_episodes: usize,
-    /// What the present episode's rows say so far; `None` before its first one.
+    /// Sums of the present episode so far; `None` before its first row.
     episode: Option<Along>,
 }
 
@@ -39,7 +39,7 @@ struct Sensor {
     neighbours: [f64; 3],
     /// Of every episode, the deviation at its end.
     deviations: Vec<f64>,
-    /// Rows that say what the row before said, and rows that follow one.
+    /// Rows that repeat the measurement of the row before, and rows that follow one.
     repeated: [u64; 2],
 }
 

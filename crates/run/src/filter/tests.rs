@@ -5,7 +5,8 @@ use fleetfoot_data::{Silent, with_threads};
 
 use super::*;
 
-/// Recordings of a state that jumps where it crosses 0, and of one that it drives, with gaps in inputs and measurements and a sensor that is held here and there.
+/// Recordings of a state that jumps at 0, and of one that it drives. They have gaps in inputs and measurements, and a
+/// sensor that is held here and there.
 fn recordings(folder: &Path, rows: &[usize]) -> Vec<PathBuf> {
     let write = |(at, &rows): (usize, &usize)| {
         let noise = |row: usize, key: usize| {
@@ -54,7 +55,7 @@ fn fitted(logs: &[PathBuf]) -> Model {
     fitted.expect("a model").model
 }
 
-/// Every number that is told, as bits.
+/// Every reported number, as bits.
 fn said(rows: &FilteredRows) -> Vec<u64> {
     let columns = [rows.means(), rows.deviations(), rows.probabilities(), rows.innovations(), rows.log_likelihood()];
     let more = [rows.innovation_deviations(), &rows.nis, &rows.nees];
@@ -72,7 +73,7 @@ fn whatever_is_filtered_at_a_time_gives_the_same_bits_and_keeps_no_more() {
     assert_ne!(filtered_alike(&white, &logs), filtered_alike(&coloured, &logs));
 }
 
-/// What is told of some recordings, however many rows are filtered at a time.
+/// Report on some recordings; the same for any number of rows that are filtered at a time.
 fn filtered_alike(model: &Model, logs: &[PathBuf]) -> String {
     let changes = Recipe::default();
     let found = |at_a_time: usize, threads: usize| {

@@ -11,7 +11,8 @@ use fleetfoot_output::{Overlay, SeriesId, TableWriter, Values, WriteColumn, Writ
 use super::FilteredRows;
 use crate::output::{Kind, Line, Plot, finish_with_layouts, mcap_options, table_options};
 
-/// Of messages: what was measured, the mean and deviation of every state, innovation and its deviation of every sensor, and what there is one of a row.
+/// Topics of messages: measurements, mean and deviation of every state, innovation and its deviation of every sensor,
+/// and the values that a row has once.
 const TOPICS: [&str; 6] = [
     "/fleetfoot/measured",
     "/fleetfoot/estimate",
@@ -21,8 +22,9 @@ const TOPICS: [&str; 6] = [
     "/fleetfoot/region",
 ];
 
-/// Writes, row by row: episode, time, mean and deviation of every state, the region that is most probable, the probability of every region, innovation and its deviation of
-/// every sensor, and the log-likelihood of the row; as a table, or as messages on [`TOPICS`], which have the stamps of the rows that they belong to.
+/// Writes a table, or messages on [`TOPICS`] with the stamps of their rows. Each row has episode, time, mean and
+/// deviation of every state, the most probable region, the probability of every region, innovation and its deviation of
+/// every sensor, and its log-likelihood.
 pub(crate) struct FilteredWriter {
     sink: Sink,
     states: usize,
@@ -98,7 +100,7 @@ fn columns(model: &Model, filter: &SwitchedFilter) -> Vec<WriteColumn> {
     columns
 }
 
-/// The estimate over what was measured, a plot a state.
+/// The estimate over the measurements, a plot a state.
 fn plots(filter: &SwitchedFilter) -> Vec<Plot> {
     let plot = |(place, name): (usize, &String)| {
         let line = |topic: &str, place: usize, what: &str| Line {
@@ -150,7 +152,7 @@ fn write_table(
     Ok(())
 }
 
-/// What no sensor measured leaves a gap in the lines that a viewer draws.
+/// Writes the messages. A missing measurement leaves a gap in the lines that a viewer draws.
 fn write_messages(
     overlay: &mut Overlay,
     topics: &[SeriesId; 6],

@@ -6,7 +6,7 @@ use serde_json::Value;
 use crate::ControllerFile;
 
 impl ControllerFile {
-    /// The controller for programs: what its file has, without the checksum.
+    /// The controller for programs: the content of its file, without the checksum.
     pub fn told(&self) -> Value {
         report(self)
     }

@@ -1,4 +1,5 @@
-//! Layouts of viewers beside written messages: opened with the file they show simulated or predicted lines over measured ones, and nobody has to drag topics.
+//! Layouts of viewers beside written messages. Opened with the file they show simulated or predicted lines over
+//! measured ones, without dragging topics.
 //!
 //! Foxglove's layouts are JSON: panels by an identifier, and how they are arranged, halves of halves. PlotJuggler's are XML: plots in a splitter of a tab; it names the
 //! numbers of a JointState `topic/name/position`.
@@ -11,16 +12,16 @@ use serde_json::{Value, json};
 
 use super::{Kind, kind};
 
-/// What the files are called behind the name of the messages'.
+/// Suffixes of the layout files, behind the name of the messages' file.
 const SUFFIXES: [&str; 2] = ["foxglove.json", "plotjuggler.xml"];
 /// Plots that a layout has: a screen has no room for more.
 const PLOTS: usize = 8;
-/// Colours in the order of the lines: measured dark, then those that are told apart.
+/// Colours in the order of the lines: measured dark, then distinct ones.
 const COLOURS: [&str; 6] = ["#5b6168", "#1f5fae", "#c2560c", "#1b7f5c", "#8d3f9c", "#b02a4c"];
 
 /// A plot of a layout.
 pub(crate) struct Plot {
-    /// What it shows.
+    /// Its title.
     pub(crate) title: String,
     /// Its lines; the measured one is the first.
     pub(crate) lines: Vec<Line>,
@@ -33,7 +34,7 @@ pub(crate) struct Line {
     /// The name of the number, and its place among the names.
     pub(crate) name: String,
     pub(crate) place: usize,
-    /// What the line is called.
+    /// Label of the line.
     pub(crate) label: String,
 }
 
@@ -120,8 +121,9 @@ fn plotjuggler(plots: &[Plot]) -> String {
     )
 }
 
-/// A value of an attribute. XML 1.0 has no place for most control characters and for the last two code points of the first plane, not even as references (its production 2, `Char`):
-/// they become U+FFFD. Tab and line ends are written as references, as a reader makes plain ones blanks.
+/// A value of an attribute. XML 1.0 has no place for most control characters and for the last two code points of the
+/// first plane, not even as references (its production 2, `Char`). They become U+FFFD. Tab and line ends are written as
+/// references, as a reader makes plain ones blanks.
 fn escaped(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {

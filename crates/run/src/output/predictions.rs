@@ -14,14 +14,14 @@ use super::{
     mcap_options, table_options,
 };
 
-/// What is written of every fitted equation.
+/// Values that are written of every fitted equation.
 const KINDS: [&str; 3] = ["measured", "predicted", "residual"];
 
-/// Where the rows of a block come from.
+/// Origin of a block's rows.
 pub(crate) struct Place<'a> {
     /// The episode's name.
     pub episode: &'a str,
-    /// What must be added to its stamps to get the times of the recording, nanoseconds.
+    /// Offset from its stamps to the times of the recording, nanoseconds.
     pub log_offset: i64,
 }
 

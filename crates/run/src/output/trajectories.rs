@@ -15,7 +15,7 @@ use super::{
     mcap_options, table_options,
 };
 
-/// Writes trajectories. `log_offset` tells what must be added to the stamps of an episode to get the times of its recording, nanoseconds.
+/// Writes trajectories. `log_offset`: offset from the stamps of an episode to the times of its recording, nanoseconds.
 pub(crate) fn write_trajectories(
     kind: Kind,
     path: &Path,
@@ -87,7 +87,7 @@ fn write_table(path: &Path, model: &Model, view: &dyn Source, rollouts: &Rollout
     Ok(())
 }
 
-/// What the recording says of the simulated states.
+/// Recorded values of the simulated states.
 struct Measured<'a> {
     view: &'a dyn Source,
     /// Column of the view of each state.
@@ -102,8 +102,8 @@ impl<'a> Measured<'a> {
         Self { view, columns, rotations: model.rotations_among(&rollouts.states) }
     }
 
-    /// The stamps of a trajectory's rows as far as the episode goes, and the measured states at each of its steps, rotations written as near to the simulated ones as they can be: NaN
-    /// where they are not known.
+    /// The stamps of a trajectory's rows within the episode, and the measured states at each of its steps. Rotations
+    /// are written as near to the simulated ones as they can be; unknown states are NaN.
     fn read(&self, trajectory: &Trajectory) -> Result<(Vec<i64>, Vec<Vec<f64>>), Error> {
         let (start, rows) = (trajectory.start, trajectory.steps() + 1);
         let end = (start.row + rows).min(self.view.episodes()[start.episode].rows);
@@ -126,8 +126,9 @@ impl<'a> Measured<'a> {
     }
 }
 
-/// Messages on `/fleetfoot/rollout/N` with the stamps of the rows that the states are compared with, and what was measured there on
-/// `/fleetfoot/rollout/N/measured`. Trajectories that overlap in time are on different topics, so that a viewer draws each as a line of its own.
+/// Messages on `/fleetfoot/rollout/N` with the stamps of the rows that the states are compared with, and the
+/// measurements there on `/fleetfoot/rollout/N/measured`. Trajectories that overlap in time are on different topics, so
+/// that a viewer draws each as a separate line.
 fn write_messages(
     path: &Path,
     model: &Model,

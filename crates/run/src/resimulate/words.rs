@@ -11,7 +11,7 @@ fn plain(name: &str) -> String {
     name.trim().trim_matches('`').to_owned()
 }
 
-/// A column and what stands behind the last `=`.
+/// A column and the text behind the last `=`.
 fn pairs(entry: &str, text: &str, example: &str) -> Result<Vec<(String, String)>, Error> {
     let pair = |item: &String| {
         let (name, value) = item.rsplit_once('=').ok_or_else(|| {

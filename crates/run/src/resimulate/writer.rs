@@ -1,4 +1,4 @@
-//! Recordings and what follows them.
+//! Recordings, and the trajectories that follow them.
 
 use std::path::Path;
 
@@ -14,8 +14,8 @@ use crate::output::{Kind, Line, Plot, finish_with_layouts, mcap_options, table_o
 /// The topics of messages.
 const TOPICS: [&str; 3] = ["/fleetfoot/measured", "/fleetfoot/followed", "/fleetfoot/open_loop"];
 
-/// Writes, for every row of the grid, each column as it was measured, as it follows, and the states of the open loop. `log_offset` tells what must be added to the stamps of an
-/// episode to get the times of its recording, nanoseconds.
+/// Writes, for every row of the grid, each column as measured and as followed, and the states of the open loop.
+/// `log_offset`: offset from the stamps of an episode to the times of its recording, nanoseconds.
 pub(crate) fn write_followed(
     kind: Kind,
     path: &Path,

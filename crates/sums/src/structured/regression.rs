@@ -1,4 +1,4 @@
-//! What is regressed on what: latents as libraries, tasks as sums of coefficients times latents.
+//! Structured regression: latents as libraries, tasks as sums of coefficients times latents.
 
 use fleetfoot_library::Expr;
 
@@ -18,7 +18,7 @@ pub struct Candidates {
 pub struct Term {
     /// Index of the latent.
     pub latent: usize,
-    /// What it is multiplied with: `cos(alpha)`, `-1`.
+    /// Factor of the latent: `cos(alpha)`, `-1`.
     pub coefficient: Expr,
 }
 
@@ -31,8 +31,8 @@ pub struct Task {
     pub target: Expr,
     /// Terms, each of another latent.
     pub terms: Vec<Term>,
-    /// Whether this is what is believed of a latent rather than measured (equation (41)): it counts with the strength of the Tikhonov penalty, and does not
-    /// take part in scales and scores.
+    /// True for a prior of a latent, which is believed and not measured (equation (41)). It counts with the strength of
+    /// the Tikhonov penalty, and has no part in scales and scores.
     pub prior: bool,
 }
 
@@ -48,7 +48,7 @@ pub struct Regression {
 }
 
 impl Regression {
-    /// What a row's place in the regression is made of: candidate functions, coefficients, targets.
+    /// Expressions of a row in the regression: candidate functions, coefficients, targets.
     pub fn expressions(&self) -> impl Iterator<Item = &Expr> {
         let functions = self.latents.iter().flat_map(|latent| &latent.functions);
         let of_tasks =

@@ -36,7 +36,8 @@ pub enum ScanError {
     Plan(#[from] PlanError),
 }
 
-/// A frozen plan: what is summed, in which coordinates, in which chunks. Scans of one plan can be merged, whoever made them.
+/// A frozen plan: expressions to sum, their coordinates, and the chunks. Scans of one plan can be merged, whoever made
+/// them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// The regression.
@@ -58,7 +59,7 @@ pub struct TaskStats {
     pub stats: Stats,
 }
 
-/// What a scan found.
+/// Result of a scan.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scanned {
     /// Statistics of every task.
@@ -108,7 +109,7 @@ impl Plan {
         Ok(Self { regression, also, chunk_rows, preconditioners })
     }
 
-    /// What the plan says, for people and for comparison: one line a fact.
+    /// Text of the plan, for people and for comparison: one line a fact.
     pub fn text(&self) -> String {
         let mut text = format!("chunk_rows = {}\n", self.chunk_rows);
         for latent in &self.regression.latents {
@@ -165,7 +166,7 @@ impl Plan {
         Ok(found)
     }
 
-    /// What a scan of no rows finds.
+    /// Result of a scan of no rows.
     pub fn empty(&self) -> Scanned {
         let hash = self.hash();
         let tasks = self.preconditioners.iter();
@@ -242,7 +243,7 @@ impl Scanned {
         Ok(())
     }
 
-    /// Keeps the episodes that are wanted: what is left is what a scan of them alone finds.
+    /// Keeps the wanted episodes; the result equals a scan of them alone.
     pub fn retain(&mut self, wanted: impl Fn(EpisodeId) -> bool) {
         self.tasks.iter_mut().for_each(|task| task.stats.retain(|key| wanted(key.episode)));
         self.also.retain(|key| wanted(key.episode));

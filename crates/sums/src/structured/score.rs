@@ -1,4 +1,4 @@
-//! How well coefficients fit every task, from the tasks' statistics.
+//! Errors of coefficients in every task, from the tasks' statistics.
 
 use faer::Mat;
 use fleetfoot_stats::SquareRoot;
@@ -20,7 +20,8 @@ impl TaskError {
         self.mse.sqrt()
     }
 
-    /// Share of the target's variance that is explained; NaN for a target that does not vary: its equation is a balance, and has nothing to explain.
+    /// Share of the target's variance that is explained. NaN for a target that does not vary: its equation is a
+    /// balance, and has nothing to explain.
     pub fn r2(&self) -> f64 {
         if self.variance > 0.0 { 1.0 - self.mse / self.variance } else { f64::NAN }
     }

@@ -1,4 +1,4 @@
-//! What a latent's candidate functions looked like in training, from the statistic of a task that has them.
+//! Spread of a latent's candidate functions in training, from the statistic of a task that has them.
 
 use std::ops::Range;
 

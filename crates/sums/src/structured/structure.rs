@@ -1,4 +1,4 @@
-//! Which coefficients stand in which task: all that the block matrix B of equations (18) and (19) is, without its numbers.
+//! Structure of the block matrix B of equations (18) and (19), without its numbers: the coefficients of each task.
 
 use std::ops::Range;
 
@@ -16,9 +16,9 @@ pub struct Structure {
 pub struct TaskShape {
     /// Its latents, in the order of its columns; the target's column follows.
     pub latents: Vec<usize>,
-    /// Whether one of its columns is constant: scales are then deviations about the mean.
+    /// True if one of its columns is constant: scales are then deviations about the mean.
     pub centred: bool,
-    /// Whether it is a prior.
+    /// True for a prior.
     pub prior: bool,
 }
 

@@ -8,8 +8,8 @@ use fleetfoot_stats::scan::{self, Tile};
 
 use super::{System, SystemError, weak::Weak};
 
-/// Groups of columns, in their order: what stands for the functions, the targets (of the weak form: their means), further moments, the partition's columns, and
-/// what has rates in the weak form.
+/// Groups of columns, in their order: the functions or their stand-ins, the targets (of the weak form: their means),
+/// further moments, the partition's columns, and the rates of the weak form.
 pub(super) const REGRESSORS: usize = 0;
 const TARGETS: usize = 1;
 const ALSO: usize = 2;

@@ -1,4 +1,4 @@
-//! What is fixed before the pass: coordinates from a pilot sample, and the chunks.
+//! Plan of the pass: coordinates from a pilot sample, and the chunks.
 
 use fleetfoot_data::{Canonical, Source};
 use fleetfoot_library::Expr;
@@ -11,14 +11,15 @@ use super::{
     windows::WindowRows,
 };
 
-/// The first byte of coordinates: what is summed in them.
+/// The first byte of coordinates: the kind of the sums in them.
 const PRODUCTS: u8 = 0;
 /// See [`PRODUCTS`].
 const MOMENTS: u8 = 1;
 /// Bytes that the statistics of a scan may take.
 const BUDGET: usize = 192 << 20;
 
-/// A frozen plan of one pass: what is summed, in which coordinates, in which chunks. Sums of one plan can be merged, whoever made them.
+/// A frozen plan of one pass: expressions to sum, their coordinates, and the chunks. Sums of one plan can be merged,
+/// whoever made them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SystemPlan {
     /// The system.
@@ -60,13 +61,15 @@ impl Coordinates {
 impl SystemPlan {
     /// Makes a plan for a source: the coordinates come from a strided pilot sample of its rows.
     ///
-    /// Where the functions are all monomials of some variables up to a degree of two or more, there is one region, and the pilot shows that it costs no
-    /// digits that the rows have, the scan sums Chebyshev moments instead of products of pairs of functions.
+    /// The scan may sum Chebyshev moments instead of products of pairs of functions. It does so under three conditions.
+    /// The functions are all monomials of some variables up to a degree of two or more. There is one region. The pilot
+    /// shows that it costs no significant digits.
     ///
     /// Without `chunk_rows` the chunks are as long as 192 MiB of statistics ask for, and otherwise some 200, of four rows or more.
     ///
     /// # Errors
-    /// A column does not exist, the source cannot be read, there is no target, the partition does not fit its columns, or there are too many episodes.
+    /// A column does not exist, the source cannot be read, or there is no target. Or the partition does not fit its
+    /// columns, or there are too many episodes.
     pub fn new(system: System, chunk_rows: Option<usize>, source: &dyn Source) -> Result<Self, SystemError> {
         if let Some(plan) = Self::of_moments(&system, chunk_rows, source)? {
             return Ok(plan);
@@ -130,7 +133,8 @@ impl SystemPlan {
         Ok(Self { system, chunk_rows, coordinates })
     }
 
-    /// What the plan says, for people and for comparison: one line a fact, the numbers of coordinates and partition left out.
+    /// Text of the plan, for people and for comparison: one line a fact, without the numbers of coordinates and
+    /// partition.
     pub fn text(&self) -> String {
         Self::text_of(&self.system, self.chunk_rows)
     }
@@ -166,7 +170,7 @@ impl SystemPlan {
         }
     }
 
-    /// The plan of a system in the coordinates that [`SystemPlan::coordinates`] told.
+    /// The plan of a system in the coordinates of [`SystemPlan::coordinates`].
     ///
     /// # Errors
     /// There is no target, the partition does not fit its columns, or the coordinates are not those of such a system.
@@ -194,7 +198,8 @@ impl SystemPlan {
         self.system.regions() * self.coordinates.bytes()
     }
 
-    /// Bytes of the statistics of a scan of `rows` rows in `regions` regions, at most: what products of pairs of functions take.
+    /// Bytes of the statistics of a scan of `rows` rows in `regions` regions, at most: those of products of pairs of
+    /// functions.
     pub fn memory(system: &System, regions: usize, rows: usize) -> usize {
         let d = system.functions.len() + system.targets.len();
         let bytes = 8 * (d + 1) * (d + 2) / 2;
@@ -222,12 +227,12 @@ impl SystemPlan {
         tile_rows(columns, weak.as_ref())
     }
 
-    /// Whether the scan sums Chebyshev moments.
+    /// Returns true if the scan sums Chebyshev moments.
     pub fn is_polynomial(&self) -> bool {
         matches!(self.coordinates, Coordinates::Polynomial(_))
     }
 
-    /// What is evaluated on the rows in the place of the functions.
+    /// Expressions that are evaluated on the rows in the place of the functions.
     pub(super) fn regressors(&self) -> &[Expr] {
         match &self.coordinates {
             Coordinates::General(_) => &self.system.functions,
@@ -236,7 +241,7 @@ impl SystemPlan {
     }
 }
 
-/// Whether rows must be assigned to regions.
+/// Returns true if rows must be assigned to regions.
 fn is_partitioned(system: &System) -> bool {
     system.partition.as_ref().is_some_and(|partition| !partition.columns.is_empty())
 }

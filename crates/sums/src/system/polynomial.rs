@@ -1,5 +1,5 @@
-//! Libraries that are all monomials of some variables up to a degree: their rows are summed as Chebyshev moments, several times cheaper than products of
-//! pairs of functions.
+//! Libraries that are all monomials of some variables up to a degree. Their rows are summed as Chebyshev moments,
+//! several times cheaper than products of pairs of functions.
 
 use std::collections::HashMap;
 
@@ -16,7 +16,8 @@ const ROWS: [usize; 2] = [4_096, 20_000];
 const CONDITION: f64 = 1e5;
 /// Share that rounding may have in the uncertainty of the fit.
 const ROUNDING: f64 = 1e-3;
-/// Error of a fit, relative to the size of its target, below which the moments do not know it well: they know its square to some 1e-16 of the target's.
+/// Error of a fit, relative to the size of its target, below which the moments are too inaccurate: they have its square
+/// to some 1e-16 of the target's.
 const EXACT: f64 = 1e-6;
 
 /// Functions that are exactly the monomials of degree 1 to `degree` of `variables`, in any order.
@@ -38,7 +39,8 @@ pub(super) struct Polynomial {
 }
 
 impl Monomials {
-    /// What `functions` are, if they are that. Variables are whatever the products are made of: columns, lags, functions of them.
+    /// Monomials of `functions`; `None` if they are not that. Variables are the factors of the products: columns, lags,
+    /// functions of them.
     pub(super) fn recognise(functions: &[Expr]) -> Option<Self> {
         let mut variables: Vec<Expr> = Vec::new();
         let mut index: HashMap<Expr, usize> = HashMap::new();
@@ -68,8 +70,9 @@ impl Monomials {
         (distinct.len() == functions.len()).then_some(Self { variables, degree, exponents })
     }
 
-    /// The plan for a source of `total` rows with this pilot sample, one vector a column, variables first; `None` where products of pairs know more: a pilot that
-    /// hardly tells the functions apart, or data so exact that rounding would show.
+    /// The plan for a source of `total` rows with this pilot sample, one vector a column, variables first. `None` if
+    /// products of pairs are more accurate: a pilot with nearly collinear functions, or data so exact that rounding
+    /// would show.
     pub(super) fn plan(self, pilot: &[Vec<f64>], total: usize) -> Option<Polynomial> {
         let rows = pilot.first().map_or(0, Vec::len);
         let wanted = (ROWS_A_FUNCTION * self.exponents.len()).clamp(ROWS[0], ROWS[1]);
@@ -103,11 +106,13 @@ impl Monomials {
 }
 
 impl Polynomial {
-    /// Whether the rounding of the moments of `rows` rows stays a small part of what a fit does not know anyway.
+    /// Returns true if the rounding of the moments of `rows` rows stays a small part of a fit's uncertainty.
     ///
-    /// Errors e of the rows move X'y by about `sqrt(n) |x| |e|`. The moments sum squares of targets and functions themselves: their rounding moves it by at most
-    /// `n eps |x| |y|`, and by as much times the condition through X'X, and both go through the same inverse to the coefficients. So what counts is
-    /// `sqrt(n) eps condition |y| / |e|`. A plan of products takes the pilot's prediction out of the targets first, and keeps the digits of exact data.
+    /// Errors e of the rows move X'y by about `sqrt(n) |x| |e|`. The moments sum squares of targets and functions
+    /// themselves. Their rounding moves X'y by at most `n eps |x| |y|`, and by as much times the condition through X'X.
+    /// Both go through the same inverse to the coefficients. The test is therefore on
+    /// `sqrt(n) eps condition |y| / |e|`. A plan of products takes the pilot's prediction out of the targets first, and
+    /// keeps the digits of exact data.
     fn tells(&self, base: &[&[f64]], targets: &[&[f64]], rows: usize) -> bool {
         let mut moments = self.plan.moments();
         moments.add(&self.plan, &mut self.plan.scratch(), base, targets, None);
@@ -129,7 +134,7 @@ impl Polynomial {
     }
 }
 
-/// Calls `take(variable, power)` for the factors of a product; `None` for what is no monomial.
+/// Calls `take(variable, power)` for the factors of a product; `None` unless it is a monomial.
 fn factors(expr: &Expr, power: u32, take: &mut impl FnMut(&Expr, u32)) -> Option<()> {
     match expr.node() {
         Node::Binary(Binary::Mul, a, b) => {

@@ -14,9 +14,10 @@ const BLOCK: usize = SPAN * SPANS;
 
 /// The ranges of all monomials of a polynomial library.
 ///
-/// Consecutive rows of a trajectory are near each other. For every few of them, a span, the monomials are bounded by interval arithmetic from the ranges of the variables,
-/// several spans at once, and those whose bound leaves what is already known are evaluated. Products of bounds are rounded as products of values are, and rounding is
-/// monotone, so nothing is missed.
+/// Consecutive rows of a trajectory are near each other. For every few of them, a span, the monomials are bounded by
+/// interval arithmetic from the ranges of the variables, several spans at once. Only those whose bound exceeds the
+/// known range are evaluated. Products of bounds are rounded as products of values are, and rounding is monotone, so
+/// nothing is missed.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct MonomialRanges {
     /// Every monomial in graded order: the one that it is a multiple of (`None`: the constant) and the variable.
@@ -29,7 +30,7 @@ pub(super) struct MonomialRanges {
 struct Recipe {
     parent: Option<usize>,
     variable: usize,
-    /// Whether the monomial is an even power of one variable, and so not negative.
+    /// True if the monomial is an even power of one variable, and so not negative.
     even: bool,
 }
 
@@ -40,7 +41,7 @@ pub(super) struct RangesScratch {
     bounds: Vec<f64>,
     /// Of every monomial the values on the rows of a span.
     values: Vec<f64>,
-    /// Of every monomial, over the spans: 1 where its bound leaves what is known, or that of a multiple of it does; else 0.
+    /// Of every monomial, over the spans: 1 if its bound, or that of a multiple of it, exceeds the known range; else 0.
     wanted: Vec<f64>,
 }
 
@@ -117,7 +118,8 @@ impl AddBlocks<'_> {
         }
     }
 
-    /// Bounds all monomials, and says which must be evaluated where; 1 for the spans over which some must, `None` where none does.
+    /// Bounds all monomials, and marks those that must be evaluated. Returns 1 for the spans with such monomials,
+    /// `None` without any.
     #[inline(always)]
     fn bound<S: Simd>(&mut self, simd: S) -> Option<[f64; SPANS]> {
         let RangesScratch { bounds, wanted, .. } = &mut *self.scratch;
@@ -189,7 +191,8 @@ impl AddBlocks<'_> {
     }
 }
 
-/// The bounds of a product over spans, lower ones first: of a monomial and a variable, or, where it is even, of an odd power of the variable and it.
+/// The bounds of a product over spans, lower ones first. The product is of a monomial and a variable, or, if it is
+/// even, of an odd power of the variable and it.
 #[inline(always)]
 fn multiply<S: Simd>(simd: S, even: bool, a: &[S::f64s], b: &[S::f64s], out: &mut [S::f64s]) {
     let vectors = out.len() / 2;

@@ -27,7 +27,7 @@ use super::{
 const SAMPLED: usize = 128;
 
 impl SystemPlan {
-    /// Scans all rows of a source once, and gathers what was found for questions.
+    /// Scans all rows of a source once, and gathers the sums for queries.
     ///
     /// The same rows give the same bits on any number of threads.
     ///
@@ -45,7 +45,8 @@ impl SystemPlan {
         Ok(Self::sum_all(&[self], source, progress)?.remove(0))
     }
 
-    /// The sums of several plans. Plans of one chunk length share a pass over the rows; each finds what it finds alone, bit for bit.
+    /// The sums of several plans. Plans of one chunk length share a pass over the rows; each gets the result of a
+    /// separate pass, bit for bit.
     ///
     /// # Errors
     /// A column does not exist, the source cannot be read, a weight is negative, an episode is there twice, or the user stops it.
@@ -84,7 +85,7 @@ impl SystemPlan {
     }
 }
 
-/// What several designs need.
+/// Halo that covers several designs.
 fn widest(a: Halo, b: Halo) -> Halo {
     Halo { before: a.before.max(b.before), after: a.after.max(b.after) }
 }
@@ -98,7 +99,7 @@ pub struct SystemPass<'a> {
     spare: Mutex<Vec<Spare>>,
 }
 
-/// Working memory of a chunk: what it holds says nothing.
+/// Working memory of a chunk, without meaning between calls.
 #[derive(Default)]
 struct Spare {
     moments: Option<(PolynomialScratch, RangesScratch)>,
@@ -189,7 +190,7 @@ impl Sample {
     }
 }
 
-/// What one chunk has found so far.
+/// Sums of one chunk so far.
 pub struct ChunkSums {
     sums: PartSums,
     also: Gram,
@@ -341,7 +342,7 @@ impl ChunkSums {
     }
 }
 
-/// Where there is one region no row is told of it.
+/// Regions of the rows; `None` if there is one region only.
 fn regions(found: &[u32]) -> Option<&[u32]> {
     (!found.is_empty()).then_some(found)
 }
@@ -363,8 +364,8 @@ impl SystemSums {
         }
     }
 
-    /// Adds the sums of a chunk that a pass of other columns has made beside its own: Gram matrices of the regions, in the coordinates of the plan, and raw
-    /// moments of [`System::also`].
+    /// Adds the sums of a chunk that a pass of other columns has made beside its sums. They are Gram matrices of the
+    /// regions, in the coordinates of the plan, and raw moments of [`System::also`].
     ///
     /// # Errors
     /// A chunk that is there already.

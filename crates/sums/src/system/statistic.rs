@@ -1,4 +1,4 @@
-//! What a pass has found, and what is asked of it.
+//! Statistic of a pass, and its queries.
 
 use std::collections::HashMap;
 
@@ -125,7 +125,7 @@ impl SystemScan {
         }
     }
 
-    /// The units that have rows, in key order: what weights are given to.
+    /// The units that have rows, in key order; weights are given to these.
     pub fn units(&self) -> &[Unit] {
         &self.units
     }
@@ -148,12 +148,12 @@ impl SystemScan {
     /// Rows of positive weight in a region.
     ///
     /// # Panics
-    /// When there is no such region, here and below.
+    /// For an unknown region, here and below.
     pub fn rows(&self, region: usize) -> u64 {
         self.regions[region].sums.rows()
     }
 
-    /// What became of the rows.
+    /// Counts of the rows: complete, at borders, incomplete.
     pub fn counts(&self) -> RowCounts {
         self.counts
     }
@@ -178,8 +178,8 @@ impl SystemScan {
         &self.concentrated
     }
 
-    /// The mean square of every sampled expression over the sampled rows of the units of positive weight, over those of all units where none of them has any; 0
-    /// without such rows.
+    /// The mean square of every sampled expression over the sampled rows of the units of positive weight. If none of
+    /// them has any, over those of all units; 0 without such rows.
     pub fn sampled_mean_squares(&self, weight: impl Fn(usize) -> f64) -> Vec<f64> {
         let count = self.sampled.first().map_or(0, |(_, squares)| squares.len());
         let mean = |wanted: &dyn Fn(usize) -> bool| {
@@ -198,8 +198,8 @@ impl SystemScan {
         self.square_root(&self.gram(region))
     }
 
-    /// For every column of `weights` (units x b; finite, not negative) the square-root form of a region's rows, those of every unit multiplied by its
-    /// weight: folds, leave-one-out totals, replicates.
+    /// For every column of `weights` (units x b; finite, not negative) the square-root form of a region's rows, those
+    /// of every unit multiplied by its weight. These are folds, leave-one-out totals, replicates.
     ///
     /// The bits of an answer do not depend on the other columns.
     ///
@@ -218,7 +218,7 @@ impl SystemScan {
         roots
     }
 
-    /// What the functions looked like in a region: mean, covariance, rank, condition, and what its rows cannot tell apart.
+    /// Spread of the functions in a region: mean, covariance, rank, condition, and confounded functions.
     pub fn spread(&self, region: usize) -> Spread {
         Spread::of(&self.root(region), 0..self.functions(), 1.0)
     }

@@ -1,4 +1,4 @@
-//! What a pass has found, by episode and chunk: what is merged, parted by episode, and kept.
+//! Sums of a pass, by episode and chunk: they are merged, parted by episode, and kept.
 
 use std::collections::BTreeMap;
 
@@ -21,11 +21,11 @@ pub struct SystemSums {
     pub also: Stats,
     /// Moments of [`System::sampled`](super::System), raw, over the sampled rows of every chunk.
     pub sampled: Stats,
-    /// What is told of every episode.
+    /// Facts about every episode.
     pub episodes: BTreeMap<EpisodeId, EpisodeSums>,
 }
 
-/// What became of an episode's rows, and where its functions were.
+/// Rows of an episode, and the ranges of its functions.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct EpisodeSums {
     /// Its rows.
@@ -63,7 +63,7 @@ impl SystemSums {
         Ok(())
     }
 
-    /// Keeps the episodes that are wanted: what is left is what a pass over them alone finds.
+    /// Keeps the wanted episodes; the result equals a pass over them alone.
     pub fn retain(&mut self, wanted: impl Fn(EpisodeId) -> bool) {
         self.grams.retain(|key| wanted(key.episode));
         self.moments.retain(|key| wanted(key.episode));
@@ -72,7 +72,7 @@ impl SystemSums {
         self.episodes.retain(|&episode, _| wanted(episode));
     }
 
-    /// Sums the chunks of every episode, region by region: what can no longer be split.
+    /// Sums the chunks of every episode, region by region. The result cannot be split into chunks any more.
     pub fn compact(&mut self) {
         fn whole<S: Sum>(sums: &mut Keyed<S>) {
             *sums = sums.grouped(|key| Key { chunk: 0, fold: Fold::default(), ..*key });
@@ -90,7 +90,8 @@ impl SystemSums {
         total
     }
 
-    /// Whether these have the columns and regions of a plan, and every chunk is of an episode that is told of: what a file must be asked.
+    /// Returns true if these sums, read from a file, have the columns and regions of a plan, and every chunk has a
+    /// known episode.
     pub fn are_of(&self, plan: &SystemPlan) -> bool {
         let system = &plan.system;
         let regions = system.regions();
@@ -120,7 +121,7 @@ impl SystemSums {
 }
 
 impl SystemPlan {
-    /// What a pass over no rows finds.
+    /// Sums of a pass over no rows.
     pub fn empty(&self) -> SystemSums {
         let hash = self.hash();
         SystemSums {

@@ -11,7 +11,8 @@ mod polynomial;
 mod sums;
 mod weak;
 
-/// Lorenz trajectories, by Runge-Kutta steps; `offset` is added to every state, and a little noise that is no polynomial.
+/// Lorenz trajectories, by Runge-Kutta steps; `offset` is added to every state, and a little noise that no polynomial
+/// explains.
 fn lorenz(episodes: usize, rows: usize, dt: f64, offset: f64, noise: f64) -> MemorySource {
     let mut source = MemorySource::new(["x", "y", "z", "w"].map(Column::float).to_vec());
     let slope = |[x, y, z]: [f64; 3]| [10.0 * (y - x), x * (28.0 - z) - y, x * y - 8.0 / 3.0 * z];

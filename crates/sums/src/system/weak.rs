@@ -7,13 +7,15 @@
 //! -integral phi' x dt = sum_j c_j integral phi f_j(x) dt
 //! ```
 //!
-//! (Schaeffer and McCalla, Physical Review E 96 (2017); Messenger and Bortz, "Weak SINDy: Galerkin-based data-driven model selection", Multiscale Modeling & Simulation
-//! 19 (2021), WSINDy below.) Both sides are linear in the rows of a window, so a window is one row of a regression with the same coefficients; it enters the
-//! statistic in the place of the rows, and whatever follows the statistic knows nothing of it.
+//! (Schaeffer and McCalla, Physical Review E 96 (2017); Messenger and Bortz, "Weak SINDy: Galerkin-based data-driven
+//! model selection", Multiscale Modeling & Simulation 19 (2021), WSINDy below.) Both sides are linear in the rows of a
+//! window, so a window is one row of a regression with the same coefficients. It enters the statistic in the place of
+//! the rows, and the code behind the statistic is unchanged.
 //!
-//! The window from row `c - m` to row `c + m` has the stamps a to b; `phi(s) = (1 - s^2)^p` with s from -1 at a to 1 at b. Integrals are sums over the rows with
-//! the weights of the trapezoidal rule for the stamps as they lie. That is accurate far beyond its usual order where a smooth function and its derivatives
-//! vanish at both ends (Euler and Maclaurin), and its weights are positive, so that uneven stamps amplify no noise.
+//! The window from row `c - m` to row `c + m` has the stamps a to b; `phi(s) = (1 - s^2)^p` with s from -1 at a to 1 at
+//! b. Integrals are sums over the rows with the weights of the trapezoidal rule for the actual stamps. That is accurate
+//! far beyond its usual order if a smooth function and its derivatives vanish at both ends (Euler and Maclaurin). Its
+//! weights are positive, so that uneven stamps amplify no noise.
 
 use std::f64::consts::TAU;
 
@@ -27,7 +29,7 @@ use super::SystemError;
 pub const LEAST_REACH: usize = 4;
 /// Windows begin at every so many rows of their reach: their test functions overlap by half of their height.
 const STEPS: usize = 4;
-/// What the test function has fallen to in the row beside the end of its window: tau of WSINDy.
+/// Value of the test function in the row beside the end of its window: tau of WSINDy.
 const TAIL: f64 = 1e-10;
 
 /// Windows in the place of rows.
@@ -35,7 +37,7 @@ const TAIL: f64 = 1e-10;
 pub struct Weak {
     /// Rows from the middle of a window to either end, m: a window has 2 m + 1 rows.
     pub reach: usize,
-    /// What every target is over a window (q).
+    /// Every target over a window (q).
     pub targets: Vec<WeakTarget>,
     /// Error of the integrals, relative to a rate ([`weak_accuracy`]).
     pub accuracy: f64,
@@ -46,16 +48,17 @@ pub struct Weak {
 pub struct WeakTarget {
     /// Whose derivative moves onto the test function.
     pub rate: Option<Rate>,
-    /// What is averaged like the candidates: what is known of the right side, taken away, or all of a target that is no derivative.
+    /// Expression that is averaged like the candidates: minus the known part of the right side, or all of a target that
+    /// is no derivative.
     pub mean: Expr,
 }
 
-/// What changes over a window.
+/// Rate of change over a window.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rate {
     /// Over the columns of a source.
     pub of: Expr,
-    /// Whether it is an angle, whose steps from row to row are wrapped.
+    /// True for an angle, whose steps from row to row are wrapped.
     pub angle: bool,
 }
 
@@ -87,7 +90,7 @@ impl Weak {
         Ok(())
     }
 
-    /// What is averaged for every target; what has a rate.
+    /// Expressions that are averaged for every target, then those that have a rate.
     pub(super) fn expressions(&self) -> (Vec<Expr>, Vec<Expr>) {
         let means = self.targets.iter().map(|target| target.mean.clone());
         (means.collect(), self.rates().map(|(_, rate)| rate.of.clone()).collect())
@@ -98,7 +101,7 @@ impl Weak {
         self.targets.iter().enumerate().filter_map(|(at, target)| Some((at, target.rate.as_ref()?)))
     }
 
-    /// What it says, one line a fact.
+    /// Text of the windows, one line a fact.
     pub(super) fn text(&self) -> String {
         let mut text = format!("weak form over windows of {} rows, every {} rows\n", self.rows(), self.stride());
         for target in &self.targets {
@@ -117,8 +120,9 @@ fn order(reach: usize) -> i32 {
     (TAIL.ln() / ((2.0 * m - 1.0) / (m * m)).ln()).ceil() as i32
 }
 
-/// The error of integrals over windows of a reach, relative to the rate of what changes as fast as the square and the cube of the time from the middle of the
-/// window to its end: root mean square over a sample of the rows, 1e-12 at least. Uneven stamps make it; even ones hardly.
+/// The error of integrals over windows of a reach, from uneven stamps; with even ones it is tiny. It is relative to the
+/// rate of signals that change as fast as the square and the cube of the time from the middle of the window to its end.
+/// Root mean square over a sample of the rows, 1e-12 at least.
 ///
 /// # Errors
 /// Those of reading.
@@ -171,7 +175,8 @@ impl Window {
         self.rate.iter_mut().for_each(|rate| *rate /= slope);
     }
 
-    /// What the rate of the square, or of the cube, differs by from the mean of its derivative; the time runs from -1 to 1.
+    /// Difference between the rate of the square, or of the cube, and the mean of its derivative; the time runs from -1
+    /// to 1.
     fn defect(&self, stamps: &[i64]) -> f64 {
         let half = (stamps[stamps.len() - 1] - stamps[0]) as f64 * 5e-10;
         let at = |k: usize| (stamps[k] - stamps[0]) as f64 * 1e-9 / half - 1.0;

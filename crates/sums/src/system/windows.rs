@@ -14,7 +14,7 @@ use super::{
 /// The windows whose middles are rows of a tile.
 #[derive(Default)]
 pub(super) struct WindowRows {
-    /// The complete rows of the tile and of what its windows reach for.
+    /// The complete rows of the tile and of the rows that its windows reach.
     pub(super) rows: DesignRows,
     /// Those of the tile itself, among them.
     pub(super) own: Range<usize>,

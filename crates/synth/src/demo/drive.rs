@@ -1,5 +1,6 @@
-//! The differential drive as a model: what the planar kinematics of equation (2) predicts of a hexapod's forward speed and yaw rate from its
-//! cranks (Fig. 9a of Buchan, Haldane, Fearing, "Automatic Identification of Dynamic Piecewise Affine Models for a Running Robot").
+//! The differential drive as a model. By the planar kinematics of equation (2) it predicts a hexapod's forward speed
+//! and yaw rate from its cranks (Fig. 9a of Buchan, Haldane, Fearing, "Automatic Identification of Dynamic Piecewise
+//! Affine Models for a Running Robot").
 
 use std::path::PathBuf;
 
@@ -13,11 +14,11 @@ use fleetfoot_recipe::Recipe;
 
 use super::view;
 
-/// The model, with mean and covariance of what it predicts from these logs: its score is `D_M(X_D - X_D^, Sigma_XD)`. The recipe names the hexapod's
-/// truth. The speed is that over the belt.
+/// The model, with mean and covariance of its predicted quantities in these logs: its score is
+/// `D_M(X_D - X_D^, Sigma_XD)`. The recipe names the hexapod's truth. The speed is that over the belt.
 ///
 /// # Errors
-/// Logs that lack what is needed, and those of reading.
+/// Logs that lack a needed column, and those of reading.
 pub fn differential_drive(
     recipe: &Recipe,
     drive: &DifferentialDrive,

@@ -1,5 +1,6 @@
-//! How a hexapod runs at each speed of its belt: Fig. 5 of Buchan, Haldane, Fearing, "Automatic Identification of Dynamic Piecewise Affine Models for
-//! a Running Robot", stride frequency, and the speed over the belt beside what equation (2) predicts without slip.
+//! Gait of a hexapod at each speed of its belt (Fig. 5 of Buchan, Haldane, Fearing, "Automatic Identification of
+//! Dynamic Piecewise Affine Models for a Running Robot"). Stride frequency, and the speed over the belt beside the
+//! prediction of equation (2) without slip.
 
 use std::{
     f64::consts::{FRAC_PI_4, PI, TAU},
@@ -20,7 +21,7 @@ pub const PHASE_BINS: usize = 24;
 /// Rows of a chunk.
 const CHUNK_ROWS: usize = 65_536;
 
-/// What the gait was in one run.
+/// Gait of one run.
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct Gait {
@@ -35,7 +36,7 @@ pub struct Gait {
     pub stride_frequency: f64,
     /// Mean forward speed over the belt, m/s.
     pub speed: f64,
-    /// Mean of what equation (2) predicts from the cranks' rates, m/s.
+    /// Mean prediction of equation (2) from the cranks' rates, m/s.
     pub no_slip_speed: f64,
     /// Rows by leg phase, [`PHASE_BINS`] bins of `[-pi, pi)`.
     pub phases: Vec<u64>,
@@ -106,11 +107,11 @@ impl Part {
     }
 }
 
-/// Measures the gait of every run, in the order of belt speeds. The recipe names the hexapod's truth; `drive` is what the robot's program believes
-/// of itself.
+/// Measures the gait of every run, in the order of belt speeds. The recipe names the hexapod's truth; `drive` is the
+/// drive model of the robot's program.
 ///
 /// # Errors
-/// Logs that lack what is needed, and those of reading.
+/// Logs that lack a needed column, and those of reading.
 pub fn gaits(
     recipe: &Recipe,
     drive: &DifferentialDrive,

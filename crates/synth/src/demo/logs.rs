@@ -19,7 +19,7 @@ const LEAST_ROWS: u64 = 500;
 /// Speeds of the belt, m/s (III-A).
 const SPEEDS: (f64, f64) = (0.1, 0.5);
 
-/// What was generated.
+/// Generated logs.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct DemoLogs {
@@ -31,7 +31,7 @@ pub struct DemoLogs {
     pub seconds: (f64, f64),
     /// Seed of all runs.
     pub seed: u64,
-    /// What the robot's program believes of itself (equation (2)).
+    /// Drive model of the robot's program (equation (2)).
     pub drive: DifferentialDrive,
 }
 
@@ -46,7 +46,7 @@ impl DemoLogs {
         lasted(&self.held_out)
     }
 
-    /// What `fleetfoot generate` wants for the training logs or the held-out ones, without the folder.
+    /// Arguments of `fleetfoot generate` for the training logs or the held-out ones, without the folder.
     pub fn arguments(&self, held_out: bool) -> String {
         let (seconds, (low, high)) = (if held_out { self.seconds.1 } else { self.seconds.0 }, SPEEDS);
         let first = if held_out { format!(" --first-run {RUNS}") } else { String::new() };
@@ -54,7 +54,7 @@ impl DemoLogs {
     }
 }
 
-/// A run that is over at once, the robot beside its belt, has nothing to tell; a log without rows is no recording.
+/// Runs with rows. A run that ends at once, the robot beside its belt, gives a log without rows, which is no recording.
 fn lasted(generated: &Generated) -> Vec<PathBuf> {
     generated.runs.iter().filter(|run| run.rows >= LEAST_ROWS).map(|run| run.file.clone()).collect()
 }

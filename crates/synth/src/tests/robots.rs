@@ -60,7 +60,7 @@ fn known_derivatives_are_those_of_the_rows() {
     }
 }
 
-/// What the recipe beside some logs sees in them: times of the recording, ns, and columns by their names.
+/// Rows of some logs through the recipe beside them: times of the recording, ns, and columns by their names.
 fn seen(job: &Job) -> (Vec<i64>, BTreeMap<String, Vec<f64>>) {
     let made = generate(job, &Silent).unwrap();
     let recipe = Recipe::read(&made.recipe).unwrap();

@@ -17,7 +17,7 @@ pub(super) struct Latent {
     pub(super) prior: Option<Prior>,
 }
 
-/// What is believed of a latent.
+/// Prior of a latent.
 pub(super) struct Prior {
     pub(super) target: Expr,
     pub(super) strength: Option<f64>,

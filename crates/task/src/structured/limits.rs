@@ -1,4 +1,4 @@
-//! What a fit keeps at every row: bounds of latents, and what latents keep together.
+//! Limits that a fit keeps at every row: bounds of latents, and constraints between latents.
 
 use fleetfoot_data::setting::CONSTRAINTS;
 use fleetfoot_library::Expr;

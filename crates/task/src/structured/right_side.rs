@@ -6,7 +6,8 @@ use fleetfoot_recipe::Error;
 use fleetfoot_sparse::constrained::Form;
 use fleetfoot_sums::structured::Term;
 
-/// Takes a right side apart, over unknowns of a kind, `latent` or `parameter`: the coefficient of a latent is the derivative with respect to it, the rest is what stays when all latents are 0.
+/// Takes a right side apart, over unknowns of a kind, `latent` or `parameter`. The coefficient of a latent is the
+/// derivative with respect to it; the rest is the right side with all latents 0.
 ///
 /// # Errors
 /// When it is not linear in the latents.
@@ -39,7 +40,8 @@ pub(super) fn linear(right: &Expr, latents: &[String], place: &str, text: &str, 
     Ok(Form { terms, rest })
 }
 
-/// The first part whose derivative would not show that it is not linear in a latent: steps and wraps of one, and one at another row.
+/// The first part whose derivative would hide that it is not linear in a latent: a step or wrap of one, or one at
+/// another row.
 fn kinked(right: &Expr, is_latent: &dyn Fn(&str) -> bool) -> Option<Expr> {
     let mut found = None;
     right.fold(|expr, parts: &[bool]| {
@@ -59,7 +61,7 @@ fn kinked(right: &Expr, is_latent: &dyn Fn(&str) -> bool) -> Option<Expr> {
     found
 }
 
-/// Refuses an expression that speaks of latents.
+/// Refuses an expression with latents.
 pub(super) fn without_latents(expression: &Expr, latents: &[String], place: &str) -> Result<(), Error> {
     match expression.columns().iter().find(|column| latents.iter().any(|latent| **latent == ***column)) {
         None => Ok(()),

@@ -1,9 +1,9 @@
 //! A quadrotor on its log: the thrust of a motor behind its lag, and two moments of inertia. The data are not part of the project; figures from
 //! their description.
 //!
-//! The published analysis cuts the log first, starts every lag at its input there, holds the motor command of a row over the step that ends
-//! there, differentiates the gyro by the second-order difference for uneven steps, and regresses torque on angular acceleration through the
-//! origin.
+//! The published analysis cuts the log first, and starts every lag at its input there. It holds the motor command of a
+//! row over the step that ends there, and differentiates the gyro by the second-order difference for uneven steps. It
+//! regresses torque on angular acceleration through the origin.
 
 use std::{fs, path::Path};
 

@@ -1,4 +1,4 @@
-//! What a trial step is made of: a Krylov subspace, or in a convex set the way to a point of it.
+//! Plan of a trial step: a Krylov subspace, or in a convex set the way to a point of it.
 
 use faer::{Mat, Side, linalg::solvers::Solve};
 use fleetfoot_stats::kernel::norm;
@@ -12,7 +12,8 @@ use crate::{
 
 /// Share of the gradient that a subspace may leave.
 const LEFT: f64 = 0.1;
-/// Values of the quadratic model before, the largest of which a step in a set may rise to (Birgin, Martinez and Raydan, Nonmonotone spectral projected gradient methods on convex sets, 2000).
+/// Number of previous values of the quadratic model; a step in a set may rise to the largest of them (Birgin, Martinez
+/// and Raydan, Nonmonotone spectral projected gradient methods on convex sets, 2000).
 const REMEMBERED: usize = 4;
 
 /// The steps that may be tried from a point, whatever the radius of trust.
@@ -22,7 +23,7 @@ pub(super) enum Plan {
 }
 
 impl Plan {
-    /// The step within a radius (p), and what the quadratic model says of it.
+    /// The step within a radius (p), and its prediction by the quadratic model.
     pub(super) fn step(&self, metric: &Metric, tau: f64, radius: f64) -> Result<(Vec<f64>, Step), EstimateError> {
         match self {
             Self::Free(subspace) => {
@@ -50,7 +51,8 @@ impl Subspace {
         Mat::from_fn(m, m, |i, j| self.products[(i, j)] + if i == j { tau } else { 0.0 })
     }
 
-    /// The last coordinate of the step without a radius, for a gradient of unit length: times what the basis leaves of the last product it is what the step leaves of the gradient.
+    /// The last coordinate of the step without a radius, for a gradient of unit length. Times the remainder of the last
+    /// product outside the basis, it is the gradient that the step leaves.
     fn last(&self, tau: f64) -> Option<f64> {
         let first = Mat::from_fn(self.basis.len(), 1, |i, _| if i == 0 { -1.0 } else { 0.0 });
         Some(self.matrix(tau).llt(Side::Lower).ok()?.solve(&first)[(self.basis.len() - 1, 0)])
@@ -83,7 +85,7 @@ pub(super) struct Way {
 }
 
 impl Way {
-    /// Half of what the quadratic model rises by over a share of the way.
+    /// Half of the quadratic model's rise over a share of the way.
     fn rise(&self, share: f64) -> f64 {
         share * (self.slope + 0.5 * share * self.curvature)
     }
@@ -98,7 +100,7 @@ impl Way {
 }
 
 impl Near<'_> {
-    /// What to try at theta, for half the derivative of F; every direction is a pass.
+    /// Plan of a trial step at theta, for half the derivative of F; every direction is a pass.
     pub(super) fn plan(&mut self, gradient: &[f64]) -> Result<Plan, EstimateError> {
         match self.held {
             None => Ok(Plan::Free(self.subspace(gradient)?)),

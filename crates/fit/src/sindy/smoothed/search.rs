@@ -1,13 +1,16 @@
-//! The search for terms with the states free: supports that compete by what they leave of the measurements.
+//! The search for terms with the states free: supports that compete by the remaining errors of the measurements.
 //!
-//! At given variances a support S is worth `2 J + price |S|`, J of [`StateSmoother`] at its minimum over the states and the coefficients of S, and the price that of the
-//! extended Bayesian criterion for N measurements and P candidates, `ln N + 2 ln P` (Chen and Chen 2008, gamma = 1). What to try is read off the least squares of the
-//! measurements on all candidates, the states eliminated: supports by backward elimination, from the candidates that promise most and from the support with another
-//! candidate in it. Every one that is tried is settled on the rows themselves, and taken only where it is worth more: the value falls from support to support.
+//! At given variances a support S has the value `2 J + price |S|`, J of [`StateSmoother`] at its minimum over the
+//! states and the coefficients of S. The price is that of the extended Bayesian criterion for N measurements and P
+//! candidates, `ln N + 2 ln P` (Chen and Chen 2008, gamma = 1). Supports to try come from the least squares of the
+//! measurements on all candidates, the states eliminated. Backward elimination starts from the candidates that promise
+//! most, and from the support with another candidate in it. Every tried support is settled on the rows themselves, and
+//! taken only if its value is lower: the value falls from support to support.
 //!
-//! The variances of the measurements follow from what is left of them between searches, and those of the process are a share of them: the ladder of shares goes down as
-//! long as the likelihood of the measurements grows, the states integrated out (Laplace's approximation). A large share at first lets states follow the measurements where
-//! the equations are still wrong.
+//! Between searches the variances of the measurements follow from their residuals, and those of the process are a share
+//! of them. The ladder of shares goes down as long as the likelihood of the measurements grows, the states integrated
+//! out (Laplace's approximation). A large share at first lets states follow the measurements while the equations are
+//! still wrong.
 
 use std::collections::BTreeSet;
 
@@ -27,7 +30,7 @@ const OPENED: usize = 64;
 const BESIDE: usize = 4;
 /// Supports that follow each other at given variances, at most.
 const SUPPORTS: usize = 12;
-/// Searches at one share, at most: after each the variances are those of what is left.
+/// Searches at one share, at most: after each the variances are those of the residuals.
 const SEARCHES: usize = 3;
 /// A descent ends where a step promises less than this share of the objective: while supports compete, and in the end.
 const ROUGH: f64 = 1e-6;
@@ -35,7 +38,7 @@ const FINE: f64 = 1e-9;
 /// Variances that change by less are settled.
 const SETTLED: f64 = 0.05;
 
-/// Where a search stands.
+/// State of a search.
 #[derive(Clone)]
 pub(super) struct Place {
     /// Numbers of the candidates that are in, ascending.
@@ -43,7 +46,7 @@ pub(super) struct Place {
     pub(super) settled: Settled,
 }
 
-/// What a search found.
+/// Result of a search.
 pub(super) struct Found {
     pub(super) place: Place,
     pub(super) variances: Variances,
@@ -141,7 +144,7 @@ impl Search<'_> {
         Ok(self.smoother.settle((&tracks, coefficients), &support, (&variances, ROUGH), self.progress)?)
     }
 
-    /// From support to support, each worth more than the one before, at given variances.
+    /// From support to support, each of lower value than the one before, at given variances.
     fn descend(&self, from: Place, variances: &Variances, counts: &mut [usize; 2]) -> Result<Place, Error> {
         let mut place = from;
         let mut seen = BTreeSet::from([place.support.clone()]);
@@ -153,7 +156,7 @@ impl Search<'_> {
         Ok(place)
     }
 
-    /// The first proposal that is worth more.
+    /// The first proposal of lower value.
     fn better(
         &self,
         place: &Place,
@@ -235,7 +238,7 @@ impl Search<'_> {
         }))
     }
 
-    /// What a term costs.
+    /// Price of a term, in twice the objective.
     pub(super) fn price(&self) -> f64 {
         let measured = self.smoother.measured().iter().sum::<usize>().max(1) as f64;
         measured.ln() + 2.0 * (self.smoother.candidates().len().max(1) as f64).ln()
@@ -245,8 +248,8 @@ impl Search<'_> {
         2.0 * place.settled.cost + self.price() * place.support.len() as f64
     }
 
-    /// Variances of the measurements by what is left of them: shared out by the states' deviations, so that the whole has as much as degrees of freedom. The largest relative
-    /// change is handed back.
+    /// Updates the variances of the measurements from their residuals: shared out by the states' deviations, so that
+    /// the whole has as much as degrees of freedom. Returns the largest relative change.
     fn learn(&self, measurement: &mut [f64], place: &Place) -> f64 {
         let counts = self.smoother.measured();
         let (total, states) = (counts.iter().sum::<usize>() as f64, measurement.len() as f64);
@@ -282,7 +285,7 @@ fn support_of(coefficients: &[f64], fixed: &[usize]) -> Vec<usize> {
     (0..coefficients.len()).filter(|at| coefficients[*at] != 0.0 || fixed.contains(at)).collect()
 }
 
-/// Candidates beside a support, by what each alone would lower the sum of squares by, the largest first.
+/// Candidates beside a support, by the reduction of the sum of squares by each alone, the largest first.
 fn by_gain(problem: &Compressed, support: &[usize]) -> Vec<usize> {
     let p = problem.columns();
     let others: Vec<usize> = (0..p).filter(|at| !support.contains(at)).collect();

@@ -1,4 +1,4 @@
-//! Files that are not what was written.
+//! Files that were damaged after they were written.
 
 use std::path::Path;
 
@@ -91,8 +91,8 @@ fn foreign_and_newer_files_are_told() {
     assert!(missing.contains("no/such.stats"), "{missing}");
 }
 
-/// Written by the last fleetfoot of format 3, whose plans had another hash: `scan --partition kmeans:2 --chunk-rows 60` of 120 rows of x, v and u. It is read as it
-/// is, and written anew it is of this format.
+/// Written by the last fleetfoot of format 3, whose plans had another hash: `scan --partition kmeans:2 --chunk-rows 60`
+/// of 120 rows of x, v and u. It is read unchanged, and written anew in this format.
 #[test]
 fn files_of_the_format_before_are_read() {
     let old = include_bytes!("format3.stats");

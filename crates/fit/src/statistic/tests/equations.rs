@@ -27,7 +27,7 @@ fn pendulum(folder: &Path, logs: usize, rows: usize, jitter: f64) -> Vec<PathBuf
 
 const STATES: &str = "[states]\nx = {}\nv = {}\n[inputs]\nu = \"u\"\n[time]\ncolumn = \"t\"\n";
 
-/// Recipes, and what each has that a statistic must keep.
+/// Recipes, and the setting of each that a statistic must keep.
 fn recipes() -> Vec<(&'static str, String)> {
     let with = |more: &str| format!("{STATES}{more}");
     let nominal = "[states]\nx = { known = \"v\" }\nv = { derivative = \"dv\", nominal = \"-9*sin(x)/m\" }\n[inputs]\nu = \"u\"\n[time]\ncolumn = \"t\"\n\

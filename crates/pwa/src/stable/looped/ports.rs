@@ -1,7 +1,8 @@
 //! Passivity as a constraint: where a model exchanges energy it gives no more than it took.
 //!
-//! At its ports the product of an input u and a state y is the power that goes in: a force and the speed of the point that it acts on. A region's linear part `x+ = M x + N u`,
-//! `y = C x`, is to dissipate with one storage `V(x) = x'P x` (twice the energy) for all regions,
+//! At its ports the product of an input u and a state y is the power that goes in: a force and the speed of the point
+//! that it acts on. A region has the linear part `x+ = M x + N u`, `y = C x`. It is to dissipate with one storage
+//! `V(x) = x'P x` (twice the energy) for all regions,
 //!
 //! ```text
 //! V(x+) <= rho^2 V(x) + h (2 u'y + u'E u)
@@ -13,12 +14,15 @@
 //! [M N]' P [M N] <= S,    S = [rho^2 P, h C'; h C, h E]
 //! ```
 //!
-//! The shortage E, diagonal, is what sampling takes: a held input goes on to do work on what it sets in motion, `h u^2 / m` more over a step on a mass m than its power at the row says, so that
-//! without it no sampled map with N other than 0 is passive (the entry N'P N has nothing above it but h E). It goes to zero with h, and dividing by h shows that the flow
-//! `dx/dt = A x + B u` of a model of derivatives, whose Euler step is bounded, dissipates with the same shortage: `2 x'P(A x + B u) <= 2 u'y + u'E u`.
+//! The shortage E, diagonal, is the discretisation error: a held input does work on the motion that it starts. Over a
+//! step on a mass m that is `h u^2 / m` more than its power at the row. Without E no sampled map with N other than 0 is
+//! passive (the entry N'P N has nothing above it but h E). It goes to zero with h. Dividing by h shows that the flow
+//! `dx/dt = A x + B u` of a model of derivatives, whose Euler step is bounded, dissipates with the same shortage:
+//! `2 x'P(A x + B u) <= 2 u'y + u'E u`.
 //!
-//! With `T'T = P` and `S = L L'` in the coordinates T x, the inequality is `|T [M N] L^-T|_2 <= 1`: the norm of a matrix that is affine in a region's coefficients, as a contraction is. It holds
-//! for the linear parts, whatever region follows on whatever; constants act as one more input, whose power is not counted.
+//! With `T'T = P` and `S = L L'` in the coordinates T x, the inequality is `|T [M N] L^-T|_2 <= 1`. Like a contraction,
+//! it is the norm of a matrix that is affine in a region's coefficients. It holds for the linear parts, for every
+//! sequence of regions; constants act as one more input, whose power is not counted.
 
 use faer::{Mat, Side, linalg::solvers::Solve};
 use fleetfoot_library::Expr;
@@ -26,7 +30,7 @@ use fleetfoot_library::Expr;
 use super::{Loop, reads, slopes};
 use crate::{Error, Problem, port::Port, region_model::Base};
 
-/// That the maps of a model dissipate, with what they are allowed.
+/// Passivity of the maps of a model, with their allowed energy gains.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Passivity {
@@ -36,7 +40,7 @@ pub struct Passivity {
     pub regions: Vec<PassiveRegion>,
 }
 
-/// How much of what it may a region's map uses: `|T [M N] L^-T|_2`, at most 1 where it is passive.
+/// Use of the allowed energy by a region's map: `|T [M N] L^-T|_2`, at most 1 if it is passive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct PassiveRegion {
@@ -56,7 +60,7 @@ pub(crate) struct Ports {
     pub(crate) step: f64,
 }
 
-/// How much more than what sampling takes a port may be short of.
+/// Default of a port's allowed energy gain, over the discretisation error.
 const ROOM: f64 = 2.0;
 
 /// Iterations of the storage at most: time constants of so many rows.
@@ -64,7 +68,8 @@ const ITERATIONS: usize = 5000;
 
 impl Ports {
     /// # Errors
-    /// A port that is none: no input, no fitted state that is advanced linearly, or one that no regressor reads, reads at other rows, or not linearly.
+    /// A pair that is no port. The input is none of the model; the state is not fitted, or not advanced linearly. Or no
+    /// regressor reads the input, or one reads it at other rows, or not linearly.
     pub(crate) fn new(
         ports: &[Port],
         problem: &Problem,
@@ -124,7 +129,8 @@ impl Ports {
 }
 
 impl Loop {
-    /// The loop with every shortage settled: where none is given, twice what sampling takes by the one-region model, `h |C B|` by rows in units of the inputs.
+    /// The loop with every shortage settled. The default is twice the discretisation error of the one-region model,
+    /// `h |C B|` by rows in units of the inputs.
     pub(crate) fn settled(&self, base: &Base) -> Self {
         let mut settled = self.clone();
         let n = self.variables.len();
@@ -148,9 +154,11 @@ impl Loop {
         if unit > 0.0 && unit.is_finite() { unit } else { 1.0 }
     }
 
-    /// A storage P with which a map (n x n + m) dissipates strictly, the least one that leaves `margin` of the units' squares at every step; `None` where there is none, or it is not found.
+    /// A storage P with which a map (n x n + m) dissipates strictly: the least one that leaves `margin` of the units'
+    /// squares at every step. `None` if there is none, or the iteration does not end.
     ///
-    /// It is what can be drawn from the model, by value iteration from nothing: `P+ = rho^-2 (M'P M + (h C' - M'P N)(h E - N'P N)^-1 (h C - N'P M)) + margin`.
+    /// It is the energy that can be drawn from the model, by value iteration from zero:
+    /// `P+ = rho^-2 (M'P M + (h C' - M'P N)(h E - N'P N)^-1 (h C - N'P M)) + margin`.
     pub(crate) fn storage(&self, map: &Mat<f64>, units: &[f64], margin: f64) -> Option<Mat<f64>> {
         let ports = self.ports.as_ref()?;
         let (n, m, h) = (self.variables.len(), ports.outputs.len(), ports.step);
