@@ -123,7 +123,7 @@ impl Identification {
     /// what makes a part hard for both does not widen it.
     pub fn error_ratio(&self, a: usize, b: usize) -> Vec<Estimate> {
         let (a, b) = (&self.candidates[a].absolute, &self.candidates[b].absolute);
-        (0..self.targets.len()).map(|t| Estimate::of_ratio(a.iter().zip(b).map(|(a, b)| (a[t], b[t])))).collect()
+        (0..self.targets.len()).map(|t| Estimate::of_errors(a.iter().zip(b).map(|(a, b)| (a[t], b[t])))).collect()
     }
 }
 
