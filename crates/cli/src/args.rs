@@ -276,7 +276,7 @@ pub(crate) struct TimeArgs {
     pub(crate) channels: ChannelArgs,
 }
 
-/// Conversion of the channels of a robot's log (MCAP, ULog) into rows.
+/// Conversion of the channels of a robot's log (MCAP, ULog, ArduPilot, ...) into rows.
 #[derive(Debug, Args, Default)]
 pub(crate) struct ChannelArgs {
     /// Clock of a robot's log (default: header where every channel in use has one, else log).

@@ -113,6 +113,10 @@ fn collect_pattern(argument: &Path, files: &mut BTreeSet<PathBuf>) -> Result<(),
     // A pattern such as `runs/*` may catch notes beside the logs; only when it catches nothing else is that an error.
     match (found.is_empty(), unknown) {
         (false, _) => files.append(&mut found),
+        // Opening it says what it is instead of a log.
+        (true, Some(path)) if Format::of(&path).is_some() => {
+            files.insert(path);
+        }
         (true, unknown) => {
             return Err(unknown.map_or_else(missing, |path| Error::UnknownFormat { path }));
         }
