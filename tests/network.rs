@@ -174,6 +174,9 @@ fn what_cannot_be_trained_is_said() {
     fleetfoot(folder.path(), &one).fails(&["row"]);
     fleetfoot(folder.path(), &["scan", "run.csv", "--states", "x,v", "-o", "run.stats"]).ok();
     fleetfoot(folder.path(), &["fit", "network", "run.stats"]).fails(&["trains on rows, which a statistic has not"]);
+    // Sizes that rows do not suffice for are not compared.
+    let said = fleetfoot(folder.path(), &[&FIT[..], &["-o", "few.json"]].concat()).ok();
+    assert!(said.err.contains("no network was compared: the linear model is written"), "{}", said.err);
     // A constant column and rows with a missing value are no obstacle.
     let text: String = (spring(600, 2, 12.0).lines().enumerate())
         .map(|(at, line)| match at {

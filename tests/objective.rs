@@ -130,8 +130,37 @@ fn free_runs_are_as_long_as_what_is_held_out() {
     fleetfoot(folder.path(), &text.split(' ').collect::<Vec<_>>()).fails(&["--objective free-run", "longer logs"]);
 }
 
-/// The residual covariances of the written coefficients, computed without a pass, are those of the rows in their
-/// regions.
+/// The models of folds may choose terms that reach further back than those of all rows: the free run is as long as the shortest has room for. What is told as held out is of the
+/// model that is written.
+#[test]
+fn free_runs_have_room_for_the_models_of_all_folds() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for run in 0..6 {
+        let (mut x, mut inputs, mut text) = (1.0, vec![0.0; 8], String::from("t,x,u\n"));
+        for k in 0..103_u64 {
+            let key = run * 100_000 + 10 * k;
+            inputs.push(noise(key));
+            let (now, late) = (inputs[inputs.len() - 1], inputs[inputs.len() - 8]);
+            text.push_str(&format!("{:.2},{x:?},{now:?}\n", k as f64 * 0.05));
+            x = 0.8 * x + 0.3 * now + 0.1 * late + 0.4 * noise(key + 1);
+        }
+        fs::write(folder.path().join(format!("run{run}.csv")), text).expect("a log");
+    }
+    let text = "fit narx --outputs x --inputs u --time t --lags-out 2 --lags-in 8 --degree 1 --objective";
+    let fit = |objective: &str, more: &[&str]| {
+        let mut arguments: Vec<&str> = text.split(' ').chain([objective]).chain(LOGS).collect();
+        arguments.extend(more);
+        fleetfoot(folder.path(), &arguments)
+    };
+    let report = fit("free-run", &["--json"]).ok().json();
+    let steps = report["objective"]["steps"].as_u64().unwrap_or(0);
+    assert!((90..=95).contains(&steps), "{steps} steps, 7 rows before them, of 103");
+    assert_eq!(report["objective"]["written"] == true, report["held_out"].is_null(), "{report}");
+    let said = fit("steps:100", &[]).fails(&["objective steps:100", "ask for fewer steps"]);
+    assert!(!said.contains("--horizon"), "{said}");
+}
+
+/// The residual covariances of the written coefficients, told without a pass, are those of the rows in their regions.
 fn residuals_are_those_of_the_rows(model: &serde_json::Value, region: impl Fn(&[f64]) -> usize) {
     let number = |value: &serde_json::Value| value.as_f64().expect("a number");
     let (latents, regions) = (&model["latents"], model["partitions"][0]["regions"].as_array().expect("regions"));

@@ -43,6 +43,7 @@ mod signs;
 mod sindy;
 mod smoothed;
 mod sparse;
+mod standing;
 mod stats_files;
 mod stopped;
 mod to_the_end;

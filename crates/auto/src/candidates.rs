@@ -105,8 +105,14 @@ pub(crate) fn candidates(recipe: &Recipe, late: Option<&Moved>, rows: &Rows) -> 
     found
 }
 
-/// Rows whose states are smoothed at most: what follows takes hundreds of passes over them.
-const SMOOTHED: usize = 20_000;
+/// Rows whose states are smoothed at most: six fits take hundreds of passes over them each.
+pub(crate) fn smoothed_rows(effort: Effort) -> usize {
+    match effort {
+        Effort::Low => 0,
+        Effort::Normal => 2_500,
+        Effort::High => 20_000,
+    }
+}
 
 /// Steps of simulations that a longer step leaves, at least: of the finer and of the coarser one that are tried.
 const FINER: usize = 40;
@@ -253,7 +259,8 @@ impl List<'_> {
             if self.rows.clock {
                 found.push(of(format!("equations {what}"), "derivative", None));
                 // Fitted to smoothed rows, of every fold its own, and simulated against those that were measured.
-                if self.rows.noisy && self.effort != Effort::Low && degree < 3 && self.rows.training <= SMOOTHED {
+                let rows = smoothed_rows(self.effort);
+                if self.rows.noisy && (own_library || degree == 2) && self.rows.training <= rows {
                     found.push(self.smoothed(format!("equations {what}, smoothed states"), own_library, degree));
                 }
                 if self.effort != Effort::Low && degree < 3 {
@@ -383,9 +390,11 @@ mod tests {
         let few = names("[states]\nx = {}\n", Rows { training: 50, clock: false, before: 4, ..ROWS });
         assert!(few.iter().all(|name| !name.contains("derivative") && !name.starts_with("regions")), "{few:?}");
         assert!(few.iter().all(|name| !name.contains("10 lags")), "{few:?}");
-        let noisy = names("[states]\nx = {}\n", Rows { noisy: true, ..ROWS });
-        let smoothed = |all: &[String]| all.iter().filter(|own| own.contains("smoothed states")).count();
-        assert_eq!((smoothed(&noisy), smoothed(&all)), (2, 0), "{noisy:?}");
+        let smoothed =
+            |rows: Rows| names("[states]\nx = {}\n", rows).iter().filter(|own| own.contains("smoothed states")).count();
+        let noisy = Rows { noisy: true, training: 2_000, ..ROWS };
+        assert_eq!([noisy, Rows { noisy: false, ..noisy }, Rows { training: 3_000, ..noisy }].map(smoothed), [1, 0, 0]);
+        assert_eq!(smoothed(Rows { training: 3_000, effort: Effort::High, ..noisy }), 1);
         let known = names("[states]\nx = { equation = \"a*x\" }\n[parameters]\na = { initial = 1.0 }\n", ROWS);
         assert!(known.iter().any(|own| own.starts_with("parameters")) && !known.iter().any(|own| own.contains("auto")));
     }

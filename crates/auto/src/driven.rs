@@ -5,7 +5,7 @@
 /// Rows that models look back.
 const LAGS: usize = 3;
 /// Share of what its own past leaves open of a column: it is driven where the pasts of all others tell more, and it drives another column that it tells more of.
-const DRIVEN: f64 = 0.02;
+const DRIVEN: f64 = 0.03;
 const DRIVES: f64 = 0.08;
 /// It drives others by so many times as much as it is driven.
 const TIMES: f64 = 10.0;

@@ -23,11 +23,11 @@ use std::{fs, path::Path};
 
 use candidates::{LINEAR, MEAN, Rows};
 use fleetfoot_check::{Checked, check};
-use fleetfoot_data::setting::FIT_SINDY;
+use fleetfoot_data::setting::{EFFORT, FIT_SINDY};
 use fleetfoot_data::{Cancelled, Progress, Silent, Source, unstoppable};
 use fleetfoot_dataset::{Dataset, Logs, Part};
 use fleetfoot_dynamics::Estimate;
-use fleetfoot_fit::{Error, RolloutRule, fold_room, is_known};
+use fleetfoot_fit::{Error, RolloutRule, SimulatedFold, fold_room, is_known};
 use fleetfoot_log::Cache;
 use fleetfoot_model::Model;
 use fleetfoot_recipe::{Kind, Recipe};
@@ -50,7 +50,7 @@ pub struct TestedState {
     pub state: String,
     /// Its unit, where it is known.
     pub unit: Option<String>,
-    /// Root of the mean squared error of the model's simulations, with its 95 % interval; value, low and high in JSON.
+    /// Root of the mean squared error of the model's simulations, with the interval of 95 % of the errors on other rows of such logs; value, low and high in JSON.
     #[serde(serialize_with = "in_three")]
     pub rmse: Estimate,
     /// The same of the linear model, where there is one.
@@ -263,10 +263,16 @@ impl Search<'_> {
             }
         }
         if !noisy.is_empty() {
-            self.notes.push(format!(
-                "differences from row to row are mostly noise: {}; equations of smoothed states are tried too, and simulated against rows as they were measured",
-                noisy.join(", ")
-            ));
+            let tried = match view.rows() <= candidates::smoothed_rows(self.recipe.auto.effort.unwrap_or_default()) {
+                true => "equations of smoothed states are tried too, and simulated against rows as they were measured"
+                    .to_owned(),
+                false => format!(
+                    "the effort does not bear to smooth {} rows; {} does, up to 20,000",
+                    view.rows(),
+                    EFFORT.to("high")
+                ),
+            };
+            self.notes.push(format!("differences from row to row are mostly noise: {}; {tried}", noisy.join(", ")));
         }
         Ok(!noisy.is_empty())
     }
@@ -297,7 +303,7 @@ impl Search<'_> {
         let states = simulated.states.iter().enumerate().map(|(at, state)| TestedState {
             state: state.clone(),
             unit: unit(state),
-            rmse: simulated.rmse(at),
+            rmse: simulated.interval(at, &of_folds(&own.folds, state)),
             linear: of(&beside_linear, state),
             persistence: simulated.persistence(at).value,
             mean: of(&beside_mean, state),
@@ -331,6 +337,12 @@ impl Search<'_> {
         found.sentences = verdict::sentences(&found, &movements, &inputs);
         Ok(found)
     }
+}
+
+/// Errors of a state in every fold.
+fn of_folds(folds: &[SimulatedFold], state: &str) -> Vec<f64> {
+    let of = |fold: &SimulatedFold| Some(fold.model[fold.states.iter().position(|own| own == state)?]);
+    folds.iter().filter_map(of).collect()
 }
 
 /// No candidate that could be chosen, with the first reason.

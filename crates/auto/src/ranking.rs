@@ -45,6 +45,8 @@ pub(crate) struct Tried {
     pub(crate) every: usize,
     /// Report of the fit.
     pub(crate) report: serde_json::Value,
+    /// Errors of its simulations of every fold.
+    pub(crate) folds: Vec<SimulatedFold>,
 }
 
 /// The candidates in the order of the list, the models of those that were fitted, and whether the work was stopped.
@@ -133,7 +135,7 @@ impl Ranking {
             ended: [ended, starts],
             reason: reason.or(diverged),
         });
-        self.tried.push(tried);
+        self.tried.push(tried.map(|own| Tried { folds: folds.to_vec(), ..own }));
     }
 
     /// The index of the smallest model whose errors are within one standard error of those of the best, fold by fold, or within a twentieth.
@@ -206,7 +208,7 @@ fn persistence(drift: &Tried, folds: &[SimulatedFold]) -> (Tried, Vec<SimulatedF
     let mut report = drift.report.clone();
     report["hash"] = model.hash().into();
     let still = |fold: &SimulatedFold| SimulatedFold { model: fold.persistence.clone(), ended: 0, ..fold.clone() };
-    (Tried { model, every: drift.every, report }, folds.iter().map(still).collect())
+    (Tried { model, every: drift.every, report, folds: Vec::new() }, folds.iter().map(still).collect())
 }
 
 /// Coefficients of a model that are not zero.
@@ -237,7 +239,7 @@ fn of<M: Method>(
     let (fitted, folds) = fit_and_simulate::<M>(&trial.recipe, &FitRequest::default(), logs, simulations, progress)?;
     let mut report = fitted.report.to_json();
     report["hash"] = fitted.model.hash().into();
-    Ok((Tried { model: fitted.model, every: trial.every, report }, folds))
+    Ok((Tried { model: fitted.model, every: trial.every, report, folds: Vec::new() }, folds))
 }
 
 impl Kind {

@@ -74,6 +74,12 @@ pub(crate) fn simulated(
 }
 
 impl Simulated {
+    /// The error of a state with the interval in which 95 % of the errors on other rows of such logs are: as wide as that over the parts of the test, and as the scatter between
+    /// the test and the folds that held other rows out.
+    pub(crate) fn interval(&self, state: usize, folds: &[f64]) -> Estimate {
+        widened(self.rmse(state), folds)
+    }
+
     /// Root of the mean squared error of a state, with its 95 % interval over the parts of the test.
     pub(crate) fn rmse(&self, state: usize) -> Estimate {
         root(self.model.iter().map(|part| part[state]))
@@ -100,9 +106,36 @@ fn root(squares: impl Iterator<Item = f64>) -> Estimate {
     Estimate { value, low: value * (-half).exp(), high: value * half.exp() }
 }
 
+/// An interval that errors of other parts of the logs widen. One part differs from another by twice the variance between them, on a logarithmic scale.
+fn widened(error: Estimate, others: &[f64]) -> Estimate {
+    let usable = |value: &f64| value.is_finite() && *value > 0.0;
+    let logs: Vec<f64> = others.iter().copied().chain([error.value]).filter(usable).map(f64::ln).collect();
+    let count = logs.len() as f64;
+    if logs.len() < 3 || !usable(&error.value) {
+        return error;
+    }
+    let mean = logs.iter().sum::<f64>() / count;
+    let variance = logs.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    let half = student_t_95(logs.len() - 1) * (2.0 * variance).sqrt();
+    let (low, high) = (error.value * (-half).exp(), error.value * half.exp());
+    Estimate { value: error.value, low: low.min(error.low), high: high.max(error.high) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Errors of parts that scatter by a factor: nine in ten of others are within the interval, and those of the parts of one test alone are not.
+    #[test]
+    fn the_scatter_between_folds_widens_the_interval() {
+        let narrow = Estimate { value: 2.0, low: 1.9, high: 2.1 };
+        let same = widened(narrow, &[2.0; 5]);
+        assert_eq!((same.low, same.high), (1.9, 2.1));
+        let wide = widened(narrow, &[1.0, 4.0, 2.0, 1.0, 4.0]);
+        assert!((0.1..0.5).contains(&wide.low) && (8.0..40.0).contains(&wide.high), "{wide:?}");
+        assert_eq!(wide.value, 2.0);
+        assert_eq!(widened(narrow, &[f64::INFINITY, f64::NAN]), narrow);
+    }
 
     #[test]
     fn intervals_of_roots_are_positive() {

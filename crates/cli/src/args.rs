@@ -276,7 +276,7 @@ pub(crate) struct TimeArgs {
     pub(crate) channels: ChannelArgs,
 }
 
-/// Conversion of the channels of a robot's log (MCAP, ULog) into rows.
+/// Conversion of the channels of a robot's log (MCAP, ULog, ArduPilot, ...) into rows.
 #[derive(Debug, Args, Default)]
 pub(crate) struct ChannelArgs {
     /// Clock of a robot's log (default: header where every channel in use has one, else log).
@@ -344,8 +344,8 @@ pub(crate) struct FitPwa {
     pub(crate) data: FitData,
     /// Partitions: null, average, zscore:1.5, kmeans:10, refined:5, lattice:5, tree:3, labels:COLUMN,
     /// labels:COLUMN+kmeans:5 (or +refined:5, +tree:3). From several (`average,kmeans:2,5,10`, `refined:2..20`,
-    /// `lattice:2..50`, `tree:1..6`) one is chosen (default: those of the recipe, else `average,kmeans:2,5,10`; of a
-    /// statistic those that it sums).
+    /// `lattice:2..50`, `tree:1..6`) one is chosen (default: those of the recipe, else `average,kmeans:2,5,10`, and
+    /// `refined:2..5` for 2,000 rows or fewer; of a statistic those that it sums).
     #[arg(short, long, value_name = "PARTITIONS")]
     pub(crate) partition: Option<String>,
     /// Columns that define the regions, separated by commas (default: the states).

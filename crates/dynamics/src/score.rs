@@ -284,7 +284,7 @@ fn summarise(
         outside_region: total.outside_region,
         outside_training: total.outside_training,
         targets: target_scores(model, &total, &groups),
-        mahalanobis: Estimate::of_ratio(groups.iter().map(|sums| (sums.mahalanobis, sums.rows as f64))),
+        mahalanobis: Estimate::of_errors(groups.iter().map(|sums| (sums.mahalanobis, sums.rows as f64))),
         mahalanobis_measured,
         sampled_rows,
         calibration,
@@ -342,7 +342,7 @@ fn target_scores(model: &Model, total: &Sums, groups: &[Sums]) -> Vec<TargetScor
             TargetScore {
                 name: equation.label(),
                 unit: equation.unit.clone(),
-                mae: Estimate::of_ratio(parts(|sum| sum.weight)),
+                mae: Estimate::of_errors(parts(|sum| sum.weight)),
                 mae_over_null: over_null(sum, parts(|sum| sum.absolute_deviation), resolution(model, t)),
                 mae_over_sigma: sum.mean_absolute() / sigma,
                 rmse: sum.root_mean_square(),
@@ -369,7 +369,7 @@ fn resolution(model: &Model, target: usize) -> f64 {
 /// The ratio of a model's error to the null model's over groups of rows; where the null model has none, that of [`ErrorSum::relative_absolute`].
 fn over_null(sum: &ErrorSum, groups: impl Iterator<Item = (f64, f64)>, resolution: f64) -> Estimate {
     if sum.absolute_deviation > sum.weight * resolution || sum.rows == 0 {
-        return Estimate::of_ratio(groups);
+        return Estimate::of_errors(groups);
     }
     let value = sum.relative_absolute(resolution);
     Estimate { value, low: value, high: value }

@@ -8,8 +8,10 @@
 #[cfg(test)]
 extern crate self as fleetfoot;
 
+mod baselines;
 mod beneath;
 mod bounded_maps;
+mod by_time;
 mod concentration;
 mod constant;
 mod error;
@@ -45,7 +47,9 @@ mod text_table;
 mod words;
 mod worth;
 
+pub use baselines::TargetBaselines;
 pub use bounded_maps::{BoundedCandidate, BoundedMaps, PassiveMaps, PassivePort, unexplained};
+pub use by_time::{ByTime, TargetByTime};
 pub use error::Error;
 pub use folds::FoldRule;
 pub use interval::Interval;

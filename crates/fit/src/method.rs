@@ -368,6 +368,16 @@ pub trait Method: Sized {
         Ok((model, None))
     }
 
+    /// The chosen candidate found again on rows, none of which it has seen, to be tested on later ones; `None` where nothing is held out, and of methods that have other tests.
+    fn held_out_by_time(
+        &self,
+        _data: Data<'_, Self::Task>,
+        _found: &Self::Found,
+        _progress: &dyn Progress,
+    ) -> Option<Result<Model, Error>> {
+        None
+    }
+
     /// The chosen candidate with the terms that all rows chose, its coefficients fitted to other rows.
     ///
     /// # Errors

@@ -155,10 +155,11 @@ impl Method for Network {
         let mut model = linear.model.clone();
         if found.chosen == 0 {
             model.method = "network linear".into();
-            found.notes.push(
-                "no network predicts held-out rows better than the linear model by more than one standard error: the linear model is written"
-                    .into(),
-            );
+            let reason = match found.candidates.len() {
+                1 => "no network was compared",
+                _ => "no network predicts held-out rows better than the linear model by more than one standard error",
+            };
+            found.notes.push(format!("{reason}: the linear model is written"));
             notes.append(&mut of_linear);
         } else {
             self.write(&mut model, &found.fitted, &rows);

@@ -251,20 +251,29 @@ pub(crate) fn refine(
         (source, smoothed),
         judged,
         format!("{given_objective}", given_objective = OBJECTIVE.to(objective)),
-    )?;
+    )?
+    .mended("ask for fewer steps");
+    let mut before: Vec<Beginning> = Vec::with_capacity(judged.folds);
+    held.each(|train, _| {
+        before.push(fit(train)?);
+        Ok(())
+    })?;
     if objective == Objective::FreeRun {
-        held.reach(longest(model, source, held.room())?);
+        // The models of folds may reach further back than the model of all rows.
+        let models = before.iter().map(|(model, _)| model).chain([model]);
+        let reach: Vec<usize> = models.map(|model| longest(model, source, held.room())).collect::<Result<_, _>>()?;
+        held.reach(reach.into_iter().min().unwrap_or(1));
     }
     let rule = held.rule();
     let far = held.far(FAR * rule.horizon);
     let most = SimulationOptions::new(rule.horizon).many.weights.len();
     let mut trials: Vec<Trial> = Vec::with_capacity(rule.folds);
     held.each(|train, rows| {
-        let before = fit(train)?;
+        let before = &before[trials.len()];
         progress.stage(&format!("simulation error, without fold {} of {}", trials.len() + 1, rule.folds));
         let after = match Coefficient::support(&before.0).is_empty() {
             true => vec![(None, before.0.clone())],
-            false => fitted(objective, &before, (rule.horizon, most), train, progress)?
+            false => fitted(objective, before, (rule.horizon, most), train, progress)?
                 .into_iter()
                 .map(|found| (found.weight, found.model))
                 .collect(),

@@ -11,6 +11,8 @@ use fleetfoot_model::Model;
 use fleetfoot_recipe::{Objective, Recipe};
 
 use crate::{
+    baselines::baselines,
+    by_time::by_time,
     concentration,
     error::Error,
     folds::smoothed_rows,
@@ -153,12 +155,20 @@ fn of_logs<M: Method>(
         said.extend(incomplete_rows(incomplete, dataset, method.expressions(task))?);
         said.extend(concentration::notes(&facts.concentrated, named));
         said.extend(objective::note(method.objective(), refinement.as_ref()));
+        // The model of simulations is another one, and `auto` has a test of its own.
+        let one_step = refinement.as_ref().is_none_or(|own| !own.written);
+        let by_time = match one_step && simulations.is_none() {
+            true => by_time(&method, data, &found, smoothed_rows(recipe.time.smoothed, step), progress)?,
+            false => None,
+        };
         let summary = FitSummary {
             episodes: facts.episodes,
             files: logs.len(),
             left_out: facts.left_out,
             rollouts: rollouts.clone(),
             refinement,
+            by_time,
+            baselines: baselines(M::model(&found), rows, progress)?,
             notes: said,
         };
         let folds = match simulations {

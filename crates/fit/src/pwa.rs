@@ -32,6 +32,7 @@ use crate::{
     radial,
     rollout_choice::{RolloutRule, candidates, open_spans, settled},
     summary::FitSummary,
+    worth::{NEXT, worse_than_persistence},
 };
 
 /// Passes of one identification: survey, scan, errors.
@@ -75,8 +76,10 @@ impl Method for Pwa {
                 (task, ReadPlan::of_tables(logs, &dataset), dataset.notes().to_vec())
             }
         };
-        let cost = fleetfoot_pwa::cost(&task.problem, &options.identification, reading.rows);
-        let partitions = &options.identification.partitions;
+        let mut identification = options.identification.clone();
+        identification.partitions = options.partitions(reading.rows as u64, task.problem.library.len() + 1 + centres);
+        let cost = fleetfoot_pwa::cost(&task.problem, &identification, reading.rows);
+        let partitions = &identification.partitions;
         let clustered = match cost.clustered_rows {
             0 => "none".to_owned(),
             sample if sample < reading.rows => format!("a sample of {sample} rows"),
@@ -128,6 +131,8 @@ impl Method for Pwa {
         self.radial = radial::found(recipe, &task.variables, &task.problem, clustering, &mut self.notes, progress)?;
         drop(view);
         task.problem.library.extend(self.radial.iter().flat_map(RadialFunctions::expressions));
+        let rows = dataset.episodes().iter().map(|episode| episode.rows as u64).sum();
+        self.options.identification.partitions = self.options.partitions(rows, task.problem.library.len() + 1);
         Ok((dataset, task))
     }
 
@@ -219,6 +224,15 @@ impl Method for Pwa {
         self.beginning(data, &fleetfoot_pwa::identify(&data.task.problem, &trial, data.rows()?, progress)?)
     }
 
+    fn held_out_by_time(
+        &self,
+        data: Data<'_, Task>,
+        found: &Identification,
+        progress: &dyn Progress,
+    ) -> Option<Result<Model, Error>> {
+        found.held_out.then(|| Ok(self.again(data, found, progress)?.0))
+    }
+
     fn refine(
         &self,
         data: Data<'_, Task>,
@@ -262,9 +276,20 @@ impl Method for Pwa {
         _: Data<'_, Task>,
         _: &Self::Sums,
         found: Identification,
-        summary: FitSummary,
+        mut summary: FitSummary,
         _: &dyn Progress,
     ) -> Result<Fitted<PwaReport>, Error> {
+        let chosen = &found.candidates[found.chosen];
+        if found.held_out {
+            let errors = chosen.r2.iter().zip(&found.sigma).map(|(r2, sigma)| (1.0 - r2).max(0.0).sqrt() * sigma);
+            let errors = found.targets.iter().cloned().zip(errors);
+            summary.notes.extend(worse_than_persistence(&found.model, errors, &summary.baselines));
+        }
+        // Last, and with what to do about it.
+        if let Some(poor) = chosen.no_better() {
+            summary.notes.retain(|note| *note != poor);
+            summary.notes.push(format!("{poor}; {NEXT}"));
+        }
         let names = found.candidates.iter().map(|own| own.specification.to_string());
         let of = |(model, name): (&Model, String)| Rival { name: Rival::part(&name), model: model.clone() };
         let rivals = found.models.iter().zip(names).map(of).collect();

@@ -141,6 +141,8 @@ pub(crate) struct HeldOut<'a> {
     rule: RolloutRule,
     /// The option that asks for it.
     option: String,
+    /// What makes the rollouts shorter.
+    mend: String,
 }
 
 /// Rollouts of a model over spans that did not train it.
@@ -161,7 +163,12 @@ impl<'a> HeldOut<'a> {
         option: impl Into<String>,
     ) -> Result<Self, Error> {
         let (cut, fold_of) = Spans::folds(source, rule.folds, smoothed)?;
-        Ok(Self { cut, fold_of, rule, option: option.into() })
+        Ok(Self { cut, fold_of, rule, option: option.into(), mend: format!("give a shorter {HORIZON} (fewer steps)") })
+    }
+
+    /// With another setting that makes rollouts shorter than the horizon.
+    pub(crate) fn mended(self, mend: impl Into<String>) -> Self {
+        Self { mend: mend.into(), ..self }
     }
 
     pub(crate) fn rule(&self) -> RolloutRule {
@@ -238,8 +245,8 @@ impl<'a> HeldOut<'a> {
             Ok(found) => found,
             Err(error @ DynamicsError::TooShort { .. }) => {
                 return Err(Error::undetermined(format!(
-                    "{}: {error}; the held-out spans of {} folds are shorter than the rollouts: give a shorter {HORIZON} (fewer steps), or longer logs",
-                    self.option, self.rule.folds
+                    "{}: {error}; the held-out spans of {} folds are shorter than the rollouts: {}, or give longer logs",
+                    self.option, self.rule.folds, self.mend
                 )));
             }
             Err(error) => return Err(error.into()),

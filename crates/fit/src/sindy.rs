@@ -53,7 +53,7 @@ use crate::{
     radial,
     rollout_choice::{RolloutRule, USUAL_HORIZON, open_spans},
     summary::FitSummary,
-    worth::no_better,
+    worth::{no_better, worse_than_persistence},
 };
 
 /// Episodes from which on they are the clusters of the standard errors; with fewer, chunks are.
@@ -252,6 +252,21 @@ impl Method for Sindy {
         &found.model
     }
 
+    fn held_out_by_time(
+        &self,
+        data: Data<'_, EquationTask>,
+        found: &Found,
+        progress: &dyn Progress,
+    ) -> Option<Result<Model, Error>> {
+        let again = || {
+            let mut notes = Vec::new();
+            let evidence = self.sum(data, &mut notes, progress)?;
+            Ok(self.find(data, &evidence, &mut notes, progress)?.swap_remove(0).model)
+        };
+        // States that are smoothed in turn with the equations take many fits.
+        (found.folds.0 > 1 && found.smoothed.is_none()).then(again)
+    }
+
     fn same_terms(&self, data: Data<'_, EquationTask>, found: &Found, progress: &dyn Progress) -> Result<Model, Error> {
         let mut notes = Vec::new();
         let evidence = self.sum(data, &mut notes, progress)?;
@@ -322,6 +337,10 @@ impl Method for Sindy {
             report.smoothing = Some(smoothed.told.clone());
         }
         report.refine(&evidence.task, &found.model);
+        let errors = report.regions.iter().filter(|_| report.regions.len() == 1).flat_map(|region| &region.equations);
+        let errors: Vec<(String, f64)> = errors.map(|own| (own.label.clone(), own.held_out)).collect();
+        let worse = worse_than_persistence(&found.model, errors, &report.summary.baselines);
+        report.summary.notes.extend(worse);
         let shares = report.regions.iter().flat_map(|region| &region.equations);
         let shares = shares.map(|equation| (equation.label.clone(), 1.0 - equation.held_out_r2));
         let poor = no_better("predicted", shares.collect::<Vec<_>>());

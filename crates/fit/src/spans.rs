@@ -64,6 +64,20 @@ impl<'a> Spans<'a> {
         Ok((Self::new(inner, train, every)?, Self::new(inner, test, every)?))
     }
 
+    /// All rows but the last one in `share`, and these, without the first `apart` of them where an episode is cut.
+    pub(crate) fn last(inner: &'a dyn Source, share: usize, apart: usize) -> Result<(Self, Self), Error> {
+        let mut left = inner.rows() - inner.rows() / share;
+        let mut cut = Vec::with_capacity(inner.episodes().len());
+        for episode in inner.episodes() {
+            let trains = left.min(episode.rows);
+            left -= trains;
+            cut.push((trains, episode.rows));
+        }
+        let train = cut.iter().enumerate().map(|(e, &(trains, _))| (e, 0..trains)).collect();
+        let test = cut.iter().enumerate().map(|(e, &(trains, rows))| (e, behind(trains..rows, apart))).collect();
+        Ok((Self::new(inner, train, 1)?, Self::new(inner, test, 1)?))
+    }
+
     /// The episodes, or their spans, that are held out together, and the fold (0 to count - 1) of each, by the one rule ([`FoldLayout`]). Lags do not
     /// reach over the borders of spans: the first rows of each are no regressors' targets, a purge gap of as many rows. Spans are `apart` more rows apart:
     /// those over which the episodes were smoothed.
@@ -164,6 +178,18 @@ mod tests {
         assert!(train.episodes()[0].id != test.episodes()[0].id && train.episodes()[0].id != inner.episodes()[0].id);
         assert_eq!(test.read(0, 0..1, Halo { before: 9, after: 0 }).unwrap().columns[0].to_vec(), [81.0]);
         assert_eq!(test.episodes()[0].name, "a[81..101]");
+    }
+
+    #[test]
+    fn the_last_rows_are_those_of_the_last_episodes() {
+        let inner = source();
+        // 108 rows, of which a fifth is 21: all seven of the second episode, and 14 of the first.
+        let (train, test) = Spans::last(&inner, 5, 3).unwrap();
+        assert_eq!(train.episodes().iter().map(|e| e.rows).collect::<Vec<_>>(), [87]);
+        assert_eq!(
+            test.episodes().iter().map(|e| (e.name.as_str(), e.rows)).collect::<Vec<_>>(),
+            [("a[90..101]", 11), ("b", 7)]
+        );
     }
 
     #[test]

@@ -2,7 +2,9 @@
 
 use serde::Serialize;
 
-use crate::{objective::Refinement, rollout_choice::RolloutChoice, serialize};
+use crate::{
+    baselines::TargetBaselines, by_time::ByTime, objective::Refinement, rollout_choice::RolloutChoice, serialize,
+};
 
 /// The part of a report that all methods share.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -21,6 +23,12 @@ pub struct FitSummary {
     /// The fit to simulations, on request.
     #[serde(rename = "objective", skip_serializing_if = "Option::is_none")]
     pub refinement: Option<Refinement>,
-    /// Notes for the user.
+    /// What the mean and the row before err by, of every fitted equation; none where rows are not at hand.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub baselines: Vec<TargetBaselines>,
+    /// Errors on the last rows, of the model of the rows before them, where that was tried.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub by_time: Option<ByTime>,
+    /// What the user should know.
     pub notes: Vec<String>,
 }

@@ -1,4 +1,13 @@
-//! Note on models of no use: their held-out predictions are no nearer than the mean.
+//! Models that are not worth having, said at once: what they predict of rows that did not train is no nearer than the mean, or than the row before.
+
+use fleetfoot_data::setting::{FIT_NARX, LAGS};
+use fleetfoot_model::{Model, Prediction};
+
+use crate::baselines::TargetBaselines;
+
+/// Commands that find what is wrong where nothing is predicted.
+pub(crate) const NEXT: &str =
+    "`fleetfoot check` looks for faults in the log, `fleetfoot auto` for lags, regions and longer steps";
 
 /// A note on the targets whose held-out squared error is that of their mean or more, each with its ratio. `None` if all
 /// are predicted better. `what`: the compared quantity, `simulated` or `predicted`.
@@ -9,9 +18,30 @@ pub(crate) fn no_better(what: &str, targets: impl IntoIterator<Item = (String, f
         .map(|(name, share)| format!("{name} ({share:.3} of the variance)"))
         .collect();
     (!poor.is_empty()).then(|| {
+        format!("rows that did not train are {what} no better than by their mean: {}; {NEXT}", poor.join(", "))
+    })
+}
+
+/// A note on the next and present values that the row before predicts better than a model does on rows that did not train, by root mean squared errors; `held_out` are those of the
+/// model, by the left sides of its equations. Of derivatives and differences the row before is one that was measured just now, and no model has it.
+pub(crate) fn worse_than_persistence(
+    model: &Model,
+    held_out: impl IntoIterator<Item = (String, f64)>,
+    baselines: &[TargetBaselines],
+) -> Option<String> {
+    let is_value = |name: &str| {
+        let own = model.fitted().find(|equation| equation.label() == name);
+        own.is_some_and(|equation| matches!(equation.prediction, Prediction::Next | Prediction::Value))
+    };
+    let worse = |(name, error): (String, f64)| {
+        let before = baselines.iter().find(|own| own.target == name)?.persistence_rmse;
+        (is_value(&name) && before < error).then(|| format!("{name} ({before:.3e} against {error:.3e})"))
+    };
+    let worse: Vec<String> = held_out.into_iter().filter_map(worse).collect();
+    (!worse.is_empty()).then(|| {
         format!(
-            "rows that did not train are {what} no better than by their mean: {}; `fleetfoot check` looks for faults in the log, `fleetfoot auto` for lags, regions and longer steps",
-            poor.join(", ")
+            "persistence, the row before, is nearer to rows that did not train than the model: {}; give it earlier rows ({LAGS}), or try {FIT_NARX}",
+            worse.join(", ")
         )
     })
 }

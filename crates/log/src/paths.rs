@@ -77,8 +77,13 @@ fn collect_folder(folder: &Path, depth: usize, found: &mut BTreeSet<PathBuf>) ->
     Ok(())
 }
 
-/// Leaves out recordings beside which a copy lies that was converted to MCAP: the same rows would come twice.
+/// Leaves out recordings beside which a copy lies that was converted to MCAP: the same rows would come twice. Leaves out arrays beside logs, too:
+/// they are calibrations or exported models, not rows.
 fn drop_converted(found: &mut BTreeSet<PathBuf>) {
+    let is_array = |path: &PathBuf| matches!(Format::of(path), Some(Format::Npy | Format::Npz | Format::Mat));
+    if !found.iter().all(is_array) {
+        found.retain(|path| !is_array(path));
+    }
     let older = |path: &PathBuf| matches!(Format::of(path), Some(Format::Bag(_) | Format::Db3(_)));
     let copies: Vec<PathBuf> =
         found.iter().filter(|path| older(path) && found.contains(&path.with_extension("mcap"))).cloned().collect();
@@ -113,6 +118,10 @@ fn collect_pattern(argument: &Path, files: &mut BTreeSet<PathBuf>) -> Result<(),
     // A pattern such as `runs/*` may catch notes beside the logs; only when it catches nothing else is that an error.
     match (found.is_empty(), unknown) {
         (false, _) => files.append(&mut found),
+        // Opening it says what it is instead of a log.
+        (true, Some(path)) if Format::of(&path).is_some() => {
+            files.insert(path);
+        }
         (true, unknown) => {
             return Err(unknown.map_or_else(missing, |path| Error::UnknownFormat { path }));
         }

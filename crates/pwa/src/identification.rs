@@ -125,7 +125,7 @@ impl Identification {
     /// that of the paired parts, so that a part which is hard for both does not widen it.
     pub fn error_ratio(&self, a: usize, b: usize) -> Vec<Estimate> {
         let (a, b) = (&self.candidates[a].absolute, &self.candidates[b].absolute);
-        (0..self.targets.len()).map(|t| Estimate::of_ratio(a.iter().zip(b).map(|(a, b)| (a[t], b[t])))).collect()
+        (0..self.targets.len()).map(|t| Estimate::of_errors(a.iter().zip(b).map(|(a, b)| (a[t], b[t])))).collect()
     }
 }
 

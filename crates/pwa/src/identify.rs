@@ -17,7 +17,7 @@ use crate::{
     identification::{coefficients, mark},
     lagged::{Whitening, span},
     levels::described,
-    notes::{confounded, no_better},
+    notes::confounded,
     pairs::pairs,
     partition::{Prepared, join_cells, prepare},
     plans::{cut, plans},
@@ -175,7 +175,7 @@ impl Fit<'_> {
         confounded(self.problem, &base, &mut notes);
         self.empty_balls(&solver, &mut notes);
         notes.extend(self.uncounted(&kept));
-        notes.extend(no_better(&candidates[chosen]));
+        notes.extend(candidates[chosen].no_better());
         notes.extend(self.starved(&kept, &orders, &solver));
         Ok(Identification {
             model,
@@ -316,7 +316,7 @@ impl Fit<'_> {
                 shrinkage: order.shrinkage,
                 over_null: (0..q).map(|t| sums.absolute[t] / errors.null.absolute[t]).collect(),
                 over_null_interval: (0..q)
-                    .map(|t| Estimate::of_ratio(parts.iter().map(|p| (p.candidates[index][t], p.null[t]))))
+                    .map(|t| Estimate::of_errors(parts.iter().map(|p| (p.candidates[index][t], p.null[t]))))
                     .collect(),
                 absolute: parts.iter().map(|part| part.candidates[index][..q].to_vec()).collect(),
                 over_sigma: (0..q).map(|t| sums.absolute[t] / errors.weight / sigma[t]).collect(),

@@ -24,18 +24,20 @@ pub(crate) fn confounded(problem: &Problem, base: &Base, notes: &mut Vec<String>
     }
 }
 
-/// Note on a chosen model that is no better than the mean of the targets, whose held-out loss is 1.
-pub(crate) fn no_better(chosen: &Score) -> Option<String> {
-    let Score { specification, loss, standard_error, .. } = chosen;
-    let verb = match (specification, loss) {
-        (Specification::Null, _) => return None,
-        (_, loss) if *loss >= 1.0 => "predicts",
-        (_, loss) if loss + standard_error >= 1.0 => "may predict",
-        _ => return None,
-    };
-    Some(format!(
-        "{specification} {verb} rows that did not train it no better than their mean does: its loss is {loss:.3} +- {standard_error:.3}, that of the mean 1"
-    ))
+impl Score {
+    /// Of a model that is worth no more than the mean of the targets, whose held-out loss is 1: how little; `None` of another.
+    pub fn no_better(&self) -> Option<String> {
+        let Self { specification, loss, standard_error, .. } = self;
+        let verb = match (specification, loss) {
+            (Specification::Null, _) => return None,
+            (_, loss) if *loss >= 1.0 => "predicts",
+            (_, loss) if loss + standard_error >= 1.0 => "may predict",
+            _ => return None,
+        };
+        Some(format!(
+            "{specification} {verb} rows that did not train it no better than their mean does: its loss is {loss:.3} +- {standard_error:.3}, that of the mean 1"
+        ))
+    }
 }
 
 impl Fit<'_> {

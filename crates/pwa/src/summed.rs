@@ -16,7 +16,7 @@ use crate::{
     assemble::{assembled, described, go_on_outside},
     fit::Roots,
     identification::{coefficients, mark},
-    notes::{confounded, no_better},
+    notes::confounded,
     segmentation::Candidate,
     select::{Order, choose, evaluate},
     stable::Loop,
@@ -105,7 +105,7 @@ pub fn identify_summed(
     confounded(problem, &base, &mut notes);
     let scored = partitions.iter().zip(&orders).map(|(one, order)| score(one, order, &sigma, problem.library.len()));
     let candidates = mark(scored.collect());
-    notes.extend(no_better(&candidates[chosen]));
+    notes.extend(candidates[chosen].no_better());
     Ok(Identification {
         model,
         models,

@@ -32,6 +32,14 @@ impl Estimate {
         let half = student_t_95(parts.len() - 1) * (count / (count - 1.0) * square).sqrt() / weight;
         Self { value, low: value - half, high: value + half }
     }
+
+    /// [`Estimate::of_ratio`] of what cannot be negative, such as errors: the interval is that of the logarithm, whose standard error is that of the ratio over the ratio, so that no
+    /// end is below zero. A ratio of zero has no logarithm, and keeps its own interval.
+    pub fn of_errors(parts: impl IntoIterator<Item = (f64, f64)>) -> Self {
+        let plain = Self::of_ratio(parts);
+        let factor = ((plain.high - plain.value) / plain.value).exp();
+        if plain.value > 0.0 { Self { low: plain.value / factor, high: plain.value * factor, ..plain } } else { plain }
+    }
 }
 
 /// Units that an interval compares.
@@ -118,6 +126,20 @@ mod tests {
         assert!(
             (estimate.high - estimate.value - half).abs() < 1e-5 && (estimate.value - estimate.low - half).abs() < 1e-5
         );
+    }
+
+    #[test]
+    fn intervals_of_errors_are_above_zero() {
+        let parts = [(9.0, 1.0), (0.1, 1.0), (0.2, 1.0)];
+        let (plain, errors) = (Estimate::of_ratio(parts), Estimate::of_errors(parts));
+        assert!(plain.low < 0.0 && errors.low > 0.0 && errors.high > plain.high, "{errors:?}");
+        assert_eq!(errors.value, plain.value);
+        assert!((errors.low * errors.high - errors.value * errors.value).abs() < 1e-9);
+        // Where parts agree, both are the same to the second order.
+        let parts = [(1.0, 1.0), (1.01, 1.0), (0.99, 1.0)];
+        let (plain, errors) = (Estimate::of_ratio(parts), Estimate::of_errors(parts));
+        assert!((plain.low - errors.low).abs() < 1e-3 && (plain.high - errors.high).abs() < 1e-3);
+        assert_eq!(Estimate::of_errors([(0.0, 1.0), (0.0, 2.0)]), Estimate { value: 0.0, low: 0.0, high: 0.0 });
     }
 
     #[test]

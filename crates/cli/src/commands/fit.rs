@@ -12,7 +12,7 @@ use serde_json::Value;
 use super::{Context, fit_known, flags, logs_or_statistic, read_by, reading::reading};
 use crate::{
     args::{FitData, FitOutput},
-    table::{bytes, count, ratio, table},
+    table::{bytes, count, number, ratio, table},
 };
 
 /// Left sides that a plan names.
@@ -186,6 +186,16 @@ fn plan_text(plan: &FitPlan) -> String {
 /// What a fit to simulations brought, above a table of candidates.
 pub(crate) fn refined_over_candidates(refinement: &Refinement) -> String {
     format!("{}\nWhat follows compares models fitted one step ahead.\n\n", refinement.in_words())
+}
+
+/// Errors one step ahead, on the spans that did not train, of the model that was fitted to simulations.
+pub(crate) fn refined_held_out(refinement: &Refinement, targets: &[String]) -> String {
+    let row = |(at, name): (usize, &String)| {
+        let [rmse, r2] = refinement.held_out(at);
+        vec![name.clone(), number(rmse), ratio(r2)]
+    };
+    let rows = targets.iter().enumerate().map(row).collect();
+    table(&["held out, one step, of the model that is written", "RMSE", "R2"], rows)
 }
 
 /// What rollouts said of the candidates.

@@ -65,11 +65,21 @@ fn to_text(report: &NarxReport, tried: bool) -> String {
     if let Some(search) = &report.search {
         text.push_str(&format!("\n{}\n", search_text(search)));
     }
+    if let Some(refinement) = report.summary.refinement.as_ref().filter(|own| own.written) {
+        let targets: Vec<String> = report.regions[0].equations.iter().map(|own| own.label.clone()).collect();
+        text.push_str(&format!("\n{}\n", fit::refined_held_out(refinement, &targets)));
+    }
     if let Some(held_out) = &report.held_out {
         text.push_str(&format!("\n{}\n", held_out_text(held_out, report.linear.as_ref())));
     }
+    if let Some(by_time) = &report.summary.by_time {
+        text.push_str(&format!("\none step ahead, {}\n", by_time.in_words(|_| None)));
+    }
     if !report.tried.is_empty() {
-        text.push_str(&format!("\n{}\n", tried_table(&report.tried, if tried { usize::MAX } else { BEST })));
+        text.push_str(&format!(
+            "\n{}\n",
+            tried_table(&report.tried, if tried { usize::MAX } else { BEST }, report.train.as_ref())
+        ));
     }
     if report.tried.iter().filter(|one| one.front).count() > 1 {
         text.push_str(&format!("\n{}\n", front_table(&report.tried)));
@@ -163,7 +173,7 @@ fn share(err: f64) -> String {
 }
 
 /// The best models, the best first.
-fn tried_table(tried: &[NarxCandidate], most: usize) -> String {
+fn tried_table(tried: &[NarxCandidate], most: usize, train: Option<&NarxScores>) -> String {
     let mut order: Vec<&NarxCandidate> = tried.iter().collect();
     order.sort_by(|a, b| a.error().0.total_cmp(&b.error().0));
     let simulated = tried.iter().all(|candidate| candidate.loss.is_none());
@@ -177,6 +187,17 @@ fn tried_table(tried: &[NarxCandidate], most: usize) -> String {
         row.extend(errors(candidate, simulated));
         row
     });
+    let runs = train.filter(|_| simulated).map_or(&[][..], |scores| &scores.free_run.outputs);
+    let persistence = runs.iter().map(|output| output.errors.persistence).sum::<f64>() / runs.len() as f64;
+    let doing_nothing = [("(mean)", 1.0), ("(persistence, training rows)", persistence)];
+    let baselines = doing_nothing.into_iter().filter(|(_, rrse)| simulated && rrse.is_finite()).map(|(name, rrse)| {
+        let mut row = vec![name.to_owned()];
+        row.extend(several.then(String::new));
+        row.extend(seeds.then(String::new));
+        row.extend([String::new(), error(rrse), fit_percent(rrse)]);
+        row
+    });
+    let rows = rows.chain(baselines);
     let mut header = vec![if simulated { "free runs, held out" } else { "one step, held out" }];
     header.extend(several.then_some("partition"));
     header.extend(seeds.then_some("seed"));

@@ -1,6 +1,9 @@
 //! `fleetfoot fit pwa`.
 
-use fleetfoot::{BoundedCandidate, Error, FitRequest, Pwa, PwaReport, pwa::Score};
+use fleetfoot::{
+    BoundedCandidate, Error, FitRequest, Pwa, PwaReport, TargetBaselines,
+    pwa::{Score, Specification},
+};
 
 use super::{Context, fit, fit::Job, flags};
 use crate::{
@@ -21,7 +24,8 @@ pub(crate) fn pwa(arguments: &FitPwa, context: &Context) -> Result<(), Error> {
     let mut job = Job::new(recipe, &arguments.data, &arguments.output)?;
     job.known = true;
     job.run::<Pwa>(FitRequest::default(), context, |fitted| to_text(&fitted[0].report), |fitted| {
-        let several = fitted[0].report.identification.candidates.len() > 1;
+        let candidates = &fitted[0].report.identification.candidates;
+        let several = candidates.len() > 1 && !candidates.iter().any(|own| own.specification.fits_targets());
         (unsaid && several).then(|| {
             "regions of k-means were tried; --partition refined:2,5,10 looks for regions that fit the dynamics, which takes several times as long".to_owned()
         })
@@ -60,6 +64,23 @@ fn to_text(report: &PwaReport) -> String {
             row
         })
         .collect();
+    let width = header.len();
+    let baseline = |name: &str, errors: Vec<f64>, loss: f64| {
+        let mut row = vec![name.to_owned(), String::new(), String::new()];
+        row.extend(errors.into_iter().map(ratio));
+        row.extend([String::new(), if loss.is_nan() { "-".into() } else { ratio(loss) }]);
+        row.resize(width, String::new());
+        row
+    };
+    if !summary.baselines.is_empty() {
+        let losses: Vec<f64> = summary.baselines.iter().map(TargetBaselines::loss).collect();
+        let loss = losses.iter().sum::<f64>() / losses.len() as f64;
+        let errors = summary.baselines.iter().map(|own| own.persistence_over_mean).collect();
+        if !found.candidates.iter().any(|score| score.specification == Specification::Null) {
+            rows.push(baseline("(mean)", vec![1.0; losses.len()], 1.0));
+        }
+        rows.push(baseline("(persistence)", errors, loss));
+    }
     let mut sigma = vec!["sigma".to_owned(), String::new(), String::new()];
     sigma.extend(found.sigma.iter().map(|&value| number(value)));
     sigma.resize(header.len(), String::new());
@@ -67,6 +88,11 @@ fn to_text(report: &PwaReport) -> String {
     let rollouts =
         summary.rollouts.as_ref().map_or_else(String::new, |choice| format!("{}\n\n", fit::by_rollouts(choice)));
     let rollouts = rollouts + &summary.refinement.as_ref().map_or_else(String::new, fit::refined_over_candidates);
+    let by_spans = |target: &str| {
+        let at = found.targets.iter().position(|own| own == target)?;
+        found.candidates[found.chosen].r2.get(at).map(|r2| 1.0 - r2)
+    };
+    let by_time = summary.by_time.as_ref().map_or_else(String::new, |own| format!("\n{}", own.in_words(by_spans)));
     let which = if found.held_out { "cross-validated" } else { "in-sample" };
     let what = if quadratic { "R2" } else { "mean absolute error over the null model's" };
     format!(
@@ -81,7 +107,8 @@ fn to_text(report: &PwaReport) -> String {
         number(found.preconditioned),
         found.fold_rule.as_ref().map_or_else(String::new, |rule| format!(" ({rule})")),
         table(&header, rows)
-    ) + &found.rule.map_or_else(String::new, |rule| format!("\nchosen: {rule}"))
+    ) + &by_time
+        + &found.rule.map_or_else(String::new, |rule| format!("\nchosen: {rule}"))
         + &refinement(&found.candidates[found.chosen])
         + &continuity(&found.candidates[found.chosen])
         + &bounded(&found.candidates, found.held_out)

@@ -2,7 +2,7 @@
 
 use fleetfoot::{
     EquationReport, Error, FitRequest, FrontPoint, LimitReport, ParameterReport, ParameterSection, Recipe,
-    RegionReport, Sindy, SindyReport, estimate::Uncertain,
+    RegionReport, Sindy, SindyReport, TargetBaselines, estimate::Uncertain,
 };
 
 use super::{Context, fit, fit::Job, flags};
@@ -102,6 +102,14 @@ fn to_text(report: &SindyReport, front: bool) -> String {
     if let Some(refinement) = &summary.refinement {
         text.push_str(&format!("{}\n", refinement.in_words()));
     }
+    if let Some(by_time) = &summary.by_time {
+        let equations = || report.regions.iter().flat_map(|region| &region.equations);
+        let by_spans = |target: &str| match report.regions.len() {
+            1 => equations().find(|own| own.label == target).map(|own| 1.0 - own.held_out_r2),
+            _ => None,
+        };
+        text.push_str(&format!("{}\n", by_time.in_words(by_spans)));
+    }
     for parameter in &report.parameters {
         text.push_str(&format!("{}\n", parameter_text(parameter)));
     }
@@ -116,7 +124,7 @@ fn to_text(report: &SindyReport, front: bool) -> String {
         for equation in &region.equations {
             text.push_str(&format!("{} = {}\n", equation.label, equation.right));
         }
-        text.push_str(&format!("\n{}\n", scores(region, !report.limits.is_empty())));
+        text.push_str(&format!("\n{}\n", scores(region, &summary.baselines, !report.limits.is_empty())));
         text.push_str(&format!("\n{}\n", terms(region)));
         if let Some(differences) = differences(region) {
             text.push_str(&format!("\n{differences}\n"));
@@ -144,7 +152,7 @@ fn parameter_text(parameter: &ParameterReport) -> String {
 }
 
 /// `bounded`: beside them the errors without bounds of coefficients.
-fn scores(region: &RegionReport, bounded: bool) -> String {
+fn scores(region: &RegionReport, baselines: &[TargetBaselines], bounded: bool) -> String {
     let plain = |value: f64| if value.is_nan() { "-".to_owned() } else { number(value) };
     let share = |value: f64| if value.is_nan() { "-".to_owned() } else { format!("{value:.6}") };
     let rows = region.equations.iter().map(|equation| {
@@ -156,10 +164,15 @@ fn scores(region: &RegionReport, bounded: bool) -> String {
             number(equation.held_out),
             share(equation.held_out_r2),
         ];
+        let own = baselines.iter().find(|own| own.target == equation.label);
+        row.extend(own.into_iter().flat_map(|own| [plain(own.mean_rmse), plain(own.persistence_rmse)]));
         row.extend(equation.free.iter().flat_map(|free| [plain(free.rms), plain(free.held_out)]));
         row
     });
     let mut header = vec!["equation", "terms", "error (rms)", "R2", "held out (rms)", "R2"];
+    if !baselines.is_empty() {
+        header.extend(["mean (rms)", "persistence (rms)"]);
+    }
     if bounded {
         header.extend(["without bounds", "held out"]);
     }

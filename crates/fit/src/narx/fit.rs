@@ -235,6 +235,15 @@ impl Method for Narx {
         Ok((models.swap_remove(0).1, None))
     }
 
+    fn held_out_by_time(
+        &self,
+        data: Data<'_, NarxBase>,
+        found: &Found,
+        progress: &dyn Progress,
+    ) -> Option<Result<Model, Error>> {
+        (self.options.test_share == 0.0).then(|| Ok(self.again(data, found, progress)?.0))
+    }
+
     fn refine(
         &self,
         _: Data<'_, NarxBase>,
@@ -305,7 +314,11 @@ impl Method for Narx {
                 model.step
             ));
         }
-        let how = chosen.how;
+        let mut how = chosen.how;
+        // What is told as held out is of the model that is written; that of one step is another.
+        if summary.refinement.as_ref().is_some_and(|own| own.written) {
+            how.held_out = None;
+        }
         if let Some(held_out) = &how.held_out {
             let outputs: Vec<String> = chosen.task.fitted.iter().map(|own| own.label.clone()).collect();
             summary.notes.extend(no_better("simulated", [(outputs.join(", "), held_out.rrse * held_out.rrse)]));

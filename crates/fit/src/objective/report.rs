@@ -37,9 +37,9 @@ impl Refinement {
         ([sum(|fold| fold.one_step.ended), sum(|fold| fold.simulated.ended)], sum(|fold| fold.one_step.starts))
     }
 
-    /// One-step error of the model fitted to simulations, on held-out rows: root of the mean squared error of a target,
-    /// and its coefficient of determination.
-    pub(crate) fn held_out(&self, target: usize) -> [f64; 2] {
+    /// Root of the mean squared error of a target one step ahead on the rows that did not train, and the coefficient of determination there: of the model
+    /// fitted to simulations.
+    pub fn held_out(&self, target: usize) -> [f64; 2] {
         let scores = || self.folds.iter().map(|fold| &fold.simulated.one_step);
         let rows: f64 = scores().map(|scores| scores.rows as f64).sum();
         let squares = |of: fn(&fleetfoot_dynamics::TargetScore) -> f64| {

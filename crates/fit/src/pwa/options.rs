@@ -30,15 +30,38 @@ pub struct PwaOptions {
     pub(crate) phase: bool,
     /// Seconds over which the logs were smoothed before, where they were.
     smoothed: Option<f64>,
+    /// Whether the recipe names no partitions, and those that rows bear are tried.
+    tried: bool,
 }
 
 /// Most folds.
 const FOLDS: u16 = 100;
 
-/// Partitions to try by default, all in one pass, each with its held-out error.
+/// What is tried where nothing is said of partitions and rows are many: in one pass more than one region takes, each of the four with its error on rows that did not train.
 pub(crate) const TRIED: &str = "average,kmeans:2,5,10";
 
+/// Regions that fit the dynamics, which are tried beside [`TRIED`] where there are no more rows than [`FEW`]: to refine so few takes no time.
+const REFINED: &str = "refined:2..5";
+/// Rows that are few.
+const FEW: u64 = 2_000;
+/// Rows for every number of a map, of the partitions that are tried without being named.
+const ROWS_A_NUMBER: u64 = 2;
+
 impl PwaOptions {
+    /// The partitions to compare on so many rows, with maps of so many numbers a target: those of the recipe; where it names none those that rows bear, and of few rows
+    /// refined ones too.
+    pub(crate) fn partitions(&self, rows: u64, numbers: usize) -> Vec<Specification> {
+        let own = &self.identification.partitions;
+        if !self.tried {
+            return own.clone();
+        }
+        let refined = if rows <= FEW { Specification::parse_list(REFINED).unwrap_or_default() } else { Vec::new() };
+        let borne = |partition: &Specification| {
+            partition.clusters().is_none_or(|regions| (regions * numbers) as u64 * ROWS_A_NUMBER <= rows)
+        };
+        own.iter().cloned().chain(refined).filter(borne).collect()
+    }
+
     /// Reads `[pwa]`, the partitions of `[model]`, and whether the recipe leaves a span open.
     ///
     /// # Errors
@@ -116,6 +139,7 @@ impl PwaOptions {
             objective: section.objective.unwrap_or_default(),
             phase: section.phase.is_some(),
             smoothed: recipe.time.smoothed,
+            tried: recipe.model.partition.is_none() && unsaid == TRIED,
         })
     }
 

@@ -115,6 +115,16 @@ fn what_cannot_be_read_is_refused_with_the_way_out() {
 }
 
 #[test]
+fn arrays_beside_logs_are_no_rows_of_a_folder() {
+    let (folder, path) = scrap("model.npz", &fs::read(fixture("stored.npz")).unwrap());
+    assert_eq!(crate::paths([folder.path()]).unwrap(), std::slice::from_ref(&path));
+    let log = folder.path().join("run.csv");
+    fs::write(&log, "t,x\n0,1\n").unwrap();
+    assert_eq!(crate::paths([folder.path()]).unwrap(), std::slice::from_ref(&log));
+    assert_eq!(crate::paths([&path, &log]).unwrap(), [path.clone(), log.clone()]);
+}
+
+#[test]
 fn damage_is_told_and_the_rest_is_read() {
     let whole = fs::read(fixture("plain.npy")).unwrap();
     let (_folder, path) = scrap("a.npy", &whole[..whole.len() - 30]);

@@ -50,14 +50,19 @@ pub(super) struct Scan {
 pub(super) struct Topics {
     /// For each the type and the name.
     pub(super) found: Vec<(u8, String)>,
-    /// By type and by the bytes of the field of instances.
-    places: HashMap<u8, HashMap<Vec<u8>, usize>>,
+    /// By type, of which few have more than one byte that tells instances apart.
+    places: Vec<Places>,
 }
 
 impl Topics {
     /// The topic of a message, if it has one.
     pub(super) fn of(&self, kind: u8, format: &Format, payload: &[u8]) -> Option<usize> {
-        self.places.get(&kind)?.get(key(format, payload)).copied()
+        let places = self.places.get(usize::from(kind))?;
+        match key(format, payload) {
+            [] => places.only,
+            [instance] => *places.bytes.get(usize::from(*instance))?,
+            key => places.others.get(key).copied(),
+        }
     }
 
     /// The topic of a message, which may be its first.
@@ -71,10 +76,27 @@ impl Topics {
         let key = key(format, payload);
         let instance = format.instance.and_then(|field| instance(key, field)).filter(|instance| instance != "0");
         let name = instance.map_or_else(|| format!("/{}", format.name), |own| format!("/{}.{own}", format.name));
-        self.places.entry(kind).or_default().insert(key.to_vec(), self.found.len());
+        self.places.resize_with(256, Places::default);
+        let (own, topic) = (self.places.get_mut(usize::from(kind))?, self.found.len());
+        match key {
+            [] => own.only = Some(topic),
+            [instance] => {
+                own.bytes.resize(256, None);
+                *own.bytes.get_mut(usize::from(*instance))? = Some(topic);
+            }
+            key => drop(own.others.insert(key.to_vec(), topic)),
+        }
         self.found.push((kind, name));
-        Some(self.found.len() - 1)
+        Some(topic)
     }
+}
+
+/// The topics of a type by the bytes of the field of instances: none, one or several.
+#[derive(Debug, Default)]
+struct Places {
+    only: Option<usize>,
+    bytes: Vec<Option<usize>>,
+    others: HashMap<Vec<u8>, usize>,
 }
 
 /// The bytes that tell an instance.
@@ -218,7 +240,7 @@ impl Scan {
     fn count(&mut self, map: &Map, parts: Vec<Range<usize>>, progress: &dyn Progress) -> Result<(), Error> {
         let (mut last, mut late, mut beyond) = (0_i64, 0_u64, 0_u64);
         for bytes in parts {
-            let (before, mut spans) = (last, HashMap::<usize, Span>::new());
+            let (before, mut spans) = (last, Vec::<Option<Span>>::new());
             let mut at = bytes.start;
             while at < bytes.end
                 && let Ok(record) = self.form.record(map, at, &self.definitions.formats)
@@ -237,7 +259,12 @@ impl Scan {
                 match self.topics.take(record.kind, format, &record.payload) {
                     Some(topic) => {
                         let span = Span { count: 1, first: last, last };
-                        spans.entry(topic).and_modify(|own| own.join(&span)).or_insert(span);
+                        spans.resize(spans.len().max(topic + 1), None);
+                        match spans.get_mut(topic) {
+                            Some(Some(own)) => own.join(&span),
+                            Some(none) => *none = Some(span),
+                            None => {}
+                        }
                     }
                     None => beyond += 1,
                 }
@@ -246,8 +273,8 @@ impl Scan {
             if progress.cancelled() {
                 return Err(Cancelled.into());
             }
-            let mut topics: Vec<(usize, Span)> = spans.into_iter().collect();
-            topics.sort_unstable_by_key(|(topic, _)| *topic);
+            let some = spans.into_iter().enumerate().filter_map(|(topic, span)| Some((topic, span?)));
+            let topics: Vec<(usize, Span)> = some.collect();
             if !topics.is_empty() {
                 self.pieces.push(Piece { bytes, before, topics });
             }

@@ -109,6 +109,8 @@ fn files_of_others_are_refused_and_left_out_of_folders() {
         assert_eq!((Format::found(&path), Format::of(&path).is_some()), (None, true));
     }
     assert!(matches!(paths([folder.path()]), Err(Error::EmptyFolder { .. })));
+    // A pattern that catches nothing else leaves the reason to opening.
+    assert_eq!(paths([folder.path().join("*.bin")]).unwrap().len(), 1);
     let packed = folder.path().join("flight.log.zst");
     fs::write(&packed, zstd::encode_all(&fs::read(fixture("flight.log")).unwrap()[..], 3).unwrap()).unwrap();
     assert_eq!(paths([folder.path()]).unwrap(), std::slice::from_ref(&packed));

@@ -116,8 +116,8 @@ def open(  # noqa: A001
     Parameters
     ----------
     source : path, table, array, mapping, list or iterator
-        - A path, a glob pattern or a folder, or a list of them: MCAP, rosbag2, ULog, Parquet and CSV files, or a statistic
-          (``.stats``). They stream.
+        - A path, a glob pattern or a folder, or a list of them: MCAP, rosbag2, ROS 1 bags, ULog, ArduPilot, WPILOG,
+          Parquet, CSV, NumPy and MATLAB files, or a statistic (``.stats``). They stream.
         - An Arrow table: anything with ``__arrow_c_stream__`` or ``__arrow_c_array__`` (polars, pyarrow, pandas 2.2
           and later, duckdb). Columns of ``float64`` without nulls in one chunk are not copied.
         - A mapping from names to arrays of shape (rows,), or of shape (rows, k), whose columns are called ``name0``,

@@ -61,7 +61,7 @@ def read_mcap(
     stamp: Literal["header", "log", "publish"] | str | None = None,
     progress: Progress = None,
 ) -> Table | dict[str, Table]:
-    """Reads a robot's log (an MCAP or ULog file, or a rosbag2 folder) into a table.
+    """Reads a robot's log (MCAP, rosbag2, ROS 1 bag, ULog, ArduPilot or WPILOG) into a table.
 
     The rows are the messages of a topic (``topic``), or joined rows of several topics on one clock (``columns`` or
     ``recipe``). Messages are decoded on all cores, directly into Arrow memory.
@@ -214,7 +214,7 @@ def info(path: str | os.PathLike[str], *, values: bool = False, progress: Progre
     Parameters
     ----------
     path : path
-        An MCAP, ULog, Parquet or CSV file, or a rosbag2 folder.
+        A log or a table of any format that :func:`fleetfoot.open` reads.
     values : bool
         Read all rows once: ranges of the values, gaps of the clock, episodes.
     progress : bool or callable, optional
