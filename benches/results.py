@@ -18,10 +18,13 @@ import tempfile
 import textwrap
 from pathlib import Path
 
+import auto_table
 import raw_hexapod
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = ROOT / "docs" / "results"
+#: A table of this page is made here too.
+HOWTO = ROOT / "docs" / "howto" / "auto.md"
 
 
 class Bench:
@@ -348,7 +351,7 @@ def noise_of_both_kinds(fleetfoot, _data):
     return "\n".join([*rows, "", f"{SEEDS} seeds each."])
 
 
-TABLES = {"noise_of_both_kinds": noise_of_both_kinds, "recordings": recordings, "hexapod": hexapod, "stability": stability, "autoregressions": autoregressions, "raw_hexapod": raw, "raw_models": raw_models, "flights": flights}
+TABLES = {"auto": auto_table.auto, "noise_of_both_kinds": noise_of_both_kinds, "recordings": recordings, "hexapod": hexapod, "stability": stability, "autoregressions": autoregressions, "raw_hexapod": raw, "raw_models": raw_models, "flights": flights}
 
 
 def machine():
@@ -370,7 +373,7 @@ def folded(text):
 def fill(name, text):
     """Replaces the text between a table's two comments, on the page that has them."""
     begin, end = f"<!-- begin {name} -->", f"<!-- end {name} -->"
-    pages = [page for page in sorted(PAGES.glob("*.md")) if begin in page.read_text()]
+    pages = [page for page in [*sorted(PAGES.glob("*.md")), HOWTO] if begin in page.read_text()]
     if len(pages) != 1 or end not in pages[0].read_text():
         raise SystemExit(f"{PAGES} has no place for {name}")
     before, rest = pages[0].read_text().split(begin, 1)

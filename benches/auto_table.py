@@ -1,0 +1,52 @@
+"""The tables of docs/howto/auto.md: `fleetfoot auto` beside others on the same rows, and the errors that it printed beside those on rows that it never saw."""
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+#: A python with pysindy, scikit-learn, pyarrow, gymnasium and mcap-ros2-support.
+PYTHON = Path(os.environ.get("FLEETFOOT_PEERS", ROOT / "target" / "peers" / "bin" / "python"))
+#: Within this share of the best by hand.
+NEAR = 1.1
+
+
+def lines(fleetfoot, data, folder, names=()):
+    words = [PYTHON, ROOT / "benches" / "peers" / "auto.py", fleetfoot, data, folder, *names]
+    done = subprocess.run(list(map(str, words)), check=True, capture_output=True, text=True)
+    return [json.loads(line) for line in done.stdout.splitlines()]
+
+
+def short(value):
+    if isinstance(value, str) or value is None:
+        return "-"
+    return "diverges" if value > 100 else f"{value:.3f}"
+
+
+def table(rows):
+    """Errors over those of persistence, mean over the states; then what `auto` printed beside the errors on the cut-off rows."""
+    text = ["| log | columns | steps | `auto` chose | `auto` | best by hand | linear | ARX | pysindy | s |", "|---|---|---:|---|---:|---:|---:|---:|---:|---:|"]
+    found = [row for row in rows if "failed" not in row]
+    for row in found:
+        best = next(iter(row["hands"]), [float("inf"), ""])
+        cells = [row["name"], " ".join(row["options"]).replace("|", "") or "-", row["horizon"], row["chosen"] + (", with a warning" if row["warning"] else ""), short(row["auto"])]
+        text.append("| " + " | ".join(map(str, [*cells, f"{short(best[0])} ({best[1]})", short(row["linear"]), short(row["arx"]), short(row["pysindy"]), f"{row['seconds']:.0f}"])) + " |")
+    text += [f"| {row['name']} | - | - | failed: {row['failed']} | - | - | - | - | - | - |" for row in rows if "failed" in row]
+    near = sum(row["auto"] <= NEAR * row["hands"][0][0] for row in found)
+    worse = [row["name"] for row in found if row["auto"] > 1.0]
+    text += ["", f"{near} of {len(found)} are within a tenth of the best by hand, which was chosen on these very rows. Worse than persistence: {', '.join(worse) or 'none'}."]
+    text += ["", "| log | state | printed, 95 % interval | on the cut-off rows | within |", "|---|---|---|---:|---|"]
+    within = count = 0
+    for row in found:
+        for state, value, low, high, error in row["printed"][:3]:
+            if None in (value, low, high):
+                continue
+            held = low <= error <= high
+            within, count = within + held, count + 1
+            text.append(f"| {row['name']} | `{state}` | {value:.3g}, {low:.3g} to {high:.3g} | {error:.3g} | {'yes' if held else 'less' if error < low else 'no'} |")
+    return "\n".join([*text, "", f"{within} of {count} errors are within the printed interval (the first three states of every log)."])
+
+
+def auto(fleetfoot, data):
+    return table(lines(fleetfoot, data, ROOT / "target" / "auto-table"))

@@ -1,0 +1,224 @@
+"""One row of the table of `fleetfoot auto` for every log: auto.py FLEETFOOT DATA FOLDER [NAME ...]
+
+The last quarter of a log (of its episodes, where there are several) is cut off before anything sees it. `auto` runs on the rest without options but those that
+auto_logs.py gives. Its model, models of fleetfoot with options that a person would try, pysindy with its defaults, scikit-learn's least squares on lags (the best of five
+orders) and persistence are then simulated from the same rows of the cut-off part, over the horizon that `auto` chose. Errors are over those of persistence, state by
+state, and their mean. Prints a line of JSON a log; FOLDER keeps logs, models and results.
+"""
+
+import json
+import re
+import subprocess
+import sys
+import time
+import warnings
+from pathlib import Path
+
+import auto_logs
+import numpy as np
+import pyarrow.parquet
+import pysindy
+from sklearn.linear_model import LinearRegression
+
+STARTS = 50
+NEAR = 20
+LAGS = (1, 2, 4, 8, 16)
+SECONDS = 45
+
+
+def write(file, table):
+    lines = [",".join(table), *(",".join(map(repr, map(float, row))) for row in zip(*table.values()))]
+    file.write_text("\n".join(lines) + "\n")
+
+
+def cut(episodes):
+    """The first three quarters and the last one: of the episodes where there are four and more, else of the rows of each."""
+    if len(episodes) >= 4:
+        last = len(episodes) - len(episodes) // 4
+        return episodes[:last], episodes[last:]
+    part = lambda own, first, last: {name: values[int(first * len(values)) : int(last * len(values))] for name, values in own.items()}
+    return [part(own, 0, 0.75) for own in episodes], [part(own, 0.75, 1) for own in episodes]
+
+
+def even(episode, period):
+    """Rows at even stamps, for those who count rows; those of a log whose stamps are even stay what they are."""
+    t = episode["t"]
+    if np.all(np.abs(np.diff(t) - period) < 0.02 * period):
+        return episode
+    at = np.arange(t[0], t[-1], period)
+    return {"t": at, **{name: auto_logs.held_or_between(at, t, values) for name, values in episode.items() if name != "t"}}
+
+
+def starts(episodes, horizon, before):
+    """Starts spread evenly over the cut-off rows: an episode and a row each."""
+    possible = [(at, row) for at, own in enumerate(episodes) for row in range(before, len(own["t"]) - horizon - 1)]
+    return [possible[(2 * k + 1) * len(possible) // (2 * STARTS)] for k in range(STARTS)] if len(possible) > STARTS else possible
+
+
+def by_fleetfoot(fleetfoot, model, folder, states, steps, before, every):
+    """Errors of a model by state, of the trajectories that begin at the row behind the `before` others of every piece, and how many there are. Pieces with few rows
+    before are tried first: every row that a piece has more is one more simulation."""
+    for pieces, own in (("near", NEAR), ("far", before)) if every == 1 and before > NEAR else (("far", before),):
+        out = folder / "rollouts.parquet"
+        words = [fleetfoot, "rollout", model, folder / pieces, "--horizon", max(1, steps // every), "--starts", 10_000_000, "-o", out, "-q"]
+        done = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=SECONDS)
+        if done.returncode == 0:
+            break
+    else:
+        raise RuntimeError(done.stderr.strip()[:300])
+    names = ["trajectory", "episode", "row", "step", *states, *(f"{state} measured" for state in states)]
+    table = pyarrow.parquet.read_table(out, columns=names)
+    row, step, trajectory = (table[name].to_numpy() for name in ("row", "step", "trajectory"))
+    first = np.flatnonzero(step == 0)
+    episode, begun = table["episode"].take(first).to_pylist(), {}
+    for name, at in zip(episode, first):
+        if begun.get(name, (-1, None))[0] < row[at] <= own // every:
+            begun[name] = (row[at], trajectory[at])
+    wanted = np.isin(trajectory, [own for _, own in begun.values()]) & (step > 0)
+    error = lambda state: table[state].to_numpy()[wanted] - table[f"{state} measured"].to_numpy()[wanted]
+    return [float(np.sqrt(np.nanmean(error(state) ** 2))) for state in states], len(begun)
+
+
+def windows(episodes, begun, names, first, last):
+    """Values of some columns from `first` rows before the starts to `last` rows behind them: starts x rows x columns."""
+    return np.array([[[episodes[at][name][row + k] for name in names] for k in range(first, last + 1)] for at, row in begun])
+
+
+def rmse(predicted, measured):
+    with np.errstate(all="ignore"):
+        error = np.sqrt(np.mean((predicted - measured) ** 2, axis=(0, 1)))
+    return [float(value) if np.isfinite(value) else float("inf") for value in error]
+
+
+def by_pysindy(train, test, begun, states, inputs, period, horizon):
+    columns = lambda own, names: np.column_stack([own[name] for name in names])
+    model = pysindy.SINDy()
+    controls = {"u": [columns(own, inputs) for own in train]} if inputs else {}
+    model.fit([columns(own, states) for own in train], t=period, **controls)
+    x, u = windows(test, begun, states, 0, 0)[:, 0], windows(test, begun, inputs, 0, horizon) if inputs else None
+    slope = (lambda x, k: np.asarray(model.predict(x, u=u[:, k]))) if inputs else (lambda x, k: np.asarray(model.predict(x)))
+    found = []
+    for k in range(horizon):
+        a = slope(x, k)
+        b = slope(x + period / 2 * a, k)
+        c = slope(x + period / 2 * b, k)
+        x = np.clip(x + period / 6 * (a + 2 * b + 2 * c + slope(x + period * c, k)), -1e9, 1e9)
+        found.append(x)
+    return rmse(np.stack(found, 1), windows(test, begun, states, 1, horizon))
+
+
+def by_lags(train, test, begun, states, inputs, lags, horizon):
+    past = lambda own, names, row: np.concatenate([own[name][row - lags + 1 : row + 1] for name in names]) if names else np.empty(0)
+    X, Y = [], []
+    for own in train:
+        for row in range(lags - 1, len(own["t"]) - 1, max(1, len(own["t"]) // 20_000)):
+            X.append(np.concatenate([past(own, states, row), past(own, inputs, row)]))
+            Y.append([own[name][row + 1] for name in states])
+    model = LinearRegression().fit(np.array(X), np.array(Y))
+    x = np.swapaxes(windows(test, begun, states, 1 - lags, 0), 1, 2)
+    u = np.swapaxes(windows(test, begun, inputs, 1 - lags, horizon), 1, 2) if inputs else np.empty((len(begun), 0, 0))
+    found = []
+    for k in range(horizon):
+        row = np.concatenate([x.reshape(len(begun), -1), u[:, :, k : k + lags].reshape(len(begun), -1)], 1)
+        ahead = np.clip(model.predict(row), -1e9, 1e9)
+        found.append(ahead)
+        x = np.concatenate([x[:, :, 1:], ahead[:, :, None]], 2)
+    return rmse(np.stack(found, 1), windows(test, begun, states, 1, horizon))
+
+
+def hands(rate, horizon):
+    """What a person would try: words of `fit`, and the rows of which one is seen."""
+    usual = [
+        (["narx"], 1),
+        (["pwa", "--predict", "delta", "--partition", "average", "--lags", 5], 1),
+        (["pwa", "--predict", "delta", "--partition", "refined:2..5", "--lags", 2], 1),
+    ]
+    if horizon >= 100:
+        usual.append((["pwa", "--predict", "delta", "--partition", "refined:2..5", "--lags", 2, "--rate", rate / 10], 10))
+    return usual
+
+
+def tried(fleetfoot, folder, recipe, words):
+    """A fit by hand."""
+    model = folder / "hand.json"
+    model.unlink(missing_ok=True)
+    done = subprocess.run(list(map(str, [fleetfoot, "fit", words[0], "-c", recipe, folder / "train", *words[1:], "-o", model, "-q"])), capture_output=True, text=True, timeout=SECONDS)
+    if done.returncode:
+        raise RuntimeError(done.stderr.strip()[:300])
+    return model
+
+
+def study(fleetfoot, data, folder, name):
+    make, options = auto_logs.all_logs(fleetfoot, data, folder)[name]
+    own = folder / re.sub(r"[^a-z0-9]+", "-", name)
+    (own / "train").mkdir(parents=True, exist_ok=True)
+    train, test = cut(make())
+    for at, episode in enumerate(train):
+        write(own / "train" / f"e{at:02}.csv", episode)
+    begin = time.perf_counter()
+    done = subprocess.run(list(map(str, [fleetfoot, "auto", own / "train", *options, "-o", own / "model", "--force", "--json", "-q"])), capture_output=True, text=True)
+    seconds = time.perf_counter() - begin
+    if done.returncode:
+        return {"name": name, "failed": done.stderr.strip()[-300:]}
+    found = json.loads(done.stdout)
+    (own / "auto.txt").write_text(done.stdout)
+    states = [own["state"] for own in found["tested"]]
+    recipe = (own / "model" / "recipe.toml").read_text()
+    inputs = [quoted or bare for quoted, bare in re.findall(r"^\[inputs\.(?:\"([^\"]+)\"|(\w+))\]", recipe, re.M)]
+    given = re.search(r"^rate = ([\d.e+-]+)", recipe, re.M)
+    period = 1 / float(given[1]) if given else float(np.median(np.concatenate([np.diff(own["t"]) for own in train])))
+    every = int(re.search(r"every (\d+) rows", found["chosen"])[1]) if "every" in found["chosen"] else 1
+    horizon = found["horizon"]["steps"]
+    before = max(20, min(20 * every, 200))
+    before += -before % max(every, 10)
+    rows = [even(own, period) for own in test]
+    horizon = max(1, min(horizon, max(len(own["t"]) for own in rows) - before - 3))
+    begun = starts(rows, horizon, before)
+    for pieces, past in (("near", NEAR), ("far", before)):
+        (own / pieces).mkdir(exist_ok=True)
+        for k, (at, row) in enumerate(begun):
+            write(own / pieces / f"p{k:03}.csv", {name: values[row - past : row + horizon + 2] for name, values in rows[at].items()})
+    measured = windows(rows, begun, states, 1, horizon)
+    still = rmse(windows(rows, begun, states, 0, 0), measured)
+    moving = [k for k, value in enumerate(still) if value > 0]
+    ratio = lambda errors: float(np.mean([errors[k] / still[k] for k in moving]))
+    result = {"name": name, "options": list(options), "states": states, "inputs": inputs, "horizon": horizon, "seconds": seconds, "chosen": found["chosen"], "warning": found["warning"], "persistence": still}
+    errors, count = by_fleetfoot(fleetfoot, own / "model" / "model.json", own, states, horizon, before, every)
+    result |= {"auto": ratio(errors), "starts": count, "of": len(begun)}
+    result["printed"] = [[state["state"], *state["rmse"], error] for state, error in zip(found["tested"], errors)]
+    result["said"] = float(np.mean([state["rmse"][0] / state["persistence"] for state in found["tested"]]))
+    key = json.dumps([states, inputs, horizon, before, period])
+    kept = own / "rivals.json"
+    if kept.exists() and (known := json.loads(kept.read_text()))["key"] == key:
+        return result | known
+    rivals, even_train = {"key": key}, [even(own, period) for own in train]
+    try:
+        rivals["pysindy"] = ratio(by_pysindy(even_train, rows, begun, states, inputs, period, horizon))
+    except Exception as problem:
+        rivals["pysindy"] = str(problem)[:80]
+    lagged = [ratio(by_lags(even_train, rows, begun, states, inputs, lags, horizon)) for lags in LAGS]
+    rivals["arx"] = min(lagged)
+    plain = own / "hand.toml"
+    plain.write_text("".join(f'[states."{name}"]\n' for name in states) + "".join(f'[inputs."{name}"]\n' for name in inputs) + (f"[time]\nrate = {given[1]}\n" if given else ""))
+    best = []
+    linear = ["pwa", "--predict", "delta", "--partition", "average"]
+    for words, seen in [(linear, 1), *hands(1 / period, horizon)]:
+        try:
+            file = tried(fleetfoot, own, plain, list(words))
+            error = ratio(by_fleetfoot(fleetfoot, file, own, states, horizon, before, seen)[0])
+        except (RuntimeError, subprocess.TimeoutExpired) as problem:
+            best.append([float("inf"), " ".join(map(str, words)), str(problem)[:200]])
+            continue
+        best.append([error, " ".join(map(str, words)), ""])
+    rivals["linear"] = best[0][0]
+    rivals["hands"] = sorted(best, key=lambda own: own[0])
+    kept.write_text(json.dumps(rivals))
+    return result | rivals
+
+
+if __name__ == "__main__":
+    warnings.simplefilter("ignore")
+    fleetfoot, data, folder = Path(sys.argv[1]).resolve(), Path(sys.argv[2]), Path(sys.argv[3]).resolve()
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in sys.argv[4:] or auto_logs.all_logs(fleetfoot, data, folder):
+        print(json.dumps(study(fleetfoot, data, folder, name)), flush=True)
