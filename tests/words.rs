@@ -8,9 +8,8 @@ use crate::circles::{after_item, is_test, tokens};
 const FRONT_ENDS: [&str; 2] = ["cli", "py"];
 
 /// Files whose texts have flags that no front end words.
-const ALLOWED: [(&str, &str); 9] = [
+const ALLOWED: [(&str, &str); 8] = [
     ("data/src/setting.rs", "the words themselves"),
-    ("log/src/format.rs", "a command of another tool"),
     ("recipe/src/init.rs", "a comment of a recipe that is written"),
     ("recipe/src/init/channels.rs", "a comment of a recipe that is written"),
     ("report/src/figure/plain.rs", "a variable of CSS"),

@@ -2,18 +2,8 @@
 //!
 //! Spans that are held out in turn have neighbours on both sides, and a motion that repeats or drifts is in those too. The end of a recording has none behind it.
 
-use fleetfoot_data::{Progress, Source};
-use fleetfoot_dynamics::{Baseline, Error as DynamicsError, ScoreOptions, TargetScore, score};
+use fleetfoot_dynamics::{Baseline, TargetScore};
 use serde::Serialize;
-
-use crate::{
-    error::Error,
-    method::{Data, Method},
-    spans::Spans,
-};
-
-/// One row in so many is held out, the last ones.
-const SHARE: usize = 5;
 
 /// Errors one step ahead on the last rows, of the chosen model fitted to the rows before them.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -38,7 +28,7 @@ pub struct TargetByTime {
 }
 
 impl TargetByTime {
-    fn new(target: &TargetScore) -> Self {
+    pub(crate) fn new(target: &TargetScore) -> Self {
         let mean = target.baselines.iter().find(|own| own.baseline == Baseline::Null).map_or(f64::NAN, |own| own.rmse);
         Self { target: target.name.clone(), rmse: target.rmse, share: (target.rmse / mean).powi(2) }
     }
@@ -65,31 +55,4 @@ impl ByTime {
 /// Three digits.
 fn short(share: f64) -> String {
     if (1e-3..1e3).contains(&share) { format!("{share:.3}") } else { format!("{share:.1e}") }
-}
-
-/// The errors of the chosen model on the last rows; `None` where those before them are too few to fit it.
-pub(crate) fn by_time<M: Method>(
-    method: &M,
-    data: Data<'_, M::Task>,
-    found: &M::Found,
-    smoothed: usize,
-    progress: &dyn Progress,
-) -> Result<Option<ByTime>, Error> {
-    let rows = data.rows()?;
-    let (train, test) = Spans::last(rows, SHARE, smoothed)?;
-    let Some(model) = method.held_out_by_time(Data { rows: Some(&train), kept: None, ..data }, found, progress) else {
-        return Ok(None);
-    };
-    let model = match model {
-        Ok(model) => model,
-        Err(error @ Error::Cancelled(_)) => return Err(error),
-        Err(_) => return Ok(None),
-    };
-    let scores = match score(&model, &test as &dyn Source, &ScoreOptions::default(), progress) {
-        Ok(scores) => scores,
-        Err(error @ DynamicsError::Data(_)) => return Err(error.into()),
-        Err(_) => return Ok(None),
-    };
-    let targets = scores.targets.iter().map(TargetByTime::new).collect();
-    Ok((scores.rows > 0).then_some(ByTime { rows: scores.rows, targets }))
 }

@@ -21,6 +21,7 @@ mod interval;
 mod json;
 mod known;
 mod label_key;
+mod last_rows;
 mod limit_report;
 mod method;
 mod model_file;

@@ -12,11 +12,11 @@ use fleetfoot_recipe::{Objective, Recipe};
 
 use crate::{
     baselines::baselines,
-    by_time::by_time,
     concentration,
     error::Error,
     folds::smoothed_rows,
     incomplete::incomplete_rows,
+    last_rows,
     method::{Data, FitRequest, Fitted, Method, Opened},
     model_file::refuse_not_finite,
     not_finite, objective,
@@ -158,7 +158,7 @@ fn of_logs<M: Method>(
         // The model of simulations is another one, and `auto` has a test of its own.
         let one_step = refinement.as_ref().is_none_or(|own| !own.written);
         let by_time = match one_step && simulations.is_none() {
-            true => by_time(&method, data, &found, smoothed_rows(recipe.time.smoothed, step), progress)?,
+            true => last_rows::by_time(&method, data, &found, smoothed_rows(recipe.time.smoothed, step), progress)?,
             false => None,
         };
         let summary = FitSummary {
