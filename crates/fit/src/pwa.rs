@@ -201,6 +201,13 @@ impl Method for Pwa {
         }
         notes.extend_from_slice(&self.notes);
         notes.extend(options::unused(data.recipe));
+        if self.options.tried {
+            // Candidates that the recipe did not name are no news, unless one of them is written.
+            let chosen = found.candidates[found.chosen].specification.to_string();
+            let others = found.partition_notes.iter().filter(|note| note.is_of_few_rows() && note.place != chosen);
+            let others: Vec<String> = others.map(ToString::to_string).collect();
+            found.notes.retain(|note| !others.contains(note));
+        }
         notes.append(&mut found.notes);
         Ok(vec![found])
     }

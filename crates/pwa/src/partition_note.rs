@@ -82,6 +82,11 @@ impl PartitionNote {
     pub fn is_unconverged(&self) -> bool {
         matches!(self.finding, Finding::NotConverged { .. })
     }
+
+    /// Returns true if the rows were enough for fewer regions than the partition names.
+    pub fn is_of_few_rows(&self) -> bool {
+        matches!(self.finding, Finding::FewPositions { .. } | Finding::FewRegions { .. } | Finding::FewCells { .. })
+    }
 }
 
 impl fmt::Display for PartitionNote {

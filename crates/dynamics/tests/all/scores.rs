@@ -108,8 +108,9 @@ fn scores_equal_a_naive_computation() {
         square += (errors.len() as f64 * (mae(errors) - mae(&all))).powi(2);
     }
     let half = student_t_95(2) * (1.5 * square).sqrt() / total;
-    close(target.mae.high - target.mae.value, half);
-    close(target.mae.value - target.mae.low, half);
+    // Of the logarithm, so that no end is below zero.
+    close(target.mae.high, target.mae.value * (half / target.mae.value).exp());
+    close(target.mae.low, target.mae.value / (half / target.mae.value).exp());
 }
 
 #[test]
@@ -134,7 +135,7 @@ fn a_single_episode_has_intervals_over_spans() {
     let errors: Vec<f64> = (0..299).map(|k| (y[k + 1] - (0.1 + 0.8 * y[k] + 0.6 * u[k])).abs()).collect();
     let square: f64 = errors.chunks(30).map(|span| span.iter().map(|e| e - mae.value).sum::<f64>().powi(2)).sum();
     let half = student_t_95(9) * (10.0 / 9.0 * square).sqrt() / 299.0;
-    assert!((mae.high - mae.value - half).abs() < 1e-12);
+    assert!((mae.high - mae.value * (half / mae.value).exp()).abs() < 1e-12);
 }
 
 #[test]

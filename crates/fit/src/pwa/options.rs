@@ -31,7 +31,7 @@ pub struct PwaOptions {
     /// Seconds over which the logs were smoothed before, where they were.
     smoothed: Option<f64>,
     /// Whether the recipe names no partitions, and those that rows bear are tried.
-    tried: bool,
+    pub(super) tried: bool,
 }
 
 /// Most folds.
@@ -241,6 +241,8 @@ mod tests {
         let mut own = Options::default();
         assert_eq!(options("[pwa]\nfolds = 0\n").unwrap().identification.partitions, own.partitions);
         own.partitions = Specification::parse_list(TRIED).unwrap();
+        // The library alone follows each map everywhere; a fit of a recipe does not.
+        own.outside = Outside::Average;
         assert_eq!(options("[pwa]\nfolds = 0\nselect = \"bic\"\n").unwrap().identification.partitions, own.partitions);
         assert_eq!(format!("{:?}", default.identification), format!("{own:?}"), "what is not said is the default");
         assert_eq!((default.purge, default.rollouts), (None, None));

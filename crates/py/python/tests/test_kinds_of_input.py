@@ -56,7 +56,7 @@ ESTIMATORS: dict[str, Any] = {
     "SparseGroupLasso": lambda: ff.SparseGroupLasso(groups=GROUPS, alpha=0.1),
     "SparseGroupLassoCV": lambda: ff.SparseGroupLassoCV(groups=GROUPS, alphas=20, cv=4),
 }
-ON_RECORDINGS = {"SINDy", "PWA", "NARX", "BlockSparse", "Parameters"}
+ON_RECORDINGS = {"SINDy", "PWA", "NARX", "Network", "BlockSparse", "Parameters"}
 
 
 def notebook(make: Any, X: Any, y: Any) -> tuple[list[np.ndarray], list[np.ndarray]]:

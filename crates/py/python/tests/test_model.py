@@ -41,7 +41,7 @@ def sindy():
 @pytest.fixture(scope="module")
 def pwa():
     t, x, u = pendulum()
-    return ff.PWA(6, derivative="forward").fit(x, t, u=u, **NAMES).model_
+    return ff.PWA(6, derivative="forward", outside="extrapolate").fit(x, t, u=u, **NAMES).model_
 
 
 @pytest.fixture(scope="module")

@@ -137,7 +137,7 @@ def test_routine_facts_are_logged_and_what_may_be_wrong_warns(tmp_path, caplog):
     data = ff.open(made.files[:2], recipe=made.recipe)
     with caplog.at_level(logging.INFO, "fleetfoot"), warnings.catch_warnings():
         warnings.simplefilter("error", ff.FleetfootWarning)
-        fit = ff.PWA("average", target="next").fit(data)
+        fit = ff.PWA("average", target="next", lags=1).fit(data)
         fit.score(ff.open(made.files[2:], recipe=made.recipe))
     assert any("the rows are the messages of" in record.message for record in caplog.records)
     assert any("the rows are the messages of" in note for note in fit.report_["notes"])
