@@ -64,8 +64,8 @@ class Content:
 
     def weights(self, latent: dict[str, Any], region: int) -> list[float]:
         """The coefficients of the features of a latent in a region."""
-        own = next((latent[kind]["weights"][region] for kind in ("radial", "network") if kind in latent), [])
-        return [*map(float, latent["coefficients"][region]), *map(float, own)]
+        further: list[Any] = next((latent[kind]["weights"][region] for kind in ("radial", "network") if kind in latent), [])
+        return [*map(float, latent["coefficients"][region]), *map(float, further)]
 
     def coefficients(self, latent: str | None) -> np.ndarray[Any, Any]:
         """Regions x latents x functions."""
