@@ -9,7 +9,7 @@ const DRIVEN: f64 = 0.03;
 const DRIVES: f64 = 0.08;
 /// It drives others by so many times as much as it is driven.
 const TIMES: f64 = 10.0;
-/// Share of a column's variance that its own past must leave open: of what is known exactly, nothing can be said.
+/// Least share of a column's variance that its past leaves unexplained; below it other columns cannot be judged.
 const OPEN: f64 = 1e-14;
 /// Columns at most: beyond it pairs are many and rows few.
 const MOST: usize = 40;

@@ -253,7 +253,7 @@ impl Search<'_> {
         Ok(Looked { horizon, rows, late })
     }
 
-    /// Whether the derivative of a state is mostly noise, with a note.
+    /// Returns true if the derivative of a state is mostly noise, and adds a note.
     fn noisy(&mut self, view: &dyn Source, states: &[(usize, bool)]) -> Result<bool, Error> {
         let mut noisy: Vec<String> = Vec::new();
         for &(place, _) in states.iter().filter(|(_, angle)| !angle) {

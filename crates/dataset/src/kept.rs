@@ -42,7 +42,7 @@ impl Kept {
         Ok(recording)
     }
 
-    /// What a file holds.
+    /// Description of a file: columns, topics and clock.
     ///
     /// # Errors
     /// Those of reading.

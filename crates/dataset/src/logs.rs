@@ -62,7 +62,7 @@ impl Logs {
         }
     }
 
-    /// What one of the files holds.
+    /// Description of one of the files: columns, topics and clock.
     ///
     /// # Errors
     /// Those of reading.

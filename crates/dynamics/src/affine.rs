@@ -119,7 +119,7 @@ impl AffineKernel {
         true
     }
 
-    /// Whether a slot is outside of the ranges of a region.
+    /// Returns true if a slot is outside of the training range of a region.
     #[inline(always)]
     fn is_outside<S: Simd>(&self, simd: S, region: usize, slots: &[f64]) -> bool {
         let at = region * self.slots;
@@ -432,7 +432,7 @@ struct Track<'a> {
     cell: Cell,
     /// The region of the present step.
     region: usize,
-    /// Whether it is outside of the ranges of its region; kept up after it left them first where that counts.
+    /// True outside of the training range of its region; updated after the first exit only for models with slopes there.
     outside: bool,
     recorded: Vec<&'a [f64]>,
     drive: Option<Drive<'a>>,

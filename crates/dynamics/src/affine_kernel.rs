@@ -35,7 +35,7 @@ pub(crate) struct AffineKernel {
     pub(crate) beyond: Option<Beyond>,
 }
 
-/// How right sides are evaluated outside of the ranges: from the groups of latents themselves, as the general path does it.
+/// Evaluation of right sides outside of the training ranges, from the groups of latents as on the general path.
 pub(crate) struct Beyond {
     /// Per group of latents: the slots of its functions.
     pub(crate) functions: Vec<Vec<usize>>,

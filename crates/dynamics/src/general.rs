@@ -56,7 +56,7 @@ struct Batch<'a> {
     regions: Vec<u32>,
     /// The controllers of a closed loop, one a trajectory; none in an open loop.
     drives: Vec<Drive<'a>>,
-    /// Whether regressors are held within the ranges of training.
+    /// True if regressors are held within the training range.
     hold: bool,
 }
 

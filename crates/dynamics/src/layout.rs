@@ -191,7 +191,7 @@ impl Terms {
         Some(Self { slots: terms, first, sides, dense, rows })
     }
 
-    /// Where its values are found outside of the ranges, of a model that goes on otherwise there.
+    /// Places of its values outside of the training ranges, for a model with slopes of its own there.
     fn beyond(&self, simulator: &Simulator) -> Option<Beyond> {
         let groups = &simulator.compiled.groups;
         let slots = |(group, &first): (&Latents, &usize)| self.slots[first..first + group.kept.len()].to_vec();
