@@ -33,6 +33,7 @@ use crate::{
     breaks::Breaks,
     container::{Container, summary},
     containers,
+    cycles::Cycle,
     join::{Base, JoinKind, check_rate, join},
     opened::Opened,
     parquet,
@@ -160,7 +161,7 @@ pub(crate) fn estimate(
 fn opened(table: Box<dyn Table>, meta: Meta) -> Opened {
     let Meta { notes, stamp, log_offset, breaks, .. } = meta;
     let (time_column, chosen) = (Some("its clock".into()), Chosen::Caller);
-    Opened { table, time_column, of_day: false, chosen, notes, stamp, log_offset, breaks, sessions: Vec::new() }
+    Opened { table, time_column, cycle: Cycle::Never, chosen, notes, stamp, log_offset, breaks, sessions: Vec::new() }
 }
 
 /// Stamps are the messages': a column or a fixed step would join what does not belong together.

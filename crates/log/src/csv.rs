@@ -6,6 +6,7 @@ mod comments;
 mod convert;
 mod decode;
 mod dialect;
+mod fractions;
 mod head;
 mod input;
 mod sort;
@@ -15,12 +16,13 @@ use std::{path::Path, sync::Arc};
 use fleetfoot_data::Column;
 
 use crate::{
-    Compression, Error, Selection, TimeSpec,
+    Compression, Error, Selection, TimeSpec, TimeUnit,
     by_name::ByName,
+    cycles::Cycle,
     dates::{DateOrder, Fit},
     opened::Opened,
     store::{Budget, StoredTable},
-    time_column::{self, Agreed, Clock},
+    time_column::{self, Agreed, Clock, ClockUnit},
 };
 use decode::{Plan, TimeField};
 use head::Head;
@@ -41,6 +43,11 @@ pub(crate) fn describe(path: &Path, compression: Compression, agreed: &Agreed) -
     let (mut head, _) = head::open(path, compression)?;
     head.follow(&agreed.orders);
     let clock = choose(&head, &TimeSpec::Auto);
+    if let Some(Clock { name, column, beside: None, unit: ClockUnit::Told(_) | ClockUnit::Guessed(_), .. }) = &clock
+        && let Some(zeros) = head.lost_zeros(*column, TimeUnit::Seconds)
+    {
+        head.notes.push(zeros.note(name));
+    }
     let columns = (0..head.columns.len()).map(|c| Column { kind: head.kind(c), ..head.columns[c].clone() }).collect();
     Ok(Description { columns, clock, notes: head.notes })
 }
@@ -53,27 +60,39 @@ pub(crate) fn open(
     agreed: &Agreed,
     budget: &Arc<Budget>,
 ) -> Result<Opened, Error> {
-    match open_in_order(path, compression, selection, agreed, budget, false) {
-        // The rows behind the first ones decide which of two numbers is the day.
+    let read = |way| open_in_way(path, compression, selection, agreed, budget, way);
+    match read(Way::AsFirst) {
+        // The rows behind the first ones decide which of two numbers is the day, and whether zeros are missing.
         Err(problem @ Error::BadCell { .. }) => {
-            open_in_order(path, compression, selection, agreed, budget, true).map_err(|_| problem)
+            read(Way::OtherOrder).or_else(|_| read(Way::NoZeros)).map_err(|_| problem)
         }
         opened => opened,
     }
 }
 
-/// Decodes a file; `turned`: with day and month in the other order where the first rows are dates in both.
-fn open_in_order(
+/// The way in which stamps are read that the first rows leave open.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Way {
+    /// As the first rows suggest.
+    AsFirst,
+    /// With day and month in the other order.
+    OtherOrder,
+    /// With fractions as they stand.
+    NoZeros,
+}
+
+/// Decodes a file, with its stamps read in one way. Fails where that way is no other than the first one.
+fn open_in_way(
     path: &Path,
     compression: Compression,
     selection: &Selection,
     agreed: &Agreed,
     budget: &Arc<Budget>,
-    turned: bool,
+    way: Way,
 ) -> Result<Opened, Error> {
     let (mut head, stream) = head::open(path, compression)?;
     head.follow(&agreed.orders);
-    if turned && !head.turn_dates() {
+    if way == Way::OtherOrder && !head.turn_dates() {
         return Err(Error::NoRows { path: path.into() });
     }
     let names = ByName::new(head.columns.iter().map(|column| column.name.as_str()));
@@ -83,15 +102,26 @@ fn open_in_order(
     let time = clock.iter().flat_map(|clock| clock.parts());
     let time: Vec<_> = time.map(|(field, unit)| TimeField { field, unit, sort: head.sorts[field] }).collect();
     // Beside a date, a time of the day passes no midnight.
-    let of_day = matches!(time[..], [TimeField { sort: Sort::Date(_), .. }]);
+    let cycle = match time[..] {
+        [TimeField { sort: Sort::Date(_), .. }] => Cycle::Day,
+        [TimeField { sort: Sort::Number, unit, .. }] => Cycle::Counter(unit),
+        _ => Cycle::Never,
+    };
+    let zeros = clock.as_ref().and_then(|clock| head.lost_zeros(clock.column, clock.unit)).filter(|_| time.len() == 1);
+    if way == Way::NoZeros && zeros.is_none() {
+        return Err(Error::NoRows { path: path.into() });
+    }
+    let zeros = zeros.filter(|_| way != Way::NoZeros);
     let mut notes = head.notes.clone();
     notes.extend(clock.iter().filter_map(|clock| clock.assumed.clone()));
-    let plan = Plan { path, compression, head, fields, time };
+    notes.extend(zeros.iter().zip(&clock).map(|(zeros, clock)| zeros.note(&clock.name)));
+    let gps_weeks = clock.as_ref().is_some_and(|clock| clock.gps_weeks);
+    let plan = Plan { path, compression, head, fields, time, gps_weeks, zeros };
     let decoded = decode::decode(plan, stream, budget)?;
     notes.extend(decoded.notes);
     let table = StoredTable { store: decoded.store, columns: decoded.columns, has_time: clock.is_some() };
     let opened = Opened::of_table(Box::new(table), clock, notes);
-    Ok(Opened { sessions: decoded.sessions, of_day, ..opened })
+    Ok(Opened { sessions: decoded.sessions, cycle, ..opened })
 }
 
 /// The clock of a file, as far as its first rows tell, `None` where it has none; and its columns of dates.

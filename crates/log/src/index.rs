@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::{
     Error, MaxGap,
     breaks::Breaks,
-    midnights::{Days, Midnights},
+    cycles::{Cycle, Cycles, Turns},
     row_mask::RowMask,
     steps::Steps,
     table::{MISSING, Table},
@@ -43,8 +43,8 @@ pub struct ClockSummary {
 /// The used rows of a file and how they fall into episodes.
 pub(crate) struct FileIndex {
     pub mask: RowMask,
-    /// Of stamps that are times of the day, the days.
-    pub days: Days,
+    /// Of stamps that begin anew, the turns.
+    pub turns: Turns,
     pub spans: Vec<Span>,
     pub clock: ClockSummary,
 }
@@ -97,7 +97,7 @@ pub(crate) fn uniform(path: &Path, rows: usize, dt: f64, sessions: &[usize]) -> 
         end: longest,
         ..ClockSummary::default()
     };
-    Ok(FileIndex { mask: RowMask::default(), days: Days::default(), spans, clock })
+    Ok(FileIndex { mask: RowMask::default(), turns: Turns::default(), spans, clock })
 }
 
 /// An episode of equally spaced rows that starts at zero.
@@ -113,13 +113,13 @@ fn uniform_span(first: usize, rows: usize, dt: f64) -> Span {
 /// Finds the episodes of a table with a time column. The stamps are read twice when the accepted gap follows from their
 /// typical step, else once.
 ///
-/// In the first case, rows are also parted if others are known to be lost between them. `of_day`: the stamps may be
-/// times of the day.
+/// In the first case, rows are also parted if others are known to be lost between them. `cycle`: the way in which the
+/// stamps may begin anew.
 pub(crate) fn build(
     table: &dyn Table,
     max_gap: MaxGap,
     breaks: &Breaks,
-    of_day: bool,
+    cycle: Cycle,
     progress: &dyn Progress,
 ) -> Result<FileIndex, Error> {
     let mut steps = Steps::default();
@@ -129,7 +129,7 @@ pub(crate) fn build(
         MaxGap::Unlimited => None,
         MaxGap::Seconds(seconds) => Some((seconds * 1e9).round().min(9.2e18) as i64),
         MaxGap::Auto => {
-            scan(table, of_day, progress, |stamps| {
+            scan(table, cycle, progress, |stamps| {
                 for &stamp in stamps.iter().filter(|&&stamp| usable(stamp)) {
                     if last != MISSING && stamp > last {
                         steps.push(stamp.abs_diff(last));
@@ -143,28 +143,28 @@ pub(crate) fn build(
     };
     let mut cutter = Cutter::new(gap);
     cutter.lost = (breaks.clone(), period);
-    let days = scan(table, of_day, progress, |stamps| cutter.feed(stamps))?;
-    Ok(FileIndex { days, ..cutter.finish() })
+    let turns = scan(table, cycle, progress, |stamps| cutter.feed(stamps))?;
+    Ok(FileIndex { turns, ..cutter.finish() })
 }
 
 fn scan(
     table: &dyn Table,
-    of_day: bool,
+    cycle: Cycle,
     progress: &dyn Progress,
     mut each: impl FnMut(&[i64]) + Send,
-) -> Result<Days, Error> {
+) -> Result<Turns, Error> {
     let pieces = table.pieces();
-    let mut midnights = Midnights::default();
+    let mut cycles = Cycles::new(cycle);
     parallel_fold(
         pieces.len(),
         progress,
         |i| table.stamps(pieces[i].clone()),
         |stamps| {
-            each(&if of_day { midnights.pass(stamps) } else { stamps });
+            each(&cycles.pass(stamps));
             Ok(())
         },
     )?;
-    Ok(midnights.finish())
+    Ok(cycles.finish())
 }
 
 /// Stamps within 146 years of 1970, so that differences of two never overflow; [`MISSING`] is not one.
@@ -280,7 +280,7 @@ impl Cutter {
         if self.spans.is_empty() {
             (self.clock.start, self.clock.end) = (0, 0);
         }
-        FileIndex { mask: self.mask, days: Days::default(), spans: self.spans, clock: self.clock }
+        FileIndex { mask: self.mask, turns: Turns::default(), spans: self.spans, clock: self.clock }
     }
 }
 

@@ -11,6 +11,7 @@ use fleetfoot_data::{Column, ColumnKind, ScalarBuffer};
 use crate::{
     Error, RunFiles, Selection, TimeSpec, TimeUnit,
     by_name::ByName,
+    cycles::Cycle,
     opened::Opened,
     stamp,
     store::SEGMENT,
@@ -105,6 +106,8 @@ struct Selected {
     columns: Vec<TableColumn>,
     /// Columns of the stamps; several columns are added up.
     clock: Vec<(usize, TimeUnit)>,
+    /// True if the first of them counts weeks of GPS.
+    gps_weeks: bool,
 }
 
 /// Opens a table for reading the selected columns.
@@ -123,11 +126,16 @@ pub(crate) fn open(table: &Arc<dyn MemoryTable>, selection: &Selection, agreed: 
         columns: columns.collect::<Result<_, Error>>()?,
         places,
         clock: clock.iter().flat_map(SettledClock::parts).collect(),
+        gps_weeks: clock.as_ref().is_some_and(|clock| clock.gps_weeks),
         table: table.clone(),
     };
     let notes = clock.iter().filter_map(|clock| clock.assumed.clone()).collect();
-    let of_day = clock.as_ref().is_some_and(|clock| clock.beside.is_none() && table.is_time_of_day(clock.column));
-    Ok(Opened { of_day, ..Opened::of_table(Box::new(selected), clock, notes) })
+    let cycle = match &clock {
+        Some(clock) if clock.beside.is_none() && table.is_time_of_day(clock.column) => Cycle::Day,
+        Some(clock) if clock.beside.is_none() && table.time_unit(clock.column).is_none() => Cycle::Counter(clock.unit),
+        _ => Cycle::Never,
+    };
+    Ok(Opened { cycle, ..Opened::of_table(Box::new(selected), clock, notes) })
 }
 
 fn find_clock(
@@ -234,7 +242,7 @@ impl Table for Selected {
     }
 
     fn stamps(&self, rows: Range<usize>) -> Result<ScalarBuffer<i64>, Error> {
-        Ok(stamp::sum(self.clock.iter().map(|&part| self.part_of_stamps(part, rows.clone()))))
+        Ok(stamp::sum(self.clock.iter().map(|&part| self.part_of_stamps(part, rows.clone())), self.gps_weeks))
     }
 
     fn values(&self, rows: Range<usize>, _keep: usize) -> Result<TableRows, Error> {

@@ -3,6 +3,7 @@
 use crate::{
     Stamp,
     breaks::Breaks,
+    cycles::Cycle,
     table::Table,
     time_column::{Chosen, SettledClock},
 };
@@ -12,8 +13,8 @@ pub(crate) struct Opened {
     pub table: Box<dyn Table>,
     /// Name of the stamps' column, for messages; `None` without a clock.
     pub time_column: Option<String>,
-    /// True if its stamps may be times of the day, which pass midnight.
-    pub of_day: bool,
+    /// The way in which its stamps may begin anew.
+    pub cycle: Cycle,
     /// Who chose that column.
     pub chosen: Chosen,
     pub notes: Vec<String>,
@@ -34,7 +35,7 @@ impl Opened {
         Self {
             table,
             time_column: clock.map(|clock| clock.name),
-            of_day: false,
+            cycle: Cycle::Never,
             chosen,
             notes,
             stamp: None,

@@ -16,10 +16,11 @@ use fleetfoot_data::{
 use crate::{
     Base, ClockSummary, Error, Format, LabelRule, MaxGap, Selection, TimeSpec, agreement, arrays, channels,
     column_set::{self, ColumnSet},
-    csv, index,
+    csv,
+    cycles::Turns,
+    index,
     index::{FileIndex, Span},
     memory::{self, Log},
-    midnights::Days,
     naming::{episode_names, labels},
     notes::Notes,
     opened::Opened,
@@ -80,7 +81,7 @@ struct RecordedFile {
     in_memory: bool,
     table: Arc<dyn Table>,
     mask: Arc<RowMask>,
-    days: Days,
+    turns: Turns,
     clock: ClockSummary,
     log_offset: i64,
     /// For each column: this file's category codes to the recording's.
@@ -186,10 +187,12 @@ pub(crate) fn open_agreed(
     };
     let mut spans = Vec::new();
     let mut told = Notes::default();
-    for (((path, opened), FileIndex { mask, days, spans: own, clock }), recode) in
+    for (((path, opened), FileIndex { mask, turns, spans: own, clock }), recode) in
         paths.into_iter().zip(opened).zip(indices).zip(recode)
     {
-        told.add_file(&path, &opened.notes, &clock, &own);
+        let mut notes = opened.notes;
+        notes.extend(opened.time_column.as_deref().and_then(|column| turns.note(column)));
+        told.add_file(&path, &notes, &clock, &own);
         let file = recording.files.len();
         spans.extend(own.into_iter().map(|span| (file, span)));
         recording.files.push(RecordedFile {
@@ -202,7 +205,7 @@ pub(crate) fn open_agreed(
             in_memory: logs[file].file().is_none(),
             table: Arc::from(opened.table),
             mask: Arc::new(mask),
-            days,
+            turns,
             clock,
             log_offset: opened.log_offset,
             recode,
@@ -308,7 +311,7 @@ fn index_file(
     if let TimeSpec::Uniform { dt_seconds } = selection.time {
         return index::uniform(path, table.rows(), dt_seconds, &opened.sessions);
     }
-    let index = index::build(table, selection.max_gap, &opened.breaks, opened.of_day, progress)?;
+    let index = index::build(table, selection.max_gap, &opened.breaks, opened.cycle, progress)?;
     if index.spans.is_empty() {
         let column = opened.time_column.clone().unwrap_or_default();
         return Err(Error::NoStamps { path: path.into(), rows: table.rows(), column });
@@ -455,7 +458,7 @@ impl Recording {
         let file = &self.files[file];
         let (from, to) = (file.mask.place(first + all.start), file.mask.place(first + all.end - 1) + 1);
         let TableRows { time, mut columns } = file.table.values(from..to, halo.before + halo.after)?;
-        let mut time = file.days.add(from..to, time);
+        let mut time = file.turns.add(from..to, time);
         if to - from != all.len() {
             let used: Vec<bool> = (from..to).map(|row| !file.mask.is_dropped(row)).collect();
             time = keep(&time, &used);

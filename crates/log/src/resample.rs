@@ -6,8 +6,8 @@ use fleetfoot_data::{ColumnKind, Progress, parallel_fold};
 
 use crate::{
     Error, JoinKind, Selection, TopicClock,
+    cycles::{Cycle, Cycles},
     join::{Base, JoinColumn, Samples, Series, SeriesBuilder, check_rate, join},
-    midnights::Midnights,
     opened::Opened,
     store::{Budget, SEGMENT, StoreBuilder, StoredTable},
     table::{MISSING, Table, TableColumn},
@@ -37,7 +37,7 @@ pub(crate) fn at_rate(
     notes.push(format!("its rows are made anew at {hz} a second, as a rate is asked for"));
     notes.extend(own.counts.left_out("rows"));
     let table: Box<dyn Table> = Box::new(StoredTable { store: rows.finish()?, columns, has_time: true });
-    Ok(Opened { table, notes, of_day: false, sessions: Vec::new(), ..opened })
+    Ok(Opened { table, notes, cycle: Cycle::Never, sessions: Vec::new(), ..opened })
 }
 
 /// The rows of a table in the order of their stamps, as other clocks correct these.
@@ -54,13 +54,13 @@ pub(crate) fn series(
     let pieces: Vec<_> = pieces
         .flat_map(|piece| piece.clone().step_by(SEGMENT).map(move |from| from..(from + SEGMENT).min(piece.end)))
         .collect();
-    let mut midnights = Midnights::default();
+    let mut cycles = Cycles::new(opened.cycle);
     parallel_fold(
         pieces.len(),
         progress,
         |at| table.values(pieces[at].clone(), 0),
         |rows| {
-            let mut stamps = if opened.of_day { midnights.pass(rows.time) } else { rows.time };
+            let mut stamps = cycles.pass(rows.time);
             if !clocks.is_empty() {
                 let corrected = |&stamp: &i64| match stamp {
                     MISSING => MISSING,

@@ -87,9 +87,21 @@ pub(crate) fn seconds(stamp: i64) -> f64 {
     (stamp / SECOND) as f64 + (stamp % SECOND) as f64 / SECOND as f64
 }
 
-/// The sums of the stamps that several columns tell, row by row: a date and the time of the day, seconds and the nanoseconds beyond. Empty without columns.
-pub(crate) fn sum(mut parts: impl Iterator<Item = ScalarBuffer<i64>>) -> ScalarBuffer<i64> {
+/// Seconds of a week, and those from 1970 to the first week of GPS.
+const WEEK: i64 = 604_800;
+const GPS_EPOCH: i64 = 315_964_800;
+
+/// The begin of a week of GPS, in GPS time; [`MISSING`] when nanoseconds cannot hold it. Weeks come as if they were seconds.
+pub(crate) fn gps_week(weeks: i64) -> i64 {
+    let begin = weeks.checked_mul(WEEK).filter(|_| weeks != MISSING);
+    begin.and_then(|begin| begin.checked_add(from_i64(GPS_EPOCH, TimeUnit::Seconds))).unwrap_or(MISSING)
+}
+
+/// The sums of the stamps that several columns tell, row by row: a date and the time of the day, seconds and the nanoseconds beyond, or, with
+/// `gps_weeks`, weeks of GPS and the time of the week. Empty without columns.
+pub(crate) fn sum(mut parts: impl Iterator<Item = ScalarBuffer<i64>>, gps_weeks: bool) -> ScalarBuffer<i64> {
     let first = parts.next().unwrap_or_else(|| Vec::new().into());
+    let first = if gps_weeks { first.iter().map(|&weeks| gps_week(weeks)).collect::<Vec<_>>().into() } else { first };
     parts.fold(first, |sum, part| {
         let add = |(&a, &b): (&i64, &i64)| {
             if a == MISSING || b == MISSING { MISSING } else { a.checked_add(b).unwrap_or(MISSING) }
@@ -160,7 +172,14 @@ mod tests {
         }
         assert_eq!(from_i64(i64::MAX, TimeUnit::Seconds), MISSING);
         let parts = [vec![i64::MAX, 5, MISSING], vec![1, 6, 1]].map(ScalarBuffer::from);
-        assert_eq!(sum(parts.into_iter())[..], [MISSING, 11, MISSING]);
+        assert_eq!(sum(parts.into_iter(), false)[..], [MISSING, 11, MISSING]);
+    }
+
+    #[test]
+    fn weeks_of_gps_begin_in_1980() {
+        // 2024-03-03, a Sunday.
+        assert_eq!(gps_week(2304 * 1_000_000_000), 1_709_424_000_000_000_000);
+        assert_eq!((gps_week(MISSING), gps_week(i64::MAX)), (MISSING, MISSING));
     }
 
     #[test]

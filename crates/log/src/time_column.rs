@@ -44,6 +44,8 @@ pub(crate) struct Clock {
     pub column: usize,
     /// A second column whose stamps are added to it, and their unit: the time of the day beside the date, nanoseconds beside seconds.
     pub beside: Option<(usize, TimeUnit)>,
+    /// True if its numbers are weeks of GPS, and those beside it the time of the week.
+    pub gps_weeks: bool,
     /// The unit of its numbers.
     pub unit: ClockUnit,
     /// Kind of its cells.
@@ -91,6 +93,8 @@ pub(crate) struct SettledClock {
     pub name: String,
     pub column: usize,
     pub beside: Option<(usize, TimeUnit)>,
+    /// True if it counts weeks of GPS.
+    pub gps_weeks: bool,
     pub unit: TimeUnit,
     pub chosen: Chosen,
     /// The assumption and its reason, if one was made.
@@ -139,7 +143,15 @@ pub(crate) fn choose(candidates: &[Candidate], sampler: Sampler<'_>, spec: &Time
         (CandidateKind::Time | CandidateKind::Other, None) => ClockUnit::Told(TimeUnit::Nanoseconds),
         (CandidateKind::Float | CandidateKind::Integer, None) => ClockUnit::Guessed(units::readings(&sampler(column))),
     };
-    Some(Clock { name: candidate.name.clone(), column, beside: None, unit, kind: candidate.kind, chosen })
+    Some(Clock {
+        name: candidate.name.clone(),
+        column,
+        beside: None,
+        gps_weeks: false,
+        unit,
+        kind: candidate.kind,
+        chosen,
+    })
 }
 
 /// A date and a time of the day, or seconds and nanoseconds.
@@ -158,7 +170,16 @@ fn in_two_parts(candidates: &[Candidate], sampler: Sampler<'_>) -> Option<Clock>
         let unit = ClockUnit::Told(TimeUnit::Nanoseconds);
         let beside = Some((time, TimeUnit::Nanoseconds));
         let name = candidates[date].name.clone();
-        return Some(Clock { name, column: date, beside, unit, kind: CandidateKind::Time, chosen: Chosen::Name });
+        let gps_weeks = false;
+        return Some(Clock {
+            name,
+            column: date,
+            beside,
+            gps_weeks,
+            unit,
+            kind: CandidateKind::Time,
+            chosen: Chosen::Name,
+        });
     }
     let whole: Vec<(usize, &str)> =
         kinds(CandidateKind::Integer).map(|column| (column, &*candidates[column].name)).collect();
@@ -167,13 +188,53 @@ fn in_two_parts(candidates: &[Candidate], sampler: Sampler<'_>) -> Option<Clock>
             name: candidates[column].name.clone(),
             column,
             beside: Some((nanoseconds, TimeUnit::Nanoseconds)),
+            gps_weeks: false,
             unit: ClockUnit::Told(TimeUnit::Seconds),
             kind: CandidateKind::Integer,
             chosen: Chosen::Name,
         }),
-        _ => None,
+        _ => in_gps_weeks(candidates, sampler),
     }
 }
+
+/// The week of GPS, and the time of the week in seconds or milliseconds.
+fn in_gps_weeks(candidates: &[Candidate], sampler: Sampler<'_>) -> Option<Clock> {
+    const WEEK: f64 = 604_800.0;
+    let numbers = |kinds: &[CandidateKind], is_named: &dyn Fn(&str) -> bool| -> Vec<usize> {
+        let is_one = |&c: &usize| kinds.contains(&candidates[c].kind) && is_named(&candidates[c].name);
+        (0..candidates.len()).filter(is_one).collect()
+    };
+    let weeks = numbers(&[CandidateKind::Integer], &names::is_gps_week);
+    let times = numbers(&[CandidateKind::Integer, CandidateKind::Float], &|name| names::time_of_week(name).is_some());
+    let (&[week], &[time]) = (&weeks[..], &times[..]) else { return None };
+    let finite = |column: usize| sampler(column).into_iter().filter(|value| value.is_finite()).collect::<Vec<f64>>();
+    let (week_sample, time_sample) = (finite(week), finite(time));
+    let is_week = !week_sample.is_empty() && week_sample.iter().all(|week| (1.0..5000.0).contains(week));
+    let largest = time_sample.iter().copied().fold(0.0, f64::max);
+    let told = candidates[time].unit.as_deref().and_then(TimeUnit::parse);
+    let unit = match (told.or(names::time_of_week(&candidates[time].name)?), candidates[time].kind) {
+        (Some(unit), _) => unit,
+        (None, _) if largest > WEEK => TimeUnit::Milliseconds,
+        (None, CandidateKind::Float) => TimeUnit::Seconds,
+        // Whole numbers in the first ten minutes of a week, or seconds.
+        (None, _) => return None,
+    };
+    let is_time =
+        mostly_rises(&time_sample) && time_sample.iter().all(|time| (0.0..=WEEK).contains(&(time * unit.seconds())));
+    (is_week && is_time).then(|| Clock {
+        name: candidates[week].name.clone(),
+        column: week,
+        beside: Some((time, unit)),
+        gps_weeks: true,
+        unit: ClockUnit::Told(TimeUnit::Seconds),
+        kind: CandidateKind::Integer,
+        chosen: Chosen::Name,
+    })
+}
+
+/// Note on weeks of GPS.
+const GPS_TIME: &str =
+    "its stamps are weeks of GPS and the time of the week: GPS time, which is 18 s ahead of UTC since 2017";
 
 /// The name that pandas gives in a file to an index without a name.
 const INDEX: &str = "__index_level_0__";
@@ -330,12 +391,13 @@ impl Clock {
         };
         let why = (self.chosen == Chosen::Values)
             .then(|| format!("`{name}` is taken as the time: it is the only column that rises evenly at every row"));
+        let why = why.or_else(|| self.gps_weeks.then(|| GPS_TIME.into()));
         let assumed = match (why, guess) {
             (Some(why), Some(guess)) => Some(format!("{why}; {guess}")),
             (why, guess) => why.or(guess),
         };
-        let Self { name, column, beside, chosen, .. } = self;
-        Ok(SettledClock { name, column, beside, unit, chosen, assumed })
+        let Self { name, column, beside, gps_weeks, chosen, .. } = self;
+        Ok(SettledClock { name, column, beside, gps_weeks, unit, chosen, assumed })
     }
 }
 

@@ -14,6 +14,7 @@ use super::{
     comments::LeftOut,
     convert::Converted,
     dialect::begins_comment,
+    fractions::Fractions,
     head::{Head, is_header_again},
     input::{Watched, line_of, read_error, reader},
     sort::{Sort, sort_of},
@@ -35,6 +36,10 @@ pub(super) struct Plan<'a> {
     pub fields: Vec<usize>,
     /// Fields of the stamps; several fields are added up.
     pub time: Vec<TimeField>,
+    /// True if the first of these counts weeks of GPS.
+    pub gps_weeks: bool,
+    /// The zeros that the stamps' fractions lost.
+    pub zeros: Option<Fractions>,
 }
 
 /// A field of the stamps.
@@ -64,6 +69,9 @@ struct Misfit {
 /// Expected form of a date.
 const A_DATE: &str = "a date or a time of the day such as 2011-07-23 13:23:09, 23.07.2011 13:23 or 13:23:09.5";
 
+/// Expected form of a stamp whose zeros are put back.
+const A_FRACTION: &str = "a time whose fraction lacks its leading zeros, as in the rows before";
+
 /// Note on a last row that cannot be whole.
 const CUT: &str = "the last line was cut off and is left out";
 
@@ -87,6 +95,7 @@ pub(super) fn decode(mut plan: Plan<'_>, stream: Box<dyn Read>, budget: &Arc<Bud
     let mut header = None;
     let units = plan.head.units.clone();
     let (mut sessions, mut used) = (Vec::new(), 0);
+    let mut sorted = Second::default();
     loop {
         watch.row();
         let more = rows.read_byte_record(&mut record).map_err(|problem| plan.csv_error(problem, number))?;
@@ -102,6 +111,7 @@ pub(super) fn decode(mut plan: Plan<'_>, stream: Box<dyn Read>, budget: &Arc<Bud
                     continue;
                 }
                 Some(header) if is_header_again(&record, header) => {
+                    sorted.flush(&mut store)?;
                     sessions.push(used);
                     continue;
                 }
@@ -142,7 +152,11 @@ pub(super) fn decode(mut plan: Plan<'_>, stream: Box<dyn Read>, budget: &Arc<Bud
             }
         };
         columns.iter_mut().for_each(|decoder| decoder.place(at, &record));
-        store.push(stamp, &values)?;
+        if plan.zeros.is_some() {
+            sorted.push(stamp, &values, &mut store)?;
+        } else {
+            store.push(stamp, &values)?;
+        }
         used += 1;
         std::mem::swap(&mut record, &mut previous);
         kept = true;
@@ -150,6 +164,7 @@ pub(super) fn decode(mut plan: Plan<'_>, stream: Box<dyn Read>, budget: &Arc<Bud
             check_categories(&plan, &columns)?;
         }
     }
+    sorted.flush(&mut store)?;
     sessions.retain(|&first| 0 < first && first < used);
     sessions.dedup();
     if !sessions.is_empty() {
@@ -159,6 +174,29 @@ pub(super) fn decode(mut plan: Plan<'_>, stream: Box<dyn Read>, budget: &Arc<Bud
     notes.extend(plan.comments(&left_out));
     let decoded = finish(&plan, columns, store, notes)?;
     Ok(Decoded { sessions, ..decoded })
+}
+
+/// Rows of one second, to be sorted: stamps without their zeros were sorted as texts.
+#[derive(Default)]
+struct Second {
+    rows: Vec<(i64, Vec<f64>)>,
+}
+
+impl Second {
+    /// Adds a row, after the rows of the second before have gone into the store.
+    fn push(&mut self, stamp: i64, values: &[f64], store: &mut StoreBuilder) -> Result<(), Error> {
+        let second = |stamp: i64| stamp.div_euclid(1_000_000_000);
+        if self.rows.first().is_some_and(|(first, _)| second(*first) != second(stamp)) {
+            self.flush(store)?;
+        }
+        self.rows.push((stamp, values.to_vec()));
+        Ok(())
+    }
+
+    fn flush(&mut self, store: &mut StoreBuilder) -> Result<(), Error> {
+        self.rows.sort_by_key(|(stamp, _)| *stamp);
+        self.rows.drain(..).try_for_each(|(stamp, values)| store.push(stamp, &values))
+    }
 }
 
 fn finish(
@@ -186,8 +224,10 @@ fn check_categories(plan: &Plan<'_>, columns: &[Decoder]) -> Result<(), Error> {
 impl Plan<'_> {
     fn stamp(&self, record: &csv::ByteRecord) -> Result<i64, Misfit> {
         let mut sum = 0i64;
-        for time in &self.time {
-            let stamp = Some(self.part_of_stamp(record, *time)?).filter(|&stamp| stamp != MISSING);
+        for (place, time) in self.time.iter().enumerate() {
+            let part = self.part_of_stamp(record, *time)?;
+            let part = if self.gps_weeks && place == 0 { stamp::gps_week(part) } else { part };
+            let stamp = Some(part).filter(|&stamp| stamp != MISSING);
             match stamp.and_then(|stamp| sum.checked_add(stamp)) {
                 Some(added) => sum = added,
                 None => return Ok(MISSING),
@@ -199,6 +239,12 @@ impl Plan<'_> {
     fn part_of_stamp(&self, record: &csv::ByteRecord, time: TimeField) -> Result<i64, Misfit> {
         let TimeField { field, unit, sort } = time;
         let cell = record[field].trim_ascii();
+        let mended = match &self.zeros {
+            Some(_) if is_missing(cell) => None,
+            Some(zeros) => Some(zeros.mend(cell).ok_or(Misfit { field, expected: A_FRACTION })?),
+            None => None,
+        };
+        let cell = mended.as_deref().unwrap_or(cell);
         let date = matches!(sort, Sort::Date(_));
         let parsed = match sort {
             Sort::Date(order) => dates::parse(cell, order),

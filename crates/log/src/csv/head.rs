@@ -9,11 +9,12 @@ use super::{
     cell::{Cell, is_missing, is_whole, number},
     comments::Comments,
     dialect::{self, Preamble, first_line, text_of},
+    fractions::Fractions,
     input::{self, read_error, reader},
     sort::{Sort, sort},
 };
 use crate::{
-    Compression, Error,
+    Compression, Error, TimeUnit,
     dates::{self, DateOrder, Fit},
     stamp,
     time_column::{Candidate, CandidateKind, split_unit},
@@ -175,8 +176,18 @@ impl Head {
         if values.is_empty() { vec![f64::NAN; self.sample.len()] } else { values }
     }
 
+    /// The lost zeros of the stamps in a column.
+    pub(super) fn lost_zeros(&self, c: usize, unit: TimeUnit) -> Option<Fractions> {
+        let parse = |cell: &[u8]| match self.sorts[c] {
+            Sort::Number if unit == TimeUnit::Seconds => stamp::parse_decimal(cell, unit),
+            Sort::Date(order) => dates::parse(cell, order),
+            _ => None,
+        };
+        Fractions::of(self.cells(c), parse)
+    }
+
     /// The first cells of a column that are not missing.
-    fn cells(&self, c: usize) -> impl Iterator<Item = &[u8]> {
+    fn cells(&self, c: usize) -> impl Iterator<Item = &[u8]> + Clone {
         self.sample.iter().filter_map(move |record| record.get(c)).filter(|cell| !is_missing(cell))
     }
 

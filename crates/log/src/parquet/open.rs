@@ -28,6 +28,7 @@ use super::{
 use crate::{
     Error, Selection, TimeSpec, TimeUnit,
     by_name::ByName,
+    cycles::Cycle,
     opened::Opened,
     table::{MAX_CATEGORIES, TableColumn},
     time_column::{self, Agreed, Clock},
@@ -114,10 +115,12 @@ pub(crate) fn open(
         time.push((leaf.index, Rule { meaning: leaf.meaning.clone(), unit, names: Vec::new() }));
     }
     // Beside a date, a time of the day passes no midnight.
-    let of_day = match &time[..] {
-        [(_, Rule { meaning, .. })] => matches!(meaning, Meaning::Text | Meaning::Time { of_day: true, .. }),
-        _ => false,
+    let cycle = match &time[..] {
+        [(_, Rule { meaning: Meaning::Text | Meaning::Time { of_day: true, .. }, .. })] => Cycle::Day,
+        [(_, Rule { meaning: Meaning::Integer { .. } | Meaning::Float, unit, .. })] => Cycle::Counter(*unit),
+        _ => Cycle::Never,
     };
+    let gps_weeks = clock.as_ref().is_some_and(|clock| clock.gps_weeks);
     let table = ParquetTable {
         file,
         cursors: cursors.clone(),
@@ -126,9 +129,10 @@ pub(crate) fn open(
         starts,
         columns,
         time,
+        gps_weeks,
         leaves: wanted,
     };
-    Ok(Opened { of_day, ..Opened::of_table(Box::new(table), clock, notes) })
+    Ok(Opened { cycle, ..Opened::of_table(Box::new(table), clock, notes) })
 }
 
 /// The clock of a file, as far as its first rows tell; `None` where it has none.

@@ -35,6 +35,8 @@ pub(super) struct ParquetTable {
     pub(super) columns: Vec<TableColumn>,
     /// Leaves and conversions of the stamps; of several they are added up.
     pub(super) time: Vec<(usize, Rule)>,
+    /// True if the first of them counts weeks of GPS.
+    pub(super) gps_weeks: bool,
     /// Leaf and conversion of the columns.
     pub(super) leaves: Vec<(usize, Rule)>,
 }
@@ -108,7 +110,7 @@ impl ParquetTable {
         let parts: Result<Vec<ScalarBuffer<i64>>, Error> = parts
             .map(|(order, part)| Ok(self.column::<i64>(turn, handle, order, part, rows.clone())?.into()))
             .collect();
-        Ok(stamp::sum(parts?.into_iter()))
+        Ok(stamp::sum(parts?.into_iter(), self.gps_weeks))
     }
 
     fn handle(&self) -> Handle<'_> {

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use crate::TimeUnit;
 
 /// Base names of clocks, the most telling first; a unit suffix (`_ns`) or bracket (`[ms]`) may follow.
-const NAMES: [&str; 23] = [
+const NAMES: [&str; 25] = [
     "t",
     "time",
     "timestamp",
@@ -29,6 +29,8 @@ const NAMES: [&str; 23] = [
     "secs",
     "sec",
     "date",
+    "tick",
+    "ticks",
 ];
 
 /// Rank of a column's name among those of clocks, and the unit in it.
@@ -114,6 +116,36 @@ pub(super) fn seconds_and_nanoseconds(columns: &[(usize, &str)]) -> Vec<(usize, 
         }
     }
     pairs
+}
+
+/// Returns true if a column's name is that of the weeks of GPS.
+pub(super) fn is_gps_week(name: &str) -> bool {
+    const WEEKS: [&str; 8] = ["week", "gpsweek", "weeknumber", "gpsweeknumber", "weekno", "gwk", "wn", "wnc"];
+    WEEKS.contains(&&*letters(split_unit(name).0))
+}
+
+/// Whether a column's name is that of the time of the week, and its unit if the name tells it.
+pub(super) fn time_of_week(name: &str) -> Option<Option<TimeUnit>> {
+    const MILLISECONDS: [&str; 8] =
+        ["gms", "itow", "towms", "gpsms", "weekms", "timeweekms", "msofweek", "gpsmilliseconds"];
+    const SECONDS: [&str; 7] = ["sow", "gpssow", "tows", "secondsofweek", "weekseconds", "gpsseconds", "gpssec"];
+    const OPEN: [&str; 5] = ["tow", "gpstow", "timeofweek", "gpstimeofweek", "weektime"];
+    let (bare, unit) = split_unit(name);
+    let letters = &*letters(bare);
+    let by_name = match letters {
+        _ if MILLISECONDS.contains(&letters) => Some(TimeUnit::Milliseconds),
+        _ if SECONDS.contains(&letters) => Some(TimeUnit::Seconds),
+        _ if OPEN.contains(&letters) => None,
+        _ => return None,
+    };
+    Some(unit.and_then(TimeUnit::parse).or(by_name))
+}
+
+/// The last part of a name, in lower case and without what separates its words: `gps.time_week_ms` becomes
+/// `timeweekms`.
+fn letters(name: &str) -> String {
+    let last = name.rsplit(['.', '/']).next().unwrap_or(name);
+    last.chars().filter(|c| !matches!(c, '_' | '-' | ' ')).flat_map(char::to_lowercase).collect()
 }
 
 #[cfg(test)]

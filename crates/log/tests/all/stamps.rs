@@ -354,3 +354,168 @@ fn columns_that_do_not_rise_are_no_clock() {
     let named = fleetfoot_log::TimeSpec::Column { name: "x".into(), unit: Some(TimeUnit::Seconds) };
     assert!(open(&[&turned], &Selection { time: named, ..Selection::new(["u"]) }).is_ok());
 }
+
+/// A file with a column `x` that counts the rows from 0, and one that breaks no tie.
+fn written(folder: &std::path::Path, header: &str, stamps: &[String]) -> std::path::PathBuf {
+    let path = folder.join("run.csv");
+    let delimiter = if header.contains(';') { ';' } else { ',' };
+    let row = |(row, stamp): (usize, &String)| format!("{stamp}{delimiter}{row}{delimiter}{}\n", (row * 37) % 17);
+    let rows: String = stamps.iter().enumerate().map(row).collect();
+    std::fs::write(&path, format!("{header}{delimiter}x{delimiter}y\n{rows}")).unwrap();
+    path
+}
+
+/// Stamps, values of `x` and notes.
+fn read_x(path: &std::path::Path) -> (Vec<i64>, Vec<f64>, Vec<String>) {
+    let recording = open(&[path], &Selection::new(["x"])).unwrap();
+    let read = |e: usize| recording.read(e, 0..recording.episodes()[e].rows, Default::default()).unwrap();
+    let x = (0..recording.episodes().len()).flat_map(|e| read(e).columns[0].to_vec()).collect();
+    (stamps(&recording), x, recording.notes().to_vec())
+}
+
+#[test]
+fn fractions_without_their_leading_zeros_are_mended() {
+    let folder = tempfile::tempdir().unwrap();
+    // 100 Hz for 30 s, in the order of time and sorted as texts.
+    let truth: Vec<i64> = (0..3000).map(|row| 48_008_519_246 + row * 10_000_000 + (row * 7919) % 11 * 1001).collect();
+    let lost = |ns: &i64| format!("{}.{}", ns / 1_000_000_000, ns % 1_000_000_000);
+    let texts: Vec<String> = truth.iter().map(lost).collect();
+    assert_eq!(texts[0], "48.8519246");
+    let mut sorted: Vec<(String, usize)> = texts.iter().cloned().zip(0..).collect();
+    sorted.sort_by(|a, b| a.0.parse::<f64>().unwrap().total_cmp(&b.0.parse().unwrap()));
+    let (found, x, notes) = read_x(&written(folder.path(), "time", &texts));
+    assert_eq!(found, truth);
+    assert_eq!(x, (0..3000).map(f64::from).collect::<Vec<_>>());
+    let is_note = |note: &String| note.contains("lost their leading zeros") && note.contains("is read as 48.008519246");
+    assert!(notes.iter().any(is_note), "{notes:?}");
+    let path = written(folder.path(), "time", &sorted.iter().map(|(text, _)| text.clone()).collect::<Vec<_>>());
+    let rows: Vec<usize> = read_x(&path).1.iter().map(|&x| sorted[x as usize].1).collect();
+    assert_eq!(read_x(&path).0, truth);
+    assert_eq!(rows, (0..3000).collect::<Vec<_>>());
+    assert!(
+        inspect_together(&[&path], false, &Silent).unwrap()[0]
+            .notes
+            .iter()
+            .any(|note| note.contains("lost their leading zeros"))
+    );
+    // Times of the day.
+    let clock = |ns: &i64| format!("2024-03-03 09:00:{}", lost(ns));
+    let dates: Vec<String> = truth[..900].iter().map(clock).collect();
+    let start = 1_709_456_400_000_000_000;
+    let (found, _, _) = read_x(&written(folder.path(), "time", &dates));
+    assert_eq!(found, truth[..900].iter().map(|ns| start + ns).collect::<Vec<_>>());
+    // A later fraction begins with a zero: none was lost, and the stamps stand as they are.
+    let mut unsure = texts.clone();
+    unsure.push("79.01".into());
+    let (found, _, notes) = read_x(&written(folder.path(), "time", &unsure));
+    assert_eq!((found[0], found.last()), (48_851_924_600, Some(&79_010_000_000)));
+    assert!(!notes.iter().any(is_note), "{notes:?}");
+}
+
+#[test]
+fn counters_that_wrap_are_counted_on() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, unit, bits, step) in
+        [("tick_ms", 1_000_000, 16, 10), ("time_us", 1_000, 32, 10_000), ("t_us", 1_000, 16, 4_000)]
+    {
+        let period = 1i64 << bits;
+        let ticks: Vec<i64> = (0..400).map(|row| period - 12 * step - 3 + row * step).collect();
+        let ns: Vec<i64> = ticks.iter().map(|tick| tick * unit).collect();
+        let texts: Vec<String> = ticks.iter().map(|tick| (tick % period).to_string()).collect();
+        let path = written(folder.path(), name, &texts);
+        let first = ns[0] - ticks[0] % period * unit;
+        let (found, x, notes) = read_x(&path);
+        assert_eq!(found, ns.iter().map(|ns| ns - first).collect::<Vec<_>>(), "{name}");
+        assert_eq!(x.len(), 400);
+        assert!(notes.iter().any(|note| note.contains(&format!("of `{name}` wrap at 2^{bits}"))), "{notes:?}");
+        // At a rate, and from Parquet.
+        let mut rate = Selection::new(["x"]);
+        rate.join.base = Some(fleetfoot_log::Base::Rate(20.0));
+        let recording = open(&[&path], &rate).unwrap();
+        assert_eq!(recording.episodes().len(), 1, "{name}");
+        let path = folder.path().join("run.parquet");
+        let columns = vec![WriteColumn::new(name, WriteKind::Integer), WriteColumn::new("x", WriteKind::Float)];
+        let mut writer = ParquetWriter::create(&path, columns, &WriteOptions::default()).unwrap();
+        let wrapped: Vec<i64> = ticks.iter().map(|tick| tick % period).collect();
+        writer.write(&[Values::Integer(&wrapped), Values::Float(&x)]).unwrap();
+        writer.finish().unwrap();
+        assert_eq!(read_x(&path).0, found, "{name}");
+    }
+    // A logger that was started anew: two episodes.
+    let texts: Vec<String> = (0..60).map(|row| (row % 30 * 10).to_string()).collect();
+    let recording = open(&[written(folder.path(), "tick_ms", &texts)], &Selection::new(["x"])).unwrap();
+    assert_eq!(recording.episodes().len(), 2);
+}
+
+#[test]
+fn weeks_of_gps_and_the_time_of_the_week_are_one_clock() {
+    let folder = tempfile::tempdir().unwrap();
+    // Over the end of a week, 2024-03-02 to 03, at 20 Hz.
+    let epoch = 315_964_800_000i64;
+    let rows: Vec<(i64, i64)> =
+        (0..100).map(|row| 604_800_000 - 2_000 + row * 50).map(|ms| (ms / 604_800_000, ms % 604_800_000)).collect();
+    let truth: Vec<i64> =
+        rows.iter().map(|(week, ms)| (epoch + (2303 + week) * 604_800_000 + ms) * 1_000_000).collect();
+    assert_eq!(truth[0], (1_709_424_000 - 2) * 1_000_000_000);
+    for (names, seconds) in [
+        ("GWk,GMS", false),
+        ("gps.week,gps.tow", false),
+        ("week,iTOW [ms]", false),
+        ("gps_week,gps_tow", true),
+        ("WN,TOW (s)", true),
+    ] {
+        let time = |ms: i64| if seconds { format!("{}.{:03}", ms / 1000, ms % 1000) } else { ms.to_string() };
+        let texts: Vec<String> = rows.iter().map(|(week, ms)| format!("{},{}", 2303 + week, time(*ms))).collect();
+        let (found, x, notes) = read_x(&written(folder.path(), names, &texts));
+        assert_eq!(found, truth, "{names}");
+        assert_eq!(x.len(), 100);
+        assert!(notes.iter().any(|note| note.contains("GPS time, which is 18 s ahead of UTC")), "{notes:?}");
+    }
+    // Whole seconds or milliseconds of the first minutes of a week: refused by name.
+    let texts: Vec<String> = (0..60).map(|row| format!("2304,{}", row * 1000)).collect();
+    let path = written(folder.path(), "week,tow", &texts);
+    let error = open(&[&path], &Selection::new(["x"])).unwrap_err().to_string();
+    assert!(error.contains("run.csv") && error.contains("--time"), "{error}");
+}
+
+#[test]
+fn clocks_of_people_are_read_as_they_are_written() {
+    let folder = tempfile::tempdir().unwrap();
+    // From 11:59:30 at night (or noon), a row every two seconds.
+    let seconds = |start: i64| (0..30).map(|row| (start + 2 * row) * 1_000_000_000).collect::<Vec<_>>();
+    let of_day = |row: i64| 86_370 + 2 * row;
+    let half = |second: i64| {
+        let hours = second / 3600 % 24;
+        let half = if hours < 12 { "AM" } else { "PM" };
+        format!("{}:{:02}:{:02} {half}", (hours + 11) % 12 + 1, second / 60 % 60, second % 60)
+    };
+    // 12-hour clocks over midnight and over noon, alone and behind a date.
+    for shift in [0, 43_200] {
+        let texts: Vec<String> = (0..30).map(|row| half(of_day(row) + shift)).collect();
+        assert_eq!(read_x(&written(folder.path(), "Time", &texts)).0, seconds((86_370 + shift) % 86_400), "{shift}");
+    }
+    let day = |second: i64| 24 + second / 86_400;
+    let texts: Vec<String> = (0..30).map(|row| format!("{}/04/2021 {}", day(of_day(row)), half(of_day(row)))).collect();
+    let april_24 = 1_619_222_400;
+    assert_eq!(read_x(&written(folder.path(), "Time", &texts)).0, seconds(april_24 + 86_370), "day first");
+    let texts: Vec<String> = (0..30).map(|row| format!("04/{}/2021 {}", day(of_day(row)), half(of_day(row)))).collect();
+    assert_eq!(read_x(&written(folder.path(), "Time", &texts)).0, seconds(april_24 + 86_370), "month first");
+    // Times of the day over midnight, with 24 hours and decimals.
+    let texts: Vec<String> =
+        (0..30).map(of_day).map(|s| format!("{:02}:{:02}:{:02}.250", s / 3600 % 24, s / 60 % 60, s % 60)).collect();
+    let expected: Vec<i64> = seconds(86_370).iter().map(|ns| ns + 250_000_000).collect();
+    assert_eq!(read_x(&written(folder.path(), "Time", &texts)).0, expected);
+    // Decimal commas.
+    let texts: Vec<String> = (0..30).map(|row| format!("{},{:02}", 12 + row / 4, row % 4 * 25)).collect();
+    let expected: Vec<i64> = (0..30).map(|row| 12_000_000_000 + row * 250_000_000).collect();
+    let commas: Vec<String> = texts.iter().map(|text| format!("{text};0,5")).collect();
+    assert_eq!(read_x(&written(folder.path(), "time;u", &commas)).0, expected);
+    // Several clocks in one file: the better name counts, and the other one is a column.
+    let texts: Vec<String> =
+        (0..30).map(|row| format!("{},{}", 1_700_000_000_000i64 + row * 20, row * 20_000)).collect();
+    let path = written(folder.path(), "stamp_ms,time_us", &texts);
+    assert_eq!(read_x(&path).0, (0..30).map(|row| row * 20_000_000).collect::<Vec<_>>());
+    let named = fleetfoot_log::TimeSpec::Column { name: "stamp_ms".into(), unit: None };
+    let recording = open(&[&path], &Selection { time: named, ..Selection::new(["x"]) }).unwrap();
+    assert_eq!(stamps(&recording)[0], 1_700_000_000_000_000_000);
+}
