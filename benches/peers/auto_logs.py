@@ -4,6 +4,7 @@ A log is a list of episodes; an episode is a table of columns, the stamps `t` fi
 """
 
 import csv
+import shutil
 import subprocess
 
 import gymnasium
@@ -31,6 +32,7 @@ def read(file, time=None, most=None, every=1):
 
 def simulated(fleetfoot, folder, robot, *options, columns=None, every=1):
     """Runs of a simulated robot, rows of truth as they are recorded."""
+    shutil.rmtree(folder / robot, ignore_errors=True)
     words = [fleetfoot, "generate", robot, "--format", "parquet", "-o", folder / robot, *options]
     subprocess.run(list(map(str, words)), check=True, capture_output=True)
     episodes = []
@@ -150,7 +152,7 @@ def all_logs(fleetfoot, data, folder):
         "damper (simulated)": (lambda: read(data / "bouc-wen.csv", 0.001), ("--states", "x,v,f", "--inputs", "E")),
         "quadrotor in a room (real)": (lambda: read(fly / "nowind.csv", "t"), ()),
         "quadrotor in wind (real)": (lambda: read(fly / "70wind.csv", "t"), ("--states", "v_x,v_y,v_z", "--inputs", "R_13,R_23,R_33,T_sp")),
-        "airliner (real)": (lambda: read(data / "a320-flight.csv", 1.0), ()),
+        "airliner (real)": (lambda: read(data / "a320-flight.csv", 1.0), ("--time", "t", "--time-unit", "s")),
         "quadrotor on a stand (real)": (lambda: read(data / "crazyflie-thrust.csv", "t_s"), ()),
         "turtlebot (real)": (lambda: turtlebot(data / "mcap" / "nav2_turtlebot.mcap"), ()),
         "hybrid drive (simulated)": (lambda: [{k: v for k, v in read(data / "hybrid-diff-drive.csv", "t")[0].items() if k in ("t", "x", "phi", "xd", "phid", "u1", "u2")}], ()),

@@ -27,7 +27,7 @@ impl Budget {
     pub(crate) fn of(trials: &[Trial], rows: &Rows, logs: &Logs) -> Self {
         let most = match rows.effort {
             Effort::Low => 3e8,
-            Effort::Normal => 6e8,
+            Effort::Normal => 1.2e9,
             Effort::High => 1e11,
         };
         let operations: Vec<f64> = trials.iter().map(|trial| operations(trial, rows, logs)).collect();

@@ -4,8 +4,6 @@ use fleetfoot_recipe::{
     AutoSection, Derivative, Effort, GivenAs, Lags, ModelSection, NarxSection, PwaSection, Recipe, SmoothStates,
 };
 
-use crate::late::Moved;
-
 /// The method of a candidate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
@@ -23,6 +21,13 @@ pub(crate) struct Trial {
     pub(crate) recipe: Recipe,
     /// Rows of which it sees one.
     pub(crate) every: usize,
+}
+
+/// The recipe with some columns in another form, and the name of that form.
+#[derive(Debug, Clone)]
+pub(crate) struct Variant {
+    pub(crate) name: String,
+    pub(crate) recipe: Recipe,
 }
 
 /// The name of the candidate whose states stay at their mean.
@@ -66,8 +71,8 @@ fn most_functions(effort: Effort) -> usize {
     }
 }
 
-/// The list of candidates.
-pub(crate) fn candidates(recipe: &Recipe, late: Option<&Moved>, rows: &Rows) -> Vec<Trial> {
+/// The list of candidates: those of the recipe, and then those of its variants.
+pub(crate) fn candidates(recipe: &Recipe, variants: &[Variant], rows: &Rows) -> Vec<Trial> {
     let base = bare(recipe);
     let list = List { base: &base, rows: *rows, effort: rows.effort, every: 1, prefix: String::new() };
     let mut found = vec![list.pwa(MEAN, "next", "null", 0, None), list.pwa(DRIFT, "delta", "null", 0, None)];
@@ -96,10 +101,8 @@ pub(crate) fn candidates(recipe: &Recipe, late: Option<&Moved>, rows: &Rows) -> 
         let prefix = "rows as they come: ".to_owned();
         found.extend(List { base: &base, rows: *rows, effort: rows.effort, every: 1, prefix }.some());
     }
-    if let Some((moved, delays)) = late {
-        let told: Vec<String> = delays.iter().map(|(name, rows)| format!("{name} {rows}")).collect();
-        let prefix = format!("late by rows ({}): ", told.join(", "));
-        let base = bare(moved);
+    for variant in variants {
+        let (base, prefix) = (bare(&variant.recipe), format!("{}: ", variant.name));
         found.extend(List { base: &base, rows: *rows, effort: rows.effort, every: 1, prefix }.some());
     }
     found
@@ -362,7 +365,7 @@ mod tests {
 
     fn names(text: &str, rows: Rows) -> Vec<String> {
         let recipe = Recipe::parse(text, "test").unwrap();
-        candidates(&recipe, None, &rows).into_iter().map(|own| own.name).collect()
+        candidates(&recipe, &[], &rows).into_iter().map(|own| own.name).collect()
     }
 
     const ROWS: Rows = Rows {

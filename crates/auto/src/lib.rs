@@ -16,11 +16,13 @@ mod ranking;
 mod rows;
 mod stamps;
 mod tested;
+mod turning;
 mod verdict;
 mod writer;
 
 use std::{fs, path::Path};
 
+use candidates::Variant;
 use candidates::{LINEAR, MEAN, Rows};
 use fleetfoot_check::{Checked, check};
 use fleetfoot_data::setting::{EFFORT, FIT_SINDY};
@@ -186,8 +188,8 @@ fn bytes_within(folder: &Path) -> u64 {
 struct Looked {
     horizon: HorizonChoice,
     rows: Rows,
-    /// The recipe with inputs that act late moved, and by how many rows.
-    late: Option<late::Moved>,
+    /// The recipe with inputs that act late moved, and with states as angles.
+    variants: Vec<Variant>,
 }
 
 struct Search<'a> {
@@ -200,8 +202,8 @@ struct Search<'a> {
 impl Search<'_> {
     fn run(mut self, progress: &dyn Progress) -> Result<Auto, Error> {
         let Self { recipe, logs, .. } = self;
-        let Looked { horizon, rows, late } = self.look(progress)?;
-        let trials = candidates::candidates(recipe, late.as_ref(), &rows);
+        let Looked { horizon, rows, variants } = self.look(progress)?;
+        let trials = candidates::candidates(recipe, &variants, &rows);
         let ranking = Ranking::new((&trials, &rows), logs, &horizon, progress);
         match ranking.stopped {
             true if ranking.candidates.is_empty() => Err(Cancelled.into()),
@@ -249,8 +251,9 @@ impl Search<'_> {
             effort: self.recipe.auto.effort.unwrap_or_default(),
             noisy,
         };
-        let late = late::moved(self.recipe, &view, horizon.before)?;
-        Ok(Looked { horizon, rows, late })
+        let late = late::moved(self.recipe, &self.logs.only(Part::Training), horizon.before, progress)?;
+        let turning = turning::turning(self.recipe, &view)?;
+        Ok(Looked { horizon, rows, variants: turning.into_iter().chain(late).collect() })
     }
 
     /// Returns true if the derivative of a state is mostly noise, and adds a note.
@@ -339,6 +342,9 @@ impl Search<'_> {
     }
 }
 
+/// An error over that of persistence below which a model is exact.
+const EXACT: f64 = 1e-6;
+
 /// Errors of a state in every fold.
 fn of_folds(folds: &[SimulatedFold], state: &str) -> Vec<f64> {
     let of = |fold: &SimulatedFold| Some(fold.model[fold.states.iter().position(|own| own == state)?]);
@@ -356,9 +362,14 @@ fn without(ranking: &Ranking) -> Error {
 }
 
 impl Auto {
-    /// Error of the model over another one, mean over the states in which both are known.
+    /// Error of the model over another one, mean over the states in which both are known. Errors of rounding are alike:
+    /// those below [`EXACT`] times that of persistence.
     fn mean_ratio(&self, other: impl Fn(&TestedState) -> f64) -> Option<f64> {
-        self.mean_of(|own| own.rmse.value / other(own))
+        self.mean_of(|state| {
+            let least = EXACT * state.persistence;
+            let at_least = |error: f64| if error < least { least } else { error };
+            at_least(state.rmse.value) / at_least(other(state))
+        })
     }
 
     /// The mean over the states with a known value.

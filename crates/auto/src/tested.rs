@@ -106,7 +106,8 @@ fn root(squares: impl Iterator<Item = f64>) -> Estimate {
     Estimate { value, low: value * (-half).exp(), high: value * half.exp() }
 }
 
-/// An interval that errors of other parts of the logs widen. One part differs from another by twice the variance between them, on a logarithmic scale.
+/// An interval widened to that in which the error of one more part of the logs is, given the errors of the test and of
+/// the folds: the prediction interval of a normal distribution of their logarithms.
 fn widened(error: Estimate, others: &[f64]) -> Estimate {
     let usable = |value: &f64| value.is_finite() && *value > 0.0;
     let logs: Vec<f64> = others.iter().copied().chain([error.value]).filter(usable).map(f64::ln).collect();
@@ -116,8 +117,8 @@ fn widened(error: Estimate, others: &[f64]) -> Estimate {
     }
     let mean = logs.iter().sum::<f64>() / count;
     let variance = logs.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0);
-    let half = student_t_95(logs.len() - 1) * (2.0 * variance).sqrt();
-    let (low, high) = (error.value * (-half).exp(), error.value * half.exp());
+    let half = student_t_95(logs.len() - 1) * (variance * (1.0 + 1.0 / count)).sqrt();
+    let (low, high) = ((mean - half).exp(), (mean + half).exp());
     Estimate { value: error.value, low: low.min(error.low), high: high.max(error.high) }
 }
 
@@ -132,7 +133,10 @@ mod tests {
         let same = widened(narrow, &[2.0; 5]);
         assert_eq!((same.low, same.high), (1.9, 2.1));
         let wide = widened(narrow, &[1.0, 4.0, 2.0, 1.0, 4.0]);
-        assert!((0.1..0.5).contains(&wide.low) && (8.0..40.0).contains(&wide.high), "{wide:?}");
+        // Logarithms to base 2 are 0, 0, 1, 1, 2, 2: mean 1, variance 0.8; t of five degrees of freedom is 2.5706.
+        let half = 2.5706 * (0.8 * 7.0 / 6.0f64).sqrt();
+        let end = |sign: f64| (1.0 + sign * half).exp2();
+        assert!((wide.low / end(-1.0) - 1.0).abs() < 1e-4 && (wide.high / end(1.0) - 1.0).abs() < 1e-4, "{wide:?}");
         assert_eq!(wide.value, 2.0);
         assert_eq!(widened(narrow, &[f64::INFINITY, f64::NAN]), narrow);
     }

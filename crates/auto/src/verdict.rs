@@ -17,19 +17,12 @@ pub(crate) fn sentences(found: &Auto, movements: &[Movement], inputs: &[String])
 /// Ratio to the error of the linear model from which a sentence names the difference.
 const MARGIN: f64 = 1.1;
 
-/// An error over that of persistence below which a model is exact.
-const EXACT: f64 = 1e-6;
-
 /// Warning above all else, if a result is of no use.
 pub(crate) fn warning(found: &Auto, unbeaten: Option<&str>) -> Option<String> {
     if let Some(unbeaten) = unbeaten {
         return Some(format!(
             "no model beats {unbeaten} on held-out rows beyond the standard error: the model that is written predicts no more than that; record more motion, or name other states and inputs ({STATES}, {INPUTS})"
         ));
-    }
-    // Of what is exact but for rounding, ratios tell nothing.
-    if found.mean_ratio(|own| own.persistence).is_some_and(|ratio| ratio < EXACT) {
-        return None;
     }
     type Other = fn(&TestedState) -> f64;
     let worse = |other: Other, limit: f64| found.mean_ratio(other).filter(|ratio| *ratio > limit);

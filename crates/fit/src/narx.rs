@@ -19,6 +19,7 @@ mod terms;
 mod training;
 
 pub use candidate::NarxCandidate;
+pub use delays::late_inputs;
 pub use fit::Narx;
 pub use look::{NarxSearch, NarxStage};
 pub use options::{GivenOrder, NarxOptions, OrderRule, TermRule};

@@ -43,7 +43,7 @@ use crate::{
 /// simulation of training rows.
 #[derive(Debug, Clone)]
 pub struct Narx {
-    options: NarxOptions,
+    pub(super) options: NarxOptions,
     /// Files to run the model on that did not train it.
     free_run: Logs,
     /// True to keep the other models of the front.

@@ -144,6 +144,14 @@ impl NarxBase {
         functions
     }
 
+    /// Number of expressions of outputs whose lags are candidates; an angle has its cosine and its sine.
+    pub(crate) fn seen_outputs(&self) -> usize {
+        match &self.candidates {
+            Candidates::Polynomial { outputs, .. } => outputs.len(),
+            Candidates::Additive(_) => 0,
+        }
+    }
+
     /// Number of inputs whose lags are candidates.
     pub(crate) fn inputs(&self) -> usize {
         match &self.candidates {
