@@ -61,22 +61,22 @@ pub(crate) struct Cli {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Simulate a positioning stage, check its log, find a model by `auto`, and compile the model's C code.
+    /// Simulate a positioning stage, find a model of its log, and compile the model's C code.
     #[command(after_help = examples::DEMO)]
     Demo(Demo),
     /// Summarise files: columns, rows, rates, gaps.
     #[command(after_help = examples::INFO)]
     Info(Info),
-    /// Find a model of logs: draft the recipe, fit models by all methods, compare their simulations of held-out rows.
+    /// Find a model of logs: fit by all methods, compare simulations of held-out rows.
     #[command(after_help = examples::AUTO)]
     Auto(Box<Auto>),
-    /// List the faults of logs before a fit: stamps, dead or stuck channels, units, delays; each with its remedy.
+    /// List the faults of logs, each with its remedy: stamps, dead channels, units, delays.
     #[command(after_help = examples::CHECK)]
     Check(Check),
     /// Write a commented recipe for a log, to be edited.
     #[command(after_help = examples::INIT)]
     Init(Init),
-    /// Smooth the states of logs: write clean episodes with derivatives, standard deviations, and a recipe to fit them.
+    /// Smooth the states of logs: episodes with derivatives, and the recipe to fit them.
     #[command(after_help = examples::PREPARE)]
     Prepare(Box<Prepare>),
     /// Sum logs into a statistic that is fitted later, without the logs.
@@ -94,16 +94,16 @@ pub(crate) enum Command {
     /// Score a model's one-step predictions on logs.
     #[command(after_help = examples::SCORE)]
     Score(Score),
-    /// Write a model's prediction, residual, region and distance from the training range for every row.
+    /// Write a model's prediction, residual and region for every row.
     #[command(after_help = examples::PREDICT)]
     Predict(Predict),
     /// Simulate a model from measured states and compare with the recording.
     #[command(after_help = examples::ROLLOUT)]
     Rollout(Rollout),
-    /// Estimate a model's states from noisy measurements, row by row, with a Kalman filter for every region.
+    /// Estimate states from noisy measurements, with a Kalman filter for every region.
     #[command(after_help = examples::FILTER)]
     Filter(Box<Filter>),
-    /// Find states and inputs that obey a model, stay within bounds and follow a recording as closely as possible.
+    /// Find states and inputs that obey a model and its bounds and follow a recording.
     #[command(after_help = examples::RESIMULATE)]
     Resimulate(Box<Resimulate>),
     /// Write one page about models: verdict, equations, regions, errors, simulations.
@@ -115,7 +115,7 @@ pub(crate) enum Command {
     /// Write a model as C, Rust, Python, LaTeX or arrays.
     #[command(after_help = examples::EXPORT)]
     Export(Export),
-    /// Simulate a robot; write its logs, with known truth, and the recipe to fit them.
+    /// Simulate a robot: logs with known truth, and the recipe to fit them.
     #[command(after_help = examples::GENERATE)]
     Generate(Box<Generate>),
     /// Print completions for a shell, to be saved where the shell looks for them.
@@ -342,10 +342,11 @@ pub(crate) struct FitOutput {
 pub(crate) struct FitPwa {
     #[command(flatten)]
     pub(crate) data: FitData,
-    /// Partitions: null, average, zscore:1.5, kmeans:10, refined:5, lattice:5, tree:3, labels:COLUMN,
-    /// labels:COLUMN+kmeans:5 (or +refined:5, +tree:3). From several (`average,kmeans:2,5,10`, `refined:2..20`,
-    /// `lattice:2..50`, `tree:1..6`) one is chosen (default: those of the recipe, else `average,kmeans:2,5,10`, and
-    /// `refined:2..5` for 2,000 rows or fewer; of a statistic those that it sums).
+    /// Partitions, of which one is chosen: `average`, `kmeans:10`, `kmeans:2,5,10`, `refined:2..20`, `tree:3`,
+    /// `labels:COLUMN`, `null` (default: those of the recipe, else `average,kmeans:2,5,10`).
+    ///
+    /// Others are `zscore:1.5`, `lattice:2..50` and `labels:COLUMN+kmeans:5` (or `+refined:5`, `+tree:3`). The default has
+    /// `refined:2..5` too for 2,000 rows or fewer; of a statistic it is those that it sums.
     #[arg(short, long, value_name = "PARTITIONS")]
     pub(crate) partition: Option<String>,
     /// Columns that define the regions, separated by commas (default: the states).

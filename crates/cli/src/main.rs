@@ -6,6 +6,7 @@ mod args;
 mod commands;
 mod curve;
 mod heatmap;
+mod help;
 mod progress;
 #[cfg(test)]
 mod reference;
@@ -15,7 +16,7 @@ mod table;
 
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::{CommandFactory, FromArgMatches};
 use commands::Context;
 use fleetfoot::data::{Cancelled, stoppable};
 
@@ -35,7 +36,8 @@ fn threads(asked: usize, context: &Context) -> usize {
 }
 
 fn main() -> ExitCode {
-    let cli = Cli::try_parse().unwrap_or_else(|error| report::usage(&error));
+    let cli = help::grouped(Cli::command()).try_get_matches().and_then(|found| Cli::from_arg_matches(&found));
+    let cli = cli.unwrap_or_else(|error| report::usage(&error));
     if let Err(error) = fleetfoot::data::check_instruction_set() {
         report::tell(error);
         return ExitCode::from(2);

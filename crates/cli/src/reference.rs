@@ -4,7 +4,7 @@ use std::{fmt::Write, fs, path::Path};
 
 use clap::{Arg, Command, CommandFactory};
 
-use crate::args::Cli;
+use crate::{args::Cli, help};
 
 /// What stands above the commands.
 const HEAD: &str = "\
@@ -19,7 +19,7 @@ fit), 2 (error in the arguments) or 130 (stopped). The [glossary](glossary.md) e
 
 /// The page.
 fn page() -> String {
-    let mut command = Cli::command().disable_help_subcommand(true);
+    let mut command = help::grouped(Cli::command()).disable_help_subcommand(true);
     command.build();
     let mut text = format!("{HEAD}\n## Every command\n\n");
     let of_all = |argument: &&Arg| argument.is_global_set();
@@ -53,15 +53,54 @@ fn section(text: &mut String, command: &Command) {
     }
 }
 
-/// A line an argument: how it is written, what it is, what it may be, what it is when it is not given.
+/// An item an argument, below the headings of their groups: name, meaning, possible values, default.
 fn listed<'a>(text: &mut String, arguments: impl Iterator<Item = &'a Arg>) {
+    let mut heading = None;
     for argument in arguments.filter(|own| !own.is_hide_set() && !["help", "version"].contains(&own.get_id().as_str()))
     {
-        let help = argument.get_help().map(ToString::to_string).unwrap_or_default();
+        let group = help::heading(argument);
+        if let Some(group) = group.filter(|_| group != heading) {
+            let above = if text.ends_with("\n\n") { "" } else { "\n" };
+            let _ = write!(text, "{above}**{group}**\n\n");
+        }
+        heading = group;
+        let help = argument.get_long_help().or(argument.get_help()).map(ToString::to_string).unwrap_or_default();
+        let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
         let help = help.trim_end_matches('.');
         let stop = if help.ends_with(".)") { "" } else { "." };
-        let _ = writeln!(text, "- `{}`: {help}{stop}{}", written(argument), values(argument));
+        let item = format!("- `{}`: {help}{stop}{}", written(argument), values(argument));
+        let _ = writeln!(text, "{}", wrapped(&item));
     }
+}
+
+/// Characters of a line at most.
+const WIDTH: usize = 120;
+
+/// An item of a list on lines of [`WIDTH`]; names in backticks stay whole.
+fn wrapped(item: &str) -> String {
+    let (mut text, mut width, mut open) = (String::new(), 0, false);
+    let mut words: Vec<String> = Vec::new();
+    for word in item.split(' ') {
+        match words.last_mut().filter(|_| open) {
+            Some(last) => last.extend([" ", word]),
+            None => words.push(word.to_owned()),
+        }
+        open ^= word.matches('`').count() % 2 == 1;
+    }
+    for word in words {
+        let length = word.chars().count();
+        if width > 0 && width + 1 + length > WIDTH {
+            text.push_str("\n ");
+            width = 1;
+        }
+        if width > 0 {
+            text.push(' ');
+            width += 1;
+        }
+        text.push_str(&word);
+        width += length;
+    }
+    text
 }
 
 /// `-o, --output <MODEL>`.

@@ -7,10 +7,13 @@ use fleetfoot::{
 };
 
 use super::{Context, Files};
-use crate::args::{Cli, Man};
+use crate::{
+    args::{Cli, Man},
+    help,
+};
 
 pub(crate) fn man(arguments: &Man, context: &Context) -> Result<(), Error> {
-    let mut command = Cli::command().disable_help_subcommand(true);
+    let mut command = help::grouped(Cli::command()).disable_help_subcommand(true);
     command.build();
     let pages = pages(&command);
     let folder = &arguments.output;
@@ -39,7 +42,7 @@ mod tests {
 
     #[test]
     fn every_command_has_a_page() {
-        let mut command = Cli::command().disable_help_subcommand(true);
+        let mut command = help::grouped(Cli::command()).disable_help_subcommand(true);
         command.build();
         let pages = pages(&command);
         let of = |name: &str| {
