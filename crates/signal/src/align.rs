@@ -84,9 +84,9 @@ const STEPS: usize = 30;
 
 impl<'a> Record<'a> {
     pub(crate) fn check(self, least: usize) -> Result<Self, SignalError> {
-        let (found, expected) = (self.values.len(), self.times.len());
-        if found != expected {
-            return Err(SignalError::Length { what: "the channel", found, expected });
+        let (count, expected) = (self.values.len(), self.times.len());
+        if count != expected {
+            return Err(SignalError::Length { what: "the channel", count, expected });
         }
         check_stamps(self.times)?;
         let measured = || self.values.iter().copied().filter(|value| !value.is_nan());
@@ -197,7 +197,8 @@ pub fn align(first: Record<'_>, second: Record<'_>, within: Within) -> Result<Al
     check(reach > 0.0 && reach.is_finite(), "the reach", reach, "a reach is positive and finite")?;
     check((0.0..0.1).contains(&skew), "the greatest skew", skew, "a skew is 0 or more, and below 0.1")?;
     check(about.is_finite(), "the lag to search about", about, "a lag is finite")?;
-    let ((own, first_out), (other, second_out)) = (first.without_gross_errors()?, second.without_gross_errors()?);
+    let ((first_part, first_out), (other, second_out)) =
+        (first.without_gross_errors()?, second.without_gross_errors()?);
     let smoothed = smooth(second.times, &other, None, Spline::Cubic, Lambda::Likelihood)?;
     let other = &smoothed.derivatives[0];
     // What the slower one does not follow is no common motion: of a gyroscope at 1 kHz beside poses at 100 Hz it would be most of the error.
@@ -206,8 +207,8 @@ pub fn align(first: Record<'_>, second: Record<'_>, within: Within) -> Result<Al
         true => means(record.times, values, period),
         false => values.to_vec(),
     };
-    let (own, other) = (common(first, &own), common(second, other));
-    let (first, second) = (Record { values: &own, ..first }, Record { values: &other, ..second });
+    let (own_values, other) = (common(first, &first_part), common(second, other));
+    let (first, second) = (Record { values: &own_values, ..first }, Record { values: &other, ..second });
     let left_out = [first_out, second_out];
     let pair =
         Pair { first, second, within, left_out, at: 0.5 * (first.times[0] + first.times[first.times.len() - 1]) };
@@ -316,9 +317,9 @@ impl Pair<'_> {
                 let Within { about, reach, skew: most } = self.within;
                 let offset = (line.offset + lag).clamp(about - reach, about + reach);
                 let next = ClockLine { offset, skew: (line.skew + skew).clamp(-most, most), ..line };
-                let found = self.unexplained(next, 1);
-                if found < share {
-                    (line, share, went_down) = (next, found, true);
+                let unexplained = self.unexplained(next, 1);
+                if unexplained < share {
+                    (line, share, went_down) = (next, unexplained, true);
                     break;
                 }
                 (lag, skew) = (0.5 * lag, 0.5 * skew);
@@ -360,7 +361,7 @@ impl Linear {
         let gain = of_x.xy / of_x.yy;
         let alone = |row: &Row| {
             let moved = [of_slope.rest(row.slope, row.y), of_turned.rest(turned(row), row.y)];
-            (row.time, of_x.rest(row.x, row.y), moved.map(|own| gain * own))
+            (row.time, of_x.rest(row.x, row.y), moved.map(|component| gain * component))
         };
         let rows: Vec<_> = rows.iter().map(alone).collect();
         let [mut aa, mut ab, mut bb] = [0.0; 3];
@@ -387,13 +388,13 @@ impl Linear {
     /// Newton step of lag and skew.
     fn step(&self) -> [f64; 2] {
         let step = self.solve(Self::score(&self.rows));
-        if step.iter().all(|own| own.is_finite()) { step } else { [0.0; 2] }
+        if step.iter().all(|component| component.is_finite()) { step } else { [0.0; 2] }
     }
 
     /// The deviations of lag and skew: each batch of rows moves them by its own share, and these shares are independent.
     fn deviations(&self) -> [f64; 2] {
         let shares = self.rows.chunks(self.rows.len().div_ceil(BATCHES)).map(|batch| self.solve(Self::score(batch)));
-        shares.fold([0.0; 2], |sum, own| [sum[0] + own[0] * own[0], sum[1] + own[1] * own[1]]).map(f64::sqrt)
+        shares.fold([0.0; 2], |sum, share| [sum[0] + share[0] * share[0], sum[1] + share[1] * share[1]]).map(f64::sqrt)
     }
 
     /// The lag of every part by itself, beside the line.

@@ -38,7 +38,7 @@ const LOOKED_AT: usize = 17;
 pub fn dejitter(times: &[f64]) -> Result<Dejittered, SignalError> {
     check_stamps(times)?;
     if times.len() < 3 {
-        return Err(SignalError::TooFew { found: times.len(), needed: 3 });
+        return Err(SignalError::TooFew { count: times.len(), needed: 3 });
     }
     Ok(regress(times, &counted(times).0))
 }
@@ -54,10 +54,10 @@ pub(crate) fn counted(times: &[f64]) -> (Vec<u64>, f64) {
     }
     let mut least = squares(times, &best.0);
     for confirmed_by in CONFIRMED_BY {
-        let found = looked_at(times, counted_by(times, step, confirmed_by));
-        let squares = squares(times, &found.0);
+        let candidate = looked_at(times, counted_by(times, step, confirmed_by));
+        let squares = squares(times, &candidate.0);
         if squares < least {
-            (best, least) = (found, squares);
+            (best, least) = (candidate, squares);
         }
     }
     best

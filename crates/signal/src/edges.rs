@@ -91,8 +91,8 @@ pub fn align_edges(
     let program = Program::new(&pairs, at, margin, skew);
     let contradiction = (-0.5 * program.best().1).max(0.0);
     let program = if contradiction > 0.0 { Program::new(&pairs, at, margin + contradiction, skew) } else { program };
-    let (own, _) = program.best();
-    let line = ClockLine { at, offset: 0.5 * (program.most(own) + program.least(own)), skew: own };
+    let (skew, _) = program.best();
+    let line = ClockLine { at, offset: 0.5 * (program.most(skew) + program.least(skew)), skew };
     let (skew, offset) = program.feasible();
     let alone = [first.len() - pairs.len(), second.len() - pairs.len()];
     Ok(EdgeAlignment { line, offset, skew, edges: pairs.len(), alone, contradiction: 2.0 * contradiction, others })
@@ -146,11 +146,11 @@ fn voted(first: &[Edge], second: &[Edge], within: Within) -> Result<(f64, Vec<f6
     let width = |edges: &[Edge]| median(&mut edges.iter().map(|edge| edge.before - edge.after).collect::<Vec<_>>());
     let drift = voters.last().zip(voters.first()).map_or(0.0, |(last, first)| last.middle() - first.middle());
     let tolerance = width(first).unwrap_or(0.0) + width(second).unwrap_or(0.0) + within.skew * drift;
-    let mut found = clusters(&lags, tolerance);
-    let most = found.iter().map(|(_, votes)| *votes).max().unwrap_or(0);
-    found.retain(|(_, votes)| *votes as f64 >= AS_GOOD * most as f64);
-    found.sort_by(|a, b| (a.0 - within.about).abs().total_cmp(&(b.0 - within.about).abs()));
-    let mut lags = found.into_iter().map(|(lag, _)| lag);
+    let mut lag_clusters = clusters(&lags, tolerance);
+    let most = lag_clusters.iter().map(|(_, votes)| *votes).max().unwrap_or(0);
+    lag_clusters.retain(|(_, votes)| *votes as f64 >= AS_GOOD * most as f64);
+    lag_clusters.sort_by(|a, b| (a.0 - within.about).abs().total_cmp(&(b.0 - within.about).abs()));
+    let mut lags = lag_clusters.into_iter().map(|(lag, _)| lag);
     match lags.next() {
         Some(lag) => Ok((lag, lags.collect())),
         None => Err(SignalError::NotAligned { problem: "no edge of the one wave is within reach of one of the other" }),
@@ -159,14 +159,14 @@ fn voted(first: &[Edge], second: &[Edge], within: Within) -> Result<(f64, Vec<f6
 
 /// Runs of sorted lags that lie within a tolerance: their middle, and how many they are.
 fn clusters(lags: &[f64], tolerance: f64) -> Vec<(f64, usize)> {
-    let mut found: Vec<(f64, usize)> = Vec::new();
+    let mut groups: Vec<(f64, usize)> = Vec::new();
     let mut start = 0;
     while start < lags.len() {
         let end = start + lags[start..].partition_point(|lag| lag - lags[start] <= tolerance);
-        found.push((0.5 * (lags[start] + lags[end - 1]), end - start));
+        groups.push((0.5 * (lags[start] + lags[end - 1]), end - start));
         start = end;
     }
-    found
+    groups
 }
 
 /// The edges that both saw: from the middle of the record outwards, each at the lag of the one before, so that the clocks may drift apart by many periods.

@@ -5,22 +5,22 @@
 #[non_exhaustive]
 pub enum SignalError {
     /// Arrays of different lengths.
-    #[error("{what} has {found} values, the stamps are {expected}: give one for every stamp")]
+    #[error("{what} has {count} values, the stamps are {expected}: give one for every stamp")]
     Length {
         /// Name of the array.
         what: &'static str,
         /// Its length.
-        found: usize,
+        count: usize,
         /// The number of stamps.
         expected: usize,
     },
     /// Too few values that are numbers.
     #[error(
-        "{found} measured values; {needed} or more are needed: take a longer record, or one with fewer values missing"
+        "{count} measured values; {needed} or more are needed: take a longer record, or one with fewer values missing"
     )]
     TooFew {
         /// Number of measured values.
-        found: usize,
+        count: usize,
         /// Number of values needed.
         needed: usize,
     },
@@ -129,8 +129,8 @@ pub(crate) fn check_stamps(times: &[f64]) -> Result<(), SignalError> {
 }
 
 /// Refuses a list that has another length than the stamps.
-pub(crate) fn length(what: &'static str, found: usize, expected: usize) -> Result<(), SignalError> {
-    if found == expected { Ok(()) } else { Err(SignalError::Length { what, found, expected }) }
+pub(crate) fn length(what: &'static str, count: usize, expected: usize) -> Result<(), SignalError> {
+    if count == expected { Ok(()) } else { Err(SignalError::Length { what, count, expected }) }
 }
 
 /// Refuses values that are infinite; NaN is a value that is missing.

@@ -101,8 +101,8 @@ pub fn fuse_from(
     let (mut tracks, mut outside) = (Vec::new(), 0);
     for (at, run) in runs.iter().enumerate() {
         run.check()?;
-        let (found, left) = start::tracks(at, run, options);
-        tracks.extend(found);
+        let (started, left) = start::tracks(at, run, options);
+        tracks.extend(started);
         outside += left;
     }
     if tracks.is_empty() {
@@ -134,10 +134,10 @@ pub fn fuse_from(
 /// The deviations of single readings of rate and force, an axis, as far as the readings themselves tell them.
 fn told_by_readings(runs: &[BodyRun<'_>]) -> Readings {
     let records: Vec<ImuRecord<'_>> = runs.iter().map(|run| run.imu).collect();
-    let found = parallel_map(6, &Silent, |at| Ok::<_, Cancelled>(readings::noise(&records, at / 3, at % 3)));
-    let mut told = [[None; 3]; 2];
-    told.as_flattened_mut().iter_mut().zip(found.into_iter().flatten()).for_each(|(own, found)| *own = found);
-    told
+    let noises = parallel_map(6, &Silent, |at| Ok::<_, Cancelled>(readings::noise(&records, at / 3, at % 3)));
+    let mut priors = [[None; 3]; 2];
+    priors.as_flattened_mut().iter_mut().zip(noises.into_iter().flatten()).for_each(|(prior, noise)| *prior = noise);
+    priors
 }
 
 /// First values of the inertial sensor's noise beside its densities. Single readings get their estimated deviation, or
@@ -145,12 +145,12 @@ fn told_by_readings(runs: &[BodyRun<'_>]) -> Readings {
 fn begin_noise(noise: &mut ImuNoise, runs: &[BodyRun<'_>], readings: &Readings) {
     noise.scatter = [[0.0; 3]; 2];
     for run in runs {
-        for (own, found) in noise.scatter.as_flattened_mut().iter_mut().zip(run.imu.scatter().as_flattened()) {
-            *own = own.max(*found);
+        for (deviation, scatter) in noise.scatter.as_flattened_mut().iter_mut().zip(run.imu.scatter().as_flattened()) {
+            *deviation = deviation.max(*scatter);
         }
     }
-    for (own, told) in noise.scatter.as_flattened_mut().iter_mut().zip(readings.as_flattened()) {
-        *own = told.map_or(*own, |told| told.value);
+    for (deviation, prior) in noise.scatter.as_flattened_mut().iter_mut().zip(readings.as_flattened()) {
+        *deviation = prior.map_or(*deviation, |prior| prior.value);
     }
     for which in 0..2 {
         let misses = runs.iter().any(|run| run.imu.misses()[which]) && (which == 0 || has_forces(runs));

@@ -56,7 +56,7 @@ impl Interpolant {
         let times: Vec<f64> = measured().map(|(time, _)| *time).collect();
         let values: Vec<f64> = measured().map(|(_, value)| *value).collect();
         if times.len() < 2 {
-            return Err(SignalError::TooFew { found: times.len(), needed: 2 });
+            return Err(SignalError::TooFew { count: times.len(), needed: 2 });
         }
         let chords = Chords::new(&times, &values);
         let slopes = match kind {
@@ -69,7 +69,7 @@ impl Interpolant {
     /// Value, first and second derivative at a time; before the first and beyond the last point those of the first and the last piece. At a point the second
     /// derivative is that of the piece that begins there.
     pub fn at(&self, time: f64) -> [f64; 3] {
-        let after = self.times.partition_point(|&own| own <= time);
+        let after = self.times.partition_point(|&stamp| stamp <= time);
         self.on_piece(after.clamp(1, self.times.len() - 1) - 1, time)
     }
 
@@ -152,16 +152,16 @@ impl Chords {
         for i in 1..n - 1 {
             let (before, after) = (h[i - 1], h[i]);
             let (mut lower, mut diagonal, mut next) = (after, 2.0 * (before + after), before);
-            let mut own = 3.0 * (after * delta[i - 1] + before * delta[i]);
+            let mut slope = 3.0 * (after * delta[i - 1] + before * delta[i]);
             if i == 1 {
-                (lower, diagonal, own) = (0.0, diagonal - (before + after), own - first);
+                (lower, diagonal, slope) = (0.0, diagonal - (before + after), slope - first);
             }
             if i == n - 2 {
-                (next, diagonal, own) = (0.0, diagonal - (before + after), own - last);
+                (next, diagonal, slope) = (0.0, diagonal - (before + after), slope - last);
             }
             let pivot = diagonal - lower * upper[i - 1];
             upper[i] = next / pivot;
-            right[i] = (own - lower * right[i - 1]) / pivot;
+            right[i] = (slope - lower * right[i - 1]) / pivot;
         }
         let mut slopes = right;
         for i in (1..n - 2).rev() {

@@ -71,9 +71,9 @@ pub(crate) fn least_of_many(low: f64, high: f64, width: f64, f: impl Fn(&[f64]) 
         };
         let mut points: Vec<f64> = side(from.0).chain(side(to.0)).collect();
         points.sort_by(f64::total_cmp);
-        let mut found: Vec<(f64, f64)> = points.iter().copied().zip(all(&points)).chain(known).collect();
-        found.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let (points, values): (Vec<f64>, Vec<f64>) = found.into_iter().unzip();
+        let mut evaluated: Vec<(f64, f64)> = points.iter().copied().zip(all(&points)).chain(known).collect();
+        evaluated.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (points, values): (Vec<f64>, Vec<f64>) = evaluated.into_iter().unzip();
         // The ends are greater than what lies between.
         known = match about_best(&points, &values) {
             Err(end) => return Least { at_end: false, ..end },
@@ -146,9 +146,9 @@ mod tests {
     #[test]
     fn the_deepest_of_two_valleys_is_found() {
         let f = |x: f64| (2.0 * x).cos() + 0.2 * (x - 4.0) * (x - 4.0);
-        let found = least(0.0, 10.0, 1e-4, f);
+        let minimum = least(0.0, 10.0, 1e-4, f);
         let fine = (0..=1_000_000).map(|i| f64::from(i) * 1e-5).min_by(|&a, &b| f(a).total_cmp(&f(b))).unwrap();
-        assert!((found.at - fine).abs() < 1e-4 && !found.at_end, "{found:?} {fine}");
+        assert!((minimum.at - fine).abs() < 1e-4 && !minimum.at_end, "{minimum:?} {fine}");
     }
 
     #[test]
@@ -172,11 +172,11 @@ mod tests {
         for (at, skew) in [(0.345, 0.1), (-0.71, 0.3), (1.9, -0.1), (0.0, 0.0)] {
             let rounds = std::sync::atomic::AtomicUsize::new(0);
             let valley = |x: f64| (x - at).powi(2) + skew * (x - at).powi(3);
-            let found = least_of_many(-1.0, 2.0, 1e-4, |points| {
+            let minimum = least_of_many(-1.0, 2.0, 1e-4, |points| {
                 rounds.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
                 points.iter().map(|x| valley(*x)).collect()
             });
-            assert!((found.at - at).abs() < 1e-4 && !found.at_end, "{at}: {found:?}");
+            assert!((minimum.at - at).abs() < 1e-4 && !minimum.at_end, "{at}: {minimum:?}");
             // The grid, and two.
             assert!(rounds.into_inner() <= 3, "{at}");
         }
@@ -184,8 +184,8 @@ mod tests {
         for limit in [0.2, 0.41, 0.6] {
             let cut = |x: f64| if x < limit { f64::NAN } else { x.floor() + (20.0 * x).rem_euclid(1.0) + x };
             let most = (0..POINTS).map(|i| cut(i as f64 / (POINTS - 1) as f64)).fold(f64::INFINITY, f64::min);
-            let found = least_of_many(0.0, 1.0, 1e-4, |points| points.iter().map(|x| cut(*x)).collect());
-            assert!(cut(found.at) <= most, "{limit}");
+            let minimum = least_of_many(0.0, 1.0, 1e-4, |points| points.iter().map(|x| cut(*x)).collect());
+            assert!(cut(minimum.at) <= most, "{limit}");
         }
         let line = |sign: f64| move |points: &[f64]| points.iter().map(|x| sign * x).collect::<Vec<f64>>();
         assert_eq!(least_of_many(1.0, 2.0, 1e-4, line(1.0)), Least { at: 1.0, at_end: true });

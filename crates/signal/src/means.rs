@@ -53,9 +53,9 @@ mod tests {
     fn means_of_a_parabola() {
         let times: Vec<f64> = (0..50).map(|row| 0.1 * f64::from(row)).collect();
         let values: Vec<f64> = times.iter().map(|t| t * t).collect();
-        let found = means(&times, &values, 0.4);
-        assert!(found[..2].iter().chain(&found[48..]).all(|mean| mean.is_nan()));
-        for (t, mean) in times.iter().zip(&found).skip(2).take(46) {
+        let averaged = means(&times, &values, 0.4);
+        assert!(averaged[..2].iter().chain(&averaged[48..]).all(|mean| mean.is_nan()));
+        for (t, mean) in times.iter().zip(&averaged).skip(2).take(46) {
             assert!((mean - (t * t + 0.16 / 12.0 + 0.01 / 6.0)).abs() < 1e-12, "{t} {mean}");
         }
     }
@@ -65,11 +65,11 @@ mod tests {
         let times: Vec<f64> = (0..40).map(|row| 0.1 * f64::from(row) + if row < 20 { 0.0 } else { 1.0 }).collect();
         let mut values = vec![2.0; 40];
         values[10] = f64::NAN;
-        let found = means(&times, &values, 0.25);
-        let missing: Vec<usize> = (0..40).filter(|&row| found[row].is_nan()).collect();
+        let averaged = means(&times, &values, 0.25);
+        let missing: Vec<usize> = (0..40).filter(|&row| averaged[row].is_nan()).collect();
         // Both ends, the row that was not measured (0.2 s are no gap), and both sides of the gap.
         assert_eq!(missing, [0, 1, 10, 18, 19, 20, 21, 38, 39]);
-        assert!(found.iter().filter(|mean| !mean.is_nan()).all(|mean| (mean - 2.0).abs() < 1e-12));
+        assert!(averaged.iter().filter(|mean| !mean.is_nan()).all(|mean| (mean - 2.0).abs() < 1e-12));
         assert!(means(&times, &[f64::NAN; 40], 0.25).iter().all(|mean| mean.is_nan()));
     }
 }

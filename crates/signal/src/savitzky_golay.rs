@@ -19,16 +19,16 @@ impl Gram {
         let two_m = 2.0 * self.m as f64;
         let mut lower = vec![0.0; self.degree + 1];
         for s in 0..=derivative {
-            let mut own = vec![0.0; self.degree + 1];
-            own[0] = if s == 0 { 1.0 } else { 0.0 };
+            let mut row = vec![0.0; self.degree + 1];
+            row[0] = if s == 0 { 1.0 } else { 0.0 };
             for k in 1..=self.degree {
                 let (of, order) = (k as f64, s as f64);
                 let divisor = of * (two_m - of + 1.0);
-                let before = if k > 1 { own[k - 2] } else { 0.0 };
-                own[k] = (4.0 * of - 2.0) / divisor * (t * own[k - 1] + order * lower[k - 1])
+                let before = if k > 1 { row[k - 2] } else { 0.0 };
+                row[k] = (4.0 * of - 2.0) / divisor * (t * row[k - 1] + order * lower[k - 1])
                     - (of - 1.0) * (two_m + of) / divisor * before;
             }
-            lower = own;
+            lower = row;
         }
         lower
     }

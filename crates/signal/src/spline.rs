@@ -146,14 +146,14 @@ impl<'a> Channel<'a> {
     fn new(times: &[f64], values: &[f64], weights: Option<&'a [f64]>, order: usize) -> Result<Self, SignalError> {
         check_channel(times, values, weights)?;
         let rows = Rows { times, values, weights };
-        let (mut found, mut sum, mut weight) = (0, 0.0, 0.0);
-        for (value, own) in (0..times.len()).filter_map(|row| rows.measured(row)) {
-            (found, sum, weight) = (found + 1, sum + value, weight + own);
+        let (mut count, mut sum, mut weight) = (0, 0.0, 0.0);
+        for (value, share) in (0..times.len()).filter_map(|row| rows.measured(row)) {
+            (count, sum, weight) = (count + 1, sum + value, weight + share);
         }
-        if found <= order {
-            return Err(SignalError::TooFew { found, needed: order + 1 });
+        if count <= order {
+            return Err(SignalError::TooFew { count, needed: order + 1 });
         }
-        let (n, unit) = (found as f64, median_step(times));
+        let (n, unit) = (count as f64, median_step(times));
         let centre = sum / n;
         Ok(Self {
             times: times.iter().map(|time| (time - times[0]) / unit).collect(),
@@ -161,7 +161,7 @@ impl<'a> Channel<'a> {
             weights,
             unit,
             centre,
-            measured: found,
+            measured: count,
             weight: weight / n,
         })
     }

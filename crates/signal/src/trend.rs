@@ -113,15 +113,15 @@ impl<'a> Channel<'a> {
         let weight = |row: usize| weights.map_or(1.0, |weights| weights[row]);
         let rows: Vec<usize> = (0..times.len()).filter(|&row| weight(row) > 0.0 && !values[row].is_nan()).collect();
         if rows.len() < degree + 2 {
-            return Err(SignalError::TooFew { found: rows.len(), needed: degree + 2 });
+            return Err(SignalError::TooFew { count: rows.len(), needed: degree + 2 });
         }
-        let own: Vec<f64> = rows.iter().map(|&row| times[row]).collect();
-        let (n, unit) = (rows.len() as f64, median_step(&own));
+        let stamps: Vec<f64> = rows.iter().map(|&row| times[row]).collect();
+        let (n, unit) = (rows.len() as f64, median_step(&stamps));
         let centre = rows.iter().map(|&row| values[row]).sum::<f64>() / n;
         let square = rows.iter().map(|&row| (values[row] - centre).powi(2)).sum::<f64>() / n;
         let size = Some(square.sqrt()).filter(|size| *size > 0.0).unwrap_or(1.0);
         let points = Points {
-            times: own.iter().map(|time| (time - own[0]) / unit).collect(),
+            times: stamps.iter().map(|time| (time - stamps[0]) / unit).collect(),
             values: rows.iter().map(|&row| (values[row] - centre) / size).collect(),
             variances: rows.iter().map(|&row| 1.0 / weight(row)).collect(),
         };
@@ -142,7 +142,7 @@ impl<'a> Channel<'a> {
             Lambda::Gcv => self.search::<M>(|n, rss, freedom| n * rss / ((n - freedom) * (n - freedom))),
             Lambda::Likelihood => self.search::<M>(|n, rss, freedom| n * rss.ln() + freedom * n.ln()),
         };
-        Ok(self.told::<M>(&self.points.solved::<M>(lambda), lambda, at_end))
+        Ok(self.to_trend::<M>(&self.points.solved::<M>(lambda), lambda, at_end))
     }
 
     /// From the least penalty that leaves a polynomial down to one that follows single measurements.
@@ -157,9 +157,9 @@ impl<'a> Channel<'a> {
         };
         // A border costs about the noise times the square root of what it spends; a thousandth of the noise of neighbours costs nothing.
         let least = (1e-3 * self.points.noise()).clamp(1e-12 * most, 0.1 * most);
-        let found = crate::least::least(least.ln(), most.ln(), WIDTH, score);
-        let spent = (M + self.points.solved::<M>(found.at.exp()).borders().count()) as f64;
-        (found.at.exp(), found.at_end || spent > 0.9 * MOST * n)
+        let minimum = crate::least::least(least.ln(), most.ln(), WIDTH, score);
+        let spent = (M + self.points.solved::<M>(minimum.at.exp()).borders().count()) as f64;
+        (minimum.at.exp(), minimum.at_end || spent > 0.9 * MOST * n)
     }
 
     /// Rounding of the measurements: no sum of squares is less.
@@ -169,7 +169,7 @@ impl<'a> Channel<'a> {
     }
 
     /// The solution in units of the channel.
-    fn told<const M: usize>(&self, solution: &Solution, lambda: f64, at_end: bool) -> Trend {
+    fn to_trend<const M: usize>(&self, solution: &Solution, lambda: f64, at_end: bool) -> Trend {
         let freedom = M + solution.borders().count();
         let left = self.rows.len().saturating_sub(freedom).max(1) as f64;
         let square = self.size * self.size;
@@ -190,9 +190,9 @@ impl<'a> Channel<'a> {
 
     /// Value and derivatives of the trend at every stamp.
     fn at_all_stamps(&self, x: &[f64]) -> Vec<Vec<f64>> {
-        let own: Vec<f64> = self.rows.iter().map(|&row| self.times[row]).collect();
+        let stamps: Vec<f64> = self.rows.iter().map(|&row| self.times[row]).collect();
         let x: Vec<f64> = x.iter().map(|x| self.centre + self.size * x).collect();
-        let lists = local_derivatives(&own, &x, self.degree);
-        resampled(&own, &lists, self.times, self.degree == 1)
+        let lists = local_derivatives(&stamps, &x, self.degree);
+        resampled(&stamps, &lists, self.times, self.degree == 1)
     }
 }

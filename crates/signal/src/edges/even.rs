@@ -15,8 +15,8 @@ pub(super) fn narrowed(pairs: &[(Edge, Edge)], margin: f64) -> Option<Vec<(Edge,
     for edges in [&mut first, &mut second] {
         for rises in [false, true] {
             let kind: Vec<usize> = (0..edges.len()).filter(|&at| edges[at].rises == rises).collect();
-            let own: Vec<Edge> = kind.iter().map(|&at| edges[at]).collect();
-            for (at, edge) in kind.into_iter().zip(evened(&own, margin)?) {
+            let edges_of_kind: Vec<Edge> = kind.iter().map(|&at| edges[at]).collect();
+            for (at, edge) in kind.into_iter().zip(evened(&edges_of_kind, margin)?) {
                 edges[at] = edge;
             }
         }
@@ -90,14 +90,17 @@ mod tests {
             }
         }
         assert!(corners.len() >= 3, "{corners:?}");
-        let found = evened(&edges, 0.0).unwrap();
+        let bounds = evened(&edges, 0.0).unwrap();
         let mut width = 0.0;
-        for ((edge, own), &x) in edges.iter().zip(&found).zip(&places) {
+        for ((edge, bound), &x) in edges.iter().zip(&bounds).zip(&places) {
             let least = corners.iter().map(|(a, b)| a + b * x).fold(f64::INFINITY, f64::min);
             let most = corners.iter().map(|(a, b)| a + b * x).fold(f64::NEG_INFINITY, f64::max);
-            assert!((own.after - least).abs() < 1e-10 && (own.before - most).abs() < 1e-10, "{own:?} {least} {most}");
-            assert!(edge.after - 1e-10 <= own.after && own.before <= edge.before + 1e-10);
-            width += (own.before - own.after) / (edge.before - edge.after) / 40.0;
+            assert!(
+                (bound.after - least).abs() < 1e-10 && (bound.before - most).abs() < 1e-10,
+                "{bound:?} {least} {most}"
+            );
+            assert!(edge.after - 1e-10 <= bound.after && bound.before <= edge.before + 1e-10);
+            width += (bound.before - bound.after) / (edge.before - edge.after) / 40.0;
         }
         assert!(width < 0.5, "of what two stamps alone say {width} stays");
     }

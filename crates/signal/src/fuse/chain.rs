@@ -70,7 +70,7 @@ pub(super) struct Undetermined;
 /// Covariances of a node with all else.
 #[derive(Debug, Clone)]
 pub(super) struct Joint {
-    pub(super) own: SMatrix<f64, STATE, STATE>,
+    pub(super) node: SMatrix<f64, STATE, STATE>,
     pub(super) with_border: SMatrix<f64, STATE, BORDER>,
     /// With the next node; zero of the last one.
     pub(super) with_next: SMatrix<f64, STATE, STATE>,
@@ -118,24 +118,24 @@ impl WithSimd for Reduction<'_> {
             let from = c.min(RIGHT) / LANES;
             let (done, below) = rows.split_at_mut(first + 1);
             let head = &mut done[first];
-            let mut own = &mut places[..count];
-            if own[0] == 0 {
-                own = &mut own[1..];
-            } else if let Some(at) = own.iter().position(|&at| at == pivot) {
+            let mut blocks = &mut places[..count];
+            if blocks[0] == 0 {
+                blocks = &mut blocks[1..];
+            } else if let Some(at) = blocks.iter().position(|&at| at == pivot) {
                 // There the row without an entry goes.
-                own.copy_within(at + 1.., at);
-                own = &mut own[..count - 1];
+                blocks.copy_within(at + 1.., at);
+                blocks = &mut blocks[..count - 1];
             }
             if pivot > 0 {
                 head[from * LANES..width].swap_with_slice(&mut below[pivot - 1][from * LANES..width]);
             }
             first += 1;
             match width / LANES - from {
-                1 => reflect::<S, 1>(simd, head, below, own, c, from),
-                2 => reflect::<S, 2>(simd, head, below, own, c, from),
-                3 => reflect::<S, 3>(simd, head, below, own, c, from),
-                4 => reflect::<S, 4>(simd, head, below, own, c, from),
-                _ => reflect::<S, 5>(simd, head, below, own, c, from),
+                1 => reflect::<S, 1>(simd, head, below, blocks, c, from),
+                2 => reflect::<S, 2>(simd, head, below, blocks, c, from),
+                3 => reflect::<S, 3>(simd, head, below, blocks, c, from),
+                4 => reflect::<S, 4>(simd, head, below, blocks, c, from),
+                _ => reflect::<S, 5>(simd, head, below, blocks, c, from),
             }
         }
         first
@@ -158,14 +158,14 @@ fn reflect<S: Simd, const N: usize>(
     }
     let norm = (head[c] * head[c] + tail).sqrt();
     let diagonal = if head[c] > 0.0 { -norm } else { norm };
-    let (own, beta) = (head[c] - diagonal, 1.0 / (norm * (norm + head[c].abs())));
+    let (pivot, beta) = (head[c] - diagonal, 1.0 / (norm * (norm + head[c].abs())));
     let mut dots = Columns::<S, N>::zero(simd);
-    dots.add(own, head, from);
+    dots.add(pivot, head, from);
     for at in places {
         dots.add(below[at - 1][c], &below[at - 1], from);
     }
     dots.scale(-beta);
-    dots.add_to(own, head, from);
+    dots.add_to(pivot, head, from);
     for at in places {
         let row = &mut below[at - 1];
         dots.add_to(row[c], row, from);
@@ -258,12 +258,13 @@ impl Chain<'_> {
                 squares.border[j] += row[BORDER_AT + j] * row[BORDER_AT + j];
             }
         }
-        let own = std::mem::replace(&mut squares.node, next);
+        let node = std::mem::replace(&mut squares.node, next);
         if self.damping > 0.0 {
             damp(rows, 0..STATE, self.damping);
         }
         // No number is greater than what is not a number, which is told as undetermined, too.
-        if reduce(rows, 0..STATE, 0, self.width) < STATE || !(0..STATE).all(|c| rows[c][c].abs() > REST * own[c].sqrt())
+        if reduce(rows, 0..STATE, 0, self.width) < STATE
+            || !(0..STATE).all(|c| rows[c][c].abs() > REST * node[c].sqrt())
         {
             return Err(Undetermined);
         }
@@ -300,7 +301,8 @@ impl Chain<'_> {
         let mut visit = |first: usize, heads: &[Row]| {
             for (at, head) in heads.chunks_exact(STATE).map(Head).enumerate().rev() {
                 let error = head.error(next.as_ref().map(|(error, _)| error), theta);
-                let joint = covariance.map(|own| head.joint(next.as_ref().and_then(|(_, joint)| joint.as_ref()), own));
+                let joint =
+                    covariance.map(|theta| head.joint(next.as_ref().and_then(|(_, joint)| joint.as_ref()), theta));
                 each(first + at, &error, joint.as_ref());
                 next = Some((error, joint));
             }
@@ -337,13 +339,13 @@ impl Chain<'_> {
             seen.clear();
             (self.rows)(node, &mut seen);
             seen.retain(|row| row[NEXT_AT..RIGHT].iter().all(|slope| *slope == 0.0));
-            let mut own = squares.node;
+            let mut diagonal = squares.node;
             for row in &seen {
-                (0..STATE).for_each(|j| own[j] += row[j] * row[j]);
+                (0..STATE).for_each(|j| diagonal[j] += row[j] * row[j]);
             }
             seen.extend_from_slice(&rows);
             let known = reduce(&mut seen, 0..STATE, 0, self.width) == STATE;
-            if known && (0..STATE).all(|c| seen[c][c].abs() > REST * own[c].sqrt()) {
+            if known && (0..STATE).all(|c| seen[c][c].abs() > REST * diagonal[c].sqrt()) {
                 let head = Head(&seen[..STATE]);
                 each(node, &head.error(None, &BorderError::zeros()), &head.joint(None, covariance));
             }
@@ -427,7 +429,7 @@ impl WithSimd for Spread<'_> {
             }
         }
         let by_theta = product(&b, self.theta);
-        let mut own = product(&by_theta, &b.transpose()) + product(&c, &c.transpose());
+        let mut node = product(&by_theta, &b.transpose()) + product(&c, &c.transpose());
         let (mut with_border, mut with_next) = (by_theta, SMatrix::zeros());
         if let Some(next) = self.next {
             let mut a = SMatrix::<f64, STATE, STATE>::zeros();
@@ -436,13 +438,13 @@ impl WithSimd for Spread<'_> {
                     a.data.0[j][i] = -solved[i][NEXT_AT + j];
                 }
             }
-            let (by_border, by_next) = (product(&a, &next.with_border), product(&a, &next.own));
+            let (by_border, by_next) = (product(&a, &next.with_border), product(&a, &next.node));
             let crossed = product(&by_border, &b.transpose());
-            own += product(&by_next, &a.transpose()) + crossed + crossed.transpose();
+            node += product(&by_next, &a.transpose()) + crossed + crossed.transpose();
             with_border += by_border;
             with_next = by_next + product(&b, &next.with_border.transpose());
         }
-        Joint { own: 0.5 * (own + own.transpose()), with_border, with_next }
+        Joint { node: 0.5 * (node + node.transpose()), with_border, with_next }
     }
 }
 

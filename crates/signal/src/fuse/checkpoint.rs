@@ -163,9 +163,9 @@ impl Words<'_> {
 pub(super) fn restore(problem: &mut Problem<'_>, bytes: &[u8], digest: u64) -> Option<Progress> {
     let (body, sum) = bytes.split_at_checked(bytes.len().checked_sub(8)?)?;
     let mut all = Words(body);
-    let found = std::iter::from_fn(|| all.next()).fold(0, |hash, word| mix(hash ^ word.to_bits()));
+    let checksum = std::iter::from_fn(|| all.next()).fold(0, |hash, word| mix(hash ^ word.to_bits()));
     let mut words = Words(body);
-    let is_ours = body.len().is_multiple_of(8) && Words(sum).next()?.to_bits() == found;
+    let is_ours = body.len().is_multiple_of(8) && Words(sum).next()?.to_bits() == checksum;
     if !is_ours || words.next()? != VERSION || words.next()?.to_bits() != digest {
         return None;
     }

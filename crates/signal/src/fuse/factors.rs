@@ -23,7 +23,7 @@ use super::{
 pub(super) struct Block<const N: usize> {
     pub(super) residual: SVector<f64, N>,
     /// With respect to the node, the next node and the constants.
-    pub(super) own: SMatrix<f64, N, STATE>,
+    pub(super) node: SMatrix<f64, N, STATE>,
     pub(super) next: SMatrix<f64, N, STATE>,
     pub(super) border: SMatrix<f64, N, BORDER>,
 }
@@ -33,13 +33,13 @@ pub(super) const INERTIAL: usize = 15;
 
 impl<const N: usize> Block<N> {
     fn zeros() -> Self {
-        Self { residual: SVector::zeros(), own: SMatrix::zeros(), next: SMatrix::zeros(), border: SMatrix::zeros() }
+        Self { residual: SVector::zeros(), node: SMatrix::zeros(), next: SMatrix::zeros(), border: SMatrix::zeros() }
     }
 
     /// Takes the block times a number.
     fn scale(&mut self, scale: f64) {
         self.residual *= scale;
-        self.own *= scale;
+        self.node *= scale;
         self.next *= scale;
         self.border *= scale;
     }
@@ -49,9 +49,9 @@ impl<const N: usize> Block<N> {
         let first = rows.len();
         rows.resize(first + N, [0.0; WIDTH]);
         let rows = &mut rows[first..];
-        for (j, (own, next)) in self.own.data.0.iter().zip(&self.next.data.0).enumerate() {
+        for (j, (column, next)) in self.node.data.0.iter().zip(&self.next.data.0).enumerate() {
             for i in 0..N {
-                rows[i][j] = own[i];
+                rows[i][j] = column[i];
                 rows[i][NEXT_AT + j] = next[i];
             }
         }
@@ -119,12 +119,12 @@ fn chain(block: &mut Block<INERTIAL>, states: [&State; 2], dt: f64, noise: &Body
     let left = chain_residual(states, dt);
     // How much of position, velocity and acceleration is carried on from each of the first node.
     let forward = [[1.0, dt, 0.5 * dt * dt], [0.0, 1.0, dt], [0.0, 0.0, 1.0]];
-    for (row, own) in rows.into_iter().zip(&back) {
+    for (row, row_of_back) in rows.into_iter().zip(&back) {
         for axis in 0..3 {
-            block.residual[row + axis] = (0..3).map(|k| own[k] * left[k][axis]).sum();
+            block.residual[row + axis] = (0..3).map(|k| row_of_back[k] * left[k][axis]).sum();
             for (column, j) in columns.into_iter().zip(0..) {
-                block.own[(row + axis, column + axis)] = -(0..3).map(|k| own[k] * forward[k][j]).sum::<f64>();
-                block.next[(row + axis, column + axis)] = own[j];
+                block.node[(row + axis, column + axis)] = -(0..3).map(|k| row_of_back[k] * forward[k][j]).sum::<f64>();
+                block.next[(row + axis, column + axis)] = row_of_back[j];
             }
         }
     }
@@ -169,19 +169,19 @@ fn moved_by_forces(
         block.residual.fixed_rows_mut::<3>(row).copy_from(&part);
     }
     turn(&mut block, between, reference, states, &turned);
-    let mut own = |row: usize, column: usize, slope: Matrix| {
-        block.own.fixed_view_mut::<3, 3>(row, column).copy_from(&slope);
+    let mut set_slope = |row: usize, column: usize, slope: Matrix| {
+        block.node.fixed_view_mut::<3, 3>(row, column).copy_from(&slope);
     };
-    own(3, ATTITUDE, (back * (to.velocity - from.velocity - g * dt)).cross_matrix());
-    own(3, VELOCITY, -back);
-    own(3, GYRO, -between.velocity_g);
-    own(3, ACCELEROMETER, -between.velocity_a);
+    set_slope(3, ATTITUDE, (back * (to.velocity - from.velocity - g * dt)).cross_matrix());
+    set_slope(3, VELOCITY, -back);
+    set_slope(3, GYRO, -between.velocity_g);
+    set_slope(3, ACCELEROMETER, -between.velocity_a);
     let displaced = to.position - from.position - from.velocity * dt - g * (0.5 * dt * dt);
-    own(6, ATTITUDE, (back * displaced).cross_matrix());
-    own(6, POSITION, -back);
-    own(6, VELOCITY, -back * dt);
-    own(6, GYRO, -between.position_g);
-    own(6, ACCELEROMETER, -between.position_a);
+    set_slope(6, ATTITUDE, (back * displaced).cross_matrix());
+    set_slope(6, POSITION, -back);
+    set_slope(6, VELOCITY, -back * dt);
+    set_slope(6, GYRO, -between.position_g);
+    set_slope(6, ACCELEROMETER, -between.position_a);
     let mut next = |row: usize, column: usize, slope: Matrix| {
         block.next.fixed_view_mut::<3, 3>(row, column).copy_from(&slope);
     };
@@ -206,8 +206,8 @@ fn turn(
     let attitude = (to.attitude.inverse() * from.attitude).to_rotation_matrix().into_inner();
     let shift = between.rotation_g * (from.gyro - reference[0]);
     let by_gyro = exp(turned).inverse().to_rotation_matrix() * right_jacobian(&shift) * between.rotation_g;
-    block.own.fixed_view_mut::<3, 3>(0, part::ATTITUDE).copy_from(&(-inverse * attitude));
-    block.own.fixed_view_mut::<3, 3>(0, part::GYRO).copy_from(&(-inverse * by_gyro));
+    block.node.fixed_view_mut::<3, 3>(0, part::ATTITUDE).copy_from(&(-inverse * attitude));
+    block.node.fixed_view_mut::<3, 3>(0, part::GYRO).copy_from(&(-inverse * by_gyro));
     block.next.fixed_view_mut::<3, 3>(0, part::ATTITUDE).copy_from(&inverse);
 }
 
@@ -227,7 +227,7 @@ fn whiten(block: &mut Block<INERTIAL>, between: &Preintegrated, rows: usize) {
         }
     };
     block.residual.data.0.iter_mut().for_each(forward);
-    block.own.data.0.iter_mut().for_each(forward);
+    block.node.data.0.iter_mut().for_each(forward);
     block.next.data.0.iter_mut().for_each(forward);
     block.border.data.0[part::GRAVITY..].iter_mut().for_each(forward);
 }
@@ -255,11 +255,15 @@ pub(super) fn inertial_cost(
     let walks = [to.gyro - from.gyro, to.accelerometer - from.accelerometer];
     if !has_forces {
         let left = chain_residual(states, between.dt);
-        let own = |row: &[f64; 3]| (left[0] * row[0] + left[1] * row[1] + left[2] * row[2]).norm_squared();
+        let weighted = |row: &[f64; 3]| (left[0] * row[0] + left[1] * row[1] + left[2] * row[2]).norm_squared();
         let walked = walks[0].norm_squared() / (densities[0] * densities[0] * between.dt);
-        return sum + walked + whitening(between.dt, noise.jerk).iter().map(own).sum::<f64>();
+        return sum + walked + whitening(between.dt, noise.jerk).iter().map(weighted).sum::<f64>();
     }
-    sum + walks.iter().zip(densities).map(|(step, own)| step.norm_squared() / (own * own * between.dt)).sum::<f64>()
+    sum + walks
+        .iter()
+        .zip(densities)
+        .map(|(step, density)| step.norm_squared() / (density * density * between.dt))
+        .sum::<f64>()
 }
 
 /// The walk of the biases between two nodes.
@@ -270,7 +274,7 @@ fn walk(block: &mut Block<INERTIAL>, [from, to]: [&State; 2], dt: f64, noise: &B
         for axis in 0..3 {
             let (row, column) = (9 + 3 * which + axis, part::GYRO + 3 * which + axis);
             block.residual[row] = step[axis] * scale;
-            block.own[(row, column)] = -scale;
+            block.node[(row, column)] = -scale;
             block.next[(row, column)] = scale;
         }
     }
@@ -320,10 +324,10 @@ pub(super) fn pose(
     let by_gyro = right_jacobian(&(rate * late)) * late;
     let mut position = Block::<3>::zeros();
     let turned = state.attitude.to_rotation_matrix() * (turn * lever).cross_matrix();
-    position.own.fixed_view_mut::<3, 3>(0, ATTITUDE).copy_from(&turned);
-    position.own.fixed_view_mut::<3, 3>(0, POSITION).copy_from(&-Matrix::identity());
-    position.own.fixed_view_mut::<3, 3>(0, VELOCITY).copy_from(&(Matrix::identity() * -late));
-    position.own.fixed_view_mut::<3, 3>(0, GYRO).copy_from(&(-matrix * lever.cross_matrix() * by_gyro));
+    position.node.fixed_view_mut::<3, 3>(0, ATTITUDE).copy_from(&turned);
+    position.node.fixed_view_mut::<3, 3>(0, POSITION).copy_from(&-Matrix::identity());
+    position.node.fixed_view_mut::<3, 3>(0, VELOCITY).copy_from(&(Matrix::identity() * -late));
+    position.node.fixed_view_mut::<3, 3>(0, GYRO).copy_from(&(-matrix * lever.cross_matrix() * by_gyro));
     position.border.fixed_view_mut::<3, 3>(0, LEVER).copy_from(&-matrix);
     position.border.fixed_view_mut::<3, 1>(0, OFFSET).copy_from(&(-state.velocity - matrix * rate.cross(lever)));
     let mut angle = Block::<3>::zeros();
@@ -331,8 +335,8 @@ pub(super) fn pose(
     let inverse = right_jacobian_inverse(&(turned_away * noise.attitude)).transpose();
     let back_matrix = back.to_rotation_matrix();
     let turned = (back * turn.inverse()).to_rotation_matrix().into_inner();
-    angle.own.fixed_view_mut::<3, 3>(0, ATTITUDE).copy_from(&(-inverse * turned));
-    angle.own.fixed_view_mut::<3, 3>(0, GYRO).copy_from(&(inverse * back_matrix * by_gyro));
+    angle.node.fixed_view_mut::<3, 3>(0, ATTITUDE).copy_from(&(-inverse * turned));
+    angle.node.fixed_view_mut::<3, 3>(0, GYRO).copy_from(&(inverse * back_matrix * by_gyro));
     angle.border.fixed_view_mut::<3, 3>(0, MOUNTING).copy_from(&-inverse);
     angle.border.fixed_view_mut::<3, 1>(0, OFFSET).copy_from(&(-inverse * (back * rate)));
     position.scale(noise.position.recip());
@@ -393,7 +397,7 @@ mod tests {
         for j in 0..STATE {
             let d = StateError::ith(j, h);
             let slope = (of(&a.moved(&d), &b, &c).residual - of(&a.moved(&-d), &b, &c).residual) / (2.0 * h);
-            near(slope, block.own.column(j).into_owned(), &format!("own {j}"));
+            near(slope, block.node.column(j).into_owned(), &format!("node {j}"));
             let slope = (of(&a, &b.moved(&d), &c).residual - of(&a, &b.moved(&-d), &c).residual) / (2.0 * h);
             near(slope, block.next.column(j).into_owned(), &format!("next {j}"));
         }
@@ -441,17 +445,21 @@ mod tests {
         with_record(40, |imu| {
             let sum = |g: Vector, a: Vector| Preintegrated::new(imu, 0.033, 0.291, &[g, a], &NOISE.imu);
             let (zero, h) = (Vector::zeros(), 1e-4);
-            let own = sum(zero, zero);
+            let motion = sum(zero, zero);
             for axis in 0..3 {
                 let d = Vector::ith(axis, h);
                 for (g, a) in [(d, zero), (zero, d)] {
                     let (there, back) = (sum(g, a), sum(-g, -a));
-                    let turned = log(&(own.rotation.inverse() * there.rotation))
-                        - log(&(own.rotation.inverse() * back.rotation));
-                    let found = own.corrected(&g, &a);
-                    assert!((turned / 2.0 - log(&(own.rotation.inverse() * found.0))).norm() < 1e-7 * h);
-                    assert!(((there.velocity - back.velocity) / 2.0 - (found.1 - own.velocity)).norm() < 1e-7 * h);
-                    assert!(((there.position - back.position) / 2.0 - (found.2 - own.position)).norm() < 1e-7 * h);
+                    let turned = log(&(motion.rotation.inverse() * there.rotation))
+                        - log(&(motion.rotation.inverse() * back.rotation));
+                    let corrected = motion.corrected(&g, &a);
+                    assert!((turned / 2.0 - log(&(motion.rotation.inverse() * corrected.0))).norm() < 1e-7 * h);
+                    assert!(
+                        ((there.velocity - back.velocity) / 2.0 - (corrected.1 - motion.velocity)).norm() < 1e-7 * h
+                    );
+                    assert!(
+                        ((there.position - back.position) / 2.0 - (corrected.2 - motion.position)).norm() < 1e-7 * h
+                    );
                 }
             }
         });

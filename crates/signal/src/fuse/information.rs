@@ -42,9 +42,10 @@ impl Problem<'_> {
         let kinds = self.kinds();
         let information = self.information(&kinds)?;
         let logs = deviations(&information);
-        let share = |kind: usize| kinds.iter().position(|own| *own == kind).map_or(0.0, |at| 0.5 * logs[at]);
+        let share = |kind: usize| kinds.iter().position(|index| *index == kind).map_or(0.0, |at| 0.5 * logs[at]);
         let BodyNoise { imu, position, attitude, jerk } = self.setting.noise;
-        let told = self.readings.map(|axes| axes.map(|own| own.map_or(f64::INFINITY, |own| own.deviation)));
+        let deviations =
+            self.readings.map(|axes| axes.map(|prior| prior.map_or(f64::INFINITY, |prior| prior.deviation)));
         let axes = |values: [f64; 3], first: usize| std::array::from_fn(|axis| values[axis] * share(first + axis));
         let has_forces = self.has_forces();
         Ok(BodyNoise {
@@ -54,7 +55,7 @@ impl Problem<'_> {
                 gyro_walk: imu.gyro_walk * share(WALK),
                 accelerometer_walk: imu.accelerometer_walk * share(WALK + 1),
                 missed: [0, 1].map(|which| imu.missed[which] * share(MISSED[which])),
-                scatter: if self.options.fit_noise { told } else { [[0.0; 3]; 2] },
+                scatter: if self.options.fit_noise { deviations } else { [[0.0; 3]; 2] },
             },
             position: position * share(POSE),
             attitude: attitude * share(POSE + 1),
@@ -78,14 +79,14 @@ impl Problem<'_> {
 
     /// The information of these kinds.
     pub(super) fn information(&self, kinds: &[usize]) -> Result<DMatrix<f64>, Undetermined> {
-        let mut found = DMatrix::zeros(kinds.len(), kinds.len());
+        let mut information = DMatrix::zeros(kinds.len(), kinds.len());
         for (column, kind) in kinds.iter().enumerate() {
             let sums = self.information_of(*kind)?;
             for (row, other) in kinds.iter().enumerate() {
-                found[(row, column)] = sums[*other];
+                information[(row, column)] = sums[*other];
             }
         }
-        Ok(found)
+        Ok(information)
     }
 
     /// The information of a kind with all kinds.
@@ -94,17 +95,17 @@ impl Problem<'_> {
             let track = &self.tracks[at];
             self.chain_of(track, &|node, rows| self.weighted(track, node, kind, rows), |chain| chain.eliminated())
         })?;
-        let of_tracks = eliminated.iter().flat_map(|own| own.border.iter().copied());
+        let of_tracks = eliminated.iter().flat_map(|track| track.border.iter().copied());
         let known = self.border_rows(&self.border).into_iter().map(|mut row| {
             row[RIGHT] = 0.0;
             row
         });
-        let squares = eliminated.iter().fold(BorderError::zeros(), |sum, own| sum + own.squares);
+        let squares = eliminated.iter().fold(BorderError::zeros(), |sum, track| sum + track.squares);
         let (border, _) = solve_border(known.chain(of_tracks).collect(), &squares, 0.0)?;
         let of_tracks = self.each(|at| self.left_of(at, kind, &eliminated[at], &border))?;
         let mut sums = [0.0; KINDS];
-        for own in of_tracks {
-            sums.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
+        for track in of_tracks {
+            sums.iter_mut().zip(track).for_each(|(sum, part)| *sum += part);
         }
         Ok(sums)
     }
@@ -155,13 +156,13 @@ impl Problem<'_> {
             parts[kind] = 1.0;
             parts
         };
-        let mut found = Vec::with_capacity(6 + 6 + 15);
+        let mut parts = Vec::with_capacity(6 + 6 + 15);
         if node == 0 {
             let known = self.setting.biases.iter().filter(|prior| prior.deviation.is_finite()).count();
-            found.resize(3 * known, [0.0; KINDS]);
+            parts.resize(3 * known, [0.0; KINDS]);
         }
         for which in (0..2).filter(|&which| track.used[node][which]) {
-            found.extend([only(POSE + which); 3]);
+            parts.extend([only(POSE + which); 3]);
         }
         if node + 1 < track.nodes() {
             let between = track.between(node, &self.setting);
@@ -173,36 +174,36 @@ impl Problem<'_> {
                 parts[MISSED[which]] = missed;
                 parts
             };
-            found.extend((0..3).map(|axis| of(0, axis)));
+            parts.extend((0..3).map(|axis| of(0, axis)));
             let moved = |axis: usize| if has_forces { of(1, axis) } else { only(FORCE) };
-            found.extend((0..6).map(|row| moved(row % 3)));
-            found.extend([only(WALK); 3]);
-            found.extend([only(if has_forces { WALK + 1 } else { FORCE }); 3]);
+            parts.extend((0..6).map(|row| moved(row % 3)));
+            parts.extend([only(WALK); 3]);
+            parts.extend([only(if has_forces { WALK + 1 } else { FORCE }); 3]);
         }
-        found
+        parts
     }
 }
 
 /// The deviations of logarithms of variances by the information of all of them; infinite where there is none, or the others leave none.
 fn deviations(information: &DMatrix<f64>) -> Vec<f64> {
     let count = information.nrows();
-    let mut found = vec![f64::INFINITY; count];
-    let told: Vec<usize> = (0..count).filter(|&i| information[(i, i)] > 0.0).collect();
+    let mut deviations = vec![f64::INFINITY; count];
+    let determined: Vec<usize> = (0..count).filter(|&i| information[(i, i)] > 0.0).collect();
     // In units of their own information, each in turn the last of a Cholesky factor: what is left there is what the others leave of it.
-    let own = |a: usize, b: usize| information[(a, b)] / (information[(a, a)] * information[(b, b)]).sqrt();
-    for &last in &told {
-        let order: Vec<usize> = told.iter().copied().filter(|&i| i != last).chain([last]).collect();
+    let scaled = |a: usize, b: usize| information[(a, b)] / (information[(a, a)] * information[(b, b)]).sqrt();
+    for &last in &determined {
+        let order: Vec<usize> = determined.iter().copied().filter(|&i| i != last).chain([last]).collect();
         let scaled = DMatrix::from_fn(order.len(), order.len(), |i, j| {
-            0.5 * (own(order[i], order[j]) + own(order[j], order[i]))
+            0.5 * (scaled(order[i], order[j]) + scaled(order[j], order[i]))
         });
         if let Some(factor) = scaled.cholesky() {
             let left = factor.l_dirty()[(order.len() - 1, order.len() - 1)].powi(2);
             if left > LEFT {
-                found[last] = (information[(last, last)] * left).sqrt().recip();
+                deviations[last] = (information[(last, last)] * left).sqrt().recip();
             }
         }
     }
-    found
+    deviations
 }
 
 #[cfg(test)]
@@ -213,11 +214,14 @@ mod tests {
     #[test]
     fn deviations_are_those_of_the_inverse() {
         let information = DMatrix::from_row_slice(3, 3, &[40.0, 10.0, 0.0, 10.0, 5.0, 0.0, 0.0, 0.0, 0.0]);
-        let found = deviations(&information);
+        let computed = deviations(&information);
         // The inverse of the first two is (5, -10; -10, 40) / 100.
-        assert!((found[0] - 0.05_f64.sqrt()).abs() < 1e-14 && (found[1] - 0.4_f64.sqrt()).abs() < 1e-14, "{found:?}");
-        assert_eq!(found[2], f64::INFINITY);
+        assert!(
+            (computed[0] - 0.05_f64.sqrt()).abs() < 1e-14 && (computed[1] - 0.4_f64.sqrt()).abs() < 1e-14,
+            "{computed:?}"
+        );
+        assert_eq!(computed[2], f64::INFINITY);
         let alike = deviations(&DMatrix::from_element(2, 2, 7.0));
-        assert!(alike.iter().all(|own| *own == f64::INFINITY), "{alike:?}");
+        assert!(alike.iter().all(|deviation| *deviation == f64::INFINITY), "{alike:?}");
     }
 }

@@ -112,23 +112,23 @@ impl Split {
 
     /// The variances of weight one of white noise about three axes of these densities and of what is missed about all of them, by a step of scoring: of one kind alone it is that of [`Split::variance`]. Axes are expected to be as noisy as
     /// their readings, and where these tell nothing, alike: poses may tell next to nothing of what a good gyroscope misses.
-    fn variances(axes: &[Self; 3], densities: &[f64; 3], told: &[Option<f64>; 3]) -> ([f64; 3], f64) {
-        let alike = (densities.iter().map(|own| own.ln()).sum::<f64>() / 3.0).exp();
+    fn variances(axes: &[Self; 3], densities: &[f64; 3], priors: &[Option<f64>; 3]) -> ([f64; 3], f64) {
+        let alike = (densities.iter().map(|density| density.ln()).sum::<f64>() / 3.0).exp();
         let mut axes = *axes;
-        for ((own, density), told) in axes.iter_mut().zip(densities).zip(told) {
-            *own = own.expecting((told.unwrap_or(alike) / density).powi(2));
+        for ((axis, density), prior) in axes.iter_mut().zip(densities).zip(priors) {
+            *axis = axis.expecting((prior.unwrap_or(alike) / density).powi(2));
         }
-        let all: f64 = axes.iter().map(|own| own.missed).sum();
+        let all: f64 = axes.iter().map(|axis| axis.missed).sum();
         // The missed part's equation once those of the axes are solved.
-        let (mut own, mut left) = (all, axes.iter().map(|own| own.missed_left).sum::<f64>());
+        let (mut missed, mut left) = (all, axes.iter().map(|axis| axis.missed_left).sum::<f64>());
         for axis in &axes {
-            own -= axis.both * axis.both / axis.white;
+            missed -= axis.both * axis.both / axis.white;
             left -= axis.both * axis.white_left / axis.white;
         }
-        if all < 1.0 || own < 1e-3 * all {
+        if all < 1.0 || missed < 1e-3 * all {
             return (axes.each_ref().map(Self::variance), 1.0);
         }
-        let missed = (left / own).clamp(-FARTHEST, FARTHEST);
+        let missed = (left / missed).clamp(-FARTHEST, FARTHEST);
         (axes.each_ref().map(|axis| ratio((axis.white_left - axis.both * missed) / axis.white)), ratio(missed))
     }
 }
@@ -151,11 +151,11 @@ pub(super) struct Shares {
 
 impl Shares {
     pub(super) fn add(&mut self, other: &Self) {
-        for (own, other) in self.inertial.as_flattened_mut().iter_mut().zip(other.inertial.as_flattened()) {
-            own.add(other);
+        for (split, other) in self.inertial.as_flattened_mut().iter_mut().zip(other.inertial.as_flattened()) {
+            split.add(other);
         }
-        let own = self.pose.iter_mut().chain(&mut self.walk);
-        own.zip(other.pose.iter().chain(&other.walk)).for_each(|(own, other)| own.add(other));
+        let splits = self.pose.iter_mut().chain(&mut self.walk);
+        splits.zip(other.pose.iter().chain(&other.walk)).for_each(|(split, other)| split.add(other));
     }
 
     /// Takes the noise for what residuals say it is. The kinds that are told one by one go on as far as the changes of this round and the last, of which the logarithms are `changes`, will come to if they go on shrinking as they do
@@ -163,43 +163,43 @@ impl Shares {
     pub(super) fn take(&self, noise: &mut BodyNoise, sought: &Sought, changes: &mut [f64; SINGLE]) -> f64 {
         let BodyNoise { imu, position, attitude, jerk } = noise;
         let mut most: f64 = 0.0;
-        let mut take = |own: &mut f64, variance: f64, told: f64, ahead: Option<usize>| {
+        let mut take = |noise: &mut f64, variance: f64, weight: f64, ahead: Option<usize>| {
             // A variance that so many residuals tell is known to a share of the root of 2 by their number.
-            most = most.max(variance.ln().abs() / (UNCERTAIN * (2.0 / told.max(1.0)).sqrt()).max(SAME.ln()));
+            most = most.max(variance.ln().abs() / (UNCERTAIN * (2.0 / weight.max(1.0)).sqrt()).max(SAME.ln()));
             let whole = match ahead {
                 Some(kind) => ahead_of(variance.ln(), &mut changes[kind]),
                 None => variance.ln(),
             };
-            *own *= (0.5 * whole).exp();
+            *noise *= (0.5 * whole).exp();
         };
         let [rate, force] = &self.inertial;
         let (white, missed) = Split::variances(rate, &imu.gyro, &sought.densities[0]);
-        for ((own, variance), split) in imu.gyro.iter_mut().zip(white).zip(rate) {
-            take(own, variance, split.white + ALIKE, None);
+        for ((density, variance), split) in imu.gyro.iter_mut().zip(white).zip(rate) {
+            take(density, variance, split.white + ALIKE, None);
         }
-        let told = |axes: &[Split; 3]| axes.iter().map(|own| own.missed).sum();
-        take(&mut imu.missed[0], missed, told(rate), None);
+        let missed_weight = |axes: &[Split; 3]| axes.iter().map(|axis| axis.missed).sum();
+        take(&mut imu.missed[0], missed, missed_weight(rate), None);
         if sought.has_forces {
             let (white, missed) = Split::variances(force, &imu.accelerometer, &sought.densities[1]);
-            for ((own, variance), split) in imu.accelerometer.iter_mut().zip(white).zip(force) {
-                take(own, variance, split.white + ALIKE, None);
+            for ((density, variance), split) in imu.accelerometer.iter_mut().zip(white).zip(force) {
+                take(density, variance, split.white + ALIKE, None);
             }
-            take(&mut imu.missed[1], missed, told(force), None);
+            take(&mut imu.missed[1], missed, missed_weight(force), None);
         } else {
             let mut all = Split::default();
-            force.iter().for_each(|own| all.add(own));
+            force.iter().for_each(|split| all.add(split));
             take(jerk, all.variance(), all.white, None);
         }
         take(position, self.pose[0].variance(), self.pose[0].redundancy(), Some(0));
         take(attitude, self.pose[1].variance(), self.pose[1].redundancy(), Some(1));
-        let own = [
+        let walks = [
             (&mut imu.gyro_walk, sought.expected.gyro_walk),
             (&mut imu.accelerometer_walk, sought.expected.accelerometer_walk),
         ];
-        for (which, (own, expected)) in own.into_iter().enumerate() {
+        for (which, (walk, expected)) in walks.into_iter().enumerate() {
             if sought.walks[which] && (which == 0 || sought.has_forces) {
-                let variance = self.walk[which].expecting(expected / *own);
-                take(own, variance, self.walk[which].redundancy(), Some(2 + which));
+                let variance = self.walk[which].expecting(expected / *walk);
+                take(walk, variance, self.walk[which].redundancy(), Some(2 + which));
             }
         }
         most
@@ -248,8 +248,8 @@ mod tests {
         let (truth, missed_truth) = ([1.0_f64, 2.0, 0.5], 0.7_f64);
         let jumps = |row: u64| [0.0, 0.0, 0.5, 4.0][(row / 3) as usize % 4];
         let residual = |row: u64| {
-            let (own, jump) = (truth[row as usize % 3], missed_truth * missed_truth * jumps(row));
-            normal(row) * (own * own + jump).sqrt()
+            let (deviation, jump) = (truth[row as usize % 3], missed_truth * missed_truth * jumps(row));
+            normal(row) * (deviation * deviation + jump).sqrt()
         };
         let (mut densities, mut missed) = ([10.0; 3], 1.0);
         let mut last = ([0.0; 3], 0.0);
@@ -261,7 +261,7 @@ mod tests {
                 axes[axis].residual(jump / variance, residual(row).powi(2) / variance, 0.0);
             }
             last = Split::variances(&axes, &densities, &[None; 3]);
-            densities.iter_mut().zip(last.0).for_each(|(own, variance)| *own *= variance.sqrt());
+            densities.iter_mut().zip(last.0).for_each(|(density, variance)| *density *= variance.sqrt());
             missed *= last.1.sqrt();
         }
         assert!(last.0.iter().chain([&last.1]).all(|variance| (variance - 1.0).abs() < 1e-6), "{last:?}");
@@ -277,14 +277,14 @@ mod tests {
         let mut densities = [1.0, 4.0, 2.0];
         for _ in 0..30 {
             let (white, missed) = Split::variances(&[Split::default(); 3], &densities, &[None; 3]);
-            densities.iter_mut().zip(white).for_each(|(own, variance)| *own *= variance.sqrt());
+            densities.iter_mut().zip(white).for_each(|(density, variance)| *density *= variance.sqrt());
             assert!(missed == 1.0);
         }
-        assert!(densities.iter().all(|own| (own - 2.0).abs() < 1e-9), "{densities:?}");
+        assert!(densities.iter().all(|density| (density - 2.0).abs() < 1e-9), "{densities:?}");
         // But for those whose readings tell it.
         for _ in 0..30 {
             let (white, _) = Split::variances(&[Split::default(); 3], &densities, &[Some(7.0), None, None]);
-            densities.iter_mut().zip(white).for_each(|(own, variance)| *own *= variance.sqrt());
+            densities.iter_mut().zip(white).for_each(|(density, variance)| *density *= variance.sqrt());
         }
         assert!((densities[0] - 7.0).abs() < 1e-6, "{densities:?}");
         assert!((Share::default().expecting(3.0) - 9.0).abs() < 1e-12);

@@ -183,9 +183,9 @@ impl Default for FuseOptions {
 /// Refuses numbers that are none, and rows that lack a stamp.
 fn check_rows<const N: usize>(what: &'static str, values: &[[f64; N]], stamps: usize) -> Result<(), SignalError> {
     if values.len() != stamps {
-        return Err(SignalError::Length { what, found: values.len(), expected: stamps });
+        return Err(SignalError::Length { what, count: values.len(), expected: stamps });
     }
-    match values.iter().enumerate().find_map(|(row, own)| Some((row, *own.iter().find(|x| !x.is_finite())?))) {
+    match values.iter().enumerate().find_map(|(row, axes)| Some((row, *axes.iter().find(|x| !x.is_finite())?))) {
         Some((row, value)) => Err(SignalError::NotFinite { row, value }),
         None => Ok(()),
     }

@@ -329,11 +329,11 @@ impl Preintegrated {
             self.covariance[(axis, axis)] += rate[axis];
         }
         let across = |variances: &Vector| middle * Matrix::from_diagonal(variances) * middle.transpose();
-        let own =
+        let covariance =
             if force[0] == force[1] && force[1] == force[2] { Matrix::from_diagonal(&force) } else { across(&force) };
         for (row, column, share) in [(3, 3, 1.0), (3, 6, 0.5 * dt), (6, 3, 0.5 * dt), (6, 6, dt * dt / 3.0)] {
             let mut block = self.covariance.fixed_view_mut::<3, 3>(row, column);
-            block += own * share;
+            block += covariance * share;
         }
         self.missed[0] += turned * dt;
         if pushed.max() > 0.0 {
@@ -375,8 +375,8 @@ mod tests {
         let rates = vec![[0.0; 3]; 50];
         let with = |average: f64| ImuRecord { times: &times, rates: &rates, forces: &forces, averages: [0.0, average] };
         let sums: f64 = forces[11..=30].iter().map(|force| 0.01 * force[0]).sum();
-        let found = sum(&with(0.01), times[10], times[30]).velocity[0];
-        assert!((found - sums).abs() < 1e-12, "{found} {sums}");
+        let mean = sum(&with(0.01), times[10], times[30]).velocity[0];
+        assert!((mean - sums).abs() < 1e-12, "{mean} {sums}");
         // A window of a half: a quarter of the reading before, three quarters of the one after.
         let half: f64 = (11..=30).map(|row| 0.01 * (0.25 * forces[row - 1][0] + 0.75 * forces[row][0])).sum();
         assert!((sum(&with(0.005), times[10], times[30]).velocity[0] - half).abs() < 1e-12);
@@ -423,7 +423,7 @@ mod tests {
         assert!(missed(0.5, 1.5) == Vector::zeros());
         // The jump's own step, and half of it in those on either side.
         let expected = 1.5 * 9.0 * 1e-4 / 12.0;
-        let found = missed(1.9, 2.1);
-        assert!((found[0] / expected - 1.0).abs() < 0.02 && found[1] == 0.0, "{found} {expected}");
+        let variance = missed(1.9, 2.1);
+        assert!((variance[0] / expected - 1.0).abs() < 0.02 && variance[1] == 0.0, "{variance} {expected}");
     }
 }

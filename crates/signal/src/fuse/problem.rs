@@ -149,9 +149,9 @@ impl<'a> Problem<'a> {
     /// Eliminates all states, track by track, and solves for the constants.
     fn eliminated(&self, damping: f64) -> Result<(Vec<Eliminated>, BorderError, Covariance), Undetermined> {
         let eliminated = self.each(|at| self.chain(&self.tracks[at], damping, |chain| chain.eliminated()))?;
-        let of_tracks = eliminated.iter().flat_map(|own| own.border.iter().copied());
+        let of_tracks = eliminated.iter().flat_map(|track| track.border.iter().copied());
         let rows = self.border_rows(&self.border).into_iter().chain(of_tracks).collect();
-        let squares = eliminated.iter().fold(BorderError::zeros(), |sum, own| sum + own.squares);
+        let squares = eliminated.iter().fold(BorderError::zeros(), |sum, track| sum + track.squares);
         let (border, covariance) = solve_border(rows, &squares, damping)?;
         Ok((eliminated, border, covariance))
     }
@@ -186,13 +186,13 @@ impl<'a> Problem<'a> {
         let (eliminated, border, covariance) = self.eliminated(damping)?;
         let back = |at: usize| {
             let track = &self.tracks[at];
-            let (mut found, mut size) = (vec![none; track.nodes()], 0.0_f64);
+            let (mut states, mut size) = (vec![none; track.nodes()], 0.0_f64);
             let mut visit = |node: usize, error: &StateError, _: Option<&Joint>| {
-                found[node] = of(&track.states[node], error);
+                states[node] = of(&track.states[node], error);
                 size = size.max(error.amax());
             };
             self.chain(track, damping, |chain| chain.back(&eliminated[at], &border, None, &mut visit))?;
-            Ok((found, size))
+            Ok((states, size))
         };
         let (states, sizes): (Vec<_>, Vec<f64>) = self.each(back)?.into_iter().unzip();
         let size = sizes.into_iter().fold(border.amax(), f64::max);
@@ -223,16 +223,16 @@ impl<'a> Problem<'a> {
         for steps in 1..=most {
             let step = self.stepped(damping, State::default(), State::moved)?;
             let border = self.border.moved(&step.border);
-            let (found, is_small) = (self.cost(&step.states, &border)?, step.size < SMALL);
-            let gained = (cost - found) / cost.max(f64::MIN_POSITIVE);
+            let (new_cost, is_small) = (self.cost(&step.states, &border)?, step.size < SMALL);
+            let gained = (cost - new_cost) / cost.max(f64::MIN_POSITIVE);
             let undamped = damping == 0.0;
-            if found <= cost {
-                (cost, self.border) = (found, border);
-                for (track, own) in self.tracks.iter_mut().zip(step.states) {
-                    track.states = own;
+            if new_cost <= cost {
+                (cost, self.border) = (new_cost, border);
+                for (track, states) in self.tracks.iter_mut().zip(step.states) {
+                    track.states = states;
                 }
                 damping = if damping > FIRST_DAMPING { 0.1 * damping } else { 0.0 };
-            } else if gained < -1e-9 || !found.is_finite() {
+            } else if gained < -1e-9 || !new_cost.is_finite() {
                 damping = (10.0 * damping).max(FIRST_DAMPING);
                 continue;
             }
@@ -284,14 +284,14 @@ impl<'a> Problem<'a> {
         of: impl Fn(usize, usize, &Joint) -> T + Sync,
     ) -> Result<Vec<Vec<T>>, Undetermined> {
         let of_track = |at: usize| {
-            let mut found = Vec::with_capacity(self.tracks[at].nodes());
+            let mut spread = Vec::with_capacity(self.tracks[at].nodes());
             let mut visit = |node: usize, _: &StateError, joint: Option<&Joint>| {
                 let Some(joint) = joint else { return };
-                found.push(of(at, node, joint));
+                spread.push(of(at, node, joint));
             };
             self.visit(at, whole, &mut visit)?;
-            found.reverse();
-            Ok(found)
+            spread.reverse();
+            Ok(spread)
         };
         self.each(of_track)
     }
@@ -305,13 +305,13 @@ impl<'a> Problem<'a> {
     ) -> Result<Vec<(usize, Vec<T>)>, Undetermined> {
         let of_track = |at: usize| {
             let track = &self.tracks[at];
-            let (mut first, mut found) = (track.nodes(), Vec::with_capacity(track.nodes()));
+            let (mut first, mut states) = (track.nodes(), Vec::with_capacity(track.nodes()));
             let mut visit = |node: usize, error: &StateError, joint: &Joint| {
                 first = first.min(node);
-                found.push(of(at, node, &track.states[node].moved(error), joint));
+                states.push(of(at, node, &track.states[node].moved(error), joint));
             };
             self.chain(track, 0.0, |chain| chain.filtered(&whole.covariance, &mut visit))?;
-            Ok((first, found))
+            Ok((first, states))
         };
         self.each(of_track)
     }
@@ -359,9 +359,9 @@ impl<'a> Problem<'a> {
     }
 
     /// Takes the noise for what residuals say it is; see [`Shares::take`].
-    pub(super) fn take_noise(&mut self, found: &[Shares], changes: &mut [f64; SINGLE]) -> f64 {
+    pub(super) fn take_noise(&mut self, tracks: &[Shares], changes: &mut [f64; SINGLE]) -> f64 {
         let mut shares = Shares::default();
-        found.iter().for_each(|own| shares.add(own));
+        tracks.iter().for_each(|track| shares.add(track));
         let FuseOptions { fit_walks: walks, noise: expected, .. } = &self.options;
         let sought = Sought {
             has_forces: self.has_forces(),
@@ -381,7 +381,7 @@ impl<'a> Problem<'a> {
             .tracks
             .iter()
             .fold((0.0, 0), |(all, rows), track| (all + seconds(&track.imu), rows + track.imu.times.len() - 1));
-        self.readings[which].map(|own| own.map(|own| own.value * (all / rows as f64).sqrt()))
+        self.readings[which].map(|prior| prior.map(|prior| prior.value * (all / rows as f64).sqrt()))
     }
 
     /// Returns true if the lateness of the poses is within the margin that was kept at the ends of the readings.
@@ -438,7 +438,7 @@ impl From<Cancelled> for Stopped {
 fn taken<const N: usize>(
     block: &Block<N>,
     given: &[bool; BORDER],
-    own: &Joint,
+    joint: &Joint,
     next: Option<&Joint>,
     theta: &Covariance,
 ) -> nalgebra::SVector<f64, N> {
@@ -448,11 +448,11 @@ fn taken<const N: usize>(
     }
     // Of A B' with these factors only the diagonal is asked for.
     let diagonal = |a: SMatrix<f64, N, STATE>, b: &SMatrix<f64, N, STATE>| a.component_mul(b).column_sum();
-    let (by_own, by_border) = (product(&block.own, &own.own), product(&block.own, &own.with_border));
-    let mut taken = diagonal(by_own, &block.own);
+    let (by_own, by_border) = (product(&block.node, &joint.node), product(&block.node, &joint.with_border));
+    let mut taken = diagonal(by_own, &block.node);
     taken += (product(&border, theta) + by_border * 2.0).component_mul(&border).column_sum();
     if let Some(next) = next {
-        let crossed = product(&block.own, &own.with_next) * 2.0 + product(&block.next, &next.own);
+        let crossed = product(&block.node, &joint.with_next) * 2.0 + product(&block.next, &next.node);
         taken += diagonal(crossed, &block.next);
         taken += (product(&block.next, &next.with_border) * 2.0).component_mul(&border).column_sum();
     }

@@ -102,7 +102,7 @@ fn squares(records: &[ImuRecord<'_>], which: usize, axis: usize, coordinates: &C
     let all: usize = records.iter().map(|record| record.times.len() / WINDOW).sum();
     let stride = all.div_ceil(MOST).max(1);
     let weights: [f64; ORDER + 1] = std::array::from_fn(|i| sign(ORDER - i) * binomial(ORDER, i));
-    let mut found = Vec::with_capacity(all / stride + 1);
+    let mut list = Vec::with_capacity(all / stride + 1);
     for record in records {
         let values = if which == 0 { record.rates } else { record.forces };
         if values.is_empty() {
@@ -115,14 +115,15 @@ fn squares(records: &[ImuRecord<'_>], which: usize, axis: usize, coordinates: &C
                 continue;
             }
             // What all readings of a window share is nothing to its differences, and would cost digits.
-            let own = &values[rows];
-            let difference = |at: usize| (0..=ORDER).map(|i| weights[i] * (own[at + i][axis] - own[0][axis])).sum();
+            let window = &values[rows];
+            let difference =
+                |at: usize| (0..=ORDER).map(|i| weights[i] * (window[at + i][axis] - window[0][axis])).sum();
             let differences = Numbers::from_fn(|at, _| difference(at));
             let left = coordinates.of_differences * differences;
-            found.push(left.component_mul(&left));
+            list.push(left.component_mul(&left));
         }
     }
-    found
+    list
 }
 
 /// The mixture and where its estimates are.
@@ -149,7 +150,7 @@ impl Mixture {
         if (squares.len() as f64) < FEWEST {
             return None;
         }
-        let mut means: Vec<f64> = squares.iter().map(|own| own.mean()).collect();
+        let mut means: Vec<f64> = squares.iter().map(|window| window.mean()).collect();
         means.sort_unstable_by(f64::total_cmp);
         let (white, most) = (means[means.len() / 20], means[means.len() - 1]);
         // Readings of which many never change, as of a converter whose steps are greater than the noise, tell nothing.
@@ -175,10 +176,10 @@ impl Mixture {
         };
         let known: Vec<(Numbers, f64)> = (0..points).map(of_point).collect();
         let mut shares = vec![0.0; points];
-        for own in &self.squares {
+        for window in &self.squares {
             let mut most = f64::NEG_INFINITY;
             for (share, (weights, log)) in shares.iter_mut().zip(&known) {
-                *share = log - 0.5 * weights.dot(own);
+                *share = log - 0.5 * weights.dot(window);
                 most = most.max(*share);
             }
             let mut all = 0.0;
@@ -188,8 +189,8 @@ impl Mixture {
             }
             for (point, share) in shares.iter().enumerate() {
                 expected.windows[point] += share / all;
-                expected.squares[point] += own * (share / all);
-                expected.spread[point] += share / all * (known[point].0.dot(own) / LEFT as f64 - 1.0).powi(2);
+                expected.squares[point] += window * (share / all);
+                expected.spread[point] += share / all * (known[point].0.dot(window) / LEFT as f64 - 1.0).powi(2);
             }
         }
         expected
@@ -203,25 +204,25 @@ impl Mixture {
     /// A round: the weights by expectation, the variance by a step of scoring, whose share and what all windows tell of the logarithm of the variance are handed back.
     fn round(&mut self) -> (f64, f64) {
         let expected = self.expected();
-        let (mut told, mut left) = (0.0, 0.0);
+        let (mut information, mut left) = (0.0, 0.0);
         for (point, windows) in expected.windows.iter().enumerate() {
             let parts = self.parts(point);
             let squares = parts.component_mul(&parts);
-            told += windows * squares.sum();
+            information += windows * squares.sum();
             left += squares.dot(&expected.squares[point]) / self.white - windows * parts.sum();
         }
         let count = self.squares.len() as f64;
         self.weights.iter_mut().zip(&expected.windows).for_each(|(weight, windows)| *weight = windows / count);
-        let step = (left / told).clamp(-0.5, 1.0);
+        let step = (left / information).clamp(-0.5, 1.0);
         self.white *= 1.0 + step;
-        (step, 0.5 * told)
+        (step, 0.5 * information)
     }
 
     fn solved(mut self) -> Option<Prior<f64>> {
-        let mut told = 0.0;
+        let mut information = 0.0;
         for _ in 0..ROUNDS {
-            let (step, own) = self.round();
-            told = own;
+            let (step, weight) = self.round();
+            information = weight;
             if step.abs() < SAME {
                 break;
             }
@@ -231,7 +232,7 @@ impl Mixture {
             }
         }
         let value = self.white.sqrt();
-        self.is_white().then(|| Prior { value, deviation: value * (0.5 * told.sqrt().recip()).hypot(MISTAKEN) })
+        self.is_white().then(|| Prior { value, deviation: value * (0.5 * information.sqrt().recip()).hypot(MISTAKEN) })
     }
 
     /// Returns true if the noise is white. In windows without motion, all coordinates must be as large as white noise
@@ -264,7 +265,7 @@ mod tests {
     }
 
     /// Noise of deviation 0.01 at 1 kHz on this rate about the first axis.
-    fn told(rows: usize, noise: impl Fn(u64) -> f64, rate: impl Fn(f64) -> f64) -> Option<Prior<f64>> {
+    fn prior_of(rows: usize, noise: impl Fn(u64) -> f64, rate: impl Fn(f64) -> f64) -> Option<Prior<f64>> {
         let times: Vec<f64> = (0..rows).map(|row| 1e-3 * row as f64).collect();
         let value = |(row, t): (usize, &f64)| [rate(*t) + 0.01 * noise(row as u64), 0.0, 0.0];
         let rates: Vec<[f64; 3]> = times.iter().enumerate().map(value).collect();
@@ -285,13 +286,13 @@ mod tests {
             [(&white * white.transpose(), Numbers::repeat(1.0)), (&motion * motion.transpose(), coordinates.motion)]
         {
             let fixed = SMatrix::<f64, LEFT, LEFT>::from_iterator(covariance.iter().copied());
-            let found = coordinates.of_differences * fixed * coordinates.of_differences.transpose();
-            let apart = (found - SMatrix::from_diagonal(&expected)).amax();
+            let product = coordinates.of_differences * fixed * coordinates.of_differences.transpose();
+            let apart = (product - SMatrix::from_diagonal(&expected)).amax();
             assert!(apart < 1e-7 * expected.amax(), "{apart}");
         }
         // Nothing is left of a polynomial of the fifth degree, which is some thousand noises tall.
-        let smooth = told(32_000, normal, |t| 1e4 * ((t - 10.0) / 10.0).powi(5)).unwrap();
-        let still = told(32_000, normal, |_| 0.0).unwrap();
+        let smooth = prior_of(32_000, normal, |t| 1e4 * ((t - 10.0) / 10.0).powi(5)).unwrap();
+        let still = prior_of(32_000, normal, |_| 0.0).unwrap();
         assert!((smooth.value / still.value - 1.0).abs() < 1e-3);
     }
 
@@ -305,25 +306,25 @@ mod tests {
             }
         };
         for every in [0.2, 0.05] {
-            let told = told(60_000, normal, kicked(every)).unwrap();
-            assert!((told.value / 0.01 - 1.0).abs() < 0.05, "{every} {told:?}");
-            assert!((MISTAKEN..1.1 * MISTAKEN).contains(&(told.deviation / told.value)), "{every} {told:?}");
+            let prior = prior_of(60_000, normal, kicked(every)).unwrap();
+            assert!((prior.value / 0.01 - 1.0).abs() < 0.05, "{every} {prior:?}");
+            assert!((MISTAKEN..1.1 * MISTAKEN).contains(&(prior.deviation / prior.value)), "{every} {prior:?}");
         }
-        assert_eq!(told(60_000, normal, kicked(0.006)), None);
+        assert_eq!(prior_of(60_000, normal, kicked(0.006)), None);
     }
 
     /// Noise that is filtered, noise that is rounded away, and few readings tell nothing.
     #[test]
     fn what_is_not_white_is_not_told() {
         let filtered = |row: u64| 0.5 * normal(row) + 0.5 * normal(row + 1);
-        assert_eq!(told(60_000, filtered, |_| 0.0), None);
+        assert_eq!(prior_of(60_000, filtered, |_| 0.0), None);
         let slow = |row: u64| (0..8).map(|i| 0.3 * normal(row + i)).sum();
-        assert_eq!(told(60_000, slow, |_| 0.0), None);
-        assert_eq!(told(60_000, |row| (0.1 * normal(row)).round(), |_| 0.0), None);
-        assert_eq!(told(700, normal, |_| 0.0), None);
+        assert_eq!(prior_of(60_000, slow, |_| 0.0), None);
+        assert_eq!(prior_of(60_000, |row| (0.1 * normal(row)).round(), |_| 0.0), None);
+        assert_eq!(prior_of(700, normal, |_| 0.0), None);
         // Blows of one reading are white; they are not alike.
         assert_eq!(
-            told(60_000, |row| normal(row) + if row % 15 == 3 { 30.0 * normal(row + 1) } else { 0.0 }, |_| 0.0),
+            prior_of(60_000, |row| normal(row) + if row % 15 == 3 { 30.0 * normal(row + 1) } else { 0.0 }, |_| 0.0),
             None
         );
     }

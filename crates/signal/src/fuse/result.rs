@@ -121,11 +121,11 @@ pub(super) fn fused(
     let estimate = problem.options.estimate;
     let states: Vec<(usize, Vec<BodyState>)> = match estimate {
         Estimate::Smoother => {
-            let told = |track: usize, node: usize, joint: &Joint| {
+            let state_of = |track: usize, node: usize, joint: &Joint| {
                 let state = problem.tracks[track].states[node];
                 body_state(problem, (track, node), &state, joint, &whole.covariance)
             };
-            problem.spread(&whole, told)?.into_iter().map(|states| (0, states)).collect()
+            problem.spread(&whole, state_of)?.into_iter().map(|states| (0, states)).collect()
         }
         // A filter takes the constants for what all measurements say that they are, to their deviations.
         Estimate::Filter => problem.filtered(&whole, |track, node, state, joint| {
@@ -164,12 +164,12 @@ fn body_state(
         true => (state.attitude * force + problem.border.gravity, state.accelerometer),
         false => (state.accelerometer, Vector::zeros()),
     };
-    let deviations: [f64; STATE] = std::array::from_fn(|i| joint.own[(i, i)].sqrt());
+    let deviations: [f64; STATE] = std::array::from_fn(|i| joint.node[(i, i)].sqrt());
     let pulled = match has_forces {
         true => pulled(state, &force, joint, theta, problem),
-        false => Vector::from_fn(|axis, _| joint.own[(part::ACCELEROMETER + axis, part::ACCELEROMETER + axis)]),
+        false => Vector::from_fn(|axis, _| joint.node[(part::ACCELEROMETER + axis, part::ACCELEROMETER + axis)]),
     };
-    let mut own = BodyState {
+    let mut body = BodyState {
         time,
         attitude: quaternion(&state.attitude),
         position: state.position.into(),
@@ -183,22 +183,23 @@ fn body_state(
         acceleration_deviations: [0.0; 3],
         pulled: pulled.into(),
     };
-    own.read_by(&track.imu, &problem.setting.noise.imu);
-    own
+    body.read_by(&track.imu, &problem.setting.noise.imu);
+    body
 }
 
 /// The variances of the acceleration in the world that errors of attitude, bias and gravity make.
 fn pulled(state: &State, force: &Vector, joint: &Joint, theta: &Covariance, problem: &Problem<'_>) -> Vector {
     let turn = state.attitude.to_rotation_matrix().into_inner();
-    let mut own = SMatrix::<f64, 3, STATE>::zeros();
-    own.fixed_view_mut::<3, 3>(0, part::ATTITUDE).copy_from(&(-turn * force.cross_matrix()));
-    own.fixed_view_mut::<3, 3>(0, part::ACCELEROMETER).copy_from(&-turn);
+    let mut slopes = SMatrix::<f64, 3, STATE>::zeros();
+    slopes.fixed_view_mut::<3, 3>(0, part::ATTITUDE).copy_from(&(-turn * force.cross_matrix()));
+    slopes.fixed_view_mut::<3, 3>(0, part::ACCELEROMETER).copy_from(&-turn);
     let mut border = SMatrix::<f64, 3, BORDER>::zeros();
     if !problem.given()[part::GRAVITY] {
         border.fixed_view_mut::<3, 2>(0, part::GRAVITY).copy_from(&problem.border.gravity_slope());
     }
-    let crossed = own * joint.with_border * border.transpose();
-    let sum = own * joint.own * own.transpose() + border * theta * border.transpose() + crossed + crossed.transpose();
+    let crossed = slopes * joint.with_border * border.transpose();
+    let sum =
+        slopes * joint.node * slopes.transpose() + border * theta * border.transpose() + crossed + crossed.transpose();
     sum.diagonal()
 }
 
@@ -269,7 +270,7 @@ impl BodyTrack {
         // Of both ends no more than this can be wrong at once; between them the readings leave a bridge open.
         let open = here.bridge(&there, imu.has_forces(), share);
         let deviations = std::array::from_fn(|i| between(&from.deviations, &to.deviations, i).hypot(open[i].sqrt()));
-        let mut own = BodyState {
+        let mut body = BodyState {
             time,
             attitude: quaternion(&attitude),
             position: position.into(),
@@ -283,8 +284,8 @@ impl BodyTrack {
             acceleration_deviations: [0.0; 3],
             pulled: std::array::from_fn(|i| between(&from.pulled, &to.pulled, i)),
         };
-        own.read_by(imu, &noise.imu);
-        Some(own)
+        body.read_by(imu, &noise.imu);
+        Some(body)
     }
 }
 
@@ -364,7 +365,7 @@ impl Carried {
             };
             (from.deviations[i] + drift * dt).hypot(self.grown[i].max(0.0).sqrt())
         };
-        let mut own = BodyState {
+        let mut body = BodyState {
             time: self.time,
             attitude: quaternion(&self.attitude),
             position: self.position.into(),
@@ -378,8 +379,8 @@ impl Carried {
             acceleration_deviations: [0.0; 3],
             pulled: from.pulled,
         };
-        own.read_by(imu, &noise.imu);
-        own
+        body.read_by(imu, &noise.imu);
+        body
     }
 
     /// Fraction of the growth until the end that has happened here.

@@ -91,7 +91,8 @@ fn track<'a>(at: usize, run: &BodyRun<'a>, rows: std::ops::Range<usize>) -> Trac
 /// The density of the jerk to begin with, where no force is measured: what a smoothing spline says of the positions of the longest track.
 pub(super) fn jerk(tracks: &[Track<'_>], otherwise: f64) -> f64 {
     const ROWS: usize = 20_000;
-    let Some(longest) = tracks.iter().reduce(|most, own| if own.nodes() > most.nodes() { own } else { most }) else {
+    let Some(longest) = tracks.iter().reduce(|most, track| if track.nodes() > most.nodes() { track } else { most })
+    else {
         return otherwise;
     };
     let rows = longest.nodes().min(ROWS);
@@ -117,14 +118,14 @@ pub(super) fn sum(tracks: &mut [Track<'_>], setting: &Setting) {
     }
     let piece = |(at, track): (usize, &Track<'_>)| (0..track.nodes() - 1).step_by(PIECE).map(move |first| (at, first));
     let pieces: Vec<(usize, usize)> = tracks.iter().enumerate().flat_map(piece).collect();
-    let found = parallel_map(pieces.len(), &Silent, |piece| {
+    let sums = parallel_map(pieces.len(), &Silent, |piece| {
         let (at, first) = pieces[piece];
         let track = &tracks[at];
         let nodes = first..(first + PIECE).min(track.nodes() - 1);
         Ok::<_, Cancelled>(nodes.map(|node| track.summed(node, setting)).collect::<Vec<_>>())
     });
     // Where a stop is set sums are made when they are needed.
-    for ((at, _), sums) in pieces.iter().zip(found.into_iter().flatten()) {
+    for ((at, _), sums) in pieces.iter().zip(sums.into_iter().flatten()) {
         tracks[*at].sums.extend(sums);
     }
 }
@@ -204,11 +205,11 @@ fn mounting(tracks: &[Track<'_>], setting: &Setting) -> Rotation {
         (mean[0], mean[1], seconds) = (mean[0] + body, mean[1] + seen, seconds + dt);
     }
     for (dt, body, seen) in turns() {
-        let own = [body - mean[0] * (dt / seconds), seen - mean[1] * (dt / seconds)];
-        sum += own[0] * own[1].transpose() / dt;
+        let pair = [body - mean[0] * (dt / seconds), seen - mean[1] * (dt / seconds)];
+        sum += pair[0] * pair[1].transpose() / dt;
     }
-    let found = sum.svd(true, true);
-    let (Some(u), Some(v)) = (found.u, found.v_t) else { return Rotation::identity() };
+    let factors = sum.svd(true, true);
+    let (Some(u), Some(v)) = (factors.u, factors.v_t) else { return Rotation::identity() };
     let sign = (u * v).determinant().signum();
     let matrix = u * Matrix::from_diagonal(&Vector::new(1.0, 1.0, sign)) * v;
     Rotation::from_rotation_matrix(&nalgebra::Rotation3::from_matrix_unchecked(matrix))

@@ -60,12 +60,12 @@ fn problem<'a>(runs: &[BodyRun<'a>], options: &FuseOptions) -> Problem<'a> {
 
 /// The deviations of the constants from the truth, in their own deviations.
 fn scores(fused: &Fused) -> Vec<f64> {
-    let own = &fused.constants;
-    let turned = log(&(rotation(&own.mounting).inverse() * exp(&Vector::from(MOUNTING))));
+    let constants = &fused.constants;
+    let turned = log(&(rotation(&constants.mounting).inverse() * exp(&Vector::from(MOUNTING))));
     let mut scores: Vec<f64> =
-        (0..3).map(|axis| (own.lever[axis].value - LEVER[axis]) / own.lever[axis].deviation).collect();
-    scores.extend((0..3).map(|axis| turned[axis] / own.mounting_deviations[axis]));
-    scores.push((own.offset.value - OFFSET) / own.offset.deviation);
+        (0..3).map(|axis| (constants.lever[axis].value - LEVER[axis]) / constants.lever[axis].deviation).collect();
+    scores.extend((0..3).map(|axis| turned[axis] / constants.mounting_deviations[axis]));
+    scores.push((constants.offset.value - OFFSET) / constants.offset.deviation);
     scores
 }
 
@@ -77,10 +77,14 @@ fn constants_and_states_of_a_simulated_body() {
     assert!(fused.converged && fused.steps < 60, "{}", fused.steps);
     let scores = scores(&fused);
     assert!(scores.iter().all(|score| score.abs() < 3.5), "{scores:?}");
-    let own = &fused.constants;
-    assert!(own.offset.deviation < 2e-4 && own.lever.iter().all(|axis| axis.deviation < 2e-3), "{own:?}");
-    let tilt = Vector::from(own.gravity).cross(&Vector::from(GRAVITY)).norm() / Vector::from(GRAVITY).norm_squared();
-    assert!(tilt < 3.5 * own.gravity_deviations[0].hypot(own.gravity_deviations[1]), "{tilt}");
+    let constants = &fused.constants;
+    assert!(
+        constants.offset.deviation < 2e-4 && constants.lever.iter().all(|axis| axis.deviation < 2e-3),
+        "{constants:?}"
+    );
+    let tilt =
+        Vector::from(constants.gravity).cross(&Vector::from(GRAVITY)).norm() / Vector::from(GRAVITY).norm_squared();
+    assert!(tilt < 3.5 * constants.gravity_deviations[0].hypot(constants.gravity_deviations[1]), "{tilt}");
     // Of some 1,500 poses those within 50 ms either way of the ends are without readings: 3 deviations of the offset are kept clear, and no more than 0.1 s.
     let states = &fused.tracks[0].states;
     assert_eq!(states.len() + fused.outside, recording.stamps.len());
@@ -94,7 +98,11 @@ fn constants_and_states_of_a_simulated_body() {
     let rms = (squares / states.len() as f64).map(f64::sqrt);
     assert!(rms.max() < 2.5 && rms.min() > 0.2, "{rms}");
     let middle = &states[states.len() / 2].deviations;
-    assert!(middle[3..6].iter().all(|&own| own < 2e-3) && middle[6..9].iter().all(|&own| own < 5e-3), "{middle:?}");
+    assert!(
+        middle[3..6].iter().all(|&deviation| deviation < 2e-3)
+            && middle[6..9].iter().all(|&deviation| deviation < 5e-3),
+        "{middle:?}"
+    );
 }
 
 /// Consistency of the deviations over twenty recordings. The mean of the squared errors, in units of their covariances,
@@ -110,24 +118,24 @@ fn errors_are_as_large_as_stated() {
         let options = known();
         let fused = fuse(&[recording.run()], &options).unwrap();
         // The same problem at its solution, for the full covariances.
-        let mut found = problem(
+        let mut solved = problem(
             &[recording.run()],
             &FuseOptions { offset: Prior { value: fused.constants.offset.value, ..options.offset }, ..options },
         );
-        found.options.offset = options.offset;
-        found.descend(STEPS).unwrap();
-        let whole = found.whole().unwrap();
+        solved.options.offset = options.offset;
+        solved.descend(STEPS).unwrap();
+        let whole = solved.whole().unwrap();
         let states = &fused.tracks[0].states;
         sums.resize(states.len().min(if sums.is_empty() { usize::MAX } else { sums.len() }), [0.0; 6]);
-        found
+        solved
             .visit(0, &whole, &mut |node, _, joint| {
                 let Some(sum) = sums.get_mut(node) else { return };
-                let (error, covariance) = (recording.error(&states[node]), joint.unwrap().own);
+                let (error, covariance) = (recording.error(&states[node]), joint.unwrap().node);
                 sum[0] += error.dot(&Cholesky::new(covariance).unwrap().solve(&error));
                 for part in 0..5 {
-                    let own = error.fixed_rows::<3>(3 * part).into_owned();
+                    let part_error = error.fixed_rows::<3>(3 * part).into_owned();
                     let block = covariance.fixed_view::<3, 3>(3 * part, 3 * part).into_owned();
-                    sum[1 + part] += own.dot(&Cholesky::new(block).unwrap().solve(&own));
+                    sum[1 + part] += part_error.dot(&Cholesky::new(block).unwrap().solve(&part_error));
                 }
             })
             .unwrap();
@@ -161,7 +169,7 @@ fn rates_and_accelerations_are_as_wrong_as_stated() {
             }
             count += 1.0;
         }
-        // Some 1,500 readings, each with noise of its own: the root of a mean square is known to 2 %, biases aside.
+        // Some 1,500 readings, each with noise of its node: the root of a mean square is known to 2 %, biases aside.
         let rms = squares.map(|sum| (sum / count).map(f64::sqrt));
         assert!(rms.iter().flatten().all(|rms| (0.9..1.15).contains(rms)), "{late} {rms:?}");
     }
@@ -197,8 +205,8 @@ fn errors_of_a_kicked_body_are_as_large_as_stated() {
     let rms = (squares / count).map(f64::sqrt);
     // Those of biases last over most of a run, of which six are six draws of three axes, and their walks are told by few of them.
     for (part, least, most) in [(0, 0.85, 1.2), (1, 0.85, 1.2), (2, 0.85, 1.2), (3, 0.6, 1.5), (4, 0.6, 1.5)] {
-        let own = (rms.fixed_rows::<3>(3 * part).norm_squared() / 3.0).sqrt();
-        assert!(least < own && own < most, "{part} {own} {rms}");
+        let part_rms = (rms.fixed_rows::<3>(3 * part).norm_squared() / 3.0).sqrt();
+        assert!(least < part_rms && part_rms < most, "{part} {part_rms} {rms}");
     }
 }
 
@@ -247,24 +255,24 @@ fn gross_errors_are_left_out() {
 fn noise_is_told_by_the_residuals() {
     let recording = Recording::new(15.0, 4);
     let BodyNoise { imu, position, attitude, jerk } = NOISE;
-    let [gyro, accelerometer] = [imu.gyro.map(|own| 3.0 * own), imu.accelerometer.map(|own| own / 3.0)];
+    let [gyro, accelerometer] = [imu.gyro.map(|density| 3.0 * density), imu.accelerometer.map(|density| density / 3.0)];
     let imu = ImuNoise { gyro, accelerometer, ..imu };
     let noise = BodyNoise { imu, position: 3.0 * position, attitude: attitude / 3.0, jerk };
     let fused = fuse(&[recording.run()], &FuseOptions { noise, fit_noise: true, ..known() }).unwrap();
-    let found = fused.noise;
+    let noise = fused.noise;
     // Of noise that is the same about all axes.
     let mean = |a: &[f64; 3], b: &[f64; 3]| Vector::from(*a).norm() / Vector::from(*b).norm();
     let ratios = [
-        mean(&found.imu.gyro, &NOISE.imu.gyro),
-        mean(&found.imu.accelerometer, &NOISE.imu.accelerometer),
-        found.position / NOISE.position,
-        found.attitude / NOISE.attitude,
+        mean(&noise.imu.gyro, &NOISE.imu.gyro),
+        mean(&noise.imu.accelerometer, &NOISE.imu.accelerometer),
+        noise.position / NOISE.position,
+        noise.attitude / NOISE.attitude,
     ];
     assert!(fused.converged && ratios.iter().all(|ratio| (ratio - 1.0).abs() < 0.1), "{} {ratios:?}", fused.steps);
     // Some 1,500 poses of three axes: each residual tells less than one of the variance.
     let stated = fused.noise_deviations;
-    for (own, deviation) in [(found.position, stated.position), (found.attitude, stated.attitude)] {
-        assert!(((1.0 / 9000.0_f64).sqrt()..0.03).contains(&(deviation / own)), "{}", deviation / own);
+    for (value, deviation) in [(noise.position, stated.position), (noise.attitude, stated.attitude)] {
+        assert!(((1.0 / 9000.0_f64).sqrt()..0.03).contains(&(deviation / value)), "{}", deviation / value);
     }
     assert_eq!((stated.imu.gyro_walk, stated.jerk), (0.0, 0.0));
 }
@@ -280,21 +288,21 @@ fn noise_is_as_wrong_as_stated() {
         let (lever, offset) = (LEVER.into(), OFFSET.into());
         let options = FuseOptions { fit_noise: true, fit_walks: [true; 2], lever, offset, ..known() };
         let fused = fuse(&[recording.run()], &options).unwrap();
-        let (own, stated) = (fused.noise, fused.noise_deviations);
-        for (at, (own, deviation, truth)) in [
-            (own.imu.gyro_walk, stated.imu.gyro_walk, NOISE.imu.gyro_walk),
-            (own.imu.accelerometer_walk, stated.imu.accelerometer_walk, NOISE.imu.accelerometer_walk),
-            (own.imu.accelerometer[1], stated.imu.accelerometer[1], NOISE.imu.accelerometer[1]),
-            (own.position, stated.position, NOISE.position),
+        let (estimated, stated) = (fused.noise, fused.noise_deviations);
+        for (at, (value, deviation, truth)) in [
+            (estimated.imu.gyro_walk, stated.imu.gyro_walk, NOISE.imu.gyro_walk),
+            (estimated.imu.accelerometer_walk, stated.imu.accelerometer_walk, NOISE.imu.accelerometer_walk),
+            (estimated.imu.accelerometer[1], stated.imu.accelerometer[1], NOISE.imu.accelerometer[1]),
+            (estimated.position, stated.position, NOISE.position),
         ]
         .into_iter()
         .enumerate()
         {
-            scores[at].push((own / truth).ln() * own / deviation);
+            scores[at].push((value / truth).ln() * value / deviation);
         }
     }
-    for (at, own) in scores.iter().enumerate() {
-        let square = own.iter().map(|score| score * score).sum::<f64>() / own.len() as f64;
+    for (at, row) in scores.iter().enumerate() {
+        let square = row.iter().map(|score| score * score).sum::<f64>() / row.len() as f64;
         // A walk is expected to be what it is begun with, here the truth, as if one more residual said so: it scatters less than what the record alone tells of it. 24 squares have a mean within 0.5 and 1.7 in 99 % of all cases.
         let [least, most] = if at < 2 { [0.1, 1.7] } else { [0.5, 1.7] };
         assert!(least < square && square < most, "{at}: {square}");
@@ -351,7 +359,7 @@ fn a_filter_is_a_smoother_at_the_end_of_what_it_saw() {
     let fused = fuse(&[run], &filter).unwrap();
     let (track, imu) = (&fused.tracks[0], recording.imu());
     for at in [20, 90, 300, track.states.len() - 1] {
-        let own = &track.states[at];
+        let state = &track.states[at];
         let count = track.first + at + 1;
         let poses = super::PoseRecord {
             times: &run.poses.times[..count],
@@ -360,13 +368,13 @@ fn a_filter_is_a_smoother_at_the_end_of_what_it_saw() {
         };
         let until = fuse(&[BodyRun { poses, ..run }], &options).unwrap();
         let last = until.tracks[0].states.last().unwrap();
-        assert_eq!(own.time, last.time);
+        assert_eq!(state.time, last.time);
         for i in 0..15 {
-            let (a, b) = (own.deviations[i], last.deviations[i]);
+            let (a, b) = (state.deviations[i], last.deviations[i]);
             assert!((a / b - 1.0).abs() < 1e-2, "deviation {i} at {at}: {a} {b}");
         }
-        let pairs = own.position.iter().zip(last.position).chain(own.velocity.iter().zip(last.velocity));
-        let pairs = pairs.chain(own.gyro_bias.iter().zip(last.gyro_bias)).zip(&last.deviations[3..]);
+        let pairs = state.position.iter().zip(last.position).chain(state.velocity.iter().zip(last.velocity));
+        let pairs = pairs.chain(state.gyro_bias.iter().zip(last.gyro_bias)).zip(&last.deviations[3..]);
         for ((a, b), deviation) in pairs {
             assert!((a - b).abs() < 2e-2 * deviation, "at {at}: {a} {b} +- {deviation}");
         }

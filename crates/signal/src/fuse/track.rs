@@ -122,11 +122,11 @@ impl Track<'_> {
 
     fn push_biases(&self, setting: &Setting, rows: &mut Vec<Row>) {
         for (at, prior) in [part::GYRO, part::ACCELEROMETER].into_iter().zip(&setting.biases) {
-            let own = if at == part::GYRO { self.states[0].gyro } else { self.states[0].accelerometer };
+            let bias = if at == part::GYRO { self.states[0].gyro } else { self.states[0].accelerometer };
             for axis in (0..3).filter(|_| prior.deviation.is_finite()) {
                 let mut row = [0.0; WIDTH];
                 row[at + axis] = prior.deviation.recip();
-                row[RIGHT] = (prior.value[axis] - own[axis]) / prior.deviation;
+                row[RIGHT] = (prior.value[axis] - bias[axis]) / prior.deviation;
                 rows.push(row);
             }
         }
@@ -134,8 +134,8 @@ impl Track<'_> {
 
     /// The sum of what all residuals cost in these states.
     pub(super) fn cost(&self, states: &[State], border: &Border, setting: &Setting) -> f64 {
-        let prior = |prior: &BiasPrior, own: &Vector| match prior.deviation.is_finite() {
-            true => (own - prior.value).norm_squared() / (prior.deviation * prior.deviation),
+        let prior = |prior: &BiasPrior, bias: &Vector| match prior.deviation.is_finite() {
+            true => (bias - prior.value).norm_squared() / (prior.deviation * prior.deviation),
             false => 0.0,
         };
         let [gyro, accelerometer] = &setting.biases;
@@ -171,7 +171,7 @@ impl Track<'_> {
             state.attitude *= exp(&((reading.rate - state.gyro) * late));
         }
         let mean = |of: fn(&State) -> Vector| {
-            self.states.iter().map(of).fold(Vector::zeros(), |sum, own| sum + own) / self.nodes() as f64
+            self.states.iter().map(of).fold(Vector::zeros(), |sum, vector| sum + vector) / self.nodes() as f64
         };
         self.reference = [mean(|state| state.gyro), mean(|state| state.accelerometer)];
     }
@@ -180,9 +180,9 @@ impl Track<'_> {
     pub(super) fn choose(&mut self, gate: f64, border: &Border, setting: &Setting) -> bool {
         let mut changed = false;
         for node in 0..self.nodes() {
-            let found = self.pose_left(node, &self.states[node], border, setting).map(|left| left.norm() <= gate);
-            changed |= found != self.used[node];
-            self.used[node] = found;
+            let inside = self.pose_left(node, &self.states[node], border, setting).map(|left| left.norm() <= gate);
+            changed |= inside != self.used[node];
+            self.used[node] = inside;
         }
         changed
     }

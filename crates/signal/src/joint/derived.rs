@@ -58,12 +58,13 @@ impl Pairs {
     /// Compares a reading with those of other sensors about its stamp. Given all readings, the errors of two are what the state leaves of them plus, in the mean of their product, what is not known of the state.
     pub(super) fn add(&mut self, seen: &Seen<'_>, [sensor, row]: [usize; 2], left: f64, state: &Posterior<3>) {
         let (stamp, slopes) = (seen.run.records[sensor].times[row], &seen.known[sensor].slopes);
-        let own = Recent { stamp, left, variance: between(slopes, &state.covariance, slopes) };
+        let newest = Recent { stamp, left, variance: between(slopes, &state.covariance, slopes) };
         let count = self.periods.len();
         for other in (0..count).filter(|&other| other != sensor) {
             let shared = between(slopes, &state.covariance, &seen.known[other].slopes);
             for theirs in &self.recent[other] {
-                let pair = if sensor < other { (sensor, other, own, *theirs) } else { (other, sensor, *theirs, own) };
+                let pair =
+                    if sensor < other { (sensor, other, newest, *theirs) } else { (other, sensor, *theirs, newest) };
                 let (first, second, a, b) = pair;
                 let Some(lag) = lag(b.stamp - a.stamp, self.periods[second]) else { continue };
                 let sum = &mut self.products[first * count + second][lag];
@@ -75,16 +76,16 @@ impl Pairs {
         }
         let recent = &mut self.recent[sensor];
         recent.truncate(RECENT - 1);
-        recent.push_front(own);
+        recent.push_front(newest);
     }
 
     /// Adds what another run says.
     pub(super) fn merge(&mut self, other: &Self) {
-        for (own, other) in self.products.iter_mut().flatten().zip(other.products.iter().flatten()) {
-            own.crossed += other.crossed;
-            own.first += other.first;
-            own.second += other.second;
-            own.count += other.count;
+        for (product, other) in self.products.iter_mut().flatten().zip(other.products.iter().flatten()) {
+            product.crossed += other.crossed;
+            product.first += other.first;
+            product.second += other.second;
+            product.count += other.count;
         }
     }
 

@@ -116,7 +116,7 @@ impl Events {
         self.order.clear();
         self.order.reserve_exact(lists.iter().map(|(_, times, _)| times.len()).sum());
         loop {
-            let earlier = |best: usize, own: usize| if first[own] < first[best] { own } else { best };
+            let earlier = |best: usize, stream: usize| if first[stream] < first[best] { stream } else { best };
             let Some(list) = (0..lists.len()).reduce(earlier) else { return };
             if first[list].is_infinite() {
                 return;

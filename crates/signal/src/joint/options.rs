@@ -132,13 +132,13 @@ impl JointRun<'_> {
         if self.records.len() != sensors {
             return Err(SignalError::Length {
                 what: "the list of records",
-                found: self.records.len(),
+                count: self.records.len(),
                 expected: sensors,
             });
         }
         for JointRecord { times, values } in &self.records {
             if times.len() != values.len() {
-                return Err(SignalError::Length { what: "a record", found: values.len(), expected: times.len() });
+                return Err(SignalError::Length { what: "a record", count: values.len(), expected: times.len() });
             }
             check_finite(times)?;
             check_stamps(times)?;

@@ -56,7 +56,7 @@ struct Share {
     squares: f64,
     taken: f64,
     /// Squares, and their redundancy, of the part that belongs to the estimated noise, without steps and windows.
-    own: f64,
+    estimated: f64,
     redundancy: f64,
 }
 
@@ -70,7 +70,7 @@ pub(super) struct Pass {
     /// The least value of the objective.
     squares: f64,
     /// The states, and how sensors err together, where instants are among the events.
-    told: Option<(JointStates, Pairs)>,
+    smoothed: Option<(JointStates, Pairs)>,
 }
 
 /// The whole problem.
@@ -89,7 +89,7 @@ pub(super) struct Problem<'a> {
     sought: Vec<Sought>,
     periods: Vec<f64>,
     /// For each run: true if its readings determine its states.
-    told: Vec<bool>,
+    determined: Vec<bool>,
     /// True if instants are among the events.
     has_wanted: bool,
 }
@@ -97,8 +97,9 @@ pub(super) struct Problem<'a> {
 impl<'a> Problem<'a> {
     pub(super) fn new(runs: &'a [JointRun<'a>], options: &'a JointOptions) -> Result<Self, SignalError> {
         let positions = |run: &JointRun<'_>, is: &dyn Fn(&[f64]) -> bool| {
-            let own = run.records.iter().zip(&options.sensors).filter(|(_, own)| own.quantity == Quantity::Position);
-            own.map(|(record, _)| record.values).any(is)
+            let positions =
+                run.records.iter().zip(&options.sensors).filter(|(_, sensor)| sensor.quantity == Quantity::Position);
+            positions.map(|(record, _)| record.values).any(is)
         };
         let read = runs.iter().any(|run| positions(run, &|values| values.len() > 2));
         if read && !runs.iter().any(|run| positions(run, &|values| values.windows(2).any(|two| two[0] != two[1]))) {
@@ -123,15 +124,15 @@ impl<'a> Problem<'a> {
             delays,
             biases: sensors.iter().map(|sensor| sensor.bias.value).collect(),
             periods: (0..sensors.len()).map(|sensor| start::period(runs, sensor)).collect(),
-            told: Vec::new(),
+            determined: Vec::new(),
             has_wanted: false,
         };
         problem.know();
         // Where nothing is sought the first pass over the readings may be all there is to do.
         let given = problem.sought.is_empty() && options.jerk.is_some();
         problem.sort(given && sensors.iter().all(|sensor| sensor.noise.is_some()));
-        problem.told = (0..runs.len()).map(|run| problem.smoother(run, None).is_determined()).collect();
-        if !problem.told.contains(&true) {
+        problem.determined = (0..runs.len()).map(|run| problem.smoother(run, None).is_determined()).collect();
+        if !problem.determined.contains(&true) {
             return Err(SignalError::NotFused {
                 problem: if read {
                     "positions do not tell how the joint moves: leave out what is too great to have been measured, or give another density of the jerk"
@@ -146,8 +147,8 @@ impl<'a> Problem<'a> {
     /// The sensors as they are thought to be now.
     fn know(&mut self) {
         let sensor = |at: usize| {
-            let own = &self.options.sensors[at];
-            Known::new(own, &self.scale, self.variances[at], self.density, self.delays[at], self.biases[at])
+            let settings = &self.options.sensors[at];
+            Known::new(settings, &self.scale, self.variances[at], self.density, self.delays[at], self.biases[at])
         };
         self.known = (0..self.variances.len()).map(sensor).collect();
     }
@@ -168,14 +169,14 @@ impl<'a> Problem<'a> {
     }
 
     /// The runs whose states are told.
-    fn told(&self) -> Vec<usize> {
-        (0..self.runs.len()).filter(|&run| self.told[run]).collect()
+    fn determined_runs(&self) -> Vec<usize> {
+        (0..self.runs.len()).filter(|&run| self.determined[run]).collect()
     }
 
     /// Works on `count` parts, in any order, and hands back what each gives in theirs.
     fn each<T: Send>(&self, count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
         match parallel_map(count, &Silent, |at| Ok::<_, Cancelled>(work(at))) {
-            Ok(found) => found,
+            Ok(results) => results,
             // A stop was set: the whole work ends here.
             Err(_) => {
                 checkpoint();
@@ -186,7 +187,7 @@ impl<'a> Problem<'a> {
 
     /// Smooths all runs.
     pub(super) fn passes(&self) -> Result<Vec<Pass>, SignalError> {
-        let runs = self.told();
+        let runs = self.determined_runs();
         // The gate may have left out all that tells where the joint is.
         if runs.iter().any(|&run| !self.smoother(run, None).is_determined()) {
             return Err(SignalError::NotFused { problem: CONTRADICTED });
@@ -212,12 +213,12 @@ impl<'a> Problem<'a> {
             slopes: empty(&|sensor| self.sought.contains(&Sought::Delay(sensor))),
             shares: vec![Share::default(); records.len()],
             squares: 0.0,
-            told: None,
+            smoothed: None,
         };
-        let mut told = self.has_wanted.then(|| self.untold(run));
+        let mut states = self.has_wanted.then(|| self.untold(run));
         pass.squares = self.smoother(run, None).smooth(|at, state| {
-            if let Some(told) = &mut told {
-                self.tell(run, at, state, told);
+            if let Some(states) = &mut states {
+                self.tell(run, at, state, states);
             }
             let event = seen.events.order[at];
             if event.sensor == WANTED {
@@ -232,15 +233,15 @@ impl<'a> Problem<'a> {
             }
             if let Some((_, _, variance)) = seen.reading(at) {
                 let taken = between(&known.slopes, &state.covariance, &known.slopes) / variance;
-                let (square, own) = (left * left / variance, known.variance / seen.variance(sensor, row));
+                let (square, redundancy) = (left * left / variance, known.variance / seen.variance(sensor, row));
                 let share = &mut pass.shares[sensor];
                 share.squares += square;
                 share.taken += taken;
-                share.own += square * own;
-                share.redundancy += (1.0 - taken) * own;
+                share.estimated += square * redundancy;
+                share.redundancy += (1.0 - taken) * redundancy;
             }
         });
-        pass.told = told;
+        pass.smoothed = states;
         pass
     }
 
@@ -270,8 +271,8 @@ impl<'a> Problem<'a> {
     fn column(&self, run: usize, pass: &Pass, sought: Sought) -> Vec<Vec<f64>> {
         let records = &self.runs[run].records;
         let of = |sensor: usize| match sought {
-            Sought::Delay(own) if own == sensor => pass.slopes[sensor].iter().map(|slope| -slope).collect(),
-            Sought::Bias(own) if own == sensor => vec![1.0; records[sensor].values.len()],
+            Sought::Delay(delayed) if delayed == sensor => pass.slopes[sensor].iter().map(|slope| -slope).collect(),
+            Sought::Bias(biased) if biased == sensor => vec![1.0; records[sensor].values.len()],
             _ => Vec::new(),
         };
         (0..records.len()).map(of).collect()
@@ -294,7 +295,7 @@ impl<'a> Problem<'a> {
 
     /// The step of the constants to the least of the linearised problem, and their covariance, in their units.
     fn border(&self, passes: &[Pass]) -> Result<(DVector<f64>, DMatrix<f64>), SignalError> {
-        let (count, runs) = (self.sought.len(), self.told());
+        let (count, runs) = (self.sought.len(), self.determined_runs());
         let rows =
             self.each(count * runs.len(), |at| self.border_row(runs[at / count], &passes[at / count], at % count));
         let (mut normal, mut right) = (DMatrix::<f64>::zeros(count, count), DVector::<f64>::zeros(count));
@@ -378,17 +379,17 @@ impl<'a> Problem<'a> {
     /// Takes the noise for what residuals say it is. The greatest ratio of a variance to the one before.
     pub(super) fn take_noise(&mut self, passes: &[Pass]) -> f64 {
         let mut change: f64 = 1.0;
-        let mut take = |own: &mut f64, squares: f64, redundancy: f64, least: f64| {
+        let mut take = |variance: &mut f64, squares: f64, redundancy: f64, least: f64| {
             if redundancy < 1.0 || squares <= 0.0 {
                 return;
             }
-            let ratio = (squares / redundancy).clamp(1.0 / GREATEST_CHANGE, GREATEST_CHANGE).max(least / *own);
-            *own *= ratio;
+            let ratio = (squares / redundancy).clamp(1.0 / GREATEST_CHANGE, GREATEST_CHANGE).max(least / *variance);
+            *variance *= ratio;
             change = change.max(ratio).max(ratio.recip());
         };
         let sum = |of: &dyn Fn(&Pass) -> f64| passes.iter().map(of).sum::<f64>();
-        for (sensor, _) in self.options.sensors.iter().enumerate().filter(|(_, own)| own.noise.is_none()) {
-            let squares = sum(&|pass| pass.shares[sensor].own);
+        for (sensor, _) in self.options.sensors.iter().enumerate().filter(|(_, sensor)| sensor.noise.is_none()) {
+            let squares = sum(&|pass| pass.shares[sensor].estimated);
             let redundancy = sum(&|pass| pass.shares[sensor].redundancy);
             take(&mut self.variances[sensor], squares, redundancy, LEAST * self.first[sensor]);
         }
@@ -407,16 +408,16 @@ impl<'a> Problem<'a> {
     /// Weighs readings by what was left of them, and chooses those beyond the gate, which are left out, where that is `gated`: else that choice stays. Whether anything changed.
     pub(super) fn weigh(&mut self, passes: &[Pass], gated: bool) -> bool {
         let mut changed = false;
-        for (&run, pass) in self.told().iter().zip(passes) {
+        for (&run, pass) in self.determined_runs().iter().zip(passes) {
             for (sensor, left) in pass.left.iter().enumerate() {
                 for (row, left) in left.iter().enumerate() {
                     let square = left * left / self.seen(run, None).variance(sensor, row);
                     let (weight, gate) = (self.options.loss.of(square, 1.0).1, self.options.gate);
-                    let own = &mut self.events[run].weights[sensor][row];
-                    let outside = if gated { gate > 0.0 && square > gate * gate } else { *own == 0.0 };
+                    let slot = &mut self.events[run].weights[sensor][row];
+                    let outside = if gated { gate > 0.0 && square > gate * gate } else { *slot == 0.0 };
                     let weight = if outside { 0.0 } else { weight };
-                    changed |= (weight - *own).abs() > WEIGHT;
-                    *own = weight;
+                    changed |= (weight - *slot).abs() > WEIGHT;
+                    *slot = weight;
                 }
             }
         }
@@ -446,19 +447,19 @@ impl<'a> Problem<'a> {
         if !self.has_wanted {
             self.sort(true);
         }
-        let told = self.told();
-        let taken: Vec<Mutex<Option<_>>> = passes.iter_mut().map(|pass| Mutex::new(pass.told.take())).collect();
-        let found = self.each(told.len(), |at| {
+        let determined = self.determined_runs();
+        let taken: Vec<Mutex<Option<_>>> = passes.iter_mut().map(|pass| Mutex::new(pass.smoothed.take())).collect();
+        let smoothed = self.each(determined.len(), |at| {
             let before = taken[at].lock().unwrap_or_else(PoisonError::into_inner).take();
-            self.states(told[at], &passes[at], before, &covariance)
+            self.states(determined[at], &passes[at], before, &covariance)
         });
         let mut pairs = Pairs::new(self.periods.clone());
         let mut runs: Vec<Option<JointStates>> = vec![None; self.runs.len()];
-        for (&run, (states, own)) in told.iter().zip(found) {
+        for (&run, (states, run_pairs)) in determined.iter().zip(smoothed) {
             runs[run] = Some(states);
-            pairs.merge(&own);
+            pairs.merge(&run_pairs);
         }
-        let or_unknown = |(found, run): (Option<JointStates>, _)| found.unwrap_or_else(|| self.unknown(run));
+        let or_unknown = |(states, run): (Option<JointStates>, _)| states.unwrap_or_else(|| self.unknown(run));
         let runs = runs.into_iter().zip(self.runs).map(or_unknown).collect();
         let smoothed = self.smoothed();
         let sensors = (0..self.variances.len()).map(|at| self.estimate(at, &covariance)).collect();
@@ -495,14 +496,14 @@ impl<'a> Problem<'a> {
         &self,
         run: usize,
         pass: &Pass,
-        told: Option<(JointStates, Pairs)>,
+        smoothed: Option<(JointStates, Pairs)>,
         covariance: &DMatrix<f64>,
     ) -> (JointStates, Pairs) {
         checkpoint();
-        let (mut states, pairs) = told.unwrap_or_else(|| {
-            let mut told = self.untold(run);
-            self.smoother(run, None).smooth(|at, state| self.tell(run, at, state, &mut told));
-            told
+        let (mut states, pairs) = smoothed.unwrap_or_else(|| {
+            let mut states = self.untold(run);
+            self.smoother(run, None).smooth(|at, state| self.tell(run, at, state, &mut states));
+            states
         });
         if self.options.estimate == Estimate::Filter {
             let rejected = std::mem::take(&mut states.rejected);
@@ -532,10 +533,10 @@ impl<'a> Problem<'a> {
         for k in 0..self.sought.len() {
             let mut column: Vec<Vec<f64>> = vec![Vec::new(); self.variances.len()];
             for (u, &sought) in self.sought.iter().enumerate() {
-                let own = self.column(run, pass, sought);
-                for (sum, own) in column.iter_mut().zip(own) {
-                    sum.resize(sum.len().max(own.len()), 0.0);
-                    sum.iter_mut().zip(own).for_each(|(sum, slope)| *sum += root[(u, k)] * slope);
+                let slopes = self.column(run, pass, sought);
+                for (sum, slope) in column.iter_mut().zip(slopes) {
+                    sum.resize(sum.len().max(slope.len()), 0.0);
+                    sum.iter_mut().zip(slope).for_each(|(sum, slope)| *sum += root[(u, k)] * slope);
                 }
             }
             self.wanted(run, Some(&column), |row, state| {
@@ -564,14 +565,14 @@ impl<'a> Problem<'a> {
     }
 
     fn estimate(&self, sensor: usize, covariance: &DMatrix<f64>) -> JointSensorEstimate {
-        let own = &self.options.sensors[sensor];
+        let settings = &self.options.sensors[sensor];
         let deviation = |sought: Sought| {
-            let at = self.sought.iter().position(|own| *own == sought);
+            let at = self.sought.iter().position(|parameter| *parameter == sought);
             at.map_or(0.0, |at| covariance[(at, at)].sqrt() * self.unit(sought))
         };
         JointSensorEstimate {
-            noise: own.noise.unwrap_or(self.variances[sensor].sqrt() * self.scale.back(own.quantity)),
-            alone: self.first[sensor].sqrt() * self.scale.back(own.quantity),
+            noise: settings.noise.unwrap_or(self.variances[sensor].sqrt() * self.scale.back(settings.quantity)),
+            alone: self.first[sensor].sqrt() * self.scale.back(settings.quantity),
             delay: Prior { value: self.delays[sensor], deviation: deviation(Sought::Delay(sensor)) },
             bias: Prior { value: self.biases[sensor], deviation: deviation(Sought::Bias(sensor)) },
             readings: self.runs.iter().map(|run| run.records[sensor].values.len()).sum(),

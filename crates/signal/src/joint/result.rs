@@ -90,8 +90,8 @@ mod tests {
         let (noise, period, density) = (0.02_f64, 0.01, 40.0);
         let lambda = noise * noise / density;
         let expected = Spline::Quintic.correlation_rows(lambda, period, 1.0) * period;
-        let found = smoothed(1.0 / (period * noise * noise), 0.0, density);
-        assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
+        let variance = smoothed(1.0 / (period * noise * noise), 0.0, density);
+        assert!((variance / expected - 1.0).abs() < 1e-9, "{variance} {expected}");
         // A rate that is known far better than the position says nothing of the position.
         assert!(smoothed(1.0, 1e6, 1.0) > 100.0 * smoothed(1.0, 0.0, 1.0));
     }

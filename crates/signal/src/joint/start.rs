@@ -30,7 +30,7 @@ struct Alone {
 /// The readings of the longest record of a sensor, so many at most.
 fn longest<'a>(runs: &[JointRun<'a>], sensor: usize) -> JointRecord<'a> {
     let records = runs.iter().map(|run| run.records[sensor]);
-    let most = records.reduce(|most, own| if own.times.len() > most.times.len() { own } else { most });
+    let most = records.reduce(|most, record| if record.times.len() > most.times.len() { record } else { most });
     most.map_or(JointRecord { times: &[], values: &[] }, |record| {
         let rows = record.times.len().min(ROWS);
         JointRecord { times: &record.times[..rows], values: &record.values[..rows] }
@@ -59,11 +59,11 @@ fn alone(record: &JointRecord<'_>, sensor: &JointSensor, curve: Option<&Rejected
     };
     let ends = |best: fn(f64, f64) -> f64| record.values.iter().copied().reduce(best).unwrap_or(0.0);
     let (low, high) = (ends(f64::min), ends(f64::max));
-    let (found, step) = (smoothed.noise.powi(2), sensor.resolution.powi(2) / 12.0);
+    let (spread, step) = (smoothed.noise.powi(2), sensor.resolution.powi(2) / 12.0);
     let least = (LEAST * (high - low)).max(f64::EPSILON * high.abs().max(low.abs())).max(f64::MIN_POSITIVE.sqrt());
-    let variance = (found - step).max(1e-2 * step).max(least * least);
+    let variance = (spread - step).max(1e-2 * step).max(least * least);
     let noise = sensor.noise.unwrap_or(variance.sqrt());
-    Alone { noise, density: found.max(noise * noise) / smoothed.lambda }
+    Alone { noise, density: spread.max(noise * noise) / smoothed.lambda }
 }
 
 /// First values of a problem.
@@ -86,7 +86,7 @@ pub(super) fn begin(runs: &[JointRun<'_>], options: &JointOptions) -> Result<Beg
     let readings = |sensor: usize| runs.iter().map(|run| run.records[sensor].values.len()).sum::<usize>();
     let rank = |sensor: usize| (sensors[sensor].delay.deviation == 0.0, readings(sensor));
     let positions = (0..sensors.len()).filter(|&at| sensors[at].quantity == Quantity::Position);
-    let main = positions.reduce(|most, own| if rank(own) > rank(most) { own } else { most }).unwrap_or(0);
+    let main = positions.reduce(|most, sensor| if rank(sensor) > rank(most) { sensor } else { most }).unwrap_or(0);
     // A curve is sought for noise, and that of the main sensor for the jerk and for delays; records that are too short for one are refused by it.
     let led = options.jerk.is_none() || sensors.iter().any(|sensor| sensor.delay.deviation > 0.0);
     let asked = |at: usize| sensors[at].noise.is_none() || (at == main && led) || records[at].times.len() < FEWEST;
@@ -99,7 +99,7 @@ pub(super) fn begin(runs: &[JointRun<'_>], options: &JointOptions) -> Result<Beg
     let centre = values.iter().sum::<f64>() / values.len().max(1) as f64;
     let scale = Scale { unit, centre, size: alone[main].noise };
     let density = options.jerk.map_or(alone[main].density, |jerk| jerk * jerk) / scale.density();
-    let variance = |(own, sensor): (&Alone, &JointSensor)| scale.scaled(sensor.quantity, own.noise).powi(2);
+    let variance = |(alone, sensor): (&Alone, &JointSensor)| scale.scaled(sensor.quantity, alone.noise).powi(2);
     let variances = alone.iter().zip(sensors).map(variance).collect();
     let delay = |at: usize| match at == main || sensors[at].delay.deviation == 0.0 {
         true => sensors[at].delay.value,
@@ -116,17 +116,17 @@ fn delay(
     records: &[JointRecord<'_>],
     curve: &Rejected,
     sensors: &[JointSensor],
-    [main, own]: [usize; 2],
+    [main, other]: [usize; 2],
 ) -> Option<f64> {
-    let values = match sensors[own].quantity {
+    let values = match sensors[other].quantity {
         Quantity::Position => &curve.smoothed.derivatives[0],
         Quantity::Rate => &curve.smoothed.derivatives[1],
     };
     let middle = |sensor: &JointSensor| 0.5 * sensor.average;
     let (prior, shift) =
-        (sensors[own].delay, sensors[main].delay.value + middle(&sensors[main]) - middle(&sensors[own]));
+        (sensors[other].delay, sensors[main].delay.value + middle(&sensors[main]) - middle(&sensors[other]));
     let first = Record { times: records[main].times, values };
-    let second = Record { times: records[own].times, values: records[own].values };
-    let found = align(first, second, Within { about: prior.value - shift, reach: slack(&prior), skew: 0.0 }).ok()?;
-    (found.unexplained < 1.0 - COMMON && !found.at_end).then_some(found.line.offset + shift)
+    let second = Record { times: records[other].times, values: records[other].values };
+    let aligned = align(first, second, Within { about: prior.value - shift, reach: slack(&prior), skew: 0.0 }).ok()?;
+    (aligned.unexplained < 1.0 - COMMON && !aligned.at_end).then_some(aligned.line.offset + shift)
 }

@@ -16,10 +16,11 @@ const FIRST: usize = 3;
 pub fn better(times: &[f64], values: &[f64], lambdas: [f64; 2], by: Lambda) -> Result<Spline, SignalError> {
     let channel = Channel::new(times, values, None, FIRST)?;
     let [cubic, quintic] = match by {
-        Lambda::Gcv => {
-            [channel.gcv::<2>(&[channel.own::<2>(lambdas[0])]), channel.gcv::<3>(&[channel.own::<3>(lambdas[1])])]
-                .map(|scores| scores[0])
-        }
+        Lambda::Gcv => [
+            channel.gcv::<2>(&[channel.in_units::<2>(lambdas[0])]),
+            channel.gcv::<3>(&[channel.in_units::<3>(lambdas[1])]),
+        ]
+        .map(|scores| scores[0]),
         Lambda::Likelihood | Lambda::Given(_) => [channel.surprise::<2>(lambdas[0]), channel.surprise::<3>(lambdas[1])],
     };
     Ok(if quintic < cubic { Spline::Quintic } else { Spline::Cubic })
@@ -27,22 +28,22 @@ pub fn better(times: &[f64], values: &[f64], lambdas: [f64; 2], by: Lambda) -> R
 
 impl Channel<'_> {
     /// A penalty in units of the channel.
-    fn own<const M: usize>(&self, lambda: f64) -> f64 {
+    fn in_units<const M: usize>(&self, lambda: f64) -> f64 {
         lambda / self.unit.powi(2 * M as i32 - 1)
     }
 
     /// Minus twice the logarithm of the density of all measurements but the first three, given these, sigma profiled out, up to a constant that the splines share.
     fn surprise<const M: usize>(&self, lambda: f64) -> f64 {
-        let lambda = self.own::<M>(lambda);
+        let lambda = self.in_units::<M>(lambda);
         let all = scores::likelihoods::<M>(self.rows(), &[lambda])[0];
-        let mut own = [all.squares, all.log_variance];
+        let mut terms = [all.squares, all.log_variance];
         if M < FIRST {
             let behind = self.values.iter().enumerate().filter(|(_, value)| !value.is_nan()).nth(FIRST - 1);
             let rows = behind.map_or(0, |(row, _)| row + 1);
             let head = Rows { times: &self.times[..rows], values: &self.values[..rows], weights: None };
             let first = scores::likelihoods::<M>(head, &[lambda])[0];
-            own = [own[0] - first.squares, own[1] - first.log_variance];
+            terms = [terms[0] - first.squares, terms[1] - first.log_variance];
         }
-        (self.measured - FIRST) as f64 * own[0].max(self.floor()).ln() + own[1]
+        (self.measured - FIRST) as f64 * terms[0].max(self.floor()).ln() + terms[1]
     }
 }

@@ -54,14 +54,14 @@ impl<T: Number> Innovation<T> {
 /// A row of the array [A, N] that a step orthogonalises.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Row<const M: usize, T> {
-    pub(super) own: [T; M],
+    pub(super) state: [T; M],
     noise: [T; M],
 }
 
 /// Weights of the array's columns: D, and q dt.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Weights<const M: usize, T> {
-    own: [T; M],
+    state: [T; M],
     noise: T,
 }
 
@@ -71,7 +71,7 @@ impl<const M: usize, T: Number> Row<M, T> {
     pub(super) fn weighted(&self, weights: &Weights<M, T>, noises: usize) -> Self {
         let mut weighted = *self;
         for j in 0..M {
-            weighted.own[j] = weighted.own[j] * weights.own[j];
+            weighted.state[j] = weighted.state[j] * weights.state[j];
         }
         for j in 0..noises {
             weighted.noise[j] = weighted.noise[j] * weights.noise;
@@ -81,9 +81,9 @@ impl<const M: usize, T: Number> Row<M, T> {
 
     #[inline(always)]
     pub(super) fn dot(&self, other: &Self, noises: usize) -> T {
-        let (mut sum, mut noise) = (self.own[0] * other.own[0], self.noise[0] * other.noise[0]);
+        let (mut sum, mut noise) = (self.state[0] * other.state[0], self.noise[0] * other.noise[0]);
         for j in 1..M {
-            sum = self.own[j].fused(other.own[j], sum);
+            sum = self.state[j].fused(other.state[j], sum);
         }
         for j in 1..noises {
             noise = self.noise[j].fused(other.noise[j], noise);
@@ -94,7 +94,7 @@ impl<const M: usize, T: Number> Row<M, T> {
     #[inline(always)]
     fn subtract(&mut self, share: T, other: &Self, noises: usize) {
         for j in 0..M {
-            self.own[j] = self.own[j] - share * other.own[j];
+            self.state[j] = self.state[j] - share * other.state[j];
         }
         for j in 0..noises {
             self.noise[j] = self.noise[j] - share * other.noise[j];
@@ -169,11 +169,11 @@ impl<T: Number> Two<T> {
         let middle = u.times(0.5).plus(1.0);
         let turned = middle.fused(middle, (u * u).times(1.0 / 12.0));
         let grown = q.fused_by(square.times(1.0 / 12.0), a.fused(turned, d.by(square.times(1.0 / 3.0))));
-        let own = a * d;
-        let whole = q.fused(grown, own);
+        let variance = a * d;
+        let whole = q.fused(grown, variance);
         Self {
             a: [[first, crossed], [crossed, al.fused(l, d)]],
-            determinants: [own, whole],
+            determinants: [variance, whole],
             first: [p, l],
             column: [q.fused_by(square.times(1.0 / 3.0), first), q.fused_by(h.times(0.5), crossed)],
         }
@@ -189,8 +189,8 @@ impl<const M: usize> Belief<M> {
     /// With this mean and the covariance A D A' + v N N', N lower triangular.
     #[inline]
     pub(crate) fn stepped(mean: [f64; M], a: &Matrix<M>, d: &[f64; M], noise: &Matrix<M>, variance: f64) -> Self {
-        let mut head: [Row<M, f64>; M] = std::array::from_fn(|i| Row { own: a[i], noise: noise[i] });
-        Self { mean, factor: orthogonalise(&mut head, &mut [], &Weights { own: *d, noise: variance }).0 }
+        let mut head: [Row<M, f64>; M] = std::array::from_fn(|i| Row { state: a[i], noise: noise[i] });
+        Self { mean, factor: orthogonalise(&mut head, &mut [], &Weights { state: *d, noise: variance }).0 }
     }
 
     /// D, and L.
@@ -286,16 +286,16 @@ impl<const M: usize, T: Number> Belief<M, T> {
     /// [F L, N] and its weights.
     #[inline(always)]
     pub(super) fn array(&self, step: &Step<M, T>) -> (Weights<M, T>, [Row<M, T>; M]) {
-        let (own, lower) = parted(&self.factor);
+        let (diagonal, lower) = parted(&self.factor);
         let moved = step.forward_matrix(&lower);
-        let mut head = [Row { own, noise: own }; M];
+        let mut head = [Row { state: diagonal, noise: diagonal }; M];
         for i in 0..M {
-            head[i].own = moved[i];
+            head[i].state = moved[i];
             for j in 0..M {
                 head[i].noise[j] = step.variance.of(step.noise[i][j]);
             }
         }
-        (Weights { own, noise: step.variance }, head)
+        (Weights { state: diagonal, noise: step.variance }, head)
     }
 
     /// Learns of a measurement of the first state with an error of this variance.

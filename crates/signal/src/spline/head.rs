@@ -17,13 +17,13 @@ const SEEN: f64 = 1e-4;
 /// A row of a least-squares problem: coefficients, and the right side at the end.
 type Equation = Vec<f64>;
 
-/// A row's state given the next, s = F^-1 (s+ - L e): `own e + next s+ = right`, with errors of variance one.
+/// A row's state given the next, s = F^-1 (s+ - L e): `error e + next s+ = right`, with errors of variance one.
 ///
 /// The unknown is e, what the noise added over the step in its own units, and not s itself: under a strong penalty e is nearly nothing, and s has the digits of s+.
 #[derive(Debug, Clone)]
 pub(super) struct Eliminated<const M: usize> {
     step: Step<M>,
-    own: Matrix<M>,
+    error: Matrix<M>,
     next: Matrix<M>,
     right: [f64; M],
 }
@@ -135,7 +135,7 @@ impl<const M: usize> Information<M> {
         reduce(&mut equations, 2 * M);
         let part = |from: usize| std::array::from_fn(|i| std::array::from_fn(|j| equations[i][from + j]));
         let right = std::array::from_fn(|i| equations[i][2 * M]);
-        let eliminated = Eliminated { step: *step, own: part(0), next: part(M), right };
+        let eliminated = Eliminated { step: *step, error: part(0), next: part(M), right };
         self.equations = equations[M..].iter().map(|row| row[M..].to_vec()).collect();
         eliminated
     }
@@ -158,10 +158,10 @@ impl<const M: usize> Eliminated<M> {
             }
         }
         let root = self.step.root();
-        let noise = product(&root, &[solve(&self.own, &right)]);
+        let noise = product(&root, &[solve(&self.error, &right)]);
         let end = std::array::from_fn(|i| next.mean[i] - noise[0][i]);
         // s = F^-1 (K s+ - Z times errors of variance one), K = I + L own^-1 next, Z = L own^-1.
-        let columns = |of: &Matrix<M>| product(&root, &transposed(&solve_matrix(&self.own, of)));
+        let columns = |of: &Matrix<M>| product(&root, &transposed(&solve_matrix(&self.error, of)));
         let (kept, spread) = (transposed(&columns(&self.next)), transposed(&columns(&identity())));
         let kept = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(i == j) + kept[i][j]));
         let covariance = self.step.backward_both(&sandwich(&kept, &next.covariance, &squared(&spread)));

@@ -40,7 +40,8 @@ impl<const M: usize, T: Number> Link<M, T> {
     #[inline(always)]
     fn of_two(belief: &Belief<M, T>, step: &Step<M, T>) -> (Matrix<M, T>, Matrix<M, T>) {
         let (f, h, q) = (&belief.factor, step.powers[1], step.variance);
-        let Two { a, determinants: [own, whole], first: [p, l], .. } = Two::new([f[0][0], f[1][0], f[1][1]], h, q);
+        let Two { a, determinants: [determinant, whole], first: [p, l], .. } =
+            Two::new([f[0][0], f[1][0], f[1][1]], h, q);
         let inverse = whole.inverse();
         let square = h * h;
         let (noise, scaled) = ((q * q).by(square.times(1.0 / 12.0)) * inverse, q * inverse);
@@ -54,7 +55,7 @@ impl<const M: usize, T: Number> Link<M, T> {
         share[0][1] = top * p + y.by((square * h).times(1.0 / 6.0));
         share[1][0] = q.like(0.0) - bottom * l - y.by(h.times(0.5));
         share[1][1] = noise + bottom * p + y.by(half);
-        let (mut spread, part) = (share, own * scaled);
+        let (mut spread, part) = (share, determinant * scaled);
         spread[0][0] = part.by(square.times(1.0 / 3.0)) + noise * a[0][0];
         spread[0][1] = part.by(h.times(0.5)) + noise * a[0][1];
         spread[1][0] = spread[0][1];
@@ -68,7 +69,7 @@ impl<const M: usize, T: Number> Link<M, T> {
         let (weights, mut head) = belief.array(step);
         let mut carried = head;
         for row in &mut carried {
-            row.own = [step.variance.like(0.0); M];
+            row.state = [step.variance.like(0.0); M];
         }
         let (factor, mut share) = orthogonalise(&mut head, &mut carried, &weights);
         // J L is what was found.

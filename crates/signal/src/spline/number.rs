@@ -351,9 +351,9 @@ mod tests {
     fn slopes_follow_the_rules_of_calculus() {
         let of = |x: Sloped<f64>| (x * x).times(3.0).plus(1.0) * (x.plus(2.0)).inverse() - x;
         let at = |x: f64| (3.0 * x * x + 1.0) / (x + 2.0) - x;
-        let found = of(Sloped { value: 0.7, slope: 1.0 });
-        assert!((found.value - at(0.7)).abs() < 1e-15);
+        let result = of(Sloped { value: 0.7, slope: 1.0 });
+        assert!((result.value - at(0.7)).abs() < 1e-15);
         let slope = (6.0 * 0.7 * 2.7 - (3.0 * 0.49 + 1.0)) / (2.7 * 2.7) - 1.0;
-        assert!((found.slope - slope).abs() < 1e-15);
+        assert!((result.slope - slope).abs() < 1e-15);
     }
 }

@@ -136,21 +136,21 @@ impl<const M: usize> WithSimd for Likelihoods<'_, M> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
-        let mut found = Vec::new();
+        let mut scores = Vec::new();
         for lambdas in self.lambdas.chunks(S::F64_LANES.min(TOGETHER)) {
             let starts = starts::<M>(self.rows, lambdas);
-            let own: Vec<Belief<M>> = starts.iter().map(|start| start.belief).collect();
+            let starting: Vec<Belief<M>> = starts.iter().map(|start| start.belief).collect();
             let one = Lanes::load(simd, &[1.0]);
             let chain = Chain::new(Lanes::load(simd, lambdas).inverse());
             let squares = Lanes::gather(simd, &starts, |start| start.squares);
             let mut sums = LikelihoodSums { squares, product: one, exponents: [0; TOGETHER], count: 0 };
-            filter(self.rows, starts[0].row, beliefs(simd, &own), &chain, one, &mut sums);
+            filter(self.rows, starts[0].row, beliefs(simd, &starting), &chain, one, &mut sums);
             for at in 0..lambdas.len() {
                 let log_variance = sums.product.values()[at].ln() + sums.exponents[at] as f64 * std::f64::consts::LN_2;
-                found.push(Likelihood { squares: sums.squares.values()[at], log_variance, count: sums.count });
+                scores.push(Likelihood { squares: sums.squares.values()[at], log_variance, count: sums.count });
             }
         }
-        found
+        scores
     }
 }
 
@@ -178,16 +178,16 @@ impl<const M: usize> WithSimd for Rests<'_, M> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
-        let mut found = Vec::new();
+        let mut scores = Vec::new();
         for lambdas in self.lambdas.chunks(S::F64_LANES.min(TOGETHER)) {
             let starts = starts::<M>(self.rows, lambdas);
             let first = starts[0].row;
             let by_errors = by_errors::<M>(self.rows, first);
-            let own: Vec<Belief<M>> = starts.iter().map(|start| start.belief).collect();
+            let starting: Vec<Belief<M>> = starts.iter().map(|start| start.belief).collect();
             // The mean of the first M measurements is the polynomial through them, whatever their errors.
             let grown: Vec<Belief<M>> =
-                own.iter().map(|own| Belief { mean: [0.0; M], factor: own.grown(&by_errors) }).collect();
-            let (values, slopes) = (beliefs(simd, &own), beliefs(simd, &grown));
+                starting.iter().map(|belief| Belief { mean: [0.0; M], factor: belief.grown(&by_errors) }).collect();
+            let (values, slopes) = (beliefs(simd, &starting), beliefs(simd, &grown));
             let one = Lanes::load(simd, &[1.0]);
             let zero = Lanes::load(simd, &[0.0]);
             let mut belief = Belief {
@@ -205,10 +205,10 @@ impl<const M: usize> WithSimd for Rests<'_, M> {
             let mut sums = RestSums { squares: Sloped { value: zero, slope: zero }, freedom: zero };
             filter(self.rows, first, belief, &chain, unit, &mut sums);
             for at in 0..lambdas.len() {
-                found.push(Rest { squares: -sums.squares.slope.values()[at], freedom: sums.freedom.values()[at] });
+                scores.push(Rest { squares: -sums.squares.slope.values()[at], freedom: sums.freedom.values()[at] });
             }
         }
-        found
+        scores
     }
 }
 
@@ -265,9 +265,9 @@ mod tests {
             let freedom = measured as f64 - residuals.freedom;
             // The trace itself is a difference from so many rows.
             assert!((rest.freedom - freedom).abs() < 1e-10 * measured as f64, "{lambda:e}: {rest:?} {freedom}");
-            let (own, alone) = (likelihoods[at], super::likelihoods::<M>(rows, &[lambda])[0]);
-            assert!((own.squares / squares - 1.0).abs() < 1e-10 && own.count == measured - M);
-            assert_eq!((own.squares, own.log_variance), (alone.squares, alone.log_variance));
+            let (likelihood, alone) = (likelihoods[at], super::likelihoods::<M>(rows, &[lambda])[0]);
+            assert!((likelihood.squares / squares - 1.0).abs() < 1e-10 && likelihood.count == measured - M);
+            assert_eq!((likelihood.squares, likelihood.log_variance), (alone.squares, alone.log_variance));
             assert_eq!(super::rests::<M>(rows, &[lambda])[0].squares, rest.squares);
         }
     }

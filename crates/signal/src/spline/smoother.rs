@@ -180,11 +180,11 @@ impl<S: Sequence<M>, const M: usize> Smoother<S, M> {
             self.back(&stretch, first, &mut state, &mut emit);
         }
         for (row, eliminated) in start.eliminated.iter().enumerate().rev() {
-            let own = state.map(|next| eliminated.smoothed(&next));
-            if let Some(own) = &own {
-                emit(row, own);
+            let smoothed = state.map(|next| eliminated.smoothed(&next));
+            if let Some(smoothed) = &smoothed {
+                emit(row, smoothed);
             }
-            state = own;
+            state = smoothed;
         }
         squares
     }

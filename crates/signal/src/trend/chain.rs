@@ -79,13 +79,13 @@ impl Points {
 
     /// D y of values at the points.
     pub(super) fn differences<const M: usize>(&self, values: &[f64]) -> Vec<f64> {
-        let mut own = values.to_vec();
+        let mut left = values.to_vec();
         for j in 1..M {
-            for i in (j..own.len()).rev() {
-                own[i] = j as f64 * (own[i] - own[i - 1]) / (self.times[i] - self.times[i - j]);
+            for i in (j..left.len()).rev() {
+                left[i] = j as f64 * (left[i] - left[i - 1]) / (self.times[i] - self.times[i - j]);
             }
         }
-        (M..own.len()).map(|i| own[i] - own[i - 1]).collect()
+        (M..left.len()).map(|i| left[i] - left[i - 1]).collect()
     }
 
     /// The rows of the map from the first M values to the M-th point's state: s = B x.
@@ -141,23 +141,23 @@ impl Points {
         let mut mean: [f64; M] = std::array::from_fn(|i| (0..M).map(|c| start[i][c] * datum(c)).sum());
         // Innovations over their variances: the multipliers' room until the way back.
         let mut u = vec![0.0; gains.len()];
-        for (j, own) in gains.iter().enumerate() {
+        for (j, gain) in gains.iter().enumerate() {
             let reach = self.reach::<M>(j + M);
             mean[M - 1] += rho[j];
             for l in (1..M).rev() {
                 mean[l - 1] += reach[l] * mean[l];
             }
             let error = datum(j + M) - mean[0];
-            u[j] = error / own.variance;
+            u[j] = error / gain.variance;
             for l in 0..M {
-                mean[l] += own.gain[l] * error;
+                mean[l] += gain.gain[l] * error;
             }
         }
         let mut x = vec![0.0; n];
         let mut adjoint = [0.0; M];
-        for (j, own) in gains.iter().enumerate().rev() {
+        for (j, gain) in gains.iter().enumerate().rev() {
             let i = j + M;
-            let pull = u[j] + (0..M).map(|l| own.gain[l] * adjoint[l]).sum::<f64>();
+            let pull = u[j] + (0..M).map(|l| gain.gain[l] * adjoint[l]).sum::<f64>();
             x[i] = datum(i) - self.variances[i] * pull;
             adjoint[0] -= pull;
             let reach = self.reach::<M>(i);

@@ -14,7 +14,7 @@ pub(super) fn local_derivatives(times: &[f64], values: &[f64], degree: usize) ->
         [0.5 * (before[0] + after[0]), 0.5 * (before[1] + after[1])]
     };
     let derivatives: Vec<[f64; 2]> = (0..n).map(at).collect();
-    let list = |k: usize| derivatives.iter().map(|own| own[k]).collect();
+    let list = |k: usize| derivatives.iter().map(|values| values[k]).collect();
     let mut lists = vec![values.to_vec(), list(0)];
     if degree > 1 {
         lists.push(list(1));

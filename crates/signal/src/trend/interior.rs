@@ -121,9 +121,9 @@ impl Iterate {
     /// Changes of z+ and z- for fixed u: mu / s - z, with the product of the affine changes taken into account.
     fn pushes(&self, centre: f64, affine: Option<&Direction>) -> Vec<[f64; 2]> {
         let push = |j: usize| {
-            let [up, down] = affine.map_or([0.0; 2], |own| {
-                let du = own.least.u[j];
-                [-own.up[j] * du, own.down[j] * du]
+            let [up, down] = affine.map_or([0.0; 2], |direction| {
+                let du = direction.least.u[j];
+                [-direction.up[j] * du, direction.down[j] * du]
             });
             [(centre - up) / self.above[j] - self.up[j], (centre - down) / self.below[j] - self.down[j]]
         };

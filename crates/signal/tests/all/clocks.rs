@@ -89,16 +89,16 @@ fn lags_are_found_below_a_period_with_honest_deviations() {
     for seed in 0..20 {
         let a = channel(4000, 0.01, 0.0, 1.0, 100 + 10 * seed);
         let b = channel(8000, 0.005, lag, -2.5, 500 + 10 * seed);
-        let found =
+        let alignment =
             align(Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 }, within(0.5)).unwrap();
-        assert!(!found.at_end && found.unexplained < 0.01 && found.deviation < 4e-4, "{found:?}");
+        assert!(!alignment.at_end && alignment.unexplained < 0.01 && alignment.deviation < 4e-4, "{alignment:?}");
         // Interpolation between jittered stamps costs less than the deviation.
-        inside += usize::from((found.line.offset - lag).abs() < 2.0 * found.deviation + 2e-5);
+        inside += usize::from((alignment.line.offset - lag).abs() < 2.0 * alignment.deviation + 2e-5);
         assert!(
-            (found.line.offset - lag).abs() < 5.0 * found.deviation + 2e-5,
+            (alignment.line.offset - lag).abs() < 5.0 * alignment.deviation + 2e-5,
             "{} {}",
-            found.line.offset,
-            found.deviation
+            alignment.line.offset,
+            alignment.deviation
         );
     }
     assert!(inside >= 16, "{inside} of 20 within two deviations");
@@ -108,14 +108,19 @@ fn lags_are_found_below_a_period_with_honest_deviations() {
 fn the_curve_has_its_least_at_the_lag_and_an_end_is_told() {
     let (a, b) = (channel(1000, 0.01, 0.0, 1.0, 1), channel(1000, 0.01, 0.3, 1.0, 7));
     let (a, b) = (Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 });
-    let found = align(a, b, within(0.5)).unwrap();
-    let least = found.curve.iter().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
-    assert!((least.0 - 0.3).abs() < 0.011 && (found.line.offset - 0.3).abs() < 2e-3, "{least:?} {}", found.line.offset);
-    assert!(found.unexplained <= least.1);
+    let alignment = align(a, b, within(0.5)).unwrap();
+    let least = alignment.curve.iter().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+    assert!(
+        (least.0 - 0.3).abs() < 0.011 && (alignment.line.offset - 0.3).abs() < 2e-3,
+        "{least:?} {}",
+        alignment.line.offset
+    );
+    assert!(alignment.unexplained <= least.1);
     assert!(align(a, b, within(0.2)).unwrap().at_end);
     let backwards = align(b, a, within(0.5)).unwrap();
     assert!(
-        (backwards.line.offset + found.line.offset).abs() < 3.0 * found.deviation.hypot(backwards.deviation) + 2e-5
+        (backwards.line.offset + alignment.line.offset).abs()
+            < 3.0 * alignment.deviation.hypot(backwards.deviation) + 2e-5
     );
 }
 
@@ -143,10 +148,11 @@ fn a_line_stays_within_what_was_searched() {
     for seed in 0..20 {
         let noise = |seed: u64| -> Vec<f64> { (0..1500).map(|row| normal(seed, row)).collect() };
         let (a, b) = (noise(900 + seed), noise(950 + seed));
-        let found = align(Record { times: &times, values: &a }, Record { times: &times, values: &b }, within).unwrap();
-        let off = (found.line.offset - within.about).abs();
-        assert!(off <= within.reach && found.line.skew.abs() <= within.skew, "{:?}", found.line);
-        assert!(found.at_end || off < within.reach, "{:?}", found.line);
+        let alignment =
+            align(Record { times: &times, values: &a }, Record { times: &times, values: &b }, within).unwrap();
+        let off = (alignment.line.offset - within.about).abs();
+        assert!(off <= within.reach && alignment.line.skew.abs() <= within.skew, "{:?}", alignment.line);
+        assert!(alignment.at_end || off < within.reach, "{:?}", alignment.line);
     }
 }
 
@@ -163,12 +169,12 @@ fn few_rows_that_are_alike_do_not_decide() {
             };
             (0..(rows + late) as u64).scan(0.0, step).collect()
         };
-        let (common, [one, other]) = (walk(600 + seed), [700, 800].map(|own| walk(own + seed)));
+        let (common, [one, other]) = (walk(600 + seed), [700, 800].map(|offset| walk(offset + seed)));
         let a: Vec<f64> = (0..rows).map(|row| common[row + late] + 0.2 * one[row]).collect();
         let b: Vec<f64> = (0..rows).map(|row| common[row] + 0.2 * other[row]).collect();
-        let found =
+        let alignment =
             align(Record { times: &times, values: &a }, Record { times: &times, values: &b }, within(4.7)).unwrap();
-        assert!((found.line.offset - 0.25).abs() < 0.1, "{seed}: {:?}", found.line);
+        assert!((alignment.line.offset - 0.25).abs() < 0.1, "{seed}: {:?}", alignment.line);
     }
 }
 
@@ -190,19 +196,24 @@ fn offset_and_skew_are_found_together() {
         let a = wandering(10_000, 0.02, same, 1000 + 10 * seed);
         let b = wandering(6000, 1.0 / 30.0, truth, 5000 + 10 * seed);
         let search = Within { about: 0.0, reach: 8.0, skew: 8e-3 };
-        let found = align(Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 }, search).unwrap();
-        let offset = truth.second(found.line.at) - found.line.at;
-        let errors = [(found.line.offset - offset).abs(), (found.line.skew - truth.skew).abs()];
-        assert!(!found.at_end && found.deviation < 1.5e-3 && found.skew_deviation < 3e-5, "{:?}", found.line);
+        let alignment =
+            align(Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 }, search).unwrap();
+        let offset = truth.second(alignment.line.at) - alignment.line.at;
+        let errors = [(alignment.line.offset - offset).abs(), (alignment.line.skew - truth.skew).abs()];
         assert!(
-            errors[0] < 4.5 * found.deviation && errors[1] < 4.5 * found.skew_deviation,
-            "{errors:?} {:?}",
-            found.line
+            !alignment.at_end && alignment.deviation < 1.5e-3 && alignment.skew_deviation < 3e-5,
+            "{:?}",
+            alignment.line
         );
-        offsets += usize::from(errors[0] < 2.0 * found.deviation);
-        skews += usize::from(errors[1] < 2.0 * found.skew_deviation);
+        assert!(
+            errors[0] < 4.5 * alignment.deviation && errors[1] < 4.5 * alignment.skew_deviation,
+            "{errors:?} {:?}",
+            alignment.line
+        );
+        offsets += usize::from(errors[0] < 2.0 * alignment.deviation);
+        skews += usize::from(errors[1] < 2.0 * alignment.skew_deviation);
         // A straight line holds: no quarter is off it.
-        assert!(found.parts.iter().all(|part| part.off.abs() < 6.0 * part.deviation), "{:?}", found.parts);
+        assert!(alignment.parts.iter().all(|part| part.off.abs() < 6.0 * part.deviation), "{:?}", alignment.parts);
     }
     assert!(offsets >= 4 && skews >= 4, "{offsets} and {skews} of 6 within two deviations");
 }
@@ -219,14 +230,23 @@ fn gross_errors_do_not_move_the_line() {
         let clean = align(Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 }, search).unwrap();
         let wrong: Vec<usize> = [977, 979, 4_100, 4_102, 8_888, 11_001].into_iter().collect();
         wrong.iter().for_each(|&row| b.1[row] = 150.0 + row as f64 * 1e-3);
-        let found = align(Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 }, search).unwrap();
-        assert!(wrong.iter().all(|row| found.left_out[1].contains(row)), "{:?}", found.left_out);
-        assert!(found.left_out[0].len() < 30 && found.left_out[1].len() < 12 + wrong.len(), "{:?}", found.left_out);
-        assert!(!found.at_end && (found.unexplained - clean.unexplained).abs() < 0.01, "{}", found.unexplained);
+        let alignment =
+            align(Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 }, search).unwrap();
+        assert!(wrong.iter().all(|row| alignment.left_out[1].contains(row)), "{:?}", alignment.left_out);
+        assert!(
+            alignment.left_out[0].len() < 30 && alignment.left_out[1].len() < 12 + wrong.len(),
+            "{:?}",
+            alignment.left_out
+        );
+        assert!(
+            !alignment.at_end && (alignment.unexplained - clean.unexplained).abs() < 0.01,
+            "{}",
+            alignment.unexplained
+        );
         // Six rows of twelve thousand: a small part of the deviation.
-        assert!((found.line.offset - clean.line.offset).abs() < 0.5 * clean.deviation, "{:?}", found.line);
-        let error = found.line.offset - (truth.second(found.line.at) - found.line.at);
-        assert!(error.abs() < 4.5 * found.deviation, "{error} {}", found.deviation);
+        assert!((alignment.line.offset - clean.line.offset).abs() < 0.5 * clean.deviation, "{:?}", alignment.line);
+        let error = alignment.line.offset - (truth.second(alignment.line.at) - alignment.line.at);
+        assert!(error.abs() < 4.5 * alignment.deviation, "{error} {}", alignment.deviation);
     }
 }
 
@@ -237,9 +257,9 @@ fn a_bent_clock_is_told_by_its_quarters() {
     let (a, mut b) = (wandering(10_000, 0.02, same, 1), wandering(10_000, 0.02, same, 7));
     b.0.iter_mut().for_each(|t| *t += 0.05 * (*t / 100.0 - 1.0).powi(2));
     let search = Within { about: 0.0, reach: 1.0, skew: 5e-4 };
-    let found = align(Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 }, search).unwrap();
-    let sizes: Vec<f64> = found.parts.iter().map(|part| part.off / part.deviation).collect();
-    assert!(sizes[0] > 2.0 && sizes[1] < -5.0 && sizes[2] < -5.0 && sizes[3] > 2.0, "{:?}", found.parts);
+    let alignment = align(Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 }, search).unwrap();
+    let sizes: Vec<f64> = alignment.parts.iter().map(|part| part.off / part.deviation).collect();
+    assert!(sizes[0] > 2.0 && sizes[1] < -5.0 && sizes[2] < -5.0 && sizes[3] > 2.0, "{:?}", alignment.parts);
 }
 
 #[test]
@@ -285,13 +305,22 @@ fn edges_bracket_the_truth() {
             let b = blinks(120.0, period, 0.01, line, 0.0, 40 + seed);
             let search = Within { about: 0.0, reach: 0.45, skew: 5e-4 };
             let (a, b) = (Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 });
-            let found = align_edges(a, b, search, BARE).unwrap();
-            let offset = line.second(found.line.at) - found.line.at;
+            let alignment = align_edges(a, b, search, BARE).unwrap();
+            let offset = line.second(alignment.line.at) - alignment.line.at;
             let inside = |[low, high]: [f64; 2], truth: f64| low <= truth && truth <= high;
-            assert!(inside(found.offset, offset) && inside(found.skew, line.skew), "{period} {seed} {found:?}");
-            assert!(inside(found.offset, found.line.offset) && inside(found.skew, found.line.skew), "{found:?}");
-            assert!(found.offset[1] - found.offset[0] < widest, "{period} {seed} {found:?}");
-            assert!(found.contradiction == 0.0 && found.edges > 230 && found.others.is_empty(), "{found:?}");
+            assert!(
+                inside(alignment.offset, offset) && inside(alignment.skew, line.skew),
+                "{period} {seed} {alignment:?}"
+            );
+            assert!(
+                inside(alignment.offset, alignment.line.offset) && inside(alignment.skew, alignment.line.skew),
+                "{alignment:?}"
+            );
+            assert!(alignment.offset[1] - alignment.offset[0] < widest, "{period} {seed} {alignment:?}");
+            assert!(
+                alignment.contradiction == 0.0 && alignment.edges > 230 && alignment.others.is_empty(),
+                "{alignment:?}"
+            );
         }
     }
 }
@@ -308,13 +337,13 @@ fn edges_of_an_even_wave_bound_one_another() {
         let b = lamp(120.0, (1.007_236, lit), 0.01, line, 0.0, 140 + seed);
         let search = Within { about: 0.0, reach: 0.45, skew: 5e-4 };
         let (a, b) = (Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 });
-        let (bare, found) = (align_edges(a, b, search, BARE).unwrap(), align_edges(a, b, search, even).unwrap());
-        let offset = line.second(found.line.at) - found.line.at;
+        let (bare, evened) = (align_edges(a, b, search, BARE).unwrap(), align_edges(a, b, search, even).unwrap());
+        let offset = line.second(evened.line.at) - evened.line.at;
         let inside = |[low, high]: [f64; 2], truth: f64| low <= truth && truth <= high;
-        assert!(inside(found.offset, offset) && inside(found.skew, line.skew), "{seed} {found:?}");
-        assert!(inside(bare.offset, found.offset[0]) && inside(bare.offset, found.offset[1]), "{bare:?} {found:?}");
-        for (sum, own) in errors.iter_mut().zip([&bare, &found]) {
-            *sum += (own.offset[1] - own.offset[0]).powi(2);
+        assert!(inside(evened.offset, offset) && inside(evened.skew, line.skew), "{seed} {evened:?}");
+        assert!(inside(bare.offset, evened.offset[0]) && inside(bare.offset, evened.offset[1]), "{bare:?} {evened:?}");
+        for (sum, alignment) in errors.iter_mut().zip([&bare, &evened]) {
+            *sum += (alignment.offset[1] - alignment.offset[0]).powi(2);
         }
     }
     let [bare, even] = errors.map(|sum| (sum / 10.0).sqrt());
@@ -347,8 +376,9 @@ fn the_interval_is_that_of_all_vertices() {
     let line = ClockLine { at: 0.0, offset: 0.05, skew: 4e-5 };
     let (a, b) = (blinks(40.0, 0.773, 0.02, same, 0.0, 3), blinks(40.0, 0.773, 0.013, line, 0.0, 4));
     let search = Within { about: 0.0, reach: 0.3, skew: 0.05 };
-    let found = align_edges(Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 }, search, BARE);
-    let found = found.unwrap();
+    let alignment =
+        align_edges(Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 }, search, BARE);
+    let alignment = alignment.unwrap();
     let brackets = |(times, values): &(Vec<f64>, Vec<f64>)| -> Vec<[f64; 2]> {
         (1..times.len()).filter(|&row| values[row] != values[row - 1]).map(|row| [times[row - 1], times[row]]).collect()
     };
@@ -360,7 +390,7 @@ fn the_interval_is_that_of_all_vertices() {
         Some([(first[0], second[1] - first[0], 1.0), (first[1], second[0] - first[1], -1.0)])
     };
     let bounds: Vec<(f64, f64, f64)> = a.iter().filter_map(pair).flatten().collect();
-    let at = found.line.at;
+    let at = alignment.line.at;
     let holds =
         |offset: f64, skew: f64| bounds.iter().all(|(x, c, sign)| sign * (offset + skew * (x - at) - c) < 1e-12);
     let (mut offsets, mut skews) = ([f64::INFINITY, f64::NEG_INFINITY], [f64::INFINITY, f64::NEG_INFINITY]);
@@ -375,8 +405,8 @@ fn the_interval_is_that_of_all_vertices() {
         }
     }
     for end in 0..2 {
-        assert!((found.offset[end] - offsets[end]).abs() < 1e-11, "{found:?} {offsets:?}");
-        assert!((found.skew[end] - skews[end]).abs() < 1e-11, "{found:?} {skews:?}");
+        assert!((alignment.offset[end] - offsets[end]).abs() < 1e-11, "{alignment:?} {offsets:?}");
+        assert!((alignment.skew[end] - skews[end]).abs() < 1e-11, "{alignment:?} {skews:?}");
     }
 }
 
@@ -386,7 +416,7 @@ fn wrong_stamps_contradict_each_other() {
     let same = ClockLine { at: 0.0, offset: 0.0, skew: 0.0 };
     let line = ClockLine { at: 0.0, offset: -0.2, skew: -2e-5 };
     let search = Within { about: 0.0, reach: 0.45, skew: 5e-4 };
-    let mut told = 0;
+    let mut contradictions = 0;
     for seed in 0..10 {
         let (a, b) = (
             blinks(120.0, 0.977_37, 0.001, same, 4e-4, 60 + seed),
@@ -394,14 +424,17 @@ fn wrong_stamps_contradict_each_other() {
         );
         let (a, b) = (Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 });
         let bare = align_edges(a, b, search, BARE).unwrap();
-        told += usize::from(bare.contradiction > 0.0);
+        contradictions += usize::from(bare.contradiction > 0.0);
         assert!(bare.contradiction < 1e-3, "{bare:?}");
-        let found = align_edges(a, b, search, WaveOptions { margin: 4e-4, ..BARE }).unwrap();
-        let offset = line.second(found.line.at) - found.line.at;
-        assert!(found.contradiction == 0.0 && found.offset[0] <= offset && offset <= found.offset[1], "{found:?}");
-        assert!(found.skew[0] <= line.skew && line.skew <= found.skew[1], "{found:?}");
+        let alignment = align_edges(a, b, search, WaveOptions { margin: 4e-4, ..BARE }).unwrap();
+        let offset = line.second(alignment.line.at) - alignment.line.at;
+        assert!(
+            alignment.contradiction == 0.0 && alignment.offset[0] <= offset && offset <= alignment.offset[1],
+            "{alignment:?}"
+        );
+        assert!(alignment.skew[0] <= line.skew && line.skew <= alignment.skew[1], "{alignment:?}");
     }
-    assert!(told >= 6, "{told} of 10 contradict each other");
+    assert!(contradictions >= 6, "{contradictions} of 10 contradict each other");
 }
 
 #[test]

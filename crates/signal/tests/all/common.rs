@@ -14,10 +14,10 @@ pub(crate) fn normal(seed: u64, at: u64) -> f64 {
 }
 
 /// The greatest difference over the greatest size of what is expected.
-pub(crate) fn distance(found: &[f64], expected: &[f64]) -> f64 {
-    assert_eq!(found.len(), expected.len());
+pub(crate) fn distance(actual: &[f64], expected: &[f64]) -> f64 {
+    assert_eq!(actual.len(), expected.len());
     let size = expected.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-    let apart = found.iter().zip(expected).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
-    assert!(!found.iter().chain(expected).any(|x| x.is_nan()), "NaN");
+    let apart = actual.iter().zip(expected).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+    assert!(!actual.iter().chain(expected).any(|x| x.is_nan()), "NaN");
     apart / size
 }

@@ -32,8 +32,8 @@ fn polynomials_have_their_derivatives_up_to_the_edges() {
         [&|row| 1.0 - t(row) + 0.5 * t(row).powi(3), &|row| -1.0 + 1.5 * t(row).powi(2), &|row| 3.0 * t(row)];
     for (derivative, exact) in exact.iter().enumerate() {
         let expected: Vec<f64> = (0..50).map(exact).collect();
-        let found = savitzky_golay(&cubic, dt, 9, 3, derivative).unwrap();
-        assert!(distance(&found, &expected) < 1e-12, "{derivative}");
+        let filtered = savitzky_golay(&cubic, dt, 9, 3, derivative).unwrap();
+        assert!(distance(&filtered, &expected) < 1e-12, "{derivative}");
     }
 }
 
@@ -54,8 +54,8 @@ fn gains_are_those_of_the_closed_form() {
         let filter = Sections::butterworth(order, 0.05, 1.0).unwrap();
         for frequency in [0.01, 0.05, 0.08, 0.2] {
             let expected = 1.0 / (1.0 + x(frequency, 0.05).powi(2 * order as i32));
-            let found = gain(&filter, frequency);
-            assert!((found - expected).abs() < 1e-6, "{order} {frequency}: {found} {expected}");
+            let response = gain(&filter, frequency);
+            assert!((response - expected).abs() < 1e-6, "{order} {frequency}: {response} {expected}");
         }
         let filter = Sections::chebyshev(order, 1.0, 0.05, 1.0).unwrap();
         let epsilon_squared = 10.0_f64.powf(0.1) - 1.0;
@@ -64,8 +64,8 @@ fn gains_are_those_of_the_closed_form() {
             let n = order as f64;
             let polynomial = if x <= 1.0 { (n * x.acos()).cos() } else { (n * x.acosh()).cosh() };
             let expected = 1.0 / (1.0 + epsilon_squared * polynomial * polynomial);
-            let found = gain(&filter, frequency);
-            assert!((found - expected).abs() < 1e-5, "{order} {frequency}: {found} {expected}");
+            let response = gain(&filter, frequency);
+            assert!((response - expected).abs() < 1e-5, "{order} {frequency}: {response} {expected}");
         }
     }
 }

@@ -30,11 +30,11 @@ fn cubics_are_reproduced() {
         let values: Vec<f64> = times.iter().map(|&t| cubic(t)[0]).collect();
         let curve = Interpolant::new(&times, &values, Interpolation::NotAKnot).unwrap();
         let at = between(&times);
-        for (k, found) in curve.all(&at).iter().enumerate() {
+        for (k, interpolated) in curve.all(&at).iter().enumerate() {
             let expected: Vec<f64> = at.iter().map(|&t| cubic(t)[k]).collect();
             // Rounding of values of 2e6 over steps of 0.01 s and their squares, beside slopes of 1e4 and second derivatives of 50.
             let tolerance = [1e-13, 1e-10, 1e-6][k];
-            let apart = distance(found, &expected);
+            let apart = distance(interpolated, &expected);
             assert!(apart < tolerance, "{rows} rows, derivative {k}: {apart:e}");
         }
     }
@@ -72,7 +72,7 @@ fn measurements_are_met_and_missing_ones_bridged() {
 fn bad_points_are_told() {
     let kind = Interpolation::NotAKnot;
     let try_it = |times: &[f64], values: &[f64]| Interpolant::new(times, values, kind).unwrap_err();
-    assert_eq!(try_it(&[0.0, 1.0], &[1.0, f64::NAN]), SignalError::TooFew { found: 1, needed: 2 });
+    assert_eq!(try_it(&[0.0, 1.0], &[1.0, f64::NAN]), SignalError::TooFew { count: 1, needed: 2 });
     assert!(matches!(try_it(&[0.0, 0.0], &[1.0, 2.0]), SignalError::Stamp { row: 1, .. }));
     assert!(matches!(try_it(&[0.0, 1.0], &[1.0]), SignalError::Length { .. }));
     assert!(matches!(try_it(&[0.0, 1.0], &[1.0, f64::INFINITY]), SignalError::NotFinite { row: 1, .. }));
@@ -105,14 +105,14 @@ proptest! {
         let end = times[times.len() - 1];
         let at = between(&times);
         for kind in BOTH {
-            let own = Interpolant::new(&times, &values, kind).unwrap().all(&at);
+            let curve = Interpolant::new(&times, &values, kind).unwrap().all(&at);
             let mirrored: Vec<f64> = times.iter().rev().map(|t| unit * (end - t)).collect();
             let backwards: Vec<f64> = values.iter().rev().map(|y| 3.0 - 2.0 * y).collect();
             let other = Interpolant::new(&mirrored, &backwards, kind).unwrap();
-            let found: Vec<[f64; 3]> = at.iter().map(|t| other.at(unit * (end - t))).collect();
-            let back = |k: usize, factor: f64, shift: f64| found.iter().map(|own| shift + factor * own[k]).collect::<Vec<f64>>();
-            prop_assert!(distance(&back(0, -0.5, 1.5), &own[0]) < 1e-9);
-            prop_assert!(distance(&back(1, 0.5 * unit, 0.0), &own[1]) < 1e-9);
+            let points: Vec<[f64; 3]> = at.iter().map(|t| other.at(unit * (end - t))).collect();
+            let back = |k: usize, factor: f64, shift: f64| points.iter().map(|point| shift + factor * point[k]).collect::<Vec<f64>>();
+            prop_assert!(distance(&back(0, -0.5, 1.5), &curve[0]) < 1e-9);
+            prop_assert!(distance(&back(1, 0.5 * unit, 0.0), &curve[1]) < 1e-9);
         }
     }
 }

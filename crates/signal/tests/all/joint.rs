@@ -47,14 +47,14 @@ fn chain(steps: usize, jerk: f64, seed: u64) -> Vec<[f64; 3]> {
     let mut state = [0.3, -0.5, 1.0];
     (0..steps as u64)
         .map(|step| {
-            let own = state;
+            let before = state;
             let e = [0, 1, 2].map(|k| q * normal(seed + k, step));
             state = [
-                own[0] + h * own[1] + 0.5 * h * h * own[2] + l11 * e[0],
-                own[1] + h * own[2] + l21 * e[0] + l22 * e[1],
-                own[2] + l31 * e[0] + l32 * e[1] + l33 * e[2],
+                before[0] + h * before[1] + 0.5 * h * h * before[2] + l11 * e[0],
+                before[1] + h * before[2] + l21 * e[0] + l22 * e[1],
+                before[2] + l31 * e[0] + l32 * e[1] + l33 * e[2],
             ];
-            own
+            before
         })
         .collect()
 }
@@ -111,7 +111,7 @@ struct Dense {
 
 impl Dense {
     fn new(readings: &[DenseReading], wanted: &[f64], constants: usize) -> Self {
-        let mut instants: Vec<f64> = readings.iter().map(|own| own.0).chain(wanted.iter().copied()).collect();
+        let mut instants: Vec<f64> = readings.iter().map(|reading| reading.0).chain(wanted.iter().copied()).collect();
         instants.sort_by(f64::total_cmp);
         instants.dedup();
         let n = instants.len();
@@ -142,7 +142,7 @@ impl Dense {
             }
         }
         for (instant, slopes, value, deviation, of_constants) in readings {
-            let at = instants.iter().position(|own| own == instant).unwrap();
+            let at = instants.iter().position(|instant_of_row| instant_of_row == instant).unwrap();
             let mut row: Vec<(usize, f64)> = (0..3).map(|j| (3 * at + j, slopes[j] / deviation)).collect();
             row.extend(of_constants.iter().enumerate().map(|(j, slope)| (3 * n + j, slope / deviation)));
             rows.push((row, value / deviation));
@@ -160,7 +160,7 @@ impl Dense {
     }
 
     fn at(&self, instant: f64, k: usize) -> (f64, f64) {
-        let row = 3 * self.instants.iter().position(|own| *own == instant).unwrap() + k;
+        let row = 3 * self.instants.iter().position(|stamp| *stamp == instant).unwrap() + k;
         (self.mean[row], self.covariance[(row, row)].sqrt())
     }
 }
@@ -200,9 +200,9 @@ fn states_and_constants_are_those_of_dense_least_squares() {
     let slopes: Vec<f64> = readings[1].times.iter().map(|t| alone.at(t - delay.value, 2).0).collect();
     let dense = Dense::new(&biased(dense_rows(&readings, delay.value, &slopes)), &wanted, 2);
     let constants = 3 * dense.instants.len();
-    for (at, own) in [delay, bias].into_iter().enumerate() {
+    for (at, parameter) in [delay, bias].into_iter().enumerate() {
         let deviation = dense.covariance[(constants + at, constants + at)].sqrt();
-        assert!((own.deviation / deviation - 1.0).abs() < 1e-6, "{at}: {own:?} {deviation}");
+        assert!((parameter.deviation / deviation - 1.0).abs() < 1e-6, "{at}: {parameter:?} {deviation}");
         // The step that is left is a thousandth of a deviation at most.
         assert!(dense.mean[constants + at].abs() < 1e-3 * deviation, "{at}: {}", dense.mean[constants + at]);
     }
@@ -350,15 +350,15 @@ fn a_mean_over_a_window_is_taken_for_one() {
     let readings = [(positions, Quantity::Position), (rates, Quantity::Rate)];
     let at: Vec<f64> = (30..170).map(|row| 0.01 * f64::from(row)).collect();
     let worst = |window: f64| {
-        let (sensors, own): (Vec<JointSensor>, Vec<Readings>) = readings
+        let (sensors, readings_of): (Vec<JointSensor>, Vec<Readings>) = readings
             .iter()
             .map(|(values, quantity)| {
-                let own = Readings { times: times.clone(), values: values.clone() };
-                (JointSensor { average: window, ..JointSensor::new(*quantity) }, own)
+                let series = Readings { times: times.clone(), values: values.clone() };
+                (JointSensor { average: window, ..JointSensor::new(*quantity) }, series)
             })
             .unzip();
-        let fused = fuse_joint(&[run(&own, &at)], &JointOptions::new(sensors)).unwrap();
-        let error = |(t, found): (&f64, &f64)| (found - (rate * t).sin()).abs();
+        let fused = fuse_joint(&[run(&readings_of, &at)], &JointOptions::new(sensors)).unwrap();
+        let error = |(t, value): (&f64, &f64)| (value - (rate * t).sin()).abs();
         at.iter().zip(&fused.runs[0].derivatives[0]).map(error).fold(0.0, f64::max)
     };
     // A window of 0.02 s is 10 ms late, or 0.2 rad of the oscillation; its mean is 0.7 % less.
@@ -418,9 +418,9 @@ fn runs_share_the_constants_and_threads_change_nothing() {
     // With the noise given, what runs say of the delay adds up: each is linearised about its own states, which moves slopes by some percents.
     let mut options = given();
     options.sensors[1].delay = Prior { value: 0.0, deviation: f64::INFINITY };
-    let told = |runs: &[JointRun<'_>]| fuse_joint(runs, &options).unwrap().sensors[1].delay.deviation.powi(-2);
-    let alone: f64 = (0..4).map(|at| told(&runs[at..=at])).sum();
-    assert!((told(&runs) / alone - 1.0).abs() < 0.05, "{} {alone}", told(&runs));
+    let information = |runs: &[JointRun<'_>]| fuse_joint(runs, &options).unwrap().sensors[1].delay.deviation.powi(-2);
+    let alone: f64 = (0..4).map(|at| information(&runs[at..=at])).sum();
+    assert!((information(&runs) / alone - 1.0).abs() < 0.05, "{} {alone}", information(&runs));
     for threads in [2, 7] {
         let other = fuse(threads);
         assert!(
@@ -440,7 +440,7 @@ fn what_cannot_be_fused_is_told() {
         change(&mut options);
         fuse_joint(&[run(readings, &[])], &options).unwrap_err().to_string()
     };
-    for (found, expected) in [
+    for (message, expected) in [
         (words(&|options| options.sensors[0].bias = unknown, &readings), "no sensor tells where"),
         (words(&|options| options.sensors[0].delay = unknown, &readings), "told by another sensor"),
         (words(&|options| options.sensors[0].resolution = -1.0, &readings), "the resolution of a sensor = -1"),
@@ -448,21 +448,21 @@ fn what_cannot_be_fused_is_told() {
         (words(&|options| options.loss = Loss::Student(f64::NAN), &readings), "Student's loss"),
         (words(&|options| options.sensors.clear(), &readings), "the number of sensors"),
     ] {
-        assert!(found.contains(expected), "{found}");
+        assert!(message.contains(expected), "{message}");
     }
     let stuck =
         |readings: &Readings, value: f64| Readings { values: vec![value; readings.values.len()], ..readings.clone() };
     let stuck = [stuck(&readings[0], 5.0), stuck(&readings[1], 0.0)];
-    let found = words(&|options| *options = JointOptions::new(both()), &stuck);
-    assert!(found.contains("all the same"), "{found}");
+    let message = words(&|options| *options = JointOptions::new(both()), &stuck);
+    assert!(message.contains("all the same"), "{message}");
     // A rest tells no delay, and half a second is a clock's offset.
     let rest = |readings: &Readings, size: f64| Readings {
         values: (0..readings.values.len()).map(|row| size * normal(5, row as u64)).collect(),
         ..readings.clone()
     };
     let still = [rest(&readings[0], 1e-3), rest(&readings[1], 0.1)];
-    let found = fuse_joint(&[run(&still, &[])], &sought());
-    assert!(found.as_ref().is_err() || found.unwrap().sensors[1].delay.deviation > 5e-3);
+    let result = fuse_joint(&[run(&still, &[])], &sought());
+    assert!(result.as_ref().is_err() || result.unwrap().sensors[1].delay.deviation > 5e-3);
     let mut early = readings.clone();
     early[1].times.iter_mut().for_each(|time| *time += 0.4);
     let apart = fuse_joint(&[run(&early, &[])], &sought()).unwrap();
@@ -472,7 +472,7 @@ fn what_cannot_be_fused_is_told() {
     assert!(matches!(fuse_joint(&[run(&bad, &[])], &sought()), Err(SignalError::NotFinite { row: 7, .. })));
     assert!(matches!(
         fuse_joint(&[run(&readings[..1], &[])], &sought()),
-        Err(SignalError::Length { found: 1, expected: 2, .. })
+        Err(SignalError::Length { count: 1, expected: 2, .. })
     ));
 }
 
@@ -497,7 +497,7 @@ fn a_rate_of_the_other_sign_is_told() {
             }
             Err(other) => panic!("{other}"),
             // What the command tells of.
-            Ok(fused) => assert!(fused.sensors.iter().any(|own| own.noise > 3.0 * own.alone), "{fused:?}"),
+            Ok(fused) => assert!(fused.sensors.iter().any(|sensor| sensor.noise > 3.0 * sensor.alone), "{fused:?}"),
         }
     }
 }
@@ -519,7 +519,7 @@ proptest! {
         let mut options = given();
         options.sensors[1].delay = Prior { value: 0.004, deviation: 0.02 };
         options.sensors[1].bias = Prior { value: 0.0, deviation: 1.0 };
-        let own = fuse_joint(&[run(&readings, &at)], &options).unwrap();
+        let fused = fuse_joint(&[run(&readings, &at)], &options).unwrap();
         let time = |t: &f64| unit * (t + origins.0);
         let mut other = readings.clone();
         for (k, readings) in other.iter_mut().enumerate() {
@@ -530,10 +530,10 @@ proptest! {
         let mut changed = options.clone();
         changed.jerk = Some(JERK * size / unit.powf(2.5));
         for (k, sensor) in changed.sensors.iter_mut().enumerate() {
-            let own = if k == 0 { size } else { size / unit };
-            sensor.noise = sensor.noise.map(|noise| noise * own);
+            let unit_of = if k == 0 { size } else { size / unit };
+            sensor.noise = sensor.noise.map(|noise| noise * unit_of);
             sensor.delay = Prior { value: sensor.delay.value * unit, deviation: sensor.delay.deviation * unit };
-            sensor.bias = Prior { value: sensor.bias.value * own, deviation: sensor.bias.deviation * own };
+            sensor.bias = Prior { value: sensor.bias.value * unit_of, deviation: sensor.bias.deviation * unit_of };
         }
         if reversed {
             other.reverse();
@@ -541,15 +541,15 @@ proptest! {
         }
         // A delay of more than 0.1 s would be refused as that of a clock.
         prop_assume!(unit < 3.0);
-        let found = fuse_joint(&[run(&other, &moved)], &changed).unwrap();
+        let rescaled = fuse_joint(&[run(&other, &moved)], &changed).unwrap();
         for k in 0..3 {
             let back = |value: &f64| value / size * unit.powi(k as i32) - if k == 0 { origins.1 } else { 0.0 };
-            let values: Vec<f64> = found.runs[0].derivatives[k].iter().map(back).collect();
-            let deviations: Vec<f64> = found.runs[0].deviations[k].iter().map(|own| own / size * unit.powi(k as i32)).collect();
+            let values: Vec<f64> = rescaled.runs[0].derivatives[k].iter().map(back).collect();
+            let deviations: Vec<f64> = rescaled.runs[0].deviations[k].iter().map(|deviation| deviation / size * unit.powi(k as i32)).collect();
             // Where the iteration ends is a thousandth of a deviation.
-            let apart = values.iter().zip(&own.runs[0].derivatives[k]).zip(&own.runs[0].deviations[k]);
+            let apart = values.iter().zip(&fused.runs[0].derivatives[k]).zip(&fused.runs[0].deviations[k]);
             prop_assert!(apart.map(|((a, b), s)| (a - b).abs() / s).fold(0.0, f64::max) < 5e-3);
-            prop_assert!(distance(&deviations, &own.runs[0].deviations[k]) < 1e-3);
+            prop_assert!(distance(&deviations, &fused.runs[0].deviations[k]) < 1e-3);
         }
     }
 }
@@ -563,20 +563,20 @@ fn a_filter_is_a_smoother_at_the_end_of_what_it_read() {
     let options = JointOptions { gate: 0.0, loss: Loss::Huber(1e9), ..given() };
     let filtered = JointOptions { estimate: Estimate::Filter, ..options.clone() };
     let filtered = fuse_joint(&[run(&readings, &wanted)], &filtered).unwrap();
-    let found = &filtered.runs[0];
-    assert!(found.derivatives[0][0].is_nan() && found.derivatives[0][10].is_finite());
+    let filtered_run = &filtered.runs[0];
+    assert!(filtered_run.derivatives[0][0].is_nan() && filtered_run.derivatives[0][10].is_finite());
     let delays = [0.0, 0.007];
     for at in [10, 25, 60, wanted.len() - 1] {
-        let until = |(own, delay): (&Readings, f64)| {
-            let count = own.times.iter().filter(|&&time| time - delay <= wanted[at]).count();
-            Readings { times: own.times[..count].to_vec(), values: own.values[..count].to_vec() }
+        let until = |(series, delay): (&Readings, f64)| {
+            let count = series.times.iter().filter(|&&time| time - delay <= wanted[at]).count();
+            Readings { times: series.times[..count].to_vec(), values: series.values[..count].to_vec() }
         };
         let read: Vec<Readings> = readings.iter().zip(delays).map(until).collect();
         let smoothed = fuse_joint(&[run(&read, &wanted[..=at])], &options).unwrap();
         for k in 0..3 {
-            let (own, last) = (&found.derivatives[k][at], smoothed.runs[0].derivatives[k][at]);
-            let [own_deviation, deviation] = [found.deviations[k][at], smoothed.runs[0].deviations[k][at]];
-            assert!((own - last).abs() < 1e-7 * deviation, "{k} at {at}: {own} {last} +- {deviation}");
+            let (value, last) = (&filtered_run.derivatives[k][at], smoothed.runs[0].derivatives[k][at]);
+            let [own_deviation, deviation] = [filtered_run.deviations[k][at], smoothed.runs[0].deviations[k][at]];
+            assert!((value - last).abs() < 1e-7 * deviation, "{k} at {at}: {value} {last} +- {deviation}");
             assert!((own_deviation / deviation - 1.0).abs() < 1e-8, "{own_deviation} {deviation}");
         }
     }

@@ -27,17 +27,17 @@ fn gross_errors_are_rejected_and_good_rows_kept() {
     for seed in [1, 10, 20] {
         let (times, values, wrong) = spoiled(seed);
         for spline in [Spline::Cubic, Spline::Quintic] {
-            let found = reject(&times, &values, None, spline, Lambda::Likelihood, 4.0).unwrap();
-            let rows: BTreeSet<usize> = found.rows.iter().copied().collect();
+            let rejected = reject(&times, &values, None, spline, Lambda::Likelihood, 4.0).unwrap();
+            let rows: BTreeSet<usize> = rejected.rows.iter().copied().collect();
             assert!(wrong.is_subset(&rows), "{spline:?}: missed {:?}", wrong.difference(&rows));
             let lost = rows.difference(&wrong).count();
-            assert!(lost <= 3 && !found.gave_up, "{spline:?}: {lost} good rows of {ROWS}");
-            assert!((found.smoothed.noise / 0.01 - 1.0).abs() < 0.05, "{}", found.smoothed.noise);
+            assert!(lost <= 3 && !rejected.gave_up, "{spline:?}: {lost} good rows of {ROWS}");
+            assert!((rejected.smoothed.noise / 0.01 - 1.0).abs() < 0.05, "{}", rejected.smoothed.noise);
             // What is left is smoothed as if the others had never been measured.
             let mut left = values.clone();
-            found.rows.iter().for_each(|&row| left[row] = f64::NAN);
-            let again = smooth(&times, &left, None, spline, Lambda::Given(found.smoothed.lambda)).unwrap();
-            let apart = again.derivatives[1].iter().zip(&found.smoothed.derivatives[1]).map(|(a, b)| (a - b).abs());
+            rejected.rows.iter().for_each(|&row| left[row] = f64::NAN);
+            let again = smooth(&times, &left, None, spline, Lambda::Given(rejected.smoothed.lambda)).unwrap();
+            let apart = again.derivatives[1].iter().zip(&rejected.smoothed.derivatives[1]).map(|(a, b)| (a - b).abs());
             assert!(apart.fold(0.0, f64::max) < 1e-9);
         }
     }
@@ -54,12 +54,12 @@ fn a_burst_is_left_out_and_not_what_surrounds_it() {
         let value = |(t, row): (&f64, usize)| motion(t) + 0.01 * normal(seed, row as u64) + error(row);
         let values: Vec<f64> = times.iter().zip(0..).map(value).collect();
         for spline in [Spline::Cubic, Spline::Quintic] {
-            let found = reject(&times, &values, None, spline, Lambda::Likelihood, 4.0).unwrap();
-            let missed = wrong.clone().filter(|row| !found.rows.contains(row)).count();
-            let lost = found.rows.iter().filter(|row| !wrong.contains(row)).count();
+            let rejected = reject(&times, &values, None, spline, Lambda::Likelihood, 4.0).unwrap();
+            let missed = wrong.clone().filter(|row| !rejected.rows.contains(row)).count();
+            let lost = rejected.rows.iter().filter(|row| !wrong.contains(row)).count();
             assert!(missed == 0 && lost <= 2, "{spline:?}, {length} rows: {missed} missed, {lost} lost");
-            let off = |row: usize| (found.smoothed.derivatives[0][row] - motion(&times[row])).abs();
-            let worst = wrong.clone().map(|row| off(row) / found.smoothed.deviations[0][row]).fold(0.0, f64::max);
+            let off = |row: usize| (rejected.smoothed.derivatives[0][row] - motion(&times[row])).abs();
+            let worst = wrong.clone().map(|row| off(row) / rejected.smoothed.deviations[0][row]).fold(0.0, f64::max);
             assert!(worst < 5.0, "{spline:?}, {length} rows: {worst} deviations off");
         }
     }
@@ -70,8 +70,8 @@ fn a_burst_is_left_out_and_not_what_surrounds_it() {
 fn a_clean_channel_stays_whole() {
     let times: Vec<f64> = (0..ROWS).map(|row| 0.005 * row as f64).collect();
     let values: Vec<f64> = times.iter().zip(0..).map(|(t, row)| t.sin() + 0.01 * normal(5, row)).collect();
-    let found = reject(&times, &values, None, Spline::Cubic, Lambda::Likelihood, 4.0).unwrap();
-    assert!(found.rows.len() <= 2, "{:?}", found.rows);
+    let rejected = reject(&times, &values, None, Spline::Cubic, Lambda::Likelihood, 4.0).unwrap();
+    assert!(rejected.rows.len() <= 2, "{:?}", rejected.rows);
     assert!(reject(&times, &values, None, Spline::Cubic, Lambda::Likelihood, 0.0).is_err());
 }
 
@@ -81,8 +81,8 @@ fn what_is_no_curve_with_gross_errors_is_given_up() {
     let times: Vec<f64> = (0..400).map(f64::from).collect();
     let values: Vec<f64> =
         (0..400).map(|row| if row % 4 == 0 { 100.0 * uniform(1, row) } else { 0.01 * normal(2, row) }).collect();
-    let found = reject(&times, &values, None, Spline::Cubic, Lambda::Given(1e4), 1.5).unwrap();
-    assert!(found.gave_up && found.rows.is_empty());
+    let rejected = reject(&times, &values, None, Spline::Cubic, Lambda::Given(1e4), 1.5).unwrap();
+    assert!(rejected.gave_up && rejected.rows.is_empty());
 }
 
 /// A wheel whose motor is switched on and off jumps in its acceleration, and hardly in anything else: that is motion. Leaving the jumps out would leave a smoother channel with
@@ -97,8 +97,8 @@ fn jumps_of_the_motion_are_no_gross_errors() {
         rate + 0.005 * normal(9, row as u64)
     };
     let values: Vec<f64> = (0..ROWS).map(value).collect();
-    let found = reject(&times, &values, None, Spline::Cubic, Lambda::Likelihood, 4.0).unwrap();
-    assert!(found.rows.len() < ROWS / 1000, "{} of {ROWS}", found.rows.len());
+    let rejected = reject(&times, &values, None, Spline::Cubic, Lambda::Likelihood, 4.0).unwrap();
+    assert!(rejected.rows.len() < ROWS / 1000, "{} of {ROWS}", rejected.rows.len());
 }
 
 #[test]

@@ -64,33 +64,34 @@ fn splines(python: &OsStr) {
     let rows = Rows::new(2000);
     for lambda in [1e-3, 1.0, 1e3, 1e6] {
         let answer = rows.ask(python, "spline", &[lambda]);
-        let own = smooth(&rows.times, &rows.values, Some(&rows.weights), Spline::Cubic, Lambda::Given(lambda)).unwrap();
+        let spline =
+            smooth(&rows.times, &rows.values, Some(&rows.weights), Spline::Cubic, Lambda::Given(lambda)).unwrap();
         let (values, slopes) = answer.split_at(rows.times.len());
-        let apart = (distance(&own.derivatives[0], values), distance(&own.derivatives[1], slopes));
+        let apart = (distance(&spline.derivatives[0], values), distance(&spline.derivatives[1], slopes));
         assert!(apart.0 < 1e-8 && apart.1 < 1e-8, "lambda {lambda}: {apart:?}");
     }
 }
 
 fn filters(python: &OsStr) {
     let rows = Rows::new(2000);
-    let check = |own: Vec<f64>, work: &str, arguments: &[f64], tolerance: f64| {
-        let apart = distance(&own, &rows.ask(python, work, arguments));
+    let check = |values: Vec<f64>, work: &str, arguments: &[f64], tolerance: f64| {
+        let apart = distance(&values, &rows.ask(python, work, arguments));
         assert!(apart < tolerance, "{work} {arguments:?}: {apart:e}");
     };
     for (window, degree, derivative) in [(5, 2, 0), (11, 3, 1), (21, 5, 2), (51, 4, 3), (7, 6, 0)] {
-        let own = savitzky_golay(&rows.values, 0.5, window, degree, derivative).unwrap();
+        let filtered = savitzky_golay(&rows.values, 0.5, window, degree, derivative).unwrap();
         let arguments = [window as f64, degree as f64, derivative as f64, 0.5];
         // The peer solves for its weights by least squares in powers of the row, and loses digits that depend on its linear algebra: exact arithmetic has them.
-        check(own.clone(), "savgol", &arguments, 1e-10);
-        check(own, "savgol_exact", &arguments, 1e-12);
+        check(filtered.clone(), "savgol", &arguments, 1e-10);
+        check(filtered, "savgol_exact", &arguments, 1e-12);
     }
     for (order, cutoff) in [(1, 10.0), (2, 0.5), (4, 100.0), (5, 30.0), (8, 20.0)] {
-        let own = Sections::butterworth(order, cutoff, 1000.0).unwrap().zero_phase(&rows.values).unwrap();
-        check(own, "butterworth", &[order as f64, cutoff, 1000.0], 1e-10);
+        let filtered = Sections::butterworth(order, cutoff, 1000.0).unwrap().zero_phase(&rows.values).unwrap();
+        check(filtered, "butterworth", &[order as f64, cutoff, 1000.0], 1e-10);
     }
     for (order, cutoff) in [(3, 100.0), (8, 40.0)] {
-        let own = Sections::chebyshev(order, 0.5, cutoff, 1000.0).unwrap().zero_phase(&rows.values).unwrap();
-        check(own, "chebyshev", &[order as f64, 0.5, cutoff, 1000.0], 1e-10);
+        let filtered = Sections::chebyshev(order, 0.5, cutoff, 1000.0).unwrap().zero_phase(&rows.values).unwrap();
+        check(filtered, "chebyshev", &[order as f64, 0.5, cutoff, 1000.0], 1e-10);
     }
     for factor in [2, 10] {
         check(decimate(&rows.values, factor).unwrap(), "decimate", &[factor as f64], 1e-10);
@@ -104,8 +105,8 @@ fn interpolations(python: &OsStr) {
     for (kind, work) in [(Interpolation::NotAKnot, "not_a_knot"), (Interpolation::ShapePreserving, "pchip")] {
         let [values, slopes, seconds] = Interpolant::new(&rows.times, &rows.values, kind).unwrap().all(&at);
         let answer = rows.ask(python, work, &[]);
-        for (own, other) in [values, slopes, seconds].iter().zip(answer.chunks(at.len())) {
-            let apart = distance(own, other);
+        for (values, other) in [values, slopes, seconds].iter().zip(answer.chunks(at.len())) {
+            let apart = distance(values, other);
             assert!(apart < 1e-12, "{work}: {apart:e}");
         }
     }

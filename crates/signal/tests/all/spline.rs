@@ -93,11 +93,11 @@ fn reversed(of: &[f64], sign: f64) -> Vec<f64> {
     of.iter().rev().map(|x| sign * x).collect()
 }
 
-fn assert_mirrored(own: &Smoothed, mirrored: &Smoothed, tolerance: f64) {
-    for k in 0..own.derivatives.len() {
+fn assert_mirrored(forward: &Smoothed, mirrored: &Smoothed, tolerance: f64) {
+    for k in 0..forward.derivatives.len() {
         let sign = if k % 2 == 1 { -1.0 } else { 1.0 };
-        let value = distance(&reversed(&mirrored.derivatives[k], sign), &own.derivatives[k]);
-        let deviation = distance(&reversed(&mirrored.deviations[k], 1.0), &own.deviations[k]);
+        let value = distance(&reversed(&mirrored.derivatives[k], sign), &forward.derivatives[k]);
+        let deviation = distance(&reversed(&mirrored.deviations[k], 1.0), &forward.deviations[k]);
         assert!(value < tolerance && deviation < tolerance, "derivative {k}: {value:e} {deviation:e}");
     }
 }
@@ -110,10 +110,10 @@ fn a_long_record_backwards_is_the_same_spline() {
     for (spline, m) in BOTH {
         for bandwidth in [0.5, 30.0, 3000.0] {
             let lambda = Lambda::Given((bandwidth * 1e-3_f64).powi(2 * m as i32) / 1e-3);
-            let own = smooth(&times, &values, Some(&weights), spline, lambda).unwrap();
+            let forward = smooth(&times, &values, Some(&weights), spline, lambda).unwrap();
             let mirrored =
                 smooth(&backwards, &reversed(&values, 1.0), Some(&reversed(&weights, 1.0)), spline, lambda).unwrap();
-            assert_mirrored(&own, &mirrored, 1e-8);
+            assert_mirrored(&forward, &mirrored, 1e-8);
         }
     }
 }
@@ -189,12 +189,12 @@ fn bad_input_is_told_by_its_row() {
     let times = [0.0, 1.0, 1.0, 2.0];
     assert_eq!(try_it(&times, &[0.0; 4], None, 1.0), SignalError::Stamp { row: 2, time: 1.0, before: 1.0 });
     let times = [0.0, 1.0, 2.0, 3.0];
-    assert_eq!(try_it(&times, &[0.0, f64::NAN, f64::NAN, 1.0], None, 1.0), SignalError::TooFew { found: 2, needed: 3 });
+    assert_eq!(try_it(&times, &[0.0, f64::NAN, f64::NAN, 1.0], None, 1.0), SignalError::TooFew { count: 2, needed: 3 });
     assert_eq!(
         try_it(&times, &[0.0; 4], Some(&[1.0, -1.0, 1.0, 1.0]), 1.0),
         SignalError::Weight { row: 1, weight: -1.0 }
     );
-    assert!(matches!(try_it(&times, &[0.0; 3], None, 1.0), SignalError::Length { found: 3, expected: 4, .. }));
+    assert!(matches!(try_it(&times, &[0.0; 3], None, 1.0), SignalError::Length { count: 3, expected: 4, .. }));
     assert!(matches!(try_it(&times, &[0.0; 4], None, 0.0), SignalError::Parameter { .. }));
     assert!(matches!(
         try_it(&times, &[0.0, f64::INFINITY, 0.0, 0.0], None, 1.0),
@@ -211,16 +211,16 @@ proptest! {
         let (times, values, weights) = record(rows, 1.0, seed);
         let (unit, size) = (10.0_f64.powf(unit), 10.0_f64.powf(size));
         let lambda = 50.0;
-        let own = smooth(&times, &values, Some(&weights), Spline::Cubic, Lambda::Given(lambda)).unwrap();
+        let original = smooth(&times, &values, Some(&weights), Spline::Cubic, Lambda::Given(lambda)).unwrap();
         let scaled_times: Vec<f64> = times.iter().map(|t| unit * t).collect();
         let scaled: Vec<f64> = values.iter().map(|y| size * (y - 1.0)).collect();
         let lambda = Lambda::Given(lambda * unit.powi(3));
         let other = smooth(&scaled_times, &scaled, Some(&weights), Spline::Cubic, lambda).unwrap();
         let back: Vec<f64> = other.derivatives[0].iter().map(|f| f / size + 1.0).collect();
         let slopes: Vec<f64> = other.derivatives[1].iter().map(|f| f * unit / size).collect();
-        prop_assert!(distance(&back, &own.derivatives[0]) < 1e-10);
-        prop_assert!(distance(&slopes, &own.derivatives[1]) < 1e-9);
-        prop_assert!((other.noise / size / own.noise - 1.0).abs() < 1e-9);
+        prop_assert!(distance(&back, &original.derivatives[0]) < 1e-10);
+        prop_assert!(distance(&slopes, &original.derivatives[1]) < 1e-9);
+        prop_assert!((other.noise / size / original.noise - 1.0).abs() < 1e-9);
     }
 }
 
@@ -237,7 +237,7 @@ fn an_oscillation_is_not_taken_for_noise() {
                 times.iter().zip(0..).map(|(&t, row)| motion(t) + noise * normal(seed, row)).collect();
             for wrong in [0, 777, 2500] {
                 let smoothed = smooth(&times, &values, None, spline, Lambda::Likelihood).unwrap();
-                let error = times.iter().zip(&smoothed.derivatives[0]).map(|(&t, own)| (own - motion(t)).powi(2));
+                let error = times.iter().zip(&smoothed.derivatives[0]).map(|(&t, value)| (value - motion(t)).powi(2));
                 let error = (error.sum::<f64>() / rows as f64).sqrt();
                 if wrong == 0 {
                     assert!(
@@ -249,11 +249,11 @@ fn an_oscillation_is_not_taken_for_noise() {
                 // Gross errors are found under the bound, at an end of the record as well.
                 values[wrong] += 1000.0;
             }
-            let found = reject(&times, &values, None, spline, Lambda::Likelihood, 4.0).unwrap();
+            let rejected = reject(&times, &values, None, spline, Lambda::Likelihood, 4.0).unwrap();
             assert!(
-                [0, 777, 2500].iter().all(|row| found.rows.contains(row)) && found.rows.len() < 8,
+                [0, 777, 2500].iter().all(|row| rejected.rows.contains(row)) && rejected.rows.len() < 8,
                 "{:?}",
-                found.rows
+                rejected.rows
             );
         }
     }
@@ -294,7 +294,7 @@ fn the_better_spline_is_the_one_that_a_motion_is_drawn_from() {
     let short = [0.0, 1.0, 0.5];
     assert!(matches!(
         better(&[0.0, 1.0, 2.0], &short, [1.0, 1.0], Lambda::Likelihood),
-        Err(SignalError::TooFew { found: 3, needed: 4 })
+        Err(SignalError::TooFew { count: 3, needed: 4 })
     ));
 }
 
@@ -327,9 +327,9 @@ fn surprise(times: &[f64], values: &[f64], order: i32, lambda: f64) -> f64 {
         let f = |u: f64| (s - u).powi(order - 1) * (t - u).powi(order - 1) / factorial(order - 1).powi(2);
         let end = s.min(t);
         let at = |quarter: f64| f(0.25 * quarter * end);
-        let own = end / 90.0 * (7.0 * at(0.0) + 32.0 * at(1.0) + 12.0 * at(2.0) + 32.0 * at(3.0) + 7.0 * at(4.0));
+        let integral = end / 90.0 * (7.0 * at(0.0) + 32.0 * at(1.0) + 12.0 * at(2.0) + 32.0 * at(3.0) + 7.0 * at(4.0));
         let start: f64 = (0..order).map(|k| 1e6 * (s * t).powi(k)).sum();
-        own + start * lambda
+        integral + start * lambda
     };
     let n = rows.len();
     // Variances in units of that of an error: the process has one over lambda.

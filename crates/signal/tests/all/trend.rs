@@ -60,8 +60,8 @@ impl Problem<'_> {
         let (mut starts, mut indices, mut entries) = (vec![0], Vec::new(), Vec::new());
         for c in 0..size {
             let column: Vec<(usize, f64)> = if c < n {
-                let own = (0..m).filter(|&j| self.d[j][c] != 0.0).map(|j| (j, self.d[j][c]));
-                own.clone().chain(own.map(|(j, value)| (m + j, -value))).collect()
+                let entries = (0..m).filter(|&j| self.d[j][c] != 0.0).map(|j| (j, self.d[j][c]));
+                entries.clone().chain(entries.map(|(j, value)| (m + j, -value))).collect()
             } else {
                 vec![(c - n, -1.0), (m + c - n, -1.0)]
             };
@@ -95,15 +95,19 @@ fn trends_are_those_of_a_quadratic_program() {
     for degree in 1..=3 {
         for lambda in [1e-3, 0.05, 2.0] {
             let (times, values, weights) = record(120, 7 * degree as u64);
-            let found = trend_filter(&times, &values, Some(&weights), degree, Lambda::Given(lambda)).unwrap();
+            let trend = trend_filter(&times, &values, Some(&weights), degree, Lambda::Given(lambda)).unwrap();
             let problem = Problem { values: &values, weights: &weights, lambda, d: differences(&times, degree) };
             let expected = problem.solved();
-            let (own, other) = (problem.objective(&found.derivatives[0]), problem.objective(&expected));
-            assert!(found.converged && found.gap <= 1e-6 * found.objective, "{degree} {lambda}: gap {:e}", found.gap);
-            assert!((found.objective / own - 1.0).abs() < 1e-9, "{degree} {lambda}: {} {own}", found.objective);
-            assert!(own < other * (1.0 + 1e-8), "{degree} {lambda}: {own} {other}");
+            let (objective, other) = (problem.objective(&trend.derivatives[0]), problem.objective(&expected));
+            assert!(trend.converged && trend.gap <= 1e-6 * trend.objective, "{degree} {lambda}: gap {:e}", trend.gap);
+            assert!(
+                (trend.objective / objective - 1.0).abs() < 1e-9,
+                "{degree} {lambda}: {} {objective}",
+                trend.objective
+            );
+            assert!(objective < other * (1.0 + 1e-8), "{degree} {lambda}: {objective} {other}");
             // The objective curves with weights of a half at least: an error of 1e-9 of it is one of 1e-4 of the values' noise.
-            let apart = distance(&found.derivatives[0], &expected);
+            let apart = distance(&trend.derivatives[0], &expected);
             assert!(apart < 1e-5, "{degree} {lambda}: {apart:e}");
         }
     }
@@ -114,8 +118,8 @@ fn trends_are_those_of_a_quadratic_program() {
 fn a_strong_penalty_leaves_the_polynomial_of_least_squares() {
     for degree in 1..=3_usize {
         let (times, values, weights) = record(200, 3);
-        let found = trend_filter(&times, &values, Some(&weights), degree, Lambda::Given(1e9)).unwrap();
-        assert_eq!((found.freedom, found.borders.len()), (degree + 1, 0));
+        let trend = trend_filter(&times, &values, Some(&weights), degree, Lambda::Given(1e9)).unwrap();
+        assert_eq!((trend.freedom, trend.borders.len()), (degree + 1, 0));
         // Normal equations in powers of time about the middle.
         let t = |row: usize| (times[row] - 10.0) / 10.0;
         let size = degree + 1;
@@ -126,12 +130,12 @@ fn a_strong_penalty_leaves_the_polynomial_of_least_squares() {
         let right: Vec<Vec<f64>> = (0..size).map(|i| vec![moment(i, true)]).collect();
         let c = crate::dense::solve(matrix, right);
         let expected: Vec<f64> = (0..200).map(|row| (0..size).map(|p| c[p][0] * t(row).powi(p as i32)).sum()).collect();
-        let apart = distance(&found.derivatives[0], &expected);
+        let apart = distance(&trend.derivatives[0], &expected);
         assert!(apart < 1e-9, "{degree}: {apart:e}");
         let slope: Vec<f64> = (0..200)
             .map(|row| (1..size).map(|p| p as f64 * c[p][0] * t(row).powi(p as i32 - 1) / 10.0).sum())
             .collect();
-        assert!(distance(&found.derivatives[1], &slope) < 1e-7, "{degree}");
+        assert!(distance(&trend.derivatives[1], &slope) < 1e-7, "{degree}");
     }
 }
 
@@ -149,24 +153,24 @@ fn corners_are_found() {
         }
     };
     let values: Vec<f64> = times.iter().zip(0..).map(|(&t, row)| exact(t) + 0.02 * normal(5, row)).collect();
-    let found = trend_filter(&times, &values, None, 1, Lambda::Likelihood).unwrap();
+    let trend = trend_filter(&times, &values, None, 1, Lambda::Likelihood).unwrap();
     assert!(
-        found.converged && !found.at_end,
+        trend.converged && !trend.at_end,
         "{} {:e} of {:e}, {}",
-        found.lambda,
-        found.gap,
-        found.objective,
-        found.at_end
+        trend.lambda,
+        trend.gap,
+        trend.objective,
+        trend.at_end
     );
     // Three pieces are four numbers; an l1 penalty shrinks the corners that it finds, and false ones make up for it.
-    assert!(found.freedom <= 20, "{} numbers", found.freedom);
-    assert!((found.noise / 0.02 - 1.0).abs() < 0.05, "{}", found.noise);
+    assert!(trend.freedom <= 20, "{} numbers", trend.freedom);
+    assert!((trend.noise / 0.02 - 1.0).abs() < 0.05, "{}", trend.noise);
     for corner in [10.0, 18.0] {
-        assert!(found.borders.iter().any(|&row| (times[row] - corner).abs() < 0.1), "{corner}");
+        assert!(trend.borders.iter().any(|&row| (times[row] - corner).abs() < 0.1), "{corner}");
     }
     for (t, slope) in [(5.0, 2.0), (14.0, 0.0), (25.0, -3.0)] {
         let row = (100.0 * t) as usize;
-        assert!((found.derivatives[1][row] - slope).abs() < 0.02, "{t}: {}", found.derivatives[1][row]);
+        assert!((trend.derivatives[1][row] - slope).abs() < 0.02, "{t}: {}", trend.derivatives[1][row]);
     }
 }
 
@@ -177,11 +181,11 @@ fn long_pieces_converge() {
     let times: Vec<f64> = (0..rows).map(|row| 1e-3 * f64::from(row)).collect();
     let values: Vec<f64> = times.iter().zip(0..).map(|(t, row)| (0.1 * t).sin() + 0.01 * normal(9, row)).collect();
     for (degree, lambda) in [(1, 3.0), (2, 10.0), (3, 30.0)] {
-        let found = trend_filter(&times, &values, None, degree, Lambda::Given(lambda)).unwrap();
-        assert!(found.converged, "{degree}: gap {:e} of {:e} after {}", found.gap, found.objective, found.iterations);
-        assert!((found.noise / 0.01 - 1.0).abs() < 0.02, "{degree}: {}", found.noise);
+        let trend = trend_filter(&times, &values, None, degree, Lambda::Given(lambda)).unwrap();
+        assert!(trend.converged, "{degree}: gap {:e} of {:e} after {}", trend.gap, trend.objective, trend.iterations);
+        assert!((trend.noise / 0.01 - 1.0).abs() < 0.02, "{degree}: {}", trend.noise);
         let error: f64 =
-            found.derivatives[1].iter().zip(&times).map(|(x, t)| (x - 0.1 * (0.1 * t).cos()).powi(2)).sum();
+            trend.derivatives[1].iter().zip(&times).map(|(x, t)| (x - 0.1 * (0.1 * t).cos()).powi(2)).sum();
         let rms = (error / f64::from(rows)).sqrt();
         assert!(rms < 0.01, "{degree}: {rms}");
     }
@@ -193,8 +197,8 @@ fn channels_without_noise_are_their_own_trend() {
     let times: Vec<f64> = (0..500).map(|row| 0.01 * f64::from(row)).collect();
     for lambda in [Lambda::Given(1.0), Lambda::Likelihood, Lambda::Gcv] {
         for values in [vec![3.0; 500], times.clone(), times.iter().map(|t| 1e3 + t * t).collect()] {
-            let found = trend_filter(&times, &values, None, 2, lambda).unwrap();
-            assert!(distance(&found.derivatives[0], &values) < 1e-10, "{lambda:?}");
+            let trend = trend_filter(&times, &values, None, 2, lambda).unwrap();
+            assert!(distance(&trend.derivatives[0], &values) < 1e-10, "{lambda:?}");
         }
     }
 }
@@ -208,13 +212,13 @@ fn missing_rows_are_filled() {
     for degree in 1..=3 {
         let alone = trend_filter(&pick(&times), &pick(&values), None, degree, Lambda::Given(0.1)).unwrap();
         (0..200).filter(|row| row % 5 == 2).for_each(|row| values[row] = f64::NAN);
-        let found = trend_filter(&times, &values, None, degree, Lambda::Given(0.1)).unwrap();
-        assert_eq!(pick(&found.derivatives[0]), alone.derivatives[0]);
-        assert_eq!(found.measured, kept.len());
-        assert!(found.derivatives.iter().flatten().all(|value| value.is_finite()));
+        let trend = trend_filter(&times, &values, None, degree, Lambda::Given(0.1)).unwrap();
+        assert_eq!(pick(&trend.derivatives[0]), alone.derivatives[0]);
+        assert_eq!(trend.measured, kept.len());
+        assert!(trend.derivatives.iter().flatten().all(|value| value.is_finite()));
         let row = 102;
-        let (low, high) = (found.derivatives[0][row - 1], found.derivatives[0][row + 1]);
-        assert!((found.derivatives[0][row] - 0.5 * (low + high)).abs() < 0.05);
+        let (low, high) = (trend.derivatives[0][row - 1], trend.derivatives[0][row + 1]);
+        assert!((trend.derivatives[0][row] - 0.5 * (low + high)).abs() < 0.05);
     }
 }
 
@@ -227,7 +231,7 @@ fn bad_input_is_told() {
     assert!(matches!(try_it(4, 1.0), SignalError::Parameter { what: "degree", .. }));
     assert!(matches!(try_it(2, 0.0), SignalError::Parameter { what: "lambda", .. }));
     let few = trend_filter(&times[..4], &values[..4], None, 3, Lambda::Given(1.0)).unwrap_err();
-    assert_eq!(few, SignalError::TooFew { found: 4, needed: 5 });
+    assert_eq!(few, SignalError::TooFew { count: 4, needed: 5 });
 }
 
 proptest! {
@@ -238,17 +242,17 @@ proptest! {
     fn units_and_direction_do_not_matter(seed in 0u64..1000, rows in 8u64..120, unit in -3.0..3.0_f64, degree in 1usize..=3) {
         let (times, values, weights) = record(rows, seed);
         let unit = 10.0_f64.powf(unit);
-        let own = trend_filter(&times, &values, Some(&weights), degree, Lambda::Given(0.1)).unwrap();
+        let forward = trend_filter(&times, &values, Some(&weights), degree, Lambda::Given(0.1)).unwrap();
         let end = times[times.len() - 1];
         let mirrored: Vec<f64> = times.iter().rev().map(|t| unit * (end - t)).collect();
         let backwards: Vec<f64> = values.iter().rev().map(|y| 4.0 * y + 1.0).collect();
         let back_weights: Vec<f64> = weights.iter().rev().copied().collect();
         let lambda = Lambda::Given(0.1 * 4.0 * unit.powi(degree as i32));
         let other: Trend = trend_filter(&mirrored, &backwards, Some(&back_weights), degree, lambda).unwrap();
-        let found: Vec<f64> = other.derivatives[0].iter().rev().map(|x| (x - 1.0) / 4.0).collect();
-        prop_assert!(own.converged && other.converged);
+        let restored: Vec<f64> = other.derivatives[0].iter().rev().map(|x| (x - 1.0) / 4.0).collect();
+        prop_assert!(forward.converged && other.converged);
         // Both are within their gaps of the one least value: 1e-10 of the objective, 1e-5 of the noise.
-        prop_assert!(distance(&found, &own.derivatives[0]) < 1e-5);
+        prop_assert!(distance(&restored, &forward.derivatives[0]) < 1e-5);
     }
 
     /// The certificate: no curve near by has a lesser objective, by more than the gap.
@@ -256,13 +260,13 @@ proptest! {
     fn nothing_near_is_less(seed in 0u64..1000, degree in 1usize..=3, lambda in -3.0..1.0_f64) {
         let (times, values, weights) = record(60, seed);
         let lambda = 10.0_f64.powf(lambda);
-        let found = trend_filter(&times, &values, Some(&weights), degree, Lambda::Given(lambda)).unwrap();
+        let trend = trend_filter(&times, &values, Some(&weights), degree, Lambda::Given(lambda)).unwrap();
         let problem = Problem { values: &values, weights: &weights, lambda, d: differences(&times, degree) };
-        let own = problem.objective(&found.derivatives[0]);
+        let objective = problem.objective(&trend.derivatives[0]);
         for trial in 0..20 {
             let size = 10.0_f64.powi(-(trial % 5) - 1);
-            let moved: Vec<f64> = (0..60).zip(&found.derivatives[0]).map(|(row, x)| x + size * normal(seed + 50 + trial as u64, row)).collect();
-            prop_assert!(problem.objective(&moved) >= own - found.gap - 1e-12 * own);
+            let moved: Vec<f64> = (0..60).zip(&trend.derivatives[0]).map(|(row, x)| x + size * normal(seed + 50 + trial as u64, row)).collect();
+            prop_assert!(problem.objective(&moved) >= objective - trend.gap - 1e-12 * objective);
         }
     }
 }

@@ -62,7 +62,7 @@ fn the_solution_without_forces_is_the_least() {
     problem.move_nodes();
     assert!((0..20).any(|_| problem.descend(STEPS).unwrap().converged));
     let whole = problem.whole().unwrap();
-    let spread = problem.spread(&whole, |_, _, joint| joint.own.diagonal()).unwrap();
+    let spread = problem.spread(&whole, |_, _, joint| joint.node.diagonal()).unwrap();
     let states = problem.tracks[0].states.clone();
     let mut worst: f64 = 0.0;
     for node in 0..states.len() {

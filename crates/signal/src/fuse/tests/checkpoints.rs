@@ -53,7 +53,7 @@ fn what_is_kept_of_another_problem_does_not_count() {
     let recordings = [Recording::new(1.0, 32), Recording::new(1.0, 33)];
     let of = |at: usize| -> [BodyRun<'_>; 1] { [recordings[at].run()] };
     let mut kept = Kept::default();
-    let own = fuse_from(&of(0), &known(), &mut kept).unwrap();
+    let resumed = fuse_from(&of(0), &known(), &mut kept).unwrap();
     let state = kept.all[0].clone();
     let from = |state: Vec<u8>, at: usize| {
         let mut kept = Kept { first: Some(state), ..Kept::default() };
@@ -67,6 +67,6 @@ fn what_is_kept_of_another_problem_does_not_count() {
         flipped
     }] {
         let (fused, saves) = from(damaged, 0);
-        assert!(fused == own && saves == kept.all.len());
+        assert!(fused == resumed && saves == kept.all.len());
     }
 }

@@ -22,9 +22,9 @@ fn rows(problem: &Problem<'_>) -> (DMatrix<f64>, DVector<f64>) {
     let mut first = 0;
     for track in &problem.tracks {
         for node in 0..track.nodes() {
-            let mut own = Vec::new();
-            track.push(node, &problem.border, &problem.setting, &mut own);
-            all.extend(own.into_iter().map(|row| (STATE * (first + node), row)));
+            let mut blocks = Vec::new();
+            track.push(node, &problem.border, &problem.setting, &mut blocks);
+            all.extend(blocks.into_iter().map(|row| (STATE * (first + node), row)));
         }
         first += track.nodes();
     }
@@ -61,27 +61,27 @@ fn a_step_and_its_covariances_are_those_of_dense_algebra() {
         let deviation = |i: usize| covariance[(i, i)].sqrt();
         let step = problem.step(0.0).unwrap();
         let whole = problem.whole().unwrap();
-        let found: Vec<f64> = step
+        let solution: Vec<f64> = step
             .states
             .iter()
             .flatten()
             .flat_map(|error| error.iter().copied())
             .chain(step.border.iter().copied())
             .collect();
-        assert_eq!(found.len(), expected.len());
-        let size = (0..found.len()).map(|i| (expected[i] / deviation(i)).abs()).fold(1.0, f64::max);
-        for i in 0..found.len() {
+        assert_eq!(solution.len(), expected.len());
+        let size = (0..solution.len()).map(|i| (expected[i] / deviation(i)).abs()).fold(1.0, f64::max);
+        for i in 0..solution.len() {
             assert!(
-                (found[i] - expected[i]).abs() < 1e-8 * size * deviation(i),
+                (solution[i] - expected[i]).abs() < 1e-8 * size * deviation(i),
                 "{round} {i}: {} {}",
-                found[i],
+                solution[i],
                 expected[i]
             );
         }
-        let last = found.len() - BORDER;
-        let near = |found: f64, i: usize, j: usize| {
-            let apart = (found - covariance[(i, j)]).abs();
-            assert!(apart < 1e-8 * deviation(i) * deviation(j), "{round} {i} {j}: {found} {}", covariance[(i, j)]);
+        let last = solution.len() - BORDER;
+        let near = |value: f64, i: usize, j: usize| {
+            let apart = (value - covariance[(i, j)]).abs();
+            assert!(apart < 1e-8 * deviation(i) * deviation(j), "{round} {i} {j}: {value} {}", covariance[(i, j)]);
         };
         for i in 0..BORDER {
             (0..BORDER).for_each(|j| near(whole.covariance[(i, j)], last + i, last + j));
@@ -91,13 +91,13 @@ fn a_step_and_its_covariances_are_those_of_dense_algebra() {
             let nodes = problem.tracks[at].nodes();
             problem
                 .visit(at, &whole, &mut |node, _, joint| {
-                    let (joint, own) = (joint.unwrap(), STATE * (first + node));
+                    let (joint, at) = (joint.unwrap(), STATE * (first + node));
                     for i in 0..STATE {
-                        (0..STATE).for_each(|j| near(joint.own[(i, j)], own + i, own + j));
-                        (0..BORDER).for_each(|j| near(joint.with_border[(i, j)], own + i, last + j));
+                        (0..STATE).for_each(|j| near(joint.node[(i, j)], at + i, at + j));
+                        (0..BORDER).for_each(|j| near(joint.with_border[(i, j)], at + i, last + j));
                         (0..STATE)
                             .filter(|_| node + 1 < nodes)
-                            .for_each(|j| near(joint.with_next[(i, j)], own + i, own + STATE + j));
+                            .for_each(|j| near(joint.with_next[(i, j)], at + i, at + STATE + j));
                     }
                 })
                 .unwrap();
@@ -118,7 +118,7 @@ fn what_is_computed_again_is_what_was_kept() {
         let step = problem.step(1e-9).unwrap();
         let whole = problem.whole().unwrap();
         let mut joints = Vec::new();
-        problem.visit(0, &whole, &mut |_, _, joint| joints.extend(joint.map(|joint| joint.own))).unwrap();
+        problem.visit(0, &whole, &mut |_, _, joint| joints.extend(joint.map(|joint| joint.node))).unwrap();
         (step.states, step.border, whole.covariance, joints, problem.cost_now().unwrap())
     };
     let kept = of(&mut problem);
@@ -156,7 +156,7 @@ fn the_solution_is_the_least() {
     problem.move_nodes();
     assert!((0..20).any(|_| problem.descend(STEPS).unwrap().converged));
     let whole = problem.whole().unwrap();
-    let spread = problem.spread(&whole, |_, _, joint| joint.own.diagonal()).unwrap();
+    let spread = problem.spread(&whole, |_, _, joint| joint.node.diagonal()).unwrap();
     let states: Vec<State> = problem.tracks[0].states.clone();
     let slope = |h: f64, of: &dyn Fn(f64) -> f64| (of(h) - of(-h)) / 2e-4;
     let mut worst: f64 = 0.0;
@@ -207,13 +207,17 @@ fn information_of_the_noise_is_that_of_dense_algebra() {
     assert_eq!(at, right.len());
     let q = matrix.qr().q();
     let weighted: Vec<_> = parts.iter().map(|part| part.component_mul(&right)).collect();
-    let found = problem.information(&[8, 9, 10, 11]).unwrap();
-    for (l, own) in weighted.iter().enumerate() {
-        let left = own - &q * (q.transpose() * own);
+    let information = problem.information(&[8, 9, 10, 11]).unwrap();
+    for (l, column) in weighted.iter().enumerate() {
+        let left = column - &q * (q.transpose() * column);
         for (k, other) in weighted.iter().enumerate() {
             let expected = 0.5 * other.dot(&left);
-            let scale = (found[(k, k)] * found[(l, l)]).sqrt();
-            assert!((found[(k, l)] - expected).abs() < 1e-8 * scale, "{k} {l}: {} {expected}", found[(k, l)]);
+            let scale = (information[(k, k)] * information[(l, l)]).sqrt();
+            assert!(
+                (information[(k, l)] - expected).abs() < 1e-8 * scale,
+                "{k} {l}: {} {expected}",
+                information[(k, l)]
+            );
         }
     }
 }

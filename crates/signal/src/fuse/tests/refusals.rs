@@ -79,7 +79,7 @@ fn a_stretch_that_the_gate_leaves_undetermined_is_dropped() {
     let poses = PoseRecord { times: &stamps, positions: &positions, attitudes: &attitudes };
     let without = fuse(&[BodyRun { imu, poses }], &given).unwrap();
     for axis in 0..3 {
-        let [a, b] = [&fused, &without].map(|own: &Fused| own.constants.lever[axis]);
+        let [a, b] = [&fused, &without].map(|fused: &Fused| fused.constants.lever[axis]);
         assert!((a.value - b.value).abs() < 1e-3 * b.deviation, "{a:?} {b:?}");
     }
 }

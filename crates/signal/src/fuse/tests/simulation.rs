@@ -84,16 +84,16 @@ impl Recording {
         let (dt, seed) = (0.005, 100 * seed);
         let times: Vec<f64> = (0..=(seconds / dt) as usize).map(|row| dt * row as f64).collect();
         let imu = NOISE.imu;
-        let mut own = [normals(seed, 0) * 0.05, normals(seed + 1, 0) * 0.2];
+        let mut walk = [normals(seed, 0) * 0.05, normals(seed + 1, 0) * 0.2];
         let (mut biases, mut rates, mut forces) = (Vec::new(), Vec::new(), Vec::new());
         for (&t, row) in times.iter().zip(0..) {
-            biases.push(own);
+            biases.push(walk);
             let white = (normals(seed + 2, row), normals(seed + 3, row));
             let force = attitude(t).inverse() * (acceleration(t) - Vector::from(GRAVITY));
-            rates.push((rate(t) + own[0] + white.0 * (imu.gyro[0] / dt.sqrt())).into());
-            forces.push((force + own[1] + white.1 * (imu.accelerometer[0] / dt.sqrt())).into());
-            own[0] += normals(seed + 4, row) * (imu.gyro_walk * dt.sqrt());
-            own[1] += normals(seed + 5, row) * (imu.accelerometer_walk * dt.sqrt());
+            rates.push((rate(t) + walk[0] + white.0 * (imu.gyro[0] / dt.sqrt())).into());
+            forces.push((force + walk[1] + white.1 * (imu.accelerometer[0] / dt.sqrt())).into());
+            walk[0] += normals(seed + 4, row) * (imu.gyro_walk * dt.sqrt());
+            walk[1] += normals(seed + 5, row) * (imu.accelerometer_walk * dt.sqrt());
         }
         let (averages, kicks) = ([0.0; 2], vec![]);
         let empty = (vec![], vec![], vec![]);
@@ -113,7 +113,7 @@ impl Recording {
 
     /// The same body kicked again and again: it turns about an axis of its own at a rate that jumps at any moment, and its velocity jumps. Rates are of their stamps; forces are means over the time since the last.
     pub(super) fn kicked(seconds: f64, seed: u64) -> Self {
-        let mut own = Self { averages: [0.0, 0.005], ..Self::new(seconds, seed) };
+        let mut body = Self { averages: [0.0, 0.005], ..Self::new(seconds, seed) };
         let mut at = 0.0;
         for number in 0.. {
             at += 0.02 + 0.1 * uniform(1000 + seed, number);
@@ -121,30 +121,30 @@ impl Recording {
                 break;
             }
             let size = normals(2000 + seed, number);
-            own.kicks.push(Kick { at, turn: 1.5 * size.x, push: Vector::new(0.0, 0.02 * size.y, 0.05 * size.z) });
+            body.kicks.push(Kick { at, turn: 1.5 * size.x, push: Vector::new(0.0, 0.02 * size.y, 0.05 * size.z) });
         }
         let seed = 100 * seed;
-        for (row, &t) in own.times.iter().enumerate() {
+        for (row, &t) in body.times.iter().enumerate() {
             let (white, [gyro, bias]) =
-                ((normals(seed + 2, row as u64), normals(seed + 3, row as u64)), own.biases[row]);
-            own.rates[row] = (own.rate(t) + gyro + white.0 * (NOISE.imu.gyro[0] / 0.005_f64.sqrt())).into();
+                ((normals(seed + 2, row as u64), normals(seed + 3, row as u64)), body.biases[row]);
+            body.rates[row] = (body.rate(t) + gyro + white.0 * (NOISE.imu.gyro[0] / 0.005_f64.sqrt())).into();
             // The axes of the middle of the window are those of its mean.
-            let (from, middle) = (t - 0.005, own.attitude(t - 0.0025));
+            let (from, middle) = (t - 0.005, body.attitude(t - 0.0025));
             let steps = (0..50).map(|step| acceleration(from + 1e-4 * (f64::from(step) + 0.5)) / 50.0);
-            let pushes = own.kicks.iter().filter(|kick| from < kick.at && kick.at <= t).map(|kick| kick.push / 0.005);
+            let pushes = body.kicks.iter().filter(|kick| from < kick.at && kick.at <= t).map(|kick| kick.push / 0.005);
             let mean: Vector = steps.chain(pushes).sum();
             let force = middle.inverse() * (mean - Vector::from(GRAVITY));
-            own.forces[row] = (force + bias + white.1 * (NOISE.imu.accelerometer[0] / 0.005_f64.sqrt())).into();
+            body.forces[row] = (force + bias + white.1 * (NOISE.imu.accelerometer[0] / 0.005_f64.sqrt())).into();
         }
         let mounting = exp(&Vector::from(MOUNTING));
-        for row in 0..own.stamps.len() {
-            let t = own.stamps[row] + OFFSET;
-            let seen = own.attitude(t) * mounting * exp(&(normals(seed + 6, row as u64) * NOISE.attitude));
-            let marker = own.position(t) + own.attitude(t) * Vector::from(LEVER);
-            own.positions[row] = (marker + normals(seed + 7, row as u64) * NOISE.position).into();
-            own.attitudes[row] = [seen.i, seen.j, seen.k, seen.w];
+        for row in 0..body.stamps.len() {
+            let t = body.stamps[row] + OFFSET;
+            let seen = body.attitude(t) * mounting * exp(&(normals(seed + 6, row as u64) * NOISE.attitude));
+            let marker = body.position(t) + body.attitude(t) * Vector::from(LEVER);
+            body.positions[row] = (marker + normals(seed + 7, row as u64) * NOISE.position).into();
+            body.attitudes[row] = [seen.i, seen.j, seen.k, seen.w];
         }
-        own
+        body
     }
 
     /// Sum of the kicks until now: the angle and its rate, the displacement and its rate.
