@@ -116,8 +116,8 @@ mod tests {
         let scores = |some: &[[f64; 2]]| some.iter().map(|score| score.to_vec()).collect::<Vec<_>>();
         // At a minimum the scores sum to zero: as many chunks as parameters leave no freedom.
         assert!(inverse.clustered(&scores(&[[1.0, 2.0], [-1.0, -2.0], [0.0, 0.0], [0.0, 0.0]])).is_none());
-        let found =
+        let clustered =
             inverse.clustered(&scores(&[[1.0, 2.0], [-1.0, -1.0], [0.0, 0.0], [0.0, -1.0]])).expect("three chunks");
-        assert_eq!((found[(0, 0)], found[(1, 1)]), (1.5 * 2.0, 1.5 * 6.0));
+        assert_eq!((clustered[(0, 0)], clustered[(1, 1)]), (1.5 * 2.0, 1.5 * 6.0));
     }
 }

@@ -39,8 +39,8 @@ pub fn equation_error<'a>(
     let mut round = 0;
     loop {
         round += 1;
-        let own = Bounded { parameters: &parameters, inside: Some(bounded.inside.unwrap_or(&inside)), ..bounded };
-        let estimate = nonlinear_least_squares(&residuals, own, source, options, progress)?;
+        let inner = Bounded { parameters: &parameters, inside: Some(bounded.inside.unwrap_or(&inside)), ..bounded };
+        let estimate = nonlinear_least_squares(&residuals, inner, source, options, progress)?;
         let deviation = |(share, residual): (&f64, &Residual)| (share / residual.weight / estimate.rows as f64).sqrt();
         let deviations: Vec<f64> = estimate.shares.iter().zip(&residuals).map(deviation).collect();
         let stays = |(residual, deviation): (&Residual, &f64)| (residual.weight.sqrt() * deviation - 1.0).abs() < SAME;

@@ -92,24 +92,25 @@ pub fn filter_error<'a>(
     progress: &dyn Progress,
 ) -> Result<FilterError, EstimateError> {
     progress.stage("filter error");
-    let found = minimum(model, &parameters.into(), Some(&options.gains), source, &options.simulation, progress)?;
-    let gains = (0..found.gains.len()).map(|at| gain(&found, at)).collect();
-    Ok(FilterError { gains, innovations: found.residuals, parameters: found.parameters })
+    let minimum = minimum(model, &parameters.into(), Some(&options.gains), source, &options.simulation, progress)?;
+    let gains = (0..minimum.gains.len()).map(|at| gain(&minimum, at)).collect();
+    Ok(FilterError { gains, innovations: minimum.residuals, parameters: minimum.parameters })
 }
 
-fn gain(found: &Minimum, at: usize) -> Gain {
-    let own = &found.parameters;
-    let error = match found.gains_undetermined.contains(&at) {
+fn gain(minimum: &Minimum, at: usize) -> Gain {
+    let parameters = &minimum.parameters;
+    let error = match minimum.gains_undetermined.contains(&at) {
         true => f64::INFINITY,
         // As of the parameters, the larger of both.
-        false => found.variances[at].max(found.white[at]).sqrt(),
+        false => minimum.variances[at].max(minimum.white[at]).sqrt(),
     };
-    let unknowns = own.values.len() + found.gains.len() + own.beginnings.len() * own.states.len();
+    let unknowns =
+        parameters.values.len() + minimum.gains.len() + parameters.beginnings.len() * parameters.states.len();
     Gain {
-        state: own.outputs[at].clone(),
-        value: found.gains[at],
+        state: parameters.outputs[at].clone(),
+        value: minimum.gains[at],
         error,
-        half_width: student_t_95((own.residuals as usize).saturating_sub(unknowns)) * error,
-        at_bound: found.gains_at_bounds.contains(&at),
+        half_width: student_t_95((parameters.residuals as usize).saturating_sub(unknowns)) * error,
+        at_bound: minimum.gains_at_bounds.contains(&at),
     }
 }

@@ -96,9 +96,9 @@ impl MatrixLimit {
     fn eigen(&self, theta: &[f64]) -> Vec<(f64, Vec<f64>)> {
         let room = self.room(theta);
         match room.self_adjoint_eigen(Side::Lower) {
-            Ok(found) => {
-                (0..room.nrows()).map(|k| (found.S()[k], found.U().col(k).iter().copied().collect())).collect()
-            }
+            Ok(decomposition) => (0..room.nrows())
+                .map(|k| (decomposition.S()[k], decomposition.U().col(k).iter().copied().collect()))
+                .collect(),
             // It refuses what is not finite alone.
             Err(_) => vec![(f64::NAN, vec![0.0; room.nrows()])],
         }
@@ -175,8 +175,9 @@ impl Limits {
             return Ok(None);
         }
         of.limits.iter().try_for_each(|limit| limit.check(of.parameters.len()))?;
-        let bounds: Vec<[f64; 2]> = of.parameters.iter().map(|own| own.bounds).chain(more.iter().copied()).collect();
-        let initial = of.parameters.iter().map(|own| own.initial);
+        let bounds: Vec<[f64; 2]> =
+            of.parameters.iter().map(|parameter| parameter.bounds).chain(more.iter().copied()).collect();
+        let initial = of.parameters.iter().map(|parameter| parameter.initial);
         let start: Vec<f64> = match of.inside {
             Some(inside) => inside.to_vec(),
             None => initial.chain(more.iter().map(|[low, high]| 0.5 * (low + high))).collect(),
@@ -271,17 +272,17 @@ impl Limits {
             return (wanted, Vec::new());
         };
         let least = factors.s.first().map_or(0.0, |largest| largest * 1e-10);
-        let mut found = vec![0.0; columns.len()];
+        let mut multipliers = vec![0.0; columns.len()];
         for i in (0..factors.s.len()).filter(|&i| factors.s[i] > least) {
             let along: f64 = factors.u.col_as_slice(i).iter().zip(&wanted).map(|(u, w)| u * w).sum();
-            found.iter_mut().zip(factors.v.col_as_slice(i)).for_each(|(x, v)| *x += along / factors.s[i] * v);
+            multipliers.iter_mut().zip(factors.v.col_as_slice(i)).for_each(|(x, v)| *x += along / factors.s[i] * v);
         }
         let size = norm(wanted.iter().copied());
         let (mut left, mut directions) = (wanted, Vec::new());
         for (l, (V, across)) in held.iter().enumerate() {
             let k = V.ncols();
             let entry = |a: usize, b: usize| {
-                columns.iter().position(|column| *column == (l, a.max(b), a.min(b))).map_or(0.0, |c| found[c])
+                columns.iter().position(|column| *column == (l, a.max(b), a.min(b))).map_or(0.0, |c| multipliers[c])
             };
             let X = Mat::from_fn(k, k, entry);
             let Ok(eigen) = X.self_adjoint_eigen(Side::Lower) else { continue };
@@ -290,25 +291,32 @@ impl Limits {
             let kept = Mat::from_fn(k, k, |a, b| {
                 (0..k).map(|i| eigen.U()[(a, i)] * strength(i) * eigen.U()[(b, i)]).sum::<f64>()
             });
-            for (at, own) in across.iter().enumerate() {
-                left[at] -= (0..k).flat_map(|a| (0..k).map(move |b| (a, b))).map(|ab| kept[ab] * own[ab]).sum::<f64>()
-                    / lengths[free[at]];
+            for (at, entry) in across.iter().enumerate() {
+                left[at] -=
+                    (0..k).flat_map(|a| (0..k).map(move |b| (a, b))).map(|ab| kept[ab] * entry[ab]).sum::<f64>()
+                        / lengths[free[at]];
             }
             let pushing: Vec<usize> = (0..k)
                 .filter(|&i| {
-                    let own = |own: &Mat<f64>| -> f64 {
+                    let along = |matrix: &Mat<f64>| -> f64 {
                         let u = eigen.U().col(i);
-                        (0..k).flat_map(|a| (0..k).map(move |b| (a, b))).map(|(a, b)| u[a] * own[(a, b)] * u[b]).sum()
+                        (0..k)
+                            .flat_map(|a| (0..k).map(move |b| (a, b)))
+                            .map(|(a, b)| u[a] * matrix[(a, b)] * u[b])
+                            .sum()
                     };
-                    let pushed = norm(across.iter().zip(free).map(|(a, &j)| strength(i) * own(a) / lengths[j]));
+                    let pushed = norm(across.iter().zip(free).map(|(a, &j)| strength(i) * along(a) / lengths[j]));
                     pushed > PUSHES * size
                 })
                 .collect();
             for (a, &i) in pushing.iter().enumerate() {
                 for &h in &pushing[..=a] {
-                    let of = |own: &Mat<f64>| {
+                    let of = |matrix: &Mat<f64>| {
                         let (u, w) = (eigen.U().col(i), eigen.U().col(h));
-                        (0..k).flat_map(|a| (0..k).map(move |b| (a, b))).map(|(a, b)| u[a] * own[(a, b)] * w[b]).sum()
+                        (0..k)
+                            .flat_map(|a| (0..k).map(move |b| (a, b)))
+                            .map(|(a, b)| u[a] * matrix[(a, b)] * w[b])
+                            .sum()
                     };
                     directions.push(across.iter().map(of).collect());
                 }

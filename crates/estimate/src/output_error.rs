@@ -219,10 +219,10 @@ pub(crate) fn minimum(
     for gains in &starts {
         segments.stand(begun.clone());
         match near(&mut segments, parameters, gains, options) {
-            Ok(found) => {
-                rounds += found.rounds;
-                if best.as_ref().is_none_or(|best| found.misfit < best.misfit) {
-                    best = Some(found);
+            Ok(rounds_of_start) => {
+                rounds += rounds_of_start.rounds;
+                if best.as_ref().is_none_or(|best| rounds_of_start.misfit < best.misfit) {
+                    best = Some(rounds_of_start);
                 }
             }
             Err(error @ EstimateError::Diverges { .. }) => _ = refusal.get_or_insert(error),
@@ -290,7 +290,7 @@ fn to_the_end(
         let (deviations, change) = segments.deviations_of(&descent.at.shares);
         if change < SAME || rounds == most {
             let status = if change < SAME { status } else { Status::Iterations };
-            return found(segments, &descent, status, rounds);
+            return minimum_of(segments, &descent, status, rounds);
         }
         theta = descent.theta;
         segments.deviations = deviations;
@@ -321,7 +321,7 @@ fn best_start(
 }
 
 /// Result at the end of a descent.
-fn found(
+fn minimum_of(
     segments: &Segments<'_>,
     descent: &Descent<'_>,
     status: Status,
@@ -342,7 +342,7 @@ fn found(
     let (covariance, white) = (inverse.sandwich(&middle, variance), inverse.covariance(variance));
     let p = segments.names().len();
     let gains: Vec<usize> = (p..room.len()).collect();
-    let own = |whole: &Mat<f64>| Mat::from_fn(p, p, |a, b| whole[(a, b)]);
+    let block = |whole: &Mat<f64>| Mat::from_fn(p, p, |a, b| whole[(a, b)]);
     let split = |all: Vec<usize>| -> (Vec<usize>, Vec<usize>) {
         let (parameters, gains): (Vec<usize>, Vec<usize>) = all.into_iter().partition(|&j| j < p);
         (parameters, gains.iter().map(|j| j - p).collect())
@@ -354,8 +354,8 @@ fn found(
     let parameters = OutputError {
         names: segments.names(),
         values: descent.theta[..p].to_vec(),
-        covariance: own(&covariance),
-        white: own(&white),
+        covariance: block(&covariance),
+        white: block(&white),
         memory,
         lasting,
         outputs: segments.outputs(),

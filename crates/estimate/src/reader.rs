@@ -72,15 +72,15 @@ impl<'a> Reader<'a> {
             kind.turn_on(&mut parts);
             places.iter().zip(parts).for_each(|(&place, part)| columns[place] = part);
         }
-        for (at, mut own) in columns.into_iter().enumerate() {
-            let known: Vec<bool> = own.iter().map(|value| value.is_finite()).collect();
+        for (at, mut column) in columns.into_iter().enumerate() {
+            let known: Vec<bool> = column.iter().map(|value| value.is_finite()).collect();
             if self.angle[at] {
-                unwrap(&mut own);
+                unwrap(&mut column);
             }
-            if !fill(&seconds, &mut own) {
+            if !fill(&seconds, &mut column) {
                 return Ok(None);
             }
-            for (k, (value, known)) in own.into_iter().zip(known).enumerate() {
+            for (k, (value, known)) in column.into_iter().zip(known).enumerate() {
                 match at.checked_sub(width) {
                     Some(place) => {
                         replayed[k * replays + place] = value;

@@ -90,10 +90,10 @@ impl Seen {
 impl Survey {
     pub(crate) fn pooled(surveys: impl Iterator<Item = Self>) -> Self {
         let mut pooled: Option<Self> = None;
-        for own in surveys {
+        for survey in surveys {
             match &mut pooled {
-                None => pooled = Some(own),
-                Some(pooled) => pooled.columns.iter_mut().zip(&own.columns).for_each(|(sum, seen)| sum.merge(seen)),
+                None => pooled = Some(survey),
+                Some(pooled) => pooled.columns.iter_mut().zip(&survey.columns).for_each(|(sum, seen)| sum.merge(seen)),
             }
         }
         pooled.unwrap_or(Self { columns: Vec::new() })

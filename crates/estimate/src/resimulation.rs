@@ -139,19 +139,21 @@ pub struct Resimulation {
 
 impl Resimulation {
     /// Root mean square of followed less recorded of an episode, by column; NaN for a column without values.
-    pub fn deviations_of(&self, own: &Resimulated) -> Vec<f64> {
+    pub fn deviations_of(&self, episode: &Resimulated) -> Vec<f64> {
         let width = self.columns.len();
         (0..width)
-            .map(|j| rms((0..own.rows.len()).map(|k| own.followed[k * width + j] - own.recorded[k * width + j])))
+            .map(|j| {
+                rms((0..episode.rows.len()).map(|k| episode.followed[k * width + j] - episode.recorded[k * width + j]))
+            })
             .collect()
     }
 
     /// The same of the open loop, by state; infinite where it diverged.
-    pub fn open_loop_deviations(&self, own: &Resimulated) -> Vec<f64> {
-        let (width, rows) = (self.columns.len(), own.rows.len());
+    pub fn open_loop_deviations(&self, episode: &Resimulated) -> Vec<f64> {
+        let (width, rows) = (self.columns.len(), episode.rows.len());
         let of = |j: usize| {
-            let ended = own.open_loop[(rows - 1) * self.states + j].is_nan();
-            let errors = (0..rows).map(|k| own.open_loop[k * self.states + j] - own.recorded[k * width + j]);
+            let ended = episode.open_loop[(rows - 1) * self.states + j].is_nan();
+            let errors = (0..rows).map(|k| episode.open_loop[k * self.states + j] - episode.recorded[k * width + j]);
             if ended { f64::INFINITY } else { rms(errors) }
         };
         (0..self.states).map(of).collect()
@@ -188,8 +190,9 @@ pub fn resimulate(
     check_memory(&reader, source, options)?;
     progress.stage("survey");
     let episodes = source.episodes().len();
-    let surveys =
-        parallel_map(episodes, progress, |at| Ok::<_, EstimateError>(reader.read(at)?.map(|own| own.survey())))?;
+    let surveys = parallel_map(episodes, progress, |at| {
+        Ok::<_, EstimateError>(reader.read(at)?.map(|recorded| recorded.survey()))
+    })?;
     let missing: Vec<usize> = (0..episodes).filter(|&at| surveys[at].is_none()).collect();
     let usable: Vec<usize> = (0..episodes).filter(|&at| surveys[at].is_some()).collect();
     if usable.is_empty() {
@@ -201,13 +204,14 @@ pub fn resimulate(
     let deviations = deviations(&transcription, &reader, &usable, &survey, options, progress)?;
     let scale = Scale { spreads: survey.spreads(), deviations, bounds };
     progress.stage("resimulate");
-    let found = parallel_map(usable.len(), progress, |at| -> Result<Option<Resimulated>, EstimateError> {
-        let Some(own) = reader.read(usable[at])? else { return Ok(None) };
-        let Some(followed) = follow(&transcription, &own, &scale, options.iterations)? else { return Ok(None) };
-        Ok(Some(resimulated(&transcription, own, followed)?))
+    let results = parallel_map(usable.len(), progress, |at| -> Result<Option<Resimulated>, EstimateError> {
+        let Some(recorded) = reader.read(usable[at])? else { return Ok(None) };
+        let Some(followed) = follow(&transcription, &recorded, &scale, options.iterations)? else { return Ok(None) };
+        Ok(Some(resimulated(&transcription, recorded, followed)?))
     })?;
-    let undefined: Vec<usize> = usable.iter().zip(&found).filter(|(_, own)| own.is_none()).map(|(&at, _)| at).collect();
-    if undefined.len() == found.len() {
+    let undefined: Vec<usize> =
+        usable.iter().zip(&results).filter(|(_, result)| result.is_none()).map(|(&at, _)| at).collect();
+    if undefined.len() == results.len() {
         return Err(EstimateError::NotFollowable { episode: source.episodes()[undefined[0]].name.clone() });
     }
     Ok(Resimulation {
@@ -218,7 +222,7 @@ pub fn resimulate(
         bounds: scale.bounds,
         spreads: scale.spreads,
         continuous,
-        episodes: found.into_iter().flatten().collect(),
+        episodes: results.into_iter().flatten().collect(),
         missing,
         undefined,
     })
@@ -250,8 +254,8 @@ fn kind(model: &Model) -> Result<bool, EstimateError> {
     let advances = |of: fn(Prediction) -> bool| {
         model.equations.iter().find(|equation| of(equation.prediction)).map(|equation| equation.subject.clone())
     };
-    let derivative = advances(|own| own == Prediction::Derivative);
-    let next = advances(|own| !matches!(own, Prediction::Derivative | Prediction::Value));
+    let derivative = advances(|prediction| prediction == Prediction::Derivative);
+    let next = advances(|prediction| !matches!(prediction, Prediction::Derivative | Prediction::Value));
     match (derivative, next) {
         (Some(derivative), Some(next)) => Err(EstimateError::MixedSteps { derivative, next }),
         (derivative, _) => Ok(derivative.is_some()),
@@ -274,13 +278,18 @@ fn bytes_of_row(states: usize, columns: usize) -> f64 {
 fn check_memory(reader: &Reader<'_>, source: &dyn Source, options: &ResimulationOptions) -> Result<(), EstimateError> {
     let [states, columns] = reader.shape();
     let most = (options.memory / bytes_of_row(states, columns)) as usize;
-    match source.episodes().iter().find(|own| own.rows / options.every > most) {
-        Some(own) => {
-            let every = own.rows.div_ceil(most.max(1));
-            Err(EstimateError::TooLong { episode: own.name.clone(), rows: own.rows / options.every, most, every })
+    match source.episodes().iter().find(|episode| episode.rows / options.every > most) {
+        Some(episode) => {
+            let every = episode.rows.div_ceil(most.max(1));
+            Err(EstimateError::TooLong {
+                episode: episode.name.clone(),
+                rows: episode.rows / options.every,
+                most,
+                every,
+            })
         }
         None => {
-            let rows = source.episodes().iter().map(|own| own.rows / options.every).max().unwrap_or(0);
+            let rows = source.episodes().iter().map(|episode| episode.rows / options.every).max().unwrap_or(0);
             ensure_memory(
                 (rows as f64 * bytes_of_row(states, columns)) as usize,
                 &format!("an episode of {rows} rows on the grid"),
@@ -302,12 +311,12 @@ fn bounds(
     (0..bounds.len())
         .filter(|&j| transcription.goes_round(j))
         .for_each(|j| bounds[j] = [f64::NEG_INFINITY, f64::INFINITY]);
-    for (name, own) in &options.bounds {
-        let [low, high] = *own;
+    for (name, interval) in &options.bounds {
+        let [low, high] = *interval;
         if low >= high || low.is_nan() || high.is_nan() {
             return Err(EstimateError::Bounds { name: name.clone(), low, high });
         }
-        bounds[transcription.place(name)?] = *own;
+        bounds[transcription.place(name)?] = *interval;
     }
     Ok(bounds)
 }
@@ -338,28 +347,32 @@ fn deviations(
     }
     let count = usable.len().min(NOISE_EPISODES);
     let chosen = |at: usize| usable[(2 * at + 1) * usable.len() / (2 * count)];
-    let found = parallel_map(count, progress, |at| -> Result<Option<Vec<f64>>, EstimateError> {
-        Ok(reader.read(chosen(at))?.and_then(|own| noise::variances(transcription, &own, &spreads)))
+    let variances = parallel_map(count, progress, |at| -> Result<Option<Vec<f64>>, EstimateError> {
+        Ok(reader.read(chosen(at))?.and_then(|recorded| noise::variances(transcription, &recorded, &spreads)))
     })?;
-    let found: Vec<Vec<f64>> = found.into_iter().flatten().collect();
-    for (j, deviation) in deviations.iter_mut().enumerate().filter(|(_, own)| own.is_nan()) {
-        let variance = found.iter().map(|own| own[j]).sum::<f64>() / found.len() as f64;
+    let variances: Vec<Vec<f64>> = variances.into_iter().flatten().collect();
+    for (j, deviation) in deviations.iter_mut().enumerate().filter(|(_, deviation)| deviation.is_nan()) {
+        let variance = variances.iter().map(|row| row[j]).sum::<f64>() / variances.len() as f64;
         // Where the model has no value along the recordings, nothing is known of noise.
-        *deviation = spreads[j] * if found.is_empty() { 1.0 } else { variance.sqrt() };
+        *deviation = spreads[j] * if variances.is_empty() { 1.0 } else { variance.sqrt() };
     }
     Ok(deviations)
 }
 
-fn resimulated(transcription: &Transcription, own: Recorded, followed: Followed) -> Result<Resimulated, EstimateError> {
-    let open_loop = transcription.open_loop(&own)?;
+fn resimulated(
+    transcription: &Transcription,
+    record: Recorded,
+    followed: Followed,
+) -> Result<Resimulated, EstimateError> {
+    let open_loop = transcription.open_loop(&record)?;
     let mut values = followed.values;
     transcription.normalise(&mut values);
-    let recorded = own.values.iter().zip(&own.there).map(|(&value, &there)| if there { value } else { f64::NAN });
+    let recorded = record.values.iter().zip(&record.there).map(|(&value, &there)| if there { value } else { f64::NAN });
     Ok(Resimulated {
-        episode: own.episode,
+        episode: record.episode,
         recorded: recorded.collect(),
-        rows: own.rows,
-        stamps: own.stamps,
+        rows: record.rows,
+        stamps: record.stamps,
         followed: values,
         open_loop,
         certificate: followed.certificate,

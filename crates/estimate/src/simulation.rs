@@ -240,8 +240,8 @@ impl Objective for Segments<'_> {
 
     fn evaluate(&self, theta: &[f64]) -> Result<Pass, EstimateError> {
         let sums = self.sums(theta)?;
-        let found = self.evaluation(&sums)?;
-        Ok(found.map_or_else(|| Pass::Refused(sums.not_finite(self.source)), Pass::Finite))
+        let evaluation = self.evaluation(&sums)?;
+        Ok(evaluation.map_or_else(|| Pass::Refused(sums.not_finite(self.source)), Pass::Finite))
     }
 }
 
@@ -300,9 +300,9 @@ impl Sums {
             return;
         }
         let slopes = MatRef::from_column_major_slice(&segment.slopes, n, p);
-        let mut own = Mat::<f64>::zeros(p, p);
+        let mut products = Mat::<f64>::zeros(p, p);
         faer::linalg::matmul::triangular::matmul(
-            own.as_mut(),
+            products.as_mut(),
             BlockStructure::TriangularLower,
             Accum::Replace,
             slopes.transpose(),
@@ -317,15 +317,15 @@ impl Sums {
             self.slope[to] += column.iter().zip(&segment.residuals).map(|(slope, r)| slope * r).sum::<f64>();
             let into = self.products.col_as_slice_mut(to);
             for (a, &from) in segment.active.iter().enumerate().skip(b) {
-                into[from] += own[(a, b)];
+                into[from] += products[(a, b)];
             }
         }
     }
 
     fn merge(&mut self, other: Self) {
         for j in 0..self.slope.len() {
-            let own = self.products.col_as_slice_mut(j)[j..].iter_mut();
-            own.zip(&other.products.col_as_slice(j)[j..]).for_each(|(sum, value)| *sum += value);
+            let column = self.products.col_as_slice_mut(j)[j..].iter_mut();
+            column.zip(&other.products.col_as_slice(j)[j..]).for_each(|(sum, value)| *sum += value);
         }
         self.slope.iter_mut().zip(&other.slope).for_each(|(sum, value)| *sum += value);
         self.cost += other.cost;

@@ -151,11 +151,15 @@ impl StateSmoother {
         let reader = Reader::new(&model, &transcription, source, 1)?;
         let episodes = source.episodes().len();
         let read = parallel_map(episodes, progress, |at| reader.read(at))?;
-        let mut steps: Vec<f64> =
-            read.iter().flatten().flat_map(|own| own.seconds.windows(2).map(|pair| pair[1] - pair[0])).collect();
+        let mut steps: Vec<f64> = read
+            .iter()
+            .flatten()
+            .flat_map(|recorded| recorded.seconds.windows(2).map(|pair| pair[1] - pair[0]))
+            .collect();
         steps.sort_unstable_by(f64::total_cmp);
         let period = steps.get(steps.len() / 2).copied().unwrap_or(0.0);
-        let segments: Vec<Recorded> = read.into_iter().flatten().flat_map(|own| cut(own, GAP * period)).collect();
+        let segments: Vec<Recorded> =
+            read.into_iter().flatten().flat_map(|recorded| cut(recorded, GAP * period)).collect();
         if segments.is_empty() {
             return Err(EstimateError::NothingToFollow { episodes, columns: names.join(", ") });
         }
@@ -185,7 +189,7 @@ impl StateSmoother {
 
     /// Rows of all segments.
     pub fn rows(&self) -> usize {
-        self.segments.iter().map(|own| own.seconds.len()).sum()
+        self.segments.iter().map(|segment| segment.seconds.len()).sum()
     }
 
     /// Intervals of all segments.
@@ -198,14 +202,18 @@ impl StateSmoother {
         let n = self.names.len();
         (0..n)
             .map(|s| {
-                self.segments.iter().flat_map(|own| own.there.iter().skip(s).step_by(n)).filter(|there| **there).count()
+                self.segments
+                    .iter()
+                    .flat_map(|segment| segment.there.iter().skip(s).step_by(n))
+                    .filter(|there| **there)
+                    .count()
             })
             .collect()
     }
 
     /// Recorded values; interpolated between neighbours if one is missing.
     pub fn recorded(&self) -> Tracks {
-        Tracks(self.segments.iter().map(|own| own.values.clone()).collect())
+        Tracks(self.segments.iter().map(|segment| segment.values.clone()).collect())
     }
 
     /// Variance of the measurements of every state by their third differences, in which a slow signal leaves little: 20 times that of white noise. A state of too few rows has that of its values.
@@ -213,10 +221,10 @@ impl StateSmoother {
         let n = self.names.len();
         let of = |s: usize| {
             let (mut sum, mut count) = (0.0, 0.0_f64);
-            for own in &self.segments {
-                for k in 3..own.seconds.len() {
-                    let at = |back: usize| own.values[(k - back) * n + s];
-                    if (0..4).all(|back| own.there[(k - back) * n + s]) {
+            for segment in &self.segments {
+                for k in 3..segment.seconds.len() {
+                    let at = |back: usize| segment.values[(k - back) * n + s];
+                    if (0..4).all(|back| segment.there[(k - back) * n + s]) {
                         sum += (at(0) - 3.0 * at(1) + 3.0 * at(2) - at(3)).powi(2);
                         count += 1.0;
                     }
@@ -231,7 +239,7 @@ impl StateSmoother {
     /// Variance of a state; of one that does not move, 1.
     fn spread(&self, s: usize) -> f64 {
         let n = self.names.len();
-        let values = || self.segments.iter().flat_map(move |own| own.values.iter().skip(s).step_by(n));
+        let values = || self.segments.iter().flat_map(move |segment| segment.values.iter().skip(s).step_by(n));
         let count = self.rows() as f64;
         let mean = values().sum::<f64>() / count;
         let variance = values().map(|value| (value - mean).powi(2)).sum::<f64>() / count;
@@ -253,7 +261,7 @@ impl StateSmoother {
         progress: &dyn Progress,
     ) -> Result<Settled, EstimateError> {
         let mut place = self.place((from.0.clone(), from.1.to_vec()), variances, progress)?;
-        if let Some(at) = place.segments.iter().position(|own| !own.cost.is_finite()) {
+        if let Some(at) = place.segments.iter().position(|segment| !segment.cost.is_finite()) {
             return Err(self.not_followable(at));
         }
         let mut steps = 0;
@@ -296,13 +304,14 @@ impl StateSmoother {
     ) -> Result<Option<Place>, EstimateError> {
         let mut length = 1.0;
         for _ in 0..HALVINGS {
-            let along = |(own, by): (&Vec<f64>, &Vec<f64>)| own.iter().zip(by).map(|(z, dz)| z + length * dz).collect();
+            let along =
+                |(track, by): (&Vec<f64>, &Vec<f64>)| track.iter().zip(by).map(|(z, dz)| z + length * dz).collect();
             let next = Tracks(place.tracks.0.iter().zip(moves).map(along).collect());
             let mut moved = place.coefficients.clone();
             moving.iter().zip(step).for_each(|(&at, by)| moved[at] += length * by);
-            let found = self.place((next, moved), variances, progress)?;
-            if found.cost < place.cost {
-                return Ok(Some(found));
+            let moved_place = self.place((next, moved), variances, progress)?;
+            if moved_place.cost < place.cost {
+                return Ok(Some(moved_place));
             }
             length *= 0.5;
         }
@@ -343,7 +352,7 @@ impl StateSmoother {
     /// The model with these coefficients; others are zero.
     pub fn model(&self, coefficients: &[f64]) -> Model {
         let mut model = self.model.clone();
-        self.candidates.iter().zip(coefficients).for_each(|(own, &value)| own.set(&mut model, value));
+        self.candidates.iter().zip(coefficients).for_each(|(candidate, &value)| candidate.set(&mut model, value));
         model
     }
 
@@ -359,8 +368,8 @@ impl StateSmoother {
         let moved: Vec<Coefficient> = moving.iter().map(|&at| self.candidates[at]).collect();
         let candidates = Candidates::new(&self.model, &place.transcription, &moved)?;
         let chains = parallel_map(self.segments.len(), progress, |at| {
-            let found = self.chain(at, place, &candidates, (variances, moving.len(), keep));
-            found.ok_or_else(|| self.not_followable(at))
+            let eliminated = self.chain(at, place, &candidates, (variances, moving.len(), keep));
+            eliminated.ok_or_else(|| self.not_followable(at))
         })?;
         let mut border = Border::new(moving.len());
         chains.iter().for_each(|chain| border.merge(&chain.on_border));
@@ -368,9 +377,9 @@ impl StateSmoother {
     }
 
     fn not_followable(&self, segment: usize) -> EstimateError {
-        let own = &self.segments[segment];
+        let recorded = &self.segments[segment];
         EstimateError::NotFollowable {
-            episode: format!("number {} (from its row {})", own.episode + 1, own.rows[0] + 1),
+            episode: format!("number {} (from its row {})", recorded.episode + 1, recorded.rows[0] + 1),
         }
     }
 
@@ -382,20 +391,20 @@ impl StateSmoother {
         (variances, border, keep): (&Variances, usize, bool),
     ) -> Option<Eliminated> {
         let n = self.names.len();
-        let (own, z, at) = (&self.segments[segment], &place.tracks.0[segment], &place.segments[segment]);
-        let values = candidates.evaluate(own, z, &at.middles);
-        let nodes = own.seconds.len();
+        let (recorded, z, at) = (&self.segments[segment], &place.tracks.0[segment], &place.segments[segment]);
+        let values = candidates.evaluate(recorded, z, &at.middles);
+        let nodes = recorded.seconds.len();
         eliminate((nodes, n, border), keep, |node, rows| {
-            for s in (0..n).filter(|s| own.there[node * n + s]) {
+            for s in (0..n).filter(|s| recorded.there[node * n + s]) {
                 let weight = variances.measurement[s].sqrt().recip();
                 let mut row = rows.push();
                 row.state()[s] = weight;
-                *row.right() = weight * (z[node * n + s] - own.values[node * n + s]);
+                *row.right() = weight * (z[node * n + s] - recorded.values[node * n + s]);
             }
             if node + 1 == nodes {
                 return;
             }
-            let step = own.seconds[node + 1] - own.seconds[node];
+            let step = recorded.seconds[node + 1] - recorded.seconds[node];
             for s in 0..n {
                 let weight = self.weight(variances, s, step);
                 let place = node * n + s;
@@ -424,31 +433,32 @@ impl StateSmoother {
     ) -> Result<Place, EstimateError> {
         let n = self.names.len();
         let transcription = Transcription::new(&self.model(&coefficients), true, &[])?;
-        let deviations: Vec<f64> = variances.measurement.iter().map(|own| own.sqrt()).collect();
+        let deviations: Vec<f64> = variances.measurement.iter().map(|variance| variance.sqrt()).collect();
         let segments = parallel_map(self.segments.len(), progress, |at| {
-            let (own, z) = (&self.segments[at], &tracks.0[at]);
-            let (defects, middles) = transcription.collocated(own, z);
+            let (recorded, z) = (&self.segments[at], &tracks.0[at]);
+            let (defects, middles) = transcription.collocated(recorded, z);
             let mut cost = 0.0;
-            for k in 0..own.seconds.len() - 1 {
-                let step = own.seconds[k + 1] - own.seconds[k];
+            for k in 0..recorded.seconds.len() - 1 {
+                let step = recorded.seconds[k + 1] - recorded.seconds[k];
                 for s in 0..n {
                     cost += 0.5 * (defects.values[k * n + s] * self.weight(variances, s, step)).powi(2);
                 }
             }
-            for (place, (y, z)) in own.values.iter().zip(z).enumerate().filter(|(place, _)| own.there[*place]) {
+            for (place, (y, z)) in recorded.values.iter().zip(z).enumerate().filter(|(place, _)| recorded.there[*place])
+            {
                 cost += 0.5 * ((y - z) / deviations[place % n]).powi(2);
             }
             Ok::<_, EstimateError>(Linearised { defects, middles, cost })
         })?;
-        let cost = segments.iter().map(|own| own.cost).sum();
+        let cost = segments.iter().map(|segment| segment.cost).sum();
         Ok(Place { tracks, coefficients, transcription, segments, cost })
     }
 
     fn misfit(&self, tracks: &Tracks) -> Vec<f64> {
         let n = self.names.len();
         let mut sums = vec![0.0; n];
-        for (own, z) in self.segments.iter().zip(&tracks.0) {
-            for (place, (y, z)) in own.values.iter().zip(z).enumerate().filter(|(place, _)| own.there[*place]) {
+        for (segment, z) in self.segments.iter().zip(&tracks.0) {
+            for (place, (y, z)) in segment.values.iter().zip(z).enumerate().filter(|(place, _)| segment.there[*place]) {
                 sums[place % n] += (y - z).powi(2);
             }
         }
@@ -462,10 +472,10 @@ impl Border {
         let (p, noise) = (self.squares.len(), self.rounding());
         let mut step = vec![0.0; p];
         for i in (0..p).rev() {
-            let own = self.factor[(i, i)];
-            if own.abs() > noise[i] {
+            let pivot = self.factor[(i, i)];
+            if pivot.abs() > noise[i] {
                 let known: f64 = (i + 1..p).map(|j| self.factor[(i, j)] * step[j]).sum();
-                step[i] = -(self.factor[(i, p)] + known) / own;
+                step[i] = -(self.factor[(i, p)] + known) / pivot;
             }
         }
         step
@@ -496,7 +506,7 @@ impl Border {
 /// The model with all candidates at 1, which reads whatever any of its coefficients may read.
 fn whole(model: &Model, candidates: &[Coefficient]) -> Model {
     let mut model = model.clone();
-    candidates.iter().for_each(|own| own.set(&mut model, 1.0));
+    candidates.iter().for_each(|candidate| candidate.set(&mut model, 1.0));
     model
 }
 
@@ -518,7 +528,7 @@ fn check_size(
     }
     let functions = model.libraries.iter().map(Vec::len).sum::<usize>() + 1;
     let most = (options.memory / bytes_of_row(states.len(), functions)) as usize;
-    let rows = source.episodes().iter().map(|own| own.rows).sum::<usize>();
+    let rows = source.episodes().iter().map(|episode| episode.rows).sum::<usize>();
     if rows > most {
         return Err(EstimateError::TooManyRowsToSmooth { rows, states: states.len(), most });
     }
@@ -526,29 +536,30 @@ fn check_size(
 }
 
 /// The parts of an episode between gaps, of two rows or more; rows that lack an input are in none.
-fn cut(own: Recorded, gap: f64) -> Vec<Recorded> {
-    let rows = own.rows.len();
-    let (width, replays) = (own.values.len() / rows, own.replayed.len() / rows);
+fn cut(recorded: Recorded, gap: f64) -> Vec<Recorded> {
+    let rows = recorded.rows.len();
+    let (width, replays) = (recorded.values.len() / rows, recorded.replayed.len() / rows);
     let mut parts = Vec::new();
     let mut first = 0;
     for k in 0..=rows {
-        let ends = k == rows || !own.whole[k] || (k > first && own.seconds[k] - own.seconds[k - 1] > gap);
+        let ends =
+            k == rows || !recorded.whole[k] || (k > first && recorded.seconds[k] - recorded.seconds[k - 1] > gap);
         if !ends {
             continue;
         }
         if k >= first + 2 {
             parts.push(Recorded {
-                episode: own.episode,
-                rows: own.rows[first..k].to_vec(),
-                stamps: own.stamps[first..k].to_vec(),
-                seconds: own.seconds[first..k].to_vec(),
-                values: own.values[first * width..k * width].to_vec(),
-                there: own.there[first * width..k * width].to_vec(),
-                replayed: own.replayed[first * replays..k * replays].to_vec(),
+                episode: recorded.episode,
+                rows: recorded.rows[first..k].to_vec(),
+                stamps: recorded.stamps[first..k].to_vec(),
+                seconds: recorded.seconds[first..k].to_vec(),
+                values: recorded.values[first * width..k * width].to_vec(),
+                there: recorded.there[first * width..k * width].to_vec(),
+                replayed: recorded.replayed[first * replays..k * replays].to_vec(),
                 whole: vec![true; k - first],
             });
         }
-        first = if k < rows && own.whole[k] { k } else { k + 1 };
+        first = if k < rows && recorded.whole[k] { k } else { k + 1 };
     }
     parts
 }
@@ -561,13 +572,13 @@ fn refuse_turns(
 ) -> Result<(), EstimateError> {
     let n = transcription.states();
     for s in (0..n).filter(|&s| transcription.is_angle(s)) {
-        let turns = |own: &&Recorded| {
-            own.values.iter().skip(s).step_by(n).any(|value| value.abs() > 1.01 * std::f64::consts::PI)
+        let turns = |recorded: &&Recorded| {
+            recorded.values.iter().skip(s).step_by(n).any(|value| value.abs() > 1.01 * std::f64::consts::PI)
         };
-        if let Some(own) = segments.iter().find(turns) {
+        if let Some(segment) = segments.iter().find(turns) {
             return Err(EstimateError::AngleTurns {
                 state: transcription.names()[s].clone(),
-                episode: source.episodes()[own.episode].name.clone(),
+                episode: source.episodes()[segment.episode].name.clone(),
             });
         }
     }

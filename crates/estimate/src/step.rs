@@ -47,10 +47,10 @@ pub(crate) fn step(jacobian: &Mat<f64>, rhs: &[f64], region: &Region<'_>) -> Res
     let mut left = rhs.to_vec();
     let (mut bounded, mut damping) = (false, 0.0);
     while !free.is_empty() {
-        let (found, held) = within_radius(jacobian, &left, region, &free)?;
+        let (candidate, held) = within_radius(jacobian, &left, region, &free)?;
         (bounded, damping) = (bounded || held > 0.0, held);
         let beyond = |&(j, s): &(usize, f64)| s < region.room[j][0] || s > region.room[j][1];
-        let pairs: Vec<(usize, f64)> = free.iter().copied().zip(found).collect();
+        let pairs: Vec<(usize, f64)> = free.iter().copied().zip(candidate).collect();
         if !pairs.iter().any(beyond) {
             pairs.iter().for_each(|&(j, s)| step[j] = s);
             break;
@@ -85,13 +85,13 @@ fn within_radius(
     let along: Vec<f64> =
         (0..rank).map(|i| factors.u.col_as_slice(i).iter().zip(rhs).map(|(u, r)| u * r).sum()).collect();
     let damping = damping(s, &along, region.radius);
-    let mut found = vec![0.0; free.len()];
+    let mut step = vec![0.0; free.len()];
     for i in 0..rank {
         let share = -along[i] * s[i] / (s[i] * s[i] + damping);
-        found.iter_mut().zip(factors.v.col_as_slice(i)).for_each(|(value, v)| *value += share * v);
+        step.iter_mut().zip(factors.v.col_as_slice(i)).for_each(|(value, v)| *value += share * v);
     }
-    found.iter_mut().zip(free).for_each(|(value, &j)| *value /= region.scale[j]);
-    Ok((found, damping))
+    step.iter_mut().zip(free).for_each(|(value, &j)| *value /= region.scale[j]);
+    Ok((step, damping))
 }
 
 /// The damping mu at which `|y(mu)|`, `y_i = s_i c_i / (s_i^2 + mu)`, is the radius up to a tenth. It is 0 when the

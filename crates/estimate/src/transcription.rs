@@ -82,9 +82,9 @@ impl Transcription {
         }
         let free: Vec<String> = inputs.iter().filter(|name| free.contains(name)).cloned().collect();
         let replayed: Vec<String> = inputs.iter().filter(|name| !free.contains(name)).cloned().collect();
-        let place = |name: &String| match free.iter().position(|own| own == name) {
+        let place = |name: &String| match free.iter().position(|known| known == name) {
             Some(at) => at,
-            None => free.len() + replayed.iter().position(|own| own == name).unwrap_or(0),
+            None => free.len() + replayed.iter().position(|known| known == name).unwrap_or(0),
         };
         let places = inputs.iter().map(place).collect();
         let names: Vec<String> = states.into_iter().chain(free).collect();
@@ -130,8 +130,8 @@ impl Transcription {
 
     /// The place of a named column.
     pub(crate) fn place(&self, name: &str) -> Result<usize, EstimateError> {
-        let found = self.names.iter().position(|own| own == name);
-        found.ok_or_else(|| EstimateError::NotFollowed { name: name.to_owned(), columns: self.names.join(", ") })
+        let place = self.names.iter().position(|known| known == name);
+        place.ok_or_else(|| EstimateError::NotFollowed { name: name.to_owned(), columns: self.names.join(", ") })
     }
 
     /// The constraints at `z` (r x columns); `None` where the model has no finite value or derivative.
@@ -163,46 +163,47 @@ impl Transcription {
             seconds[k] = 0.5 * (grid.seconds[k] + grid.seconds[k + 1]);
         }
         let in_middle = self.rates(&middles, &seconds, &replayed);
-        let mut found = Defects::zeros(intervals, n, c);
+        let mut defects = Defects::zeros(intervals, n, c);
         for k in 0..intervals {
             let h = grid.seconds[k + 1] - grid.seconds[k];
             let slopes = |rates: &Rates, at: usize, s: usize, j: usize| rates.slopes[(at * n + s) * c + j];
             for s in 0..n {
                 let f = [at_rows.values[k * n + s], in_middle.values[k * n + s], at_rows.values[(k + 1) * n + s]];
-                found.values[k * n + s] = z[(k + 1) * c + s] - z[k * c + s] - h / 6.0 * (f[0] + 4.0 * f[1] + f[2]);
+                defects.values[k * n + s] = z[(k + 1) * c + s] - z[k * c + s] - h / 6.0 * (f[0] + 4.0 * f[1] + f[2]);
                 for j in 0..c {
                     let through = |row: usize| {
                         (0..n).map(|i| slopes(&in_middle, k, s, i) * slopes(&at_rows, row, i, j)).sum::<f64>()
                     };
-                    let (own, middle) = (f64::from(u8::from(s == j)), 2.0 * slopes(&in_middle, k, s, j));
+                    let (identity, middle) = (f64::from(u8::from(s == j)), 2.0 * slopes(&in_middle, k, s, j));
                     let at = (k * n + s) * c + j;
-                    found.before[at] = -own - h / 6.0 * (slopes(&at_rows, k, s, j) + middle + 0.5 * h * through(k));
-                    found.behind[at] =
-                        own - h / 6.0 * (slopes(&at_rows, k + 1, s, j) + middle - 0.5 * h * through(k + 1));
+                    defects.before[at] =
+                        -identity - h / 6.0 * (slopes(&at_rows, k, s, j) + middle + 0.5 * h * through(k));
+                    defects.behind[at] =
+                        identity - h / 6.0 * (slopes(&at_rows, k + 1, s, j) + middle - 0.5 * h * through(k + 1));
                 }
             }
         }
-        (found, Middles { values: middles, replayed, seconds, slopes: in_middle.slopes })
+        (defects, Middles { values: middles, replayed, seconds, slopes: in_middle.slopes })
     }
 
     fn stepped(&self, grid: &Recorded, z: &[f64]) -> Defects {
         let (n, c) = (self.states(), self.names.len());
         let intervals = grid.seconds.len() - 1;
         let rates = self.rates(&z[..intervals * c], &grid.seconds[..intervals], &grid.replayed);
-        let mut found = Defects::zeros(intervals, n, c);
+        let mut defects = Defects::zeros(intervals, n, c);
         for at in 0..intervals * n {
             let (k, s) = (at / n, at % n);
-            found.values[at] = z[(k + 1) * c + s] - rates.values[at];
-            found.behind[at * c + s] = 1.0;
+            defects.values[at] = z[(k + 1) * c + s] - rates.values[at];
+            defects.behind[at * c + s] = 1.0;
         }
-        found.before.iter_mut().zip(&rates.slopes).for_each(|(own, slope)| *own = -slope);
-        found
+        defects.before.iter_mut().zip(&rates.slopes).for_each(|(before, slope)| *before = -slope);
+        defects
     }
 
     /// Right sides at rows of columns (r x columns) and of replayed columns (r x replayed).
     fn rates(&self, z: &[f64], seconds: &[f64], replayed: &[f64]) -> Rates {
         let (n, c, replays, rows) = (self.states(), self.names.len(), self.replayed.len(), seconds.len());
-        let mut found = Rates { values: Vec::with_capacity(rows * n), slopes: Vec::with_capacity(rows * n * c) };
+        let mut rates = Rates { values: Vec::with_capacity(rows * n), slopes: Vec::with_capacity(rows * n * c) };
         let mut workspace = StepperWorkspace::default();
         for first in (0..rows).step_by(ROWS) {
             let count = ROWS.min(rows - first);
@@ -221,73 +222,73 @@ impl Transcription {
                 column.iter_mut().enumerate().for_each(|(k, value)| *value = input(k, place));
             }
             let linearized = self.tangent.linearize(&self.stepper, &points, &mut workspace);
-            for (k, own) in linearized.iter().enumerate() {
+            for (k, linear) in linearized.iter().enumerate() {
                 let x = |j: usize| z[(first + k) * c + j];
-                self.push(own, x, |i| input(k, self.places[i]), &mut found);
+                self.push(linear, x, |i| input(k, self.places[i]), &mut rates);
             }
         }
-        found
+        rates
     }
 
     /// A linearised row: its value, and its derivatives by the states and the inputs that may move.
-    fn push(&self, own: &Linearized, x: impl Fn(usize) -> f64, u: impl Fn(usize) -> f64, found: &mut Rates) {
+    fn push(&self, linear: &Linearized, x: impl Fn(usize) -> f64, u: impl Fn(usize) -> f64, rates: &mut Rates) {
         let (n, c, inputs) = (self.states(), self.names.len(), self.places.len());
         for s in 0..n {
-            let (a, b) = (&own.a[s * n..(s + 1) * n], &own.b[s * inputs..(s + 1) * inputs]);
+            let (a, b) = (&linear.a[s * n..(s + 1) * n], &linear.b[s * inputs..(s + 1) * inputs]);
             let by_states: f64 = a.iter().enumerate().map(|(j, slope)| slope * x(j)).sum();
             let by_inputs: f64 = b.iter().enumerate().map(|(i, slope)| slope * u(i)).sum();
-            found.values.push(own.c[s] + (by_states + by_inputs));
-            found.slopes.extend_from_slice(a);
-            let at = found.slopes.len();
-            found.slopes.resize(at + c - n, 0.0);
+            rates.values.push(linear.c[s] + (by_states + by_inputs));
+            rates.slopes.extend_from_slice(a);
+            let at = rates.slopes.len();
+            rates.slopes.resize(at + c - n, 0.0);
             for (&place, &slope) in self.places.iter().zip(b).filter(|(place, _)| **place < c - n) {
-                found.slopes[at + place] = slope;
+                rates.slopes[at + place] = slope;
             }
         }
     }
 
     /// The states of a simulation from the recorded beginning with the recorded inputs (r x states); of derivatives
     /// also those in the middle of every interval. NaN after divergence.
-    pub(crate) fn open_loop(&self, own: &Recorded) -> Result<Vec<f64>, EstimateError> {
-        let (n, c, replays, rows) = (self.states(), self.names.len(), self.replayed.len(), own.rows.len());
-        let grid = self.stepper.grid(own.seconds.clone())?;
+    pub(crate) fn open_loop(&self, recorded: &Recorded) -> Result<Vec<f64>, EstimateError> {
+        let (n, c, replays, rows) = (self.states(), self.names.len(), self.replayed.len(), recorded.rows.len());
+        let grid = self.stepper.grid(recorded.seconds.clone())?;
         let value = |k: usize, place: usize| match place.checked_sub(c - n) {
-            None => own.values[k * c + n + place],
-            Some(place) => own.replayed[k * replays + place],
+            None => recorded.values[k * c + n + place],
+            Some(place) => recorded.replayed[k * replays + place],
         };
         let next = |k: usize| if self.continuous { k + 1 } else { k };
         let mean = |k: usize, place: usize| 0.5 * (value(k, place) + value(next(k), place));
         let inputs: Vec<f64> =
             (0..rows - 1).flat_map(|k| self.places.iter().map(move |&place| mean(k, place))).collect();
         let mut points = self.stepper.points(1);
-        points.seconds_mut(0)[0] = own.seconds[0];
-        (0..n).for_each(|s| points.column_mut(self.stepper.state_column(s), 0)[0] = own.values[s]);
-        let mut found = vec![f64::NAN; rows * n];
+        points.seconds_mut(0)[0] = recorded.seconds[0];
+        (0..n).for_each(|s| points.column_mut(self.stepper.state_column(s), 0)[0] = recorded.values[s]);
+        let mut values = vec![f64::NAN; rows * n];
         let sequence = InputSequence { values: &inputs, by_point: false, course: Course::Held };
         let integration = Integration::Fixed { method: Method::Rk4, substeps: None };
-        let mut last = own.values[..n].to_vec();
+        let mut last = recorded.values[..n].to_vec();
         self.stepper.simulate(&mut points, &grid, sequence, &integration, |k, states| {
             let finite = states.iter().all(|value| value.is_finite());
             if finite {
-                let mut own: Vec<Vec<f64>> = Vec::new();
+                let mut turns: Vec<Vec<f64>> = Vec::new();
                 for (kind, places) in &self.rotations {
                     let mut parts: Vec<f64> = places.iter().map(|&s| states[s]).collect();
                     kind.nearest(&mut parts, &places.iter().map(|&s| last[s]).collect::<Vec<_>>());
-                    own.push(parts);
+                    turns.push(parts);
                 }
                 for (s, (value, last)) in states.iter().zip(&mut last).enumerate() {
                     let turn = std::f64::consts::TAU;
                     // As the recording, without jumps.
                     *last = value + if self.angle[s] { turn * ((*last - value) / turn).round() } else { 0.0 };
                 }
-                for ((_, places), parts) in self.rotations.iter().zip(own) {
+                for ((_, places), parts) in self.rotations.iter().zip(turns) {
                     places.iter().zip(parts).for_each(|(&s, part)| last[s] = part);
                 }
-                found[k * n..(k + 1) * n].copy_from_slice(&last);
+                values[k * n..(k + 1) * n].copy_from_slice(&last);
             }
             finite
         });
-        Ok(found)
+        Ok(values)
     }
 }
 
@@ -301,11 +302,11 @@ impl Defects {
     pub(crate) fn scaled(mut self, states: usize, units: &[f64]) -> Self {
         let c = units.len();
         for (at, value) in self.values.iter_mut().enumerate() {
-            let own = units[at % states];
-            *value /= own;
+            let size = units[at % states];
+            *value /= size;
             for (j, unit) in units.iter().enumerate() {
-                self.before[at * c + j] *= unit / own;
-                self.behind[at * c + j] *= unit / own;
+                self.before[at * c + j] *= unit / size;
+                self.behind[at * c + j] *= unit / size;
             }
         }
         self

@@ -175,9 +175,9 @@ fn eliminate(residuals: &mut Residuals) -> Option<Mat<f64>> {
     let mut along = Mat::<f64>::zeros(rank, p);
     // Twice is enough: the basis is orthonormal up to the condition of the derivatives.
     for _ in 0..2 {
-        let found = basis.transpose() * &*S;
-        *S -= &basis * &found;
-        along += found;
+        let projection = basis.transpose() * &*S;
+        *S -= &basis * &projection;
+        along += projection;
     }
     let response = &root * &along;
     Some(Mat::from_fn(n, p, |j, k| -response[(j, k)] / lengths[j]))

@@ -42,14 +42,14 @@ pub(super) struct Coloured {
 
 pub(super) fn coloured(series: &[Series], parameters: usize) -> Coloured {
     let m = series[0].outputs;
-    let longest = series.iter().map(|own| own.residuals.values.len() / m).max().unwrap_or(1);
+    let longest = series.iter().map(|segment| segment.residuals.values.len() / m).max().unwrap_or(1);
     let most = (longest / 5).clamp(1, MOST_LAGS).min(longest - 1);
     let covariances = covariances(series, m, most);
-    let rows = series.iter().map(|own| own.residuals.values.len() / m).sum::<usize>();
+    let rows = series.iter().map(|segment| segment.residuals.values.len() / m).sum::<usize>();
     let memory = memory(&covariances, m, rows.saturating_sub(parameters).max(1));
     let p = series[0].residuals.by_parameters.ncols();
     let mut sum = Mat::<f64>::zeros(p, p);
-    series.iter().for_each(|own| add(&mut sum, own, &covariances[..=memory]));
+    series.iter().for_each(|segment| add(&mut sum, segment, &covariances[..=memory]));
     Coloured {
         middle: Mat::from_fn(p, p, |a, b| 0.5 * (sum[(a, b)] + sum[(b, a)])),
         memory,

@@ -186,10 +186,10 @@ impl<'a> Segments<'a> {
     pub(super) fn deviations_of(&self, shares: &[f64]) -> (Vec<f64>, f64) {
         let (squares, counts) = shares.split_at(self.outputs.len());
         let deviation = |at: usize| self.deviations[at] * (squares[at] / counts[at].max(1.0)).sqrt();
-        let found: Vec<f64> = (0..self.outputs.len()).map(|at| deviation(at).max(self.least[at])).collect();
+        let deviations: Vec<f64> = (0..self.outputs.len()).map(|at| deviation(at).max(self.least[at])).collect();
         let change = |(old, new): (&f64, &f64)| (new / old - 1.0).abs();
-        let change = self.deviations.iter().zip(&found).map(change).fold(0.0, f64::max);
-        (found, change)
+        let change = self.deviations.iter().zip(&deviations).map(change).fold(0.0, f64::max);
+        (deviations, change)
     }
 
     /// `sum_j n_j log sigma_j` with the deviations that [`Self::deviations_of`] finds.
@@ -205,14 +205,14 @@ impl<'a> Segments<'a> {
         take: impl Fn(Stretch, Best) -> R + Sync,
     ) -> Result<Option<Vec<R>>, EstimateError> {
         self.passes.fetch_add(1, Ordering::Relaxed);
-        let (parameters, found) = theta.split_at(self.parameters.len());
+        let (parameters, gain_values) = theta.split_at(self.parameters.len());
         let stretches = stretches(self.model, parameters, self.source, &self.options.shooting)?;
-        let mut gains = vec![0.0; if found.is_empty() { 0 } else { self.states.len() }];
-        self.outputs.iter().zip(found).for_each(|(&state, &gain)| gains[state] = gain);
+        let mut gains = vec![0.0; if gain_values.is_empty() { 0 } else { self.states.len() }];
+        self.outputs.iter().zip(gain_values).for_each(|(&state, &gain)| gains[state] = gain);
         let guesses = self.guesses(theta);
         let mut scale = vec![0.0; self.states.len()];
         self.outputs.iter().zip(&self.deviations).for_each(|(&state, deviation)| scale[state] = 1.0 / deviation);
-        let found = parallel_map(self.segments.len(), self.progress, |at| -> Result<_, EstimateError> {
+        let parts = parallel_map(self.segments.len(), self.progress, |at| -> Result<_, EstimateError> {
             let stretch = self.segments[at];
             let block = &stretches.read(stretch)?;
             let (stretches, scale, gains, bounds) = (&stretches, &scale[..], &gains[..], &self.open[..]);
@@ -220,7 +220,7 @@ impl<'a> Segments<'a> {
             let segment = Segment { stretches, block, stretch, scale, gains, search, bounds, last: Default::default() };
             Ok(segment.best(guesses[at].clone())?.map(|best| take(stretch, best)))
         })?;
-        Ok(found.into_iter().collect())
+        Ok(parts.into_iter().collect())
     }
 
     /// The beginnings at the best parameters so far, moved to these to first order.
@@ -280,8 +280,8 @@ impl<'a> Segments<'a> {
         let take = |stretch: Stretch, best: Best| {
             (Begun { stretch, states: best.beginning }, Series { outputs: m, residuals: best.residuals })
         };
-        let found = self.each(theta, take)?.ok_or_else(|| self.refused())?;
-        let (beginnings, series) = found.into_iter().unzip();
+        let evaluated = self.each(theta, take)?.ok_or_else(|| self.refused())?;
+        let (beginnings, series) = evaluated.into_iter().unzip();
         Ok(Last { beginnings, series })
     }
 }

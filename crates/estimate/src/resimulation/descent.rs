@@ -53,7 +53,7 @@ struct Place {
 
 struct Problem<'a> {
     transcription: &'a Transcription,
-    own: &'a Recorded,
+    recorded: &'a Recorded,
     scale: &'a Scale,
     /// W (rows x columns): the weights of rows, 0 where nothing was recorded.
     weights: Vec<f64>,
@@ -75,11 +75,11 @@ struct Search<'a> {
 /// Follows a recording from itself; `None` where the model has no value along it.
 pub(super) fn follow(
     transcription: &Transcription,
-    own: &Recorded,
+    recorded: &Recorded,
     scale: &Scale,
     iterations: usize,
 ) -> Result<Option<Followed>, EstimateError> {
-    let problem = Problem::new(transcription, own, scale);
+    let problem = Problem::new(transcription, recorded, scale);
     let Some(mut search) = Search::new(&problem) else { return Ok(None) };
     let ending = loop {
         fleetfoot_data::checkpoint();
@@ -98,7 +98,7 @@ impl<'a> Search<'a> {
             let [low, high] = problem.scale.bounds[at % c];
             value.clamp(low, high)
         };
-        let place = problem.at(problem.own.values.iter().enumerate().map(inside).collect())?;
+        let place = problem.at(problem.recorded.values.iter().enumerate().map(inside).collect())?;
         let multipliers = vec![0.0; place.defects.values.len()];
         Some(Self { problem, place, multipliers, radius: RADIUS[0], nu: 1.0, programs: 0, before: None })
     }
@@ -107,15 +107,15 @@ impl<'a> Search<'a> {
     fn advance(&mut self, iterations: usize) -> Result<Option<Ending>, EstimateError> {
         let (problem, place) = (self.problem, &self.place);
         let slope = problem.slope(&place.z);
-        let found = problem.step(place, &slope, (&place.defects.values, &self.multipliers), [self.radius, self.nu])?;
+        let step = problem.step(place, &slope, (&place.defects.values, &self.multipliers), [self.radius, self.nu])?;
         self.programs += 1;
-        self.nu = found.multipliers.iter().fold(self.nu, |nu, value| nu.max(2.0 * value.abs()));
-        self.multipliers.clone_from(&found.multipliers);
+        self.nu = step.multipliers.iter().fold(self.nu, |nu, value| nu.max(2.0 * value.abs()));
+        self.multipliers.clone_from(&step.multipliers);
         let certificate = problem.certificate(place, &self.multipliers);
         if certificate.of_minimum() <= 1.0 {
             return Ok(Some(Ending::Minimum));
         }
-        let worse = |(.., own): &mut (Place, Vec<f64>, Certificate)| own.of_minimum() <= certificate.of_minimum();
+        let worse = |(.., other): &mut (Place, Vec<f64>, Certificate)| other.of_minimum() <= certificate.of_minimum();
         if let Some((place, multipliers, _)) = self.before.take_if(worse) {
             (self.place, self.multipliers) = (place, multipliers);
             return Ok(Some(Ending::Stalled));
@@ -123,21 +123,21 @@ impl<'a> Search<'a> {
         if self.programs >= iterations {
             return Ok(Some(Ending::Iterations));
         }
-        let promised = problem.promised(place, &slope, &found.step, self.nu);
+        let promised = problem.promised(place, &slope, &step.step, self.nu);
         if promised > DROWNED * place.objective + problem.rounding(place, self.nu) {
             self.before = None;
-            return self.judged(&slope, found, promised);
+            return self.judged(&slope, step, promised);
         }
-        let Some(next) = problem.moved(place, &found.step) else { return Ok(Some(Ending::Stalled)) };
+        let Some(next) = problem.moved(place, &step.step) else { return Ok(Some(Ending::Stalled)) };
         self.before = Some((std::mem::replace(&mut self.place, next), self.multipliers.clone(), certificate));
         Ok(None)
     }
 
     /// Takes a step, corrects it or shrinks the region, by the merit.
-    fn judged(&mut self, slope: &[f64], found: Step, promised: f64) -> Result<Option<Ending>, EstimateError> {
+    fn judged(&mut self, slope: &[f64], step: Step, promised: f64) -> Result<Option<Ending>, EstimateError> {
         let (problem, place, nu) = (self.problem, &self.place, self.nu);
-        let length = problem.length(&found.step);
-        let (ratio, taken) = match problem.tried(place, &found, promised, nu) {
+        let length = problem.length(&step.step);
+        let (ratio, taken) = match problem.tried(place, &step, promised, nu) {
             (ratio, Some(next)) if ratio >= TAKEN => (ratio, Some(next)),
             (ratio, Some(next)) => {
                 self.programs += 1;
@@ -168,12 +168,12 @@ impl Certificate {
 }
 
 impl<'a> Problem<'a> {
-    fn new(transcription: &'a Transcription, own: &'a Recorded, scale: &'a Scale) -> Self {
+    fn new(transcription: &'a Transcription, recorded: &'a Recorded, scale: &'a Scale) -> Self {
         let c = scale.spreads.len();
-        let rows = own.weights();
-        let weight = |at: usize| if own.there[at] { rows[at / c] } else { 0.0 };
-        let weights = (0..own.values.len()).map(weight).collect();
-        Self { transcription, own, scale, weights, n: transcription.states() }
+        let rows = recorded.weights();
+        let weight = |at: usize| if recorded.there[at] { rows[at / c] } else { 0.0 };
+        let weights = (0..recorded.values.len()).map(weight).collect();
+        Self { transcription, recorded, scale, weights, n: transcription.states() }
     }
 
     /// Unit of a place's column: its deviation.
@@ -186,22 +186,22 @@ impl<'a> Problem<'a> {
     }
 
     fn at(&self, z: Vec<f64>) -> Option<Place> {
-        let defects = self.transcription.defects(self.own, &z)?.scaled(self.n, &self.scale.deviations);
-        let square = |at: usize| self.weights[at] * ((z[at] - self.own.values[at]) / self.unit(at)).powi(2);
+        let defects = self.transcription.defects(self.recorded, &z)?.scaled(self.n, &self.scale.deviations);
+        let square = |at: usize| self.weights[at] * ((z[at] - self.recorded.values[at]) / self.unit(at)).powi(2);
         let objective = 0.5 * (0..z.len()).map(square).sum::<f64>();
         Some(Place { z, defects, objective })
     }
 
     /// W xi.
     fn slope(&self, z: &[f64]) -> Vec<f64> {
-        let of = |at: usize| self.weights[at] * (z[at] - self.own.values[at]) / self.unit(at);
+        let of = |at: usize| self.weights[at] * (z[at] - self.recorded.values[at]) / self.unit(at);
         (0..z.len()).map(of).collect()
     }
 
     /// The largest component of a step, in spreads.
     fn length(&self, step: &[f64]) -> f64 {
-        let own = |(at, d): (usize, &f64)| d.abs() * self.unit(at) / self.spread(at);
-        step.iter().enumerate().map(own).fold(0.0, f64::max)
+        let scaled = |(at, d): (usize, &f64)| d.abs() * self.unit(at) / self.spread(at);
+        step.iter().enumerate().map(scaled).fold(0.0, f64::max)
     }
 
     /// Step from the defects and the expected multipliers.
@@ -234,8 +234,8 @@ impl<'a> Problem<'a> {
     /// Effect of the defects' rounding on the merit: they are differences of states.
     fn rounding(&self, place: &Place, nu: f64) -> f64 {
         let c = self.scale.spreads.len();
-        let own = |at: usize| if at % c < self.n { (place.z[at] / self.unit(at)).abs() } else { 0.0 };
-        4.0 * f64::EPSILON * nu * (0..place.z.len()).map(own).sum::<f64>()
+        let size_of = |at: usize| if at % c < self.n { (place.z[at] / self.unit(at)).abs() } else { 0.0 };
+        4.0 * f64::EPSILON * nu * (0..place.z.len()).map(size_of).sum::<f64>()
     }
 
     /// By how much the program lowers the merit.
@@ -259,8 +259,8 @@ impl<'a> Problem<'a> {
     }
 
     /// End of a step, and the share of the promised reduction that it brings.
-    fn tried(&self, place: &Place, found: &Step, promised: f64, nu: f64) -> (f64, Option<Place>) {
-        match self.moved(place, &found.step) {
+    fn tried(&self, place: &Place, step: &Step, promised: f64, nu: f64) -> (f64, Option<Place>) {
+        match self.moved(place, &step.step) {
             Some(next) => ((self.merit(place, nu) - self.merit(&next, nu)) / promised, Some(next)),
             None => (f64::NEG_INFINITY, None),
         }
@@ -276,8 +276,8 @@ impl<'a> Problem<'a> {
         let step: Vec<f64> = (0..place.z.len()).map(|at| (tried.z[at] - place.z[at]) / self.unit(at)).collect();
         let moved = place.defects.moved(self.n, &step);
         let values: Vec<f64> = tried.defects.values.iter().zip(&moved).map(|(value, moved)| value - moved).collect();
-        let found = self.step(place, slope, (&values, known), [radius, nu])?;
-        let (ratio, next) = self.tried(place, &found, promised, nu);
+        let step = self.step(place, slope, (&values, known), [radius, nu])?;
+        let (ratio, next) = self.tried(place, &step, promised, nu);
         Ok(next.filter(|_| ratio >= TAKEN).map(|next| (ratio, next)))
     }
 
@@ -329,13 +329,13 @@ impl Defects {
     /// J' lambda.
     pub(super) fn transposed(&self, n: usize, multipliers: &[f64]) -> Vec<f64> {
         let c = self.before.len() / self.values.len();
-        let mut found = vec![0.0; (self.values.len() / n + 1) * c];
+        let mut product = vec![0.0; (self.values.len() / n + 1) * c];
         for (at, lambda) in multipliers.iter().enumerate() {
             for (block, row) in [(&self.before, at / n), (&self.behind, at / n + 1)] {
-                let out = found[row * c..(row + 1) * c].iter_mut();
+                let out = product[row * c..(row + 1) * c].iter_mut();
                 out.zip(&block[at * c..(at + 1) * c]).for_each(|(out, slope)| *out += slope * lambda);
             }
         }
-        found
+        product
     }
 }

@@ -55,22 +55,22 @@ struct Belief {
 }
 
 /// Variances of states and inputs over the squares of their spreads; `None` where the model has no value along the recording.
-pub(super) fn variances(transcription: &Transcription, own: &Recorded, spreads: &[f64]) -> Option<Vec<f64>> {
-    let system = System::new(transcription, own, spreads)?;
+pub(super) fn variances(transcription: &Transcription, recorded: &Recorded, spreads: &[f64]) -> Option<Vec<f64>> {
+    let system = System::new(transcription, recorded, spreads)?;
     let begin = |column: usize| BEGIN[usize::from(column >= system.n)].powi(2);
     let mut variances: Vec<f64> = (0..spreads.len()).map(begin).collect();
     // The likelihood where a step came from and where it led by itself.
     let (mut before, mut short) = (f64::NEG_INFINITY, variances.clone());
     let mut length = 1.0;
     for _ in 0..STEPS {
-        let (likelihood, found) = system.maximised(&variances);
+        let (likelihood, maximum) = system.maximised(&variances);
         // Too long: what one step leads to cannot be worse than where it came from.
         if length > 1.0 && (likelihood < before || likelihood.is_nan()) {
             (length, variances) = (1.0, short.clone());
             continue;
         }
         before = likelihood;
-        short = found.into_iter().map(held).collect();
+        short = maximum.into_iter().map(held).collect();
         let change = |(new, old): (&f64, &f64)| (new / old).ln().abs();
         if short.iter().zip(&variances).map(change).fold(0.0, f64::max) < SETTLED {
             break;
@@ -88,10 +88,10 @@ fn held(variance: f64) -> f64 {
 }
 
 impl System {
-    fn new(transcription: &Transcription, own: &Recorded, spreads: &[f64]) -> Option<Self> {
+    fn new(transcription: &Transcription, recorded: &Recorded, spreads: &[f64]) -> Option<Self> {
         let (n, c) = (transcription.states(), spreads.len());
-        let defects = transcription.defects(own, &own.values)?.scaled(n, spreads);
-        let rows = own.rows.len().min(MOST_ROWS);
+        let defects = transcription.defects(recorded, &recorded.values)?.scaled(n, spreads);
+        let rows = recorded.rows.len().min(MOST_ROWS);
         let mut steps = Vec::with_capacity(rows - 1);
         for k in 0..rows - 1 {
             let of = |blocks: &[f64], s: usize, j: usize| blocks[(k * n + s) * c + j];
@@ -108,7 +108,7 @@ impl System {
             };
             steps.push([take(0, n), take(n, c), take(c, c + 1)]);
         }
-        let measured = (0..rows * n).map(|at| own.there[at / n * c + at % n]).collect();
+        let measured = (0..rows * n).map(|at| recorded.there[at / n * c + at % n]).collect();
         Some(Self { n, m: c - n, steps, measured })
     }
 
@@ -117,7 +117,7 @@ impl System {
     fn maximised(&self, variances: &[f64]) -> (f64, Vec<f64>) {
         let (n, m) = (self.n, self.m);
         let beliefs = self.forward(variances);
-        let unlikely = |own: &Update| own.innovation * own.innovation / own.variance + own.variance.ln();
+        let unlikely = |update: &Update| update.innovation * update.innovation / update.variance + update.variance.ln();
         let likelihood = -0.5 * beliefs.iter().flat_map(|belief| &belief.updates).map(unlikely).sum::<f64>();
         let (mut sums, mut counts) = (vec![0.0; n + m], vec![0.0_f64; n + m]);
         let (mut lambda, mut Lambda) = (vec![0.0; n], vec![0.0; n * n]);
@@ -215,13 +215,13 @@ fn congruent(a: &[f64], b: &[f64], n: usize) -> Vec<f64> {
             out.iter_mut().zip(from).for_each(|(out, from)| *out += value * from);
         }
     }
-    let mut found = vec![0.0; n * n];
+    let mut product = vec![0.0; n * n];
     for (from, row) in b.chunks_exact(n).zip(right.chunks_exact(n)) {
         for (i, factor) in from.iter().enumerate() {
-            found[i * n..(i + 1) * n].iter_mut().zip(row).for_each(|(out, value)| *out += factor * value);
+            product[i * n..(i + 1) * n].iter_mut().zip(row).for_each(|(out, value)| *out += factor * value);
         }
     }
-    (0..n * n).map(|at| 0.5 * (found[at] + found[at % n * n + at / n])).collect()
+    (0..n * n).map(|at| 0.5 * (product[at] + product[at % n * n + at / n])).collect()
 }
 
 /// A^-1 B in place of B (n x width), by elimination with the largest pivot; `None` where A is singular.

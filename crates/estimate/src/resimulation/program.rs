@@ -71,24 +71,24 @@ impl Program<'_> {
         let within = |step: &[f64]| {
             step.iter().zip(self.low).zip(self.high).all(|((d, low), high)| d.is_finite() && d >= low && d <= high)
         };
-        if let Some(found) = self.solve(Kind::Equations, &[])?.filter(|found| within(&found.step)) {
-            return Ok(found);
+        if let Some(step) = self.solve(Kind::Equations, &[])?.filter(|step| within(&step.step)) {
+            return Ok(step);
         }
         for kind in [Kind::Bounded, Kind::Elastic(nu)] {
-            let Some(mut found) = self.solve(kind, &[])? else { continue };
+            let Some(mut step) = self.solve(kind, &[])? else { continue };
             // Where which bounds hold is known, the step is that of equations again, to the last digits.
             if kind == Kind::Bounded {
-                let pinned = std::mem::take(&mut found.pinned);
+                let pinned = std::mem::take(&mut step.pinned);
                 let exact = self.solve(Kind::Equations, &pinned)?;
                 let near = |d: f64, low: f64, high: f64| d >= low - NEAR && d <= high + NEAR;
-                let inside = |own: &Step| {
-                    own.step.iter().zip(self.low.iter().zip(self.high)).all(|(&d, (&low, &high))| near(d, low, high))
+                let inside = |step: &Step| {
+                    step.step.iter().zip(self.low.iter().zip(self.high)).all(|(&d, (&low, &high))| near(d, low, high))
                 };
-                found = exact.filter(inside).unwrap_or(found);
+                step = exact.filter(inside).unwrap_or(step);
             }
             let bounds = self.low.iter().zip(self.high);
-            found.step.iter_mut().zip(bounds).for_each(|(d, (low, high))| *d = d.clamp(*low, *high));
-            return Ok(found);
+            step.step.iter_mut().zip(bounds).for_each(|(d, (low, high))| *d = d.clamp(*low, *high));
+            return Ok(step);
         }
         let (step, multipliers) = (vec![0.0; self.slope.len()], vec![0.0; self.values.len()]);
         Ok(Step { step, multipliers, pinned: Vec::new() })
@@ -104,7 +104,7 @@ impl Program<'_> {
         let none = vec![0.0; constraints];
         let known = if elastic { &none[..] } else { self.known };
         let mut linear = self.defects.transposed(self.states, known);
-        linear.iter_mut().zip(self.slope).for_each(|(own, slope)| *own += slope);
+        linear.iter_mut().zip(self.slope).for_each(|(entry, slope)| *entry += slope);
         let mut right: Vec<f64> = self.values.iter().map(|value| -value).collect();
         right.extend(pinned.iter().map(|pin| pin.1));
         let unit = unit(linear.iter().chain(&right), if bounds > 0 { BOUNDED_UNIT } else { 0.0 });

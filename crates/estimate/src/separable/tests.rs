@@ -38,10 +38,10 @@ fn values(source: &MemorySource, text: &str) -> Vec<f64> {
     let design = fleetfoot_library::Design::compile(&[parse(text)], &names).unwrap();
     let rows = source.episodes()[0].rows;
     let block = filtered.read(0, 0..rows, design.halo()).unwrap();
-    let mut found = fleetfoot_library::DesignRows::default();
-    design.evaluate(&block, 0..rows, &mut found);
+    let mut design_rows = fleetfoot_library::DesignRows::default();
+    design.evaluate(&block, 0..rows, &mut design_rows);
     let mut all = vec![0.0; rows];
-    found.index.iter().zip(found.output(0)).for_each(|(&row, &value)| all[row] = value);
+    design_rows.index.iter().zip(design_rows.output(0)).for_each(|(&row, &value)| all[row] = value);
     all
 }
 
@@ -86,7 +86,7 @@ fn it_is_the_minimum_of_the_joint_problem() {
         target("z", &["lag1(u^2, tau)", "exp(-k*u)"]).weighted(3.0),
     ];
     let parameters = [Parameter::new("tau", 0.05).between(0.01, 1.0), Parameter::new("k", 0.1)];
-    let found = solve(&targets, &parameters, &source);
+    let solution = solve(&targets, &parameters, &source);
     let residuals = [
         Residual::new(parse("y"), parse("a + b*exp(-k*u)*u + c*lag1(u, tau)")),
         Residual::new(parse("z"), parse("d*lag1(u^2, tau) + e*exp(-k*u)")).weighted(3.0),
@@ -94,19 +94,19 @@ fn it_is_the_minimum_of_the_joint_problem() {
     let all: Vec<Parameter> =
         parameters.iter().cloned().chain(["a", "b", "c", "d", "e"].map(|name| Parameter::new(name, 0.5))).collect();
     let joint = nonlinear_least_squares(&residuals, &all, &source, &Options::default(), &Silent).unwrap();
-    assert!(found.estimate.status.converged() && found.estimate.gradient < 1e-10, "{found:?}");
-    assert!((found.estimate.cost / joint.cost - 1.0).abs() < 1e-12);
+    assert!(solution.estimate.status.converged() && solution.estimate.gradient < 1e-10, "{solution:?}");
+    assert!((solution.estimate.cost / joint.cost - 1.0).abs() < 1e-12);
     for j in 0..7 {
-        let (a, b) = (found.estimate.values[j], joint.values[j]);
+        let (a, b) = (solution.estimate.values[j], joint.values[j]);
         assert!((a - b).abs() < 1e-6 * joint.standard_errors()[j], "{j}: {a} {b}");
-        let (a, b) = (&found.estimate.covariance, &joint.covariance);
+        let (a, b) = (&solution.estimate.covariance, &joint.covariance);
         assert!((a[(j, j)] / b[(j, j)] - 1.0).abs() < 1e-6, "{j}");
     }
-    assert_eq!(found.targets[0].coefficients, found.estimate.values[2..5]);
-    assert_eq!(found.targets[1].errors, found.estimate.standard_errors()[5..]);
-    assert!(found.estimate.iterations < joint.iterations, "{} {}", found.estimate.iterations, joint.iterations);
-    let (y, z) = (found.targets[0].rms, found.target("z").unwrap().rms);
-    assert!((2_000.0 * (y * y + 3.0 * z * z) / found.estimate.cost - 1.0).abs() < 1e-12);
+    assert_eq!(solution.targets[0].coefficients, solution.estimate.values[2..5]);
+    assert_eq!(solution.targets[1].errors, solution.estimate.standard_errors()[5..]);
+    assert!(solution.estimate.iterations < joint.iterations, "{} {}", solution.estimate.iterations, joint.iterations);
+    let (y, z) = (solution.targets[0].rms, solution.target("z").unwrap().rms);
+    assert!((2_000.0 * (y * y + 3.0 * z * z) / solution.estimate.cost - 1.0).abs() < 1e-12);
     assert!(
         (y / 0.02 - 1.0).abs() < 0.06 && (z / 0.02 - 1.0).abs() < 0.06,
         "4 standard errors of a deviation of 2000 rows"
@@ -118,12 +118,12 @@ fn exact_data_give_exact_constants() {
     let y = |source: &MemorySource| values(source, "1.5*lag1(lag1(u, 0.05), 0.31) - 0.2");
     let source = excited(3_000, 8, &[("y", &y)]);
     let parameters = [Parameter::new("a", 0.02).between(0.001, 0.1), Parameter::new("b", 0.15).between(0.1, 2.0)];
-    let found = solve(&[target("y", &["lag1(lag1(u, a), b)", "1"])], &parameters, &source);
-    for (value, truth) in found.estimate.values.iter().zip([0.05, 0.31, 1.5, -0.2]) {
-        assert!((value - truth).abs() < 1e-9, "{:?}", found.estimate);
+    let solution = solve(&[target("y", &["lag1(lag1(u, a), b)", "1"])], &parameters, &source);
+    for (value, truth) in solution.estimate.values.iter().zip([0.05, 0.31, 1.5, -0.2]) {
+        assert!((value - truth).abs() < 1e-9, "{:?}", solution.estimate);
     }
-    assert!(found.targets[0].rms < 1e-10);
-    assert_eq!(found.insert(&parse("lag1(u, a)")).to_string(), format!("lag1(u, {})", found.estimate.values[0]));
+    assert!(solution.targets[0].rms < 1e-10);
+    assert_eq!(solution.insert(&parse("lag1(u, a)")).to_string(), format!("lag1(u, {})", solution.estimate.values[0]));
 }
 
 const REPLICATES: usize = 400;
@@ -133,7 +133,7 @@ const REPLICATES: usize = 400;
 fn covers(truth: f64, replicate: impl Fn(u64) -> Uncertain + Sync) {
     let one = |seed| Ok::<_, EstimateError>(replicate(seed as u64));
     let all = fleetfoot_data::parallel_map(REPLICATES, &Silent, one).unwrap();
-    let distances: Vec<f64> = all.iter().map(|found| (found.value - truth).abs() / found.error).collect();
+    let distances: Vec<f64> = all.iter().map(|estimated| (estimated.value - truth).abs() / estimated.error).collect();
     let share = distances.iter().filter(|&&distance| distance < 1.96).count() as f64 / REPLICATES as f64;
     let worst = distances.iter().copied().fold(0.0, f64::max);
     println!("coverage {share}, worst {worst}");
@@ -148,9 +148,9 @@ fn standard_errors_cover_a_time_constant() {
         };
         let source = excited(400, seed, &[("y", &y)]);
         let parameters = [Parameter::new("tau", 0.05).between(0.01, 0.5)];
-        let found = solve(&[target("y", &["1", "lag1(u, tau)", "lag1(u, tau)^2"])], &parameters, &source);
-        assert!(found.estimate.status.converged() && found.estimate.gradient < 1e-9);
-        found.parameter("tau").unwrap()
+        let solution = solve(&[target("y", &["1", "lag1(u, tau)", "lag1(u, tau)^2"])], &parameters, &source);
+        assert!(solution.estimate.status.converged() && solution.estimate.gradient < 1e-9);
+        solution.parameter("tau").unwrap()
     });
 }
 
@@ -161,12 +161,12 @@ fn standard_errors_cover_a_delay() {
         let source = excited(400, seed, &[("y", &y)]);
         let parameters = [Parameter::new("d", 0.02).between(0.0, 0.2)];
         let options = SeparableOptions { starts: 6, ..SeparableOptions::default() };
-        let found =
+        let result =
             separable(&[target("y", &["delay(lag1(u, 0.1), d)", "1"])], &parameters, &source, &options, &Silent);
-        let found = found.unwrap();
+        let solution = result.unwrap();
         // The rows that have a past of 0.2 s, whatever the delay.
-        assert_eq!(found.estimate.rows, 380);
-        found.parameter("d").unwrap()
+        assert_eq!(solution.estimate.rows, 380);
+        solution.parameter("d").unwrap()
     });
 }
 
@@ -188,13 +188,13 @@ fn starts_find_the_lowest_of_many_minima() {
     let targets = [target("y", &["delay(u, d)"])];
     let alone = solve(&targets, &parameters, &source);
     let options = SeparableOptions { starts: 40, descents: 3, ..SeparableOptions::default() };
-    let found = separable(&targets, &parameters, &source, &options, &Silent).unwrap();
+    let solution = separable(&targets, &parameters, &source, &options, &Silent).unwrap();
     assert!(
-        alone.estimate.cost > 1.2 * found.estimate.cost && (found.estimate.values[0] - 1.234).abs() < 0.002,
-        "{found:?}"
+        alone.estimate.cost > 1.2 * solution.estimate.cost && (solution.estimate.values[0] - 1.234).abs() < 0.002,
+        "{solution:?}"
     );
-    assert_eq!((found.starts.len(), alone.starts.len()), (41, 1));
-    assert!(found.starts.iter().all(|start| start.cost.unwrap() >= found.estimate.cost));
+    assert_eq!((solution.starts.len(), alone.starts.len()), (41, 1));
+    assert!(solution.starts.iter().all(|start| start.cost.unwrap() >= solution.estimate.cost));
 }
 
 #[test]
@@ -225,15 +225,15 @@ fn missing_values_and_borders_leave_rows_out_whatever_the_parameters() {
     u[200] = f64::NAN;
     source.push_uniform("with a hole", 0.01, vec![u, rows.core(1).to_vec()]);
     let parameters = [Parameter::new("d", 0.095).between(0.0, 0.15)];
-    let found = solve(&[target("y", &["delay(u, d)"])], &parameters, &source);
+    let solution = solve(&[target("y", &["delay(u, d)"])], &parameters, &source);
     // 15 rows at the start of each, and 16 that see the hole.
-    assert_eq!(found.estimate.rows, 2 * (500 - 15) - 16);
-    assert!((found.estimate.values[0] - 0.1).abs() < 1e-9, "{:?}", found.estimate);
+    assert_eq!(solution.estimate.rows, 2 * (500 - 15) - 16);
+    assert!((solution.estimate.values[0] - 0.1).abs() < 1e-9, "{:?}", solution.estimate);
     // By the other door too.
     let residuals = [Residual::new(parse("y"), parse("c*delay(u, d)"))];
     let all = [parameters[0].clone(), Parameter::new("c", 0.5)];
     let joint = nonlinear_least_squares(&residuals, &all, &source, &Options::default(), &Silent).unwrap();
-    assert_eq!(joint.rows, found.estimate.rows);
+    assert_eq!(joint.rows, solution.estimate.rows);
     assert!((joint.values[0] - 0.1).abs() < 1e-9 && (joint.values[1] - 1.0).abs() < 1e-9);
 }
 
@@ -242,16 +242,16 @@ fn bounds_hold_and_what_is_not_determined_is_named() {
     let y = |source: &MemorySource| noisy(values(source, "lag1(u, 0.3)"), 0.01, 6);
     let source = excited(1_000, 12, &[("y", &y), ("k", &|_| vec![2.0; 1_000])]);
     let at = |low: f64, high: f64| [Parameter::new("tau", low).between(low, high)];
-    let found = solve(&[target("y", &["lag1(u, tau)"])], &at(0.01, 0.2), &source);
-    assert_eq!((found.estimate.values[0], &found.estimate.at_bounds), (0.2, &vec![0]));
-    assert_eq!(found.parameter("tau").unwrap().error, 0.0);
+    let solution = solve(&[target("y", &["lag1(u, tau)"])], &at(0.01, 0.2), &source);
+    assert_eq!((solution.estimate.values[0], &solution.estimate.at_bounds), (0.2, &vec![0]));
+    assert_eq!(solution.parameter("tau").unwrap().error, 0.0);
     // The lag of a constant is the constant; and twice the same function leaves a choice.
-    let found = solve(&[target("y", &["lag1(k, tau)", "u"])], &at(0.1, 1.0), &source);
-    assert_eq!(found.estimate.undetermined, [0]);
-    let found = solve(&[target("y", &["lag1(u, tau)", "2*lag1(u, tau)"])], &at(0.1, 1.0), &source);
-    assert_eq!(found.estimate.undetermined, [1, 2]);
-    assert!((found.estimate.values[0] - 0.3).abs() < 0.01);
-    let [a, b] = found.targets[0].coefficients[..] else { panic!("two") };
+    let solution = solve(&[target("y", &["lag1(k, tau)", "u"])], &at(0.1, 1.0), &source);
+    assert_eq!(solution.estimate.undetermined, [0]);
+    let solution = solve(&[target("y", &["lag1(u, tau)", "2*lag1(u, tau)"])], &at(0.1, 1.0), &source);
+    assert_eq!(solution.estimate.undetermined, [1, 2]);
+    assert!((solution.estimate.values[0] - 0.3).abs() < 0.01);
+    let [a, b] = solution.targets[0].coefficients[..] else { panic!("two") };
     assert!((a + 2.0 * b - 1.0).abs() < 0.01 && (a - 2.0 * b).abs() < 1e-10, "{a} {b}");
 }
 

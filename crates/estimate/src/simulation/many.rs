@@ -116,12 +116,12 @@ pub(super) fn path(
     let held = hold.map(|hold| (hold, &normal));
     let mut descent =
         Near { rows, metric: &metric, held, theta: start.clone(), start: &start, at: before.sums, tau: 0.0, radius };
-    let mut found = Vec::with_capacity(options.many.weights.len());
+    let mut solutions = Vec::with_capacity(options.many.weights.len());
     for weight in &options.many.weights {
         descent.tau = weight * (options.shooting.steps as f64).powi(2);
         let status = descent.run()?;
         let at = &descent.at;
-        found.push(Simulated {
+        solutions.push(Simulated {
             model: model_at(model, &descent.rows.coefficients, &descent.theta),
             coefficients: descent.rows.coefficients.clone(),
             segments: first.segments,
@@ -135,7 +135,7 @@ pub(super) fn path(
             passes: descent.rows.passes,
         });
     }
-    Ok(found)
+    Ok(solutions)
 }
 
 /// The numbers of functions that a model uses somewhere, zeros among them: a member of the set may have other zeros.
@@ -174,15 +174,15 @@ struct Pass {
 impl Rows<'_> {
     /// Sums over the segments, and the normal matrix of one step.
     fn begin(&mut self, theta: &[f64], blocks: NormalBlocks) -> Result<(Pass, NormalBlocks), EstimateError> {
-        let mut found = self.pass(theta, None, Some(&blocks))?;
-        let normal = found.normal.take().unwrap_or(blocks);
-        Ok((found, normal))
+        let mut sums = self.pass(theta, None, Some(&blocks))?;
+        let normal = sums.normal.take().unwrap_or(blocks);
+        Ok((sums, normal))
     }
 
     /// `J'r` and `r'r`; `None` where a number is not finite.
     fn residuals(&mut self, theta: &[f64]) -> Result<Option<Products>, EstimateError> {
-        let found = self.pass(theta, None, None)?;
-        Ok(found.broken.is_none().then_some(found.sums))
+        let sums = self.pass(theta, None, None)?;
+        Ok(sums.broken.is_none().then_some(sums.sums))
     }
 
     /// `J'J v` and `|J v|^2`, of as many segments as there are in all.
@@ -247,8 +247,8 @@ impl Pass {
 
     fn merge(&mut self, other: &Self) {
         self.sums.merge(&other.sums);
-        if let (Some(own), Some(other)) = (&mut self.normal, &other.normal) {
-            own.merge(other);
+        if let (Some(normal), Some(other)) = (&mut self.normal, &other.normal) {
+            normal.merge(other);
         }
         self.missing += other.missing;
         self.broken = self.broken.or(other.broken);
@@ -276,8 +276,8 @@ impl Metric {
     /// `None` where a number is not finite.
     fn new(normal: &NormalBlocks) -> Option<Self> {
         let factor = |(range, values): (Range<usize>, &[f64])| {
-            let own = Mat::from_fn(range.len(), range.len(), |i, j| values[i * range.len() + j]);
-            Some((range, own.llt(Side::Lower).ok()?.L().to_owned()))
+            let block = Mat::from_fn(range.len(), range.len(), |i, j| values[i * range.len() + j]);
+            Some((range, block.llt(Side::Lower).ok()?.L().to_owned()))
         };
         Some(Self { blocks: normal.blocks().map(factor).collect::<Option<_>>()? })
     }
@@ -285,9 +285,9 @@ impl Metric {
     fn each(&self, values: &[f64], of: impl Fn(&Mat<f64>, &mut Mat<f64>)) -> Vec<f64> {
         let mut out = vec![0.0; values.len()];
         for (range, L) in &self.blocks {
-            let mut own = Mat::from_fn(range.len(), 1, |i, _| values[range.start + i]);
-            of(L, &mut own);
-            out[range.clone()].copy_from_slice(own.col_as_slice(0));
+            let mut part = Mat::from_fn(range.len(), 1, |i, _| values[range.start + i]);
+            of(L, &mut part);
+            out[range.clone()].copy_from_slice(part.col_as_slice(0));
         }
         out
     }
@@ -345,7 +345,7 @@ impl Near<'_> {
     fn gradient(&self) -> Vec<f64> {
         let moved: Vec<f64> = self.theta.iter().zip(self.start).map(|(now, start)| now - start).collect();
         let pull = self.metric.times(&moved);
-        self.at.back.iter().zip(pull).map(|(own, pull)| own + self.tau * pull).collect()
+        self.at.back.iter().zip(pull).map(|(entry, pull)| entry + self.tau * pull).collect()
     }
 
     /// A bound of the certificate: the cosine of the angle between the residual of F and any direction of the
@@ -363,16 +363,16 @@ impl Near<'_> {
         }
         let largest = |(range, _): &(Range<usize>, Mat<f64>)| norm(slope[range.clone()].iter().copied());
         let length = (self.tau * cost).sqrt();
-        let found = self.metric.blocks.iter().map(largest).fold(0.0, f64::max);
-        if length > 0.0 { (found / length).min(1.0) } else { 0.0 }
+        let greatest = self.metric.blocks.iter().map(largest).fold(0.0, f64::max);
+        if length > 0.0 { (greatest / length).min(1.0) } else { 0.0 }
     }
 
     /// The nearest coefficients that are allowed.
     fn nearest(&self, theta: &[f64]) -> Option<Vec<f64>> {
         let Some((hold, normal)) = self.held else { return Some(theta.to_vec()) };
         let coefficients = &self.rows.coefficients;
-        let found = hold.nearest(&model_at(self.rows.model, coefficients, theta), normal)?;
-        Some(coefficients.iter().map(|coefficient| coefficient.value(&found)).collect())
+        let projected = hold.nearest(&model_at(self.rows.model, coefficients, theta), normal)?;
+        Some(coefficients.iter().map(|coefficient| coefficient.value(&projected)).collect())
     }
 
     /// Steps until F falls by less than the tolerance.

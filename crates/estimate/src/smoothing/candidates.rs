@@ -53,7 +53,7 @@ impl Candidates {
                     latent.map.expression(j, library).unwrap_or_else(|| Expr::number(0.0))
                 }
             };
-            let output = functions.iter().position(|own| *own == function).unwrap_or_else(|| {
+            let output = functions.iter().position(|known| *known == function).unwrap_or_else(|| {
                 functions.push(function);
                 functions.len() - 1
             });
@@ -105,11 +105,11 @@ impl Candidates {
     ) {
         let n = self.states;
         let by_states = &middles.slopes[(interval * n + state) * n..][..n];
-        for (out, &(output, own)) in out.iter_mut().zip(&self.entries) {
+        for (out, &(output, entry)) in out.iter_mut().zip(&self.entries) {
             let at = output * values.stride + interval;
             let (before, behind, middle) = (values.at_rows[at], values.at_rows[at + 1], values.in_middles[at]);
-            let mut slope = -step * step / 12.0 * by_states[own] * (before - behind);
-            if own == state {
+            let mut slope = -step * step / 12.0 * by_states[entry] * (before - behind);
+            if entry == state {
                 slope -= step / 6.0 * (before + 4.0 * middle + behind);
             }
             *out = weight * slope;
@@ -123,7 +123,7 @@ fn state_of(model: &Model, transcription: &Transcription, latent: &str) -> Resul
         equation.prediction == Prediction::Derivative && equation.right.derivative(latent).as_number() == Some(1.0)
     };
     let owner = model.equations.iter().find(has);
-    let state = owner.and_then(|own| transcription.names().iter().position(|name| *name == own.subject));
+    let state = owner.and_then(|equation| transcription.names().iter().position(|name| *name == equation.subject));
     state.ok_or_else(|| EstimateError::NotAdditive { latent: latent.to_owned() })
 }
 

@@ -55,17 +55,17 @@ impl Rows {
             }
             if below > 0.0 {
                 let diagonal = if head > 0.0 { -length } else { length };
-                let own = head - diagonal;
+                let pivot = head - diagonal;
                 let beta = 1.0 / (length * (length + head.abs()));
                 dots.fill(0.0);
                 for (row, values) in self.values.chunks_exact(stride).enumerate().skip(first) {
-                    let factor = if row == first { own } else { values[c] };
+                    let factor = if row == first { pivot } else { values[c] };
                     if factor != 0.0 {
                         add(factor * beta, values, &mut dots);
                     }
                 }
                 for (row, values) in self.values.chunks_exact_mut(stride).enumerate().skip(first) {
-                    let factor = if row == first { own } else { values[c] };
+                    let factor = if row == first { pivot } else { values[c] };
                     if factor != 0.0 {
                         add(-factor, &dots, values);
                         values[c] = if row == first { diagonal } else { 0.0 };
@@ -154,7 +154,7 @@ impl Border {
         let rows: Vec<f64> = (0..p).flat_map(|i| (0..=p).map(move |j| other.factor[(i, j)])).collect();
         self.fold(&rows);
         self.residual += other.residual;
-        self.squares.iter_mut().zip(&other.squares).for_each(|(sum, own)| *sum += own);
+        self.squares.iter_mut().zip(&other.squares).for_each(|(sum, square)| *sum += square);
     }
 }
 
@@ -188,8 +188,8 @@ pub(super) fn eliminate(
         let carried = rows.values.len();
         fill(node, &mut rows);
         for row in rows.values[carried..].chunks_exact(stride) {
-            let own = &row[2 * states..right];
-            on_border.squares.iter_mut().zip(own).for_each(|(sum, value)| *sum += value * value);
+            let of_border = &row[2 * states..right];
+            on_border.squares.iter_mut().zip(of_border).for_each(|(sum, value)| *sum += value * value);
         }
         let last = node + 1 == nodes;
         let columns = if last { states } else { 2 * states };
@@ -229,16 +229,16 @@ impl Eliminated {
         let mut steps = vec![0.0; nodes * n];
         for node in (0..nodes).rev() {
             let rows = &self.heads[node * n * width..(node + 1) * n * width];
-            let (own, behind) = steps[node * n..].split_at_mut(n);
+            let (step, behind) = steps[node * n..].split_at_mut(n);
             for s in (0..n).rev() {
                 let row = &rows[s * width..(s + 1) * width];
                 let mut sum = row[width - 1];
-                sum += row[s + 1..n].iter().zip(&own[s + 1..]).map(|(r, x)| r * x).sum::<f64>();
+                sum += row[s + 1..n].iter().zip(&step[s + 1..]).map(|(r, x)| r * x).sum::<f64>();
                 if node + 1 < nodes {
                     sum += row[n..2 * n].iter().zip(&behind[..n]).map(|(r, x)| r * x).sum::<f64>();
                 }
                 sum += row[2 * n..width - 1].iter().zip(coefficients).map(|(r, x)| r * x).sum::<f64>();
-                own[s] = -sum / row[s];
+                step[s] = -sum / row[s];
             }
         }
         steps

@@ -84,17 +84,17 @@ fn exact_flights_leave_no_residual_and_give_back_the_latents() {
         })
         .collect();
     assert_eq!(parameters.len(), 45);
-    let found =
+    let estimate =
         nonlinear_least_squares(&residuals, &parameters, &source, &Options::default(), &Silent).expect("an estimate");
     println!(
         "{} rows, {:?} after {} steps, cost {:e}, condition {:.1e}, undetermined {:?}",
-        found.rows, found.status, found.iterations, found.cost, found.condition, found.undetermined
+        estimate.rows, estimate.status, estimate.iterations, estimate.cost, estimate.condition, estimate.undetermined
     );
-    assert!(found.status.converged());
-    assert!((found.cost / (3 * found.rows) as f64).sqrt() < 1e-10, "{:e}", found.cost);
+    assert!(estimate.status.converged());
+    assert!((estimate.cost / (3 * estimate.rows) as f64).sqrt() < 1e-10, "{:e}", estimate.cost);
     for latent in Latent::ALL {
         let truth = values(&Expr::column(latent.name()), &source);
-        let estimate = values(&found.insert(&polynomial(latent)), &source);
+        let estimate = values(&estimate.insert(&polynomial(latent)), &source);
         let start = values(
             &starts[Latent::ALL.iter().position(|other| *other == latent).expect("one of four")]
                 .insert(&polynomial(latent)),

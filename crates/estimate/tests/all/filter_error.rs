@@ -77,11 +77,16 @@ fn a_gain_of_zero_is_output_error() {
         let rows = system.source(period, (0..2).map(|seed| system.rows(seed, 200, period, BOTH)).collect());
         let held = fit(&system, period, &rows, Gains::Held(vec![0.0; 2])).parameters;
         let options = OutputErrorOptions::default();
-        let own = output_error(&system.model(period), &system.start(), &rows, &options, &Silent).unwrap();
+        let output_error_fit = output_error(&system.model(period), &system.start(), &rows, &options, &Silent).unwrap();
         // The same sums, factored with two columns more: both end where the cost is equal up to rounding and the gradient no longer falls.
-        assert!(apart(&held.values, &own.values) < 1e-9, "{:?} {:?}", held.values, own.values);
-        assert!(apart(&held.half_widths(), &own.half_widths()) < 1e-6);
-        assert!(apart(&held.deviations, &own.deviations) < 1e-9);
+        assert!(
+            apart(&held.values, &output_error_fit.values) < 1e-9,
+            "{:?} {:?}",
+            held.values,
+            output_error_fit.values
+        );
+        assert!(apart(&held.half_widths(), &output_error_fit.half_widths()) < 1e-6);
+        assert!(apart(&held.deviations, &output_error_fit.deviations) < 1e-9);
     }
 }
 
@@ -135,24 +140,25 @@ fn the_likelihood_is_at_its_maximum() {
     for (system, period, rows) in [(VAN_DER_POL, 0.1, 200), (SHORT_PERIOD, 0.02, 300)] {
         let columns = system.rows(4, rows, period, BOTH);
         let source = system.source(period, vec![columns.clone()]);
-        let found = fit(&system, period, &source, Gains::Estimated);
-        let own = &found.parameters;
-        assert!(own.status.converged() && own.gradient < 1e-6, "{own:?}");
-        let gains: Vec<f64> = found.gains.iter().map(|gain| gain.value).collect();
-        let all: Vec<f64> = own.values.iter().chain(&gains).chain(&own.beginnings[0].states).copied().collect();
-        let (p, n) = (own.values.len(), gains.len());
+        let fitted = fit(&system, period, &source, Gains::Estimated);
+        let parameters = &fitted.parameters;
+        assert!(parameters.status.converged() && parameters.gradient < 1e-6, "{parameters:?}");
+        let gains: Vec<f64> = fitted.gains.iter().map(|gain| gain.value).collect();
+        let all: Vec<f64> =
+            parameters.values.iter().chain(&gains).chain(&parameters.beginnings[0].states).copied().collect();
+        let (p, n) = (parameters.values.len(), gains.len());
         let at = |moved: usize, by: f64| {
             let mut all = all.clone();
             all[moved] += by;
             likelihood(&system, period, &columns, &all[..p], &all[p..p + n], &all[p + n..])
         };
-        for moved in (0..all.len()).filter(|&j| j < p || j >= p + n || !found.gains[j - p].at_bound) {
+        for moved in (0..all.len()).filter(|&j| j < p || j >= p + n || !fitted.gains[j - p].at_bound) {
             let h = 1e-4 * all[moved].abs().max(1e-2);
             let (low, middle, high) = (at(moved, -h), at(moved, 0.0), at(moved, h));
             let (slope, curvature) = ((high - low) / (2.0 * h), (high - 2.0 * middle + low) / (h * h));
             // How far the parabola's minimum lies, beside how far one unit of likelihood is: 1e-3 of it, which differences of numbers of some 5,000 can tell.
             let off = slope / curvature / (2.0 / curvature).sqrt();
-            assert!(curvature > 0.0 && off.abs() < 1e-3, "{moved}: {off:e} {curvature:e} {found:?}");
+            assert!(curvature > 0.0 && off.abs() < 1e-3, "{moved}: {off:e} {curvature:e} {fitted:?}");
         }
     }
 }
@@ -165,15 +171,15 @@ fn the_gain_is_that_of_the_riccati_equation() {
     let truth = riccati(process, measured);
     for seed in 0..seeds {
         let rows = LAG.source(STEP, vec![lag_rows(seed, 500, process, measured)]);
-        let found = fit(&LAG, STEP, &rows, Gains::Estimated);
-        let [low, high] = found.gains[0].interval();
+        let fitted = fit(&LAG, STEP, &rows, Gains::Estimated);
+        let [low, high] = fitted.gains[0].interval();
         within += usize::from((low..=high).contains(&truth));
-        covered += (LAG.parameters.iter().zip(&found.parameters.values).zip(found.parameters.half_widths()))
+        covered += (LAG.parameters.iter().zip(&fitted.parameters.values).zip(fitted.parameters.half_widths()))
             .filter(|((truth, value), half)| (*value - truth.1).abs() <= *half)
             .count();
         // The variance of an innovation is that of a prediction and of the sensor, r / (1 - K).
         let expected = measured / (1.0 - truth).sqrt();
-        assert!((found.innovations[(0, 0)].sqrt() / expected - 1.0).abs() < 4.0 / 1000_f64.sqrt());
+        assert!((fitted.innovations[(0, 0)].sqrt() / expected - 1.0).abs() < 4.0 / 1000_f64.sqrt());
     }
     println!("gain {truth:.3}: {within} of {seeds} intervals; parameters {covered} of {}", 2 * seeds);
     // Three deviations of a share of 95 % over independent seeds.
@@ -190,8 +196,8 @@ fn gains_stay_between_their_bounds() {
         let mut at_bounds = 0;
         for seed in 0..12 {
             let rows = LAG.source(STEP, vec![lag_rows(seed, 300, process, measured)]);
-            let found = fit(&LAG, STEP, &rows, Gains::Estimated);
-            let gain = &found.gains[0];
+            let fitted = fit(&LAG, STEP, &rows, Gains::Estimated);
+            let gain = &fitted.gains[0];
             let [low, high] = gain.interval();
             assert!(0.0 <= low && low <= gain.value && gain.value <= high && high <= 1.0, "{gain:?}");
             if !gain.at_bound {
@@ -203,8 +209,11 @@ fn gains_stay_between_their_bounds() {
             assert_eq!((gain.value, gain.error, low, high), (end, 0.0, end, end));
             if end == 0.0 {
                 let options = OutputErrorOptions::default();
-                let own = output_error(&LAG.model(STEP), &LAG.start(), &rows, &options, &Silent).unwrap();
-                assert!(apart(&found.parameters.values, &own.values) < 1e-8, "{found:?} {own:?}");
+                let output_error_fit = output_error(&LAG.model(STEP), &LAG.start(), &rows, &options, &Silent).unwrap();
+                assert!(
+                    apart(&fitted.parameters.values, &output_error_fit.values) < 1e-8,
+                    "{fitted:?} {output_error_fit:?}"
+                );
             }
         }
         // Of twelve fair coins fewer than two, or more than ten, fall on one side once in 150 times.
@@ -222,18 +231,19 @@ fn scipy_has_the_same_optimum() {
         let Some(peer) = peer(&["--filter"], name, &system, &columns, period) else { return };
         let source = system.source(period, vec![columns.clone()]);
         let begun = Instant::now();
-        let found = with_threads(1, || fit(&system, period, &source, Gains::Estimated));
+        let fitted = with_threads(1, || fit(&system, period, &source, Gains::Estimated));
         let seconds = begun.elapsed().as_secs_f64();
-        let own = &found.parameters;
-        let gains = found.gains.iter().map(|gain| gain.value);
-        let all: Vec<f64> = own.values.iter().copied().chain(gains).chain(own.deviations.iter().copied()).collect();
+        let parameters = &fitted.parameters;
+        let gains = fitted.gains.iter().map(|gain| gain.value);
+        let all: Vec<f64> =
+            parameters.values.iter().copied().chain(gains).chain(parameters.deviations.iter().copied()).collect();
         let (theirs, off) = (peer[peer.len() - 1], apart(&all, &peer[..peer.len() - 1]));
         println!(
             "{name}: {off:.1e} apart; {seconds:.3} s, scipy {theirs:.3} s; {} passes, {} rounds",
-            own.passes, own.rounds
+            parameters.passes, parameters.rounds
         );
         // Noise and minimum in turn stay to 1e-10 here and to 1e-11 there, and come near by a factor a round.
-        assert!(own.status.converged() && off < 1e-8, "{all:?} {peer:?}");
+        assert!(parameters.status.converged() && off < 1e-8, "{all:?} {peer:?}");
     }
 }
 
@@ -270,14 +280,14 @@ proptest! {
             None => column.clone(),
         });
         let rows = SHORT_PERIOD.source(0.02, vec![scaled.collect()]);
-        let found = filter_error(&model, &SHORT_PERIOD.start(), &rows, &Default::default(), &Silent).unwrap();
+        let fitted = filter_error(&model, &SHORT_PERIOD.start(), &rows, &Default::default(), &Silent).unwrap();
         // Both are minima to the rounding of the cost.
-        prop_assert!(apart(&found.parameters.values, &plain.parameters.values) < 1e-7);
-        for (own, plain) in found.gains.iter().zip(&plain.gains) {
-            prop_assert!((own.value - plain.value).abs() < 1e-7 && own.at_bound == plain.at_bound, "{own:?} {plain:?}");
+        prop_assert!(apart(&fitted.parameters.values, &plain.parameters.values) < 1e-7);
+        for (gain, plain) in fitted.gains.iter().zip(&plain.gains) {
+            prop_assert!((gain.value - plain.value).abs() < 1e-7 && gain.at_bound == plain.at_bound, "{gain:?} {plain:?}");
         }
         for (at, scale) in scales.iter().enumerate() {
-            let ratio = found.innovations[(at, at)] / plain.innovations[(at, at)] / (scale * scale);
+            let ratio = fitted.innovations[(at, at)] / plain.innovations[(at, at)] / (scale * scale);
             prop_assert!((ratio - 1.0).abs() < 1e-7, "{ratio}");
         }
     }
@@ -315,12 +325,12 @@ fn what_is_unstable_is_followed() {
     let start = [Parameter::new("a", -0.5), Parameter::new("g", 1.0)];
     let refused = output_error(&LAG.model(STEP), &start, &rows, &OutputErrorOptions::default(), &Silent).unwrap_err();
     assert!(matches!(refused, EstimateError::Diverges { row: 0, .. }), "{refused}");
-    let found = filter_error(&LAG.model(STEP), &start, &rows, &FilterErrorOptions::default(), &Silent).unwrap();
-    let own = &found.parameters;
-    assert!(own.status.converged(), "{own:?}");
-    for ((truth, value), half) in [-0.8, 1.5].into_iter().zip(&own.values).zip(own.half_widths()) {
+    let fitted = filter_error(&LAG.model(STEP), &start, &rows, &FilterErrorOptions::default(), &Silent).unwrap();
+    let parameters = &fitted.parameters;
+    assert!(parameters.status.converged(), "{parameters:?}");
+    for ((truth, value), half) in [-0.8, 1.5].into_iter().zip(&parameters.values).zip(parameters.half_widths()) {
         // Three deviations, and a half of an interval is two.
-        assert!((value - truth).abs() < 1.5 * half && half < 0.1, "{own:?}");
+        assert!((value - truth).abs() < 1.5 * half && half < 0.1, "{parameters:?}");
     }
 }
 
@@ -332,11 +342,11 @@ fn what_is_not_measured_corrects_nothing() {
     let rows = SHORT_PERIOD.source(0.02, vec![columns]);
     let mut options = FilterErrorOptions::default();
     options.simulation.outputs = vec!["q".into()];
-    let fixed = |own: Parameter| if own.name == "zd" { own.between(-0.12, -0.05) } else { own };
+    let fixed = |parameter: Parameter| if parameter.name == "zd" { parameter.between(-0.12, -0.05) } else { parameter };
     let parameters: Vec<Parameter> = SHORT_PERIOD.start().into_iter().map(fixed).collect();
-    let found = filter_error(&SHORT_PERIOD.model(0.02), &parameters, &rows, &options, &Silent).unwrap();
-    assert_eq!((found.gains.len(), found.gains[0].state.as_str(), found.parameters.residuals), (1, "q", 299));
-    assert_eq!((found.innovations.nrows(), found.parameters.outputs.len()), (1, 1));
+    let fitted = filter_error(&SHORT_PERIOD.model(0.02), &parameters, &rows, &options, &Silent).unwrap();
+    assert_eq!((fitted.gains.len(), fitted.gains[0].state.as_str(), fitted.parameters.residuals), (1, "q", 299));
+    assert_eq!((fitted.innovations.nrows(), fitted.parameters.outputs.len()), (1, 1));
 }
 
 /// Of one method: the sums of errors and of squared errors by parameter, in shares of the truth, how often intervals held, and seconds.
@@ -416,26 +426,30 @@ fn tallies(seeds: usize, noisy: Noise) -> [Tally; 3] {
 fn noise_of_both_kinds() {
     let full = std::env::var("FLEETFOOT_SWEEPS").is_ok_and(|value| value == "full");
     let seeds = if full { 200 } else { 4 };
-    let found = [("sensors", SENSORS), ("dynamics", GUSTS), ("both", BOTH)].map(|(name, noisy)| {
-        let found = tallies(seeds, noisy);
-        for (method, own) in ["equation error", "output error", "filter error"].iter().zip(&found) {
+    let tallies_by_noise = [("sensors", SENSORS), ("dynamics", GUSTS), ("both", BOTH)].map(|(name, noisy)| {
+        let by_method = tallies(seeds, noisy);
+        for (method, tally) in ["equation error", "output error", "filter error"].iter().zip(&by_method) {
             println!(
                 "{name}: {method}: bias {:.1} %, rms {:.1} %, covered {:.1} %, median {:.1} ms",
-                own.bias(),
-                own.rms(),
-                own.covered(),
-                1e3 * own.median()
+                tally.bias(),
+                tally.rms(),
+                tally.covered(),
+                1e3 * tally.median()
             );
         }
-        found
+        by_method
     });
-    let [sensors, gusts, both] = &found;
+    let [sensors, gusts, both] = &tallies_by_noise;
     assert!(sensors[1].rms() < 0.5 * sensors[0].rms() && sensors[2].rms() < 0.5 * sensors[0].rms());
     assert!(gusts[0].rms() < gusts[1].rms() && gusts[2].rms() < gusts[1].rms());
     assert!(both[2].rms() < both[0].rms() && both[2].rms() < 1.1 * both[1].rms());
     // Three deviations of a share of 95 % over independent seeds.
     let slack = 300.0 * (0.95 * 0.05 / seeds as f64).sqrt();
-    for own in &found {
-        assert!(own[2].covered() > 95.0 - slack && (!full || own[2].covered() < 98.5), "{}", own[2].covered());
+    for by_method in &tallies_by_noise {
+        assert!(
+            by_method[2].covered() > 95.0 - slack && (!full || by_method[2].covered() < 98.5),
+            "{}",
+            by_method[2].covered()
+        );
     }
 }

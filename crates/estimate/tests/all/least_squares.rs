@@ -51,7 +51,7 @@ fn a_linear_model_is_least_squares() {
     let start: Vec<(&str, f64)> = names.iter().map(|name| (name.as_str(), 100.0)).collect();
     let options = Options { radius: 1e9, ..Options::default() };
     let residuals = [residual("y", &model)];
-    let found =
+    let estimate =
         nonlinear_least_squares(&residuals, &parameters(&start), &source, &options, &Silent).expect("an estimate");
     let x = |i: usize| 0.5 + 2.0 * i as f64 / 1200.0;
     let y = |i: usize| 1.0 + (3.0 * x(i)).sin() + 0.1 * noise(i);
@@ -60,14 +60,14 @@ fn a_linear_model_is_least_squares() {
     let peer = least_squares(&factor.square_root(), &[1.0; 6]);
     println!(
         "{:?} after {} steps, condition {:.1e}, gradient {:.1e}",
-        found.status, found.iterations, found.condition, found.gradient
+        estimate.status, estimate.iterations, estimate.condition, estimate.gradient
     );
-    assert!(found.iterations <= 4 && found.status.converged() && found.gradient < 1e-11);
+    assert!(estimate.iterations <= 4 && estimate.status.converged() && estimate.gradient < 1e-11);
     for k in 0..6 {
-        let (a, b) = (found.values[k + 1], peer.coefficients[(k, 0)]);
+        let (a, b) = (estimate.values[k + 1], peer.coefficients[(k, 0)]);
         assert!((a - b).abs() < 1e-8 * b.abs().max(1.0), "{k}: {a} {b}");
     }
-    assert!((found.cost / peer.rss[0] - 1.0).abs() < 1e-12);
+    assert!((estimate.cost / peer.rss[0] - 1.0).abs() < 1e-12);
     // Another road to the covariance: (X'X)^-1 of centred columns, scaled by hand from the triangle.
     let root = factor.square_root();
     let variance = peer.rss[0] / (1200.0 - 7.0);
@@ -80,7 +80,7 @@ fn a_linear_model_is_least_squares() {
     }
     for k in 0..6 {
         let expected = variance * (0..6).map(|i| inverse[(k, i)].powi(2)).sum::<f64>();
-        assert!((found.covariance[(k + 1, k + 1)] / expected - 1.0).abs() < 1e-6, "{k}");
+        assert!((estimate.covariance[(k + 1, k + 1)] / expected - 1.0).abs() < 1e-6, "{k}");
     }
 }
 
@@ -88,13 +88,13 @@ fn a_linear_model_is_least_squares() {
 #[test]
 fn the_clustered_covariance_of_a_mean() {
     let source = source(8, 50, |_, i| noise(i) + (i / 50) as f64 * 0.2);
-    let found = fit(&[residual("y", "c")], &parameters(&[("c", 0.0)]), &source);
+    let estimate = fit(&[residual("y", "c")], &parameters(&[("c", 0.0)]), &source);
     let y: Vec<f64> = (0..400).map(|i| noise(i) + (i / 50) as f64 * 0.2).collect();
     let mean = y.iter().sum::<f64>() / 400.0;
     let scores = y.chunks(50).map(|chunk| chunk.iter().map(|y| y - mean).sum::<f64>().powi(2)).sum::<f64>();
     let expected = 8.0 / 7.0 * scores / (400.0 * 400.0);
-    assert!((found.values[0] - mean).abs() < 1e-14);
-    let clustered = found.clustered.expect("eight chunks");
+    assert!((estimate.values[0] - mean).abs() < 1e-14);
+    let clustered = estimate.clustered.expect("eight chunks");
     assert!((clustered[(0, 0)] / expected - 1.0).abs() < 1e-10, "{} {expected}", clustered[(0, 0)]);
 }
 
@@ -107,16 +107,16 @@ fn bounds_hold_and_the_others_are_the_best_for_them() {
     assert!(free.at_bounds.is_empty() && (free.values[1] - 1.3).abs() < 0.2, "{free:?}");
     let mut bounded = parameters(&start);
     bounded[1] = bounded[1].clone().between(0.1, 1.0);
-    let found = fit(&model, &bounded, &source);
-    assert_eq!((found.values[1], &found.at_bounds), (1.0, &vec![1]));
-    assert!(found.status.converged() && found.cost > free.cost && found.covariance[(1, 1)] == 0.0);
+    let estimate = fit(&model, &bounded, &source);
+    assert_eq!((estimate.values[1], &estimate.at_bounds), (1.0, &vec![1]));
+    assert!(estimate.status.converged() && estimate.cost > free.cost && estimate.covariance[(1, 1)] == 0.0);
     // The same problem with the parameter written as its bound.
     let fixed = fit(&[residual("y", "a*exp(-x) + c")], &parameters(&[("a", 1.0), ("c", 0.0)]), &source);
     assert!(
-        (found.values[0] / fixed.values[0] - 1.0).abs() < 1e-10
-            && (found.values[2] / fixed.values[1] - 1.0).abs() < 1e-9
+        (estimate.values[0] / fixed.values[0] - 1.0).abs() < 1e-10
+            && (estimate.values[2] / fixed.values[1] - 1.0).abs() < 1e-9
     );
-    assert!((found.cost / fixed.cost - 1.0).abs() < 1e-12);
+    assert!((estimate.cost / fixed.cost - 1.0).abs() < 1e-12);
     let equal = vec![Parameter::new("a", 1.0), Parameter::new("b", 1.0).between(1.0, 1.0), Parameter::new("c", 0.0)];
     let equal = fit(&model, &equal, &source);
     assert!(
@@ -152,10 +152,10 @@ fn exact_data_leave_no_residual_and_missing_values_no_trace() {
     let start = parameters(&[("a", 1.0), ("b", 0.5), ("c", 0.0)]);
     let model = [residual("y", "a*exp(-b*x) + c")];
     for source in [&clean, &holes] {
-        let found = fit(&model, &start, source);
-        assert!(found.status == Status::Zero || found.cost < 1e-28, "{found:?}");
-        for (value, expected) in found.values.iter().zip([2.0, 1.3, 0.5]) {
-            assert!((value / expected - 1.0).abs() < 1e-13, "{found:?}");
+        let estimate = fit(&model, &start, source);
+        assert!(estimate.status == Status::Zero || estimate.cost < 1e-28, "{estimate:?}");
+        for (value, expected) in estimate.values.iter().zip([2.0, 1.3, 0.5]) {
+            assert!((value / expected - 1.0).abs() < 1e-13, "{estimate:?}");
         }
     }
     assert_eq!(fit(&model, &start, &holes).rows, (0..400).filter(|i| i % 7 != 3).count() as u64);
@@ -168,9 +168,9 @@ fn exact_data_leave_no_residual_and_missing_values_no_trace() {
 #[test]
 fn steps_out_of_the_domain_are_taken_back() {
     let source = source(1, 100, |x, i| (x + 0.2_f64).sqrt() + 1e-3 * noise(i));
-    let found = fit(&[residual("y", "a*sqrt(x + b)")], &parameters(&[("a", 0.1), ("b", 30.0)]), &source);
-    assert!(found.rows == 100 && found.status.converged(), "{found:?}");
-    assert!((found.values[0] - 1.0).abs() < 0.02 && (found.values[1] - 0.2).abs() < 0.05, "{found:?}");
+    let estimate = fit(&[residual("y", "a*sqrt(x + b)")], &parameters(&[("a", 0.1), ("b", 30.0)]), &source);
+    assert!(estimate.rows == 100 && estimate.status.converged(), "{estimate:?}");
+    assert!((estimate.values[0] - 1.0).abs() < 0.02 && (estimate.values[1] - 0.2).abs() < 0.05, "{estimate:?}");
 }
 
 #[test]
@@ -194,10 +194,10 @@ fn threads_and_chunks_keep_their_promise() {
 #[test]
 fn what_rows_do_not_tell_is_named() {
     let source = source(1, 50, |x, i| 2.0 * x + 0.1 * noise(i));
-    let found = fit(&[residual("y", "a*b*x")], &parameters(&[("a", 1.0), ("b", 1.0)]), &source);
-    assert!(found.status.converged() && found.undetermined == [0, 1], "{found:?}");
-    assert!(found.standard_errors().iter().all(|error| error.is_infinite()));
-    assert!((found.values[0] * found.values[1] - 2.0).abs() < 0.1);
+    let estimate = fit(&[residual("y", "a*b*x")], &parameters(&[("a", 1.0), ("b", 1.0)]), &source);
+    assert!(estimate.status.converged() && estimate.undetermined == [0, 1], "{estimate:?}");
+    assert!(estimate.standard_errors().iter().all(|error| error.is_infinite()));
+    assert!((estimate.values[0] * estimate.values[1] - 2.0).abs() < 0.1);
 }
 
 #[test]

@@ -55,8 +55,8 @@ fn options(steps: usize, weight: f64) -> SimulationOptions {
     options
 }
 
-fn values(found: &Simulated) -> Vec<f64> {
-    found.coefficients.iter().map(|coefficient| coefficient.value(&found.model)).collect()
+fn values(fitted: &Simulated) -> Vec<f64> {
+    fitted.coefficients.iter().map(|coefficient| coefficient.value(&fitted.model)).collect()
 }
 
 /// A start of which every number is free in both fits.
@@ -73,16 +73,17 @@ fn without_a_prior_the_minimum_is_that_of_the_whole_matrix() {
     let (start, source) = start();
     for steps in [1, 8] {
         let whole = simulation_error(&start, &source, &exact(steps), &Silent).unwrap();
-        let found = simulation_errors(&start, &source, &options(steps, 1e-13), Some(&Everywhere), &Silent).unwrap();
-        assert_eq!((whole.weight, found.len()), (None, 1));
-        let found = &found[0];
-        assert_eq!(found.coefficients, whole.coefficients);
-        assert_eq!((found.segments, found.residuals, found.ended), (whole.segments, whole.residuals, whole.ended));
+        let fits = simulation_errors(&start, &source, &options(steps, 1e-13), Some(&Everywhere), &Silent).unwrap();
+        assert_eq!((whole.weight, fits.len()), (None, 1));
+        let fitted = &fits[0];
+        assert_eq!(fitted.coefficients, whole.coefficients);
+        assert_eq!((fitted.segments, fitted.residuals, fitted.ended), (whole.segments, whole.residuals, whole.ended));
         assert!(
-            (found.cost[0] / whole.cost[0] - 1.0).abs() < 1e-13 && (found.cost[1] / whole.cost[1] - 1.0).abs() < 1e-12
+            (fitted.cost[0] / whole.cost[0] - 1.0).abs() < 1e-13
+                && (fitted.cost[1] / whole.cost[1] - 1.0).abs() < 1e-12
         );
-        for (own, other) in values(found).iter().zip(values(&whole)) {
-            assert!((own - other).abs() < 1e-7, "{own} {other}");
+        for (value, other) in values(fitted).iter().zip(values(&whole)) {
+            assert!((value - other).abs() < 1e-7, "{value} {other}");
         }
     }
 }
@@ -95,12 +96,12 @@ fn a_prior_pulls_towards_the_start() {
     let (start, source) = start();
     let free = values(&simulation_error(&start, &source, &exact(1), &Silent).unwrap());
     for tau in [0.1, 1.0, 10.0] {
-        let found = &simulation_errors(&start, &source, &options(1, tau), Some(&Everywhere), &Silent).unwrap()[0];
-        assert!(found.gradient < 1e-6 && found.status.converged(), "{} {:?}", found.gradient, found.status);
-        for ((own, free), coefficient) in values(found).iter().zip(&free).zip(&found.coefficients) {
+        let fitted = &simulation_errors(&start, &source, &options(1, tau), Some(&Everywhere), &Silent).unwrap()[0];
+        assert!(fitted.gradient < 1e-6 && fitted.status.converged(), "{} {:?}", fitted.gradient, fitted.status);
+        for ((value, free), coefficient) in values(fitted).iter().zip(&free).zip(&fitted.coefficients) {
             let start = coefficient.value(&start);
             let expected = (free + tau * start) / (1.0 + tau);
-            assert!((own - expected).abs() < 0.004 * (free - start).abs().max(0.05), "{tau}: {own} {expected}");
+            assert!((value - expected).abs() < 0.004 * (free - start).abs().max(0.05), "{tau}: {value} {expected}");
         }
     }
 }
@@ -112,9 +113,9 @@ fn many(seed: usize) -> (Model, MemorySource) {
     let names = ["x", "y", "z", "u", "w"];
     let centres: Vec<Vec<f64>> = (0..regions).map(|r| (0..2).map(|i| noise(1000 + 2 * r + i)).collect()).collect();
     let truth = |target: usize, region: usize| -> (f64, Vec<f64>) {
-        let own = |j: usize| 0.06 * noise(50_000 + 97 * region + 11 * target + j);
+        let coefficient = |j: usize| 0.06 * noise(50_000 + 97 * region + 11 * target + j);
         let slope = |j: usize| {
-            own(j)
+            coefficient(j)
                 + if j == target {
                     0.85
                 } else if j >= states {
@@ -123,15 +124,15 @@ fn many(seed: usize) -> (Model, MemorySource) {
                     0.0
                 }
         };
-        (own(10), (0..states + inputs).map(slope).collect())
+        (coefficient(10), (0..states + inputs).map(slope).collect())
     };
     let mut episodes = Vec::new();
     for episode in 0..4 {
         let (mut state, mut columns) = (vec![0.0; states], vec![Vec::new(); 5]);
         for k in 0..1500 {
             let key = 1_000_000 * (seed + 1) + 100_000 * episode + 10 * k;
-            let own: Vec<f64> = (0..inputs).map(|i| noise(key + i)).collect();
-            let row: Vec<f64> = state.iter().chain(&own).copied().collect();
+            let input: Vec<f64> = (0..inputs).map(|i| noise(key + i)).collect();
+            let row: Vec<f64> = state.iter().chain(&input).copied().collect();
             (0..5).for_each(|i| columns[i].push(row[i] + if i < states { 0.1 * noise(key + 3 + i) } else { 0.0 }));
             let distance = |r: usize| (0..2).map(|i| (state[i] - centres[r][i]).powi(2)).sum::<f64>();
             let region = (0..regions).min_by(|&a, &b| distance(a).total_cmp(&distance(b))).unwrap();
@@ -168,10 +169,10 @@ fn more_coefficients_than_a_matrix_is_held_of_descend_with_the_same_bits_on_any_
     let mut options = SimulationOptions::new(10);
     options.descent.chunk_rows = 700;
     let fit = |threads| with_threads(threads, || simulation_errors(&start, &source, &options, None, &Silent).unwrap());
-    let found = fit(1);
-    assert_eq!(found.len(), options.many.weights.len());
-    let (mut cost, mut passes) = (found[0].cost[0], 0);
-    for (at, weight) in found.iter().zip(&options.many.weights) {
+    let fits = fit(1);
+    assert_eq!(fits.len(), options.many.weights.len());
+    let (mut cost, mut passes) = (fits[0].cost[0], 0);
+    for (at, weight) in fits.iter().zip(&options.many.weights) {
         println!(
             "{weight}: {} of {}, {} passes, certificate {:.1e}, {:?}",
             at.cost[1], at.cost[0], at.passes, at.gradient, at.status
@@ -181,30 +182,30 @@ fn more_coefficients_than_a_matrix_is_held_of_descend_with_the_same_bits_on_any_
     }
     assert!(passes <= options.passes(2_160, false));
     // The sum of squares jumps where a trajectory meets other regions: the gradient that is left is told.
-    assert!(found[0].gradient < 0.05, "{}", found[0].gradient);
+    assert!(fits[0].gradient < 0.05, "{}", fits[0].gradient);
     for threads in [2, 7] {
-        for (own, other) in found.iter().zip(fit(threads)) {
+        for (fitted, other) in fits.iter().zip(fit(threads)) {
             assert_eq!(
-                (&own.model, own.cost, own.gradient, own.passes),
+                (&fitted.model, fitted.cost, fitted.gradient, fitted.passes),
                 (&other.model, other.cost, other.gradient, other.passes)
             );
         }
     }
     let last = simulation_error(&start, &source, &options, &Silent).unwrap();
-    assert_eq!(last.model, found[2].model);
+    assert_eq!(last.model, fits[2].model);
     // A quarter of the segments tells the curvature about as well.
     let mut sampled = options.clone();
     sampled.many.sample = 2.0;
     let part = simulation_errors(&start, &source, &sampled, None, &Silent).unwrap();
     println!("of a part of the segments: {:?}", part.iter().map(|at| at.cost[1]).collect::<Vec<f64>>());
-    assert!(part[0].cost[1] < 0.5 * (found[0].cost[0] + found[0].cost[1]) && part[0].model != found[0].model);
+    assert!(part[0].cost[1] < 0.5 * (fits[0].cost[0] + fits[0].cost[1]) && part[0].model != fits[0].model);
     assert!(part.windows(2).all(|pair| pair[1].cost[1] < pair[0].cost[1]));
     // Rows that did not train: a bound of the sum of squares is that of the start.
     let (_, others) = many(1);
     let mut look = options.clone();
     look.many.trials = 0;
     let held_out = |model: &Model| simulation_error(model, &others, &look, &Silent).unwrap().cost[0];
-    let [before, after] = [&start, &found[0].model].map(held_out);
+    let [before, after] = [&start, &fits[0].model].map(held_out);
     println!("held out: {before} {after}");
     assert!(after < before);
 }
@@ -216,24 +217,24 @@ fn a_model_that_is_held_ends_where_the_conditions_of_a_minimum_hold() {
     let (start, source) = start();
     let (steps, tau, bound) = (8, 0.064, 0.9);
     let options = options(steps, tau / 64.0);
-    let found = &simulation_errors(&start, &source, &options, Some(&AtMost(bound)), &Silent).unwrap()[0];
-    assert_eq!(found.model.latents[0].map.coefficient(0, 0), bound);
-    assert!(found.gradient < 1e-4 && found.cost[1] < 0.9 * found.cost[0], "{} {:?}", found.gradient, found.cost);
+    let fitted = &simulation_errors(&start, &source, &options, Some(&AtMost(bound)), &Silent).unwrap()[0];
+    assert_eq!(fitted.model.latents[0].map.coefficient(0, 0), bound);
+    assert!(fitted.gradient < 1e-4 && fitted.cost[1] < 0.9 * fitted.cost[0], "{} {:?}", fitted.gradient, fitted.cost);
     let free = simulation_errors(&start, &source, &options, Some(&Everywhere), &Silent).unwrap();
-    assert!(free[0].model.latents[0].map.coefficient(0, 0) > bound + 0.01 && free[0].cost[1] < found.cost[1]);
+    assert!(free[0].model.latents[0].map.coefficient(0, 0) > bound + 0.01 && free[0].cost[1] < fitted.cost[1]);
     // The sum of squares, by fits of no trial.
     let mut look = options.clone();
     look.many.trials = 0;
     let square =
         |model: &Model| simulation_errors(model, &source, &look, Some(&Everywhere), &Silent).unwrap()[0].cost[0];
-    for number in 1..found.coefficients.len() {
-        let coefficient = found.coefficients[number];
+    for number in 1..fitted.coefficients.len() {
+        let coefficient = fitted.coefficients[number];
         if coefficient == (Coefficient { region: 0, latent: 0, function: Some(0) }) {
             continue;
         }
         let moved = |by: f64| {
-            let mut model = found.model.clone();
-            coefficient.set(&mut model, coefficient.value(&found.model) + by);
+            let mut model = fitted.model.clone();
+            coefficient.set(&mut model, coefficient.value(&fitted.model) + by);
             square(&model)
         };
         // What the prior may pull with: tau |H (theta - theta_1)|, small against the curvature.

@@ -86,7 +86,7 @@ proptest! {
         let (source, residuals, M) = measured(seed, n);
         let limits = [limit(n, true, 0.05), limit(n, false, 0.8)];
         let parameters = parameters(n, 0.4);
-        let found = fit(&residuals, Bounded::new(&parameters, &limits), &source);
+        let estimate = fit(&residuals, Bounded::new(&parameters, &limits), &source);
         let eigen = M.self_adjoint_eigen(Side::Lower).unwrap();
         let clipped = |i: usize, j: usize| -> f64 {
             (0..n).map(|k| eigen.U()[(i, k)] * eigen.S()[k].clamp(0.05, 0.8) * eigen.U()[(j, k)]).sum()
@@ -94,14 +94,14 @@ proptest! {
         for i in 0..n {
             for j in 0..=i {
                 // The squares are known to 1e-13 of themselves, distances to its root.
-                prop_assert!((found.values[place(i, j)] - clipped(i, j)).abs() < 1e-6, "{i} {j}: {:e} {:?} {} {:e}", found.values[place(i, j)] - clipped(i, j), found.status, found.iterations, found.gradient);
+                prop_assert!((estimate.values[place(i, j)] - clipped(i, j)).abs() < 1e-6, "{i} {j}: {:e} {:?} {} {:e}", estimate.values[place(i, j)] - clipped(i, j), estimate.status, estimate.iterations, estimate.gradient);
             }
         }
-        prop_assert!(found.status.converged(), "{:?}", found.status);
+        prop_assert!(estimate.status.converged(), "{:?}", estimate.status);
         for limit in &limits {
-            prop_assert!(limit.clearance(&found.values) > 0.0);
+            prop_assert!(limit.clearance(&estimate.values) > 0.0);
         }
-        prop_assert!(found.gradient < 1e-6, "{}", found.gradient);
+        prop_assert!(estimate.gradient < 1e-6, "{}", estimate.gradient);
     }
 }
 
@@ -125,20 +125,20 @@ fn the_conditions_of_the_minimum_hold() {
         let (source, residuals) = rows(&columns, n, |_, _| 1.0);
         let limits = [limit(n, true, 0.0)];
         let start = parameters(n, 1.0);
-        let found = fit(&residuals, Bounded::new(&start, &limits), &source);
+        let estimate = fit(&residuals, Bounded::new(&start, &limits), &source);
         let free = fit(&residuals, Bounded::new(&start, &[]), &source);
         if limits[0].clearance(&free.values) > 0.0 {
             continue;
         }
         met += 1;
-        assert!(found.cost > free.cost && found.status.converged(), "{:?}", found.status);
+        assert!(estimate.cost > free.cost && estimate.status.converged(), "{:?}", estimate.status);
         let cost = |values: &[f64]| -> f64 {
             let left = |row: usize| columns[k][row] - (0..k).map(|c| values[c] * columns[c][row]).sum::<f64>();
             (0..rows_of).map(|row| left(row).powi(2)).sum()
         };
-        assert!((cost(&found.values) - found.cost).abs() < 1e-9 * found.cost);
+        assert!((cost(&estimate.values) - estimate.cost).abs() < 1e-9 * estimate.cost);
         let slope = |c: usize| -> f64 {
-            let left = |row: usize| columns[k][row] - (0..k).map(|c| found.values[c] * columns[c][row]).sum::<f64>();
+            let left = |row: usize| columns[k][row] - (0..k).map(|c| estimate.values[c] * columns[c][row]).sum::<f64>();
             (0..rows_of).map(|row| -columns[c][row] * left(row)).sum()
         };
         // d cost/2 = <S, dM>
@@ -146,15 +146,15 @@ fn the_conditions_of_the_minimum_hold() {
         let size = S.norm_l2();
         let least = S.self_adjoint_eigenvalues(Side::Lower).unwrap()[0];
         assert!(least >= -1e-5 * size, "{least} {size}");
-        let M = Mat::from_fn(n, n, |i, j| found.values[place(i, j)]);
+        let M = Mat::from_fn(n, n, |i, j| estimate.values[place(i, j)]);
         assert!((&S * &M).norm_l2() <= 1e-5 * size * M.norm_l2());
         let mut within = 0;
         for step in [1e-1, 1e-2, 1e-3] {
             for _ in 0..1000 {
-                let other: Vec<f64> = found.values.iter().map(|v| v + step * random.between(-1.0, 1.0)).collect();
+                let other: Vec<f64> = estimate.values.iter().map(|v| v + step * random.between(-1.0, 1.0)).collect();
                 if limits[0].clearance(&other) >= 0.0 {
                     within += 1;
-                    assert!(cost(&other) >= found.cost * (1.0 - 1e-10));
+                    assert!(cost(&other) >= estimate.cost * (1.0 - 1e-10));
                 }
             }
         }
@@ -180,8 +180,8 @@ fn standard_errors_are_those_along_the_bound() {
     let (source, residuals) = rows(&columns, 2, |_, _| 1.0);
     let limits = [limit(2, true, 0.05)];
     let start = parameters(2, 0.5);
-    let found = fit(&residuals, Bounded::new(&start, &limits), &source);
-    assert!(limits[0].clearance(&found.values) < 1e-6, "{:?}", found.values);
+    let estimate = fit(&residuals, Bounded::new(&start, &limits), &source);
+    assert!(limits[0].clearance(&estimate.values) < 1e-6, "{:?}", estimate.values);
     let scope = Scope::open();
     let model = "(0.05 + s*cos(a)^2)*d0 + s*cos(a)*sin(a)*d1 + (0.05 + s*sin(a)^2)*d2";
     let other = Residual::new(Expr::parse("y", &scope).unwrap(), Expr::parse(model, &scope).unwrap());
@@ -194,13 +194,17 @@ fn standard_errors_are_those_along_the_bound() {
     let tangent =
         [[cos * cos, -2.0 * s * cos * sin], [cos * sin, s * (cos * cos - sin * sin)], [sin * sin, 2.0 * s * cos * sin]];
     // One parameter more counts as free in the variance.
-    let factor = found.variance / turned.variance;
+    let factor = estimate.variance / turned.variance;
     for k in 0..3 {
-        assert!((found.values[k] - expected[k]).abs() < 1e-6, "{k}: {:?} {expected:?}", found.values);
+        assert!((estimate.values[k] - expected[k]).abs() < 1e-6, "{k}: {:?} {expected:?}", estimate.values);
         let of = |i: usize, j: usize| tangent[k][i] * turned.covariance[(i, j)] * tangent[k][j];
         let square: f64 = (0..2).flat_map(|i| (0..2).map(move |j| (i, j))).map(|(i, j)| of(i, j)).sum();
         let error = (factor * square).sqrt();
-        assert!((found.standard_errors()[k] / error - 1.0).abs() < 1e-3, "{k}: {} {error}", found.standard_errors()[k]);
+        assert!(
+            (estimate.standard_errors()[k] / error - 1.0).abs() < 1e-3,
+            "{k}: {} {error}",
+            estimate.standard_errors()[k]
+        );
     }
 }
 

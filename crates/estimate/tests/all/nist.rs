@@ -35,32 +35,32 @@ fn certified_values_from_both_starting_points() {
             let what = format!("{} from start {}", problem.name, start + 1);
             let parameters = initial.iter().enumerate().map(|(j, &value)| Parameter::new(format!("b{}", j + 1), value));
             let parameters: Vec<Parameter> = parameters.collect();
-            let found = nonlinear_least_squares(
+            let result = nonlinear_least_squares(
                 std::slice::from_ref(&residual),
                 &parameters,
                 &source,
                 &Options::default(),
                 &Silent,
             );
-            let found = found.unwrap_or_else(|error| panic!("{what}: {error}"));
+            let estimate = result.unwrap_or_else(|error| panic!("{what}: {error}"));
             let apart = |a: f64, b: f64| (a / b - 1.0).abs();
-            let worst = found.values.iter().zip(&problem.certified).map(|(a, b)| apart(*a, *b)).fold(0.0, f64::max);
-            let errors = found.standard_errors();
+            let worst = estimate.values.iter().zip(&problem.certified).map(|(a, b)| apart(*a, *b)).fold(0.0, f64::max);
+            let errors = estimate.standard_errors();
             let spread = errors.iter().zip(&problem.deviations).map(|(a, b)| apart(*a, *b)).fold(0.0, f64::max);
             println!(
                 "{what}: {:?} after {} steps, parameters {worst:.1e}, deviations {spread:.1e}, rss {:.1e}, gradient {:.1e}, condition {:.1e}",
-                found.status,
-                found.iterations,
-                apart(found.cost, problem.rss),
-                found.gradient,
-                found.condition,
+                estimate.status,
+                estimate.iterations,
+                apart(estimate.cost, problem.rss),
+                estimate.gradient,
+                estimate.condition,
             );
-            assert!(found.status.converged(), "{what}: {:?}", found.status);
+            assert!(estimate.status.converged(), "{what}: {:?}", estimate.status);
             // 11 digits are certified; the last is rounded.
             assert!(worst < 1e-9, "{what}: {worst:e} apart");
             assert!(spread < 1e-8, "{what}: standard deviations {spread:e} apart");
-            assert!(apart(found.cost, problem.rss) < 1e-10, "{what}: {} and {}", found.cost, problem.rss);
-            assert!(found.undetermined.is_empty() && found.at_bounds.is_empty());
+            assert!(apart(estimate.cost, problem.rss) < 1e-10, "{what}: {} and {}", estimate.cost, problem.rss);
+            assert!(estimate.undetermined.is_empty() && estimate.at_bounds.is_empty());
         }
     }
 }

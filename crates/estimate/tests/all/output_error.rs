@@ -127,9 +127,9 @@ impl System {
     }
 
     /// Of every parameter, whether the truth lies within the interval.
-    fn covered(&self, found: &OutputError) -> Vec<bool> {
+    fn covered(&self, fitted: &OutputError) -> Vec<bool> {
         let within = |((truth, value), half): (((&str, f64), &f64), f64)| (value - truth.1).abs() <= half;
-        self.parameters.iter().copied().zip(&found.values).zip(found.half_widths()).map(within).collect()
+        self.parameters.iter().copied().zip(&fitted.values).zip(fitted.half_widths()).map(within).collect()
     }
 }
 
@@ -137,24 +137,24 @@ impl System {
 fn rows_without_noise_give_the_system() {
     for (system, period) in [(VAN_DER_POL, 0.1), (SHORT_PERIOD, 0.02)] {
         let quiet = Noise { measured: [0.0; 2], process: [0.0; 2] };
-        let found = system.fit(period, vec![system.rows(1, 300, period, quiet), system.rows(1, 200, period, quiet)]);
-        for ((name, truth), value) in system.parameters.iter().zip(&found.values) {
-            assert!((value / truth - 1.0).abs() < 1e-9, "{name} {truth} {value} {found:?}");
+        let fitted = system.fit(period, vec![system.rows(1, 300, period, quiet), system.rows(1, 200, period, quiet)]);
+        for ((name, truth), value) in system.parameters.iter().zip(&fitted.values) {
+            assert!((value / truth - 1.0).abs() < 1e-9, "{name} {truth} {value} {fitted:?}");
         }
-        assert!((found.beginnings[1].states[0] - system.beginning[0]).abs() < 1e-9);
+        assert!((fitted.beginnings[1].states[0] - system.beginning[0]).abs() < 1e-9);
     }
 }
 
 #[test]
 fn the_minimum_has_a_certificate_and_the_noise_is_found() {
-    let found = VAN_DER_POL.fit(0.1, (0..4).map(|seed| VAN_DER_POL.rows(seed, 300, 0.1, WHITE)).collect());
-    println!("{:?} {:?} {:?} {}", found.values, found.deviations, found.status, found.passes);
-    assert!(found.status.converged() && found.gradient < 1e-6, "{found:?}");
-    for (deviation, truth) in found.deviations.iter().zip(WHITE.measured) {
+    let fitted = VAN_DER_POL.fit(0.1, (0..4).map(|seed| VAN_DER_POL.rows(seed, 300, 0.1, WHITE)).collect());
+    println!("{:?} {:?} {:?} {}", fitted.values, fitted.deviations, fitted.status, fitted.passes);
+    assert!(fitted.status.converged() && fitted.gradient < 1e-6, "{fitted:?}");
+    for (deviation, truth) in fitted.deviations.iter().zip(WHITE.measured) {
         // 1,200 numbers tell a deviation to two percent.
         assert!((deviation / truth - 1.0).abs() < 0.08, "{deviation} {truth}");
     }
-    assert_eq!((found.residuals, found.beginnings.len(), found.missing), (2400, 4, 0));
+    assert_eq!((fitted.residuals, fitted.beginnings.len(), fitted.missing), (2400, 4, 0));
 }
 
 /// 200 seeds with FLEETFOOT_SWEEPS=full, else 8: how often the truth lies within the stated intervals.
@@ -167,8 +167,11 @@ fn intervals_hold_what_they_say() {
     {
         let mut covered = vec![0; system.parameters.len()];
         for seed in 0..seeds {
-            let found = system.fit(period, vec![system.rows(seed + 1, rows, period, noisy)]);
-            covered.iter_mut().zip(system.covered(&found)).for_each(|(sum, own)| *sum += usize::from(own));
+            let fitted = system.fit(period, vec![system.rows(seed + 1, rows, period, noisy)]);
+            covered
+                .iter_mut()
+                .zip(system.covered(&fitted))
+                .for_each(|(sum, is_covered)| *sum += usize::from(is_covered));
         }
         let share = covered.iter().sum::<usize>() as f64 / (seeds * covered.len()) as f64;
         println!("{name}: {covered:?} of {seeds}, {:.1} %", 100.0 * share);
@@ -185,9 +188,9 @@ fn lasting_residuals_widen_the_intervals() {
     let noisy = Noise { measured: [0.004, 0.008], process: [0.002, 0.004] };
     let (mut wider, mut lasting) = (0, 0);
     for seed in 0..5 {
-        let found = SHORT_PERIOD.fit(0.02, vec![SHORT_PERIOD.rows(seed + 1, 400, 0.02, noisy)]);
-        wider += usize::from(found.covariance[(2, 2)] > 2.0 * found.white[(2, 2)]);
-        lasting += usize::from(found.memory > 3);
+        let fitted = SHORT_PERIOD.fit(0.02, vec![SHORT_PERIOD.rows(seed + 1, 400, 0.02, noisy)]);
+        wider += usize::from(fitted.covariance[(2, 2)] > 2.0 * fitted.white[(2, 2)]);
+        lasting += usize::from(fitted.memory > 3);
     }
     assert!(wider >= 4 && lasting >= 4, "{wider} {lasting}");
 }
@@ -200,16 +203,16 @@ fn correlation_beyond_what_was_looked_at_is_told() {
     let white = SHORT_PERIOD.fit(0.02, vec![columns.clone()]);
     assert!(!white.lasting && white.memory < 10, "{}", white.memory);
     columns[1].iter_mut().enumerate().for_each(|(k, q)| *q += 0.03 * (k as f64 / 60.0).sin());
-    let found = SHORT_PERIOD.fit(0.02, vec![columns]);
-    assert!(found.lasting && found.memory > 60, "{} {}", found.lasting, found.memory);
+    let fitted = SHORT_PERIOD.fit(0.02, vec![columns]);
+    assert!(fitted.lasting && fitted.memory > 60, "{} {}", fitted.lasting, fitted.memory);
 }
 
 #[test]
 fn threads_change_no_bit() {
     let fit = || SHORT_PERIOD.fit(0.02, (0..5).map(|seed| SHORT_PERIOD.rows(seed, 150, 0.02, GYRO)).collect());
-    let found: Vec<OutputError> = [1, 3].map(|threads| with_threads(threads, fit)).into();
-    assert_eq!(found[0].values, found[1].values);
-    assert_eq!((&found[0].covariance, found[0].passes), (&found[1].covariance, found[1].passes));
+    let fits: Vec<OutputError> = [1, 3].map(|threads| with_threads(threads, fit)).into();
+    assert_eq!(fits[0].values, fits[1].values);
+    assert_eq!((&fits[0].covariance, fits[0].passes), (&fits[1].covariance, fits[1].passes));
 }
 
 /// A state that is not compared needs no measurement beyond the first row; segments cut an episode and leave no row
@@ -224,10 +227,10 @@ fn outputs_and_segments_are_chosen() {
     let parameters: Vec<Parameter> = SHORT_PERIOD
         .start()
         .into_iter()
-        .map(|own| if own.name == "zd" { own.between(-0.12, -0.05) } else { own })
+        .map(|parameter| if parameter.name == "zd" { parameter.between(-0.12, -0.05) } else { parameter })
         .collect();
-    let found = output_error(&SHORT_PERIOD.model(0.02), &parameters, &rows, &options, &Silent).unwrap();
-    assert_eq!((found.outputs.clone(), found.residuals, found.beginnings.len()), (vec!["q".to_owned()], 300, 3));
+    let fitted = output_error(&SHORT_PERIOD.model(0.02), &parameters, &rows, &options, &Silent).unwrap();
+    assert_eq!((fitted.outputs.clone(), fitted.residuals, fitted.beginnings.len()), (vec!["q".to_owned()], 300, 3));
     options.outputs = vec!["p".into()];
     let refused = output_error(&SHORT_PERIOD.model(0.02), &parameters, &rows, &options, &Silent).unwrap_err();
     assert!(refused.to_string().contains("alpha, q"), "{refused}");
@@ -248,9 +251,9 @@ fn what_cannot_be_estimated_is_told() {
     // A parameter twice: the rows tell the product alone.
     let mut twice = model.clone();
     twice.equations[1].right = expression("mu*(1 - x^2)*v - k*c*x");
-    let found = output_error(&twice, &more, &rows, &OutputErrorOptions::default(), &Silent).unwrap();
-    assert_eq!(found.undetermined, [1, 2]);
-    assert!(found.standard_errors()[1].is_infinite() && found.standard_errors()[0].is_finite());
+    let fitted = output_error(&twice, &more, &rows, &OutputErrorOptions::default(), &Silent).unwrap();
+    assert_eq!(fitted.undetermined, [1, 2]);
+    assert!(fitted.standard_errors()[1].is_infinite() && fitted.standard_errors()[0].is_finite());
 }
 
 /// Equation error with exact derivatives in the columns is ordinary least squares, each equation by its own noise.
@@ -266,10 +269,11 @@ fn equations_weigh_by_their_noise() {
     };
     let rows = source(&["x", "a", "b"], 0.1, vec![columns.clone()]);
     let residuals = ["a", "b"].map(|name| Residual::new(expression(name), expression("c*x")));
-    let found = equation_error(&residuals, &[Parameter::new("c", 0.0)], &rows, &Default::default(), &Silent).unwrap();
-    let weights = [found.deviations[0].powi(-2), found.deviations[1].powi(-2)];
-    assert!(found.settled && (found.deviations[1] / found.deviations[0] - 10.0).abs() < 1.0);
-    assert!((found.estimate.values[0] - exact(weights)).abs() < 1e-9, "{:?}", found.estimate.values);
+    let estimate =
+        equation_error(&residuals, &[Parameter::new("c", 0.0)], &rows, &Default::default(), &Silent).unwrap();
+    let weights = [estimate.deviations[0].powi(-2), estimate.deviations[1].powi(-2)];
+    assert!(estimate.settled && (estimate.deviations[1] / estimate.deviations[0] - 10.0).abs() < 1.0);
+    assert!((estimate.estimate.values[0] - exact(weights)).abs() < 1e-9, "{:?}", estimate.estimate.values);
 }
 
 /// Parameters, gains by filter error, deviations and seconds of the peer.
@@ -283,7 +287,7 @@ pub(crate) fn peer(flags: &[&str], name: &str, system: &System, columns: &[Vec<f
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/peers/output_error.py");
     let mut command = Command::new(&python);
     command.arg(script).args(flags).arg(name).arg(&file).args([period.to_string(), rows.to_string()]);
-    let output = command.args(system.start().iter().map(|own| own.initial.to_string())).output().unwrap();
+    let output = command.args(system.start().iter().map(|parameter| parameter.initial.to_string())).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     Some(String::from_utf8_lossy(&output.stdout).lines().map(|line| line.parse().unwrap()).collect())
 }
@@ -296,22 +300,22 @@ fn beside_scipy(name: &str, system: &System, columns: &[Vec<f64>], period: f64, 
     let rows = system.source(period, vec![columns.to_vec()]);
     let (model, start) = (system.model(period), system.start());
     let begun = Instant::now();
-    let found = with_threads(1, || output_error(&model, &start, &rows, &options, &Silent)).unwrap();
+    let fitted = with_threads(1, || output_error(&model, &start, &rows, &options, &Silent)).unwrap();
     let seconds = begun.elapsed().as_secs_f64();
     let theirs = peer[peer.len() - 1];
-    let all: Vec<f64> = found.values.iter().chain(&found.deviations).copied().collect();
-    let apart = all.iter().zip(&peer).map(|(own, peer)| (own / peer - 1.0).abs()).fold(0.0, f64::max);
+    let all: Vec<f64> = fitted.values.iter().chain(&fitted.deviations).copied().collect();
+    let apart = all.iter().zip(&peer).map(|(value, peer)| (value / peer - 1.0).abs()).fold(0.0, f64::max);
     println!(
         "{name}: {} rows, {apart:.1e} apart; {seconds:.4} s, scipy {theirs:.3} s: {:.0} times; {} passes, {} rounds",
         columns[0].len(),
         theirs / seconds,
-        found.passes,
-        found.rounds
+        fitted.passes,
+        fitted.rounds
     );
-    found.names.iter().zip(found.values.iter().zip(found.half_widths())).for_each(|(name, (value, half))| {
+    fitted.names.iter().zip(fitted.values.iter().zip(fitted.half_widths())).for_each(|(name, (value, half))| {
         println!("  {name} = {value:.6} +- {half:.6}");
     });
-    assert!(found.status.converged() && apart < 1e-8, "{all:?} {peer:?} {:?}", found.status);
+    assert!(fitted.status.converged() && apart < 1e-8, "{all:?} {peer:?} {:?}", fitted.status);
 }
 
 #[test]

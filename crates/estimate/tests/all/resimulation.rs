@@ -43,10 +43,10 @@ fn open(deviations: &[(&str, f64)]) -> ResimulationOptions {
     options
 }
 
-fn assert_minimum(found: &Resimulation) {
-    for own in &found.episodes {
-        let certificate = &own.certificate;
-        assert_eq!(own.ending, Ending::Minimum, "{certificate:?} after {} programs", own.programs);
+fn assert_minimum(resimulation: &Resimulation) {
+    for episode in &resimulation.episodes {
+        let certificate = &episode.certificate;
+        assert_eq!(episode.ending, Ending::Minimum, "{certificate:?} after {} programs", episode.programs);
         assert!(certificate.dynamics <= 1e-10 && certificate.bounds == 0.0, "{certificate:?}");
         assert!(certificate.stationarity <= 1e-8, "{certificate:?}");
     }
@@ -92,8 +92,8 @@ fn a_linear_model_follows_as_least_squares_says() {
             by_states + h / 6.0 * (3.0 * b + h / 2.0 * ab[i]) * u[0] + h / 6.0 * (3.0 * b - h / 2.0 * ab[i]) * u[1]
         };
         let matrix = (0..2).map(|i| (0..2).map(|j| side(-1.0, i, j)).collect()).collect();
-        let found = solved(matrix, vec![right(0), right(1)]);
-        [found[0], found[1]]
+        let solution = solved(matrix, vec![right(0), right(1)]);
+        [solution[0], solution[1]]
     };
     let path = |p: &[f64]| {
         let (mut x, mut rows) = ([p[0], p[1]], Vec::new());
@@ -121,14 +121,19 @@ fn a_linear_model_follows_as_least_squares_says() {
 
     let model = model(&[("x", "v"), ("v", "-2*x - 0.3*v + u")], &["u"], Prediction::Derivative, h);
     let source = source(&["x", "v", "u"], h, recorded.to_vec());
-    let found = resimulate(&model, &source, &open(&[("x", 0.1), ("v", 0.2), ("u", 0.4)]), &Silent).unwrap();
-    assert_eq!(found.columns, ["x", "v", "u"]);
-    assert_minimum(&found);
+    let resimulation = resimulate(&model, &source, &open(&[("x", 0.1), ("v", 0.2), ("u", 0.4)]), &Silent).unwrap();
+    assert_eq!(resimulation.columns, ["x", "v", "u"]);
+    assert_minimum(&resimulation);
     for (row, expected) in expected.iter().enumerate() {
         for j in 0..3 {
-            let value = found.episodes[0].followed[row * 3 + j];
+            let value = resimulation.episodes[0].followed[row * 3 + j];
             // Normal equations of condition 1e3, and a tolerance of 1e-8 on the gradient.
-            assert!((value - expected[j]).abs() < 1e-7, "row {row}, {}: {value} {}", found.columns[j], expected[j]);
+            assert!(
+                (value - expected[j]).abs() < 1e-7,
+                "row {row}, {}: {value} {}",
+                resimulation.columns[j],
+                expected[j]
+            );
         }
     }
 }
@@ -172,10 +177,10 @@ fn a_pendulum_obeys_its_equations_and_nothing_near_is_nearer() {
     let recorded = pendulum(h);
     let model = model(&PENDULUM, &["u"], Prediction::Derivative, h);
     let source = source(&["q", "w", "u"], h, recorded.clone());
-    let found = resimulate(&model, &source, &open(&[("q", 0.02), ("w", 0.05), ("u", 0.3)]), &Silent).unwrap();
-    assert_minimum(&found);
-    let own = &found.episodes[0];
-    let column = |j: usize| own.followed.iter().skip(j).step_by(3).copied().collect::<Vec<f64>>();
+    let resimulation = resimulate(&model, &source, &open(&[("q", 0.02), ("w", 0.05), ("u", 0.3)]), &Silent).unwrap();
+    assert_minimum(&resimulation);
+    let episode = &resimulation.episodes[0];
+    let column = |j: usize| episode.followed.iter().skip(j).step_by(3).copied().collect::<Vec<f64>>();
     let (q, w, u) = (column(0), column(1), column(2));
     let slope = |x: [f64; 2], u: f64| [x[1], -9.81 * x[0].sin() - 0.1 * x[1] + u];
     // An interval by itself: the rule is wrong by h^5 of a fifth derivative, here 1e-7 times some hundreds.
@@ -210,10 +215,10 @@ fn a_pendulum_obeys_its_equations_and_nothing_near_is_nearer() {
         assert!(here.abs() < 1e-3 * there.abs(), "direction {direction}: {here} beside {there} at the recording");
     }
     // Nearer than what the recorded inputs lead to.
-    let (followed, alone) = (found.deviations_of(own), found.open_loop_deviations(own));
+    let (followed, alone) = (resimulation.deviations_of(episode), resimulation.open_loop_deviations(episode));
     assert!(followed[0] < 0.2 * alone[0] && followed[1] < 0.2 * alone[1], "{followed:?} {alone:?}");
     let path = integrated(&slope, [recorded[0][0], recorded[1][0]], &recorded[2], h);
-    let last = &own.open_loop[own.open_loop.len() - 2..];
+    let last = &episode.open_loop[episode.open_loop.len() - 2..];
     // Inputs held at their mean over an interval instead of linear in it.
     assert!((last[0] - path[159][0]).abs() < 1e-3 && (last[1] - path[159][1]).abs() < 1e-3, "{last:?} {:?}", path[159]);
 }
@@ -240,7 +245,7 @@ fn jet(airplane: &Airplane) -> Model {
         ("M", expression("V/sqrt(1.4*287.053*SAT)")),
     ];
     for equation in &mut model.equations {
-        let of = |name: &str| air.iter().find(|own| own.0 == name).map(|own| own.1.clone());
+        let of = |name: &str| air.iter().find(|named| named.0 == name).map(|named| named.1.clone());
         equation.right = equation.right.substituted(of);
     }
     model
@@ -256,23 +261,23 @@ fn climbs_are_followed_to_a_minimum() {
     (0..3).for_each(|number| airplane.flight(number).append_to(&mut source));
     let mut options = ResimulationOptions::default();
     options.free = vec!["alpha".into(), "N1".into()];
-    let found = resimulate(&jet(&airplane), &source, &options, &Silent).unwrap();
+    let resimulation = resimulate(&jet(&airplane), &source, &options, &Silent).unwrap();
     assert_eq!(
-        (&found.columns[..4], &found.replayed[..]),
+        (&resimulation.columns[..4], &resimulation.replayed[..]),
         (&["h", "V", "gamma", "m"].map(str::to_owned)[..], &["SAT".to_owned()][..])
     );
-    for own in &found.episodes {
+    for episode in &resimulation.episodes {
         println!(
             "{:?} after {} programs: {:?} beside {:?}",
-            own.certificate,
-            own.programs,
-            found.deviations_of(own),
-            found.open_loop_deviations(own)
+            episode.certificate,
+            episode.programs,
+            resimulation.deviations_of(episode),
+            resimulation.open_loop_deviations(episode)
         );
     }
-    assert_minimum(&found);
-    for own in &found.episodes {
-        let (followed, alone) = (found.deviations_of(own), found.open_loop_deviations(own));
+    assert_minimum(&resimulation);
+    for episode in &resimulation.episodes {
+        let (followed, alone) = (resimulation.deviations_of(episode), resimulation.open_loop_deviations(episode));
         for (j, name) in ["h", "V", "gamma"].iter().enumerate() {
             assert!(followed[j] < 0.1 * alone[j], "{name}: {followed:?} {alone:?}");
         }
@@ -287,13 +292,13 @@ fn bounds_hold_and_push() {
     let mut options = open(&[("q", 0.02), ("w", 0.05), ("u", 0.3)]);
     options.bounds.retain(|(name, _)| name != "u" && name != "q");
     options.bounds.extend([("u".to_owned(), [-0.8, 0.5]), ("q".to_owned(), [-0.9, f64::INFINITY])]);
-    let found = resimulate(&model, &source, &options, &Silent).unwrap();
-    assert_minimum(&found);
-    let own = &found.episodes[0];
-    let inputs: Vec<f64> = own.followed.iter().skip(2).step_by(3).copied().collect();
+    let resimulation = resimulate(&model, &source, &options, &Silent).unwrap();
+    assert_minimum(&resimulation);
+    let episode = &resimulation.episodes[0];
+    let inputs: Vec<f64> = episode.followed.iter().skip(2).step_by(3).copied().collect();
     assert!(inputs.iter().all(|u| (-0.8..=0.5).contains(u)));
     assert!(inputs.iter().filter(|u| **u > 0.5 - 1e-6).count() > 10, "the bound is in the way");
-    assert!(own.followed.iter().step_by(3).all(|q| *q >= -0.9));
+    assert!(episode.followed.iter().step_by(3).all(|q| *q >= -0.9));
 }
 
 #[test]
@@ -312,19 +317,22 @@ fn rows_of_next_values_follow_with_gaps_and_the_bits_do_not_know_of_threads() {
     source.push_uniform("nothing", 0.1, vec![vec![f64::NAN; 9], vec![0.0; 9], vec![0.0; 9]]);
     let mut options = ResimulationOptions::default();
     options.free = vec!["u".into()];
-    let found = with_threads(1, || resimulate(&model, &source, &options, &Silent)).unwrap();
-    assert_minimum(&found);
-    assert_eq!((found.episodes.len(), &found.missing[..], &found.replayed[..]), (5, &[5][..], &["c".to_owned()][..]));
+    let resimulation = with_threads(1, || resimulate(&model, &source, &options, &Silent)).unwrap();
+    assert_minimum(&resimulation);
+    assert_eq!(
+        (resimulation.episodes.len(), &resimulation.missing[..], &resimulation.replayed[..]),
+        (5, &[5][..], &["c".to_owned()][..])
+    );
     let again = with_threads(3, || resimulate(&model, &source, &options, &Silent)).unwrap();
-    for (one, three) in found.episodes.iter().zip(&again.episodes) {
+    for (one, three) in resimulation.episodes.iter().zip(&again.episodes) {
         assert_eq!(one.followed, three.followed);
     }
-    for own in &found.episodes {
-        assert!(own.recorded[20 * 2].is_nan());
+    for episode in &resimulation.episodes {
+        assert!(episode.recorded[20 * 2].is_nan());
         for k in 0..59 {
-            let (x, u) = (own.followed[2 * k], own.followed[2 * k + 1]);
-            let c = (0.15 * k as f64 + 2.0 + own.episode as f64).sin();
-            assert!((own.followed[2 * k + 2] - (0.9 * x + 0.3 * x.sin() + u + 0.1 * c)).abs() < 1e-8);
+            let (x, u) = (episode.followed[2 * k], episode.followed[2 * k + 1]);
+            let c = (0.15 * k as f64 + 2.0 + episode.episode as f64).sin();
+            assert!((episode.followed[2 * k + 2] - (0.9 * x + 0.3 * x.sin() + u + 0.1 * c)).abs() < 1e-8);
         }
     }
 }
@@ -345,16 +353,16 @@ fn noise_is_found_beside_the_model() {
         }
         source.push_uniform(format!("run{episode}"), 0.1, columns);
     }
-    let found = resimulate(&model, &source, &ResimulationOptions::default(), &Silent).unwrap();
-    assert_minimum(&found);
+    let resimulation = resimulate(&model, &source, &ResimulationOptions::default(), &Silent).unwrap();
+    assert_minimum(&resimulation);
     // 6,000 rows: a twentieth would be three standard errors of the better known one.
-    assert!((found.deviations[0] / 0.08 - 1.0).abs() < 0.1, "{:?}", found.deviations);
-    assert!((found.deviations[1] / 0.3 - 1.0).abs() < 0.2, "{:?}", found.deviations);
+    assert!((resimulation.deviations[0] / 0.08 - 1.0).abs() < 0.1, "{:?}", resimulation.deviations);
+    assert!((resimulation.deviations[1] / 0.3 - 1.0).abs() < 0.2, "{:?}", resimulation.deviations);
 }
 
 #[test]
 fn what_cannot_be_followed_is_told() {
-    let own = model(&[("x", "-x + u")], &["u"], Prediction::Derivative, 0.1);
+    let base = model(&[("x", "-x + u")], &["u"], Prediction::Derivative, 0.1);
     let rows = |values: Vec<f64>| source(&["x", "u"], 0.1, vec![values.clone(), values]);
     let good = rows((0..30).map(f64::from).collect());
     let refuse = |model: &Model, source: &MemorySource, change: &dyn Fn(&mut ResimulationOptions)| {
@@ -362,20 +370,20 @@ fn what_cannot_be_followed_is_told() {
         change(&mut options);
         resimulate(model, source, &options, &Silent).unwrap_err()
     };
-    assert!(matches!(refuse(&own, &good, &|o| o.every = 0), EstimateError::Option { option: "every", .. }));
-    assert!(matches!(refuse(&own, &good, &|o| o.free = vec!["v".into()]), EstimateError::NoInput { .. }));
+    assert!(matches!(refuse(&base, &good, &|o| o.every = 0), EstimateError::Option { option: "every", .. }));
+    assert!(matches!(refuse(&base, &good, &|o| o.free = vec!["v".into()]), EstimateError::NoInput { .. }));
     assert!(matches!(
-        refuse(&own, &good, &|o| o.bounds = vec![("x".into(), [1.0, 1.0])]),
+        refuse(&base, &good, &|o| o.bounds = vec![("x".into(), [1.0, 1.0])]),
         EstimateError::Bounds { .. }
     ));
     assert!(matches!(
-        refuse(&own, &good, &|o| o.bounds = vec![("y".into(), [0.0, 1.0])]),
+        refuse(&base, &good, &|o| o.bounds = vec![("y".into(), [0.0, 1.0])]),
         EstimateError::NotFollowed { .. }
     ));
-    let long = refuse(&own, &good, &|o| o.memory = 5e4);
+    let long = refuse(&base, &good, &|o| o.memory = 5e4);
     assert!(matches!(long, EstimateError::TooLong { rows: 30, .. }), "{long}");
     assert!(matches!(
-        refuse(&own, &rows(vec![f64::NAN; 30]), &|_| ()),
+        refuse(&base, &rows(vec![f64::NAN; 30]), &|_| ()),
         EstimateError::NothingToFollow { episodes: 1, .. }
     ));
     let lagged = model(&[("x", "0.5*x + 0.1*lag(x, 1) + u")], &["u"], Prediction::Next, 0.1);

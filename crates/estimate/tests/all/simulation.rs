@@ -157,8 +157,8 @@ fn one_step(episodes: &[Vec<Vec<f64>>]) -> Vec<Vec<f64>> {
             factor.push(faer::Mat::from_fn(rows, 6, |i, j| sign * value(i, j)).as_ref(), None);
         }
     }
-    let found = least_squares(&factor.square_root(), &[1.0; 4]);
-    (0..2).map(|t| (0..3).map(|j| found.coefficients[(j, t)]).collect()).collect()
+    let solution = least_squares(&factor.square_root(), &[1.0; 4]);
+    (0..2).map(|t| (0..3).map(|j| solution.coefficients[(j, t)]).collect()).collect()
 }
 
 pub(crate) fn linear_model(coefficients: &[Vec<f64>]) -> Model {
@@ -181,10 +181,10 @@ fn coefficients(model: &Model) -> Vec<Vec<f64>> {
 fn rows_without_noise_give_the_system() {
     let source = source(&["x", "y", "u"], 0.1, vec![linear(1, 200, 0.0), linear(2, 150, 0.0)]);
     let start = linear_model(&[vec![0.8, 0.1, 0.2], vec![-0.1, 0.7, 0.2]]);
-    let found = fit(&start, &source, &exact(8));
-    assert!(error(&coefficients(&found.model)) < 1e-12, "{:?}", coefficients(&found.model));
-    assert!(found.status.converged() && found.cost[1] < 1e-20 * found.cost[0], "{found:?}");
-    assert_eq!((found.segments, found.missing, found.residuals), (24 + 18, 0, 42 * 16));
+    let fitted = fit(&start, &source, &exact(8));
+    assert!(error(&coefficients(&fitted.model)) < 1e-12, "{:?}", coefficients(&fitted.model));
+    assert!(fitted.status.converged() && fitted.cost[1] < 1e-20 * fitted.cost[0], "{fitted:?}");
+    assert_eq!((fitted.segments, fitted.missing, fitted.residuals), (24 + 18, 0, 42 * 16));
 }
 
 /// Noise in the states that a step is fitted on pulls its coefficients towards zero by sigma^2 / (sigma^2 + variance),
@@ -197,8 +197,8 @@ fn noise_in_the_states_pulls_one_step_and_not_simulations() {
         let episodes: Vec<Vec<Vec<f64>>> = (0..4).map(|episode| linear(10 * seed + episode, 500, 0.3)).collect();
         let start = one_step(&episodes);
         let source = source(&["x", "y", "u"], 0.1, episodes);
-        let found = fit(&linear_model(&start), &source, &SimulationOptions::new(10));
-        let errors = [error(&start), error(&coefficients(&found.model))];
+        let fitted = fit(&linear_model(&start), &source, &SimulationOptions::new(10));
+        let errors = [error(&start), error(&coefficients(&fitted.model))];
         won += usize::from(errors[1] < errors[0]);
         (0..2).for_each(|i| sums[i] += errors[i] / 10.0);
     }
@@ -245,13 +245,13 @@ fn scipy_has_the_same_minimum() {
     let peer: Vec<f64> = text.lines().map(|line| line.parse().unwrap()).collect();
     let fitted = [("y", Prediction::Derivative, vec![(0.0, vec![-0.9, 0.8, -0.8])])];
     let start = model(&["x", "y"], &[], &["x", "y", "x^2*y"], Partition::whole(), &fitted, &[("x", "y")], period);
-    let found = fit(&start, &source(&["x", "y"], period, vec![columns]), &exact(steps));
-    let own = &coefficients(&found.model)[0];
-    println!("{own:?} {peer:?} {:?}", found.status);
-    for (own, peer) in own.iter().zip(&peer) {
-        assert!((own - peer).abs() < 1e-8, "{own} {peer}");
+    let fitted = fit(&start, &source(&["x", "y"], period, vec![columns]), &exact(steps));
+    let coefficients_of_x = &coefficients(&fitted.model)[0];
+    println!("{coefficients_of_x:?} {peer:?} {:?}", fitted.status);
+    for (coefficient, peer) in coefficients_of_x.iter().zip(&peer) {
+        assert!((coefficient - peer).abs() < 1e-8, "{coefficient} {peer}");
     }
-    assert!((found.cost[1] / peer[3] - 1.0).abs() < 1e-12);
+    assert!((fitted.cost[1] / peer[3] - 1.0).abs() < 1e-12);
 }
 
 /// Regions with separate maps, zeros among them: zeros stay, and the other coefficients are recovered.
@@ -289,12 +289,12 @@ fn the_support_is_kept_and_threads_change_no_bit() {
     let (start, source) = hybrid();
     let mut options = SimulationOptions::new(6);
     options.descent.chunk_rows = 40;
-    let found: Vec<Simulated> = [1, 3].map(|threads| with_threads(threads, || fit(&start, &source, &options))).into();
-    assert_eq!(found[0].model, found[1].model);
-    assert_eq!((found[0].cost, found[0].passes), (found[1].cost, found[1].passes));
-    assert_eq!(Coefficient::support(&found[0].model), Coefficient::support(&start));
-    assert_eq!(found[0].coefficients.len(), 4);
-    assert!(found[0].cost[1] < 0.5 * found[0].cost[0] && found[0].passes <= options.passes(4, false), "{found:?}");
+    let fits: Vec<Simulated> = [1, 3].map(|threads| with_threads(threads, || fit(&start, &source, &options))).into();
+    assert_eq!(fits[0].model, fits[1].model);
+    assert_eq!((fits[0].cost, fits[0].passes), (fits[1].cost, fits[1].passes));
+    assert_eq!(Coefficient::support(&fits[0].model), Coefficient::support(&start));
+    assert_eq!(fits[0].coefficients.len(), 4);
+    assert!(fits[0].cost[1] < 0.5 * fits[0].cost[0] && fits[0].passes <= options.passes(4, false), "{fits:?}");
 }
 
 #[test]
@@ -303,19 +303,19 @@ fn segments_with_missing_inputs_are_left_out_and_missing_targets_are_not_compare
     columns[2][13] = f64::NAN;
     columns[0][27] = f64::NAN;
     let source = source(&["x", "y", "u"], 0.1, vec![columns]);
-    let found = fit(&linear_model(&[vec![0.9, 0.1, 0.2], vec![-0.1, 0.9, 0.2]]), &source, &exact(10));
-    assert_eq!((found.segments, found.missing), (8, 1));
-    assert_eq!(found.residuals, 8 * 20 - 1);
-    assert!(error(&coefficients(&found.model)) < 1e-11);
+    let fitted = fit(&linear_model(&[vec![0.9, 0.1, 0.2], vec![-0.1, 0.9, 0.2]]), &source, &exact(10));
+    assert_eq!((fitted.segments, fitted.missing), (8, 1));
+    assert_eq!(fitted.residuals, 8 * 20 - 1);
+    assert!(error(&coefficients(&fitted.model)) < 1e-11);
 }
 
 /// A system that grows without bound from where the search begins: its segments end early, and the steps lead back to one that does not.
 #[test]
 fn a_start_that_diverges_is_led_back() {
     let source = source(&["x", "y", "u"], 0.1, vec![linear(3, 400, 0.0)]);
-    let found = fit(&linear_model(&[vec![1.9, 0.2, 0.1], vec![-0.2, 1.7, 0.3]]), &source, &exact(12));
-    assert!(found.ended[0] > 0 && found.ended[1] == 0, "{:?}", found.ended);
-    assert!(error(&coefficients(&found.model)) < 1e-9, "{:?}", coefficients(&found.model));
+    let fitted = fit(&linear_model(&[vec![1.9, 0.2, 0.1], vec![-0.2, 1.7, 0.3]]), &source, &exact(12));
+    assert!(fitted.ended[0] > 0 && fitted.ended[1] == 0, "{:?}", fitted.ended);
+    assert!(error(&coefficients(&fitted.model)) < 1e-9, "{:?}", coefficients(&fitted.model));
 }
 
 #[test]
@@ -337,6 +337,6 @@ fn what_cannot_be_fitted_is_refused() {
     assert!(message.contains("16785409") && message.contains("16777216"), "{message}");
     let mut few = SimulationOptions::new(5);
     few.descent.max_iterations = 1;
-    let found = fit(&full, &rows, &few);
-    assert_eq!((found.status, found.passes), (Status::Iterations, 2));
+    let fitted = fit(&full, &rows, &few);
+    assert_eq!((fitted.status, fitted.passes), (Status::Iterations, 2));
 }

@@ -126,15 +126,15 @@ fn a_linear_system_is_smoothed_as_dense_least_squares_does() {
     let variances = Variances { measurement: r.to_vec(), process: q.to_vec() };
     let a = [[0.0, 1.0], [-1.1, -0.2]];
     let coefficients = [a[0][0], a[0][1], a[1][0], a[1][1]];
-    let found = smoother.settle((&smoother.recorded(), &coefficients), &[], (&variances, 1e-12), &Silent).unwrap();
-    assert!(found.converged && found.steps <= 2, "{} steps", found.steps);
+    let settled = smoother.settle((&smoother.recorded(), &coefficients), &[], (&variances, 1e-12), &Silent).unwrap();
+    assert!(settled.converged && settled.steps <= 2, "{} steps", settled.steps);
 
     // zeta = z1 - z0 - h/6 (f0 + 4 fm + f1), zm = (z0 + z1)/2 + h/8 (f0 - f1), row by row.
     let times = |m: [[f64; 2]; 2], x: [f64; 2]| [m[0][0] * x[0] + m[0][1] * x[1], m[1][0] * x[0] + m[1][1] * x[1]];
     let zeta = |z0: [f64; 2], z1: [f64; 2], u: [f64; 2]| {
         let rate = |z: [f64; 2], u: f64| {
-            let own = times(a, z);
-            [own[0], own[1] + 0.3 * u]
+            let rates = times(a, z);
+            [rates[0], rates[1] + 0.3 * u]
         };
         let (f0, f1) = (rate(z0, u[0]), rate(z1, u[1]));
         let middle = [0, 1].map(|s| 0.5 * (z0[s] + z1[s]) + h / 8.0 * (f0[s] - f1[s]));
@@ -177,8 +177,8 @@ fn a_linear_system_is_smoothed_as_dense_least_squares_does() {
     }
     let dense = solved(normal, right);
     // The normal matrix has condition 1e5: its solution has eleven digits.
-    for (own, dense) in found.tracks.0[0].iter().zip(&dense) {
-        assert!((own - dense).abs() < 1e-9, "{own} {dense}");
+    for (value, dense) in settled.tracks.0[0].iter().zip(&dense) {
+        assert!((value - dense).abs() < 1e-9, "{value} {dense}");
     }
 }
 
@@ -240,13 +240,13 @@ fn nothing_near_the_minimum_is_lower_and_the_truth_is_within_its_errors() {
     let smoother = smoother(&model, all(2, 4), &data);
     let noise = smoother.noise();
     // White noise of deviation 0.1, by some 400 third differences.
-    noise.iter().for_each(|own| assert!((own / 0.01 - 1.0).abs() < 0.3, "{own}"));
+    noise.iter().for_each(|deviation| assert!((deviation / 0.01 - 1.0).abs() < 0.3, "{deviation}"));
     let (r, q) = ([0.01; 2], [1e-6; 2]);
     let variances = Variances { measurement: r.to_vec(), process: q.to_vec() };
     let moving = [1, 4, 5, 6];
     let start = TRUE.map(|value| 0.8 * value);
-    let found = smoother.settle((&smoother.recorded(), &start), &moving, (&variances, 1e-13), &Silent).unwrap();
-    assert!(found.converged);
+    let settled = smoother.settle((&smoother.recorded(), &start), &moving, (&variances, 1e-13), &Silent).unwrap();
+    assert!(settled.converged);
     let rate = |c: &[f64]| {
         let c = c.to_vec();
         move |[x, v]: [f64; 2]| {
@@ -255,10 +255,10 @@ fn nothing_near_the_minimum_is_lower_and_the_truth_is_within_its_errors() {
         }
     };
     let value = |z: &[f64], c: &[f64]| objective(&columns, z, rate(c), h, (r, q));
-    let (z, c) = (&found.tracks.0[0], &found.coefficients);
+    let (z, c) = (&settled.tracks.0[0], &settled.coefficients);
     let least = value(z, c);
     // The same sum in another order.
-    assert!((least / found.cost - 1.0).abs() < 1e-10, "{least} {}", found.cost);
+    assert!((least / settled.cost - 1.0).abs() < 1e-10, "{least} {}", settled.cost);
     for (at, length) in [(0, 1e-4), (37, 1e-4), (2 * rows - 1, 1e-4)] {
         for sign in [-1.0, 1.0] {
             let mut moved = z.clone();
@@ -266,8 +266,8 @@ fn nothing_near_the_minimum_is_lower_and_the_truth_is_within_its_errors() {
             assert!(value(&moved, c) > least, "state {at}");
         }
     }
-    for (own, &at) in moving.iter().enumerate() {
-        let error = found.covariance[own][own].sqrt();
+    for (index, &at) in moving.iter().enumerate() {
+        let error = settled.covariance[index][index].sqrt();
         // Four coefficients of one seed: beyond 4 standard errors once in four thousand.
         assert!((c[at] - TRUE[at]).abs() < 4.0 * error, "{at}: {} +- {error}", c[at]);
         assert!(error < 0.02, "{error}");
@@ -297,8 +297,8 @@ fn what_is_left_on_the_coefficients_is_the_least_over_the_states() {
     for j in 0..4 {
         let mut moved = at;
         moved[j] += 1e-3;
-        let found = smoother.settle((&states.tracks, &moved), &[], (&variances, 1e-14), &Silent).unwrap();
-        let (expected, change) = (2.0 * found.cost - 2.0 * states.cost, twice(&moved) - twice(&at));
+        let settled = smoother.settle((&states.tracks, &moved), &[], (&variances, 1e-14), &Silent).unwrap();
+        let (expected, change) = (2.0 * settled.cost - 2.0 * states.cost, twice(&moved) - twice(&at));
         assert!((change - expected).abs() < 0.02 * expected.abs() + 1e-6, "{j}: {change} {expected}");
     }
 }
@@ -313,12 +313,12 @@ fn gaps_part_a_recording_and_missing_inputs_too() {
     let parted = smoother(&model, all(2, 2), &data);
     assert_eq!((parted.segments(), parted.rows(), parted.intervals()), (2, 59, 57));
     // The same as two episodes.
-    let part = |rows: std::ops::Range<usize>| columns.iter().map(|own| own[rows.clone()].to_vec()).collect();
+    let part = |rows: std::ops::Range<usize>| columns.iter().map(|column| column[rows.clone()].to_vec()).collect();
     let apart = source(&["x", "v", "u"], vec![(h, part(0..30)), (h, part(31..60))]);
     let two = smoother(&model, all(2, 2), &apart);
     let variances = Variances { measurement: vec![0.01; 2], process: vec![1e-5; 2] };
-    let settle = |own: &StateSmoother| {
-        own.settle((&own.recorded(), &[0.0, 1.0, -1.0, 0.0]), &[1, 2], (&variances, 1e-12), &Silent).unwrap()
+    let settle = |smoother: &StateSmoother| {
+        smoother.settle((&smoother.recorded(), &[0.0, 1.0, -1.0, 0.0]), &[1, 2], (&variances, 1e-12), &Silent).unwrap()
     };
     let (a, b) = (settle(&parted), settle(&two));
     a.coefficients.iter().zip(&b.coefficients).for_each(|(a, b)| assert!((a - b).abs() < 1e-9, "{a} {b}"));

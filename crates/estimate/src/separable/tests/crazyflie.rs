@@ -50,9 +50,9 @@ fn thrust(scale: f64, tau: &str) -> LinearTarget {
     LinearTarget::new(parse(&format!("{}*acc_z_mps2", MASS * scale)), functions)
 }
 
-fn near(found: f64, figure: f64, what: &str) {
-    println!("{what}: {found} beside {figure}, {:.1e} of it", found / figure - 1.0);
-    assert!((found / figure - 1.0).abs() < 1e-3, "{what}: {found} {figure}");
+fn near(value: f64, figure: f64, what: &str) {
+    println!("{what}: {value} beside {figure}, {:.1e} of it", value / figure - 1.0);
+    assert!((value / figure - 1.0).abs() < 1e-3, "{what}: {value} {figure}");
 }
 
 #[test]
@@ -60,29 +60,29 @@ fn the_thrust_curve_at_the_given_and_at_the_free_lag() {
     let Some(source) = log("crazyflie-thrust.csv", 35.0, 65.0) else { return };
     let fixed = [Parameter::new("tau", 0.0716).between(0.0716, 0.0716)];
     let given = solve(&[thrust(9.18 / 9.81, "tau")], &fixed, &source);
-    for (found, figure) in given.targets[0].coefficients.iter().zip([0.021262, -0.011167, 0.120127]) {
-        near(*found, figure, "at the given lag");
+    for (coefficient, figure) in given.targets[0].coefficients.iter().zip([0.021262, -0.011167, 0.120127]) {
+        near(*coefficient, figure, "at the given lag");
     }
     let free = [Parameter::new("tau", 0.05).between(0.01, 0.3)];
     let options = SeparableOptions { starts: 8, descents: 2, ..SeparableOptions::default() };
     let options = SeparableOptions { iteration: Options { chunk_rows: 2_048, ..options.iteration }, ..options };
-    let found = separable(&[thrust(1.0, "tau")], &free, &source, &options, &Silent).unwrap();
-    assert!(found.estimate.status.converged() && found.estimate.gradient < 1e-9, "{:?}", found.estimate);
-    let tau = found.parameter("tau").unwrap();
+    let solution = separable(&[thrust(1.0, "tau")], &free, &source, &options, &Silent).unwrap();
+    assert!(solution.estimate.status.converged() && solution.estimate.gradient < 1e-9, "{:?}", solution.estimate);
+    let tau = solution.parameter("tau").unwrap();
     println!(
         "tau = {tau} s, clustered {:?}, rms {} N, {} steps",
-        found.estimate.clustered_errors(),
-        found.targets[0].rms,
-        found.estimate.iterations
+        solution.estimate.clustered_errors(),
+        solution.targets[0].rms,
+        solution.estimate.iterations
     );
     near(tau.value, 0.074_064, "the free lag, by a scalar search over the same sum of squares");
     // The figures belong to 0.074 s, the lag rounded: the minimum is flat.
     let rounded = [Parameter::new("tau", 0.074).between(0.074, 0.074)];
     let rounded = solve(&[thrust(1.0, "tau")], &rounded, &source);
-    for (found, figure) in rounded.targets[0].coefficients.iter().zip([0.02248, -0.01135, 0.12818]) {
-        near(*found, figure, "at 0.074 s, unscaled");
+    for (coefficient, figure) in rounded.targets[0].coefficients.iter().zip([0.02248, -0.01135, 0.12818]) {
+        near(*coefficient, figure, "at 0.074 s, unscaled");
     }
-    assert!((tau.value - 0.074).abs() < 5e-4 && rounded.targets[0].rms / found.targets[0].rms - 1.0 < 1e-5);
+    assert!((tau.value - 0.074).abs() < 5e-4 && rounded.targets[0].rms / solution.targets[0].rms - 1.0 < 1e-5);
 }
 
 #[test]
@@ -101,9 +101,10 @@ fn both_inertias() {
     };
     let fit = |residual: Residual| {
         let parameters = [Parameter::new("I", 1e-5)];
-        let found = nonlinear_least_squares(&[residual], &parameters, &source, &Options::default(), &Silent).unwrap();
-        println!("I = {} kg m2, clustered {:?}", found.uncertain("I").unwrap(), found.clustered_errors());
-        found.values[0]
+        let estimate =
+            nonlinear_least_squares(&[residual], &parameters, &source, &Options::default(), &Silent).unwrap();
+        println!("I = {} kg m2, clustered {:?}", estimate.uncertain("I").unwrap(), estimate.clustered_errors());
+        estimate.values[0]
     };
     near(fit(inertia(["-", "-", "+", "+"], "gyro_x_rads")), 1.0285e-5, "roll");
     near(fit(inertia(["-", "+", "+", "-"], "gyro_y_rads")), 1.0876e-5, "pitch");

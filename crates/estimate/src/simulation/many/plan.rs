@@ -112,31 +112,32 @@ impl Near<'_> {
         let slope = self.metric.slope(gradient);
         let length = norm(slope.iter().copied());
         let most = self.options().directions.min(slope.len());
-        let mut found = Subspace { basis: Vec::new(), products: Mat::zeros(0, 0), length };
+        let mut subspace = Subspace { basis: Vec::new(), products: Mat::zeros(0, 0), length };
         let mut next: Vec<f64> = slope.iter().map(|value| value / length).collect();
-        while found.basis.len() < most {
+        while subspace.basis.len() < most {
             let direction = self.metric.down(&next);
             let product = self.rows.along(&self.theta, &direction, self.at.segments)?;
-            found.basis.push(next);
+            subspace.basis.push(next);
             let mut left = self.metric.slope(&product.back);
-            let (m, old) = (found.basis.len(), found.products);
-            let own: Vec<f64> = found.basis.iter().map(|q| dot(q, &left)).collect();
-            found.products = Mat::from_fn(m, m, |i, j| if i.max(j) + 1 == m { own[i.min(j)] } else { old[(i, j)] });
+            let (m, old) = (subspace.basis.len(), subspace.products);
+            let along: Vec<f64> = subspace.basis.iter().map(|q| dot(q, &left)).collect();
+            subspace.products =
+                Mat::from_fn(m, m, |i, j| if i.max(j) + 1 == m { along[i.min(j)] } else { old[(i, j)] });
             // Twice is enough for orthogonality to rounding.
             for _ in 0..2 {
-                for q in &found.basis {
+                for q in &subspace.basis {
                     let part = dot(q, &left);
                     left.iter_mut().zip(q).for_each(|(left, q)| *left -= part * q);
                 }
             }
             let size = norm(left.iter().copied());
-            let share = found.last(self.tau).map_or(0.0, |last| size * last.abs());
+            let share = subspace.last(self.tau).map_or(0.0, |last| size * last.abs());
             if share <= LEFT || size == 0.0 || !size.is_finite() {
                 break;
             }
             next = left.into_iter().map(|value| value / size).collect();
         }
-        Ok(found)
+        Ok(subspace)
     }
 
     /// The way to the least value of the quadratic model in the set, by spectral projected gradients in the metric H.
