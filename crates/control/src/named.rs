@@ -14,7 +14,7 @@ pub(crate) fn finite(of: &'static str, name: &str, value: f64) -> Result<(), Con
 
 /// The place of a name.
 pub(crate) fn find(of: &'static str, kind: &'static str, name: &str, known: &[&String]) -> Result<usize, ControlError> {
-    known.iter().position(|own| *own == name).ok_or_else(|| {
+    known.iter().position(|candidate| *candidate == name).ok_or_else(|| {
         let names = || known.iter().map(|name| name.as_str());
         let similar = nearest(name, names());
         let hint = match similar.as_slice() {
@@ -33,8 +33,8 @@ pub(crate) fn indices(
     known: &[String],
 ) -> Result<Vec<usize>, ControlError> {
     let known: Vec<&String> = known.iter().collect();
-    let mut found = names.iter().map(|name| find(of, kind, name, &known)).collect::<Result<Vec<_>, _>>()?;
-    found.sort_unstable();
-    found.dedup();
-    Ok(found)
+    let mut indices = names.iter().map(|name| find(of, kind, name, &known)).collect::<Result<Vec<_>, _>>()?;
+    indices.sort_unstable();
+    indices.dedup();
+    Ok(indices)
 }

@@ -65,10 +65,10 @@ impl Pieces {
         let partition = divided(model)?;
         let count = partition.map_or(1, |index| model.partitions[index].rule.count());
         let piece = |region: usize| {
-            let own = partition.map_or_else(|| model.clone(), |partition| submodel(model, partition, region));
-            let stepper = Stepper::new(&own)?;
+            let part = partition.map_or_else(|| model.clone(), |partition| submodel(model, partition, region));
+            let stepper = Stepper::new(&part)?;
             let tangent = Tangent::new(&stepper)?;
-            let place = |name: &str| inputs.iter().position(|own| own == name);
+            let place = |name: &str| inputs.iter().position(|input| input == name);
             let places = stepper.inputs().map(|name| place(name).unwrap_or(usize::MAX)).collect();
             let described = partition.or((model.partitions.len() == 1).then_some(0));
             let about = described.and_then(|index| model.summaries[index].regions.get(region));
@@ -104,8 +104,8 @@ impl Pieces {
 impl Piece {
     /// The derivatives of a continuous submodel, the next states of a discrete one, to first order at a point.
     pub(crate) fn linearized(&self, x: &[f64], u: &[f64]) -> Affine {
-        let found = self.tangent.linearize(&self.stepper, &self.points(x, u), &mut StepperWorkspace::default());
-        self.spread(found, x.len(), u.len())
+        let linearized = self.tangent.linearize(&self.stepper, &self.points(x, u), &mut StepperWorkspace::default());
+        self.spread(linearized, x.len(), u.len())
     }
 
     fn points(&self, x: &[f64], u: &[f64]) -> Points {
@@ -118,14 +118,14 @@ impl Piece {
     }
 
     /// With the inputs of the model in the place of those that the submodel reads.
-    fn spread(&self, found: Vec<Linearized>, n: usize, m: usize) -> Affine {
-        let Some(Linearized { a, b, c, .. }) = found.into_iter().next() else {
+    fn spread(&self, linearized: Vec<Linearized>, n: usize, m: usize) -> Affine {
+        let Some(Linearized { a, b, c, .. }) = linearized.into_iter().next() else {
             return Affine { a: Mat::zeros(0, 0), b: Mat::zeros(0, 0), c: Vec::new() };
         };
-        let own = of_rows(n, self.places.len(), &b);
+        let of_inputs = of_rows(n, self.places.len(), &b);
         let mut all = Mat::zeros(n, m);
         for (i, &place) in self.places.iter().enumerate().filter(|(_, place)| **place < m) {
-            (0..n).for_each(|row| all[(row, place)] = own[(row, i)]);
+            (0..n).for_each(|row| all[(row, place)] = of_inputs[(row, i)]);
         }
         Affine { a: of_rows(n, n, &a), b: all, c }
     }
@@ -165,9 +165,9 @@ fn divided(model: &Model) -> Result<Option<usize>, Error> {
     let many = |&index: &usize| {
         model.partitions[index].rule.count() > 1 && model.latents.iter().any(|latent| latent.partition == index)
     };
-    let mut found = (0..model.partitions.len()).filter(many);
-    let first = found.next();
-    if found.next().is_some() {
+    let mut candidates = (0..model.partitions.len()).filter(many);
+    let first = candidates.next();
+    if candidates.next().is_some() {
         return Err(ControlError::Partitions.into());
     }
     Ok(first)
@@ -175,16 +175,16 @@ fn divided(model: &Model) -> Result<Option<usize>, Error> {
 
 /// The model as it is in a region, everywhere.
 fn submodel(model: &Model, partition: usize, region: usize) -> Model {
-    let mut own = model.clone();
-    for latent in own.latents.iter_mut().filter(|latent| latent.partition == partition) {
+    let mut copy = model.clone();
+    for latent in copy.latents.iter_mut().filter(|latent| latent.partition == partition) {
         latent.map.keep_region(region);
         // The submodel holds wherever the filter or the regulator is: its linear algebra has no borders.
         latent.beyond.clear();
     }
     let regions = model.summaries[partition].regions[region].clone();
-    own.partitions[partition] = Partition::whole();
-    own.summaries[partition] = vec![regions].into();
-    own
+    copy.partitions[partition] = Partition::whole();
+    copy.summaries[partition] = vec![regions].into();
+    copy
 }
 
 /// Standard errors of a region's least squares, by state. The leverages of n rows in a regression of p numbers add up

@@ -127,9 +127,9 @@ mod tests {
             }
             (top - 10.0, y)
         };
-        let ((own, end), (wound, _)) = (run(true), run(false));
+        let ((settled, end), (wound, _)) = (run(true), run(false));
         assert!(wound > 3.0, "the plant is one that winds up: {wound}");
-        assert!(own < 0.3, "{own}");
+        assert!(settled < 0.3, "{settled}");
         assert!((end - 10.0).abs() < 1e-3, "{end}");
     }
 

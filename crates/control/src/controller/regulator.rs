@@ -152,14 +152,20 @@ impl RegionChoice {
 impl Regulator {
     /// The names of the errors: those of the states, and `NAME about x`, `y` and `z` of a rotation.
     pub fn errors(&self) -> Vec<String> {
-        let axes =
-            self.rotations.iter().flat_map(|own| ["x", "y", "z"].map(|axis| format!("{} about {axis}", own.name)));
+        let axes = self
+            .rotations
+            .iter()
+            .flat_map(|rotation| ["x", "y", "z"].map(|axis| format!("{} about {axis}", rotation.name)));
         self.states.iter().map(|state| state.name.clone()).chain(axes).collect()
     }
 
     /// Typical deviation of each error.
     pub fn sizes(&self) -> Vec<f64> {
-        self.states.iter().map(|state| state.size).chain(self.rotations.iter().flat_map(|own| own.size)).collect()
+        self.states
+            .iter()
+            .map(|state| state.size)
+            .chain(self.rotations.iter().flat_map(|rotation| rotation.size))
+            .collect()
     }
 
     /// The errors of states and rotations in this row of the columns that it reads.
@@ -169,22 +175,22 @@ impl Regulator {
             *error = if state.angle { wrap(off) } else { off };
         }
         let mut columns = &columns[self.states.len()..];
-        for (own, errors) in self.rotations.iter().zip(errors[self.states.len()..].chunks_exact_mut(3)) {
-            let (parts, rest) = columns.split_at(own.columns.len());
-            errors.copy_from_slice(&own.kind.difference(parts, &own.at));
+        for (rotation, errors) in self.rotations.iter().zip(errors[self.states.len()..].chunks_exact_mut(3)) {
+            let (parts, rest) = columns.split_at(rotation.columns.len());
+            errors.copy_from_slice(&rotation.kind.difference(parts, &rotation.at));
             columns = rest;
         }
     }
 
     /// Columns that states and rotations are read from.
     fn state_columns(&self) -> impl Iterator<Item = &String> {
-        self.states.iter().map(|state| &state.name).chain(self.rotations.iter().flat_map(|own| &own.columns))
+        self.states.iter().map(|state| &state.name).chain(self.rotations.iter().flat_map(|rotation| &rotation.columns))
     }
 
     /// Columns that decide the region and are neither states nor inputs nor measured.
     fn choosing(&self) -> Vec<String> {
         let known = |name: &String| {
-            self.state_columns().any(|own| own == name)
+            self.state_columns().any(|column| column == name)
                 || self.measured.iter().any(|column| column.name == *name)
                 || self.inputs.iter().any(|input| input.name == *name)
         };
@@ -267,19 +273,23 @@ impl Controller for Regulator {
             check(&format!("{name}.at"), at, true, "a finite number")?;
             check(&format!("{name}.size"), size, size > 0.0, "a positive number")?;
         }
-        for own in &self.rotations {
-            let length = own.at.iter().map(|part| part * part).sum::<f64>().sqrt();
-            let is_one = own.kind == RotationKind::Vector || (length - 1.0).abs() < 1e-6;
-            if own.columns.len() != own.kind.parts()
-                || own.at.len() != own.kind.parts()
+        for rotation in &self.rotations {
+            let length = rotation.at.iter().map(|part| part * part).sum::<f64>().sqrt();
+            let is_one = rotation.kind == RotationKind::Vector || (length - 1.0).abs() < 1e-6;
+            if rotation.columns.len() != rotation.kind.parts()
+                || rotation.at.len() != rotation.kind.parts()
                 || !length.is_finite()
                 || !is_one
             {
-                let allowed = format!("the {} parts of a {}", own.kind.parts(), own.kind.word());
-                return Err(ParameterError::new(&format!("{}.at", own.name), format!("{:?}", own.at), allowed));
+                let allowed = format!("the {} parts of a {}", rotation.kind.parts(), rotation.kind.word());
+                return Err(ParameterError::new(
+                    &format!("{}.at", rotation.name),
+                    format!("{:?}", rotation.at),
+                    allowed,
+                ));
             }
-            for size in own.size {
-                check(&format!("{}.size", own.name), size, size > 0.0, "a positive number")?;
+            for size in rotation.size {
+                check(&format!("{}.size", rotation.name), size, size > 0.0, "a positive number")?;
             }
         }
         if let Some(partition) = &self.partition {

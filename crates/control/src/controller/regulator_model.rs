@@ -69,10 +69,10 @@ impl Regulator {
 
     /// The partition, with the sizes of states as the statistics of its regions.
     fn regions(&self) -> (Partition, Vec<RegionSummary>) {
-        let own = self.sizes();
-        let (n, q) = (own.len(), self.integrated.len());
-        let sizes: Vec<f64> = (own.iter().copied())
-            .chain(self.integrated.iter().map(|&error| own[error]))
+        let state_sizes = self.sizes();
+        let (n, q) = (state_sizes.len(), self.integrated.len());
+        let sizes: Vec<f64> = (state_sizes.iter().copied())
+            .chain(self.integrated.iter().map(|&error| state_sizes[error]))
             .chain(self.measured.iter().map(|column| column.size))
             .collect();
         let functions = n + q + self.measured.len();
@@ -113,7 +113,7 @@ impl Regulator {
                 row[state] -= gain * self.period;
             }
             row.resize(n + self.integrated.len(), 0.0);
-            row[n..].iter_mut().zip(integral).for_each(|(own, gain)| *own = -gain);
+            row[n..].iter_mut().zip(integral).for_each(|(entry, gain)| *entry = -gain);
             row.extend(law.measured.get(j).into_iter().flatten().map(|gain| -gain));
             row
         };
@@ -188,17 +188,17 @@ impl Regulator {
 /// part of `q*^-1 q`, the shorter way round.
 ///
 /// Without an error there is no direction; the least positive length in its place gives zero.
-fn rotation_error(own: &RegulatedRotation) -> [Expr; 3] {
-    let column = |part: usize| Expr::column(own.columns[part].as_str());
-    let q = match own.kind {
+fn rotation_error(rotation: &RegulatedRotation) -> [Expr; 3] {
+    let column = |part: usize| Expr::column(rotation.columns[part].as_str());
+    let q = match rotation.kind {
         RotationKind::Quaternion => Quaternion::new(column(1), column(2), column(3), column(0)),
         RotationKind::Vector => Quaternion::of_vector(&[column(0), column(1), column(2)]),
     };
-    let [w, x, y, z] = own.kind.quaternion(&own.at);
+    let [w, x, y, z] = rotation.kind.quaternion(&rotation.at);
     let ([a, b, c], d) = (q.vector.each_ref(), &q.w);
     let sum = |terms: [(f64, &Expr); 4]| {
-        let own = terms.into_iter().filter(|(factor, _)| *factor != 0.0).map(|(factor, part)| factor * part);
-        own.reduce(|a, b| a + b).unwrap_or_else(|| Expr::number(0.0))
+        let factors = terms.into_iter().filter(|(factor, _)| *factor != 0.0).map(|(factor, part)| factor * part);
+        factors.reduce(|a, b| a + b).unwrap_or_else(|| Expr::number(0.0))
     };
     let scalar = sum([(w, d), (x, a), (y, b), (z, c)]);
     let vector = [

@@ -42,9 +42,9 @@ pub(super) fn weights(
     period: f64,
 ) -> Result<Weights, ControlError> {
     let n = pieces.states.len();
-    let own: Vec<&Coordinate> = kept.iter().map(|&at| &coordinates.of[at]).collect();
+    let kept_coordinates: Vec<&Coordinate> = kept.iter().map(|&at| &coordinates.of[at]).collect();
     let driven_names: Vec<&String> = driven.iter().map(|&i| &pieces.inputs[i]).collect();
-    let mut q: Vec<f64> = own.iter().map(|own| own.size.powi(-2)).collect();
+    let mut q: Vec<f64> = kept_coordinates.iter().map(|coordinate| coordinate.size.powi(-2)).collect();
     let mut r: Vec<f64> = driven.iter().map(|&i| pieces.size(n + i).powi(-2)).collect();
     let not_negative = |of: &'static str, name: &String, value: f64, allowed: &'static str, ok: bool| {
         if ok && value.is_finite() {
@@ -64,8 +64,8 @@ pub(super) fn weights(
     let mut integrated: Vec<(usize, f64)> = Vec::new();
     for (name, value) in &options.integral {
         not_negative("integral", name, *value, "a positive weight", *value > 0.0)?;
-        let found = coordinates.find("integral", "kept state", name, kept)?;
-        integrated.extend(found.into_iter().map(|at| (at, *value)));
+        let matches = coordinates.find("integral", "kept state", name, kept)?;
+        integrated.extend(matches.into_iter().map(|at| (at, *value)));
     }
     for (name, lowest, highest) in &options.limits {
         find("limits", "driven input", name, &driven_names)?;
@@ -77,10 +77,10 @@ pub(super) fn weights(
             highest > lowest && lowest.is_finite(),
         )?;
     }
-    let is_integrated = |own: &Coordinate| {
-        let named = |(name, _): &Named| match own.of {
-            Of::State(_) => *name == own.name,
-            Of::Turn { group, .. } => *name == own.name || *name == coordinates.groups[group].name,
+    let is_integrated = |coordinate: &Coordinate| {
+        let named = |(name, _): &Named| match coordinate.of {
+            Of::State(_) => *name == coordinate.name,
+            Of::Turn { group, .. } => *name == coordinate.name || *name == coordinates.groups[group].name,
         };
         options.integral.iter().any(named)
     };
@@ -88,8 +88,12 @@ pub(super) fn weights(
         q,
         r,
         integrated,
-        held: kept.iter().zip(&own).map(|(&at, own)| given[at] || is_integrated(own)).collect(),
-        state_sizes: own.iter().map(|own| own.size).collect(),
+        held: kept
+            .iter()
+            .zip(&kept_coordinates)
+            .map(|(&at, coordinate)| given[at] || is_integrated(coordinate))
+            .collect(),
+        state_sizes: kept_coordinates.iter().map(|coordinate| coordinate.size).collect(),
         input_sizes: driven.iter().map(|&i| pieces.size(n + i)).collect(),
         period,
     })

@@ -51,8 +51,8 @@ pub(super) struct Coordinates<'a> {
 impl<'a> Coordinates<'a> {
     pub(super) fn new(pieces: &'a Pieces, model: &Model) -> Self {
         let geometry = pieces.whole.geometry();
-        let own = (0..pieces.states.len()).filter(|&state| geometry.group(state).is_none());
-        let mut of: Vec<Coordinate> = own
+        let linear = (0..pieces.states.len()).filter(|&state| geometry.group(state).is_none());
+        let mut of: Vec<Coordinate> = linear
             .map(|state| Coordinate {
                 name: pieces.states[state].clone(),
                 size: pieces.size(state),
@@ -81,7 +81,7 @@ impl<'a> Coordinates<'a> {
 
     /// The coordinates of a state about itself: rotations are off by nothing.
     pub(super) fn values(&self, x: &[f64]) -> Vec<f64> {
-        let value = |own: &Coordinate| if let Of::State(state) = own.of { x[state] } else { 0.0 };
+        let value = |coordinate: &Coordinate| if let Of::State(state) = coordinate.of { x[state] } else { 0.0 };
         self.of.iter().map(value).collect()
     }
 
@@ -93,17 +93,17 @@ impl<'a> Coordinates<'a> {
     /// The state that is off `x` by these changes.
     pub(super) fn moved(&self, x: &[f64], change: &[f64]) -> Vec<f64> {
         let (mut moved, mut turned) = (x.to_vec(), vec![[0.0; 3]; self.groups.len()]);
-        for (own, change) in self.of.iter().zip(change) {
-            match own.of {
+        for (coordinate, change) in self.of.iter().zip(change) {
+            match coordinate.of {
                 Of::State(state) => moved[state] += change,
                 Of::Turn { group, axis } => turned[group][axis] = *change,
             }
         }
         for (at, turn) in turned.into_iter().enumerate().filter(|(_, turn)| *turn != [0.0; 3]) {
             let group = &self.groups[at];
-            let mut own = group.kind.moved(&self.parts(at, x), turn);
-            group.kind.retract(&mut own);
-            group.places.iter().zip(own).for_each(|(&place, part)| moved[place] = part);
+            let mut parts = group.kind.moved(&self.parts(at, x), turn);
+            group.kind.retract(&mut parts);
+            group.places.iter().zip(parts).for_each(|(&place, part)| moved[place] = part);
         }
         moved
     }
@@ -112,8 +112,8 @@ impl<'a> Coordinates<'a> {
     pub(super) fn reduced(&self, affine: &Affine, x: &[f64], continuous: bool) -> Affine {
         let n = x.len();
         let (mut to, mut from) = (Mat::<f64>::zeros(self.len(), n), Mat::<f64>::zeros(n, self.len()));
-        for (row, own) in self.of.iter().enumerate() {
-            match own.of {
+        for (row, coordinate) in self.of.iter().enumerate() {
+            match coordinate.of {
                 Of::State(state) => (to[(row, state)], from[(state, row)]) = (1.0, 1.0),
                 Of::Turn { group, axis } => {
                     let Group { kind, places, .. } = &self.groups[group];
@@ -145,22 +145,22 @@ impl<'a> Coordinates<'a> {
         name: &str,
         kept: &[usize],
     ) -> Result<Vec<usize>, ControlError> {
-        let is_of = |own: &Coordinate| match own.of {
-            Of::Turn { group, .. } => own.name == name || self.groups[group].name == name,
-            Of::State(_) => own.name == name,
+        let is_of = |coordinate: &Coordinate| match coordinate.of {
+            Of::Turn { group, .. } => coordinate.name == name || self.groups[group].name == name,
+            Of::State(_) => coordinate.name == name,
         };
-        let found: Vec<usize> = (0..kept.len()).filter(|&at| is_of(&self.of[kept[at]])).collect();
-        if !found.is_empty() {
-            return Ok(found);
+        let matches: Vec<usize> = (0..kept.len()).filter(|&at| is_of(&self.of[kept[at]])).collect();
+        if !matches.is_empty() {
+            return Ok(matches);
         }
         let mut names: Vec<&str> = Vec::new();
-        for own in kept.iter().map(|&at| &self.of[at]) {
-            let own = match own.of {
+        for coordinate in kept.iter().map(|&at| &self.of[at]) {
+            let known = match coordinate.of {
                 Of::Turn { group, .. } => &self.groups[group].name,
-                Of::State(_) => &own.name,
+                Of::State(_) => &coordinate.name,
             };
-            if !names.contains(&own.as_str()) {
-                names.push(own);
+            if !names.contains(&known.as_str()) {
+                names.push(known);
             }
         }
         Err(ControlError::Unknown { of, kind, name: name.to_owned(), hint: hint(name, &names) })
@@ -184,10 +184,10 @@ impl<'a> Coordinates<'a> {
             self.find("free", "state", rotation, &all)?.into_iter().for_each(|at| is_free[at] = true);
         }
         let whole = |group: usize| {
-            let own =
-                (0..self.len()).filter(|&at| matches!(self.of[at].of, Of::Turn { group: own, .. } if own == group));
-            let free: Vec<bool> = own.map(|at| is_free[at]).collect();
-            free.iter().all(|own| *own) || !free.contains(&true)
+            let of_group =
+                (0..self.len()).filter(|&at| matches!(self.of[at].of, Of::Turn { group: other, .. } if other == group));
+            let free: Vec<bool> = of_group.map(|at| is_free[at]).collect();
+            free.iter().all(|is_free| *is_free) || !free.contains(&true)
         };
         match (0..self.groups.len()).find(|&group| !whole(group)) {
             Some(group) => Err(ControlError::HalfRotation { of: "free", rotation: self.groups[group].name.clone() }),
@@ -196,7 +196,7 @@ impl<'a> Coordinates<'a> {
     }
 
     fn group_of_part(&self, name: &str) -> Option<usize> {
-        let state = self.states.iter().position(|own| own == name)?;
+        let state = self.states.iter().position(|known| known == name)?;
         self.groups.iter().position(|group| group.places.contains(&state))
     }
 
@@ -213,7 +213,8 @@ impl<'a> Coordinates<'a> {
             } else if let Some(group) = self.group_of_part(name) {
                 let part = self.groups[group].places.iter().position(|&place| self.states[place] == *name);
                 turns[group].parts[part.unwrap_or_default()] = Some(*value);
-            } else if let Some(at) = self.of.iter().position(|own| own.name == *name && matches!(own.of, Of::State(_)))
+            } else if let Some(at) =
+                self.of.iter().position(|coordinate| coordinate.name == *name && matches!(coordinate.of, Of::State(_)))
             {
                 given[at] = true;
                 if let Of::State(state) = self.of[at].of {
@@ -227,8 +228,8 @@ impl<'a> Coordinates<'a> {
             let group = &self.groups[at];
             let Some(parts) = turned.parts(group)? else { continue };
             group.places.iter().zip(parts).for_each(|(&place, part)| x[place] = part);
-            for (own, given) in self.of.iter().zip(&mut given) {
-                *given |= matches!(own.of, Of::Turn { group, .. } if group == at);
+            for (coordinate, given) in self.of.iter().zip(&mut given) {
+                *given |= matches!(coordinate.of, Of::Turn { group, .. } if group == at);
             }
         }
         Ok((given, rest))
@@ -237,7 +238,7 @@ impl<'a> Coordinates<'a> {
     /// `yaw(attitude)`: of which rotation, and which of roll, pitch and yaw.
     fn angle(&self, name: &str) -> Option<(usize, usize)> {
         let (angle, rest) = name.split_once('(')?;
-        let angle = ["roll", "pitch", "yaw"].iter().position(|own| *own == angle.trim())?;
+        let angle = ["roll", "pitch", "yaw"].iter().position(|axis| *axis == angle.trim())?;
         let rotation = rest.strip_suffix(')')?.trim();
         Some((self.groups.iter().position(|group| group.name == rotation)?, angle))
     }
@@ -263,12 +264,12 @@ impl Turned {
     fn parts(&self, group: &Group) -> Result<Option<Vec<f64>>, ControlError> {
         let half = || ControlError::HalfRotation { of: "setpoint", rotation: group.name.clone() };
         let (parts, angles) = (&self.parts[..group.places.len()], &self.angles);
-        let said = |own: &[Option<f64>]| own.iter().flatten().count();
+        let said = |values: &[Option<f64>]| values.iter().flatten().count();
         match (said(parts), said(angles)) {
             (0, 0) => Ok(None),
             (count, 0) if count == parts.len() => {
-                let mut own: Vec<f64> = parts.iter().flatten().copied().collect();
-                let length = own.iter().map(|part| part * part).sum::<f64>().sqrt();
+                let mut given_parts: Vec<f64> = parts.iter().flatten().copied().collect();
+                let length = given_parts.iter().map(|part| part * part).sum::<f64>().sqrt();
                 if group.kind == RotationKind::Quaternion && (length - 1.0).abs() > UNIT {
                     return Err(ControlError::Value {
                         of: "setpoint",
@@ -277,22 +278,23 @@ impl Turned {
                         allowed: "1, of a quaternion",
                     });
                 }
-                group.kind.retract(&mut own);
-                Ok(Some(own))
+                group.kind.retract(&mut given_parts);
+                Ok(Some(given_parts))
             }
             (0, 3) => {
-                let own = angles.map(Option::unwrap_or_default);
+                let given_angles = angles.map(Option::unwrap_or_default);
                 let neutral: Vec<f64> =
                     (0..parts.len()).map(|part| if parts.len() == 4 && part == 0 { 1.0 } else { 0.0 }).collect();
                 // About the axes of the body, one after the other: yaw, pitch, roll.
-                let turn = |own: &[f64], axis: usize, angle: f64| {
+                let turn = |attitude: &[f64], axis: usize, angle: f64| {
                     let mut phi = [0.0; 3];
                     phi[axis] = angle;
-                    group.kind.moved(own, phi)
+                    group.kind.moved(attitude, phi)
                 };
-                let mut found = turn(&turn(&turn(&neutral, 2, own[2]), 1, own[1]), 0, own[0]);
-                group.kind.retract(&mut found);
-                Ok(Some(found))
+                let mut attitude =
+                    turn(&turn(&turn(&neutral, 2, given_angles[2]), 1, given_angles[1]), 0, given_angles[0]);
+                group.kind.retract(&mut attitude);
+                Ok(Some(attitude))
             }
             _ => Err(half()),
         }
@@ -307,10 +309,10 @@ fn turns(pieces: &Pieces, model: &Model, group: usize) -> [f64; 3] {
     let order = |state: usize| pieces.whole.state_order(state).unwrap_or_default();
     let known =
         !training.state_covariance.is_empty() && places.iter().all(|&place| pieces.whole.state_order(place).is_some());
-    let told = [Component::Group(group)];
+    let components = [Component::Group(group)];
     let covariance = match known {
         true => geometry.covariance(
-            &told,
+            &components,
             |i, j| training.state_covariance[fleetfoot_data::packed(order(i), order(j))],
             |state| training.state_mean.get(order(state)).copied().unwrap_or_else(|| geometry.neutral(state)),
         ),

@@ -107,8 +107,8 @@ impl Weights {
     /// `(R + B'XB)^-1 B' (I - (A - BK)')^-1 X d`, meets the part that no rest cancels.
     pub(super) fn answer(&self, gains: &Gains, a: MatRef<'_, f64>, b: MatRef<'_, f64>, d: &[f64]) -> (Vec<f64>, bool) {
         let (n, m) = b.shape();
-        let own = |weight: f64, size: f64| 1.0 / weight.max(LEAST_WEIGHT / (size * size)).sqrt();
-        let units: Vec<f64> = (self.q.iter().zip(&self.state_sizes).map(|(&q, &size)| own(q, size)))
+        let unit = |weight: f64, size: f64| 1.0 / weight.max(LEAST_WEIGHT / (size * size)).sqrt();
+        let units: Vec<f64> = (self.q.iter().zip(&self.state_sizes).map(|(&q, &size)| unit(q, size)))
             .chain(self.r.iter().map(|r| 1.0 / r.sqrt()))
             .collect();
         let find = |used: &dyn Fn(usize) -> bool| {

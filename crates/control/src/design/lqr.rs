@@ -108,7 +108,7 @@ pub fn lqr(model: &Model, options: &LqrOptions) -> Result<Lqr, Error> {
         return Err(ControlError::Labels.into());
     }
     let mut design = Design::new(model, &pieces, options)?;
-    let (found, region) = design.setpoint()?;
+    let (rest, region) = design.setpoint()?;
     let by_region = match options.schedule {
         Schedule::Auto => pieces.regions.len() > 1 && region.is_some(),
         Schedule::Region => pieces.regions.len() > 1,
@@ -116,23 +116,23 @@ pub fn lqr(model: &Model, options: &LqrOptions) -> Result<Lqr, Error> {
     };
     let steps: Vec<(String, u64, Affine)> = if by_region {
         let step = |piece: &crate::pieces::Piece| {
-            let own = design.step(&piece.linearized(&found.x, &found.u), &found.x);
-            (piece.name.clone(), piece.rows, own)
+            let step = design.step(&piece.linearized(&rest.x, &rest.u), &rest.x);
+            (piece.name.clone(), piece.rows, step)
         };
         pieces.regions.iter().map(step).collect()
     } else {
         let rows = pieces.regions.iter().map(|piece| piece.rows).sum();
-        vec![("all".to_owned(), rows, design.step(&design.mean(&found.x, &found.u), &found.x))]
+        vec![("all".to_owned(), rows, design.step(&design.mean(&rest.x, &rest.u), &rest.x))]
     };
     // A law that others may borrow is found first: that of the set point's region, else of the one with most rows.
     let most = (0..steps.len()).max_by_key(|&i| (steps[i].1, std::cmp::Reverse(i))).unwrap_or(0);
     let lender = if by_region { region.unwrap_or(most) } else { 0 };
-    let first = design.law(&steps[lender], &found)?;
+    let first = design.law(&steps[lender], &rest)?;
     let (mut laws, mut regions) = (Vec::new(), Vec::new());
     for (i, step) in steps.iter().enumerate() {
-        let own = if i == lender { Ok(first.clone()) } else { design.law(step, &found) };
-        let (law, mut about) = match own {
-            Ok(own) => own,
+        let law_of_region = if i == lender { Ok(first.clone()) } else { design.law(step, &rest) };
+        let (law, mut about) = match law_of_region {
+            Ok(law) => law,
             Err(_) => {
                 let borrowed = LqrRegion { borrowed: true, radius: f64::NAN, residual: f64::NAN, ..first.1.clone() };
                 (first.0.clone(), borrowed)
@@ -145,9 +145,9 @@ pub fn lqr(model: &Model, options: &LqrOptions) -> Result<Lqr, Error> {
         regions.push(about);
     }
     let partition = if by_region { pieces.partition.and_then(|_| choice(&pieces)) } else { None };
-    let regulator = design.regulator(&found, laws, partition);
+    let regulator = design.regulator(&rest, laws, partition);
     Controller::validate(&regulator).map_err(fleetfoot_dynamics::Error::from)?;
-    let setpoint = design.told(&found, region);
+    let setpoint = design.set_point(&rest, region);
     Ok(Lqr { regulator, setpoint, regions, notes: design.notes })
 }
 
@@ -231,48 +231,49 @@ impl<'a> Design<'a> {
         };
         let mut best: Option<(Rest, usize)> = None;
         for (i, piece) in pieces.regions.iter().enumerate() {
-            let found = rest(pieces, &self.coordinates, &wanted, (&|x, u| piece.linearized(x, u), &piece.doubt));
-            let here = found.holds() && pieces.region(&found.x, &found.u) == Some(i);
+            let rest_of_region =
+                rest(pieces, &self.coordinates, &wanted, (&|x, u| piece.linearized(x, u), &piece.doubt));
+            let here = rest_of_region.holds() && pieces.region(&rest_of_region.x, &rest_of_region.u) == Some(i);
             // What rests exactly goes before what rests as far as it is known, then the region of more rows.
             let rank = |rest: &Rest, region: usize| (rest.exact, pieces.regions[region].rows);
-            if here && best.as_ref().is_none_or(|(other, region)| rank(other, *region) < rank(&found, i)) {
-                best = Some((found, i));
+            if here && best.as_ref().is_none_or(|(other, region)| rank(other, *region) < rank(&rest_of_region, i)) {
+                best = Some((rest_of_region, i));
             }
         }
-        if let Some((found, region)) = best {
-            self.tell_input_limits(&found);
-            return Ok((found, Some(region)));
+        if let Some((rest, region)) = best {
+            self.tell_input_limits(&rest);
+            return Ok((rest, Some(region)));
         }
-        let found = rest(pieces, &self.coordinates, &wanted, (&|x, u| self.mean(x, u), &self.mean_doubt()));
+        let rest_of_mean = rest(pieces, &self.coordinates, &wanted, (&|x, u| self.mean(x, u), &self.mean_doubt()));
         if pieces.regions.len() > 1 {
             self.notes.push(
                 "no region rests at the set point: it is found for the mean of all regions by their training rows"
                     .to_owned(),
             );
         }
-        if !found.holds() {
+        if !rest_of_mean.holds() {
             let moved = |&at: &usize| {
-                let (own, drift) = (&self.coordinates.of[at], found.drift[at]);
+                let (coordinate, drift) = (&self.coordinates.of[at], rest_of_mean.drift[at]);
                 match pieces.continuous {
-                    true => format!("d({})/dt = {drift:.3e}", own.name),
-                    false => format!("delta({}) = {drift:.3e}", own.name),
+                    true => format!("d({})/dt = {drift:.3e}", coordinate.name),
+                    false => format!("delta({}) = {drift:.3e}", coordinate.name),
                 }
             };
-            let moves: Vec<String> = found.moving.iter().map(moved).collect();
+            let moves: Vec<String> = rest_of_mean.moving.iter().map(moved).collect();
             self.notes.push(format!(
                 "there is no rest at the set point: at best {}; leave more of it to be found, or states out (free)",
                 moves.join(", ")
             ));
         }
-        self.tell_input_limits(&found);
-        Ok((found, None))
+        self.tell_input_limits(&rest_of_mean);
+        Ok((rest_of_mean, None))
     }
 
     /// Notes the inputs whose limits the set point exceeds.
-    fn tell_input_limits(&mut self, found: &Rest) {
+    fn tell_input_limits(&mut self, rest: &Rest) {
         for (name, lowest, highest) in &self.options.limits {
-            let own = self.driven.iter().find(|&&input| self.pieces.inputs[input] == *name);
-            let Some(value) = own.map(|&input| found.u[input]).filter(|u| !(lowest..=highest).contains(&u)) else {
+            let limited = self.driven.iter().find(|&&input| self.pieces.inputs[input] == *name);
+            let Some(value) = limited.map(|&input| rest.u[input]).filter(|u| !(lowest..=highest).contains(&u)) else {
                 continue;
             };
             self.notes.push(format!(
@@ -297,18 +298,18 @@ impl<'a> Design<'a> {
         let mut mean = Affine { a: Mat::zeros(n, n), b: Mat::zeros(n, m), c: vec![0.0; n] };
         for piece in &self.pieces.regions {
             let share = if rows > 0.0 { piece.rows as f64 / rows } else { 1.0 / self.pieces.regions.len() as f64 };
-            let own = piece.linearized(x, u);
-            mean.a += faer::Scale(share) * own.a;
-            mean.b += faer::Scale(share) * own.b;
-            mean.c.iter_mut().zip(&own.c).for_each(|(mean, own)| *mean += share * own);
+            let affine = piece.linearized(x, u);
+            mean.a += faer::Scale(share) * affine.a;
+            mean.b += faer::Scale(share) * affine.b;
+            mean.c.iter_mut().zip(&affine.c).for_each(|(mean, part)| *mean += share * part);
         }
         mean
     }
 
     /// The step of `period` seconds of a submodel about `x`, inputs held, in coordinates: of a continuous one exactly, by the exponential of a matrix.
     fn step(&self, affine: &Affine, x: &[f64]) -> Affine {
-        let own = self.coordinates.reduced(affine, x, self.pieces.continuous);
-        if self.pieces.continuous { own.held(self.period) } else { own }
+        let reduced = self.coordinates.reduced(affine, x, self.pieces.continuous);
+        if self.pieces.continuous { reduced.held(self.period) } else { reduced }
     }
 
     /// The step of the states that are kept by the inputs that are driven.
@@ -329,7 +330,7 @@ impl<'a> Design<'a> {
     fn law(
         &self,
         (name, rows, step): &(String, u64, Affine),
-        found: &Rest,
+        rest: &Rest,
     ) -> Result<(RegionLaw, LqrRegion), ControlError> {
         let place = || {
             if self.pieces.regions.len() > 1 && name != "all" {
@@ -349,11 +350,12 @@ impl<'a> Design<'a> {
             let problem = format!("residual {:.1e}, closed loop's spectral radius {:.9}", gains.residual, gains.radius);
             return Err(untrusted(problem));
         }
-        let own = self.coordinates.values(&found.x);
-        let next = step.at(&own, &found.u);
-        let moved: Vec<f64> = self.kept.iter().map(|&at| next[at] - own[at]).collect();
-        let (own, rests) = self.weights.answer(&gains, a.as_ref(), b.as_ref(), &moved);
-        let inputs = self.driven.iter().zip(&own).map(|(&input, own)| found.u[input] + own).collect();
+        let values = self.coordinates.values(&rest.x);
+        let next = step.at(&values, &rest.u);
+        let moved: Vec<f64> = self.kept.iter().map(|&at| next[at] - values[at]).collect();
+        let (corrections, rests) = self.weights.answer(&gains, a.as_ref(), b.as_ref(), &moved);
+        let inputs =
+            self.driven.iter().zip(&corrections).map(|(&input, correction)| rest.u[input] + correction).collect();
         let answers: Vec<Vec<f64>> = self
             .measured
             .iter()
@@ -390,10 +392,10 @@ impl<'a> Design<'a> {
         format!("a mode in {} (eigenvalue {eigenvalue} a sample)", parts.join(", "))
     }
 
-    fn regulator(&self, found: &Rest, laws: Vec<RegionLaw>, partition: Option<RegionChoice>) -> Regulator {
+    fn regulator(&self, rest: &Rest, laws: Vec<RegionLaw>, partition: Option<RegionChoice>) -> Regulator {
         let pieces = self.pieces;
         let limits = |name: &String| {
-            let given = self.options.limits.iter().find(|(own, ..)| own == name);
+            let given = self.options.limits.iter().find(|(limited, ..)| limited == name);
             given.map_or((f64::MIN, f64::MAX), |&(_, lowest, highest)| (lowest, highest))
         };
         let angle = |state: usize| pieces.whole.model().columns[pieces.whole.state_column(state)].angle;
@@ -405,14 +407,14 @@ impl<'a> Design<'a> {
                 .filter_map(|&at| match self.coordinates.of[at].of {
                     Of::State(s) => Some(RegulatedState {
                         name: pieces.states[s].clone(),
-                        at: found.x[s],
+                        at: rest.x[s],
                         size: pieces.size(s),
                         angle: angle(s),
                     }),
                     Of::Turn { .. } => None,
                 })
                 .collect(),
-            rotations: self.rotations(found),
+            rotations: self.rotations(rest),
             inputs: self
                 .driven
                 .iter()
@@ -426,7 +428,7 @@ impl<'a> Design<'a> {
                 .iter()
                 .map(|&i| MeasuredColumn {
                     name: pieces.inputs[i].clone(),
-                    at: found.u[i],
+                    at: rest.u[i],
                     size: pieces.size(pieces.states.len() + i),
                 })
                 .collect(),
@@ -437,30 +439,30 @@ impl<'a> Design<'a> {
     }
 
     /// The rotations that are kept.
-    fn rotations(&self, found: &Rest) -> Vec<RegulatedRotation> {
+    fn rotations(&self, rest: &Rest) -> Vec<RegulatedRotation> {
         let kept: Vec<_> = self.kept.iter().map(|&at| &self.coordinates.of[at]).collect();
         let one = |(at, group): (usize, &fleetfoot_dynamics::geometry::Group)| {
-            let own = kept.iter().filter(|own| matches!(own.of, Of::Turn { group, .. } if group == at));
-            let size: Vec<f64> = own.map(|own| own.size).collect();
+            let turns = kept.iter().filter(|coordinate| matches!(coordinate.of, Of::Turn { group, .. } if group == at));
+            let size: Vec<f64> = turns.map(|coordinate| coordinate.size).collect();
             Some(RegulatedRotation {
                 name: group.name.clone(),
                 kind: group.kind,
                 columns: group.places.iter().map(|&place| self.pieces.states[place].clone()).collect(),
-                at: self.coordinates.parts(at, &found.x),
+                at: self.coordinates.parts(at, &rest.x),
                 size: size.try_into().ok()?,
             })
         };
         self.coordinates.groups.iter().enumerate().filter_map(one).collect()
     }
 
-    fn told(&self, found: &Rest, region: Option<usize>) -> SetPoint {
+    fn set_point(&self, rest: &Rest, region: Option<usize>) -> SetPoint {
         let named = |names: &[String], values: &[f64]| names.iter().cloned().zip(values.iter().copied()).collect();
         SetPoint {
-            states: named(&self.pieces.states, &found.x),
-            inputs: named(&self.pieces.inputs, &found.u),
+            states: named(&self.pieces.states, &rest.x),
+            inputs: named(&self.pieces.inputs, &rest.u),
             region: if self.pieces.regions.len() > 1 { region } else { None },
-            drift: self.kept.iter().map(|&at| (self.coordinates.of[at].name.clone(), found.drift[at])).collect(),
-            at_rest: found.holds(),
+            drift: self.kept.iter().map(|&at| (self.coordinates.of[at].name.clone(), rest.drift[at])).collect(),
+            at_rest: rest.holds(),
         }
     }
 }

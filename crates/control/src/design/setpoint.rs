@@ -61,16 +61,16 @@ pub(super) fn rest(
 ) -> Rest {
     let n = coordinates.len();
     let size = |v: usize| match coordinates.of.get(v) {
-        Some(own) => own.size,
+        Some(coordinate) => coordinate.size,
         None => pieces.size(wanted.x.len() + v - n),
     };
     let unknown: Vec<usize> = (0..wanted.unknown.len()).filter(|&v| wanted.unknown[v]).collect();
     let rows: Vec<usize> = (0..n).filter(|&s| wanted.rests[s]).collect();
     let (mut x, mut u) = (wanted.x.clone(), wanted.u.clone());
     let drift_of = |affine: &Affine, x: &[f64], u: &[f64]| -> Vec<f64> {
-        let own = coordinates.values(x);
-        let next = affine.at(&own, u);
-        if pieces.continuous { next } else { next.iter().zip(&own).map(|(next, own)| next - own).collect() }
+        let values = coordinates.values(x);
+        let next = affine.at(&values, u);
+        if pieces.continuous { next } else { next.iter().zip(&values).map(|(next, value)| next - value).collect() }
     };
     let affine = |x: &[f64], u: &[f64]| coordinates.reduced(&affine(x, u), x, pieces.continuous);
     let length = |drift: &[f64]| rows.iter().map(|&s| (drift[s] / size(s)).powi(2)).sum::<f64>().sqrt();
@@ -79,9 +79,9 @@ pub(super) fn rest(
     for _ in 0..MOST_STEPS {
         let jacobian = Mat::from_fn(rows.len(), unknown.len(), |i, j| {
             let (s, v) = (rows[i], unknown[j]);
-            let own = if v < n { here.a[(s, v)] } else { here.b[(s, v - n)] };
-            let own = own - f64::from(u8::from(!pieces.continuous && v == s));
-            own * size(v) / size(s)
+            let slope = if v < n { here.a[(s, v)] } else { here.b[(s, v - n)] };
+            let slope = slope - f64::from(u8::from(!pieces.continuous && v == s));
+            slope * size(v) / size(s)
         });
         let right: Vec<f64> = rows.iter().map(|&s| -drift[s] / size(s)).collect();
         let Some(step) = shortest(&jacobian, &right) else { break };
@@ -94,22 +94,22 @@ pub(super) fn rest(
             }
             (coordinates.moved(&x, &change), to_u)
         };
-        let (found, next, own) = loop {
+        let (moved_point, next, rest_drift) = loop {
             let (to_x, to_u) = moved(share);
             let next = affine(&to_x, &to_u);
-            let own = drift_of(&next, &to_x, &to_u);
-            if length(&own) <= before || share < 1e-6 {
-                break ((to_x, to_u), next, own);
+            let next_drift = drift_of(&next, &to_x, &to_u);
+            if length(&next_drift) <= before || share < 1e-6 {
+                break ((to_x, to_u), next, next_drift);
             }
             share *= 0.5;
         };
         // What gets no better is as good as it was.
-        let no_worse = length(&own) <= before;
+        let no_worse = length(&rest_drift) <= before;
         if !no_worse {
             break;
         }
-        (x, u) = found;
-        (here, drift) = (next, own);
+        (x, u) = moved_point;
+        (here, drift) = (next, rest_drift);
         if step.iter().all(|step| step.abs() < STILL) {
             break;
         }
@@ -122,12 +122,12 @@ pub(super) fn rest(
 
 /// The shortest vector that minimises `|A v - b|`.
 pub(super) fn shortest(a: &Mat<f64>, b: &[f64]) -> Option<Vec<f64>> {
-    let found = svd(a.as_ref())?;
-    let floor = DEPENDENT * found.s.first().copied().unwrap_or(0.0);
+    let factors = svd(a.as_ref())?;
+    let floor = DEPENDENT * factors.s.first().copied().unwrap_or(0.0);
     let mut out = vec![0.0; a.ncols()];
-    for (k, &s) in found.s.iter().enumerate().filter(|(_, s)| **s > floor) {
-        let along = b.iter().enumerate().map(|(i, b)| found.u[(i, k)] * b).sum::<f64>() / s;
-        out.iter_mut().enumerate().for_each(|(j, out)| *out += along * found.v[(j, k)]);
+    for (k, &s) in factors.s.iter().enumerate().filter(|(_, s)| **s > floor) {
+        let along = b.iter().enumerate().map(|(i, b)| factors.u[(i, k)] * b).sum::<f64>() / s;
+        out.iter_mut().enumerate().for_each(|(j, out)| *out += along * factors.v[(j, k)]);
     }
     Some(out)
 }

@@ -18,7 +18,7 @@ impl Gaussian {
     ) -> Self {
         let (n, m, q) = (step.c.len(), inputs.len(), colour.targets());
         let all = self.mean.len();
-        let s: Vec<f64> = step.s.iter().map(|own| factor.sqrt() * own).collect();
+        let s: Vec<f64> = step.s.iter().map(|coefficient| factor.sqrt() * coefficient).collect();
         let Self { mut mean, covariance: known } = self.residuals_on(colour);
         for i in 0..n {
             let mut value = step.c[i];

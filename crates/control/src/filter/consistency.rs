@@ -193,9 +193,9 @@ mod tests {
         let all: Vec<f64> = episodes.iter().flatten().copied().filter(|square| square.is_finite()).collect();
         let (rows, mean) = (all.len() as f64, all.iter().sum::<f64>() / all.len() as f64);
         let mut means = BatchMeans::new(1);
-        for (at, own) in episodes.iter().enumerate() {
-            let own: Vec<f64> = own.iter().copied().filter(|square| square.is_finite()).collect();
-            for chunk in own.chunks(CHUNK) {
+        for (at, squares) in episodes.iter().enumerate() {
+            let finite: Vec<f64> = squares.iter().copied().filter(|square| square.is_finite()).collect();
+            for chunk in finite.chunks(CHUNK) {
                 let rows = chunk.len() as f64;
                 means.add(EpisodeId(at as u128), rows, &[chunk.iter().sum::<f64>() / rows - mean]);
             }
@@ -210,22 +210,24 @@ mod tests {
         for size in [1.0, 1e4] {
             let (mut state, mut episodes) = (0.0, Vec::new());
             for (at, rows) in [700, 5, 3001].into_iter().enumerate() {
-                let own = (0..rows).map(|row| {
+                let squares = (0..rows).map(|row| {
                     state = 0.97 * state + uniform(7919 * at + row) - 0.5;
                     if row % 97 == 5 { f64::NAN } else { size * (3.0 + state * state) }
                 });
-                episodes.push(own.collect::<Vec<f64>>());
+                episodes.push(squares.collect::<Vec<f64>>());
             }
-            let found = |at_a_time: usize| {
+            let half = |at_a_time: usize| {
                 let mut consistency = Consistency::new(3);
-                for (at, own) in episodes.iter().enumerate() {
-                    own.chunks(at_a_time).for_each(|part| consistency.add(EpisodeId(at as u128), part.iter().copied()));
+                for (at, squares) in episodes.iter().enumerate() {
+                    squares
+                        .chunks(at_a_time)
+                        .for_each(|part| consistency.add(EpisodeId(at as u128), part.iter().copied()));
                 }
                 (consistency.mean().expect("rows"), consistency.rows(), consistency.share())
             };
-            let whole = found(10_000);
+            let whole = half(10_000);
             for at_a_time in [1, 16, 17, 500] {
-                assert_eq!(found(at_a_time), whole, "{at_a_time} at a time");
+                assert_eq!(half(at_a_time), whole, "{at_a_time} at a time");
             }
             let half = 0.5 * (whole.0.band[1] - whole.0.band[0]);
             // The squares are of like size as their deviation: rounding of some thousand sums.

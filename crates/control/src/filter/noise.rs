@@ -17,8 +17,8 @@ const GIVEN: f64 = 1e-6;
 /// covariance over all rows is corrected to one over the degrees of freedom.
 pub(super) fn white_noise(model: &Model, pieces: &Pieces, region: usize) -> Result<StepNoise, FilterError> {
     let n = pieces.states.len();
-    let own = described(model, pieces).and_then(|(_, summary)| summary.regions.get(region));
-    let scale = own.map_or(1.0, over_freedom);
+    let summary = described(model, pieces).and_then(|(_, summary)| summary.regions.get(region));
+    let scale = summary.map_or(1.0, over_freedom);
     let mut place = vec![None; n];
     for (target, equation) in model.fitted().enumerate() {
         let state = pieces.states.iter().position(|state| *state == equation.subject);
@@ -28,9 +28,9 @@ pub(super) fn white_noise(model: &Model, pieces: &Pieces, region: usize) -> Resu
         }
     }
     let entry = |i: usize, j: usize| -> f64 {
-        match (place[i], place[j], own) {
-            (Some((s, k)), Some((t, l)), Some(own)) => {
-                let value = own.residual_covariance.get(packed(s, t)).copied().unwrap_or(f64::NAN);
+        match (place[i], place[j], summary) {
+            (Some((s, k)), Some((t, l)), Some(summary)) => {
+                let value = summary.residual_covariance.get(packed(s, t)).copied().unwrap_or(f64::NAN);
                 let known = if i == j || value.is_finite() { value } else { 0.0 };
                 known * scale * (k * l).sqrt()
             }
@@ -62,13 +62,13 @@ pub(super) fn coloured_noise(
     let mut noise = white_noise(model, pieces, region)?.white;
     let (n, q) = (pieces.states.len(), model.fitted().count());
     let mut shape = Mat::zeros(n, q);
-    let Some(own) = described(model, pieces).and_then(|(_, summary)| summary.regions.get(region)) else {
+    let Some(summary) = described(model, pieces).and_then(|(_, summary)| summary.regions.get(region)) else {
         return Ok(StepNoise { white: noise, shape });
     };
-    let (rows, spent) = (own.rows as f64 / time, own.rank as f64 + 1.0);
+    let (rows, spent) = (summary.rows as f64 / time, summary.rank as f64 + 1.0);
     let scale = if rows > 2.0 * spent { (rows + spent) / (rows - spent) } else { 3.0 };
     let entry = |s: usize, t: usize| {
-        let value = own.residual_covariance[packed(s.max(t), s.min(t))];
+        let value = summary.residual_covariance[packed(s.max(t), s.min(t))];
         scale * if value.is_finite() { value } else { 0.0 }
     };
     let lower = Gaussian { mean: vec![0.0; q], covariance: (0..q * q).map(|at| entry(at / q, at % q)).collect() };
@@ -88,8 +88,8 @@ pub(super) fn described<'m>(model: &'m Model, pieces: &Pieces) -> Option<(&'m Pa
 }
 
 /// Factor from a covariance over all rows to one over the degrees of freedom.
-fn over_freedom(own: &RegionSummary) -> f64 {
-    let (rows, spent) = (own.rows as f64, own.rank as f64 + 1.0);
+fn over_freedom(summary: &RegionSummary) -> f64 {
+    let (rows, spent) = (summary.rows as f64, summary.rank as f64 + 1.0);
     if rows > spent { rows / (rows - spent) } else { 1.0 }
 }
 

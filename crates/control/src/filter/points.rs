@@ -68,8 +68,8 @@ mod tests {
             for i in 0..n {
                 for j in 0..=i {
                     let of = |p: &[f64]| p[i] * p[j];
-                    let found = points.chunks_exact(n).map(of).sum::<f64>() / count as f64;
-                    assert!((found - f64::from(u8::from(i == j))).abs() < 1e-12, "{n} {i} {j}: {found}");
+                    let moment = points.chunks_exact(n).map(of).sum::<f64>() / count as f64;
+                    assert!((moment - f64::from(u8::from(i == j))).abs() < 1e-12, "{n} {i} {j}: {moment}");
                 }
                 // 15.9 % lie above one deviation.
                 let above = points.chunks_exact(n).filter(|p| p[i] > 1.0).count() as f64 / count as f64;

@@ -87,15 +87,15 @@ mod tests {
         let (h, s) = (0.3f64, 2.0);
         let a = Mat::from_fn(2, 2, |i, j| f64::from(u8::from(i == 0 && j == 1)));
         let density = Mat::from_fn(2, 2, |i, j| if i == 1 && j == 1 { s } else { 0.0 });
-        let found = noise_over(a.as_ref(), &density, h);
+        let noise = noise_over(a.as_ref(), &density, h);
         for (i, j, value) in
             [(0, 0, s * h.powi(3) / 3.0), (0, 1, s * h * h / 2.0), (1, 0, s * h * h / 2.0), (1, 1, s * h)]
         {
-            assert!((found[(i, j)] - value).abs() < 1e-14, "{i} {j}: {}", found[(i, j)]);
+            assert!((noise[(i, j)] - value).abs() < 1e-14, "{i} {j}: {}", noise[(i, j)]);
         }
         // A decay a thousand times faster than the step forgets all but s / (2 a).
         let a = Mat::from_fn(1, 1, |_, _| -1e4);
-        let found = noise_over(a.as_ref(), &Mat::from_fn(1, 1, |_, _| s), 0.1)[(0, 0)];
-        assert!((found / (s / 2e4) - 1.0).abs() < 1e-12, "{found:e}");
+        let noise = noise_over(a.as_ref(), &Mat::from_fn(1, 1, |_, _| s), 0.1)[(0, 0)];
+        assert!((noise / (s / 2e4) - 1.0).abs() < 1e-12, "{noise:e}");
     }
 }

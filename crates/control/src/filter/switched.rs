@@ -242,9 +242,9 @@ impl SwitchedFilter {
 
     /// Components of the reported errors when `states` have true values: states, and rotations of which all parts are
     /// there.
-    fn told(&self, states: &[usize]) -> Vec<Component> {
+    fn components_of(&self, states: &[usize]) -> Vec<Component> {
         let there = |state: usize| states.contains(&state);
-        let counts = |own: &Component| match *own {
+        let counts = |component: &Component| match *component {
             Component::State(state) => there(state),
             Component::Group(group) => self.geometry.groups[group].places.iter().all(|&place| there(place)),
         };
@@ -257,21 +257,21 @@ impl SwitchedFilter {
         if self.geometry.groups.is_empty() {
             return states.len();
         }
-        parts(&self.told(states)).last().map_or(0, |last| last.end)
+        parts(&self.components_of(states)).last().map_or(0, |last| last.end)
     }
 
     /// The squared Mahalanobis distance of an estimate from true values of some states ([`Gaussian::square`]), a rotation's error being its rotation vector.
     pub fn square(&self, estimate: &Gaussian, states: &[usize], truths: &[f64]) -> f64 {
         let n = estimate.mean.len();
-        let truth = |state: usize| states.iter().position(|&own| own == state).map_or(f64::NAN, |at| truths[at]);
+        let truth = |state: usize| states.iter().position(|&known| known == state).map_or(f64::NAN, |at| truths[at]);
         if self.geometry.groups.is_empty() {
             let error = |&state: &usize| self.geometry.difference(state, |s| estimate.mean[s], truth);
             return estimate.square(states, &states.iter().map(error).collect::<Vec<_>>());
         }
-        let told = self.told(states);
+        let components = self.components_of(states);
         let mut errors = Vec::new();
-        for own in &told {
-            match *own {
+        for component in &components {
+            match *component {
                 Component::State(state) => errors.push(self.geometry.difference(state, |s| estimate.mean[s], truth)),
                 Component::Group(group) => {
                     errors.extend(self.geometry.groups[group].rotation(|s| estimate.mean[s], truth));
@@ -279,7 +279,7 @@ impl SwitchedFilter {
             }
         }
         let packed_entries =
-            self.geometry.covariance(&told, |i, j| estimate.covariance[i * n + j], |s| estimate.mean[s]);
+            self.geometry.covariance(&components, |i, j| estimate.covariance[i * n + j], |s| estimate.mean[s]);
         let d = errors.len();
         let covariance = (0..d * d).map(|at| packed_entries[packed(at / d, at % d)]).collect();
         let apart = Gaussian { mean: vec![0.0; d], covariance };
@@ -341,14 +341,14 @@ impl SwitchedFilter {
             a: all(&|step| step.a.clone()),
             b: all(&|step| step.b.clone()),
             c: all(&|step| step.c.clone()),
-            q: all(&|step| step.q.iter().map(|own| factor * own).collect()),
+            q: all(&|step| step.q.iter().map(|entry| factor * entry).collect()),
             colour: self.colour.as_ref().map(|colour| FilterColour {
-                s: all(&|step| step.s.iter().map(|own| factor.sqrt() * own).collect()),
+                s: all(&|step| step.s.iter().map(|entry| factor.sqrt() * entry).collect()),
                 coefficients: colour.coefficients.clone(),
                 innovation: colour.innovation.clone(),
                 stationary: colour.stationary.clone(),
             }),
-            sensors: self.sensors.iter().map(|&(state, own)| Some((state, own?))).collect::<Option<_>>()?,
+            sensors: self.sensors.iter().map(|&(state, variance)| Some((state, variance?))).collect::<Option<_>>()?,
             prior: (0..self.states().len()).map(|state| self.prior(state)).collect(),
             points: self.points.clone(),
             transitions: self.transitions.clone(),
@@ -384,23 +384,25 @@ impl SwitchedFilter {
         for s in 0..n {
             let column = points.column_mut(self.pieces.whole.state_column(s), 0);
             for (value, offset) in column.iter_mut().zip(offsets.chunks_exact(n)) {
-                let own = mean[s] + offset[s];
-                *value = self.geometry.wrapped(s, own);
+                let moved = mean[s] + offset[s];
+                *value = self.geometry.wrapped(s, moved);
             }
         }
         for (i, &input) in inputs.iter().enumerate() {
             points.column_mut(self.pieces.whole.input_column(i), 0).fill(input);
         }
         self.pieces.whole.evaluate(points, workspace);
-        let found = self.pieces.whole.regions(workspace).iter();
-        found.map(|&region| Some(region as usize).filter(|&region| region < self.regions())).collect()
+        let regions = self.pieces.whole.regions(workspace).iter();
+        regions.map(|&region| Some(region as usize).filter(|&region| region < self.regions())).collect()
     }
 
     /// Returns true if the partition reads inputs.
     pub(super) fn regions_read_inputs(&self) -> bool {
         let Some(partition) = self.pieces.partition else { return false };
         let columns = &self.pieces.whole.model().partitions[partition].columns;
-        columns.iter().any(|column| column.columns().iter().any(|name| self.inputs().iter().any(|own| **own == **name)))
+        columns
+            .iter()
+            .any(|column| column.columns().iter().any(|name| self.inputs().iter().any(|input| **input == **name)))
     }
 
     /// Returns true if regions follow from the state.
@@ -444,10 +446,10 @@ impl SwitchedFilter {
     }
 
     fn linearized(&self, region: usize, mean: &[f64], inputs: &[f64], seconds: f64) -> StepMap {
-        let own = self.pieces.regions[region].linearized(mean, inputs);
+        let affine = self.pieces.regions[region].linearized(mean, inputs);
         match self.pieces.continuous {
-            true => StepMap::continuous(&own, &self.noise[region], seconds),
-            false => StepMap::discrete(&own, &self.noise[region]),
+            true => StepMap::continuous(&affine, &self.noise[region], seconds),
+            false => StepMap::discrete(&affine, &self.noise[region]),
         }
     }
 
@@ -479,23 +481,23 @@ impl SwitchedFilter {
 
     /// Regions that are probable enough to count, with their shares of one.
     pub(super) fn likely(&self, probabilities: &mut [f64]) {
-        probabilities.iter_mut().filter(|own| **own < LEAST).for_each(|own| *own = 0.0);
+        probabilities.iter_mut().filter(|probability| **probability < LEAST).for_each(|probability| *probability = 0.0);
         let all: f64 = probabilities.iter().sum();
-        probabilities.iter_mut().for_each(|own| *own /= all);
+        probabilities.iter_mut().for_each(|probability| *probability /= all);
     }
 }
 
 /// The autoregression of the residuals, on request and if there is one.
 fn colour(model: &Model, pieces: &Pieces, asked: NoiseColour) -> Result<Option<Autoregression>, FilterError> {
     let known = described(model, pieces).and_then(|(partition, _)| partition.correlation.as_ref());
-    let found = || {
-        let known = known.filter(|own| own.targets() == model.fitted().count())?;
+    let autoregression = || {
+        let known = known.filter(|colour| colour.targets() == model.fitted().count())?;
         Autoregression::yule_walker(&known.autocovariances(), known.targets())
     };
     match asked {
         NoiseColour::White => Ok(None),
-        NoiseColour::Found => Ok(found()),
-        NoiseColour::Coloured => found().map(Some).ok_or(FilterError::NoCorrelation),
+        NoiseColour::Found => Ok(autoregression()),
+        NoiseColour::Coloured => autoregression().map(Some).ok_or(FilterError::NoCorrelation),
     }
 }
 
@@ -518,8 +520,8 @@ fn transitions(model: &Model, pieces: &Pieces) -> Result<Vec<Vec<f64>>, FilterEr
     let counted = counted.ok_or(FilterError::NoTransitions)?;
     let alike = 1.0 / count as f64;
     let share = |from: usize, to: usize| {
-        let own = counted.probability(from, to);
-        if own.is_finite() { (1.0 - FLOOR) * own + FLOOR * alike } else { alike }
+        let counted_share = counted.probability(from, to);
+        if counted_share.is_finite() { (1.0 - FLOOR) * counted_share + FLOOR * alike } else { alike }
     };
     Ok((0..count).map(|from| (0..count).map(|to| share(from, to)).collect()).collect())
 }

@@ -76,7 +76,7 @@ struct Sensor {
 
 impl Sensor {
     /// The variance of the sensor's noise that is expected of the innovations so far, of a state of this size.
-    fn found(&self, size: f64) -> f64 {
+    fn expected_variance(&self, size: f64) -> f64 {
         self.noise.unwrap_or((GUESS * size).powi(2))
     }
 
@@ -165,7 +165,7 @@ impl Track {
         let (mut mean, mut spread) = filter.prior.clone();
         let blank = Sensor { innovation: f64::NAN, variance: f64::NAN, ..Sensor::default() };
         let count = filter.regions();
-        let known = |(sensor, told): (&(usize, Option<f64>), &f64)| sensor.1.is_some() || told.is_finite();
+        let known = |(sensor, deviation): (&(usize, Option<f64>), &f64)| sensor.1.is_some() || deviation.is_finite();
         let known = filter.sensors.iter().zip(deviations).all(known);
         let mut begun = Self {
             weights: vec![1.0 / count as f64; count],
@@ -249,7 +249,7 @@ impl Track {
 
     /// The deviation that a sensor without a given one was found to have so far.
     pub fn found_deviation(&self, filter: &SwitchedFilter, sensor: usize) -> f64 {
-        self.sensors[sensor].found(filter.prior.1[filter.sensors[sensor].0]).sqrt()
+        self.sensors[sensor].expected_variance(filter.prior.1[filter.sensors[sensor].0]).sqrt()
     }
 
     /// Steps for which inputs were missing and held.
@@ -263,12 +263,12 @@ impl Track {
     }
 
     /// The variance of a measurement: given with it, or that of its sensor, or estimated so far.
-    fn variance(&self, filter: &SwitchedFilter, sensor: usize, told: f64) -> f64 {
+    fn variance(&self, filter: &SwitchedFilter, sensor: usize, row_deviation: f64) -> f64 {
         let (state, deviation) = filter.sensors[sensor];
-        let told = Some(told).filter(|told| told.is_finite() && *told > 0.0);
-        match told.or(deviation) {
+        let row_deviation = Some(row_deviation).filter(|deviation| deviation.is_finite() && *deviation > 0.0);
+        match row_deviation.or(deviation) {
             Some(deviation) => deviation * deviation,
-            None => self.sensors[sensor].found(filter.prior.1[state]),
+            None => self.sensors[sensor].expected_variance(filter.prior.1[state]),
         }
     }
 
@@ -334,11 +334,11 @@ impl Track {
     /// The inputs of the step that begins; if the regions depend on them, the state changes its region with them.
     fn take_inputs(&mut self, filter: &SwitchedFilter, inputs: &[f64]) {
         let (mut held, mut changed) = (false, false);
-        for (own, &input) in self.inputs.iter_mut().zip(inputs) {
+        for (held_input, &input) in self.inputs.iter_mut().zip(inputs) {
             held |= !input.is_finite();
             if input.is_finite() {
-                changed |= *own != input;
-                *own = input;
+                changed |= *held_input != input;
+                *held_input = input;
             }
         }
         self.held_inputs += usize::from(held);
@@ -415,7 +415,7 @@ impl Track {
 
     /// Takes over probabilities and states by region; improbable ones are dropped.
     fn set(&mut self, filter: &SwitchedFilter, next: Vec<(f64, Gaussian)>) {
-        self.weights.iter_mut().zip(&next).for_each(|(own, (share, _))| *own = *share);
+        self.weights.iter_mut().zip(&next).for_each(|(weight, (share, _))| *weight = *share);
         filter.likely(&mut self.weights);
         for (region, (_, state)) in next.into_iter().enumerate() {
             if self.weights[region] > 0.0 {
@@ -436,7 +436,8 @@ impl Track {
         let (mut logarithms, mut slope) = (vec![0.0; self.weights.len()], 0.0);
         let mut states: Vec<Gaussian> = active.iter().map(|&region| self.modes[region].state.clone()).collect();
         let known = filter.aligned_sensors(measured, &prior.mean);
-        let known_by: Vec<Vec<f64>> = states.iter().map(|own| filter.aligned_sensors(measured, &own.mean)).collect();
+        let known_by: Vec<Vec<f64>> =
+            states.iter().map(|state| filter.aligned_sensors(measured, &state.mean)).collect();
         for (k, &(state, _)) in filter.sensors.iter().enumerate() {
             (self.sensors[k].innovation, self.sensors[k].variance) = (f64::NAN, f64::NAN);
             if !measured[k].is_finite() {
@@ -447,8 +448,8 @@ impl Track {
             self.nis += innovation * innovation / spread;
             self.observed += 1;
             slope += 1.0 - variance / spread;
-            for ((own, known), &region) in states.iter_mut().zip(&known_by).zip(&active) {
-                let [innovation, spread] = own.observe(state, known[k], variance, &filter.geometry);
+            for ((distribution, known), &region) in states.iter_mut().zip(&known_by).zip(&active) {
+                let [innovation, spread] = distribution.observe(state, known[k], variance, &filter.geometry);
                 logarithms[region] -= 0.5 * (innovation * innovation / spread + (std::f64::consts::TAU * spread).ln());
             }
             let off = filter.geometry.wrapped(state, known[k] - prior.mean[state]);
@@ -463,8 +464,8 @@ impl Track {
         if self.observed == 0 {
             return;
         }
-        for own in &mut states {
-            filter.geometry.retract_distribution(&mut own.mean, &mut own.covariance);
+        for state in &mut states {
+            filter.geometry.retract_distribution(&mut state.mean, &mut state.covariance);
         }
         let sensors = self.observed as f64;
         self.process.learn(self.nis - sensors, slope, sensors);

@@ -61,11 +61,11 @@ pub fn exponential(a: MatRef<'_, f64>) -> Mat<f64> {
     // Powers 1, 3, ..., 13 and 0, 2, ..., 12.
     let odd = &a * sum(1);
     let even = sum(0);
-    let mut found = (&even - &odd).partial_piv_lu().solve(&even + &odd);
+    let mut power = (&even - &odd).partial_piv_lu().solve(&even + &odd);
     for _ in 0..squarings as usize {
-        found = &found * &found;
+        power = &power * &power;
     }
-    found
+    power
 }
 
 #[cfg(test)]
@@ -106,8 +106,8 @@ mod tests {
             0.3450953589972504,
             -0.3002548155944545,
         ];
-        let found = exponential(a.as_ref());
-        assert!(scipy.iter().enumerate().all(|(j, scipy)| (found[(0, j)] - scipy).abs() < 1e-13));
+        let power = exponential(a.as_ref());
+        assert!(scipy.iter().enumerate().all(|(j, scipy)| (power[(0, j)] - scipy).abs() < 1e-13));
     }
 
     #[test]

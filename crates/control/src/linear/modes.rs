@@ -61,18 +61,18 @@ pub fn spectral_radius(a: MatRef<'_, f64>) -> Option<f64> {
 pub fn unreached_modes(a: MatRef<'_, f64>, b: MatRef<'_, f64>) -> Vec<Mode> {
     let n = a.nrows();
     assert!(a.ncols() == n && b.nrows() == n, "shapes");
-    let mut found: Vec<Mode> = Vec::new();
+    let mut modes: Vec<Mode> = Vec::new();
     for [re, im] in eigenvalues(a).unwrap_or_default() {
         if im < 0.0 || re.hypot(im) < 1.0 - BORDER {
             continue;
         }
         let same = |mode: &Mode| (mode.eigenvalue[0] - re).hypot(mode.eigenvalue[1] - im) <= BORDER;
-        if found.iter().any(same) {
+        if modes.iter().any(same) {
             continue;
         }
-        found.extend(directions(a, b, re, im).into_iter().map(|share| Mode { eigenvalue: [re, im], share }));
+        modes.extend(directions(a, b, re, im).into_iter().map(|share| Mode { eigenvalue: [re, im], share }));
     }
-    found
+    modes
 }
 
 /// The left eigenvectors of an eigenvalue that are orthogonal to B, by absolute value.
@@ -89,27 +89,27 @@ fn directions(a: MatRef<'_, f64>, b: MatRef<'_, f64>, re: f64, im: f64) -> Vec<V
             if upper == left { a[(i, j)] - if i == j { re } else { 0.0 } } else { signed(i == j, upper, im) }
         } else {
             let j = column - blocks * n;
-            let own = upper == (j < m);
-            if own { b[(i, j % m)] } else { 0.0 }
+            let on_diagonal = upper == (j < m);
+            if on_diagonal { b[(i, j % m)] } else { 0.0 }
         }
     };
     let mut matrix = Mat::from_fn(blocks * n, blocks * (n + m), entry);
     let mut lengths = vec![0.0; blocks * n];
     for (row, length) in lengths.iter_mut().enumerate() {
-        let own: f64 = (0..matrix.ncols()).map(|j| matrix[(row, j)].powi(2)).sum::<f64>().sqrt();
-        *length = if own > floor { own } else { 0.0 };
+        let norm: f64 = (0..matrix.ncols()).map(|j| matrix[(row, j)].powi(2)).sum::<f64>().sqrt();
+        *length = if norm > floor { norm } else { 0.0 };
         for j in 0..matrix.ncols() {
-            matrix[(row, j)] = if own > floor { matrix[(row, j)] / own } else { 0.0 };
+            matrix[(row, j)] = if norm > floor { matrix[(row, j)] / norm } else { 0.0 };
         }
     }
-    let Some(found) = svd(matrix.as_ref()) else { return Vec::new() };
+    let Some(factors) = svd(matrix.as_ref()) else { return Vec::new() };
     // Every complex direction counts twice as a real one.
-    let lost: Vec<usize> = (0..found.s.len()).filter(|&k| found.s[k] <= DEPENDENT).step_by(blocks).collect();
+    let lost: Vec<usize> = (0..factors.s.len()).filter(|&k| factors.s[k] <= DEPENDENT).step_by(blocks).collect();
     let share = |k: usize| {
-        let of = |row: usize| found.u[(row, k)] / if lengths[row] > 0.0 { lengths[row] } else { floor };
-        let own: Vec<f64> = (0..n).map(|i| if complex { of(i).hypot(of(i + n)) } else { of(i).abs() }).collect();
-        let largest = own.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
-        own.into_iter().map(|value| value / largest).collect()
+        let of = |row: usize| factors.u[(row, k)] / if lengths[row] > 0.0 { lengths[row] } else { floor };
+        let sizes: Vec<f64> = (0..n).map(|i| if complex { of(i).hypot(of(i + n)) } else { of(i).abs() }).collect();
+        let largest = sizes.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+        sizes.into_iter().map(|value| value / largest).collect()
     };
     lost.into_iter().map(share).collect()
 }
@@ -149,10 +149,10 @@ mod tests {
             let e = exponential(generator.as_ref());
             let a = Mat::from_fn(5, 5, |i, j| e[(i, j)]);
             let b = Mat::from_fn(5, 1, |i, _| e[(i, 5)]);
-            let found = unreached_modes(a.as_ref(), b.as_ref());
-            assert_eq!(found.len(), 1, "{h}: {found:?}");
-            assert!((found[0].eigenvalue[0] - h.cos()).abs() < 1e-9 && (found[0].eigenvalue[1] - h.sin()).abs() < 1e-9);
-            assert!(found[0].share[..3].iter().all(|&share| share < 1e-6) && found[0].share[3] > 0.99, "{found:?}");
+            let modes = unreached_modes(a.as_ref(), b.as_ref());
+            assert_eq!(modes.len(), 1, "{h}: {modes:?}");
+            assert!((modes[0].eigenvalue[0] - h.cos()).abs() < 1e-9 && (modes[0].eigenvalue[1] - h.sin()).abs() < 1e-9);
+            assert!(modes[0].share[..3].iter().all(|&share| share < 1e-6) && modes[0].share[3] > 0.99, "{modes:?}");
             let reached = Mat::from_fn(5, 2, |i, j| if j == 0 { b[(i, 0)] } else { f64::from(u8::from(i == 4)) });
             assert!(unreached_modes(a.as_ref(), reached.as_ref()).is_empty());
         }
@@ -163,8 +163,8 @@ mod tests {
         // u moves both states alike: their difference stays.
         let a = Mat::<f64>::identity(2, 2);
         let b = Mat::from_fn(2, 1, |_, _| 0.1);
-        let found = unreached_modes(a.as_ref(), b.as_ref());
-        assert_eq!(found.len(), 1);
-        assert!((found[0].share[0] - 1.0).abs() < 1e-12 && (found[0].share[1] - 1.0).abs() < 1e-12);
+        let modes = unreached_modes(a.as_ref(), b.as_ref());
+        assert_eq!(modes.len(), 1);
+        assert!((modes[0].share[0] - 1.0).abs() < 1e-12 && (modes[0].share[1] - 1.0).abs() < 1e-12);
     }
 }

@@ -105,14 +105,14 @@ mod tests {
         {
             let c = r - a * a * r - q * b * b;
             let x = (-c + (c * c + 4.0 * b * b * q * r).sqrt()) / (2.0 * b * b);
-            let found =
+            let solution =
                 riccati(mat(&[&[a]]).as_ref(), mat(&[&[b]]).as_ref(), mat(&[&[q]]).as_ref(), mat(&[&[r]]).as_ref());
-            let found = found.unwrap();
+            let solution = solution.unwrap();
             // Of q = 0 and |a| > 1 the stabilising solution is the positive one, which doubling from Q = 0 does not find.
             if q > 0.0 {
                 // A loop that keeps 0.999 of an error from sample to sample makes a thousand times of a rounding.
-                assert!((found.x[(0, 0)] / x - 1.0).abs() < 1e-11, "{} {x}", found.x[(0, 0)]);
-                assert!(found.residual < 1e-14 && found.radius < 1.0);
+                assert!((solution.x[(0, 0)] / x - 1.0).abs() < 1e-11, "{} {x}", solution.x[(0, 0)]);
+                assert!(solution.residual < 1e-14 && solution.radius < 1.0);
             }
         }
     }
@@ -122,18 +122,18 @@ mod tests {
         let a = mat(&[&[1.0, 0.1], &[0.0, 1.0]]);
         let b = mat(&[&[0.005], &[0.1]]);
         let q = mat(&[&[1.0, 0.0], &[0.0, 0.1]]);
-        let found = riccati(a.as_ref(), b.as_ref(), q.as_ref(), mat(&[&[0.01]]).as_ref()).unwrap();
-        assert!(found.residual < 1e-14 && found.radius < 1.0, "{found:?}");
+        let solution = riccati(a.as_ref(), b.as_ref(), q.as_ref(), mat(&[&[0.01]]).as_ref()).unwrap();
+        assert!(solution.residual < 1e-14 && solution.radius < 1.0, "{solution:?}");
         // scipy 1.17.1: solve_discrete_are([[1, .1], [0, 1]], [[.005], [.1]], diag([1, .1]), [[.01]]).
         let scipy = mat(&[&[6.022540785844572, 1.012422836565833], &[1.012422836565833, 0.6091146407455232]]);
-        assert!(norm((&found.x - scipy).as_ref()) < 1e-13 * norm(found.x.as_ref()));
+        assert!(norm((&solution.x - scipy).as_ref()) < 1e-13 * norm(solution.x.as_ref()));
         // The cost of a path is that of its start: x0' X x0 is the sum along the closed loop.
-        let closed = &a - &b * &found.gain;
+        let closed = &a - &b * &solution.gain;
         let mut x = mat(&[&[0.3], &[-1.0]]);
-        let claimed = (x.transpose() * &found.x * &x)[(0, 0)];
+        let claimed = (x.transpose() * &solution.x * &x)[(0, 0)];
         let mut paid = 0.0;
         for _ in 0..2000 {
-            let u = (&found.gain * &x)[(0, 0)];
+            let u = (&solution.gain * &x)[(0, 0)];
             paid += (x.transpose() * &q * &x)[(0, 0)] + 0.01 * u * u;
             x = &closed * x;
         }
@@ -144,8 +144,8 @@ mod tests {
     fn a_growing_mode_that_nothing_reaches_has_no_solution() {
         let a = mat(&[&[1.1, 0.0], &[0.0, 0.5]]);
         let b = mat(&[&[0.0], &[1.0]]);
-        let found = riccati(a.as_ref(), b.as_ref(), Mat::identity(2, 2).as_ref(), mat(&[&[1.0]]).as_ref());
-        assert!(found.is_none_or(|found| found.radius > 1.0));
+        let solution = riccati(a.as_ref(), b.as_ref(), Mat::identity(2, 2).as_ref(), mat(&[&[1.0]]).as_ref());
+        assert!(solution.is_none_or(|solution| solution.radius > 1.0));
     }
 
     proptest! {
@@ -158,12 +158,12 @@ mod tests {
             let b = Mat::from_fn(5, 2, |i, j| values[25 + 2 * i + j]);
             let r = Mat::from_fn(2, 2, |i, j| if i == j { 10f64.powf(weight) } else { 0.0 });
             if super::super::unreached_modes(a.as_ref(), b.as_ref()).is_empty()
-                && let Some(found) = riccati(a.as_ref(), b.as_ref(), Mat::identity(5, 5).as_ref(), r.as_ref())
+                && let Some(solution) = riccati(a.as_ref(), b.as_ref(), Mat::identity(5, 5).as_ref(), r.as_ref())
             {
                 // Random pairs may be nearly unreachable: then X is large, and its own rounding is told.
-                let size = norm(found.x.as_ref());
-                prop_assert!(found.residual < 1e-9_f64.max(1e-14 * size), "{} {size}", found.residual);
-                prop_assert!(found.radius < 1.0, "{}", found.radius);
+                let size = norm(solution.x.as_ref());
+                prop_assert!(solution.residual < 1e-9_f64.max(1e-14 * size), "{} {size}", solution.residual);
+                prop_assert!(solution.radius < 1.0, "{}", solution.radius);
             }
         }
     }

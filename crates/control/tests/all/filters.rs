@@ -66,7 +66,7 @@ fn batch(
     let (mut information, mut right) = (Mat::<f64>::zeros(all, all), Mat::<f64>::zeros(all, 1));
     let sensors: Vec<usize> = filter.measured().collect();
     for s in 0..n {
-        let read = sensors.iter().position(|&own| own == s).filter(|&k| readings[0][k].is_finite());
+        let read = sensors.iter().position(|&sensor| sensor == s).filter(|&k| readings[0][k].is_finite());
         if read.is_none() {
             let [mean, deviation] = filter.prior(s);
             information[(s, s)] += deviation.powi(-2);
@@ -85,11 +85,11 @@ fn batch(
         let jacobian =
             Mat::from_fn(n, 2 * n, |i, j| if j < n { -coefficient(i, j) } else { f64::from(u8::from(j == n + i)) });
         let value = Mat::from_fn(n, 1, |i, _| coefficient(i, n) * inputs[row - 1] + model.latents[i].map.constant(0));
-        let (own, side) = (jacobian.transpose() * &weight * &jacobian, jacobian.transpose() * &weight * &value);
+        let (normal, side) = (jacobian.transpose() * &weight * &jacobian, jacobian.transpose() * &weight * &value);
         for i in 0..2 * n {
             right[((row - 1) * n + i, 0)] += side[(i, 0)];
             for j in 0..2 * n {
-                information[((row - 1) * n + i, (row - 1) * n + j)] += own[(i, j)];
+                information[((row - 1) * n + i, (row - 1) * n + j)] += normal[(i, j)];
             }
         }
     }
@@ -128,13 +128,16 @@ fn filtered_means_are_those_of_all_measurements_at_once() {
             if row < 5 || row == rows - 1 {
                 let (mean, covariance) = batch(&model, &filter, &inputs, &readings[..=row], &r);
                 for i in 0..n {
-                    let (own, found) = (mean[i], track.estimate().mean[i]);
+                    let (expected, estimate) = (mean[i], track.estimate().mean[i]);
                     // Information matrices of condition 1e7 leave as much of 1e-16.
-                    assert!((own - found).abs() < 1e-9 * own.abs().max(1.0), "{n} {row} {i}: {own} {found}");
+                    assert!(
+                        (expected - estimate).abs() < 1e-9 * expected.abs().max(1.0),
+                        "{n} {row} {i}: {expected} {estimate}"
+                    );
                     for j in 0..n {
-                        let (own, found) = (covariance[(i, j)], track.estimate().covariance[i * n + j]);
+                        let (expected, estimate) = (covariance[(i, j)], track.estimate().covariance[i * n + j]);
                         let size = (covariance[(i, i)] * covariance[(j, j)]).sqrt();
-                        assert!((own - found).abs() < 1e-8 * size, "{n} {row} {i} {j}: {own} {found}");
+                        assert!((expected - estimate).abs() < 1e-8 * size, "{n} {row} {i} {j}: {expected} {estimate}");
                     }
                 }
             }
@@ -162,15 +165,15 @@ fn conditioned(
     let mut drawn = Mat::<f64>::zeros(all, all);
     let (mut mean, sensors) = (vec![0.0; n], filter.measured().collect::<Vec<_>>());
     for s in 0..n {
-        let read = sensors.iter().position(|&own| own == s).filter(|&k| readings[0][k].is_finite());
+        let read = sensors.iter().position(|&sensor| sensor == s).filter(|&k| readings[0][k].is_finite());
         let [prior, deviation] = filter.prior(s);
         (mean[s], drawn[(s, s)]) = read.map_or((prior, deviation * deviation), |k| (readings[0][k], r[k] * r[k]));
     }
     for i in n..all {
         for j in n..all {
             let (one, other) = (i / n, j / n);
-            let own = &autocovariances[one.abs_diff(other)];
-            drawn[(i, j)] = if one >= other { own[(i % n, j % n)] } else { own[(j % n, i % n)] };
+            let covariance = &autocovariances[one.abs_diff(other)];
+            drawn[(i, j)] = if one >= other { covariance[(i % n, j % n)] } else { covariance[(j % n, i % n)] };
         }
     }
     // The state of a row as a function of it.
@@ -195,7 +198,7 @@ fn conditioned(
     let seen = Mat::from_fn(observed.len(), all, |i, j| observed[i][j]);
     let cross = &function * &drawn * seen.transpose();
     let mut spread = &seen * &drawn * seen.transpose();
-    variances.iter().enumerate().for_each(|(i, own)| spread[(i, i)] += own);
+    variances.iter().enumerate().for_each(|(i, variance)| spread[(i, i)] += variance);
     let lu = spread.partial_piv_lu();
     let moved = &cross * lu.solve(Mat::from_fn(left.len(), 1, |i, _| left[i]));
     let covariance = &function * &drawn * function.transpose() - &cross * lu.solve(cross.transpose().to_owned());
@@ -211,8 +214,10 @@ fn noise_that_hangs_on_the_rows_before_is_conditioned_as_all_of_it_at_once() {
     (1..rows).for_each(|row| powers.push(&first * &powers[row - 1]));
     let mut second = vec![1.0, 1.2 / 1.5];
     (2..rows).for_each(|row| second.push(1.2 * second[row - 1] - 0.5 * second[row - 2]));
-    let second: Vec<Mat<f64>> = second.into_iter().map(|own| Mat::from_fn(1, 1, |_, _| own)).collect();
-    let of = |own: &Mat<f64>| (0..own.nrows().pow(2)).map(|at| own[(at / own.nrows(), at % own.nrows())]).collect();
+    let second: Vec<Mat<f64>> = second.into_iter().map(|value| Mat::from_fn(1, 1, |_, _| value)).collect();
+    let of = |matrix: &Mat<f64>| {
+        (0..matrix.nrows().pow(2)).map(|at| matrix[(at / matrix.nrows(), at % matrix.nrows())]).collect()
+    };
     /// Autocovariances, how many lags are kept, process noise, sensors with their deviations.
     type Case<'a> = (&'a [Mat<f64>], usize, &'a [f64], &'a [(&'a str, f64)]);
     let cases: [Case<'_>; 2] = [
@@ -225,7 +230,7 @@ fn noise_that_hangs_on_the_rows_before_is_conditioned_as_all_of_it_at_once() {
         let known = ResidualCorrelation { lags: autocovariances[1..=lags].iter().map(of).collect() };
         model.partitions[0].correlation = Some(known);
         let filter = SwitchedFilter::new(&model, &measured(sensors)).unwrap();
-        assert_eq!(filter.colour().map(|own| own.order()), Some(lags));
+        assert_eq!(filter.colour().map(|colour| colour.order()), Some(lags));
         let inputs: Vec<f64> = (0..rows).map(|k| noise(k as u64 + 77)).collect();
         let missing = |row: usize, k: usize| row % 7 == 3 || (row == 0 && k == 1) || (row % 5 == 1 && k == 0);
         let read = |row: usize, k: usize| if missing(row, k) { f64::NAN } else { 2.0 * noise((row * 10 + k) as u64) };
@@ -237,12 +242,15 @@ fn noise_that_hangs_on_the_rows_before_is_conditioned_as_all_of_it_at_once() {
             filter.step(&mut track, &[inputs[row - 1]], 0.01, &readings[row], &untold);
             let (mean, covariance) = conditioned(&model, &filter, &inputs, &readings[..=row], (&r, autocovariances));
             for i in 0..n {
-                let (own, found) = (mean[i], track.estimate().mean[i]);
-                assert!((own - found).abs() < 1e-9 * own.abs().max(1.0), "{n} {row} {i}: {own} {found}");
+                let (expected, estimate) = (mean[i], track.estimate().mean[i]);
+                assert!(
+                    (expected - estimate).abs() < 1e-9 * expected.abs().max(1.0),
+                    "{n} {row} {i}: {expected} {estimate}"
+                );
                 for j in 0..n {
-                    let (own, found) = (covariance[(i, j)], track.estimate().covariance[i * n + j]);
+                    let (expected, estimate) = (covariance[(i, j)], track.estimate().covariance[i * n + j]);
                     let size = (covariance[(i, i)] * covariance[(j, j)]).sqrt();
-                    assert!((own - found).abs() < 1e-9 * size, "{n} {row} {i} {j}: {own} {found}");
+                    assert!((expected - estimate).abs() < 1e-9 * size, "{n} {row} {i} {j}: {expected} {estimate}");
                 }
             }
         }
@@ -459,16 +467,16 @@ fn the_hybrid_robot_is_followed_across_its_border() {
     let positions = [("x", 0.02), ("phi", 0.02)];
     let speeds = [("x", 0.02), ("phi", 0.02), ("xd", 0.1), ("phid", 0.1)];
     for (sensors, rows) in [(&positions[..], 200..900), (&speeds[..], 0..900)] {
-        let found = nees(&model, &measured(sensors), &[d; 4], rows.clone(), 20);
-        println!("hybrid robot, {} sensors: {found:?}", sensors.len());
-        assert!(found.mean.holds() && (found.share - 0.95).abs() < 0.015, "{found:?}");
+        let consistency = nees(&model, &measured(sensors), &[d; 4], rows.clone(), 20);
+        println!("hybrid robot, {} sensors: {consistency:?}", sensors.len());
+        assert!(consistency.mean.holds() && (consistency.share - 0.95).abs() < 0.015, "{consistency:?}");
         // Regions that switch by chance whose speeds nobody measures are taken for each other for good.
         let mut model = model.clone();
         model.partitions[0].transitions = Some(Transitions { counts: vec![vec![980, 20], vec![20, 980]] });
         let by_counts = FilterOptions { switching: Switching::Transitions, ..measured(sensors) };
         let by_counts = nees(&model, &by_counts, &[d; 4], rows, 20);
         println!("hybrid robot, {} sensors, by transitions: {by_counts:?}", sensors.len());
-        assert!(by_counts.error > found.error, "{by_counts:?} {found:?}");
+        assert!(by_counts.error > consistency.error, "{by_counts:?} {consistency:?}");
     }
 }
 
@@ -481,14 +489,14 @@ fn covariances_stay_symmetric_and_definite() {
     for row in 0..5000u64 {
         let reading = if row < 4000 { 0.1 * (0.01 * row as f64).sin() } else { f64::NAN };
         filter.step(&mut track, &[0.1, -0.1], 0.01, &[reading], &[f64::NAN]);
-        let found = &track.estimate().covariance;
+        let covariance = &track.estimate().covariance;
         for i in 0..4 {
-            assert!(found[i * 4 + i] > 0.0);
+            assert!(covariance[i * 4 + i] > 0.0);
             for j in 0..4 {
-                assert_eq!(found[i * 4 + j].to_bits(), found[j * 4 + i].to_bits());
+                assert_eq!(covariance[i * 4 + j].to_bits(), covariance[j * 4 + i].to_bits());
             }
         }
-        assert!(track.estimate().square(&[0, 1, 2, 3], &[1.0, 0.0, 0.0, 0.0]).is_finite(), "{row}: {found:?}");
+        assert!(track.estimate().square(&[0, 1, 2, 3], &[1.0, 0.0, 0.0, 0.0]).is_finite(), "{row}: {covariance:?}");
         let all: f64 = track.probabilities().iter().sum();
         assert!((all - 1.0).abs() < 1e-12, "{all}");
     }
@@ -541,9 +549,9 @@ proptest! {
         let at = |region: usize| (region + turn) % regions;
         let seen = (0..regions).map(|region| model.summaries[0].regions[at(region)].clone());
         turned.summaries[0].regions = seen.collect();
-        let own = &mut turned.partitions[0];
+        let partition = &mut turned.partitions[0];
         if let Rule::Linear { weights, offsets } = &model.partitions[0].rule {
-            own.rule = Rule::Linear {
+            partition.rule = Rule::Linear {
                 weights: (0..regions).map(|region| weights[at(region)].clone()).collect(),
                 offsets: (0..regions).map(|region| offsets[at(region)]).collect(),
             };

@@ -11,8 +11,9 @@ use crate::{
 #[test]
 fn process_noise_is_found_from_innovations_so_far() {
     // The model knows a quarter of the noise.
-    let (model, own) = (jumping(0.0, 0.1), jumping(0.0, 0.05));
-    let filter = |process| SwitchedFilter::new(&own, &FilterOptions { process, ..measured(&[("x", 0.1)]) }).unwrap();
+    let (model, quieter) = (jumping(0.0, 0.1), jumping(0.0, 0.05));
+    let filter =
+        |process| SwitchedFilter::new(&quieter, &FilterOptions { process, ..measured(&[("x", 0.1)]) }).unwrap();
     let inputs: Vec<Vec<f64>> = (0..4000).map(|row| vec![(0.05 * f64::from(row)).sin()]).collect();
     let truth = simulated(&model, &[0.0, 0.0], &inputs, &[0.1, 0.1], 5);
     let reading = |row: usize| [truth[row][0] + 0.1 * normal(row as u64 + (1 << 42))];
@@ -43,8 +44,8 @@ fn noise_of_sensors_is_found_from_innovations_so_far() {
     for row in 1..=4000 {
         filter.step(&mut track, &inputs[row - 1], 0.01, &reading(row), &[f64::NAN]);
     }
-    let found = track.found_deviation(&filter, 0);
-    assert!((found / 0.2 - 1.0).abs() < 0.06, "{found}");
+    let deviation = track.found_deviation(&filter, 0);
+    assert!((deviation / 0.2 - 1.0).abs() < 0.06, "{deviation}");
 }
 
 /// A sensor that is far quieter than the prior of the states: rows before which the velocity was unknown are no measure
@@ -74,8 +75,8 @@ fn noise_of_a_quiet_sensor_is_found_though_states_begin_unknown() {
             squares += track.nis().0;
         }
         // 4000 squares tell a deviation to 1.1 %, and somewhat less where it is a small share of the innovations.
-        let found = track.found_deviation(&filter, 0);
-        assert!((found / deviation - 1.0).abs() < 0.06, "{deviation}: {found}");
+        let estimate = track.found_deviation(&filter, 0);
+        assert!((estimate / deviation - 1.0).abs() < 0.06, "{deviation}: {estimate}");
         // The guess of the first rows is too large for the quietest one.
         assert!((0.7..1.1).contains(&(squares / 4000.0)), "{deviation}: {squares}");
     }

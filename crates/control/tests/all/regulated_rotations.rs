@@ -111,9 +111,9 @@ proptest! {
     fn gains_about_any_rotation_are_those_of_three_double_integrators(phi in prop::array::uniform3(-1.7f64..1.7)) {
         for kind in KINDS {
             let at = written(kind, phi);
-            let found = lqr(&satellite(kind), &satellite_options(named(&parts(kind), &at))).unwrap();
-            prop_assert!(found.setpoint.at_rest && found.regions[0].unreached.is_empty());
-            let law = &found.regulator;
+            let design = lqr(&satellite(kind), &satellite_options(named(&parts(kind), &at))).unwrap();
+            prop_assert!(design.setpoint.at_rest && design.regions[0].unreached.is_empty());
+            let law = &design.regulator;
             prop_assert!(kind.difference(&law.rotations[0].at, &at).iter().all(|off| off.abs() < 1e-12));
             prop_assert_eq!(&law.errors()[..], ["wx", "wy", "wz", "attitude about x", "attitude about y", "attitude about z"]);
             for (axis, b) in [1.0, 0.5, 0.25].into_iter().enumerate() {
@@ -155,17 +155,17 @@ fn a_satellite_turns_to_its_set_point_however_it_is_written() {
         let mut options = satellite_options(named(&parts(kind), &wanted));
         options.integral = vec![("attitude".into(), 0.1)];
         options.limits = TORQUES.iter().map(|name| ((*name).to_owned(), -1.5, 1.5)).collect();
-        let found = lqr(&model, &options).unwrap();
-        assert_model_is_the_law(&found.regulator);
+        let design = lqr(&model, &options).unwrap();
+        assert_model_is_the_law(&design.regulator);
         let far = kind.moved(&wanted, [2.0, 1.6, -1.3]);
         for sign in if kind == RotationKind::Quaternion { vec![1.0, -1.0] } else { vec![1.0] } {
             let start: Vec<f64> = far.iter().map(|part| sign * part).chain([0.3, -0.2, 0.5]).collect();
-            let (last, end) = closed(&model, &found.regulator, &start, &[0.0; 3], 60.0);
+            let (last, end) = closed(&model, &design.regulator, &start, &[0.0; 3], 60.0);
             assert_eq!(end, End::Horizon);
             let (attitude, rates) = last.split_at(kind.parts());
             let off = kind.difference(attitude, &wanted);
             assert!(off.iter().chain(rates).all(|off| off.abs() < 1e-4), "{kind:?} {sign} {off:?} {rates:?}");
-            let (halfway, _) = closed(&model, &found.regulator, &start, &[0.0; 3], 1.5);
+            let (halfway, _) = closed(&model, &design.regulator, &start, &[0.0; 3], 1.5);
             ends.push(kind.quaternion(&halfway[..kind.parts()]));
         }
     }
@@ -221,27 +221,27 @@ fn the_attitude_that_rests_is_found() {
         // Ten newtons a kilogram are not what rests: without them it does.
         assert!(!lqr(&model, &options).unwrap().setpoint.at_rest, "{kind:?}");
         let options = LqrOptions { setpoint: options.setpoint[..4].to_vec(), ..options };
-        let found = lqr(&model, &options).unwrap();
-        assert!(found.setpoint.at_rest, "{kind:?} {:?}", found.notes);
-        let rotation = &found.regulator.rotations[0];
+        let design = lqr(&model, &options).unwrap();
+        assert!(design.setpoint.at_rest, "{kind:?} {:?}", design.notes);
+        let rotation = &design.regulator.rotations[0];
         let [w, a, b, c] = kind.quaternion(&rotation.at);
         let up = [2.0 * (a * c + w * b), 2.0 * (b * c - w * a), w * w - a * a - b * b + c * c];
         let size = 9.81_f64.hypot(2.0);
-        for (own, wanted) in up.into_iter().zip([-2.0 / size, 0.0, 9.81 / size]) {
-            assert!((own - wanted).abs() < 1e-9, "{kind:?} {up:?}");
+        for (value, wanted) in up.into_iter().zip([-2.0 / size, 0.0, 9.81 / size]) {
+            assert!((value - wanted).abs() < 1e-9, "{kind:?} {up:?}");
         }
-        let thrust = found.setpoint.inputs.iter().find(|(name, _)| name == "thrust").unwrap().1;
+        let thrust = design.setpoint.inputs.iter().find(|(name, _)| name == "thrust").unwrap().1;
         assert!((thrust - size).abs() < 1e-8, "{thrust}");
         let count = kind.parts();
         let mut start = kind.moved(&rotation.at, [0.4, -0.5, 1.2]);
         start.extend([0.0, 0.0, 0.0, 1.0, -1.0, 0.5]);
-        let (last, end) = closed(&model, &found.regulator, &start, &[0.0, 0.0, 0.0, 9.0, 2.0], 60.0);
+        let (last, end) = closed(&model, &design.regulator, &start, &[0.0, 0.0, 0.0, 9.0, 2.0], 60.0);
         assert_eq!(end, End::Horizon);
         let off = kind.difference(&last[..count], &rotation.at);
-        for (own, wanted) in last[count..].iter().chain(&off).zip([1.0, -2.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]) {
-            assert!((own - wanted).abs() < 1e-4, "{kind:?} {last:?} {off:?}");
+        for (value, wanted) in last[count..].iter().chain(&off).zip([1.0, -2.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]) {
+            assert!((value - wanted).abs() < 1e-4, "{kind:?} {last:?} {off:?}");
         }
-        assert_model_is_the_law(&found.regulator);
+        assert_model_is_the_law(&design.regulator);
     }
 }
 
@@ -254,7 +254,7 @@ fn rotations_are_given_and_left_free_as_a_whole() {
     let with = |setpoint: &[(&str, f64)]| {
         satellite_options(setpoint.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect())
     };
-    let found = lqr(&model, &with(&angles)).unwrap();
+    let design = lqr(&model, &with(&angles)).unwrap();
     let at = |axis: usize, angle: f64| {
         let mut phi = [0.0; 3];
         phi[axis] = angle;
@@ -262,7 +262,7 @@ fn rotations_are_given_and_left_free_as_a_whole() {
     };
     let kind = RotationKind::Quaternion;
     let wanted = kind.moved(&kind.moved(&written(kind, at(2, 0.5)), at(1, -0.2)), at(0, 0.1));
-    assert!(kind.difference(&found.regulator.rotations[0].at, &wanted).iter().all(|off| off.abs() < 1e-14));
+    assert!(kind.difference(&design.regulator.rotations[0].at, &wanted).iter().all(|off| off.abs() < 1e-14));
     let refused = |options: LqrOptions| lqr(&model, &options).unwrap_err().to_string();
     assert!(refused(with(&angles[..2])).contains("as a whole"));
     assert!(refused(with(&[("qw", 1.0)])).contains("as a whole"));
@@ -276,13 +276,13 @@ fn rotations_are_given_and_left_free_as_a_whole() {
         ..LqrOptions::default()
     };
     for names in [&["attitude"][..], &["qw", "qx", "qy", "qz"]] {
-        let found = lqr(&model, &free(names)).unwrap();
-        assert!(found.regulator.rotations.is_empty() && found.regulator.states.len() == 3, "{names:?}");
+        let design = lqr(&model, &free(names)).unwrap();
+        assert!(design.regulator.rotations.is_empty() && design.regulator.states.len() == 3, "{names:?}");
     }
     assert!(refused(free(&["qw", "qx"])).contains("as a whole"));
     assert!(refused(free(&["attitude about x"])).contains("as a whole"));
     // Half a turn is as far as it goes.
-    let law = &found.regulator;
+    let law = &design.regulator;
     let [mut state, mut inputs] = [law.start(), law.start()].map(|state| (state, [0.0; 3]));
     let columns =
         |turn: f64| -> Vec<f64> { [0.0; 3].into_iter().chain(kind.moved(&wanted, [turn, 0.0, 0.0])).collect() };

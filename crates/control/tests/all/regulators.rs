@@ -64,8 +64,8 @@ fn the_double_integrator_has_scipys_gain_at_any_set_point_and_answers_wind_at_on
         period: Some(0.1),
         ..LqrOptions::default()
     };
-    let found = lqr(&mass(), &options).unwrap();
-    let law = &found.regulator.laws[0];
+    let design = lqr(&mass(), &options).unwrap();
+    let law = &design.regulator.laws[0];
     // scipy 1.17.1: X = solve_discrete_are([[1, .1], [0, 1]], [[.005], [.1]], diag([1, .1]), [[.01]]), K = solve(R + B'XB, B'XA).
     let x = [[6.022540785844572, 1.012422836565833], [1.012422836565833, 0.6091146407455232]];
     let (a, b) = ([[1.0, 0.1], [0.0, 1.0]], [0.005, 0.1]);
@@ -77,8 +77,8 @@ fn the_double_integrator_has_scipys_gain_at_any_set_point_and_answers_wind_at_on
     }
     // At rest the input balances the wind, and more wind is balanced as it comes.
     assert!((law.inputs[0] + 0.5).abs() < 1e-12 && (law.measured[0][0] - 1.0).abs() < 1e-9, "{law:?}");
-    assert_eq!(found.setpoint.states, at(&[("x", 3.0), ("v", 0.0)]));
-    assert!(found.setpoint.at_rest && found.regions[0].unreached.is_empty() && found.regions[0].residual < 1e-13);
+    assert_eq!(design.setpoint.states, at(&[("x", 3.0), ("v", 0.0)]));
+    assert!(design.setpoint.at_rest && design.regions[0].unreached.is_empty() && design.regions[0].residual < 1e-13);
 }
 
 #[test]
@@ -92,8 +92,8 @@ fn what_no_input_reaches_is_named() {
     assert!(matches!(error, Error::Control(ControlError::NotStabilisable { .. })));
     let text = error.to_string();
     assert!(text.contains("a mode in y (eigenvalue") && text.contains("free"), "{text}");
-    let found = lqr(&model, &LqrOptions { free: vec!["y".into()], ..LqrOptions::default() }).unwrap();
-    assert_eq!(found.regulator.states.len(), 1);
+    let design = lqr(&model, &LqrOptions { free: vec!["y".into()], ..LqrOptions::default() }).unwrap();
+    assert_eq!(design.regulator.states.len(), 1);
 }
 
 #[test]
@@ -107,12 +107,12 @@ fn every_region_has_its_law_and_its_own_answer_to_what_pulls_there() {
         moving.notes
     );
     let options = LqrOptions { free: vec!["x".into()], setpoint: at(&[("v", 0.5)]), ..options };
-    let found = lqr(&with_friction(), &options).unwrap();
-    assert_eq!(found.setpoint.region, Some(1));
+    let design = lqr(&with_friction(), &options).unwrap();
+    assert_eq!(design.setpoint.region, Some(1));
     // In region 1: 0 = -0.5 - 0.3*0.5 + u; in region 0: 0 = 0.1 - 0.15 + 2u.
-    assert!((found.regulator.laws[1].inputs[0] - 0.65).abs() < 1e-9, "{:?}", found.regulator.laws);
-    assert!((found.regulator.laws[0].inputs[0] - 0.025).abs() < 1e-9, "{:?}", found.regulator.laws);
-    assert!(found.regulator.partition.is_some());
+    assert!((design.regulator.laws[1].inputs[0] - 0.65).abs() < 1e-9, "{:?}", design.regulator.laws);
+    assert!((design.regulator.laws[0].inputs[0] - 0.025).abs() < 1e-9, "{:?}", design.regulator.laws);
+    assert!(design.regulator.partition.is_some());
     let mean = lqr(&with_friction(), &LqrOptions { schedule: Schedule::Mean, ..options }).unwrap();
     assert!(mean.regulator.partition.is_none() && mean.regulator.laws.len() == 1);
 }
@@ -139,11 +139,11 @@ fn spring(off: f64) -> Model {
 fn what_cannot_be_told_from_rest_is_rest() {
     let options = LqrOptions { setpoint: at(&[("x", 0.5), ("v", 0.0)]), ..LqrOptions::default() };
     // Three standard errors: 3 * 1e-4 * sqrt(4 / 96) = 6.1e-5.
-    let found = lqr(&spring(5e-5), &options).unwrap();
-    assert!(found.setpoint.at_rest && found.notes.is_empty(), "{:?}", found.notes);
-    assert_eq!((found.setpoint.region, found.regions.len()), (Some(1), 2));
+    let design = lqr(&spring(5e-5), &options).unwrap();
+    assert!(design.setpoint.at_rest && design.notes.is_empty(), "{:?}", design.notes);
+    assert_eq!((design.setpoint.region, design.regions.len()), (Some(1), 2));
     // 0 = 0.2 - 1.2 * 0.5 + 0.02 u; the mean of both regions would say 12.5.
-    assert!((found.setpoint.inputs[0].1 - 20.0).abs() < 1e-2, "{:?}", found.setpoint);
+    assert!((design.setpoint.inputs[0].1 - 20.0).abs() < 1e-2, "{:?}", design.setpoint);
     let moving = lqr(&spring(8e-5), &options).unwrap();
     assert!(!moving.setpoint.at_rest && moving.setpoint.region.is_none());
     assert!(moving.notes.iter().any(|note| note.contains("delta(x) = 8")), "{:?}", moving.notes);
@@ -159,11 +159,11 @@ fn a_set_point_beyond_the_limits_is_told() {
         limits: vec![("u".into(), -1.0, 15.0)],
         ..LqrOptions::default()
     };
-    let found = lqr(&spring(0.0), &options).unwrap();
+    let design = lqr(&spring(0.0), &options).unwrap();
     assert!(
-        found.notes.iter().any(|note| note.contains("u = 20.0000, beyond its limits -1 to 15")),
+        design.notes.iter().any(|note| note.contains("u = 20.0000, beyond its limits -1 to 15")),
         "{:?}",
-        found.notes
+        design.notes
     );
     let wide = LqrOptions { limits: vec![("u".into(), -1.0, 25.0)], ..options };
     assert!(lqr(&spring(0.0), &wide).unwrap().notes.is_empty());
@@ -197,26 +197,26 @@ fn the_loop_comes_to_its_set_point_through_both_regions_and_against_wind() {
     };
     // From 0 to 1 over the border at 0.5, where the force and the input's effect jump.
     let model = two_regions("x", 0.5);
-    let found = lqr(&model, &options).unwrap();
-    assert_eq!((found.setpoint.region, found.regulator.laws.len()), (Some(1), 2));
-    let (last, end) = closed(&model, &found.regulator, &[], 60.0);
+    let design = lqr(&model, &options).unwrap();
+    assert_eq!((design.setpoint.region, design.regulator.laws.len()), (Some(1), 2));
+    let (last, end) = closed(&model, &design.regulator, &[], 60.0);
     assert_eq!(end, End::Horizon);
     assert!((last[0] - 1.0).abs() < 1e-6 && last[1].abs() < 1e-6, "{last:?}");
 
     // Wind that the law does not measure is met by the integral, wind that it does at once.
     let wind = LqrOptions { setpoint: at(&[("x", 1.0), ("w", 0.0)]), drive: vec!["u".into()], ..options.clone() };
-    let mut found = lqr(&mass(), &wind).unwrap();
-    let (last, _) = closed(&mass(), &found.regulator, &[("w", 0.7)], 40.0);
+    let mut design = lqr(&mass(), &wind).unwrap();
+    let (last, _) = closed(&mass(), &design.regulator, &[("w", 0.7)], 40.0);
     assert!((last[0] - 1.0).abs() < 1e-6, "{last:?}");
-    found.regulator.measured.clear();
-    found.regulator.laws[0].measured.clear();
-    let (last, _) = closed(&mass(), &found.regulator, &[("w", 0.7)], 40.0);
+    design.regulator.measured.clear();
+    design.regulator.laws[0].measured.clear();
+    let (last, _) = closed(&mass(), &design.regulator, &[("w", 0.7)], 40.0);
     assert!((last[0] - 1.0).abs() < 1e-3, "{last:?}");
     let without = LqrOptions { integral: Vec::new(), ..wind };
-    let mut found = lqr(&mass(), &without).unwrap();
-    found.regulator.measured.clear();
-    found.regulator.laws[0].measured.clear();
-    let (last, _) = closed(&mass(), &found.regulator, &[("w", 0.7)], 40.0);
+    let mut design = lqr(&mass(), &without).unwrap();
+    design.regulator.measured.clear();
+    design.regulator.laws[0].measured.clear();
+    let (last, _) = closed(&mass(), &design.regulator, &[("w", 0.7)], 40.0);
     assert!((last[0] - 1.0).abs() > 0.05, "without either it stays off: {last:?}");
 }
 
@@ -229,8 +229,8 @@ fn an_integral_at_a_limit_does_not_wind_up() {
         integral: at(&[("x", 1.0)]),
         ..LqrOptions::default()
     };
-    let found = lqr(&mass(), &options).unwrap();
-    let mut state = found.regulator.start();
+    let design = lqr(&mass(), &options).unwrap();
+    let mut state = design.regulator.start();
     let mut input = [0.0];
     // Far off for a long while, then at the set point: the input is back at once.
     (0..10_000).for_each(|k| state.control(f64::from(k) * 0.01, &[-50.0, 0.0, 0.0], &mut input));
@@ -260,8 +260,8 @@ fn what_cannot_be_asked_for_is_refused_with_its_name() {
 #[test]
 fn units_change_nothing() {
     // The same robot in millimetres.
-    let own = with_friction();
-    let mut scaled = own.clone();
+    let model = with_friction();
+    let mut scaled = model.clone();
     scaled.partitions[0].scale = vec![1e3];
     for (constants, rows) in scaled
         .latents
@@ -279,7 +279,7 @@ fn units_change_nothing() {
         schedule: Schedule::Region,
         ..LqrOptions::default()
     };
-    let (first, second) = (lqr(&own, &options(1.0)).unwrap(), lqr(&scaled, &options(1e3)).unwrap());
+    let (first, second) = (lqr(&model, &options(1.0)).unwrap(), lqr(&scaled, &options(1e3)).unwrap());
     for (a, b) in first.regulator.laws.iter().zip(&second.regulator.laws) {
         for (a, b) in a.gain[0].iter().zip(&b.gain[0]) {
             assert!((a - b * 1e3).abs() < 1e-9 * a.abs(), "{a} {b}");
@@ -292,7 +292,7 @@ fn units_change_nothing() {
 fn shown(law: &Regulator, key: u64) -> Vec<f64> {
     let states = law.states.iter().map(|state| (state.at, state.size));
     // The parts of rotations are of any length: that of a quaternion does not matter.
-    let parts = law.rotations.iter().flat_map(|own| own.at.iter().map(|&at| (at, 0.3)));
+    let parts = law.rotations.iter().flat_map(|rotation| rotation.at.iter().map(|&at| (at, 0.3)));
     let known: Vec<(f64, f64)> =
         states.chain(parts).chain(law.measured.iter().map(|column| (column.at, column.size))).collect();
     let count = law.reads().len();
@@ -312,13 +312,13 @@ pub(crate) fn assert_model_is_the_law(law: &Regulator) {
     let (m, q) = (law.inputs.len(), law.integrated.len());
     let mut state = law.start();
     let mut inputs = vec![0.2; m];
-    let mut own: Vec<f64> = inputs.iter().copied().chain(std::iter::repeat_n(0.0, q)).collect();
+    let mut values: Vec<f64> = inputs.iter().copied().chain(std::iter::repeat_n(0.0, q)).collect();
     let (mut points, mut workspace) = (stepper.points(1), StepperWorkspace::default());
     let mut moved = 0;
     for k in 0..400u64 {
         let columns = shown(law, k);
         state.control(k as f64 * law.period, &columns, &mut inputs);
-        (0..m + q).for_each(|i| points.column_mut(stepper.state_column(i), 0)[0] = own[i]);
+        (0..m + q).for_each(|i| points.column_mut(stepper.state_column(i), 0)[0] = values[i]);
         for (i, name) in stepper.inputs().enumerate() {
             let at = law.reads().iter().position(|read| read == name).unwrap();
             points.column_mut(stepper.input_column(i), 0)[0] = columns[at];
@@ -327,9 +327,9 @@ pub(crate) fn assert_model_is_the_law(law: &Regulator) {
         // What is missing leaves all as it is: exported code keeps its variable, the engine says that there is no number.
         if columns.iter().all(|value| value.is_finite()) {
             assert!(next.iter().all(|value| value.is_finite()), "{k}: {next:?}");
-            own = next;
+            values = next;
         }
-        for (j, (a, b)) in inputs.iter().zip(&own).enumerate() {
+        for (j, (a, b)) in inputs.iter().zip(&values).enumerate() {
             // Sums of the same terms in another order.
             assert!((a - b).abs() <= 1e-12 * a.abs().max(1.0), "sample {k}, input {j}: {a} {b}");
         }
@@ -388,13 +388,13 @@ fn no_other_gain_costs_less_from_any_start() {
         period: Some(h),
         ..LqrOptions::default()
     };
-    let found = lqr(&two_regions("x", 0.5), &options).unwrap();
-    let own = &found.regulator.laws[1].gain[0];
-    let own = [own[0], own[1]];
+    let design = lqr(&two_regions("x", 0.5), &options).unwrap();
+    let gain = &design.regulator.laws[1].gain[0];
+    let gain = [gain[0], gain[1]];
     for start in [[1.0, 0.0], [0.0, 1.0], [0.6, -0.9]] {
-        let best = paid(a, b, own, q, r, start);
+        let best = paid(a, b, gain, q, r, start);
         for (i, step) in [(0, 1e-3), (0, -1e-3), (1, 1e-3), (1, -1e-3)] {
-            let mut other = own;
+            let mut other = gain;
             other[i] *= 1.0 + step;
             // The cost is flat at its minimum: a gain that is off by 1e-3 costs about 1e-6 more.
             let more = paid(a, b, other, q, r, start) / best - 1.0;
@@ -413,13 +413,13 @@ fn a_region_that_nothing_reaches_is_said_and_borrows() {
     let fitted = vec![("v", Prediction::Derivative, "forward(v)", maps)];
     let given = [("x", Prediction::Derivative, "v")];
     let model = model(columns, &["v", "u"], partition(&["x"], &[0.5], &[1.0], rule), fitted, &given);
-    let found = lqr(&model, &LqrOptions { setpoint: at(&[("x", 1.0)]), ..LqrOptions::default() }).unwrap();
-    let [inner, outer] = &found.regions[..] else { panic!("{:?}", found.regions) };
+    let design = lqr(&model, &LqrOptions { setpoint: at(&[("x", 1.0)]), ..LqrOptions::default() }).unwrap();
+    let [inner, outer] = &design.regions[..] else { panic!("{:?}", design.regions) };
     assert!(inner.borrowed && inner.unreached.iter().any(|mode| mode.contains("v")), "{inner:?}");
     assert!(!outer.borrowed && outer.unreached.is_empty() && outer.radius < 1.0, "{outer:?}");
-    assert_eq!(found.regulator.laws[0], found.regulator.laws[1]);
+    assert_eq!(design.regulator.laws[0], design.regulator.laws[1]);
     // The set point in that region is refused, with what is wrong.
     let error = lqr(&model, &LqrOptions { setpoint: at(&[("x", 0.0)]), ..LqrOptions::default() });
-    let text = error.map(|found| format!("{:?}", found.notes)).unwrap_or_else(|error| error.to_string());
+    let text = error.map(|design| format!("{:?}", design.notes)).unwrap_or_else(|error| error.to_string());
     assert!(text.contains("no input reaches") || text.contains("no region rests"), "{text}");
 }
