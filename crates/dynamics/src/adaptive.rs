@@ -221,14 +221,14 @@ impl Adaptive {
 
     /// Counts an accepted step; whether the point is stiff.
     fn is_stiff(&mut self, b: usize, border: f64) -> bool {
-        let own = &mut self.stiffness[b];
+        let stiffness = &mut self.stiffness[b];
         if border > STABLE {
-            (own.against, own.within) = (own.against + 1, 0);
+            (stiffness.against, stiffness.within) = (stiffness.against + 1, 0);
         } else {
-            own.within += 1;
-            own.against = if own.within >= SOUND { 0 } else { own.against };
+            stiffness.within += 1;
+            stiffness.against = if stiffness.within >= SOUND { 0 } else { stiffness.against };
         }
-        own.against >= STIFF
+        stiffness.against >= STIFF
     }
 
     fn can_be_implicit(&mut self, stepper: &Stepper) -> bool {
@@ -258,10 +258,10 @@ impl Adaptive {
             if control.judge(stepper, b, seconds, ratio, rosenbrock::ERROR_ORDER, shortest) == Verdict::Rejected {
                 continue;
             }
-            let own = &mut self.stiffness[b];
-            own.against = if tried * rate < 1.0 && tried > control.shortest { own.against + 1 } else { 0 };
-            if own.against >= SLOW {
-                own.switch();
+            let stiffness = &mut self.stiffness[b];
+            stiffness.against = if tried * rate < 1.0 && tried > control.shortest { stiffness.against + 1 } else { 0 };
+            if stiffness.against >= SLOW {
+                stiffness.switch();
                 back.push(b);
             }
         }
@@ -287,10 +287,10 @@ impl Adaptive {
             }
         }
         stepper.evaluate(points, workspace);
-        let found = right_sides(stepper, count, workspace);
+        let slopes = right_sides(stepper, count, workspace);
         for &b in back {
             for i in control.continuous.iter().map(|s| s * count + b) {
-                self.slopes[0][i] = found[i];
+                self.slopes[0][i] = slopes[i];
             }
         }
     }

@@ -137,9 +137,11 @@ impl AffineKernel {
     ) {
         let Some(beyond) = &self.beyond else { return };
         latents.resize(beyond.functions.len(), Vec::new());
-        for ((group, own), latents) in simulator.compiled.groups.iter().zip(&beyond.functions).zip(&mut *latents) {
+        for ((group, functions_beyond), latents) in
+            simulator.compiled.groups.iter().zip(&beyond.functions).zip(&mut *latents)
+        {
             functions.clear();
-            functions.extend(own.iter().map(|&slot| slots[slot]));
+            functions.extend(functions_beyond.iter().map(|&slot| slots[slot]));
             excess.resize(functions.len(), 0.0);
             latents.resize(group.width, 0.0);
             group.affine(region, functions, excess, latents);

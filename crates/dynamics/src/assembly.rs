@@ -39,9 +39,9 @@ impl Simulator {
     }
 
     /// Compiles for steps of `period` seconds; the columns in `driven` are computed by a controller.
-    fn compile(own: &Model, period: f64, driven: &[String]) -> Result<Self, Error> {
-        own.validate().map_err(Error::Inconsistent)?;
-        let Closed { model, lags, computed, .. } = &own.closed(period, driven)?;
+    fn compile(source_model: &Model, period: f64, driven: &[String]) -> Result<Self, Error> {
+        source_model.validate().map_err(Error::Inconsistent)?;
+        let Closed { model, lags, computed, .. } = &source_model.closed(period, driven)?;
         let (mut states, mut equations) = advanced_states(model)?;
         let names = states.iter().map(|state| model.columns[state.column].name.clone()).collect();
         states.extend(lags.iter().map(State::of_lag));
@@ -54,7 +54,7 @@ impl Simulator {
         });
         let reported = first.map_or(0, |group| group.regions);
         let mut simulator = Self {
-            model: own.clone(),
+            model: source_model.clone(),
             period,
             columns: model.columns.iter().map(|column| column.name.clone()).collect(),
             names,

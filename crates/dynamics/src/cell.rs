@@ -299,11 +299,11 @@ impl Cells {
     /// The region of a cell that was searched for where it is; `None` where a standardised column is not a number.
     #[inline(always)]
     pub(crate) fn region(&self, cell: &Cell) -> Option<usize> {
-        let found = match &self.rule {
+        let region = match &self.rule {
             CellRule::Linear(Linear { joined: Some(regions), .. }) => *regions.get(cell.region)?,
             _ => cell.region,
         };
-        (!cell.size.is_nan() && found < self.count()).then_some(found)
+        (!cell.size.is_nan() && region < self.count()).then_some(region)
     }
 }
 

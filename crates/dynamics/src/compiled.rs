@@ -248,14 +248,15 @@ impl Latents {
     pub(crate) fn column(&self, feature: usize) -> usize {
         match feature.checked_sub(self.kept.len()) {
             None => self.first + feature,
-            Some(own) => self.basis_first + own,
+            Some(basis_function) => self.basis_first + basis_function,
         }
     }
 
     /// The derivatives of the latents by the functions in use at a row, in a region: functions x width. NaN in a region that there is not.
     pub(crate) fn slopes(&self, region: usize, row: usize, workspace: &Workspace, out: &mut [f64]) {
         let (width, functions) = (self.width, self.kept.len());
-        let Some(matrix) = self.matrices.get(region * self.features.len() * width..).filter(|own| !own.is_empty())
+        let Some(matrix) =
+            self.matrices.get(region * self.features.len() * width..).filter(|slopes| !slopes.is_empty())
         else {
             out.fill(f64::NAN);
             return;
@@ -269,7 +270,7 @@ impl Latents {
         }
         let Some((basis, places)) = &self.basis else { return };
         let inputs: Vec<f64> = places.iter().map(|&place| value(self.first + place)).collect();
-        let values: Vec<f64> = (0..basis.count()).map(|own| value(self.basis_first + own)).collect();
+        let values: Vec<f64> = (0..basis.count()).map(|function| value(self.basis_first + function)).collect();
         let mut slopes = vec![0.0; inputs.len()];
         for latent in 0..self.slots.len() {
             let weights: Vec<f64> =
@@ -320,7 +321,7 @@ impl Latents {
                 }
                 continue;
             }
-            let (functions, own) = features.split_at_mut(self.kept.len());
+            let (functions, basis_features) = features.split_at_mut(self.kept.len());
             for (j, feature) in functions.iter_mut().enumerate() {
                 *feature = values[(self.first + j) * stride + row];
             }
@@ -333,8 +334,8 @@ impl Latents {
             }
             if let Some((basis, places)) = &self.basis {
                 inputs.iter_mut().zip(places).for_each(|(input, &place)| *input = functions[place]);
-                basis.evaluate(inputs, own);
-                for (k, &value) in own.iter().enumerate() {
+                basis.evaluate(inputs, basis_features);
+                for (k, &value) in basis_features.iter().enumerate() {
                     values[(self.basis_first + k) * stride + row] = value;
                 }
             }
@@ -353,8 +354,8 @@ impl Latents {
         let (inputs, ranges) = (group.inputs(), Ranges::new(model, &group));
         let LatentGroup { library, partition, latents: slots, functions: kept, basis } = group;
         let functions = model.libraries[library].len();
-        let own = functions..functions + basis.as_ref().map_or(0, Basis::count);
-        let features: Vec<usize> = kept.iter().copied().chain(own).collect();
+        let of_group = functions..functions + basis.as_ref().map_or(0, Basis::count);
+        let features: Vec<usize> = kept.iter().copied().chain(of_group).collect();
         let count = model.partitions[partition].rule.count();
         let width = padded(slots.len());
         let mut matrices = vec![0.0; count * features.len() * width];
@@ -370,8 +371,8 @@ impl Latents {
         }
         let goes_on = slots.iter().any(|&slot| !model.latents[slot].beyond.is_empty());
         let slopes = |j: &usize| {
-            let own = slots.iter().map(|&slot| model.latents[slot].beyond.get(*j).copied().unwrap_or(0.0));
-            own.chain(std::iter::repeat(0.0)).take(width).collect::<Vec<_>>()
+            let lines = slots.iter().map(|&slot| model.latents[slot].beyond.get(*j).copied().unwrap_or(0.0));
+            lines.chain(std::iter::repeat(0.0)).take(width).collect::<Vec<_>>()
         };
         let beyond = goes_on.then(|| kept.iter().flat_map(slopes).collect());
         let basis = basis.map(|basis| (basis, inputs));

@@ -117,7 +117,7 @@ pub fn free_run(
     };
     let names = simulator.states().to_vec();
     let mut total = vec![OutputSum::default(); names.len()];
-    let mut found = FreeRun {
+    let mut free_run = FreeRun {
         outputs: Vec::new(),
         replayed: simulator.replayed(),
         runs: Vec::new(),
@@ -129,24 +129,24 @@ pub fn free_run(
         progress,
         |episode| runner.episode(episode),
         |parts| -> Result<(), Error> {
-            found.skipped += usize::from(parts.is_empty());
+            free_run.skipped += usize::from(parts.is_empty());
             for Part { outcome, sums, trajectory } in parts {
-                found.runs.push(outcome);
+                free_run.runs.push(outcome);
                 total.iter_mut().zip(&sums).for_each(|(total, sum)| total.merge(sum));
                 if options.keep {
-                    found.trajectories.push(trajectory);
+                    free_run.trajectories.push(trajectory);
                 }
             }
             Ok(())
         },
     )?;
-    if found.runs.is_empty() {
+    if free_run.runs.is_empty() {
         let longest = source.episodes().iter().map(|episode| episode.rows).max().unwrap_or(0);
-        return Err(Error::NoCompleteRow { episodes: found.skipped, needed: simulator.history() + 2, longest });
+        return Err(Error::NoCompleteRow { episodes: free_run.skipped, needed: simulator.history() + 2, longest });
     }
-    found.outputs =
+    free_run.outputs =
         names.into_iter().zip(&total).map(|(name, sum)| FreeRunScore { name, errors: sum.errors() }).collect();
-    Ok(found)
+    Ok(free_run)
 }
 
 /// An advanced state, with the units of its errors.

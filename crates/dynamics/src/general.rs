@@ -324,7 +324,7 @@ impl<'a> Batch<'a> {
                 let mut states = Vec::with_capacity((steps + 1) * shown.len());
                 for k in 0..=steps {
                     match self.uncorrected[b].chunks_exact(self.simulator.states.len()).nth(k) {
-                        Some(own) => states.extend_from_slice(&own[..shown.len()]),
+                        Some(values) => states.extend_from_slice(&values[..shown.len()]),
                         None => states.extend(shown.iter().map(|state| self.columns.at(state.column, k as i64)[b])),
                     }
                 }

@@ -50,13 +50,13 @@ pub struct Geometry {
 impl Geometry {
     /// Geometry of the states in these columns of a model; an index beyond them is no column.
     pub fn new(model: &Model, columns: &[usize]) -> Self {
-        let shape = |&column: &usize| match model.columns.get(column).is_some_and(|own| own.angle) {
+        let shape = |&column: &usize| match model.columns.get(column).is_some_and(|column| column.angle) {
             true => Shape::Circle,
             false => Shape::Line,
         };
         let mut geometry = Self { shapes: columns.iter().map(shape).collect(), groups: Vec::new() };
         for rotation in model.rotations() {
-            let place = |own: &usize| columns.iter().position(|column| column == own);
+            let place = |part: &usize| columns.iter().position(|column| column == part);
             let Some(places) = rotation.columns.iter().map(place).collect::<Option<Vec<_>>>() else { continue };
             let group = geometry.groups.len();
             places.iter().enumerate().for_each(|(part, &s)| geometry.shapes[s] = Shape::Rotation { group, part });
@@ -106,10 +106,10 @@ impl Geometry {
                 }
                 RotationKind::Vector => {
                     let place = |place: &usize| there.iter().copied().find(|&k| states[k] == *place);
-                    let Some(own) = places.iter().map(place).collect::<Option<Vec<_>>>() else { continue };
-                    let mut parts: Vec<f64> = own.iter().map(|&k| values[k]).collect();
+                    let Some(indices) = places.iter().map(place).collect::<Option<Vec<_>>>() else { continue };
+                    let mut parts: Vec<f64> = indices.iter().map(|&k| values[k]).collect();
                     kind.nearest(&mut parts, &places.iter().map(|&place| mean[place]).collect::<Vec<_>>());
-                    own.iter().zip(parts).for_each(|(&k, part)| aligned[k] = part);
+                    indices.iter().zip(parts).for_each(|(&k, part)| aligned[k] = part);
                 }
             }
         }
@@ -161,11 +161,11 @@ impl Geometry {
     #[inline(always)]
     pub fn retract(&self, values: &mut [f64], at: impl Fn(usize) -> usize) {
         for Group { kind, places, .. } in &self.groups {
-            let mut own = [0.0; PARTS];
-            let own = &mut own[..places.len()];
-            own.iter_mut().zip(places).for_each(|(part, &place)| *part = values[at(place)]);
-            kind.retract(own);
-            own.iter().zip(places).for_each(|(part, &place)| values[at(place)] = *part);
+            let mut buffer = [0.0; PARTS];
+            let rotation = &mut buffer[..places.len()];
+            rotation.iter_mut().zip(places).for_each(|(part, &place)| *part = values[at(place)]);
+            kind.retract(rotation);
+            rotation.iter().zip(places).for_each(|(part, &place)| values[at(place)] = *part);
         }
     }
 }
@@ -177,9 +177,9 @@ impl Group {
     }
 
     fn nearest(&self, a: impl Fn(usize) -> f64, b: impl Fn(usize) -> f64) -> Vec<f64> {
-        let mut own = self.of(a);
-        self.kind.nearest(&mut own, &self.of(b));
-        own
+        let mut parts = self.of(a);
+        self.kind.nearest(&mut parts, &self.of(b));
+        parts
     }
 
     /// Log(b^-1 a), rad in the body's axes.
@@ -202,12 +202,12 @@ impl Geometry {
     pub fn components(&self) -> Vec<Component> {
         let mut components = Vec::new();
         for (state, shape) in self.shapes.iter().enumerate() {
-            let own = match *shape {
+            let component = match *shape {
                 Shape::Rotation { group, .. } => Component::Group(group),
                 _ => Component::State(state),
             };
-            if !components.contains(&own) {
-                components.push(own);
+            if !components.contains(&component) {
+                components.push(component);
             }
         }
         components
@@ -224,8 +224,8 @@ impl Geometry {
     ) -> Vec<f64> {
         // Every error as a sum of states, each with its factor.
         let mut rows: Vec<Vec<(usize, f64)>> = Vec::new();
-        for own in components {
-            match *own {
+        for component in components {
+            match *component {
                 Component::State(state) => rows.push(vec![(state, 1.0)]),
                 Component::Group(group) => {
                     let group = &self.groups[group];
@@ -262,8 +262,8 @@ impl Geometry {
 /// The entries of each component in the vector of errors: one of a state, three of a rotation.
 pub fn parts(components: &[Component]) -> Vec<Range<usize>> {
     let mut from = 0;
-    let span = |own: &Component| {
-        let length = if matches!(own, Component::Group(_)) { 3 } else { 1 };
+    let span = |component: &Component| {
+        let length = if matches!(component, Component::Group(_)) { 3 } else { 1 };
         from += length;
         from - length..from
     };

@@ -106,7 +106,7 @@ pub(crate) struct HorizonScorer {
     /// States that are advanced.
     states: usize,
     /// Components of the reported errors: states and rotations.
-    told: Vec<Component>,
+    components: Vec<Component>,
     /// The parts of the errors that enter the Mahalanobis score: one of a state, the rotation vector's three of a rotation.
     scored: Vec<Range<usize>>,
     metric: Mahalanobis,
@@ -177,20 +177,22 @@ impl HorizonScorer {
         let (horizon, shown) = (options.horizon, simulator.shown());
         let names = simulator.states();
         let geometry = Geometry::new(model, &shown.iter().map(|state| state.column).collect::<Vec<_>>());
-        let told = geometry.components();
+        let components = geometry.components();
         // Of a part of a rotation there is no distance.
         let place = |name: &String| {
-            let place = told.iter().position(|own| matches!(*own, Component::State(state) if names[state] == *name));
+            let place = components
+                .iter()
+                .position(|component| matches!(*component, Component::State(state) if names[state] == *name));
             place.ok_or_else(|| {
                 let nearest = nearest(name, names.iter().map(String::as_str));
                 Error::from(UnknownColumn { name: name.clone(), nearest })
             })
         };
-        let counts = |own: &Component| match *own {
+        let counts = |component: &Component| match *component {
             Component::State(state) => shown[state].order.is_some(),
             Component::Group(group) => geometry.groups[group].places.iter().all(|&place| shown[place].order.is_some()),
         };
-        let ordered: Vec<Component> = told.iter().copied().filter(counts).collect();
+        let ordered: Vec<Component> = components.iter().copied().filter(counts).collect();
         let order = |s: usize| shown[s].order.unwrap_or_default();
         let training = &model.training;
         let covariance = geometry.covariance(
@@ -198,15 +200,19 @@ impl HorizonScorer {
             |i, j| training.state_covariance[packed(order(i), order(j))],
             |s| training.state_mean.get(order(s)).copied().unwrap_or_else(|| geometry.neutral(s)),
         );
-        let scored: Vec<Range<usize>> =
-            told.iter().zip(parts(&told)).filter(|(own, _)| counts(own)).map(|(_, span)| span).collect();
+        let scored: Vec<Range<usize>> = components
+            .iter()
+            .zip(parts(&components))
+            .filter(|(component, _)| counts(component))
+            .map(|(_, span)| span)
+            .collect();
         Ok(Self {
             horizon,
             position: options.position.iter().map(place).collect::<Result<_, _>>()?,
             states: shown.len(),
             metric: Mahalanobis::of_covariance(&covariance, scored.iter().map(Range::len).sum()),
             scored,
-            told,
+            components,
             geometry,
             columns: shown.iter().map(|state| state.column).collect(),
         })
@@ -214,7 +220,7 @@ impl HorizonScorer {
 
     pub(crate) fn empty(&self) -> HorizonSums {
         let kinds = if self.position.is_empty() { 1 } else { 2 };
-        let cells = self.horizon * self.told.len();
+        let cells = self.horizon * self.components.len();
         let table = ErrorTable { square: vec![0.0; cells], absolute: vec![0.0; cells], rows: vec![0.0; cells] };
         HorizonSums {
             starts: 0,
@@ -244,10 +250,10 @@ impl HorizonScorer {
         sums.starts += 1;
         let episode = sums.episode(window.start.episode);
         let mut series = vec![Vec::new(); sums.scores.len()];
-        let length = parts(&self.told).last().map_or(0, |last| last.end);
+        let length = parts(&self.components).last().map_or(0, |last| last.end);
         let mut value = vec![0.0; self.states];
         let mut error = vec![0.0; length];
-        let mut size = vec![0.0; self.told.len()];
+        let mut size = vec![0.0; self.components.len()];
         let mut vector = Vec::with_capacity(error.len());
         let mut scratch = vec![0.0; self.metric.width()];
         for k in 1..=self.horizon {
@@ -267,7 +273,7 @@ impl HorizonScorer {
                     velocity.turn(&self.geometry, &measured, time[k], &mut value);
                 }
                 self.errors(&measured, k + 1, &value, &mut error, &mut size);
-                let cell = (k - 1) * self.told.len();
+                let cell = (k - 1) * self.components.len();
                 sums.tables[predictor].add(cell, &size);
                 vector.clear();
                 self.scored.iter().for_each(|span| vector.extend_from_slice(&error[span.clone()]));
@@ -294,8 +300,8 @@ impl HorizonScorer {
     pub(crate) fn add_raw(&self, raw: &Window<'_>, model: &Trajectory, sums: &mut HorizonSums) {
         let measured: Vec<&[f64]> =
             self.columns.iter().map(|&column| raw.values(column, 0, self.horizon as i64 + 1)).collect();
-        let mut error = vec![0.0; parts(&self.told).last().map_or(0, |last| last.end)];
-        let mut size = vec![0.0; self.told.len()];
+        let mut error = vec![0.0; parts(&self.components).last().map_or(0, |last| last.end)];
+        let mut size = vec![0.0; self.components.len()];
         for k in 1..=self.horizon {
             self.errors(&measured, k, model.state(k), &mut error, &mut size);
             sums.raw.add((k - 1) * size.len(), &size);
@@ -304,17 +310,17 @@ impl HorizonScorer {
 
     /// Errors of the states at a measured row, and their sizes: of a state the error itself, of a rotation its angle.
     fn errors(&self, measured: &[&[f64]], row: usize, value: &[f64], error: &mut [f64], size: &mut [f64]) {
-        let (recorded, own) = (|s: usize| measured[s][row], |s: usize| value[s]);
+        let (recorded, simulated) = (|s: usize| measured[s][row], |s: usize| value[s]);
         let mut at = 0;
-        for (told, size) in self.told.iter().zip(size) {
-            match *told {
+        for (component, size) in self.components.iter().zip(size) {
+            match *component {
                 Component::State(state) => {
-                    error[at] = self.geometry.difference(state, recorded, own);
+                    error[at] = self.geometry.difference(state, recorded, simulated);
                     *size = error[at];
                     at += 1;
                 }
                 Component::Group(group) => {
-                    let rotation = self.geometry.groups[group].rotation(recorded, own);
+                    let rotation = self.geometry.groups[group].rotation(recorded, simulated);
                     error[at..at + 3].copy_from_slice(&rotation);
                     *size = rotation.iter().map(|part| part * part).sum::<f64>().sqrt();
                     at += 3;
@@ -325,11 +331,11 @@ impl HorizonScorer {
 
     /// The names of the reported components.
     fn names(&self, states: &[String]) -> Vec<String> {
-        let name = |own: &Component| match *own {
+        let name = |component: &Component| match *component {
             Component::State(state) => states[state].clone(),
             Component::Group(group) => self.geometry.groups[group].name.clone(),
         };
-        self.told.iter().map(name).collect()
+        self.components.iter().map(name).collect()
     }
 
     /// The scores behind the sums.
@@ -457,10 +463,10 @@ impl ErrorTable {
     }
 
     fn merge(&mut self, other: &Self) {
-        for (own, other) in
+        for (sum, other) in
             [(&mut self.square, &other.square), (&mut self.absolute, &other.absolute), (&mut self.rows, &other.rows)]
         {
-            own.iter_mut().zip(other).for_each(|(a, b)| *a += b);
+            sum.iter_mut().zip(other).for_each(|(a, b)| *a += b);
         }
     }
 }

@@ -26,8 +26,8 @@ pub(crate) fn argmax<S: Simd>(simd: S, values: &[f64], indices: &[f64]) -> (f64,
     let top = simd.reduce_max_f64s(best);
     let (all, mut winner) = (simd.splat_f64s(top), simd.splat_f64s(f64::INFINITY));
     for (&v, &index) in values.iter().zip(S::as_simd_f64s(indices).0) {
-        let found = simd.select_f64s(simd.greater_than_or_equal_f64s(v, all), index, winner);
-        winner = simd.min_f64s(found, winner);
+        let matching = simd.select_f64s(simd.greater_than_or_equal_f64s(v, all), index, winner);
+        winner = simd.min_f64s(matching, winner);
     }
     (top, simd.reduce_min_f64s(winner) as usize)
 }

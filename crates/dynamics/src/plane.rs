@@ -401,11 +401,11 @@ mod tests {
         for step in [place(0, 5), place(0, 5), place(1, 6), place(1, 7), place(1, 5), None, place(1, 5), place(0, 4)] {
             trace.step(step);
         }
-        let told = |cell: usize| {
+        let summary = |cell: usize| {
             let cell = trace.cells[cell];
             (cell.rows, cell.passages, cell.transitions)
         };
-        assert_eq!((told(0), told(1), trace.outside), ((3, 2, 1), (4, 2, 1), 1));
+        assert_eq!((summary(0), summary(1), trace.outside), ((3, 2, 1), (4, 2, 1), 1));
         assert_eq!(trace.cells[1].transition_ratio(), 0.5);
         assert!(trace.cells[2].transition_ratio().is_nan());
     }

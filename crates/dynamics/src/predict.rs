@@ -308,11 +308,11 @@ impl pulp::WithSimd for Places<'_> {
             for (j, feature) in features[..self.group.kept.len()].iter_mut().enumerate() {
                 *feature = model.values[(self.group.first + j) * model.stride + row];
             }
-            let found = self.domain.place(simd, region, features, place);
+            let place_in_domain = self.domain.place(simd, region, features, place);
             // A model is as far from its training as the worst of its latents; a maximum leaves NaN behind.
-            self.out.distance[at] = self.out.distance[at].max(found.distance);
-            self.out.centre_distance[at] = self.out.centre_distance[at].max(found.centre_distance);
-            self.out.domain[at] = self.out.domain[at].max(found.domain);
+            self.out.distance[at] = self.out.distance[at].max(place_in_domain.distance);
+            self.out.centre_distance[at] = self.out.centre_distance[at].max(place_in_domain.centre_distance);
+            self.out.domain[at] = self.out.domain[at].max(place_in_domain.domain);
         }
     }
 }

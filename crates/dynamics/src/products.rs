@@ -79,11 +79,11 @@ impl NormalBlocks {
     /// Of no row, for coefficients in ascending order.
     pub fn new(coefficients: &[Coefficient]) -> Self {
         let (mut ranges, mut places, mut total) = (Vec::new(), Vec::with_capacity(coefficients.len()), 0);
-        for own in coefficients.chunk_by(|a, b| (a.region, a.latent) == (b.region, b.latent)) {
-            places.extend(std::iter::repeat_n((total, ranges.len()), own.len()));
-            let first = places.len() - own.len();
+        for coefficients_of_latent in coefficients.chunk_by(|a, b| (a.region, a.latent) == (b.region, b.latent)) {
+            places.extend(std::iter::repeat_n((total, ranges.len()), coefficients_of_latent.len()));
+            let first = places.len() - coefficients_of_latent.len();
             ranges.push(first..places.len());
-            total += own.len() * own.len();
+            total += coefficients_of_latent.len() * coefficients_of_latent.len();
         }
         Self { coefficients: coefficients.to_vec(), ranges, places, values: vec![0.0; total] }
     }
@@ -136,8 +136,8 @@ impl Met<'_> {
 
     /// The requested numbers of a latent's coefficients, with their functions.
     fn each(&self, latent: usize) -> impl Iterator<Item = (usize, f64)> {
-        let own = self.numbers[latent..].iter().step_by(self.width).zip(self.features);
-        own.filter(|(number, _)| **number != NONE).map(|(&number, &feature)| (number as usize, feature))
+        let row = self.numbers[latent..].iter().step_by(self.width).zip(self.features);
+        row.filter(|(number, _)| **number != NONE).map(|(&number, &feature)| (number as usize, feature))
     }
 
     /// Change of a latent along a direction.
@@ -255,19 +255,20 @@ impl Along<'_> {
     /// Adds the step from row `k` to the normal matrix of one step; `scale` are the units of every state's residual.
     pub(crate) fn normal(&self, k: usize, scale: &[f64], into: &mut NormalBlocks) {
         let Some(stage) = self.stages.first() else { return };
-        let mut own: Vec<(usize, f64)> = Vec::new();
+        let mut entries: Vec<(usize, f64)> = Vec::new();
         self.readers(stage, k, &mut Vec::new(), |row, by_latent, latent, met| {
             let weight = scale[row] * self.simulator.states[row].advance.gain(self.seconds[k]) * by_latent;
-            own.clear();
-            own.extend(met.each(latent).map(|(number, feature)| (number, weight * feature)));
-            let Some(&(first, _)) = own.first().filter(|_| own.iter().all(|(_, value)| value.is_finite())) else {
+            entries.clear();
+            entries.extend(met.each(latent).map(|(number, feature)| (number, weight * feature)));
+            let Some(&(first, _)) = entries.first().filter(|_| entries.iter().all(|(_, value)| value.is_finite()))
+            else {
                 return;
             };
             let (at, block) = into.places[first];
             let range = into.ranges[block].clone();
-            for &(i, left) in &own {
+            for &(i, left) in &entries {
                 let values = &mut into.values[at + (i - range.start) * range.len()..][..range.len()];
-                own.iter().for_each(|&(j, right)| values[j - range.start] += left * right);
+                entries.iter().for_each(|&(j, right)| values[j - range.start] += left * right);
             }
         });
     }
@@ -316,7 +317,8 @@ impl Along<'_> {
         for (group, places) in compiled.groups.iter().zip(&self.places.coefficients) {
             let region = workspace.regions.get(group.regions).map_or(0, |regions| regions[k] as usize);
             let length = (group.features.len() + 1) * group.width;
-            let Some(numbers) = places.get(region.saturating_mul(length)..).and_then(|own| own.get(..length)) else {
+            let Some(numbers) = places.get(region.saturating_mul(length)..).and_then(|places| places.get(..length))
+            else {
                 continue;
             };
             features.clear();
@@ -324,7 +326,7 @@ impl Along<'_> {
             features.extend((0..group.features.len()).map(|j| group.feature((region, j), k, workspace)));
             let met = Met { numbers, width: group.width, features };
             for &(row, slot) in &self.places.readers {
-                let Some(latent) = group.slots.iter().position(|&own| own == slot) else { continue };
+                let Some(latent) = group.slots.iter().position(|&latent| latent == slot) else { continue };
                 take(row, stage.slopes.by_latents[(k * states + row) * latents + slot], latent, &met);
             }
         }

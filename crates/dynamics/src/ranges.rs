@@ -15,8 +15,8 @@ impl Ranges {
     /// Puts values outside of a region's range on its border; NaN stays.
     #[inline(always)]
     pub(crate) fn hold(&self, region: usize, functions: &mut [f64]) {
-        let own = region * self.width..(region + 1) * self.width;
-        for ((value, &low), &high) in functions.iter_mut().zip(&self.low[own.clone()]).zip(&self.high[own]) {
+        let indices = region * self.width..(region + 1) * self.width;
+        for ((value, &low), &high) in functions.iter_mut().zip(&self.low[indices.clone()]).zip(&self.high[indices]) {
             *value = held(*value, low, high);
         }
     }
@@ -24,9 +24,9 @@ impl Ranges {
     /// As [`Self::hold`], and what is left of every function beside the held value; whether any was outside.
     #[inline(always)]
     pub(crate) fn split(&self, region: usize, functions: &mut [f64], excess: &mut [f64]) -> bool {
-        let own = region * self.width..(region + 1) * self.width;
+        let indices = region * self.width..(region + 1) * self.width;
         let mut outside = false;
-        let bounds = self.low[own.clone()].iter().zip(&self.high[own]);
+        let bounds = self.low[indices.clone()].iter().zip(&self.high[indices]);
         for ((value, excess), (&low, &high)) in functions.iter_mut().zip(excess).zip(bounds) {
             let within = held(*value, low, high);
             *excess = if within == *value { 0.0 } else { *value - within };
@@ -42,7 +42,7 @@ impl Ranges {
         held(value, self.low[at], self.high[at])
     }
 
-    /// Whether a function is outside of its range in a region.
+    /// True if a function is outside of its range in a region.
     pub(crate) fn is_outside(&self, region: usize, function: usize, value: f64) -> bool {
         self.held(region, function, value) != value && !value.is_nan()
     }
@@ -57,8 +57,8 @@ impl Ranges {
         let width = padded(group.functions.len());
         let bounds = |end: usize, pad: f64| -> Vec<f64> {
             let of_region = |region: &fleetfoot_model::RegionSummary| {
-                let own = group.functions.iter().map(|&j| region.range[j][end]);
-                own.chain(std::iter::repeat(pad)).take(width).collect::<Vec<_>>()
+                let ends = group.functions.iter().map(|&j| region.range[j][end]);
+                ends.chain(std::iter::repeat(pad)).take(width).collect::<Vec<_>>()
             };
             regions.iter().flat_map(of_region).collect()
         };

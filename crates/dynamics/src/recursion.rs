@@ -89,7 +89,7 @@ impl<'a> Recursion<'a> {
 
     fn revive(&mut self, panel: usize) {
         if !std::mem::replace(&mut self.is_live[panel], true) {
-            let at = self.panels.partition_point(|&own| own < panel);
+            let at = self.panels.partition_point(|&listed| listed < panel);
             self.panels.insert(at, panel);
         }
     }
@@ -106,12 +106,12 @@ impl<'a> Recursion<'a> {
             let column = |latent: usize, function: usize| {
                 self.local.get(places[function * group.width + latent] as usize).copied().unwrap_or(NONE)
             };
-            let own: Box<[u32]> = (0..group.slots.len())
+            let numbers: Box<[u32]> = (0..group.slots.len())
                 .flat_map(|latent| (0..=group.features.len()).map(move |function| (latent, function)))
                 .map(|(latent, function)| column(latent, function))
                 .collect();
-            own.iter().filter(|&&column| column != NONE).for_each(|&column| self.revive(column as usize / LANES));
-            self.columns[number][region] = Some(own);
+            numbers.iter().filter(|&&column| column != NONE).for_each(|&column| self.revive(column as usize / LANES));
+            self.columns[number][region] = Some(numbers);
         }
     }
 
@@ -154,15 +154,15 @@ impl<'a> Recursion<'a> {
         for (number, &(state, lag)) in readings.iter().enumerate() {
             // The rows in front of the start are recorded.
             let Some(at) = k.checked_sub(lag) else { continue };
-            let own = slopes[number..].iter().step_by(readings.len());
-            if own.clone().all(|&slope| slope == 0.0) {
+            let slopes_of_latent = slopes[number..].iter().step_by(readings.len());
+            if slopes_of_latent.clone().all(|&slope| slope == 0.0) {
                 continue;
             }
             read.push(&past[(at * states + state) * width..][..width]);
-            self.factors.extend(own.clone());
+            self.factors.extend(slopes_of_latent.clone());
             if lag == 0 && moved && self.simulator.states[state].advance.continuous {
                 read.push(&self.before[state * width..][..width]);
-                self.factors.extend(own.map(|slope| slope * stage.offset[k]));
+                self.factors.extend(slopes_of_latent.map(|slope| slope * stage.offset[k]));
             }
         }
         fleetfoot_data::arch().dispatch(Product {
@@ -189,7 +189,7 @@ impl<'a> Recursion<'a> {
             self.features.extend((0..group.features.len()).map(feature));
             let count = self.features.len();
             for &(row, slot) in &self.places.readers {
-                let Some(latent) = group.slots.iter().position(|&own| own == slot) else { continue };
+                let Some(latent) = group.slots.iter().position(|&latent| latent == slot) else { continue };
                 let by_latent = stage.slopes.by_latents[(k * states + row) * latents + slot];
                 let out = &mut self.slope[row * width..][..width];
                 for (&column, &feature) in columns[latent * count..][..count].iter().zip(&self.features) {
@@ -240,9 +240,9 @@ impl Product<'_> {
             let count = if row + R <= self.states { R } else { 1 };
             used.clear();
             for t in 0..self.read.len() {
-                let own = &self.factors[t * self.states + row..][..count];
+                let factors = &self.factors[t * self.states + row..][..count];
                 let mut any = false;
-                for &factor in own {
+                for &factor in factors {
                     any |= factor != 0.0;
                 }
                 if any {
@@ -298,13 +298,13 @@ impl WithSimd for Averaging<'_> {
         let weight = simd.splat_f64s(self.weight);
         for row in (0..self.mean.len()).step_by(self.width) {
             for &panel in self.panels {
-                let own = row + panel * LANES..row + (panel + 1) * LANES;
+                let lanes = row + panel * LANES..row + (panel + 1) * LANES;
                 if let Some(kept) = &mut self.kept {
-                    kept[own.clone()].copy_from_slice(&self.slope[own.clone()]);
-                    self.mean[own.clone()].fill(0.0);
+                    kept[lanes.clone()].copy_from_slice(&self.slope[lanes.clone()]);
+                    self.mean[lanes.clone()].fill(0.0);
                 }
-                let mean = S::as_mut_simd_f64s(&mut self.mean[own.clone()]).0;
-                for (mean, &slope) in mean.iter_mut().zip(S::as_simd_f64s(&self.slope[own]).0) {
+                let mean = S::as_mut_simd_f64s(&mut self.mean[lanes.clone()]).0;
+                for (mean, &slope) in mean.iter_mut().zip(S::as_simd_f64s(&self.slope[lanes]).0) {
                     *mean = simd.mul_add_f64s(slope, weight, *mean);
                 }
             }
@@ -329,9 +329,10 @@ impl WithSimd for Advancing<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         let (factor, gain) = (simd.splat_f64s(self.factor), simd.splat_f64s(self.gain));
         for &panel in self.panels {
-            let own = panel * LANES..(panel + 1) * LANES;
-            let (now, slope) = (S::as_simd_f64s(&self.now[own.clone()]).0, S::as_simd_f64s(&self.slope[own.clone()]).0);
-            let next = S::as_mut_simd_f64s(&mut self.next[own]).0;
+            let lanes = panel * LANES..(panel + 1) * LANES;
+            let (now, slope) =
+                (S::as_simd_f64s(&self.now[lanes.clone()]).0, S::as_simd_f64s(&self.slope[lanes.clone()]).0);
+            let next = S::as_mut_simd_f64s(&mut self.next[lanes]).0;
             for ((next, &now), &slope) in next.iter_mut().zip(now).zip(slope) {
                 *next = simd.mul_add_f64s(slope, gain, simd.mul_f64s(now, factor));
             }

@@ -43,8 +43,8 @@ mod tests {
         };
         let (fine, coarse) = (list(&[0.1, 0.2, 0.5, 0.9, f64::NAN]), list(&[0.2, 0.3, 0.4, 0.9, 0.5]));
         let expected = [(0, 1, 2), (1, 3, 3), (0, 4, 4), (1, 5, 5)];
-        let found = reigns(&[&fine, &coarse]);
-        assert_eq!(found.iter().map(|r| (r.model, r.first, r.last)).collect::<Vec<_>>(), expected);
+        let result = reigns(&[&fine, &coarse]);
+        assert_eq!(result.iter().map(|r| (r.model, r.first, r.last)).collect::<Vec<_>>(), expected);
         assert!(reigns(&[]).is_empty());
     }
 }

@@ -133,8 +133,8 @@ impl Rosenbrock {
         for &b in active {
             for s in control.continuous.clone() {
                 let i = s * count + b;
-                let found = control.present[i] + self.sum(last, i) + self.stages[last][i];
-                control.trial[i] = if stepper.states[s].advance.angle { wrap(found) } else { found };
+                let value = control.present[i] + self.sum(last, i) + self.stages[last][i];
+                control.trial[i] = if stepper.states[s].advance.angle { wrap(value) } else { value };
                 control.error[i] = self.stages[last][i].abs();
             }
         }

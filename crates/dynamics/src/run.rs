@@ -71,10 +71,10 @@ impl<'a> Run<'a> {
         step: usize,
         simulated: impl Fn(usize) -> f64,
     ) -> f64 {
-        let own = simulated(place);
-        let Some(&gain) = self.gains.get(place) else { return own };
+        let value = simulated(place);
+        let Some(&gain) = self.gains.get(place) else { return value };
         let error = self.error(of, place, step, simulated);
-        if error.is_finite() { gain.mul_add(error, own) } else { own }
+        if error.is_finite() { gain.mul_add(error, value) } else { value }
     }
 
     pub(crate) fn block(&self) -> &Block {

@@ -329,12 +329,12 @@ fn target_scores(model: &Model, total: &Sums, groups: &[Sums]) -> Vec<TargetScor
                 model_mae: sum.mean_absolute(),
                 model_rmse: sum.root_mean_square(),
             }];
-            for (&baseline, (own, same)) in ONE_STEP.iter().zip(&total.baselines[t]) {
+            for (&baseline, (score, same)) in ONE_STEP.iter().zip(&total.baselines[t]) {
                 baselines.push(BaselineScore {
                     baseline,
-                    rows: own.rows,
-                    mae: own.mean_absolute(),
-                    rmse: own.root_mean_square(),
+                    rows: score.rows,
+                    mae: score.mean_absolute(),
+                    rmse: score.root_mean_square(),
                     model_mae: same.mean_absolute(),
                     model_rmse: same.root_mean_square(),
                 });

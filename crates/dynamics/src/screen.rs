@@ -144,8 +144,8 @@ impl Screen {
         let top = simd.reduce_max_f32s(best);
         let (all, mut winner) = (simd.splat_f32s(top), simd.splat_f32s(f32::INFINITY));
         for (&score, &index) in scores.iter().zip(S::as_simd_f32s(self.indices.values()).0) {
-            let found = simd.select_f32s(simd.greater_than_or_equal_f32s(score, all), index, winner);
-            winner = simd.min_f32s(found, winner);
+            let matching = simd.select_f32s(simd.greater_than_or_equal_f32s(score, all), index, winner);
+            winner = simd.min_f32s(matching, winner);
         }
         (memory.top, memory.cell) = (top, simd.reduce_min_f32s(winner) as u32 as usize);
     }
@@ -243,18 +243,18 @@ mod tests {
             let weights: Vec<Vec<f64>> = cells.iter().map(|cell| cell.0[..columns].to_vec()).collect();
             let z: Vec<f64> = z[..columns].iter().map(|z| z * 10f64.powi(magnitude)).collect();
             let mut offsets: Vec<f64> = cells.iter().map(|cell| cell.1).collect();
-            let own = scores(&weights, &offsets, &z);
-            let first = winner(&own);
+            let exact = scores(&weights, &offsets, &z);
+            let first = winner(&exact);
             if tie && cells.len() > 1 {
                 // Another cell comes within a rounding of single precision.
                 let rival = (first + 1) % cells.len();
-                offsets[rival] += own[first] - own[rival] + 1e-9 * (1.0 + own[first].abs());
+                offsets[rival] += exact[first] - exact[rival] + 1e-9 * (1.0 + exact[first].abs());
             }
             let screen = Screen::new(&weights, &offsets, columns, |_, _| false);
-            let found = Search(&screen, &z).with_simd(pulp::Scalar);
+            let screened = Search(&screen, &z).with_simd(pulp::Scalar);
             let wide = fleetfoot_data::arch().dispatch(Search(&screen, &z));
-            prop_assert_eq!(found, wide, "every sum is the same chain on any machine");
-            let Some((cell, free)) = found else { return Ok(()) };
+            prop_assert_eq!(screened, wide, "every sum is the same chain on any machine");
+            let Some((cell, free)) = screened else { return Ok(()) };
             prop_assert!(free > 0.0 && !(tie && cells.len() > 1));
             prop_assert_eq!(cell, winner(&scores(&weights, &offsets, &z)));
             for rival in (0..weights.len()).filter(|&rival| rival != cell && free < 1e6) {

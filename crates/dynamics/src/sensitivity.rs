@@ -42,22 +42,22 @@ pub struct Coefficient {
 impl Coefficient {
     /// The numbers of a model that are not zero, by region.
     pub fn support(model: &Model) -> Vec<Self> {
-        let mut found = Self::all(model);
-        found.retain(|coefficient| coefficient.value(model) != 0.0);
-        found
+        let mut support = Self::all(model);
+        support.retain(|coefficient| coefficient.value(model) != 0.0);
+        support
     }
 
     /// The numbers of a model, by region.
     pub fn all(model: &Model) -> Vec<Self> {
-        let mut found = Vec::new();
-        for (latent, own) in model.latents.iter().enumerate() {
-            for region in 0..own.map.regions() {
-                found.push(Self { region, latent, function: None });
-                found.extend((0..own.map.features()).map(|j| Self { region, latent, function: Some(j) }));
+        let mut coefficients = Vec::new();
+        for (latent, latent_map) in model.latents.iter().enumerate() {
+            for region in 0..latent_map.map.regions() {
+                coefficients.push(Self { region, latent, function: None });
+                coefficients.extend((0..latent_map.map.features()).map(|j| Self { region, latent, function: Some(j) }));
             }
         }
-        found.sort_unstable();
-        found
+        coefficients.sort_unstable();
+        coefficients
     }
 
     /// Its value in a model.
@@ -159,9 +159,9 @@ impl Sensitivity {
             let (past, next) = values.split_at_mut((k + 1) * size);
             let mut from = &*past;
             if gains > 0 {
-                let own = &mut corrected[k * size..(k + 1) * size];
-                own.copy_from_slice(&past[k * size..]);
-                correct(simulator, run, (k, trajectory.state(k)), active.len(), own);
+                let row = &mut corrected[k * size..(k + 1) * size];
+                row.copy_from_slice(&past[k * size..]);
+                correct(simulator, run, (k, trajectory.state(k)), active.len(), row);
                 from = &corrected[..(k + 1) * size];
             }
             recursion.step(&stages, k, run.step(k), from, &mut next[..size]);
@@ -214,8 +214,8 @@ impl Sensitivity {
                 .collect();
             met.sort_unstable();
             met.dedup();
-            for own in met.iter().filter_map(|&region| places.get(region as usize * length..)?.get(..length)) {
-                active.extend(own.iter().filter(|&&number| number != NONE).map(|&number| number as usize));
+            for numbers in met.iter().filter_map(|&region| places.get(region as usize * length..)?.get(..length)) {
+                active.extend(numbers.iter().filter(|&&number| number != NONE).map(|&number| number as usize));
             }
         }
         active.sort_unstable();
@@ -232,11 +232,11 @@ fn correct(
     tangents: &mut [f64],
 ) {
     let width = tangents.len() / simulator.states.len();
-    for (s, own) in tangents.chunks_exact_mut(width).enumerate() {
+    for (s, tangent) in tangents.chunks_exact_mut(width).enumerate() {
         let error = run.error(simulator.moved(), s, step, |s| simulated[s]);
         if error.is_finite() {
-            own.iter_mut().for_each(|value| *value *= 1.0 - run.gains[s]);
-            own[coefficients + s] += error;
+            tangent.iter_mut().for_each(|value| *value *= 1.0 - run.gains[s]);
+            tangent[coefficients + s] += error;
         }
     }
 }
@@ -349,7 +349,7 @@ impl<'a> Path<'a> {
     fn leaf<'b>(&'b self, leaf: Leaf, moved: Option<&'b [Vec<f64>]>, times: &'b [(i32, Vec<f64>)]) -> &'b [f64] {
         match leaf {
             // A derivative reads the clock where the expression does.
-            Leaf::Time { lag } => times.iter().find(|(own, _)| *own == lag).map_or(&[], |(_, times)| times),
+            Leaf::Time { lag } => times.iter().find(|(known, _)| *known == lag).map_or(&[], |(_, times)| times),
             Leaf::Column { column, lag } => {
                 let state = self.simulator.states.iter().position(|state| state.column == column);
                 match (state, moved) {

@@ -267,10 +267,10 @@ impl<'a> Shooting<'a> {
         let mut slopes = vec![0.0; count * length];
         // A few columns at a time: what is written stays in the first cache.
         for first in (0..count).step_by(LANES) {
-            let own = first..(first + LANES).min(count);
-            let columns = &mut slopes[own.start * length..own.end * length];
+            let range = first..(first + LANES).min(count);
+            let columns = &mut slopes[range.start * length..range.end * length];
             for (at, &(step, state, _)) in cells.iter().enumerate() {
-                let tangent = &tangents.of(step.min(steps), state, self.scale.len())[own.clone()];
+                let tangent = &tangents.of(step.min(steps), state, self.scale.len())[range.clone()];
                 let scale = -self.scale[state];
                 for (number, value) in tangent.iter().enumerate() {
                     columns[number * length + at] = scale * value;

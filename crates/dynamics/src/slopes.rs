@@ -75,11 +75,11 @@ impl Slopes {
         let (mut right_slopes, mut right_entries) = (Vec::new(), Vec::new());
         for (row, equation) in sides.iter().enumerate() {
             let Some(equation) = equation else { continue };
-            let own = variables.iter().map(|&reading| derivative(&equation.right, &columns, reading));
+            let derivatives = variables.iter().map(|&reading| derivative(&equation.right, &columns, reading));
             let latents = model.latents.iter().map(|latent| equation.right.derivative(&latent.name));
-            let own = own.enumerate().map(|(i, slope)| (slope, Variable::Own(i)));
+            let derivatives = derivatives.enumerate().map(|(i, slope)| (slope, Variable::Own(i)));
             let latents = latents.enumerate().map(|(i, slope)| (slope, Variable::Latent(i)));
-            for (slope, variable) in own.chain(latents).filter(|(slope, _)| !is_zero(slope)) {
+            for (slope, variable) in derivatives.chain(latents).filter(|(slope, _)| !is_zero(slope)) {
                 right_slopes.push(slope);
                 right_entries.push((row, variable));
             }
@@ -146,16 +146,16 @@ impl Slopes {
                     of_latents[slot * width + variable] += coefficient * features[entry * stride + b];
                 }
             }
-            let own = &mut out.total[b * sides * width..][..sides * width];
+            let slopes = &mut out.total[b * sides * width..][..sides * width];
             let by_latents = &mut out.by_latents[b * sides * latents..][..sides * latents];
             for (entry, &(row, variable)) in self.right_entries.iter().enumerate() {
                 let slope = rights[entry * stride + b];
                 match variable {
-                    Variable::Own(variable) => own[row * width + variable] += slope,
+                    Variable::Own(variable) => slopes[row * width + variable] += slope,
                     Variable::Latent(slot) => {
                         by_latents[row * latents + slot] += slope;
                         for variable in 0..width {
-                            own[row * width + variable] += slope * of_latents[slot * width + variable];
+                            slopes[row * width + variable] += slope * of_latents[slot * width + variable];
                         }
                     }
                 }
@@ -182,9 +182,11 @@ fn run<'a>(
     workspace: &Workspace,
 ) -> Vec<f64> {
     let stride = padded(rows) + LANES;
-    let read = |&own: &Leaf| match own {
-        Leaf::Column { column, .. } => compiled.latent(column, workspace).map_or_else(|| leaf(own), |v| &v[..rows]),
-        Leaf::Time { .. } => leaf(own),
+    let read = |&read_leaf: &Leaf| match read_leaf {
+        Leaf::Column { column, .. } => {
+            compiled.latent(column, workspace).map_or_else(|| leaf(read_leaf), |v| &v[..rows])
+        }
+        Leaf::Time { .. } => leaf(read_leaf),
     };
     let leaves: Vec<&[f64]> = program.leaves().iter().map(read).collect();
     let mut out = vec![0.0; program.outputs() * stride];

@@ -61,12 +61,12 @@ fn training_deviation(model: &Model, column: usize) -> f64 {
 pub(crate) fn advanced(model: &Model) -> Result<(Vec<State>, Vec<&Equation>), Error> {
     let (mut states, mut equations) = (Vec::new(), Vec::new());
     for (index, column) in model.columns.iter().enumerate() {
-        let mut own = model.equations.iter().filter_map(|equation| {
+        let mut advances = model.equations.iter().filter_map(|equation| {
             let advance = Advance::new(equation.prediction, column.angle)?;
             (equation.subject == column.name).then_some((equation, advance))
         });
-        let Some((equation, advance)) = own.next() else { continue };
-        if own.next().is_some() {
+        let Some((equation, advance)) = advances.next() else { continue };
+        if advances.next().is_some() {
             return Err(Error::Contradiction { state: column.name.clone() });
         }
         let (order, deviation) = (state_order(model, index), training_deviation(model, index));

@@ -94,7 +94,7 @@ impl Stepper {
             .filter(|&column| read[column] || model.columns[column].role != Role::Auxiliary)
             .filter(|&column| computed.iter().all(|(name, _)| *name != model.columns[column].name))
             .collect();
-        let same = |equation: &Equation| equations.iter().position(|own| std::ptr::eq(*own, equation));
+        let same = |equation: &Equation| equations.iter().position(|candidate| std::ptr::eq(*candidate, equation));
         let fitted = model.fitted().filter_map(same).collect();
         let first = model.latents.first();
         let reported =

@@ -156,9 +156,10 @@ impl<'a> Stretches<'a> {
                 path.errors.push(run[0].error(self.simulator.moved(), s, row, |s| trajectory.state(row)[s]));
                 path.by_gains.extend_from_slice(tangents.by_gains(row, s, states));
                 path.by_beginning.extend_from_slice(tangents.by_beginning(row, s, states));
-                let own = &mut path.by_coefficients[(row * states + s) * self.coefficients..][..self.coefficients];
+                let row_slopes =
+                    &mut path.by_coefficients[(row * states + s) * self.coefficients..][..self.coefficients];
                 for (&coefficient, &value) in tangents.active.iter().zip(tangents.of(row, s, states)) {
-                    own[coefficient] = value;
+                    row_slopes[coefficient] = value;
                 }
             }
         }
@@ -219,18 +220,18 @@ mod tests {
         source.push_uniform("run", 0.05, vec![wave(0.0), wave(1.0), wave(2.0)]);
         for method in [Method::Rk4, Method::Euler] {
             let options = ShootingOptions { method, ..ShootingOptions::new(1) };
-            let mut own = Stretches::new(&model(), &source, &[], &options).unwrap();
-            assert!(own.lean.is_some());
-            let stretch = own.cut(Some(45))[1];
+            let mut stretches = Stretches::new(&model(), &source, &[], &options).unwrap();
+            assert!(stretches.lean.is_some());
+            let stretch = stretches.cut(Some(45))[1];
             assert_eq!((stretch.start.row, stretch.steps), (45, 44));
-            let block = own.read(stretch).unwrap();
+            let block = stretches.read(stretch).unwrap();
             let beginning = [3.0, 0.7];
-            let lean = own.simulate(&block, stretch, &beginning, &[]).unwrap();
-            let moved = own.simulate(&block, stretch, &[3.0, 0.7 + 1e-6], &[]).unwrap();
-            let filtered = own.simulate(&block, stretch, &beginning, &[0.3, 0.8]).unwrap();
-            own.lean = None;
-            assert_eq!(own.simulate(&block, stretch, &beginning, &[]).unwrap(), lean);
-            assert_eq!(own.simulate(&block, stretch, &beginning, &[0.3, 0.8]).unwrap(), filtered);
+            let lean = stretches.simulate(&block, stretch, &beginning, &[]).unwrap();
+            let moved = stretches.simulate(&block, stretch, &[3.0, 0.7 + 1e-6], &[]).unwrap();
+            let filtered = stretches.simulate(&block, stretch, &beginning, &[0.3, 0.8]).unwrap();
+            stretches.lean = None;
+            assert_eq!(stretches.simulate(&block, stretch, &beginning, &[]).unwrap(), lean);
+            assert_eq!(stretches.simulate(&block, stretch, &beginning, &[0.3, 0.8]).unwrap(), filtered);
             let last = 2 * stretch.steps;
             let slope = (lean.errors[last] - moved.errors[last]) / 1e-6;
             assert!((slope - lean.by_beginning[2 * last + 1]).abs() < 1e-4 * slope.abs().max(1.0), "{slope}");
@@ -247,24 +248,28 @@ mod tests {
         let u: Vec<f64> = (0..40).map(|k| (0.2 * k as f64).cos()).collect();
         source.push_uniform("run", 0.05, vec![q.clone(), v.clone(), u.clone()]);
         let options = ShootingOptions { method: Method::Euler, ..ShootingOptions::new(1) };
-        let own = Stretches::new(&model(), &source, &[], &options).unwrap();
-        let stretch = own.cut(None)[0];
-        let block = own.read(stretch).unwrap();
+        let stretches = Stretches::new(&model(), &source, &[], &options).unwrap();
+        let stretch = stretches.cut(None)[0];
+        let block = stretches.read(stretch).unwrap();
         let (beginning, gains) = ([0.2, 0.1], [0.35, 0.6]);
-        let found = own.simulate(&block, stretch, &beginning, &gains).unwrap();
+        let path = stretches.simulate(&block, stretch, &beginning, &gains).unwrap();
         let mut x = beginning;
         for k in 0..40 {
             let errors = [crate::angle::wrap(q[k] - x[0]), v[k] - x[1]];
             for (s, error) in errors.into_iter().enumerate() {
-                let own = found.errors[2 * k + s];
-                assert!((own.is_nan() && error.is_nan()) || (own - error).abs() < 1e-12, "{k} {s} {own} {error}");
+                let simulated = path.errors[2 * k + s];
+                assert!(
+                    (simulated.is_nan() && error.is_nan()) || (simulated - error).abs() < 1e-12,
+                    "{k} {s} {simulated} {error}"
+                );
                 x[s] += if error.is_nan() { 0.0 } else { gains[s] * error };
             }
             x = [x[0] + 0.05 * x[1], x[1] + 0.05 * (u[k] - x[0].sin() - 0.3 * x[1] * x[1].abs())];
         }
         for method in [Method::Euler, Method::Rk4] {
-            let own = Stretches::new(&model(), &source, &[], &ShootingOptions { method, ..options.clone() }).unwrap();
-            let found = own.simulate(&block, stretch, &beginning, &gains).unwrap();
+            let stretches =
+                Stretches::new(&model(), &source, &[], &ShootingOptions { method, ..options.clone() }).unwrap();
+            let path = stretches.simulate(&block, stretch, &beginning, &gains).unwrap();
             for moved in 0..4 {
                 let errors = |h: f64| {
                     let (mut beginning, mut gains) = (beginning, gains);
@@ -273,11 +278,11 @@ mod tests {
                     } else {
                         beginning[moved - 2] += h
                     };
-                    own.simulate(&block, stretch, &beginning, &gains).unwrap().errors
+                    stretches.simulate(&block, stretch, &beginning, &gains).unwrap().errors
                 };
                 let (high, low) = (errors(1e-6), errors(-1e-6));
-                let slopes = if moved < 2 { &found.by_gains } else { &found.by_beginning };
-                for at in (0..found.errors.len()).filter(|&at| found.errors[at].is_finite()) {
+                let slopes = if moved < 2 { &path.by_gains } else { &path.by_beginning };
+                for at in (0..path.errors.len()).filter(|&at| path.errors[at].is_finite()) {
                     // The state is the measurement less the error; truncation and rounding leave some 1e-9.
                     let (slope, difference) = (slopes[2 * at + moved % 2], (low[at] - high[at]) / 2e-6);
                     assert!(

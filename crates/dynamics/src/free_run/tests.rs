@@ -86,21 +86,21 @@ fn rrse(y: &[f64], yhat: &[f64]) -> f64 {
 fn the_truth_has_no_error_and_another_model_that_of_a_plain_loop() {
     let (y, u) = recording(400, 0.0);
     let source = source(&[(y.clone(), u.clone())]);
-    let found = free_run(&model(TRUTH), &source, &FreeRunOptions::default(), &Silent).unwrap();
-    assert_eq!(found.runs.len(), 1);
-    assert_eq!((found.runs[0].start.row, found.runs[0].steps), (1, 398));
-    assert!(found.outputs[0].errors.rrse < 1e-12);
+    let result = free_run(&model(TRUTH), &source, &FreeRunOptions::default(), &Silent).unwrap();
+    assert_eq!(result.runs.len(), 1);
+    assert_eq!((result.runs[0].start.row, result.runs[0].steps), (1, 398));
+    assert!(result.outputs[0].errors.rrse < 1e-12);
     let wrong = [0.12, 1.1, -0.45, 0.8];
     let options = FreeRunOptions { keep: true, ..FreeRunOptions::default() };
-    let found = free_run(&model(wrong), &source, &options, &Silent).unwrap();
+    let result = free_run(&model(wrong), &source, &options, &Silent).unwrap();
     let run = by_hand(wrong, &y, &u, 1, 399);
-    let errors = found.outputs[0].errors;
+    let errors = result.outputs[0].errors;
     assert!((errors.rrse - rrse(&y[2..], &run)).abs() < 1e-12, "{errors:?}");
     assert!((errors.fit - 100.0 * (1.0 - errors.rrse)).abs() < 1e-12);
     assert!((errors.persistence - rrse(&y[2..], &vec![y[1]; 398])).abs() < 1e-12);
     assert!((errors.null.unwrap() - rrse(&y[2..], &vec![0.25; 398])).abs() < 1e-12);
     assert_eq!(errors.rows, 398);
-    let kept: Vec<f64> = (1..=398).map(|step| found.trajectories[0].state(step)[0]).collect();
+    let kept: Vec<f64> = (1..=398).map(|step| result.trajectories[0].state(step)[0]).collect();
     assert!(kept.iter().zip(&run).all(|(a, b)| (a - b).abs() < 1e-12));
 }
 
@@ -111,16 +111,16 @@ fn a_missing_input_ends_a_run_and_a_missing_output_does_not() {
     y[100] = f64::NAN;
     let source = source(&[(y.clone(), u.clone())]);
     let wrong = [0.12, 1.1, -0.45, 0.8];
-    let found = free_run(&model(wrong), &source, &FreeRunOptions::default(), &Silent).unwrap();
-    let ends: Vec<_> = found.runs.iter().map(|run| (run.start.row, run.start.row + run.steps)).collect();
+    let result = free_run(&model(wrong), &source, &FreeRunOptions::default(), &Silent).unwrap();
+    let ends: Vec<_> = result.runs.iter().map(|run| (run.start.row, run.start.row + run.steps)).collect();
     // The step from row 50 needs the input of row 50.
     assert_eq!(ends, [(1, 50), (51, 199)]);
-    assert_eq!(found.outputs[0].errors.rows, 49 + 148 - 1);
+    assert_eq!(result.outputs[0].errors.rows, 49 + 148 - 1);
     let mut all: Vec<f64> = by_hand(wrong, &y, &u, 1, 50);
     all.extend(by_hand(wrong, &y, &u, 51, 199));
     let (measured, run): (Vec<f64>, Vec<f64>) =
         (2..=50).chain(52..200).map(|row| y[row]).zip(all).filter(|(y, _)| y.is_finite()).unzip();
-    assert!((found.outputs[0].errors.rrse - rrse(&measured, &run)).abs() < 1e-12);
+    assert!((result.outputs[0].errors.rrse - rrse(&measured, &run)).abs() < 1e-12);
 }
 
 #[test]
@@ -129,12 +129,12 @@ fn a_horizon_starts_again_from_the_recording() {
     let source = source(&[(y.clone(), u.clone())]);
     let wrong = [0.12, 1.1, -0.45, 0.8];
     let options = FreeRunOptions { horizon: Some(30), ..FreeRunOptions::default() };
-    let found = free_run(&model(wrong), &source, &options, &Silent).unwrap();
-    let ends: Vec<_> = found.runs.iter().map(|run| (run.start.row, run.steps)).collect();
+    let result = free_run(&model(wrong), &source, &options, &Silent).unwrap();
+    let ends: Vec<_> = result.runs.iter().map(|run| (run.start.row, run.steps)).collect();
     assert_eq!(ends, [(1, 30), (31, 30), (61, 30), (91, 9)]);
     let run: Vec<f64> =
         [(1, 31), (31, 61), (61, 91), (91, 100)].iter().flat_map(|&(a, b)| by_hand(wrong, &y, &u, a, b)).collect();
-    assert!((found.outputs[0].errors.rrse - rrse(&y[2..], &run)).abs() < 1e-12);
+    assert!((result.outputs[0].errors.rrse - rrse(&y[2..], &run)).abs() < 1e-12);
 }
 
 #[test]
@@ -142,14 +142,14 @@ fn an_unstable_model_diverges_at_a_row_and_has_no_finite_score() {
     let (y, u) = recording(400, 0.0);
     let source = source(&[(y.clone(), u.clone())]);
     let unstable = [0.0, 2.0, 0.0, 0.0];
-    let found = free_run(&model(unstable), &source, &FreeRunOptions::default(), &Silent).unwrap();
+    let result = free_run(&model(unstable), &source, &FreeRunOptions::default(), &Silent).unwrap();
     // Doubling from 0.5: 1,000 standard deviations away after 11 steps.
-    let lost = found.runs[0].lost_at.unwrap();
-    assert_eq!((found.runs[0].end, lost), (End::Diverged, 12), "{:?}", found.runs[0]);
-    assert!(found.outputs[0].errors.rrse.is_infinite() && found.outputs[0].errors.lost as usize == 400 - lost);
+    let lost = result.runs[0].lost_at.unwrap();
+    assert_eq!((result.runs[0].end, lost), (End::Diverged, 12), "{:?}", result.runs[0]);
+    assert!(result.outputs[0].errors.rrse.is_infinite() && result.outputs[0].errors.lost as usize == 400 - lost);
     let options = FreeRunOptions { divergence: f64::INFINITY, ..FreeRunOptions::default() };
-    let found = free_run(&model(unstable), &source, &options, &Silent).unwrap();
-    assert_eq!(found.runs[0].end, End::Horizon, "a double holds 2^398");
+    let result = free_run(&model(unstable), &source, &options, &Silent).unwrap();
+    assert_eq!(result.runs[0].end, End::Horizon, "a double holds 2^398");
 }
 
 #[test]

@@ -50,10 +50,10 @@ fn the_spans_in_which_a_model_is_better_are_told_for_each_baseline() {
     let horizon = roll(x.clone());
     let (useful, spans) = (&horizon.useful, |baseline| &horizon.better.iter().find(|b| b.0 == baseline).unwrap().1);
     assert_eq!((useful.steps, useful.seconds, useful.compared), (0, 0.0, 20));
-    for found in [&useful.spans, spans(Baseline::Persistence), spans(Baseline::ConstantVelocity)] {
-        assert_eq!(found.len(), 1);
-        assert_eq!((found[0].first, found[0].last), (2, 20));
-        assert!((found[0].from - 0.2).abs() < 1e-12 && (found[0].to - 2.0).abs() < 1e-12);
+    for span in [&useful.spans, spans(Baseline::Persistence), spans(Baseline::ConstantVelocity)] {
+        assert_eq!(span.len(), 1);
+        assert_eq!((span[0].first, span[0].last), (2, 20));
+        assert!((span[0].from - 0.2).abs() < 1e-12 && (span[0].to - 2.0).abs() < 1e-12);
     }
     // Where nothing is measured nothing is claimed: every third row, then none.
     let sparse = |k: usize| k <= 10 || k % 3 == 2;
@@ -128,22 +128,22 @@ fn horizon_scores_equal_a_naive_computation() {
     let horizon = &rollouts.horizon;
     assert!((horizon.time[k - 1] - 0.25).abs() < 1e-12);
     let scores = std::iter::once(&horizon.model).chain(horizon.baselines.iter().map(|b| &b.1));
-    for (errors, found) in predictors.iter().zip(scores) {
+    for (errors, scored) in predictors.iter().zip(scores) {
         for i in 0..3 {
             let mae = errors.iter().map(|(_, e)| e[i].abs()).sum::<f64>() / 60.0;
             let rmse = (errors.iter().map(|(_, e)| e[i] * e[i]).sum::<f64>() / 60.0).sqrt();
-            assert!((found.mae[(k - 1) * 3 + i] - mae).abs() < 1e-12);
-            assert!((found.rmse[(k - 1) * 3 + i] - rmse).abs() < 1e-12);
+            assert!((scored.mae[(k - 1) * 3 + i] - mae).abs() < 1e-12);
+            assert!((scored.rmse[(k - 1) * 3 + i] - rmse).abs() < 1e-12);
         }
         let mean = errors.iter().map(|(_, e)| score(*e)).sum::<f64>() / 60.0;
         let square: f64 = (0..3)
             .map(|episode| {
-                let own = errors.iter().filter(|(e, _)| *e == episode);
-                own.map(|(_, e)| score(*e) - mean).sum::<f64>().powi(2)
+                let errors_of_episode = errors.iter().filter(|(e, _)| *e == episode);
+                errors_of_episode.map(|(_, e)| score(*e) - mean).sum::<f64>().powi(2)
             })
             .sum();
         let half = fleetfoot_dynamics::student_t_95(2) * (1.5 * square).sqrt() / 60.0;
-        let estimate = found.mahalanobis[k - 1];
+        let estimate = scored.mahalanobis[k - 1];
         assert!((estimate.value - mean).abs() < 1e-10 * mean, "{} {mean}", estimate.value);
         assert!((estimate.high - mean - half).abs() < 1e-9 && (mean - estimate.low - half).abs() < 1e-9);
     }
@@ -160,17 +160,17 @@ fn displacements_are_told_by_step_and_over_whole_rollouts() {
     let source = source(&["x", "y"], 0.5, vec![vec![line(3.0), line(4.0)], vec![line(-3.0), line(4.0)]]);
     let mut options = options(4, Method::Euler);
     options.position = vec!["x".into(), "y".into()];
-    let found = rollout(&model, &source, &Starts::Even(4), &options, &Silent).unwrap().horizon;
-    for (k, distance) in found.model.displacement.iter().enumerate() {
+    let horizon = rollout(&model, &source, &Starts::Even(4), &options, &Silent).unwrap().horizon;
+    for (k, distance) in horizon.model.displacement.iter().enumerate() {
         assert!((distance.value - 5.0 * (k + 1) as f64).abs() < 1e-12 && distance.high - distance.value < 1e-9);
     }
-    let summary = found.model.displacement_summary.unwrap();
+    let summary = horizon.model.displacement_summary.unwrap();
     for (estimate, value) in [(summary.average, 12.5), (summary.last, 20.0), (summary.drift, 10.0)] {
         assert!((estimate.value - value).abs() < 1e-12, "{estimate:?}");
     }
     // Unit covariance: the score is the distance.
-    assert!((found.model.summary.average.value - 12.5).abs() < 1e-12);
-    assert!(found.baselines.iter().all(|(_, score)| score.displacement.len() == 4));
+    assert!((horizon.model.summary.average.value - 12.5).abs() < 1e-12);
+    assert!(horizon.baselines.iter().all(|(_, score)| score.displacement.len() == 4));
     options.position = vec!["z".into()];
     let error = rollout(&model, &source, &Starts::Even(4), &options, &Silent).unwrap_err();
     assert!(matches!(error, Error::UnknownColumn(_)), "{error}");

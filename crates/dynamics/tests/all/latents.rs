@@ -88,8 +88,12 @@ fn predictions_are_those_by_hand() {
     for row in 0..299 {
         let [v, _, a, m, force] = [0, 1, 2, 3, 4].map(|j| columns[j][row]);
         let [dv, dw] = slopes(v, a, m);
-        let found = [0, 1, 2].map(|equation| Predicted::equation(&out.predicted, 300, equation)[row]);
-        assert!((found[0] - dv).abs() < 1e-14 && (found[1] - dw).abs() < 1e-14 && (found[2] - force).abs() < 1e-14);
+        let predicted = [0, 1, 2].map(|equation| Predicted::equation(&out.predicted, 300, equation)[row]);
+        assert!(
+            (predicted[0] - dv).abs() < 1e-14
+                && (predicted[1] - dw).abs() < 1e-14
+                && (predicted[2] - force).abs() < 1e-14
+        );
         assert_eq!((out.status[row], out.region[row]), (RowStatus::Complete, 0));
         // Statistics are a unit covariance about zero; of D's functions only v^2 is in use. The distance is that of the farther latent.
         assert!((out.distance[row] - a.hypot(a * a).max(v * v)).abs() < 1e-12);
@@ -116,9 +120,9 @@ fn rollouts_are_those_by_hand() {
     let mut options = RolloutOptions::new(150);
     options.method = Method::Euler;
     let starts = Starts::Random { count: 5, seed: 3 }.choose(&source, 150, 1, 150).unwrap();
-    let found = simulator.trajectories(&source, &starts, &options, &Silent).unwrap();
-    assert_eq!(found.len(), 5);
-    for trajectory in found.iter().flatten() {
+    let trajectories = simulator.trajectories(&source, &starts, &options, &Silent).unwrap();
+    assert_eq!(trajectories.len(), 5);
+    for trajectory in trajectories.iter().flatten() {
         assert_eq!(trajectory.steps(), 150);
         for step in 0..=150 {
             let row = trajectory.start.row + step;

@@ -37,9 +37,9 @@ fn models(prediction: Prediction, activation: Activation) -> [Model; 2] {
     gathered.libraries[0].truncate(3);
     for latent in &mut gathered.latents {
         let AffineMap { constants, coefficients } = latent.affine().unwrap().clone();
-        let [own, weights] =
+        let [linear, weights] =
             [0..3, 3..6].map(|part| coefficients.iter().map(|row| row[part.clone()].to_vec()).collect());
-        let affine = AffineMap { constants, coefficients: own };
+        let affine = AffineMap { constants, coefficients: linear };
         latent.map = BasisMap { affine, basis: basis.clone(), weights }.into();
     }
     for region in &mut gathered.summaries[0].regions {
@@ -70,8 +70,8 @@ fn predictions_and_rollouts_are_the_same() {
                 out
             });
             assert_eq!(written.status, gathered.status);
-            for (own, other) in written.predicted.iter().zip(&gathered.predicted) {
-                assert!((own - other).abs() < 1e-12 || own.is_nan(), "{activation:?} {own} {other}");
+            for (left, other) in written.predicted.iter().zip(&gathered.predicted) {
+                assert!((left - other).abs() < 1e-12 || left.is_nan(), "{activation:?} {left} {other}");
             }
             let mut options = RolloutOptions::new(30);
             options.method = if prediction == Prediction::Next { Method::Euler } else { Method::Rk4 };
@@ -80,11 +80,11 @@ fn predictions_and_rollouts_are_the_same() {
             let [written, gathered] = both
                 .each_ref()
                 .map(|model| Simulator::new(model).unwrap().trajectories(&source, &starts, &options, &Silent).unwrap());
-            for (own, other) in written.into_iter().zip(gathered) {
-                let (own, other) = (own.unwrap(), other.unwrap());
-                assert_eq!(own.states.len(), other.states.len());
-                assert!(own.states.len() > 10);
-                for (a, b) in own.states.iter().zip(&other.states) {
+            for (left, other) in written.into_iter().zip(gathered) {
+                let (left, other) = (left.unwrap(), other.unwrap());
+                assert_eq!(left.states.len(), other.states.len());
+                assert!(left.states.len() > 10);
+                for (a, b) in left.states.iter().zip(&other.states) {
                     assert!((a - b).abs() < 1e-11, "{activation:?} {prediction:?}: {a} {b}");
                 }
             }

@@ -37,9 +37,9 @@ fn cells_hold_what_the_definition_says_on_any_number_of_threads() {
     // Longer than a chunk, so that passages are cut.
     let (model, source) = random_hybrid(3, 1, 6, 70_000);
     let axes = ["x0", "x1"].map(|name| Axis::of_model(&model, parse(name), &source, &Silent).unwrap());
-    let found = plane(&model, &source, &axes, BINS, &Silent).unwrap();
+    let cells = plane(&model, &source, &axes, BINS, &Silent).unwrap();
     for threads in [1, 7] {
-        assert_eq!(with_threads(threads, || plane(&model, &source, &axes, BINS, &Silent).unwrap()), found);
+        assert_eq!(with_threads(threads, || plane(&model, &source, &axes, BINS, &Silent).unwrap()), cells);
     }
     let mut expected: BTreeMap<usize, (u64, u64, u64, u64, f64)> = BTreeMap::new();
     for episode in 0..2 {
@@ -65,7 +65,7 @@ fn cells_hold_what_the_definition_says_on_any_number_of_threads() {
         }
     }
     let (mut passages, mut transitions) = (0, 0);
-    for (index, cell) in found.cells.iter().enumerate() {
+    for (index, cell) in cells.cells.iter().enumerate() {
         let (rows, stays, changes, scored, score) = expected.get(&index).copied().unwrap_or_default();
         assert_eq!(
             (cell.rows, cell.passages, cell.transitions, cell.scored),
@@ -76,8 +76,8 @@ fn cells_hold_what_the_definition_says_on_any_number_of_threads() {
         (passages, transitions) = (passages + stays, transitions + changes);
     }
     assert!(transitions > 20 && transitions < passages, "{transitions} of {passages}");
-    assert_eq!((found.total().rows, found.outside), (140_000, 0));
-    assert_eq!(found.total().scored, 139_998, "the forward difference lacks the last row of each episode");
+    assert_eq!((cells.total().rows, cells.outside), (140_000, 0));
+    assert_eq!(cells.total().scored, 139_998, "the forward difference lacks the last row of each episode");
 }
 
 #[test]
@@ -92,11 +92,11 @@ fn angles_take_a_turn_and_rows_outside_are_counted() {
     let source = source(&["a", "b", "x"], 0.01, vec![vec![a, vec![0.5; 6], x]]);
     let axes = ["a", "a - b"].map(|text| Axis::of_model(&model, parse(text), &source, &Silent).unwrap());
     assert!(axes[0].periodic && axes[1].periodic);
-    let found = plane(&model, &source, &axes, 2, &Silent).unwrap();
-    assert_eq!(found.outside, 1);
-    let cell = found.cell(1, 1);
+    let cells = plane(&model, &source, &axes, 2, &Silent).unwrap();
+    assert_eq!(cells.outside, 1);
+    let cell = cells.cell(1, 1);
     assert_eq!((cell.rows, cell.passages, cell.transitions), (4, 2, 1));
-    assert_eq!((found.cell(0, 1).rows, found.cell(0, 1).transitions), (1, 0));
+    assert_eq!((cells.cell(0, 1).rows, cells.cell(0, 1).transitions), (1, 0));
     // y = x where x < 0 and y = -x where x > 0: the errors are 0 and 2 in units of the targets' unit covariance.
     assert!((cell.score - 4.0).abs() < 1e-12 && cell.mean_score() == 1.0, "{cell:?}");
 

@@ -55,8 +55,8 @@ fn predictions_are_the_same() {
         out
     });
     assert_eq!((&written.region, &written.status), (&gathered.region, &gathered.status));
-    for (own, other) in written.predicted.iter().zip(&gathered.predicted) {
-        assert!((own - other).abs() < 1e-13, "{own} {other}");
+    for (left, other) in written.predicted.iter().zip(&gathered.predicted) {
+        assert!((left - other).abs() < 1e-13, "{left} {other}");
     }
     // The place in the training domain is that of the functions that are left.
     assert!(gathered.distance.iter().all(|distance| distance.is_finite()));
@@ -77,10 +77,10 @@ fn rollouts_are_the_same_wherever_they_go() {
             let [written, gathered] = models(prediction).map(|model| {
                 Simulator::new(&model).unwrap().trajectories(&source, &starts, &options, &Silent).unwrap()
             });
-            for (own, other) in written.into_iter().zip(gathered) {
-                let (own, other) = (own.unwrap(), other.unwrap());
-                assert_eq!(own.states.len(), other.states.len());
-                for (a, b) in own.states.iter().zip(&other.states) {
+            for (left, other) in written.into_iter().zip(gathered) {
+                let (left, other) = (left.unwrap(), other.unwrap());
+                assert_eq!(left.states.len(), other.states.len());
+                for (a, b) in left.states.iter().zip(&other.states) {
                     assert!((a - b).abs() < 1e-11, "{prediction:?} {outside:?}: {a} {b}");
                 }
             }
@@ -98,8 +98,8 @@ fn radial_functions_of_what_is_held_are_those_at_the_border() {
     let mut held = 0;
     for row in 1..60 {
         let start = [Start { episode: 0, row }];
-        let found = Simulator::new(model).unwrap().trajectories(&source, &start, &options, &Silent).unwrap();
-        let states = &found[0].as_ref().unwrap().states;
+        let trajectories = Simulator::new(model).unwrap().trajectories(&source, &start, &options, &Silent).unwrap();
+        let states = &trajectories[0].as_ref().unwrap().states;
         let at = [0, 1, 2].map(|column| block.column(column)[row]);
         let border = at.map(|value| value.clamp(-0.8, 0.8));
         held += usize::from(at != border);

@@ -29,16 +29,16 @@ const ALIASES: [(&str, &str, &str); 5] = [
 fn craft(aliased: bool, discrete: bool) -> Model {
     let mut columns =
         vec![column("y", Role::State, false), column("v", Role::State, false), column("u", Role::Input, false)];
-    let own = |name: &str, source: &str| Column { source: source.into(), ..column(name, Role::Auxiliary, false) };
+    let auxiliary = |name: &str, source: &str| Column { source: source.into(), ..column(name, Role::Auxiliary, false) };
     for (c, field) in columns.iter_mut().zip(["/y", "/v", "/u"]) {
         c.source = field.into();
     }
     if aliased {
-        columns.extend(ALIASES.iter().map(|(name, text, _)| own(name, text)));
+        columns.extend(ALIASES.iter().map(|(name, text, _)| auxiliary(name, text)));
     } else {
-        columns.push(own("wind", "wind"));
+        columns.push(auxiliary("wind", "wind"));
         // Filters stand in models as columns of their own.
-        columns.extend(ALIASES[2..4].iter().map(|(_, text, name)| own(name, text)));
+        columns.extend(ALIASES[2..4].iter().map(|(_, text, name)| auxiliary(name, text)));
     }
     let text = |text: &str| {
         let written = |name: &str| ALIASES.iter().find(|(alias, ..)| *alias == name).map(|(.., text)| parse(text));
@@ -210,11 +210,11 @@ fn values_at_hand_are_those_of_the_rollout() {
         }
         let inputs: Vec<f64> = (0..60).flat_map(|k| ["u", "wind"].map(|name| value(name, start + k))).collect();
         let times: Vec<f64> = (0..=60).map(|k| f64::from(k) * DT).collect();
-        let mut found = Vec::new();
+        let mut simulated = Vec::new();
         let values = InputSequence { values: &inputs, by_point: false, course: Course::Held };
         let (grid, how) = (stepper.grid(times).unwrap(), Integration::Fixed { method, substeps: Some(1) });
         stepper.simulate(&mut points.clone(), &grid, values, &how, |_, states| {
-            found.push(states.to_vec());
+            simulated.push(states.to_vec());
             true
         });
         let mut options = RolloutOptions::new(60);
@@ -222,9 +222,9 @@ fn values_at_hand_are_those_of_the_rollout() {
         let starts = [Start { episode: 0, row: start }];
         let simulator = Simulator::new(&model).unwrap();
         let rolled = simulator.trajectories(&view, &starts, &options, &Silent).unwrap().remove(0).unwrap();
-        for (k, states) in found.iter().enumerate() {
-            for (own, other) in states[..2].iter().zip(rolled.state(k)) {
-                assert!((own - other).abs() < 1e-12, "{aliased} {method:?} step {k}: {own} {other}");
+        for (k, states) in simulated.iter().enumerate() {
+            for (value, other) in states[..2].iter().zip(rolled.state(k)) {
+                assert!((value - other).abs() < 1e-12, "{aliased} {method:?} step {k}: {value} {other}");
             }
         }
         slopes_are_those_of_differences(&stepper, &points, &places, method);
@@ -240,7 +240,7 @@ fn slopes_are_those_of_differences(
 ) {
     let tangent = Tangent::new(stepper).unwrap();
     let mut workspace = StepperWorkspace::default();
-    let found = tangent.linearize_step(stepper, &mut points.clone(), DT, method, &mut workspace).remove(0);
+    let linearized = tangent.linearize_step(stepper, &mut points.clone(), DT, method, &mut workspace).remove(0);
     let states = stepper.states().len();
     for (variable, &place) in places.iter().enumerate() {
         let mut next = |change: f64| {
@@ -252,8 +252,8 @@ fn slopes_are_those_of_differences(
         for row in 0..states {
             let slope = (high[row] - low[row]) / 2e-5;
             let exact = match variable.checked_sub(states) {
-                None => found.a[row * states + variable],
-                Some(input) => found.b[row * (places.len() - states) + input],
+                None => linearized.a[row * states + variable],
+                Some(input) => linearized.b[row * (places.len() - states) + input],
             };
             assert!((slope - exact).abs() < 1e-7, "row {row}, variable {variable}: {slope} {exact}");
         }

@@ -548,18 +548,18 @@ fn what_leaves_the_training_domain_is_told_ended_or_held() {
                 options.outside = outside;
                 one(&simulator, &source, 1, &options)
             };
-            let (told, ended, held) = (run(Outside::Tell), run(Outside::End), run(Outside::Hold));
+            let (continued, ended, held) = (run(Outside::Tell), run(Outside::End), run(Outside::Hold));
             // 1, 1.5, 2.25: the third state is the first one outside; by Runge-Kutta 1, 1.65, 2.72.
-            assert_eq!([told.left_domain, ended.left_domain, held.left_domain], [Some(2); 3]);
-            assert_eq!((told.end, told.steps()), (End::Horizon, 6));
+            assert_eq!([continued.left_domain, ended.left_domain, held.left_domain], [Some(2); 3]);
+            assert_eq!((continued.end, continued.steps()), (End::Horizon, 6));
             assert_eq!((ended.end, ended.steps()), (End::LeftDomain, 2));
             assert_eq!((held.end, held.steps()), (End::Horizon, 6));
-            assert_eq!(ended.states, told.states[..3]);
+            assert_eq!(ended.states, continued.states[..3]);
             for k in 2..6 {
                 assert!((held.state(k + 1)[0] - held.state(k)[0] - 0.5 * 2.0).abs() < 1e-14);
             }
             let growth = if method == Method::Euler { 1.5 } else { 1.0 + 0.5 + 0.125 + 0.125 / 6.0 + 0.0625 / 24.0 };
-            assert!((told.state(6)[0] / told.state(5)[0] - growth).abs() < 1e-14);
+            assert!((continued.state(6)[0] / continued.state(5)[0] - growth).abs() < 1e-14);
         }
     }
 }
@@ -578,21 +578,21 @@ fn a_map_goes_on_from_the_border_by_other_slopes() {
         model.latents[0].beyond = vec![slope];
         let simulator = Simulator::new(&model).unwrap();
         assert!(simulator.is_affine());
-        let found = one(&simulator, &source, 1, &options(6, method));
-        assert_eq!(found, one(&simulator.general(), &source, 1, &options(6, method)));
-        assert_eq!(found.left_domain, Some(1));
+        let trajectory = one(&simulator, &source, 1, &options(6, method));
+        assert_eq!(trajectory, one(&simulator.general(), &source, 1, &options(6, method)));
+        assert_eq!(trajectory.left_domain, Some(1));
         if method == Method::Euler {
             for k in 1..6 {
-                let x = found.state(k)[0];
+                let x = trajectory.state(k)[0];
                 let expected = x + 0.5 * (3.0 * 2.0 + slope * (x - 2.0));
-                assert!((found.state(k + 1)[0] - expected).abs() < 1e-12, "{slope} {k}");
+                assert!((trajectory.state(k + 1)[0] - expected).abs() < 1e-12, "{slope} {k}");
             }
         }
     }
     // A region without rows has no range, and its map holds everywhere.
     model.summaries[0].regions[1].range = vec![[f64::INFINITY, f64::NEG_INFINITY]];
-    let found = one(&Simulator::new(&model).unwrap(), &source, 1, &options(3, Method::Euler));
-    assert!((found.state(3)[0] / found.state(2)[0] - 2.5).abs() < 1e-12);
+    let trajectory = one(&Simulator::new(&model).unwrap(), &source, 1, &options(3, Method::Euler));
+    assert!((trajectory.state(3)[0] / trajectory.state(2)[0] - 2.5).abs() < 1e-12);
     // Half of the latents of a partition would be two maps in one.
     model.latents[0].beyond = vec![0.5, 0.5];
     assert!(model.validate().unwrap_err().contains("2 slopes outside of training for 1 functions"));

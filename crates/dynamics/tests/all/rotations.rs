@@ -88,18 +88,18 @@ fn simulated(model: &Model, start: &[f64], inputs: &[f64], steps: usize, how: &I
     start.iter().enumerate().for_each(|(s, &value)| points.column_mut(stepper.state_column(s), 0)[0] = value);
     let grid = stepper.grid((0..=steps).map(|k| k as f64 * DT).collect()).unwrap();
     let inputs: Vec<f64> = (0..steps).flat_map(|_| inputs.iter().copied()).collect();
-    let mut found = Vec::new();
+    let mut rows = Vec::new();
     stepper.simulate(
         &mut points,
         &grid,
         InputSequence { values: &inputs, by_point: false, course: Course::Held },
         how,
         |_, states| {
-            found.push(states.to_vec());
+            rows.push(states.to_vec());
             true
         },
     );
-    found
+    rows
 }
 
 const RK4: Integration = Integration::Fixed { method: Method::Rk4, substeps: None };
@@ -111,8 +111,8 @@ fn constant_rates_have_a_closed_form() {
     for kind in [RotationKind::Quaternion, RotationKind::Vector] {
         for world in [false, true] {
             let start = written(kind, at);
-            let found = simulated(&body(kind, world, false), &start, &rates, 500, &RK4);
-            for (k, x) in found.iter().enumerate() {
+            let states = simulated(&body(kind, world, false), &start, &rates, 500, &RK4);
+            for (k, x) in states.iter().enumerate() {
                 let turned = rates.map(|rate| rate * k as f64 * DT);
                 let exact = match world {
                     false => kind.moved(&start, turned),
@@ -139,8 +139,8 @@ fn a_free_body_conserves_energy_and_momentum() {
         let mut start = written(kind, [0.3, 0.4, -0.2]);
         start.extend([1.5, 0.1, -1.2]);
         for (how, tolerance) in [(RK4, 1e-7), (adaptive.clone(), 1e-8)] {
-            let found = simulated(&body(kind, false, true), &start, &[], 1000, &how);
-            let told = |x: &[f64]| {
+            let states = simulated(&body(kind, false, true), &start, &[], 1000, &how);
+            let invariants = |x: &[f64]| {
                 let [w, a, b, c] = kind.quaternion(&x[..n]);
                 let rates = &x[n..];
                 let l: [f64; 3] = std::array::from_fn(|i| J[i] * rates[i]);
@@ -164,14 +164,14 @@ fn a_free_body_conserves_energy_and_momentum() {
                 let energy = (0..3).map(|i| 0.5 * J[i] * rates[i] * rates[i]).sum::<f64>();
                 [energy, momentum("x"), momentum("y"), momentum("z")]
             };
-            let before = told(&start);
-            for x in found.iter().skip(99).step_by(100) {
-                for (own, first) in told(x).iter().zip(before) {
-                    assert!((own - first).abs() < tolerance, "{kind:?}: {own} {first}");
+            let before = invariants(&start);
+            for x in states.iter().skip(99).step_by(100) {
+                for (invariant, first) in invariants(x).iter().zip(before) {
+                    assert!((invariant - first).abs() < tolerance, "{kind:?}: {invariant} {first}");
                 }
             }
             // It has turned: 1000 steps are some 3 turns.
-            assert!(kind == RotationKind::Vector || found.iter().any(|x| x[0] < -0.3));
+            assert!(kind == RotationKind::Vector || states.iter().any(|x| x[0] < -0.3));
         }
     }
 }
@@ -222,23 +222,23 @@ fn rolled(kind: RotationKind, source: &MemorySource) -> Rollouts {
 fn errors_are_angles() {
     for kind in [RotationKind::Quaternion, RotationKind::Vector] {
         let (rotation, rates) = recorded(kind, 0.003);
-        let found = rolled(kind, &log(kind, &rotation, &rates));
-        assert_eq!(found.horizon.states, ["attitude"]);
-        assert_eq!(found.states.len(), kind.parts());
+        let rollouts = rolled(kind, &log(kind, &rotation, &rates));
+        assert_eq!(rollouts.horizon.states, ["attitude"]);
+        assert_eq!(rollouts.states.len(), kind.parts());
         let row = |row: usize| rotation.iter().map(|column| column[row]).collect::<Vec<_>>();
         for step in [1, 10, 25] {
             let (mut square, mut score, mut still) = (0.0, 0.0, 0.0);
-            for trajectory in &found.trajectories {
+            for trajectory in &rollouts.trajectories {
                 let start = trajectory.start.row;
                 let angle = length(&kind.difference(&row(start + step), trajectory.state(step)));
                 square += angle * angle / 9.0;
                 score += angle / if kind == RotationKind::Quaternion { 2.0 } else { 1.0 } / 9.0;
                 still += length(&kind.difference(&row(start + step), &row(start))).powi(2) / 9.0;
             }
-            let own = &found.horizon.model;
-            assert!((own.rmse[step - 1] - square.sqrt()).abs() < 1e-12 && square > 1e-6, "{kind:?} {step}");
-            assert!((own.mahalanobis[step - 1].value - score).abs() < 1e-12);
-            let (_, persistence) = &found.horizon.baselines[0];
+            let errors = &rollouts.horizon.model;
+            assert!((errors.rmse[step - 1] - square.sqrt()).abs() < 1e-12 && square > 1e-6, "{kind:?} {step}");
+            assert!((errors.mahalanobis[step - 1].value - score).abs() < 1e-12);
+            let (_, persistence) = &rollouts.horizon.baselines[0];
             assert!((persistence.rmse[step - 1] - still.sqrt()).abs() < 1e-12);
         }
     }
@@ -252,10 +252,10 @@ fn constant_velocity_turns_on() {
         let turned = (0..120).map(|k| kind.moved(&start, [4.0, -3.0, 5.0].map(|rate| rate * k as f64 * DT)));
         let turned: Vec<Vec<f64>> = turned.collect();
         let rotation: Vec<Vec<f64>> = (0..kind.parts()).map(|part| turned.iter().map(|x| x[part]).collect()).collect();
-        let found = rolled(kind, &log(kind, &rotation, &vec![vec![0.0; 120]; 3]));
-        let (_, velocity) = &found.horizon.baselines[1];
+        let rollouts = rolled(kind, &log(kind, &rotation, &vec![vec![0.0; 120]; 3]));
+        let (_, velocity) = &rollouts.horizon.baselines[1];
         assert!(velocity.rmse.iter().all(|error| *error < 1e-12), "{:?}", velocity.rmse);
-        assert!(found.horizon.model.rmse[24] > 1.0);
+        assert!(rollouts.horizon.model.rmse[24] > 1.0);
     }
 }
 
@@ -271,17 +271,17 @@ fn tangents_follow_rotations_back() {
         for method in [Method::Euler, Method::Rk4] {
             let mut options = ShootingOptions::new(1);
             (options.method, options.step) = (method, Step::Seconds(0.05));
-            let own = Stretches::new(&body(kind, false, false), &log, &[], &options).unwrap();
-            let stretch = own.cut(Some(40))[0];
-            let block = own.read(stretch).unwrap();
+            let stretches = Stretches::new(&body(kind, false, false), &log, &[], &options).unwrap();
+            let stretch = stretches.cut(Some(40))[0];
+            let block = stretches.read(stretch).unwrap();
             let beginning: Vec<f64> = (0..n).map(|part| rotation[part][0] + 0.02 * part as f64).collect();
             let gains: Vec<f64> = (0..n).map(|part| 0.2 + 0.1 * part as f64).collect();
-            let found = own.simulate(&block, stretch, &beginning, &gains).unwrap();
+            let path = stretches.simulate(&block, stretch, &beginning, &gains).unwrap();
             // Three numbers of a quaternion but at the beginning, whose length is free.
             let there = |row: &[f64]| row.iter().filter(|error| error.is_finite()).count();
-            let rows: Vec<usize> = found.errors.chunks_exact(n).map(there).collect();
+            let rows: Vec<usize> = path.errors.chunks_exact(n).map(there).collect();
             assert!(rows[0] == n && rows[1..].iter().all(|count| *count == 3), "{kind:?} {rows:?}");
-            assert!(found.errors.iter().all(|error| error.is_nan() || error.abs() < 1.5), "{kind:?}");
+            assert!(path.errors.iter().all(|error| error.is_nan() || error.abs() < 1.5), "{kind:?}");
             for moved in 0..2 * n {
                 let errors = |h: f64| {
                     let (mut beginning, mut gains) = (beginning.clone(), gains.clone());
@@ -290,11 +290,11 @@ fn tangents_follow_rotations_back() {
                     } else {
                         beginning[moved - n] += h
                     }
-                    own.simulate(&block, stretch, &beginning, &gains).unwrap().errors
+                    stretches.simulate(&block, stretch, &beginning, &gains).unwrap().errors
                 };
                 let (high, low) = (errors(1e-6), errors(-1e-6));
-                let slopes = if moved < n { &found.by_gains } else { &found.by_beginning };
-                for at in (0..found.errors.len()).filter(|&at| found.errors[at].is_finite()) {
+                let slopes = if moved < n { &path.by_gains } else { &path.by_beginning };
+                for at in (0..path.errors.len()).filter(|&at| path.errors[at].is_finite()) {
                     let (slope, difference) = (slopes[n * at + moved % n], (low[at] - high[at]) / 2e-6);
                     let near = (slope - difference).abs() < 1e-7 * slope.abs().max(1.0);
                     assert!(near, "{kind:?} {method:?} {moved} {at}: {slope} {difference}");
@@ -329,7 +329,7 @@ proptest! {
             let other = rolled(kind, &log(kind, &rewritten(kind, &rotation, |row| flips[row]), &rates)).horizon;
             for (one, other) in [(&one.model, &other.model), (&one.baselines[1].1, &other.baselines[1].1)] {
                 let pairs = one.rmse.iter().zip(&other.rmse).chain(one.mae.iter().zip(&other.mae));
-                let scores = one.mahalanobis.iter().map(|own| &own.value).zip(other.mahalanobis.iter().map(|own| &own.value));
+                let scores = one.mahalanobis.iter().map(|score| &score.value).zip(other.mahalanobis.iter().map(|score| &score.value));
                 for (a, b) in pairs.chain(scores) {
                     prop_assert!((a - b).abs() < tolerance, "{kind:?}: {a} {b}");
                 }

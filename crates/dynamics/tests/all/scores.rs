@@ -57,10 +57,10 @@ fn scores_equal_a_naive_computation() {
     let mut errors: Vec<Vec<f64>> = Vec::new();
     let (mut null, mut persistence, mut velocity, mut velocity_model) = (vec![], vec![], vec![], vec![]);
     for [y, u] in &data {
-        let mut own = Vec::new();
+        let mut expected_errors = Vec::new();
         for k in 0..y.len() - 1 {
             let error = y[k + 1] - (0.1 + 0.8 * y[k] + 0.6 * u[k]);
-            own.push(error);
+            expected_errors.push(error);
             null.push(y[k + 1] - 0.3);
             persistence.push(y[k + 1] - y[k]);
             if k > 0 {
@@ -68,7 +68,7 @@ fn scores_equal_a_naive_computation() {
                 velocity_model.push(error);
             }
         }
-        errors.push(own);
+        errors.push(expected_errors);
     }
     let all: Vec<f64> = errors.concat();
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
@@ -278,8 +278,8 @@ fn the_baselines_of_derivatives_and_differences() {
     let mae = |values: Vec<f64>| values.iter().map(|v| v.abs()).sum::<f64>() / values.len() as f64;
     let scores_of = |model: &Model, which| {
         let scores = scores(model, &source);
-        let found = scores.targets[0].baselines.iter().find(|b| b.baseline == which).unwrap();
-        (found.mae, found.rows)
+        let baseline = scores.targets[0].baselines.iter().find(|b| b.baseline == which).unwrap();
+        (baseline.mae, baseline.rows)
     };
     let check = |(value, rows): (f64, u64), expected: Vec<f64>| {
         assert_eq!(rows as usize, expected.len());

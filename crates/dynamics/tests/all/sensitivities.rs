@@ -12,19 +12,21 @@ use proptest::prelude::*;
 fn segments(model: &Model, source: &MemorySource, options: &ShootingOptions) -> Vec<Segment> {
     let coefficients = Coefficient::support(model);
     let shooting = Shooting::new(model, source, &coefficients, options).unwrap();
-    let mut found = Vec::new();
+    let mut list = Vec::new();
     for (episode, info) in source.episodes().iter().enumerate() {
         let block = source.read(episode, 0..info.rows, shooting.halo()).unwrap();
-        assert_eq!(shooting.segments(episode, &block, 0..info.rows, |segment| found.push(segment)), 0);
+        assert_eq!(shooting.segments(episode, &block, 0..info.rows, |segment| list.push(segment)), 0);
     }
-    found
+    list
 }
 
 /// The greatest difference between the slopes and central differences of the residuals, relative to the greatest slope of a segment.
 fn worst(model: &Model, source: &MemorySource, options: &ShootingOptions) -> f64 {
     let coefficients = Coefficient::support(model);
-    let own = segments(model, source, options);
-    assert!(!own.is_empty() && own.iter().all(|segment| segment.is_finite() && !segment.residuals.is_empty()));
+    let at_start = segments(model, source, options);
+    assert!(
+        !at_start.is_empty() && at_start.iter().all(|segment| segment.is_finite() && !segment.residuals.is_empty())
+    );
     let mut worst = 0.0_f64;
     for (number, coefficient) in coefficients.iter().enumerate() {
         let value = coefficient.value(model);
@@ -34,13 +36,13 @@ fn worst(model: &Model, source: &MemorySource, options: &ShootingOptions) -> f64
             coefficient.set(&mut model, value + sign * step);
             segments(&model, source, options)
         };
-        for ((own, more), less) in own.iter().zip(moved(1.0)).zip(moved(-1.0)) {
-            let n = own.residuals.len();
-            let size = own.slopes.iter().fold(1e-2_f64, |size, slope| size.max(slope.abs()));
-            let at = own.active.iter().position(|&active| active == number);
+        for ((segment, more), less) in at_start.iter().zip(moved(1.0)).zip(moved(-1.0)) {
+            let n = segment.residuals.len();
+            let size = segment.slopes.iter().fold(1e-2_f64, |size, slope| size.max(slope.abs()));
+            let at = segment.active.iter().position(|&active| active == number);
             for row in 0..n {
                 let difference = (more.residuals[row] - less.residuals[row]) / (2.0 * step);
-                let slope = at.map_or(0.0, |at| own.slopes[at * n + row]);
+                let slope = at.map_or(0.0, |at| segment.slopes[at * n + row]);
                 worst = worst.max((slope - difference).abs() / size);
             }
         }
@@ -176,16 +178,16 @@ fn products_follow_rotations_back() {
             let n = segment.residuals.len();
             segment.active.iter().enumerate().map(|(at, &j)| segment.slopes[at * n + row] * direction[j]).sum::<f64>()
         };
-        for (found, expected) in [
+        for (products, expected) in [
             (products(&model, &source, &options, None), dense(&segments, p, |segment, row| segment.residuals[row])),
             (products(&model, &source, &options, Some(&direction)), dense(&segments, p, along)),
         ] {
             let size = expected.0.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
-            assert!(size > 1e-3 && found.segments > 5);
-            for (own, other) in found.back.iter().zip(&expected.0) {
-                assert!((own - other).abs() <= 1e-11 * size, "{method:?} {own} {other}");
+            assert!(size > 1e-3 && products.segments > 5);
+            for (value, other) in products.back.iter().zip(&expected.0) {
+                assert!((value - other).abs() <= 1e-11 * size, "{method:?} {value} {other}");
             }
-            assert!((found.square - expected.1).abs() <= 1e-12 * expected.1);
+            assert!((products.square - expected.1).abs() <= 1e-12 * expected.1);
         }
     }
 }
@@ -211,16 +213,16 @@ proptest! {
             let n = segment.residuals.len();
             segment.active.iter().enumerate().map(|(at, &j)| segment.slopes[at * n + row] * direction[j]).sum::<f64>()
         };
-        for (found, expected) in [
+        for (products, expected) in [
             (products(&model, &source, &options, None), dense(&segments, p, |segment, row| segment.residuals[row])),
             (products(&model, &source, &options, Some(&direction)), dense(&segments, p, along)),
         ] {
             let size = expected.0.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
-            for (own, other) in found.back.iter().zip(&expected.0) {
-                prop_assert!((own - other).abs() <= 1e-11 * size, "{own} {other}");
+            for (value, other) in products.back.iter().zip(&expected.0) {
+                prop_assert!((value - other).abs() <= 1e-11 * size, "{value} {other}");
             }
-            prop_assert!((found.square - expected.1).abs() <= 1e-12 * expected.1);
-            prop_assert!(found.finite && found.segments == segments.len() as u64);
+            prop_assert!((products.square - expected.1).abs() <= 1e-12 * expected.1);
+            prop_assert!(products.finite && products.segments == segments.len() as u64);
         }
     }
 
@@ -231,11 +233,11 @@ proptest! {
         let coefficients = Coefficient::support(&model);
         let of = |steps: usize| {
             let shooting = Shooting::new(&model, &source, &coefficients, &options(steps, Method::Euler)).unwrap();
-            let mut found = NormalBlocks::new(&coefficients);
+            let mut blocks = NormalBlocks::new(&coefficients);
             // As many rows, whatever the steps: 48 from the first start on.
             let block = source.read(0, 0..60, shooting.halo()).unwrap();
-            shooting.normal(0, &block, 0..shooting.halo().before + 49 - steps, &mut found);
-            found
+            shooting.normal(0, &block, 0..shooting.halo().before + 49 - steps, &mut blocks);
+            blocks
         };
         let mut dense = vec![vec![0.0; coefficients.len()]; coefficients.len()];
         let shooting = Shooting::new(&model, &source, &coefficients, &options(1, Method::Euler)).unwrap();
@@ -278,10 +280,10 @@ fn slopes_of_a_decay_have_a_closed_form() {
     let model =
         model(columns, &["x"], Partition::whole(), vec![("x", Prediction::Derivative, "1", vec![(0.0, vec![a])])], &[]);
     let x: Vec<f64> = (0..13).map(|k| 2.0 + (k as f64).cos()).collect();
-    let found = segments(&model, &source(&["x"], h, vec![vec![x.clone()]]), &options(4, Method::Euler));
+    let slopes = segments(&model, &source(&["x"], h, vec![vec![x.clone()]]), &options(4, Method::Euler));
     // Row 0 is in front of the first start: rows 1 to 5 and 5 to 9; a third segment would need row 13.
-    assert_eq!(found.len(), 2);
-    for (segment, first) in found.iter().zip([1, 5]) {
+    assert_eq!(slopes.len(), 2);
+    for (segment, first) in slopes.iter().zip([1, 5]) {
         assert_eq!((segment.active.as_slice(), segment.ended), (&[0][..], false));
         for k in 1..=4 {
             let (growth, scale) = (1.0 + h * a, 0.5);
@@ -302,10 +304,10 @@ fn a_segment_knows_the_coefficients_of_its_regions() {
     let regions = partition(&["x"], &[0.0], &[1.0], rule);
     let model = model(columns, &["x"], regions, vec![("x", Prediction::Derivative, "1", maps)], &[]);
     let x = (0..9).map(|k| 3.0 - 0.1 * f64::from(k)).collect();
-    let found = segments(&model, &source(&["x"], 0.1, vec![vec![x]]), &options(3, Method::Rk4));
+    let slopes = segments(&model, &source(&["x"], 0.1, vec![vec![x]]), &options(3, Method::Rk4));
     // The zero constant of the second region is no part of the support: its coefficient is number 2.
     assert_eq!(Coefficient::support(&model).len(), 3);
-    assert!(found.iter().all(|segment| segment.active == [2]));
+    assert!(slopes.iter().all(|segment| segment.active == [2]));
 }
 
 /// A segment that runs away keeps its last good state, whose derivatives stand for the rest.
@@ -315,12 +317,12 @@ fn what_diverges_ends_and_says_so() {
     let maps = vec![(0.0, vec![30.0])];
     let model = model(columns, &["x"], Partition::whole(), vec![("x", Prediction::Derivative, "1", maps)], &[]);
     let source = source(&["x"], 0.1, vec![vec![vec![1.0; 8]]]);
-    let found = segments(&model, &source, &options(5, Method::Euler));
+    let slopes = segments(&model, &source, &options(5, Method::Euler));
     // 1, 4, then 16, which is more than ten deviations away.
-    assert!(found[0].ended && found[0].is_finite());
+    assert!(slopes[0].ended && slopes[0].is_finite());
     let scale = 1.0 / 5f64.sqrt();
-    assert!(found[0].residuals.iter().all(|r| (r + 3.0 * scale).abs() < 1e-14), "{:?}", found[0].residuals);
-    assert!(found[0].slopes.iter().all(|slope| (slope + 0.1 * scale).abs() < 1e-14));
+    assert!(slopes[0].residuals.iter().all(|r| (r + 3.0 * scale).abs() < 1e-14), "{:?}", slopes[0].residuals);
+    assert!(slopes[0].slopes.iter().all(|slope| (slope + 0.1 * scale).abs() < 1e-14));
 }
 
 #[test]

@@ -38,13 +38,13 @@ fn at(stepper: &Stepper, starts: &[&[f64]]) -> Points {
 /// The states at every time, and by how much the tolerance was missed.
 fn run(stepper: &Stepper, starts: &[&[f64]], times: &[f64], how: &Integration) -> (Vec<Vec<f64>>, f64) {
     let grid = stepper.grid(times.to_vec()).unwrap();
-    let (mut points, mut found) = (at(stepper, starts), Vec::new());
+    let (mut points, mut rows) = (at(stepper, starts), Vec::new());
     let inputs = InputSequence { values: &[], by_point: false, course: Course::Held };
     let missed = stepper.simulate(&mut points, &grid, inputs, how, |_, states| {
-        found.push(states.to_vec());
+        rows.push(states.to_vec());
         true
     });
-    (found, missed)
+    (rows, missed)
 }
 
 fn every(seconds: f64, count: usize) -> Vec<f64> {
@@ -61,10 +61,10 @@ fn a_coarse_grid_is_as_exact_as_a_fine_one() {
     let start: &[&[f64]] = &[&[-8.0, 8.0, 27.0]];
     let times = every(0.1, 30);
     let exact = run(&stepper, start, &times, &Integration::Fixed { method: Method::Rk4, substeps: Some(4_000) }).0;
-    let (found, missed) = run(&stepper, start, &times, &Integration::default());
+    let (states, missed) = run(&stepper, start, &times, &Integration::default());
     assert_eq!(missed, 0.0);
     // Errors grow by a factor of 15 in three seconds of this system.
-    assert!(difference(&found, &exact) < 1e-4, "{}", difference(&found, &exact));
+    assert!(difference(&states, &exact) < 1e-4, "{}", difference(&states, &exact));
     // Steps of the sampling period, where the caller says no more.
     let periods = run(&stepper, start, &times, &Integration::Fixed { method: Method::Rk4, substeps: None }).0;
     let ten = run(&stepper, start, &times, &Integration::Fixed { method: Method::Rk4, substeps: Some(10) }).0;
@@ -96,8 +96,8 @@ fn points_do_not_feel_each_other() {
 #[test]
 fn time_moves_with_the_stages() {
     let stepper = Stepper::new(&given(&[("x", Prediction::Derivative, "3*time()^2")])).unwrap();
-    let (found, _) = run(&stepper, &[&[0.0]], &[0.0, 1.0, 2.0], &Integration::default());
-    assert!((found[1][0] - 1.0).abs() < 1e-9 && (found[2][0] - 8.0).abs() < 1e-9, "{found:?}");
+    let (states, _) = run(&stepper, &[&[0.0]], &[0.0, 1.0, 2.0], &Integration::default());
+    assert!((states[1][0] - 1.0).abs() < 1e-9 && (states[2][0] - 8.0).abs() < 1e-9, "{states:?}");
 }
 
 #[test]
@@ -134,10 +134,10 @@ fn right_sides_that_jump_come_to_an_end() {
         unit: None,
     });
     let stepper = Stepper::new(&model).unwrap();
-    let (found, missed) = run(&stepper, &[&[0.5]], &every(0.25, 4), &Integration::default());
+    let (states, missed) = run(&stepper, &[&[0.5]], &every(0.25, 4), &Integration::default());
     let expected = [0.5, 0.25, 0.0, 0.0, 0.0];
-    for (found, expected) in found.iter().zip(expected) {
-        assert!((found[0] - expected).abs() < 1e-4, "{found:?} {expected}");
+    for (state, expected) in states.iter().zip(expected) {
+        assert!((state[0] - expected).abs() < 1e-4, "{state:?} {expected}");
     }
     assert!(missed > 0.0, "it is told");
 }
@@ -152,8 +152,8 @@ fn what_goes_by_rows_has_its_own_grid_only() {
     }
     // A clock that jitters is a clock.
     assert!(discrete.grid(vec![0.0, 0.0099, 0.0201, 0.0299, 0.04]).is_ok());
-    let (found, _) = run(&discrete, &[&[8.0]], &every(DT, 3), &Integration::default());
-    assert_eq!(found.concat(), [8.0, 4.0, 2.0, 1.0]);
+    let (states, _) = run(&discrete, &[&[8.0]], &every(DT, 3), &Integration::default());
+    assert_eq!(states.concat(), [8.0, 4.0, 2.0, 1.0]);
     let mut lagged = given(&[("x", Prediction::Derivative, "-x")]);
     lagged.equations[0].right = parse("-lag(x, 1)");
     let lagged = Stepper::new(&lagged).unwrap();
@@ -175,8 +175,8 @@ fn grids_are_refined_to_sampling_periods() {
     assert_eq!((0..grid.intervals()).map(|k| grid.periods(k)).collect::<Vec<_>>(), [1, 3, 1]);
     let (fine, places) = grid.refined().unwrap();
     assert_eq!(places, [0, 1, 4, 5]);
-    for (found, expected) in fine.times().iter().zip([0.0, 0.005, 0.015, 0.025, 0.035, 0.045]) {
-        assert!((found - expected).abs() < 1e-15);
+    for (time, expected) in fine.times().iter().zip([0.0, 0.005, 0.015, 0.025, 0.035, 0.045]) {
+        assert!((time - expected).abs() < 1e-15);
     }
     assert_eq!(grid.interval(1).times(), [0.005, 0.035]);
     assert!(matches!(stepper.grid(vec![0.0, 1e9]).unwrap().refined(), Err(Error::Times { .. })));

@@ -124,17 +124,17 @@ fn simulations_are_the_rollouts_on_a_recording() {
                     (0..20).flat_map(|step| [1, 3].map(|column| value(column, start.row + step))).collect();
                 let times: Vec<f64> = (0..=20).map(|k| f64::from(k) * dt).collect();
                 let inputs = InputSequence { values: &inputs, by_point: false, course: Course::Held };
-                let mut found = Vec::new();
+                let mut rows = Vec::new();
                 let (grid, how) = (stepper.grid(times).unwrap(), Integration::Fixed { method, substeps: Some(1) });
                 stepper.simulate(&mut point, &grid, inputs, &how, |_, states| {
-                    found.extend_from_slice(states);
+                    rows.extend_from_slice(states);
                     true
                 });
-                assert_eq!(found.len(), rolled.states.len());
+                assert_eq!(rows.len(), rolled.states.len());
                 // The first step is exactly `dt` in both; later ones are differences of rounded times here.
-                (0..6).for_each(|i| assert_eq!(found[i].to_bits(), rolled.states[i].to_bits()));
-                for (own, other) in found.iter().zip(&rolled.states) {
-                    assert!((own - other).abs() < 1e-12, "{kind:?} {method:?}: {own} {other}");
+                (0..6).for_each(|i| assert_eq!(rows[i].to_bits(), rolled.states[i].to_bits()));
+                for (value, other) in rows.iter().zip(&rolled.states) {
+                    assert!((value - other).abs() < 1e-12, "{kind:?} {method:?}: {value} {other}");
                 }
             }
         }
@@ -161,22 +161,22 @@ fn substeps_are_steps_and_the_past_is_that_of_rows() {
     let stepper = Stepper::new(&model(KINDS[0])).unwrap();
     let inputs = [0.3, 0.0, -0.4, 0.0, 0.2, 0.0];
     let run = |parts: usize| {
-        let (mut point, mut found) = (points(&stepper, &[8], 0.05), Vec::new());
+        let (mut point, mut rows) = (points(&stepper, &[8], 0.05), Vec::new());
         let inputs = InputSequence { values: &inputs, by_point: false, course: Course::Held };
         // A model that looks back by rows is simulated row by row.
         let grid = stepper.grid(vec![0.0, 0.05, 0.1, 0.15]).unwrap();
         let how = Integration::Fixed { method: Method::Rk4, substeps: Some(parts) };
         stepper.simulate(&mut point, &grid, inputs, &how, |_, states| {
-            found = states.to_vec();
+            rows = states.to_vec();
             true
         });
-        (found, point.column(4, 2).to_vec())
+        (rows, point.column(4, 2).to_vec())
     };
     let (fine, past) = run(64);
     let error = |parts: usize| {
-        let (found, own) = run(parts);
-        assert!((own[0] - past[0]).abs() < 1e-6, "two rows back is the first row simulated");
-        found.iter().zip(&fine).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+        let (states, past_states) = run(parts);
+        assert!((past_states[0] - past[0]).abs() < 1e-6, "two rows back is the first row simulated");
+        states.iter().zip(&fine).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
     };
     assert!(error(1) > 8.0 * error(2) && error(2) > 8.0 * error(4) && error(4) > 0.0, "fourth order");
 }
@@ -212,7 +212,7 @@ fn tangents_are_finite_differences() {
                     })
                     .collect();
                 let mut point = points(&stepper, &[row], 0.05);
-                let found = match step {
+                let linearized = match step {
                     None => tangent.linearize(&stepper, &point, &mut StepperWorkspace::default()),
                     Some((dt, method)) => {
                         tangent.linearize_step(&stepper, &mut point, dt, method, &mut StepperWorkspace::default())
@@ -220,7 +220,7 @@ fn tangents_are_finite_differences() {
                 };
                 let x: Vec<f64> = variables.iter().map(|&column| point.column(column, 0)[0]).collect();
                 for s in 0..3 {
-                    let row: Vec<f64> = [&found[0].a[s * 3..][..3], &found[0].b[s * 2..][..2]].concat();
+                    let row: Vec<f64> = [&linearized[0].a[s * 3..][..3], &linearized[0].b[s * 2..][..2]].concat();
                     for (j, slope) in row.iter().enumerate() {
                         assert!(
                             (slope - slopes[j][s]).abs() < 1e-7,
@@ -229,7 +229,7 @@ fn tangents_are_finite_differences() {
                         );
                     }
                     let linear: f64 = row.iter().zip(&x).map(|(slope, x)| slope * x).sum();
-                    assert!((linear + found[0].c[s] - base[s]).abs() < 1e-12);
+                    assert!((linear + linearized[0].c[s] - base[s]).abs() < 1e-12);
                 }
             }
         }

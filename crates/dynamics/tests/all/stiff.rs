@@ -37,13 +37,13 @@ fn run(
         }
     }
     points.seconds_mut(0).fill(times[0]);
-    let (grid, mut found) = (stepper.grid(times.to_vec()).unwrap(), Vec::new());
+    let (grid, mut rows) = (stepper.grid(times.to_vec()).unwrap(), Vec::new());
     let inputs = InputSequence { values, by_point: false, course };
     let missed = stepper.simulate(&mut points, &grid, inputs, how, |_, states| {
-        found.push(states.to_vec());
+        rows.push(states.to_vec());
         true
     });
-    (found, missed)
+    (rows, missed)
 }
 
 const NO_INPUTS: (&[f64], Course) = (&[], Course::Held);
@@ -54,8 +54,8 @@ fn a_stiff_equation_with_a_moving_rest_follows_it() {
     let times: Vec<f64> = (0..=10).map(f64::from).collect();
     let begun = Instant::now();
     // On the slow solution, and far from it.
-    let (found, missed) = run(&stepper, &[&[1.0], &[3.0]], &times, NO_INPUTS, &Integration::default());
-    for (states, time) in found.iter().zip(&times).skip(1) {
+    let (states, missed) = run(&stepper, &[&[1.0], &[3.0]], &times, NO_INPUTS, &Integration::default());
+    for (states, time) in states.iter().zip(&times).skip(1) {
         for x in states {
             assert!((x - time.cos()).abs() < 1e-7, "{x} at {time} s, {}", time.cos());
         }
@@ -69,15 +69,15 @@ fn a_stiff_equation_with_a_moving_rest_follows_it() {
 fn van_der_pol_and_robertson_have_their_published_ends() {
     // Test Set for Initial Value Problem Solvers (Mazzia and Magherini, 2008): VDPOL at 2 s.
     let stepper = derivatives(&[("x", "v"), ("v", "((1 - x^2)*v - x)/0.000001")], &[]);
-    let (found, missed) = run(&stepper, &[&[2.0, 0.0]], &[0.0, 1.0, 2.0], NO_INPUTS, &Integration::default());
-    assert!((found[2][0] - 1.706_167_732_170_483).abs() < 1e-5, "{found:?}");
-    assert!((found[2][1] + 0.892_809_701_024_797_5).abs() < 1e-5, "{found:?}");
+    let (states, missed) = run(&stepper, &[&[2.0, 0.0]], &[0.0, 1.0, 2.0], NO_INPUTS, &Integration::default());
+    assert!((states[2][0] - 1.706_167_732_170_483).abs() < 1e-5, "{states:?}");
+    assert!((states[2][1] + 0.892_809_701_024_797_5).abs() < 1e-5, "{states:?}");
     assert_eq!(missed, 0.0);
     // Robertson's reactions at 40 s (Hairer and Wanner, volume II).
     let rights = [("a", "-0.04*a + 10000*b*c"), ("b", "0.04*a - 10000*b*c - 30000000*b^2"), ("c", "30000000*b^2")];
     let how = Integration::Adaptive(Tolerance { relative: 1e-8, absolute: Some(vec![1e-12; 3]) });
-    let found = run(&derivatives(&rights, &[]), &[&[1.0, 0.0, 0.0]], &[0.0, 40.0], NO_INPUTS, &how).0;
-    for (x, exact) in found[1].iter().zip([0.715_827_068_8, 9.185_534_765e-6, 0.284_163_745_7]) {
+    let states = run(&derivatives(&rights, &[]), &[&[1.0, 0.0, 0.0]], &[0.0, 40.0], NO_INPUTS, &how).0;
+    for (x, exact) in states[1].iter().zip([0.715_827_068_8, 9.185_534_765e-6, 0.284_163_745_7]) {
         assert!((x / exact - 1.0).abs() < 1e-6, "{x} {exact}");
     }
 }
@@ -101,7 +101,7 @@ fn stiff_points_and_others_do_not_feel_each_other() {
 fn a_point_comes_back_to_explicit_steps() {
     // Stiff until 1 s, an oscillator afterwards.
     let stepper = derivatives(&[("x", "v"), ("v", "-x - 50000*(1 - tanh(50*(time() - 1)))*v")], &[]);
-    let (found, _) = run(
+    let (states, _) = run(
         &stepper,
         &[&[1.0, 0.0]],
         &[0.0, 0.5, 4.0, 4.0 + std::f64::consts::TAU],
@@ -109,7 +109,7 @@ fn a_point_comes_back_to_explicit_steps() {
         &Integration::default(),
     );
     // A whole turn of an oscillator without friction.
-    assert!((found[3][0] - found[2][0]).abs() < 1e-5 && (found[3][1] - found[2][1]).abs() < 1e-5, "{found:?}");
+    assert!((states[3][0] - states[2][0]).abs() < 1e-5 && (states[3][1] - states[2][1]).abs() < 1e-5, "{states:?}");
 }
 
 #[test]
@@ -118,19 +118,19 @@ fn inputs_go_in_straight_lines_where_they_are_asked_to() {
     let (times, u) = ([0.0, 0.25, 1.0, 1.5], [0.0, 2.0, -1.0, 3.0]);
     let fixed = |substeps| Integration::Fixed { method: Method::Rk4, substeps };
     for how in [Integration::default(), fixed(None), fixed(Some(1)), fixed(Some(3))] {
-        let found = run(&stepper, &[&[0.0]], &times, (&u, Course::Lines), &how).0;
+        let states = run(&stepper, &[&[0.0]], &times, (&u, Course::Lines), &how).0;
         let mut area = 0.0;
         for k in 1..4 {
             area += 0.5 * (u[k] + u[k - 1]) * (times[k] - times[k - 1]);
-            assert!((found[k][0] - area).abs() < 1e-12, "{how:?}: {found:?}");
+            assert!((states[k][0] - area).abs() < 1e-12, "{how:?}: {states:?}");
         }
         let held = run(&stepper, &[&[0.0]], &times, (&u, Course::Held), &how).0;
         assert!((held[3][0] - (2.0 * 0.75 - 0.5)).abs() < 1e-12, "{held:?}");
     }
     // Stiff, along a line: x follows u but for its rate over the gain.
     let stiff = derivatives(&[("x", "1000000*(u - x)")], &["u"]);
-    let found = run(&stiff, &[&[0.0]], &[0.0, 1.0, 2.0], (&[0.0, 1.0, 3.0], Course::Lines), &Integration::default()).0;
-    assert!((found[2][0] - (3.0 - 2e-6)).abs() < 1e-8, "{found:?}");
+    let states = run(&stiff, &[&[0.0]], &[0.0, 1.0, 2.0], (&[0.0, 1.0, 3.0], Course::Lines), &Integration::default()).0;
+    assert!((states[2][0] - (3.0 - 2e-6)).abs() < 1e-8, "{states:?}");
 }
 
 #[test]
