@@ -146,10 +146,10 @@ impl Channel<'_> {
         let smoothed = match self.options.reject {
             None => smooth(self.times, values, None, spline, lambda)?,
             Some(sigmas) => {
-                let found = reject(self.times, values, None, spline, lambda, sigmas)?;
-                found.rows.iter().for_each(|&row| values[row] = f64::NAN);
-                (report.rejected, report.gave_up) = (Places::of(&found.rows, self.times), found.gave_up);
-                found.smoothed
+                let rejected = reject(self.times, values, None, spline, lambda, sigmas)?;
+                rejected.rows.iter().for_each(|&row| values[row] = f64::NAN);
+                (report.rejected, report.gave_up) = (Places::of(&rejected.rows, self.times), rejected.gave_up);
+                rejected.smoothed
             }
         };
         (report.lambda, report.lambda_at_end) = (Some(smoothed.lambda), smoothed.at_end);
@@ -183,15 +183,15 @@ impl Channel<'_> {
             None | Some(Err(SignalError::TooFew { .. })) => Spline::Cubic,
             Some(spline) => spline?,
         };
-        let found = match (spline, quintic) {
+        let choice = match (spline, quintic) {
             (Spline::Quintic, Some(quintic)) => {
                 (*values, *report) = (by_quintic, of_quintic);
                 (Spline::Quintic, quintic)
             }
             _ => (Spline::Cubic, cubic),
         };
-        report.method = Method::Spline(found.0, lambda).word().to_owned();
-        Ok(found)
+        report.method = Method::Spline(choice.0, lambda).word().to_owned();
+        Ok(choice)
     }
 
     /// Leaves out values that a spline rejects, on request.
@@ -208,9 +208,12 @@ impl Channel<'_> {
     fn at_rows(&self, values: &[f64], smoothed: Smoothed, spline: Spline) -> Result<(Lists, Lists), SignalError> {
         let Some(rows) = self.rows else { return Ok((smoothed.derivatives, smoothed.deviations)) };
         let all = merged(self.times, values, rows);
-        let found = smooth(&all.times, &all.values, None, spline, Lambda::Given(smoothed.lambda))?;
+        let smoothed_again = smooth(&all.times, &all.values, None, spline, Lambda::Given(smoothed.lambda))?;
         let pick = |list: &Vec<f64>| all.rows.iter().map(|&at| list[at]).collect();
-        Ok((found.derivatives.iter().map(pick).collect(), found.deviations.iter().map(pick).collect()))
+        Ok((
+            smoothed_again.derivatives.iter().map(pick).collect(),
+            smoothed_again.deviations.iter().map(pick).collect(),
+        ))
     }
 
     /// The curve through every measurement.
@@ -330,9 +333,9 @@ impl Channel<'_> {
     }
 
     /// Takes out frequencies above the Nyquist frequency of the rows that will be written.
-    fn without_aliases(&self, list: Vec<f64>, own: f64) -> Result<Vec<f64>, SignalError> {
-        let rows = self.rows.map_or(own, median_step);
-        let ratio = self.decimate as f64 * rows / own;
+    fn without_aliases(&self, list: Vec<f64>, period: f64) -> Result<Vec<f64>, SignalError> {
+        let rows = self.rows.map_or(period, median_step);
+        let ratio = self.decimate as f64 * rows / period;
         // Periods that are equal but for what stamps are rounded to are no reason to filter.
         if ratio < 1.0 + UNEVEN { Ok(list) } else { anti_alias(&list, ratio) }
     }

@@ -24,9 +24,9 @@ impl Planned {
     /// Plans of the columns of a view.
     pub(crate) fn all(recipe: &Recipe, model: &[ModelColumn], view: &[Column]) -> Result<Vec<Self>, Error> {
         check_channels(recipe)?;
-        let of_view = |column: &ModelColumn| view.iter().find(|own| own.name == column.name);
+        let of_view = |column: &ModelColumn| view.iter().find(|viewed| viewed.name == column.name);
         let plan = |column: &ModelColumn| {
-            let kind = of_view(column).map_or(ColumnKind::Float, |own| own.kind.clone());
+            let kind = of_view(column).map_or(ColumnKind::Float, |viewed| viewed.kind.clone());
             let is_channel = column.role != Role::Auxiliary && !matches!(kind, ColumnKind::Category(_));
             let is_state = column.role == Role::State;
             let options = is_channel.then(|| ChannelOptions::new(recipe, &column.name, is_state)).transpose()?;
@@ -89,14 +89,14 @@ pub(crate) fn written_recipe(read: &Recipe, planned: &[Planned], time: &str, smo
     let differentiates = matches!(read.model.predict.as_deref(), None | Some("derivative"));
     for (name, state) in &read.states {
         let mut state = State { column: None, ..state.clone() };
-        let own = planned.iter().find(|own| own.name == *name);
-        let names = own.map(Planned::names).unwrap_or_default();
+        let plan = planned.iter().find(|candidate| candidate.name == *name);
+        let names = plan.map(Planned::names).unwrap_or_default();
         let is_open = match &state.derivative {
             None => true,
             Some(Derivative::Text(word)) => word == "auto",
             Some(Derivative::Span(_)) => false,
         };
-        let second_order = own.and_then(|own| own.options).is_some_and(|options| options.second_order);
+        let second_order = plan.and_then(|planned| planned.options).is_some_and(|options| options.second_order);
         if names.len() > 2 && second_order && state.known.is_none() {
             if read.states.contains_key(&names[1]) {
                 let problem = format!(

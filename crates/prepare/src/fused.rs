@@ -102,8 +102,8 @@ pub(crate) fn prepare(
     notes.extend(folder.notes());
     let write = WriteOptions { metadata: metadata(recipe), inputs: logs.files(), ..WriteOptions::default() };
     let mut raw = RawLogs::new(&request.folder);
-    let of_rows = |own: &LogRows| {
-        let episode = (0..read.episodes().len()).find(|&episode| read.origin(episode) == own.log);
+    let of_rows = |rows: &LogRows| {
+        let episode = (0..read.episodes().len()).find(|&episode| read.origin(episode) == rows.log);
         let Some(episode) = episode else { return Ok(None) };
         let raw = raw.of(&read, episode, progress)?;
         Ok::<_, Error>(raw.map(|raw| RawLog { episode: None, ..raw }))
@@ -182,25 +182,25 @@ impl Body {
         let Opening { recipe, logs, clocks, dejitter, progress } = opening;
         let clocks = Clocks { topics: clocks.topics.clone(), ..Clocks::default() };
         let seen = Dataset::for_columns_by(recipe, &sensors.poses, clocks, logs, progress)?;
-        let mut found = LogRows::all(&seen, Layout { needed: 7, vectors: 1, skipped: 0 })?;
+        let mut rows_of_logs = LogRows::all(&seen, Layout { needed: 7, vectors: 1, skipped: 0 })?;
         if dejitter {
-            found.iter_mut().try_for_each(LogRows::even_out)?;
+            rows_of_logs.iter_mut().try_for_each(LogRows::even_out)?;
         }
         notes.extend(seen.notes().iter().filter(|note| !notes.contains(note)).cloned().collect::<Vec<_>>());
         let mut poses = Vec::new();
-        rows.retain(|own| {
-            let name = own.log.display();
-            let Some(at) = found.iter().position(|other| other.log == own.log) else {
+        rows.retain(|rows_of_log| {
+            let name = rows_of_log.log.display();
+            let Some(at) = rows_of_logs.iter().position(|other| other.log == rows_of_log.log) else {
                 notes.push(format!("{name} has readings and no poses: it is left out"));
                 return false;
             };
-            let seen = found.swap_remove(at);
-            for (missing, what) in [(own.missing, "readings"), (seen.missing, "poses")] {
+            let seen = rows_of_logs.swap_remove(at);
+            for (missing, what) in [(rows_of_log.missing, "readings"), (seen.missing, "poses")] {
                 if missing > 0 {
                     notes.push(format!("{name}: {missing} {what} have missing values and are left out"));
                 }
             }
-            poses.push(Poses::new(seen, own.epoch, sensors.pose_average, notes));
+            poses.push(Poses::new(seen, rows_of_log.epoch, sensors.pose_average, notes));
             true
         });
         if rows.is_empty() {
@@ -264,10 +264,11 @@ impl Job<'_> {
         for (stretch, track) in self.stretches(at) {
             untold.extend(end.min(stretch.start)..stretch.start);
             end = stretch.end;
-            let found = pieces::pieces(&rows.times[stretch.clone()], &[], self.options.clip, self.options.min_rows);
-            report.clipped += found.clipped;
-            too_short.extend(found.too_short.iter().map(|row| stretch.start + row));
-            for piece in found.pieces {
+            let stretch_pieces =
+                pieces::pieces(&rows.times[stretch.clone()], &[], self.options.clip, self.options.min_rows);
+            report.clipped += stretch_pieces.clipped;
+            too_short.extend(stretch_pieces.too_short.iter().map(|row| stretch.start + row));
+            for piece in stretch_pieces.pieces {
                 report.pieces.push(self.piece(at, track, stretch.start + piece.start..stretch.start + piece.end)?);
             }
         }
@@ -291,12 +292,15 @@ impl Job<'_> {
                 .iter()
                 .enumerate()
                 .filter(|(_, track)| track.run == at)
-                .filter_map(|(own, track)| Some((within([track.states.first()?.time, track.states.last()?.time]), own)))
+                .filter_map(|(index, track)| {
+                    Some((within([track.states.first()?.time, track.states.last()?.time]), index))
+                })
                 .collect(),
             None => parts(times).into_iter().map(|rows| (rows, 0)).collect::<Vec<_>>(),
         };
         let known = self.joints.iter().map(|joint| within(joint.span(at)));
-        let known = known.fold(0..times.len(), |all, own| all.start.max(own.start)..all.end.min(own.end));
+        let known =
+            known.fold(0..times.len(), |all, interval| all.start.max(interval.start)..all.end.min(interval.end));
         let begun = self.joints.iter().map(|joint| joint.begun(at)).fold(known.start, usize::max);
         let cut = |(rows, track): (Range<usize>, usize)| (rows.start.max(begun)..rows.end.min(known.end), track);
         all.into_iter().map(cut).filter(|(rows, _)| rows.start < rows.end).collect()

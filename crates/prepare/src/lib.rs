@@ -101,7 +101,7 @@ pub fn prepare(
     let (dataset, recipe, columns) = Dataset::for_preparation(recipe, logs, progress)?;
     let view = dataset.view()?;
     let planned = Planned::all(&recipe, &columns, view.columns())?;
-    let is_free = |time: &&&str| planned.iter().all(|own| own.name != **time);
+    let is_free = |time: &&&str| planned.iter().all(|column| column.name != **time);
     let time = TIMES.iter().find(is_free).copied().unwrap_or(TIMES[0]);
     let folder = Folder::create(&request.folder, request.force, &logs.files(), is_prepared)?;
     let topics = Topics::new(&recipe, &dataset, &planned, logs, options.dejitter, progress)?;
@@ -146,11 +146,11 @@ fn brought_back(kind: RotationKind, places: &[usize], curves: &mut [Result<Optio
         _ => None,
     };
     let Some(mut parts) = places.iter().map(|&place| value(&curves[place])).collect::<Option<Vec<_>>>() else { return };
-    let mut own = vec![0.0; places.len()];
+    let mut rotation = vec![0.0; places.len()];
     for row in 0..parts[0].len() {
-        own.iter_mut().zip(&parts).for_each(|(own, part)| *own = part[row]);
-        kind.retract(&mut own);
-        own.iter().zip(&mut parts).for_each(|(own, part)| part[row] = *own);
+        rotation.iter_mut().zip(&parts).for_each(|(value, part)| *value = part[row]);
+        kind.retract(&mut rotation);
+        rotation.iter().zip(&mut parts).for_each(|(value, part)| part[row] = *value);
     }
     for (&place, part) in places.iter().zip(parts) {
         if let Ok(Some(curve)) = &mut curves[place] {
@@ -189,7 +189,7 @@ impl PrepareReport {
         report.rows = report.episodes.iter().map(|episode| episode.rows).sum();
         report.written = report.pieces().map(|piece| piece.rows).sum();
         report.smoothed =
-            report.pieces().flat_map(|piece| &piece.channels).fold(0.0, |most, own| most.max(own.smoothed));
+            report.pieces().flat_map(|piece| &piece.channels).fold(0.0, |most, channel| most.max(channel.smoothed));
         if report.written == 0 {
             let problem = format!(
                 "no piece of {} rows is long enough to be written{channels}; give longer logs, looser bounds, or lower min_rows",
@@ -245,10 +245,10 @@ impl Job<'_> {
         let (times, clock) = self.times(&block, &info.name)?;
         let samples = self.topics.of_episode(self.dataset, episode, &block, &mut self.notes)?;
         let bounds = self.planned.iter().enumerate();
-        let bounds = bounds.filter_map(|(at, own)| Some((block.column(at), own.options?.bounds?)));
-        let found = pieces::pieces(&times, &bounds.collect::<Vec<_>>(), self.options.clip, self.options.min_rows);
-        let (mut pieces, mut too_short) = (Vec::new(), found.too_short);
-        for rows in found.pieces {
+        let bounds = bounds.filter_map(|(at, planned)| Some((block.column(at), planned.options?.bounds?)));
+        let cut = pieces::pieces(&times, &bounds.collect::<Vec<_>>(), self.options.clip, self.options.min_rows);
+        let (mut pieces, mut too_short) = (Vec::new(), cut.too_short);
+        for rows in cut.pieces {
             match self.piece(episode, Rows { block: &block, times: &times, samples: &samples }, rows.clone())? {
                 Some(piece) => pieces.push(piece),
                 None => too_short.extend(rows),
@@ -258,9 +258,9 @@ impl Job<'_> {
         Ok(EpisodeReport {
             episode: info.name.clone(),
             rows: info.rows,
-            clipped: found.clipped,
+            clipped: cut.clipped,
             untold: Places::default(),
-            out_of_bounds: Places::of(&found.outside, &times),
+            out_of_bounds: Places::of(&cut.outside, &times),
             too_short: Places::of(&too_short, &times),
             clock,
             pieces,
@@ -300,28 +300,30 @@ impl Job<'_> {
         let mut columns: Vec<Written<'_>> = Vec::new();
         let mut channels = Vec::new();
         for (at, curve) in curves.into_iter().enumerate() {
-            let own = &self.planned[at];
+            let planned = &self.planned[at];
             let curve = match curve {
                 Ok(curve) => curve,
                 Err(short @ (SignalError::TooFew { .. } | SignalError::TooShort { .. })) => {
                     let span = [times[rows.start], times[rows.end - 1]];
                     self.too_few.push(format!(
                         "{}, {} to {} s, `{}`: {short}; not written",
-                        info.name, span[0], span[1], own.name
+                        info.name, span[0], span[1], planned.name
                     ));
                     return Ok(None);
                 }
-                Err(source) => return Err(self.error(&info.name, &own.name, source)),
+                Err(source) => return Err(self.error(&info.name, &planned.name, source)),
             };
             channels.extend(curve.as_ref().map(|curve| curve.report.clone()));
             let values = block.column(at)[rows.clone()].iter().copied().step_by(self.options.decimate).collect();
-            columns.extend(write::values(own, values, curve));
+            columns.extend(write::values(planned, values, curve));
         }
         let stamp = |time: &f64| block.start + (time * 1e9).round() as i64;
         let stamps: Vec<i64> = times[rows].iter().step_by(self.options.decimate).map(stamp).collect();
         let file = self.names.next(&info.name);
-        let noise: BTreeMap<&str, f64> =
-            channels.iter().filter_map(|own: &ChannelReport| Some((own.channel.as_str(), own.noise?))).collect();
+        let noise: BTreeMap<&str, f64> = channels
+            .iter()
+            .filter_map(|channel: &ChannelReport| Some((channel.channel.as_str(), channel.noise?)))
+            .collect();
         let mut options = self.write.clone();
         options.metadata.insert(NOISE.to_owned(), serde_json::json!(noise).to_string());
         options.metadata.extend(self.raw_log(episode, &channels).map(|raw| raw.entry()));
@@ -333,10 +335,11 @@ impl Job<'_> {
     /// The raw log of an episode, and the reports of its channels.
     fn raw_log(&self, episode: usize, channels: &[ChannelReport]) -> Option<RawLog> {
         let mut raw = self.raw[episode].clone()?;
-        for own in self.planned {
-            let late = own.options.filter(|options| options.method != Method::None).map_or(0.0, |options| options.late);
+        for planned in self.planned {
+            let late =
+                planned.options.filter(|options| options.method != Method::None).map_or(0.0, |options| options.late);
             if late != 0.0 {
-                raw.late.insert(own.name.clone(), late);
+                raw.late.insert(planned.name.clone(), late);
             }
         }
         for ChannelReport { channel, topic, saturated, stuck, hampel, rejected, .. } in channels {
@@ -352,8 +355,8 @@ impl Job<'_> {
 
     /// A state or input, prepared.
     fn curve(&self, at: usize, all: Rows<'_>, rows: Range<usize>) -> Option<Result<Curve, SignalError>> {
-        let own = &self.planned[at];
-        let options = own.options?;
+        let planned = &self.planned[at];
+        let options = planned.options?;
         let (samples, seconds) = (all.samples.get(&at), &all.times[rows.clone()]);
         let late = if options.method == Method::None { 0.0 } else { options.late };
         let (times, values) = match samples {
@@ -362,8 +365,8 @@ impl Job<'_> {
         };
         let earlier: Vec<f64> = if late == 0.0 { Vec::new() } else { times.iter().map(|time| time - late).collect() };
         let channel = Channel {
-            name: &own.name,
-            angle: own.angle,
+            name: &planned.name,
+            angle: planned.angle,
             options,
             times: if late == 0.0 { times } else { &earlier },
             values,
@@ -371,7 +374,7 @@ impl Job<'_> {
             decimate: self.options.decimate,
         };
         if times.is_empty() {
-            return Some(Err(SignalError::TooFew { found: 0, needed: 2 }));
+            return Some(Err(SignalError::TooFew { count: 0, needed: 2 }));
         }
         let curve = channel.curve().map(|mut curve| {
             curve.report.topic = samples.map(|samples| samples.topic.clone());

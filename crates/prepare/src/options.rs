@@ -128,9 +128,9 @@ impl ChannelOptions {
         let (channel, section) = match recipe.channels.get(name) {
             None if is_state => (None, recipe.prepare.clone()),
             None => (None, PrepareSection::default()),
-            Some(own) => (Some(name), own.clone().over(recipe.prepare.clone())),
+            Some(channel) => (Some(name), channel.clone().over(recipe.prepare.clone())),
         };
-        let says = recipe.channels.get(name).is_some_and(|own| own.method.is_some());
+        let says = recipe.channels.get(name).is_some_and(|channel| channel.method.is_some());
         let second_order = is_state && section.second_order.unwrap_or(false);
         let method = match section.method {
             _ if !is_state && !says => PrepareMethod::None,
@@ -240,7 +240,7 @@ fn lambda(channel: Option<&str>, section: &PrepareSection) -> Result<Lambda, Err
 
 /// Refuses `[channels.NAME]` of a name that is no state and no input, and settings of whole episodes there.
 pub(crate) fn check_channels(recipe: &Recipe) -> Result<(), Error> {
-    for (name, own) in &recipe.channels {
+    for (name, channel) in &recipe.channels {
         let names = || recipe.states.keys().chain(recipe.inputs.keys()).map(String::as_str);
         if !names().any(|known| known == name) {
             let mend = did_you_mean(&nearest(name, names()));
@@ -249,7 +249,12 @@ pub(crate) fn check_channels(recipe: &Recipe) -> Result<(), Error> {
                 format!("[channels.{name}]: `{name}` is neither a state nor an input{mend}"),
             ));
         }
-        let said = [own.clip.is_some(), own.dejitter.is_some(), own.decimate.is_some(), own.min_rows.is_some()];
+        let said = [
+            channel.clip.is_some(),
+            channel.dejitter.is_some(),
+            channel.decimate.is_some(),
+            channel.min_rows.is_some(),
+        ];
         if let Some(at) = said.iter().position(|&said| said) {
             let entry = OF_EPISODES[at];
             return Err(Error::conflict(format!(
@@ -276,9 +281,9 @@ mod tests {
         assert_eq!(default.method, Method::Auto(Lambda::Likelihood));
         assert_eq!((default.reject, default.second_order, default.range), (Some(4.0), false, None));
         let section = "[prepare]\nsecond_order = true\nlambda = \"gcv\"\nreject = 0.0\nrange = [-1.0, 1.0]\n";
-        let own = options(section, "q").unwrap();
-        assert_eq!(own.method, Method::Spline(Spline::Quintic, Lambda::Gcv));
-        assert_eq!((own.reject, own.second_order, own.range), (None, true, Some([-1.0, 1.0])));
+        let merged = options(section, "q").unwrap();
+        assert_eq!(merged.method, Method::Spline(Spline::Quintic, Lambda::Gcv));
+        assert_eq!((merged.reject, merged.second_order, merged.range), (None, true, Some([-1.0, 1.0])));
         assert_eq!(options(section, "u").unwrap().method, Method::None);
         let channels =
             format!("{section}[channels.u]\nmethod = \"butterworth\"\ncutoff = 3.0\n[channels.q]\nlambda = 2.5\n");

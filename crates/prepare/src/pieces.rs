@@ -20,21 +20,21 @@ pub(crate) fn pieces(times: &[f64], channels: &[(&[f64], [f64; 2])], clip: f64, 
     let (Some(&first), Some(&last)) = (times.first(), times.last()) else { return Pieces::default() };
     let from = times.partition_point(|&time| time < first + clip);
     let to = times.partition_point(|&time| time <= last - clip).max(from);
-    let mut found = Pieces { clipped: times.len() - (to - from), ..Pieces::default() };
+    let mut pieces = Pieces { clipped: times.len() - (to - from), ..Pieces::default() };
     // A value that is missing is not out of bounds.
     let is_outside =
         |row: &usize| channels.iter().any(|(values, [low, high])| values[*row] < *low || values[*row] > *high);
-    found.outside = (from..to).filter(is_outside).collect();
+    pieces.outside = (from..to).filter(is_outside).collect();
     let mut start = from;
-    for end in found.outside.iter().copied().chain([to]) {
+    for end in pieces.outside.iter().copied().chain([to]) {
         if end - start >= least {
-            found.pieces.push(start..end);
+            pieces.pieces.push(start..end);
         } else {
-            found.too_short.extend(start..end);
+            pieces.too_short.extend(start..end);
         }
         start = (end + 1).min(to);
     }
-    found
+    pieces
 }
 
 #[cfg(test)]
@@ -46,9 +46,9 @@ mod tests {
         let times: Vec<f64> = (0..20).map(f64::from).collect();
         let mut values = vec![0.0; 20];
         (values[3], values[8], values[10]) = (f64::NAN, 5.0, -5.0);
-        let found = pieces(&times, &[(&values, [-1.0, 1.0])], 2.0, 3);
+        let result = pieces(&times, &[(&values, [-1.0, 1.0])], 2.0, 3);
         let expected = Pieces { clipped: 4, outside: vec![8, 10], too_short: vec![9], pieces: vec![2..8, 11..18] };
-        assert_eq!(found, expected);
+        assert_eq!(result, expected);
         let all = pieces(&times, &[], 0.0, 2);
         assert_eq!((all.pieces.first(), all.clipped), (Some(&(0..20)), 0));
         assert_eq!(pieces(&times, &[], 30.0, 2).clipped, 20);

@@ -82,13 +82,14 @@ impl Topics {
         let base = match (&recipe.time.base, recipe.time.rate) {
             (_, Some(_)) => None,
             (Some(base), None) => group(&format!("{base}.x"), &topics),
-            (None, None) => dataset.aliases().iter().find_map(|(_, own)| group(own.sources().first()?, &topics)),
+            (None, None) => dataset.aliases().iter().find_map(|(_, alias)| group(alias.sources().first()?, &topics)),
         };
-        let is_told =
-            |own: &Expr| own.sources().iter().any(|field| recipe.join.keys().any(|pattern| is_match(pattern, field)));
+        let is_told = |alias: &Expr| {
+            alias.sources().iter().any(|field| recipe.join.keys().any(|pattern| is_match(pattern, field)))
+        };
         let mut groups: BTreeMap<String, Vec<usize>> = BTreeMap::new();
-        for (at, (own, (_, expression))) in planned.iter().zip(dataset.aliases()).enumerate() {
-            let is_smooth = own.options.is_some_and(|options| options.method != Method::None);
+        for (at, (planned, (_, expression))) in planned.iter().zip(dataset.aliases()).enumerate() {
+            let is_smooth = planned.options.is_some_and(|options| options.method != Method::None);
             let Some(topic) = only_group(expression, &topics).filter(|_| is_smooth && !is_told(expression)) else {
                 continue;
             };
@@ -113,11 +114,11 @@ impl Topics {
         block: &Block,
         notes: &mut Vec<String>,
     ) -> Result<BTreeMap<usize, Samples>, Error> {
-        let mut found = BTreeMap::new();
+        let mut samples_of_column = BTreeMap::new();
         for set in &self.sets {
             let samples = set.samples(rows.origin(episode), block, self.even)?;
             match samples {
-                Some(samples) => found.extend(set.channels.iter().copied().zip(samples)),
+                Some(samples) => samples_of_column.extend(set.channels.iter().copied().zip(samples)),
                 None => notes.push(format!(
                     "{}: stamps of {} go back; its states are smoothed as they are joined on the rows",
                     rows.episodes()[episode].name,
@@ -125,7 +126,7 @@ impl Topics {
                 )),
             }
         }
-        Ok(found)
+        Ok(samples_of_column)
     }
 }
 
@@ -150,23 +151,23 @@ impl OfTopic {
             if even && times.len() > 2 {
                 let error =
                     |source| Error::Signal { episode: episode.name.clone(), channel: self.topic.clone(), source };
-                let found = dejitter(&times).map_err(error)?;
+                let dejittered = dejitter(&times).map_err(error)?;
                 if times.len() > longest {
                     longest = times.len();
-                    all.iter_mut().for_each(|own| own.clock = Some(ClockReport::of(&found)));
+                    all.iter_mut().for_each(|samples| samples.clock = Some(ClockReport::of(&dejittered)));
                 }
-                times = found.times;
+                times = dejittered.times;
             }
             let times: Vec<f64> = times.iter().map(|time| since + time).collect();
             // One more on either side, so that the first and the last row lie between samples.
             let from = times.partition_point(|&time| time < first).saturating_sub(1);
             let to = (times.partition_point(|&time| time <= last) + 1).min(times.len());
-            for (column, own) in all.iter_mut().enumerate() {
-                own.times.extend_from_slice(&times[from..to.max(from)]);
-                own.values.extend_from_slice(&block.column(column)[from..to.max(from)]);
+            for (column, samples) in all.iter_mut().enumerate() {
+                samples.times.extend_from_slice(&times[from..to.max(from)]);
+                samples.values.extend_from_slice(&block.column(column)[from..to.max(from)]);
             }
         }
-        let rises = |own: &Samples| own.times.windows(2).all(|pair| pair[0] < pair[1]);
+        let rises = |samples: &Samples| samples.times.windows(2).all(|pair| pair[0] < pair[1]);
         Ok(all.iter().all(rises).then_some(all))
     }
 }
@@ -194,11 +195,11 @@ mod tests {
     #[test]
     fn samples_about_a_piece_reach_one_beyond_it() {
         let times: Vec<f64> = (0..10).map(f64::from).collect();
-        let own = Samples { values: times.clone(), times, ..Samples::default() };
-        assert_eq!(own.within(2.5, 5.5).0, [2.0, 3.0, 4.0, 5.0, 6.0]);
-        assert_eq!(own.within(2.0, 5.0).0, [2.0, 3.0, 4.0, 5.0]);
-        assert_eq!(own.within(-1.0, 0.5).0, [0.0, 1.0]);
-        assert_eq!(own.within(8.5, 20.0).0, [8.0, 9.0]);
+        let samples = Samples { values: times.clone(), times, ..Samples::default() };
+        assert_eq!(samples.within(2.5, 5.5).0, [2.0, 3.0, 4.0, 5.0, 6.0]);
+        assert_eq!(samples.within(2.0, 5.0).0, [2.0, 3.0, 4.0, 5.0]);
+        assert_eq!(samples.within(-1.0, 0.5).0, [0.0, 1.0]);
+        assert_eq!(samples.within(8.5, 20.0).0, [8.0, 9.0]);
         assert!(Samples::default().within(0.0, 1.0).0.is_empty());
     }
 }

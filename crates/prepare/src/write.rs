@@ -40,15 +40,15 @@ pub(crate) enum Written<'a> {
 /// The names that are written, in order.
 pub(crate) fn columns(planned: &[Planned], time: &str) -> Result<Vec<WriteColumn>, Error> {
     let mut columns = vec![WriteColumn::new(time, WriteKind::Stamp)];
-    for own in planned {
-        let kind = if matches!(own.kind, ColumnKind::Category(_)) { WriteKind::Text } else { WriteKind::Float };
+    for planned in planned {
+        let kind = if matches!(planned.kind, ColumnKind::Category(_)) { WriteKind::Text } else { WriteKind::Float };
         let with_unit = |name: String, unit: &Option<String>| {
             let plain = WriteColumn::new(name, kind);
             unit.iter().fold(plain, |column, unit| column.with_unit(unit))
         };
-        let (names, units) = (own.names(), own.units());
+        let (names, units) = (planned.names(), planned.units());
         columns.extend(names.iter().zip(&units).map(|(name, unit)| with_unit(name.clone(), unit)));
-        if own.has_deviations() {
+        if planned.has_deviations() {
             columns.extend(names.iter().zip(&units).map(|(name, unit)| with_unit(format!("{name}_deviation"), unit)));
         }
     }
@@ -69,11 +69,11 @@ pub(crate) fn unique(columns: Vec<WriteColumn>, why: &str) -> Result<Vec<WriteCo
 }
 
 /// Written values of a column, in the order of [`columns`]; `values`: those of the written rows.
-pub(crate) fn values<'a>(own: &'a Planned, values: Vec<f64>, curve: Option<Curve>) -> Vec<Written<'a>> {
+pub(crate) fn values<'a>(planned: &'a Planned, values: Vec<f64>, curve: Option<Curve>) -> Vec<Written<'a>> {
     if let Some(curve) = curve {
         return curve.derivatives.into_iter().chain(curve.deviations).map(Written::Numbers).collect();
     }
-    let ColumnKind::Category(names) = &own.kind else { return vec![Written::Numbers(values)] };
+    let ColumnKind::Category(names) = &planned.kind else { return vec![Written::Numbers(values)] };
     let name = |code: &f64| if *code >= 0.0 { names.get(*code as usize).map_or("", String::as_str) } else { "" };
     vec![Written::Text(values.iter().map(name).collect())]
 }

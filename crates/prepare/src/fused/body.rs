@@ -51,9 +51,9 @@ impl Poses {
         let is_none = |row: usize| squares[row] < NONE;
         let mut hung = vec![false; rows];
         for axis in 0..3 {
-            let own: Vec<f64> = positions.iter().map(|position| position[axis]).collect();
+            let along_axis: Vec<f64> = positions.iter().map(|position| position[axis]).collect();
             // The first of equal poses was measured; an axis along which the body hardly moves may repeat itself alone.
-            let again = hangs(&own).into_iter().flat_map(|run| run.skip(1));
+            let again = hangs(&along_axis).into_iter().flat_map(|run| run.skip(1));
             again.filter(|&row| positions[row] == positions[row - 1]).for_each(|row| hung[row] = true);
         }
         let count = |is: &dyn Fn(usize) -> bool| (0..rows).filter(|&row| is(row)).count();
@@ -112,11 +112,12 @@ pub(super) fn doubts(fused: &Fused, rows: &[LogRows], sensors: &Sensors) -> Vec<
         ));
     }
     let noise = &fused.noise.imu;
-    let told = |axis: &usize| sensors.options.fit_noise && fused.noise_deviations.imu.scatter[0][*axis].is_finite();
+    let is_determined =
+        |axis: &usize| sensors.options.fit_noise && fused.noise_deviations.imu.scatter[0][*axis].is_finite();
     // A density as the readings have it, of the log that is read least often.
     let period = rows.iter().map(|rows| median_step(&rows.times)).fold(0.0, f64::max);
     let noisier = |axis: usize| noise.gyro[axis] / (noise.scatter[0][axis] * period.sqrt());
-    let most = (0..3).filter(told).map(noisier).fold(0.0, f64::max);
+    let most = (0..3).filter(is_determined).map(noisier).fold(0.0, f64::max);
     if most > NOISIER {
         doubts.push(format!(
             "beside the poses the gyroscope is {most:.0} times as noisy as its readings are by themselves: check its unit (rad/s), the order of the poses' quaternion (x, y, z, w) and its direction (the markers' frame to the world), the mounting, and the clocks"
@@ -164,13 +165,13 @@ pub(super) fn smoothed(fused: &Fused, poses: &[Poses], accelerometer: bool) -> f
 }
 
 pub(super) fn report(fused: &Fused, rows: &[LogRows], poses: &[Poses], sensors: &Sensors) -> BodyReport {
-    let (own, noise, stated) = (&fused.constants, &fused.noise, &fused.noise_deviations);
-    let told = |deviation: f64| deviation.is_finite().then_some(deviation);
+    let (constants, noise, stated) = (&fused.constants, &fused.noise, &fused.noise_deviations);
+    let known = |deviation: f64| deviation.is_finite().then_some(deviation);
     let fitted = sensors.options.fit_noise;
     // What readings tell of themselves has a deviation; what is a bound has none.
     let reading = |of: fn(f64, f64) -> f64| {
         let axis = |which: usize, axis: usize| {
-            let deviation = told(stated.imu.scatter[which][axis]).filter(|_| fitted)?;
+            let deviation = known(stated.imu.scatter[which][axis]).filter(|_| fitted)?;
             Some(of(noise.imu.scatter[which][axis], deviation))
         };
         [0, 1].map(|which| [0, 1, 2].map(|at| axis(which, at)))
@@ -187,28 +188,28 @@ pub(super) fn report(fused: &Fused, rows: &[LogRows], poses: &[Poses], sensors: 
         }
     };
     BodyReport {
-        lever: own.lever.map(|axis| axis.value),
-        lever_deviation: own.lever.map(|axis| axis.deviation),
-        mounting: own.mounting,
-        mounting_deviation: own.mounting_deviations,
+        lever: constants.lever.map(|axis| axis.value),
+        lever_deviation: constants.lever.map(|axis| axis.deviation),
+        mounting: constants.mounting,
+        mounting_deviation: constants.mounting_deviations,
         // Nothing is 0, and not -0.
-        delay: 0.0 - own.offset.value,
-        delay_deviation: own.offset.deviation,
-        gravity: own.gravity,
-        gravity_deviation: own.gravity_deviations,
+        delay: 0.0 - constants.offset.value,
+        delay_deviation: constants.offset.deviation,
+        gravity: constants.gravity,
+        gravity_deviation: constants.gravity_deviations,
         accelerometer: sensors.has_forces(),
         jerk: (!sensors.has_forces()).then_some(noise.jerk),
-        jerk_deviation: told(stated.jerk).filter(|_| !sensors.has_forces()),
+        jerk_deviation: known(stated.jerk).filter(|_| !sensors.has_forces()),
         imu_noise: [noise.imu.gyro, noise.imu.accelerometer],
-        imu_noise_deviation: [stated.imu.gyro.map(told), stated.imu.accelerometer.map(told)],
+        imu_noise_deviation: [stated.imu.gyro.map(known), stated.imu.accelerometer.map(known)],
         reading_noise: reading(|value, _| value),
         reading_noise_deviation: reading(|_, deviation| deviation),
         imu_walk: [noise.imu.gyro_walk, noise.imu.accelerometer_walk],
-        imu_walk_deviation: [stated.imu.gyro_walk, stated.imu.accelerometer_walk].map(told),
+        imu_walk_deviation: [stated.imu.gyro_walk, stated.imu.accelerometer_walk].map(known),
         imu_missed: noise.imu.missed,
-        imu_missed_deviation: stated.imu.missed.map(told),
+        imu_missed_deviation: stated.imu.missed.map(known),
         pose_noise: [noise.position, noise.attitude],
-        pose_noise_deviation: [stated.position, stated.attitude].map(told),
+        pose_noise_deviation: [stated.position, stated.attitude].map(known),
         noise_fitted: fitted,
         poses: poses.iter().map(|run| run.stamps.len()).sum(),
         outside: fused.outside,

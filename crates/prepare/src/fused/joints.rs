@@ -57,16 +57,16 @@ pub(super) fn plans(recipe: &Recipe) -> Result<Vec<JointPlan>, Error> {
             )));
         }
         for sensor in &names {
-            let Some(own) = recipe.sensor.get(*sensor).filter(|own| own.kind.is_of_joint()) else {
+            let Some(section) = recipe.sensor.get(*sensor).filter(|section| section.kind.is_of_joint()) else {
                 let mend = did_you_mean(&nearest(sensor, of_joints().map(String::as_str)));
                 return Err(Error::unknown(
                     sensor.as_str(),
                     format!("[joint.{name}] sensors: there is no [sensor.{sensor}] of a position or a rate{mend}"),
                 ));
             };
-            if own.channels.len() != channels(own.kind) {
-                let found = format!("channels has {}", own.channels.len());
-                return Err(refused(sensor, &found, "a sensor of a joint has 1"));
+            if section.channels.len() != channels(section.kind) {
+                let given = format!("channels has {}", section.channels.len());
+                return Err(refused(sensor, &given, "a sensor of a joint has 1"));
             }
             if taken.contains(sensor) {
                 return Err(refused(sensor, "joint", "a sensor is of one joint"));
@@ -115,25 +115,25 @@ fn sensor(name: &str, section: &SensorSection) -> Result<JointSensor, Error> {
     if section.lever.is_some() || section.mounting.is_some() || section.walk.is_some() {
         return Err(refused(name, "lever, mounting, walk", "these are of a body's sensors"));
     }
-    let found = |what: &str, said: &Option<Tunable>| match said {
+    let prior = |what: &str, said: &Option<Tunable>| match said {
         None => Ok(Prior::from(0.0)),
         Some(Tunable::Number(value)) => Ok((*value).into()),
         Some(Tunable::Word(word)) if word == "auto" => Ok(Prior { value: 0.0, deviation: f64::INFINITY }),
         Some(Tunable::Word(word)) => Err(refused(name, &format!("{what} = {word:?}"), "write a number, or \"auto\"")),
     };
-    let mut own = JointSensor::new(match section.kind {
+    let mut joint_sensor = JointSensor::new(match section.kind {
         SensorKind::Rate => Quantity::Rate,
         _ => Quantity::Position,
     });
-    own.resolution = super::sensors::seconds(name, "resolution", section.resolution)?;
-    own.average = super::sensors::seconds(name, "average", section.average)?;
-    own.delay = found("delay", &section.delay)?;
-    own.bias = found("bias", &section.bias)?;
+    joint_sensor.resolution = super::sensors::seconds(name, "resolution", section.resolution)?;
+    joint_sensor.average = super::sensors::seconds(name, "average", section.average)?;
+    joint_sensor.delay = prior("delay", &section.delay)?;
+    joint_sensor.bias = prior("bias", &section.bias)?;
     if let Some(noise) = &section.noise {
         let [noise] = numbers(name, "noise", noise)?;
-        own.noise = Some(noise);
+        joint_sensor.noise = Some(noise);
     }
-    Ok(own)
+    Ok(joint_sensor)
 }
 
 /// A joint whose sensors are fused.
@@ -205,7 +205,7 @@ impl Joint {
 
     pub(super) fn report(&self) -> JointReport {
         let (plan, fused) = (&self.plan, &self.fused);
-        let sensor = |(at, own): (usize, &fleetfoot_signal::joint::JointSensorEstimate)| {
+        let sensor = |(at, estimate): (usize, &fleetfoot_signal::joint::JointSensorEstimate)| {
             let logs = fused.runs.iter().zip(&self.records[at]);
             JointSensorReport {
                 sensor: plan.sensors[at].0.clone(),
@@ -213,13 +213,13 @@ impl Joint {
                     Quantity::Position => SensorKind::Position,
                     Quantity::Rate => SensorKind::Rate,
                 },
-                readings: own.readings,
-                noise: own.noise,
+                readings: estimate.readings,
+                noise: estimate.noise,
                 noise_fitted: plan.options.sensors[at].noise.is_none(),
-                delay: own.delay.value,
-                delay_deviation: own.delay.deviation,
-                bias: own.bias.value,
-                bias_deviation: own.bias.deviation,
+                delay: estimate.delay.value,
+                delay_deviation: estimate.delay.deviation,
+                bias: estimate.bias.value,
+                bias_deviation: estimate.bias.deviation,
                 rejected: logs.map(|(run, rows)| Places::of(&run.rejected[at], &rows.times)).collect(),
             }
         };
@@ -253,29 +253,33 @@ impl JointPlan {
         let (name, channel) = &self.sensors[sensor];
         let clocks = Clocks { topics: clocks.topics.clone(), ..Clocks::default() };
         let seen = Dataset::for_columns_by(recipe, std::slice::from_ref(channel), clocks, logs, progress)?;
-        let mut found = LogRows::all(&seen, Layout { needed: 1, vectors: 0, skipped: 0 })?;
+        let mut rows_of_logs = LogRows::all(&seen, Layout { needed: 1, vectors: 0, skipped: 0 })?;
         notes.extend(seen.notes().iter().filter(|note| !notes.contains(note)).cloned().collect::<Vec<_>>());
         let mut records = Vec::new();
-        for own in rows {
-            let place = found.iter().position(|other| other.log == own.log);
+        for rows_of_log in rows {
+            let place = rows_of_logs.iter().position(|other| other.log == rows_of_log.log);
             let mut record = match place {
-                Some(at) => found.swap_remove(at),
+                Some(at) => rows_of_logs.swap_remove(at),
                 None => {
-                    notes.push(format!("{}: [sensor.{name}] of [joint.{}] is silent", own.log.display(), self.name));
-                    LogRows::silent(own)
+                    notes.push(format!(
+                        "{}: [sensor.{name}] of [joint.{}] is silent",
+                        rows_of_log.log.display(),
+                        self.name
+                    ));
+                    LogRows::silent(rows_of_log)
                 }
             };
             if record.missing > 0 {
                 notes.push(format!(
                     "{}: {} readings of [sensor.{name}] have missing values and are left out",
-                    own.log.display(),
+                    rows_of_log.log.display(),
                     record.missing
                 ));
             }
             if dejitter {
                 record.even_out()?;
             }
-            let apart = (record.epoch - own.epoch) as f64 * 1e-9;
+            let apart = (record.epoch - rows_of_log.epoch) as f64 * 1e-9;
             record.times.iter_mut().for_each(|time| *time += apart);
             if self.angle && self.options.sensors[sensor].quantity == Quantity::Position {
                 record.columns[0] = unwrapped(&record.columns[0]);
@@ -300,23 +304,23 @@ impl JointPlan {
         let place = format!("[joint.{}]", self.name);
         for CorrelationReport { sensors: [first, second], correlation, readings } in self.correlations(fused) {
             let (size, sure) = (correlation.abs(), SURE / (readings as f64).sqrt());
-            let told = format!(
+            let note = format!(
                 "{place}: errors of `{first}` and `{second}` go together (a correlation of {correlation:.2} over {readings} pairs)"
             );
             if size > ONE.max(sure) && !self.correlated {
                 return Err(Error::value(format!(
-                    "{told}: one was computed from the other, or both from one sensor, and together they are no two witnesses; leave one out, or say correlated = true"
+                    "{note}: one was computed from the other, or both from one sensor, and together they are no two witnesses; leave one out, or say correlated = true"
                 )));
             }
             if size > TOLD.max(sure) {
-                notes.push(format!("{told}: deviations are too small if one was computed from the other"));
+                notes.push(format!("{note}: deviations are too small if one was computed from the other"));
             }
         }
-        for ((name, _), own) in self.sensors.iter().zip(&fused.sensors) {
-            if own.noise > CONTRADICTED * own.alone {
+        for ((name, _), estimate) in self.sensors.iter().zip(&fused.sensors) {
+            if estimate.noise > CONTRADICTED * estimate.alone {
                 notes.push(format!(
                     "{place}: `{name}` is {:.1} times as far off the fused motion as off its own curve: sensors contradict each other; check units, signs, clocks, delays and biases",
-                    own.noise / own.alone
+                    estimate.noise / estimate.alone
                 ));
             }
         }

@@ -47,9 +47,9 @@ impl LogRows {
                 let log = dataset.origin(at);
                 if logs.last().is_none_or(|last| last.log != log) {
                     // Vectors that grow by doubling hold twice what they are for.
-                    let own =
+                    let of_log =
                         view.episodes().iter().enumerate().skip(at).take_while(|(at, _)| dataset.origin(*at) == log);
-                    let rows = own.map(|(_, episode)| episode.rows).sum();
+                    let rows = of_log.map(|(_, episode)| episode.rows).sum();
                     let name = episode.name.split_once('#').map_or(episode.name.as_str(), |(file, _)| file).to_owned();
                     logs.push(Self {
                         log: log.to_path_buf(),
@@ -94,11 +94,11 @@ impl LogRows {
                 continue;
             }
             self.times.push(since + time);
-            for (own, parts) in self.vectors.iter_mut().zip(columns.chunks_exact(3)) {
-                own.push([parts[0][row], parts[1][row], parts[2][row]]);
+            for (vector, parts) in self.vectors.iter_mut().zip(columns.chunks_exact(3)) {
+                vector.push([parts[0][row], parts[1][row], parts[2][row]]);
             }
-            for (own, column) in self.columns.iter_mut().zip(&columns[rest..]) {
-                own.push(column[row]);
+            for (values, column) in self.columns.iter_mut().zip(&columns[rest..]) {
+                values.push(column[row]);
             }
         }
     }

@@ -31,8 +31,8 @@ pub(super) fn refused(name: &str, what: &str, allowed: &str) -> Error {
 /// `N` numbers.
 pub(super) fn numbers<const N: usize>(name: &str, what: &str, values: &[f64]) -> Result<[f64; N], Error> {
     let allowed = format!("write {N} finite numbers");
-    let found: [f64; N] = values.try_into().map_err(|_| refused(name, what, &allowed))?;
-    if found.iter().all(|value| value.is_finite()) { Ok(found) } else { Err(refused(name, what, &allowed)) }
+    let numbers: [f64; N] = values.try_into().map_err(|_| refused(name, what, &allowed))?;
+    if numbers.iter().all(|value| value.is_finite()) { Ok(numbers) } else { Err(refused(name, what, &allowed)) }
 }
 
 /// Numbers that are given, or found from nothing.
@@ -84,7 +84,7 @@ pub(super) fn loss(place: &str, huber: Option<f64>, student: Option<f64>) -> Res
 impl Sensors {
     /// Reads `[body]` and `[sensor.NAME]`.
     pub(super) fn new(recipe: &Recipe) -> Result<Self, Error> {
-        let mut own = Self {
+        let mut sensors = Self {
             readings: Vec::new(),
             poses: Vec::new(),
             averages: [0.0; 2],
@@ -95,16 +95,16 @@ impl Sensors {
         for (name, sensor) in recipe.sensor.iter().filter(|(_, sensor)| !sensor.kind.is_of_joint()) {
             let channels = channels(sensor.kind);
             if sensor.channels.len() != channels {
-                let found = sensor.channels.len();
+                let count = sensor.channels.len();
                 return Err(refused(
                     name,
-                    &format!("channels has {found}"),
+                    &format!("channels has {count}"),
                     &format!("a sensor of this kind has {channels}"),
                 ));
             }
             let (rate, force) = sensor.channels.split_at(channels.min(3));
             let (room, channels) = match sensor.kind {
-                SensorKind::Pose => (&mut own.poses, &sensor.channels[..]),
+                SensorKind::Pose => (&mut sensors.poses, &sensor.channels[..]),
                 SensorKind::Imu => {
                     if !forces.is_empty() {
                         return Err(refused(
@@ -114,9 +114,9 @@ impl Sensors {
                         ));
                     }
                     forces = force.to_vec();
-                    (&mut own.readings, rate)
+                    (&mut sensors.readings, rate)
                 }
-                SensorKind::Gyro => (&mut own.readings, rate),
+                SensorKind::Gyro => (&mut sensors.readings, rate),
                 SensorKind::Accelerometer => (&mut forces, rate),
                 SensorKind::Position | SensorKind::Rate => continue,
             };
@@ -124,23 +124,24 @@ impl Sensors {
                 return Err(refused(name, "kind", "one sensor of a kind is fused; leave the other out"));
             }
             room.extend_from_slice(channels);
-            own.read(name, sensor)?;
+            sensors.read(name, sensor)?;
             silent |= sensor.noise.is_none();
         }
-        for (room, what) in
-            [(&own.readings, "angular rate (kind = \"imu\" or \"gyro\")"), (&own.poses, "pose (kind = \"pose\")")]
-        {
+        for (room, what) in [
+            (&sensors.readings, "angular rate (kind = \"imu\" or \"gyro\")"),
+            (&sensors.poses, "pose (kind = \"pose\")"),
+        ] {
             if room.is_empty() {
                 return Err(Error::missing(format!(
                     "a body is fused of a gyroscope, best with an accelerometer, and poses: name a [sensor.NAME] of its {what}"
                 )));
             }
         }
-        own.readings.append(&mut forces);
-        let alone = own.readings.len() == 3;
-        own.body(recipe)?;
-        own.options.fit_noise = silent || (alone && recipe.body.as_ref().is_none_or(|body| body.jerk.is_none()));
-        Ok(own)
+        sensors.readings.append(&mut forces);
+        let alone = sensors.readings.len() == 3;
+        sensors.body(recipe)?;
+        sensors.options.fit_noise = silent || (alone && recipe.body.as_ref().is_none_or(|body| body.jerk.is_none()));
+        Ok(sensors)
     }
 
     /// Returns true if there is an accelerometer.

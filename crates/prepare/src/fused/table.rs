@@ -97,14 +97,15 @@ impl Columns {
         joints: &[JointPlan],
         along: &[Column],
     ) -> Result<Self, Error> {
-        let is_taken = |own: &str| own == ATTITUDE && body.is_some() && attitude == AttitudeForm::Quaternion;
-        if joints.iter().any(|own| is_taken(&own.name)) || along.iter().any(|own| is_taken(&own.name)) {
+        let is_taken = |name: &str| name == ATTITUDE && body.is_some() && attitude == AttitudeForm::Quaternion;
+        if joints.iter().any(|column| is_taken(&column.name)) || along.iter().any(|column| is_taken(&column.name)) {
             return Err(Error::conflict(format!(
                 "a state, an input or a joint is called `{ATTITUDE}`, as the rotation of [body] is: name it otherwise"
             )));
         }
-        let is_free =
-            |time: &&&str| along.iter().all(|own| own.name != **time) && joints.iter().all(|own| own.name != **time);
+        let is_free = |time: &&&str| {
+            along.iter().all(|column| column.name != **time) && joints.iter().all(|column| column.name != **time)
+        };
         let time = TIMES.iter().find(is_free).copied().unwrap_or(TIMES[0]);
         let column = |name: String, unit: &str| {
             let plain = WriteColumn::new(name, WriteKind::Float);
@@ -115,26 +116,29 @@ impl Columns {
             let states = if sensors.has_forces() { &STATES[..] } else { &STATES[..WITHOUT_FORCES] };
             write.extend(states.iter().map(|(name, unit)| column((*name).to_owned(), unit)));
             // An angle where the state itself is a quaternion.
-            let unit_of = |name: &str| STATES.iter().find(|(own, _)| *own == name).map_or("rad", |(_, unit)| unit);
+            let unit_of = |name: &str| STATES.iter().find(|(state, _)| *state == name).map_or("rad", |(_, unit)| unit);
             let biases = if sensors.has_forces() { &DEVIATIONS[12..] } else { &[] };
             let deviations = DEVIATIONS[..12].iter().chain(biases).chain(&ACCELERATIONS).chain(&RATES);
             write.extend(deviations.map(|name| column(format!("{name}_deviation"), unit_of(name))));
         }
         let joints: Vec<JointColumns> = joints
             .iter()
-            .map(|own| JointColumns {
-                names: ["", "_dot", "_ddot"].map(|suffix| format!("{}{suffix}", own.name)),
-                unit: own.unit.clone(),
-                angle: own.angle,
+            .map(|joint| JointColumns {
+                names: ["", "_dot", "_ddot"].map(|suffix| format!("{}{suffix}", joint.name)),
+                unit: joint.unit.clone(),
+                angle: joint.angle,
             })
             .collect();
-        for own in &joints {
-            let rate = own.unit.as_deref().map(rate_unit);
-            let units = [own.unit.clone(), rate.clone(), rate.as_deref().map(rate_unit)].map(Option::unwrap_or_default);
-            write.extend(own.names.iter().zip(&units).map(|(name, unit)| column(name.clone(), unit)));
-            write.extend(own.names.iter().zip(&units).map(|(name, unit)| column(format!("{name}_deviation"), unit)));
+        for joint in &joints {
+            let rate = joint.unit.as_deref().map(rate_unit);
+            let units =
+                [joint.unit.clone(), rate.clone(), rate.as_deref().map(rate_unit)].map(Option::unwrap_or_default);
+            write.extend(joint.names.iter().zip(&units).map(|(name, unit)| column(name.clone(), unit)));
+            write.extend(joint.names.iter().zip(&units).map(|(name, unit)| column(format!("{name}_deviation"), unit)));
         }
-        write.extend(along.iter().map(|own| column(own.name.clone(), own.unit.as_deref().unwrap_or_default())));
+        write.extend(
+            along.iter().map(|planned| column(planned.name.clone(), planned.unit.as_deref().unwrap_or_default())),
+        );
         let write = unique(write, "a state, an input or a joint has the name of another column")?;
         Ok(Self { write, attitude: body.map(|_| attitude), joints })
     }
@@ -150,11 +154,11 @@ impl Columns {
         if let Some(attitude) = self.attitude {
             body_states(&mut recipe, attitude);
         }
-        for own in &self.joints {
-            let [position, rate, acceleration] = &own.names;
-            let kind = own.angle.then_some(Kind::Angle);
+        for joint in &self.joints {
+            let [position, rate, acceleration] = &joint.names;
+            let kind = joint.angle.then_some(Kind::Angle);
             let known = Some(quoted(rate));
-            recipe.states.insert(position.clone(), State { known, kind, unit: own.unit.clone(), ..State::default() });
+            recipe.states.insert(position.clone(), State { known, kind, unit: joint.unit.clone(), ..State::default() });
             let derivative = Some(Derivative::Text(quoted(acceleration)));
             recipe.states.insert(rate.clone(), State { derivative, ..State::default() });
         }
@@ -207,7 +211,7 @@ fn known(text: &str) -> State {
 
 /// Largest pitch of a body's nose, up or down, rad.
 pub(super) fn steepest(states: &[BodyState]) -> f64 {
-    states.iter().map(|own| angles(own.attitude)[1].abs()).fold(0.0, f64::max)
+    states.iter().map(|state| angles(state.attitude)[1].abs()).fold(0.0, f64::max)
 }
 
 /// Roll, pitch and yaw of a quaternion x, y, z, w.
@@ -221,19 +225,19 @@ fn angles([x, y, z, w]: [f64; 4]) -> [f64; 3] {
 /// States as columns, in the order of [`Columns`] without stamps and extra columns.
 pub(super) fn values(states: &[BodyState], has_forces: bool) -> Vec<Vec<f64>> {
     let biases = if has_forces { 3 } else { 0 };
-    let row = |own: &BodyState| {
+    let row = |state: &BodyState| {
         let parts: [&[f64]; 11] = [
-            &own.position,
-            &own.velocity,
-            &own.attitude,
-            &angles(own.attitude),
-            &own.rate,
-            &own.acceleration,
-            &own.gyro_bias,
-            &own.accelerometer_bias[..biases],
-            &own.deviations[..12 + biases],
-            &own.acceleration_deviations,
-            &own.rate_deviations,
+            &state.position,
+            &state.velocity,
+            &state.attitude,
+            &angles(state.attitude),
+            &state.rate,
+            &state.acceleration,
+            &state.gyro_bias,
+            &state.accelerometer_bias[..biases],
+            &state.deviations[..12 + biases],
+            &state.acceleration_deviations,
+            &state.rate_deviations,
         ];
         parts.concat()
     };
@@ -257,7 +261,7 @@ mod tests {
             cr * cp * sy - sr * sp * cy,
             cr * cp * cy + sr * sp * sy,
         ];
-        let found = angles(quaternion);
-        assert!(found.iter().zip([roll, pitch, yaw]).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
+        let computed = angles(quaternion);
+        assert!(computed.iter().zip([roll, pitch, yaw]).all(|(a, b)| (a - b).abs() < 1e-12), "{computed:?}");
     }
 }
