@@ -139,14 +139,14 @@ pub enum SystemError {
     },
     /// Windows that are none.
     #[error(
-        "the weak form has windows of {reach} rows to either side and {found} targets, and the system has {targets} targets: windows need {LEAST_REACH} rows to either \
+        "the weak form has windows of {reach} rows to either side and {window_targets} targets, and the system has {targets} targets: windows need {LEAST_REACH} rows to either \
          side, and a rate or a mean for every target"
     )]
     Weak {
         /// Rows to either side.
         reach: usize,
         /// Its targets.
-        found: usize,
+        window_targets: usize,
         /// The system's targets.
         targets: usize,
     },

@@ -101,9 +101,9 @@ impl Plan {
         let mut pilot = pilot.as_slice();
         let preconditioners = (0..tasks)
             .map(|task| {
-                let (own, rest) = pilot.split_at(columns.width(task..task + 1));
+                let (columns_of_task, rest) = pilot.split_at(columns.width(task..task + 1));
                 pilot = rest;
-                Preconditioner::of_pilot(own, own.len() - 1)
+                Preconditioner::of_pilot(columns_of_task, columns_of_task.len() - 1)
             })
             .collect();
         Ok(Self { regression, also, chunk_rows, preconditioners })
@@ -150,7 +150,7 @@ impl Plan {
     pub fn scan(&self, source: &dyn Source, progress: &dyn Progress) -> Result<Scanned, ScanError> {
         let columns = columns(&self.regression, &self.also, source)?;
         let chunks = Grid { chunk_rows: self.chunk_rows }.chunks(source.episodes());
-        let mut found = self.empty();
+        let mut sums = self.empty();
         scan(
             &columns,
             source,
@@ -161,9 +161,9 @@ impl Plan {
                 part.add(&columns, &self.preconditioners, tile);
                 Ok(())
             },
-            |chunk, counts, part| found.insert(source.episodes()[chunk.episode].id, chunk, counts, part),
+            |chunk, counts, part| sums.insert(source.episodes()[chunk.episode].id, chunk, counts, part),
         )?;
-        Ok(found)
+        Ok(sums)
     }
 
     /// Result of a scan of no rows.

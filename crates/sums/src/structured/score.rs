@@ -64,11 +64,11 @@ mod tests {
         let shape = |latents: Vec<usize>| TaskShape { latents, centred: false, prior: false };
         let structure = Structure { functions: vec![1, 1], tasks: vec![shape(vec![1, 0])] };
         let theta = [0.7, -0.2];
-        let found = structure.errors(&[root], &theta)[0];
+        let error = structure.errors(&[root], &theta)[0];
         let squares = rows.iter().map(|[a, b, y]| (y - a * theta[1] - b * theta[0]).powi(2)).sum::<f64>();
         let mean = rows.iter().map(|row| row[2]).sum::<f64>() / 4.0;
         let variance = rows.iter().map(|row| (row[2] - mean).powi(2)).sum::<f64>() / 4.0;
-        assert!((found.mse - squares / 4.0).abs() < 1e-14 && (found.variance - variance).abs() < 1e-14);
-        assert!((found.r2() - (1.0 - squares / 4.0 / variance)).abs() < 1e-14);
+        assert!((error.mse - squares / 4.0).abs() < 1e-14 && (error.variance - variance).abs() < 1e-14);
+        assert!((error.r2() - (1.0 - squares / 4.0 / variance)).abs() < 1e-14);
     }
 }

@@ -64,14 +64,14 @@ mod tests {
         // Columns -2 f_0, -2 f_1, another, the target.
         let x = Mat::from_fn(9, 4, |i, j| if j < 2 { -2.0 * value(i, j) } else { value(i, j) });
         let root = Preconditioner::identity(3, 1).square_root(&Gram::of_rows(x.as_ref(), None));
-        let found = Spread::of(&root, 0..2, -2.0);
+        let spread = Spread::of(&root, 0..2, -2.0);
         let mean = |j: usize| (0..9).map(|i| value(i, j)).sum::<f64>() / 9.0;
         let covariance =
             |a: usize, b: usize| (0..9).map(|i| (value(i, a) - mean(a)) * (value(i, b) - mean(b))).sum::<f64>() / 9.0;
-        assert!((0..2).all(|j| (found.mean[j] - mean(j)).abs() < 1e-14));
+        assert!((0..2).all(|j| (spread.mean[j] - mean(j)).abs() < 1e-14));
         let expected = [covariance(0, 0), covariance(1, 0), covariance(1, 1)];
-        assert!(found.covariance.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-14), "{:?}", found.covariance);
-        assert_eq!((found.rank, found.confounded.len()), (2, 0));
+        assert!(spread.covariance.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-14), "{:?}", spread.covariance);
+        assert_eq!((spread.rank, spread.confounded.len()), (2, 0));
         let gram = Gram::of_rows(Mat::from_fn(9, 3, value).as_ref(), None);
         let raw = Spread::of_gram(&gram, 0..2);
         assert!(raw.covariance.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-14) && raw.rank == 2);

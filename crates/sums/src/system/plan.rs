@@ -148,18 +148,18 @@ impl SystemPlan {
 
     /// Hash of the plan, the numbers of coordinates and partition included.
     pub fn hash(&self) -> String {
-        let mut told = Canonical::default();
-        told.text(&self.text());
-        told.tag(self.system.partition.is_some().into());
-        self.system.partition.iter().for_each(|partition| partition.encode_rule(&mut told));
+        let mut text = Canonical::default();
+        text.text(&self.text());
+        text.tag(self.system.partition.is_some().into());
+        self.system.partition.iter().for_each(|partition| partition.encode_rule(&mut text));
         match &self.coordinates {
-            Coordinates::General(_) => told.tag(PRODUCTS),
+            Coordinates::General(_) => text.tag(PRODUCTS),
             Coordinates::Polynomial(polynomial) => {
-                told.tag(MOMENTS);
-                told.bytes(&polynomial.plan.to_bytes());
+                text.tag(MOMENTS);
+                text.bytes(&polynomial.plan.to_bytes());
             }
         }
-        plan_hash(told.as_bytes(), self.coordinates.preconditioner())
+        plan_hash(text.as_bytes(), self.coordinates.preconditioner())
     }
 
     /// The coordinates as bytes: with system and chunk length they are the plan.
@@ -178,10 +178,10 @@ impl SystemPlan {
         system.check()?;
         let coordinates = match coordinates.split_first() {
             Some((&PRODUCTS, bytes)) => {
-                let found = Preconditioner::from_bytes(bytes).map_err(|_| SystemError::Coordinates)?;
+                let preconditioner = Preconditioner::from_bytes(bytes).map_err(|_| SystemError::Coordinates)?;
                 let shape = (system.functions.len(), system.targets.len());
-                let fits = (found.regressors(), found.targets()) == shape;
-                Coordinates::General(Some(found).filter(|_| fits).ok_or(SystemError::Coordinates)?)
+                let fits = (preconditioner.regressors(), preconditioner.targets()) == shape;
+                Coordinates::General(Some(preconditioner).filter(|_| fits).ok_or(SystemError::Coordinates)?)
             }
             Some((&MOMENTS, bytes)) if !is_partitioned(&system) && system.weak.is_none() => {
                 let monomials = Monomials::recognise(&system.functions).ok_or(SystemError::Coordinates)?;

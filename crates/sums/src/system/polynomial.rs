@@ -84,8 +84,8 @@ impl Monomials {
         if plan.condition() > CONDITION {
             return None;
         }
-        let found = self.of_plan(plan)?;
-        found.tells(base, targets, total).then_some(found)
+        let moments = self.of_plan(plan)?;
+        moments.tells(base, targets, total).then_some(moments)
     }
 
     /// The plan that [`PolynomialPlan::to_bytes`] kept, for so many targets; `None` where the bytes are not of these functions.

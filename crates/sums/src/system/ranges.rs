@@ -128,18 +128,18 @@ impl AddBlocks<'_> {
         let mut spans = [0.0; SPANS];
         let any = S::as_mut_simd_f64s(&mut spans).0;
         for (i, (recipe, wanted)) in self.recipes.iter().zip(wanted.chunks_exact_mut(SPANS)).enumerate() {
-            let (known, own) = bounds.split_at_mut(i * 2 * SPANS);
-            let own = S::as_mut_simd_f64s(&mut own[..2 * SPANS]).0;
+            let (known, bound) = bounds.split_at_mut(i * 2 * SPANS);
+            let bound = S::as_mut_simd_f64s(&mut bound[..2 * SPANS]).0;
             if let Some(parent) = recipe.parent {
                 let of = |monomial: usize| S::as_simd_f64s(&known[monomial * 2 * SPANS..][..2 * SPANS]).0;
-                multiply(simd, recipe.even, of(parent), of(recipe.variable), own);
+                multiply(simd, recipe.even, of(parent), of(recipe.variable), bound);
             }
             let [least, most] = self.ranges[i].map(|end| simd.splat_f64s(end));
             let wanted = S::as_mut_simd_f64s(wanted).0;
             for k in 0..vectors {
                 // Not so where a bound is not a number.
-                let above = simd.less_than_or_equal_f64s(least, own[k]);
-                let below = simd.less_than_or_equal_f64s(own[vectors + k], most);
+                let above = simd.less_than_or_equal_f64s(least, bound[k]);
+                let below = simd.less_than_or_equal_f64s(bound[vectors + k], most);
                 wanted[k] = simd.select_f64s(simd.and_m64s(above, below), zero, one);
                 any[k] = simd.max_f64s(any[k], wanted[k]);
             }
@@ -150,10 +150,10 @@ impl AddBlocks<'_> {
         // What a wanted monomial is a multiple of is wanted.
         for (i, recipe) in self.recipes.iter().enumerate().rev() {
             if let Some(parent) = recipe.parent {
-                let (before, own) = wanted.split_at_mut(i * SPANS);
+                let (before, of_function) = wanted.split_at_mut(i * SPANS);
                 let parent = S::as_mut_simd_f64s(&mut before[parent * SPANS..][..SPANS]).0;
-                let own = S::as_simd_f64s(&own[..SPANS]).0;
-                parent.iter_mut().zip(own).for_each(|(parent, &own)| *parent = simd.max_f64s(*parent, own));
+                let of_function = S::as_simd_f64s(&of_function[..SPANS]).0;
+                parent.iter_mut().zip(of_function).for_each(|(parent, &span)| *parent = simd.max_f64s(*parent, span));
             }
         }
         Some(spans)
@@ -172,17 +172,17 @@ impl AddBlocks<'_> {
             if wanted[i * SPANS + span] == 0.0 {
                 continue;
             }
-            let (known, own) = values.split_at_mut(i * SPAN);
-            let own = S::as_mut_simd_f64s(&mut own[..SPAN]).0;
+            let (known, value_span) = values.split_at_mut(i * SPAN);
+            let value_span = S::as_mut_simd_f64s(&mut value_span[..SPAN]).0;
             if let Some(parent) = recipe.parent {
                 let of = |monomial: usize| S::as_simd_f64s(&known[monomial * SPAN..][..SPAN]).0;
                 let factors = of(parent).iter().zip(of(recipe.variable));
-                own.iter_mut().zip(factors).for_each(|(own, (&a, &b))| *own = simd.mul_f64s(a, b));
+                value_span.iter_mut().zip(factors).for_each(|(product, (&a, &b))| *product = simd.mul_f64s(a, b));
             }
-            let (mut least, mut most) = (own[0], own[0]);
-            for &own in &*own {
-                least = simd.min_f64s(own, least);
-                most = simd.max_f64s(own, most);
+            let (mut least, mut most) = (value_span[0], value_span[0]);
+            for &value in &*value_span {
+                least = simd.min_f64s(value, least);
+                most = simd.max_f64s(value, most);
             }
             let range = &mut self.ranges[i];
             let (least, most) = (simd.reduce_min_f64s(least), simd.reduce_max_f64s(most));

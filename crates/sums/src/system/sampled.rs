@@ -68,9 +68,9 @@ mod tests {
         let source = sine();
         let central = CentralDifference { of: Expr::column("x"), angle: false, reach: 1, spacing: Spacing::Even };
         let error = central.expression() - Expr::time().cos();
-        let found = sampled_mean_squares(&[error, central.truncation()], &source).expect("squares");
+        let squares = sampled_mean_squares(&[error, central.truncation()], &source).expect("squares");
         // h^2/6 sin' on average, and the next order is h^2 smaller.
-        assert!((found[0] / (1e-4_f64 / 6.0).powi(2) - 0.5).abs() < 0.02, "{found:?}");
-        assert!((found[0] / found[1] - 1.0).abs() < 1e-3, "{found:?}");
+        assert!((squares[0] / (1e-4_f64 / 6.0).powi(2) - 0.5).abs() < 0.02, "{squares:?}");
+        assert!((squares[0] / squares[1] - 1.0).abs() < 1e-3, "{squares:?}");
     }
 }

@@ -55,7 +55,7 @@ impl SystemPlan {
         source: &dyn Source,
         progress: &dyn Progress,
     ) -> Result<Vec<SystemSums>, SystemError> {
-        let mut found: Vec<SystemSums> = plans.iter().map(|plan| plan.empty()).collect();
+        let mut sums: Vec<SystemSums> = plans.iter().map(|plan| plan.empty()).collect();
         let lengths: BTreeSet<usize> = plans.iter().map(|plan| plan.chunk_rows).collect();
         for chunk_rows in lengths {
             let places: Vec<usize> = (0..plans.len()).filter(|&at| plans[at].chunk_rows == chunk_rows).collect();
@@ -76,12 +76,12 @@ impl SystemPlan {
                 |chunk, parts| {
                     let episode = source.episodes()[chunk.episode].id;
                     let mut all = places.iter().zip(&passes).zip(parts);
-                    all.try_for_each(|((&at, pass), part)| pass.end(&mut found[at], episode, chunk, part))
+                    all.try_for_each(|((&at, pass), part)| pass.end(&mut sums[at], episode, chunk, part))
                         .map_err(SystemError::from)
                 },
             )?;
         }
-        Ok(found)
+        Ok(sums)
     }
 }
 
@@ -195,7 +195,7 @@ pub struct ChunkSums {
     sums: PartSums,
     also: Gram,
     sampled: Gram,
-    told: EpisodeSums,
+    summary: EpisodeSums,
     regions: Vec<u32>,
     spare: Spare,
 }
@@ -216,7 +216,7 @@ impl ChunkSums {
             },
             also: Gram::new(system.also.len()),
             sampled: Gram::new(system.sampled.len()),
-            told: plan.no_rows(),
+            summary: plan.no_rows(),
             regions: Vec::with_capacity(columns.tile_rows()),
             spare,
         }
@@ -239,7 +239,7 @@ impl ChunkSums {
         let mut rows = std::mem::take(&mut self.spare.rows);
         for (from, to) in tiles {
             let tile = columns.rows.evaluate(block, episode, from..to, &mut rows)?;
-            self.told.counts.add(tile.counts());
+            self.summary.counts.add(tile.counts());
             if !tile.is_empty() {
                 self.add_rows(plan, columns, &mut rows);
             }
@@ -263,7 +263,7 @@ impl ChunkSums {
                 let memory = || (polynomial.plan.scratch(), RangesScratch::default());
                 let (scratch, ranges) = self.spare.moments.get_or_insert_with(memory);
                 polynomial.add(moments, scratch, &tile.columns(REGRESSION), tile.weights());
-                polynomial.ranges.add(&mut self.told.ranges.0[0], &regressors, ranges);
+                polynomial.ranges.add(&mut self.summary.ranges.0[0], &regressors, ranges);
             }
             (Coordinates::General(preconditioner), PartSums::Grams(_)) => {
                 self.add_ranges(&regressors);
@@ -289,21 +289,21 @@ impl ChunkSums {
         windows.evaluate((columns, weak), block, episode, tile)?;
         let n = windows.count();
         let counts = RowCounts { complete: n as u64, at_border: windows.at_border, incomplete: windows.incomplete };
-        self.told.counts.add(counts);
-        let (rows, own) = (columns.rows.tile(&windows.rows), windows.own.clone());
+        self.summary.counts.add(counts);
+        let (rows, owned_windows) = (columns.rows.tile(&windows.rows), windows.of_tile.clone());
         let of_tile = |columns: Vec<&'_ [f64]>| -> Vec<Vec<f64>> {
-            columns.into_iter().map(|column| column[own.clone()].to_vec()).collect()
+            columns.into_iter().map(|column| column[owned_windows.clone()].to_vec()).collect()
         };
         let further = of_tile(also(&rows));
-        if !further.is_empty() && !own.is_empty() {
+        if !further.is_empty() && !owned_windows.is_empty() {
             let further: Vec<&[f64]> = further.iter().map(Vec::as_slice).collect();
-            self.also.merge(&Gram::of_columns(&further, rows.weights().map(|weights| &weights[own.clone()])));
+            self.also.merge(&Gram::of_columns(&further, rows.weights().map(|weights| &weights[owned_windows.clone()])));
         }
         self.assign(&plan.system, &rows);
         let of_rows = std::mem::take(&mut self.regions);
-        self.regions = of_rows.get(own.clone()).map(<[u32]>::to_vec).unwrap_or_default();
+        self.regions = of_rows.get(owned_windows.clone()).map(<[u32]>::to_vec).unwrap_or_default();
         let functions: Vec<&[f64]> =
-            rows.columns(REGRESSORS..REGRESSORS + 1).into_iter().map(|column| &column[own.clone()]).collect();
+            rows.columns(REGRESSORS..REGRESSORS + 1).into_iter().map(|column| &column[owned_windows.clone()]).collect();
         self.add_ranges(&functions);
         self.regions = if of_rows.is_empty() { of_rows } else { windows.regions(weak, &of_rows) };
         self.count_unassigned();
@@ -326,25 +326,25 @@ impl ChunkSums {
     /// Names the region of every row; empty where there is only one.
     fn assign(&mut self, system: &System, tile: &Tile<'_>) {
         self.regions.clear();
-        let Some(own) = system.partition.as_ref().filter(|partition| !partition.columns.is_empty()) else {
+        let Some(rule) = system.partition.as_ref().filter(|partition| !partition.columns.is_empty()) else {
             return;
         };
         self.regions.resize(tile.len(), 0);
-        own.assign(&partition(tile), &mut self.spare.work, &mut self.regions);
+        rule.assign(&partition(tile), &mut self.spare.work, &mut self.regions);
     }
 
     fn count_unassigned(&mut self) {
-        self.told.unassigned += self.regions.iter().filter(|&&region| region == u32::MAX).count() as u64;
+        self.summary.unassigned += self.regions.iter().filter(|&&region| region == u32::MAX).count() as u64;
     }
 
     fn add_ranges(&mut self, functions: &[&[f64]]) {
-        self.told.ranges.add(functions, regions(&self.regions));
+        self.summary.ranges.add(functions, regions(&self.regions));
     }
 }
 
 /// Regions of the rows; `None` if there is one region only.
-fn regions(found: &[u32]) -> Option<&[u32]> {
-    (!found.is_empty()).then_some(found)
+fn regions(labels: &[u32]) -> Option<&[u32]> {
+    (!labels.is_empty()).then_some(labels)
 }
 
 impl SystemSums {
@@ -358,9 +358,9 @@ impl SystemSums {
                 if moments.rows() > 0 {
                     self.moments.insert(key(0), moments)?;
                 }
-                self.insert_chunk(episode, chunk, RegionGrams::new(0), part.also, part.told)
+                self.insert_chunk(episode, chunk, RegionGrams::new(0), part.also, part.summary)
             }
-            PartSums::Grams(grams) => self.insert_chunk(episode, chunk, grams, part.also, part.told),
+            PartSums::Grams(grams) => self.insert_chunk(episode, chunk, grams, part.also, part.summary),
         }
     }
 
@@ -375,7 +375,7 @@ impl SystemSums {
         chunk: &Chunk,
         grams: RegionGrams,
         also: Gram,
-        told: EpisodeSums,
+        summary: EpisodeSums,
     ) -> Result<(), MergeError> {
         let key = |region: u32| Key { episode, chunk: chunk.index, fold: chunk.fold, partition: 0, region };
         for (region, gram) in grams.into_regions().filter(|(_, gram)| gram.rows > 0) {
@@ -383,8 +383,8 @@ impl SystemSums {
         }
         self.also.insert(key(0), also)?;
         match self.episodes.entry(episode) {
-            Entry::Occupied(mut all) => all.get_mut().add(&told),
-            Entry::Vacant(slot) => _ = slot.insert(told),
+            Entry::Occupied(mut all) => all.get_mut().add(&summary),
+            Entry::Vacant(slot) => _ = slot.insert(summary),
         }
         Ok(())
     }

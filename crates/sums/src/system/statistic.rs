@@ -87,20 +87,20 @@ impl SystemScan {
         }
         let moments: Vec<&PolynomialMoments> = sums.moments.iter().map(|(_, moments)| moments).collect();
         sums.moments.iter().for_each(|(key, moments)| _ = units.add(key, moments.rows()));
-        let told = sums.episodes.values().fold(plan.no_rows(), |mut all, episode| {
+        let totals = sums.episodes.values().fold(plan.no_rows(), |mut all, episode| {
             all.add(episode);
             all
         });
         let regions: Vec<Region> = match &plan.coordinates {
             Coordinates::General(_) => regions
                 .into_iter()
-                .zip(told.ranges.0)
+                .zip(totals.ranges.0)
                 .map(|((members, grams), ranges)| Region { members, sums: Sums::Grams(Bank::new(grams)), ranges })
                 .collect(),
             Coordinates::Polynomial(polynomial) => vec![Region {
                 members: (0..moments.len()).collect(),
                 sums: Sums::Moments(Box::new(polynomial.plan.clone()), PolynomialBank::new(moments)),
-                ranges: polynomial.ranges.in_order(&told.ranges.0[0]),
+                ranges: polynomial.ranges.in_order(&totals.ranges.0[0]),
             }],
         };
         let scan = Self {
@@ -113,8 +113,8 @@ impl SystemScan {
                 .map(|target| Concentration::of(&sums.also, target, plan.chunk_rows))
                 .collect(),
             also: sums.also.total(|_| true).unwrap_or_else(|| Gram::new(system.also.len())),
-            counts: told.counts,
-            unassigned: told.unassigned,
+            counts: totals.counts,
+            unassigned: totals.unassigned,
         };
         match scan.widest_overflow() {
             Some((function, [least, most])) => {
@@ -184,8 +184,8 @@ impl SystemScan {
         let count = self.sampled.first().map_or(0, |(_, squares)| squares.len());
         let mean = |wanted: &dyn Fn(usize) -> bool| {
             let (mut rows, mut sums) = (0.0, vec![0.0; count]);
-            for (_, (own, squares)) in self.sampled.iter().enumerate().filter(|(unit, _)| wanted(*unit)) {
-                rows += own;
+            for (_, (count, squares)) in self.sampled.iter().enumerate().filter(|(unit, _)| wanted(*unit)) {
+                rows += count;
                 sums.iter_mut().zip(squares).for_each(|(sum, square)| *sum += square);
             }
             (rows > 0.0).then(|| sums.into_iter().map(|sum| sum / rows).collect())
@@ -270,7 +270,7 @@ impl SystemScan {
     ) -> Vec<(usize, f64, Vec<f64>)> {
         let (errors, means) = self.error_map(coefficients, constant);
         let Region { members, sums, .. } = &self.regions[region];
-        let mut found = Vec::with_capacity(members.len());
+        let mut mean_errors = Vec::with_capacity(members.len());
         for first in (0..members.len()).step_by(BATCH) {
             let count = BATCH.min(members.len() - first);
             let one = Mat::from_fn(members.len(), count, |k, b| f64::from(u8::from(k == first + b)));
@@ -279,10 +279,10 @@ impl SystemScan {
                 let of = |t: usize| {
                     means[t] + gram.mean.iter().zip(errors.col_as_slice(t)).map(|(mean, e)| mean * e).sum::<f64>()
                 };
-                found.push((unit, gram.weight, (0..means.len()).map(of).collect()));
+                mean_errors.push((unit, gram.weight, (0..means.len()).map(of).collect()));
             }
         }
-        found
+        mean_errors
     }
 
     /// The errors of a model as `means + z e` of preconditioned rows z: e (d x q) and the means (q).

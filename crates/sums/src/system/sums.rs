@@ -95,7 +95,7 @@ impl SystemSums {
     pub fn are_of(&self, plan: &SystemPlan) -> bool {
         let system = &plan.system;
         let regions = system.regions();
-        let is = |found: Option<usize>, wanted: usize| found.is_none_or(|found| found == wanted);
+        let is = |known: Option<usize>, wanted: usize| known.is_none_or(|known| known == wanted);
         let of_episode = |key: &Key| self.episodes.contains_key(&key.episode);
         let keys = || self.also.iter().chain(self.sampled.iter()).map(|(key, _)| key);
         let summed = match &plan.coordinates {

@@ -76,17 +76,17 @@ fn reference(rows: MatRef<'_, f64>, p: usize, weights: Option<&[f64]>) -> Square
 }
 
 /// Largest difference of least-squares fits, every coefficient in units of its column's deviation and its target's.
-fn coefficient_error(found: &SquareRoot, expected: &SquareRoot) -> f64 {
+fn coefficient_error(actual: &SquareRoot, expected: &SquareRoot) -> f64 {
     let units = expected.deviation();
-    let (a, b) = (least_squares(found, &units), least_squares(expected, &units));
+    let (a, b) = (least_squares(actual, &units), least_squares(expected, &units));
     let target: Vec<f64> = expected.total.iter().map(|total| (total / expected.weight).sqrt()).collect();
     let error = |j: usize, t: usize| (a.coefficients[(j, t)] - b.coefficients[(j, t)]).abs() * units[j] / target[t];
     (0..units.len()).flat_map(|j| (0..target.len()).map(move |t| (j, t))).map(|(j, t)| error(j, t)).fold(0.0, f64::max)
 }
 
-fn assert_close(found: &[f64], expected: &[f64], tolerance: f64) {
-    assert_eq!(found.len(), expected.len());
-    for (a, b) in found.iter().zip(expected) {
+fn assert_close(actual: &[f64], expected: &[f64], tolerance: f64) {
+    assert_eq!(actual.len(), expected.len());
+    for (a, b) in actual.iter().zip(expected) {
         assert!((a - b).abs() <= tolerance * b.abs().max(1e-300), "{a} {b}");
     }
 }
@@ -113,28 +113,30 @@ fn roots_are_those_of_the_rows_and_borders_are_counted() {
     let system = System { also: states(), ..System::new(mixed(), derivatives()) };
     let plan = SystemPlan::new(system, Some(100), &source).unwrap();
     assert!(!plan.is_polynomial());
-    let found = scan(&plan, &source);
-    assert_eq!((found.functions(), found.targets(), found.regions()), (5, 3, 1));
+    let statistic = scan(&plan, &source);
+    assert_eq!((statistic.functions(), statistic.targets(), statistic.regions()), (5, 3, 1));
     // A central difference needs a neighbour on both sides.
-    let counts = found.counts();
+    let counts = statistic.counts();
     assert_eq!((counts.complete, counts.at_border, counts.incomplete), (3 * 698, 6, 0));
-    assert_eq!((found.rows(0), found.units().len()), (3 * 698, 21));
-    assert_eq!(found.units().iter().map(|unit| unit.rows).sum::<u64>(), 3 * 698);
-    assert!(found.units().windows(2).all(|pair| (pair[0].episode, pair[0].chunk) < (pair[1].episode, pair[1].chunk)));
+    assert_eq!((statistic.rows(0), statistic.units().len()), (3 * 698, 21));
+    assert_eq!(statistic.units().iter().map(|unit| unit.rows).sum::<u64>(), 3 * 698);
+    assert!(
+        statistic.units().windows(2).all(|pair| (pair[0].episode, pair[0].chunk) < (pair[1].episode, pair[1].chunk))
+    );
 
     let rows = rows_of(&[mixed(), derivatives()].concat(), &source);
-    let (root, expected) = (found.root(0), reference(rows.as_ref(), 5, None));
+    let (root, expected) = (statistic.root(0), reference(rows.as_ref(), 5, None));
     assert!(coefficient_error(&root, &expected) < 1e-12);
     assert_close(&root.total, &expected.total, 1e-12);
     assert_close(&root.residual, &expected.residual, 1e-11);
-    for (j, range) in found.ranges(0).into_iter().enumerate() {
+    for (j, range) in statistic.ranges(0).into_iter().enumerate() {
         let values = (0..rows.nrows()).map(|i| rows[(i, j)]);
         let (least, most) = values.fold((f64::MAX, f64::MIN), |(least, most), v| (least.min(v), most.max(v)));
         assert_eq!(range, [least, most]);
     }
     // Further moments are of the rows that take part.
     let x: f64 = (0..rows.nrows()).map(|i| rows[(i, 0)]).sum::<f64>() / rows.nrows() as f64;
-    assert!((found.also().mean[0] - x).abs() < 1e-12 && found.also().rows == 3 * 698);
+    assert!((statistic.also().mean[0] - x).abs() < 1e-12 && statistic.also().rows == 3 * 698);
 }
 
 #[test]
@@ -146,9 +148,9 @@ fn missing_values_are_counted_and_left_out() {
     columns[1][50] = f64::NAN;
     source.push_uniform("with a gap", 0.01, columns);
     for functions in [mixed(), monomials(2)] {
-        let found = scan(&SystemPlan::new(System::new(functions, derivatives()), None, &source).unwrap(), &source);
+        let statistic = scan(&SystemPlan::new(System::new(functions, derivatives()), None, &source).unwrap(), &source);
         // The gap spoils its own row and the differences of its neighbours.
-        assert_eq!(found.counts(), fleetfoot_stats::scan::RowCounts { complete: 395, at_border: 2, incomplete: 3 });
+        assert_eq!(statistic.counts(), fleetfoot_stats::scan::RowCounts { complete: 395, at_border: 2, incomplete: 3 });
     }
 }
 
@@ -158,11 +160,11 @@ fn weights_count_rows() {
     for functions in [mixed(), monomials(2)] {
         let p = functions.len();
         let system = System { weight: Some(Expr::column("w")), ..System::new(functions.clone(), derivatives()) };
-        let found = scan(&SystemPlan::new(system, Some(64), &source).unwrap(), &source);
+        let statistic = scan(&SystemPlan::new(system, Some(64), &source).unwrap(), &source);
         let all = rows_of(&[functions, derivatives(), vec![Expr::column("w")]].concat(), &source);
         let weights: Vec<f64> = (0..all.nrows()).map(|i| all[(i, p + 3)]).collect();
         let expected = reference(all.as_ref().subcols(0, p + 3), p, Some(&weights));
-        let root = found.root(0);
+        let root = statistic.root(0);
         assert_eq!(root.rows, weights.iter().filter(|&&weight| weight > 0.0).count() as u64);
         assert_close(&[root.weight], &[expected.weight], 1e-13);
         assert!(coefficient_error(&root, &expected) < 1e-11);
@@ -178,13 +180,13 @@ fn regions_add_up_and_rows_without_one_are_counted() {
     let whole =
         scan(&SystemPlan::of_products(System::new(mixed(), derivatives()), Some(200), &source).unwrap(), &source);
     let system = System { partition: Some(voronoi()), ..System::new(mixed(), derivatives()) };
-    let found = scan(&SystemPlan::new(system.clone(), Some(200), &source).unwrap(), &source);
-    assert_eq!(found.regions(), 3);
-    assert!((0..3).all(|region| found.rows(region) > 100));
-    assert_eq!((0..3).map(|region| found.rows(region)).sum::<u64>(), whole.rows(0));
+    let statistic = scan(&SystemPlan::new(system.clone(), Some(200), &source).unwrap(), &source);
+    assert_eq!(statistic.regions(), 3);
+    assert!((0..3).all(|region| statistic.rows(region) > 100));
+    assert_eq!((0..3).map(|region| statistic.rows(region)).sum::<u64>(), whole.rows(0));
     // R'R and means of the regions, summed, are those of all rows.
     let all = whole.root(0).compressed(true);
-    let parts: Vec<_> = (0..3).map(|region| found.root(region).compressed(true)).collect();
+    let parts: Vec<_> = (0..3).map(|region| statistic.root(region).compressed(true)).collect();
     let product = |r: &Mat<f64>, i: usize, j: usize| (0..6).map(|k| r[(k, i)] * r[(k, j)]).sum::<f64>();
     for i in 0..6 {
         for j in 0..=i {
@@ -202,8 +204,8 @@ fn regions_add_up_and_rows_without_one_are_counted() {
     };
     let index: Vec<usize> = (0..rows.nrows()).filter(|&i| mine(i)).collect();
     let some = Mat::from_fn(index.len(), 8, |i, j| rows[(index[i], j)]);
-    assert_eq!(index.len() as u64, found.rows(2));
-    assert!(coefficient_error(&found.root(2), &reference(some.as_ref(), 5, None)) < 1e-11);
+    assert_eq!(index.len() as u64, statistic.rows(2));
+    assert!(coefficient_error(&statistic.root(2), &reference(some.as_ref(), 5, None)) < 1e-11);
 
     let labels = Partition {
         columns: vec![Expr::column("w")],
@@ -218,10 +220,10 @@ fn regions_add_up_and_rows_without_one_are_counted() {
         ..Partition::whole()
     };
     let labelled = System { partition: Some(labels), ..system };
-    let found = scan(&SystemPlan::new(labelled, None, &source).unwrap(), &source);
-    assert_eq!(found.unassigned() + found.rows(0) + found.rows(1), found.counts().complete);
-    assert_eq!(found.units().iter().map(|unit| unit.rows).sum::<u64>(), found.rows(0) + found.rows(1));
-    assert!(found.unassigned() > 800);
+    let statistic = scan(&SystemPlan::new(labelled, None, &source).unwrap(), &source);
+    assert_eq!(statistic.unassigned() + statistic.rows(0) + statistic.rows(1), statistic.counts().complete);
+    assert_eq!(statistic.units().iter().map(|unit| unit.rows).sum::<u64>(), statistic.rows(0) + statistic.rows(1));
+    assert!(statistic.unassigned() > 800);
 }
 
 /// z at the i-th complete row of two episodes whose first and last rows are incomplete.
@@ -236,16 +238,16 @@ fn weights_of_units_leave_episodes_out() {
     for functions in [mixed(), monomials(3)] {
         let system = System::new(functions, derivatives());
         let plan = SystemPlan::new(system, Some(150), &source).unwrap();
-        let found = scan(&plan, &source);
+        let statistic = scan(&plan, &source);
         let left_out = source.episodes()[1].id;
-        let weights = Mat::from_fn(found.units().len(), 40, |k, b| match b {
+        let weights = Mat::from_fn(statistic.units().len(), 40, |k, b| match b {
             0 => 1.0,
-            1 => f64::from(u8::from(found.units()[k].episode != left_out)),
+            1 => f64::from(u8::from(statistic.units()[k].episode != left_out)),
             _ => ((k * 7 + b * 3) % 4) as f64,
         });
-        let roots = found.roots(0, weights.as_ref());
-        assert_eq!(roots[0], found.root(0));
-        assert_eq!(roots[35], found.roots(0, weights.as_ref().subcols(35, 1))[0]);
+        let roots = statistic.roots(0, weights.as_ref());
+        assert_eq!(roots[0], statistic.root(0));
+        assert_eq!(roots[35], statistic.roots(0, weights.as_ref().subcols(35, 1))[0]);
         let mut others = MemorySource::new(source.columns().to_vec());
         for episode in [0, 2] {
             let block = source.read(episode, 0..600, Default::default()).unwrap();
@@ -277,9 +279,9 @@ fn threads_and_order_of_episodes_do_not_change_bits() {
     for system in [partitioned, System::new(monomials(3), derivatives())] {
         let run = |threads: usize, source: &MemorySource| {
             with_threads(threads, || {
-                let found = scan(&SystemPlan::new(system.clone(), None, source).unwrap(), source);
-                let roots: Vec<SquareRoot> = (0..found.regions()).map(|region| found.root(region)).collect();
-                (roots, found.also().clone(), found.ranges(0), found.units().to_vec())
+                let statistic = scan(&SystemPlan::new(system.clone(), None, source).unwrap(), source);
+                let roots: Vec<SquareRoot> = (0..statistic.regions()).map(|region| statistic.root(region)).collect();
+                (roots, statistic.also().clone(), statistic.ranges(0), statistic.units().to_vec())
             })
         };
         let one = run(1, &source);
@@ -292,12 +294,12 @@ fn residuals_and_the_region_of_a_model_are_those_of_the_rows() {
     let source = lorenz(1, 1_500, 0.01, 3.0, 0.05);
     for functions in [mixed(), monomials(2)] {
         let p = functions.len();
-        let found =
+        let statistic =
             scan(&SystemPlan::new(System::new(functions.clone(), derivatives()), None, &source).unwrap(), &source);
-        let solution = least_squares(&found.root(0), &found.root(0).deviation());
+        let solution = least_squares(&statistic.root(0), &statistic.root(0).deviation());
         // Not the best constant: the mean error counts.
         let constant: Vec<f64> = solution.intercept.iter().map(|c| c + 0.01).collect();
-        let region = found.describe(0, "all", solution.coefficients.as_ref(), &constant);
+        let region = statistic.describe(0, "all", solution.coefficients.as_ref(), &constant);
         let rows = rows_of(&[functions, derivatives()].concat(), &source);
         let n = rows.nrows();
         let error = |i: usize, t: usize| {

@@ -85,7 +85,7 @@ impl Weak {
 
     pub(super) fn check(&self, targets: usize) -> Result<(), SystemError> {
         if self.reach < LEAST_REACH || self.targets.len() != targets {
-            return Err(SystemError::Weak { reach: self.reach, found: self.targets.len(), targets });
+            return Err(SystemError::Weak { reach: self.reach, window_targets: self.targets.len(), targets });
         }
         Ok(())
     }

@@ -17,7 +17,7 @@ pub(super) struct WindowRows {
     /// The complete rows of the tile and of the rows that its windows reach.
     pub(super) rows: DesignRows,
     /// Those of the tile itself, among them.
-    pub(super) own: Range<usize>,
+    pub(super) of_tile: Range<usize>,
     /// Regressors, then targets, of the complete windows, column-major.
     pub(super) values: Vec<f64>,
     /// Weights of the complete windows, where rows have weights: the least of their rows'.
@@ -53,8 +53,8 @@ impl WindowRows {
         let (from, to) = (tile.start + moved, tile.end + moved);
         let around = from.saturating_sub(weak.reach)..(to + weak.reach).min(wide.rows);
         columns.rows.evaluate(&wide, episode, around, &mut self.rows)?;
-        let place = |row: usize| self.rows.index.partition_point(|&own| own < row);
-        self.own = place(from)..place(to);
+        let place = |row: usize| self.rows.index.partition_point(|&index| index < row);
+        self.of_tile = place(from)..place(to);
         self.find((columns, weak), &wide, from..to);
         self.integrate((columns, weak), &wide);
         Ok(())
@@ -76,7 +76,7 @@ impl WindowRows {
                 continue;
             }
             let index = &self.rows.index;
-            let first = index.partition_point(|&own| own < middle - weak.reach);
+            let first = index.partition_point(|&index| index < middle - weak.reach);
             if index.get(first) == Some(&(middle - weak.reach))
                 && index.get(first + 2 * weak.reach) == Some(&(middle + weak.reach))
             {
@@ -98,13 +98,13 @@ impl WindowRows {
         self.values.resize(n * d, 0.0);
         self.weights.clear();
         for (at, (&first, &begin)) in self.first.iter().zip(&self.begins).enumerate() {
-            let own = first..first + weak.rows();
+            let range = first..first + weak.rows();
             self.window.set(&wide.time[begin..begin + weak.rows()], weak.order());
             for (j, column) in regression.iter().enumerate() {
-                self.values[j * n + at] = sum(&self.window.mean, &column[own.clone()]);
+                self.values[j * n + at] = sum(&self.window.mean, &column[range.clone()]);
             }
             for ((target, rate), column) in &rated {
-                let values = &column[own.clone()];
+                let values = &column[range.clone()];
                 let change = if rate.angle {
                     unwrapped(values, &mut self.unwrapped);
                     sum(&self.window.rate, &self.unwrapped)
@@ -114,7 +114,7 @@ impl WindowRows {
                 self.values[(columns.regressors + target) * n + at] += change;
             }
             if let Some(weights) = weights {
-                self.weights.push(weights[own].iter().fold(f64::INFINITY, |least, &weight| least.min(weight)));
+                self.weights.push(weights[range].iter().fold(f64::INFINITY, |least, &weight| least.min(weight)));
             }
         }
     }
@@ -128,8 +128,8 @@ impl WindowRows {
     /// The region of every complete window by those of its rows: windows over a border of regions have none.
     pub(super) fn regions(&self, weak: &Weak, regions: &[u32]) -> Vec<u32> {
         let one = |&first: &usize| {
-            let own = &regions[first..first + weak.rows()];
-            if own.iter().all(|&region| region == own[0]) { own[0] } else { u32::MAX }
+            let labels = &regions[first..first + weak.rows()];
+            if labels.iter().all(|&region| region == labels[0]) { labels[0] } else { u32::MAX }
         };
         self.first.iter().map(one).collect()
     }

@@ -10,8 +10,8 @@ fn plans(system: &System, source: &MemorySource) -> (SystemPlan, SystemPlan) {
 }
 
 /// Relative excess of the squared error of a fit on `found` over the least one, on the rows behind `expected`.
-fn excess(found: &SquareRoot, expected: &SquareRoot) -> f64 {
-    let fit = least_squares(found, &expected.deviation());
+fn excess(actual: &SquareRoot, expected: &SquareRoot) -> f64 {
+    let fit = least_squares(actual, &expected.deviation());
     let errors = expected.error(fit.coefficients.as_ref(), &fit.intercept);
     let least = least_squares(expected, &expected.deviation()).rss;
     errors.iter().zip(&least).map(|(error, least)| (error / least - 1.0).abs()).fold(0.0, f64::max)
@@ -35,8 +35,8 @@ fn degree_five_on_lorenz_loses_what_the_condition_takes() {
         let (first, second) = (excess(&root, &expected), excess(&products.root(0), &expected));
         assert!(first < 1e-12 && second < 1e-12, "{first:e} {second:e}");
         assert_close(&root.residual, &expected.residual, 1e-9);
-        for (found, direct) in moments.ranges(0).iter().flatten().zip(products.ranges(0).iter().flatten()) {
-            assert!((found - direct).abs() <= 1e-14 * direct.abs(), "{found} {direct}");
+        for (range, direct) in moments.ranges(0).iter().flatten().zip(products.ranges(0).iter().flatten()) {
+            assert!((range - direct).abs() <= 1e-14 * direct.abs(), "{range} {direct}");
         }
         assert_eq!(moments.counts(), products.counts());
     }
@@ -63,10 +63,10 @@ fn exact_data_and_ill_conditioned_libraries_take_products() {
 fn libraries_are_recognised_by_what_they_are() {
     let scope = Scope::open();
     let parse = |texts: &[&str]| -> Vec<Expr> { texts.iter().map(|text| Expr::parse(text, &scope).unwrap()).collect() };
-    let found =
+    let recognised =
         Monomials::recognise(&parse(&["y*x", "sin(z)*x", "x", "y^2", "(x)^2", "y", "sin(z)^2", "sin(z)", "y*sin(z)"]));
-    let found = found.expect("all monomials of y, x, sin(z) up to degree 2");
-    assert_eq!((found.degree, found.variables.len()), (2, 3));
+    let recognised = recognised.expect("all monomials of y, x, sin(z) up to degree 2");
+    assert_eq!((recognised.degree, recognised.variables.len()), (2, 3));
     for other in [
         &["x", "y", "x^2", "x*y"][..],
         &["x", "y", "x^2", "x*y", "x*y"],
@@ -77,7 +77,7 @@ fn libraries_are_recognised_by_what_they_are() {
     ] {
         assert_eq!(Monomials::recognise(&parse(other)), None, "{other:?}");
     }
-    assert_eq!(Monomials::recognise(&monomials(4)).map(|found| found.degree), Some(4));
+    assert_eq!(Monomials::recognise(&monomials(4)).map(|monomials| monomials.degree), Some(4));
 }
 
 #[test]
@@ -99,8 +99,8 @@ fn nearly_a_thousand_columns() {
     let system = System::new(functions.clone(), vec![Expr::column("x16")]);
     let plan = SystemPlan::new(system, Some(3_000), &source).unwrap();
     assert!(plan.is_polynomial() && functions.len() == 968);
-    let found = scan(&plan, &source);
-    let fit = least_squares(&found.root(0), &found.root(0).deviation());
+    let statistic = scan(&plan, &source);
+    let fit = least_squares(&statistic.root(0), &statistic.root(0).deviation());
     let place = |text: &str| functions.iter().position(|f| f.to_string() == text).expect("a function");
     // 12,000 rows for 969 coefficients, noise of deviation 0.06: standard errors of a few hundredths.
     assert_eq!(fit.rank, 968);

@@ -35,13 +35,13 @@ fn windows(functions: &[&str], states: &[&str], reach: usize, source: &MemorySou
     let targets = states.iter().map(|state| central_difference(&Expr::column(*state), false)).collect();
     let system = System { weak: Some(weak.clone()), ..System::new(functions, targets) };
     let columns = Columns::compile(&system, &system.functions, source).unwrap();
-    let mut found = WindowRows::default();
+    let mut window_rows = WindowRows::default();
     let mut rows: Vec<Vec<f64>> = Vec::new();
     for (episode, described) in source.episodes().iter().enumerate() {
         let block = source.read(episode, 0..described.rows, columns.halo()).unwrap();
-        found.evaluate((&columns, &weak), &block, described, 0..described.rows).unwrap();
-        let outputs = found.outputs(&columns);
-        rows.extend((0..found.count()).map(|at| outputs.iter().map(|column| column[at]).collect::<Vec<f64>>()));
+        window_rows.evaluate((&columns, &weak), &block, described, 0..described.rows).unwrap();
+        let outputs = window_rows.outputs(&columns);
+        rows.extend((0..window_rows.count()).map(|at| outputs.iter().map(|column| column[at]).collect::<Vec<f64>>()));
     }
     Mat::from_fn(rows.len(), system.functions.len() + system.targets.len(), |i, j| rows[i][j])
 }
@@ -57,17 +57,17 @@ fn polynomials_have_the_means_and_rates_of_their_integrals() {
     let (reach, dt, centre) = (20, 0.01, 2.5);
     let half = reach as f64 * dt;
     let source = signals(even(501, dt), &[("x", &|t| t - centre), ("w", &|t| (t - centre).powi(3))]);
-    let found = windows(&["x", "x^2"], &["x", "w"], reach, &source);
-    let middle = (0..found.nrows()).find(|&i| found[(i, 0)].abs() < 1e-9).expect("a window about 2.5 s");
+    let matrix = windows(&["x", "x^2"], &["x", "w"], reach, &source);
+    let middle = (0..matrix.nrows()).find(|&i| matrix[(i, 0)].abs() < 1e-9).expect("a window about 2.5 s");
     let moment = second_moment(reach, half);
     for (i, expected) in [1.0, 3.0 * moment].into_iter().enumerate() {
         // Euler and Maclaurin: what is left is of the order of the test function beside the end.
-        assert!((found[(middle, 2 + i)] - expected).abs() < 1e-9 * expected.max(half), "{i}: {found:?}");
+        assert!((matrix[(middle, 2 + i)] - expected).abs() < 1e-9 * expected.max(half), "{i}: {matrix:?}");
     }
-    assert!((found[(middle, 1)] - moment).abs() < 1e-9 * moment);
+    assert!((matrix[(middle, 1)] - moment).abs() < 1e-9 * moment);
     // By parts: the rate of the cube is three times the mean of the square, in every window.
-    for i in 0..found.nrows() {
-        assert!((found[(i, 3)] - 3.0 * found[(i, 1)]).abs() < 1e-8 * found[(i, 3)].abs(), "{i}");
+    for i in 0..matrix.nrows() {
+        assert!((matrix[(i, 3)] - 3.0 * matrix[(i, 1)]).abs() < 1e-8 * matrix[(i, 3)].abs(), "{i}");
     }
 }
 
@@ -76,23 +76,23 @@ fn waves_have_the_rates_of_their_integrals_at_even_stamps_and_nearly_at_uneven_o
     let columns: [(&str, &dyn Fn(f64) -> f64); 2] = [("s", &|t| (3.0 * t).sin()), ("c", &|t| 3.0 * (3.0 * t).cos())];
     for (stamps, tolerance) in [(even(400, 0.01), 1e-9), (uneven(400, 0.01), 6e-4)] {
         let source = signals(stamps, &columns);
-        let found = windows(&["c"], &["s"], 24, &source);
-        assert_eq!(found.nrows(), (400 - 48_usize).div_ceil(6));
-        let worst = (0..found.nrows()).map(|i| (found[(i, 0)] - found[(i, 1)]).abs()).fold(0.0, f64::max);
+        let matrix = windows(&["c"], &["s"], 24, &source);
+        assert_eq!(matrix.nrows(), (400 - 48_usize).div_ceil(6));
+        let worst = (0..matrix.nrows()).map(|i| (matrix[(i, 0)] - matrix[(i, 1)]).abs()).fold(0.0, f64::max);
         assert!(worst < 3.0 * tolerance, "{worst:e}");
         // What the stamps alone tell of the error is of its size.
-        let told = weak_accuracy(24, &source).unwrap();
-        assert!(worst < 30.0 * told && told < tolerance, "{told:e} for {worst:e}");
+        let accuracy = weak_accuracy(24, &source).unwrap();
+        assert!(worst < 30.0 * accuracy && accuracy < tolerance, "{accuracy:e} for {worst:e}");
     }
 }
 
 #[test]
 fn constants_and_lines_are_exact_at_any_stamps() {
     let source = signals(uneven(300, 0.02), &[("x", &|t| 1e3 + 2.0 * t), ("one", &|_| 7.0)]);
-    let found = windows(&["one"], &["x", "one"], 15, &source);
-    for i in 0..found.nrows() {
-        assert!((found[(i, 0)] - 7.0).abs() < 1e-13, "mean {}", found[(i, 0)]);
-        assert!((found[(i, 1)] - 2.0).abs() < 1e-8 && found[(i, 2)].abs() < 1e-10, "rates");
+    let matrix = windows(&["one"], &["x", "one"], 15, &source);
+    for i in 0..matrix.nrows() {
+        assert!((matrix[(i, 0)] - 7.0).abs() < 1e-13, "mean {}", matrix[(i, 0)]);
+        assert!((matrix[(i, 1)] - 2.0).abs() < 1e-8 && matrix[(i, 2)].abs() < 1e-10, "rates");
     }
 }
 
@@ -143,8 +143,8 @@ fn noise_free_rows_have_the_equations_of_the_system() {
     let source = lorenz(3, 700, 0.005, 0.0, 0.0);
     let plan = SystemPlan::new(lorenz_system(20), None, &source).unwrap();
     assert!(!plan.is_polynomial());
-    let found = scan(&plan, &source);
-    let root = found.root(0);
+    let statistic = scan(&plan, &source);
+    let root = statistic.root(0);
     let solution = least_squares(&root, &root.deviation());
     let functions: Vec<String> = monomials(2).iter().map(Expr::to_string).collect();
     let truth = |function: &str, target: usize| match (function, target) {
@@ -169,16 +169,16 @@ fn noise_free_rows_have_the_equations_of_the_system() {
 fn rows_count_once_and_windows_are_counted_where_their_middles_are() {
     let source = lorenz(2, 401, 0.01, 0.0, 0.1);
     let plan = SystemPlan::new(lorenz_system(16), Some(100), &source).unwrap();
-    let found = scan(&plan, &source);
+    let statistic = scan(&plan, &source);
     // Middles at 0, 4, ..., 400 of 401 rows; those from 16 to 384 have all their rows.
-    let counts = found.counts();
+    let counts = statistic.counts();
     assert_eq!((counts.complete, counts.at_border, counts.incomplete), (2 * 93, 2 * 8, 0));
-    assert_eq!(found.rows(0), 186);
-    assert_eq!(found.also().rows, 802);
+    assert_eq!(statistic.rows(0), 186);
+    assert_eq!(statistic.also().rows, 802);
     // Ranges are those of the rows.
     let rows = rows_of(&states(), &source);
     let most = (0..rows.nrows()).map(|i| rows[(i, 0)]).fold(f64::NEG_INFINITY, f64::max);
-    assert_eq!(found.ranges(0)[0][1], most);
+    assert_eq!(statistic.ranges(0)[0][1], most);
 }
 
 #[test]
@@ -209,11 +209,11 @@ fn a_missing_value_ends_windows_and_so_does_the_end_of_an_episode() {
 fn windows_over_a_border_of_regions_take_part_in_none() {
     let source = lorenz(2, 600, 0.01, 0.0, 0.1);
     let system = System { partition: Some(voronoi()), ..lorenz_system(8) };
-    let found = scan(&SystemPlan::new(system, None, &source).unwrap(), &source);
-    let counts = found.counts();
-    let in_regions: u64 = (0..3).map(|region| found.rows(region)).sum();
-    assert!(found.unassigned() > 0 && in_regions > 0);
-    assert_eq!(in_regions + found.unassigned(), counts.complete);
+    let statistic = scan(&SystemPlan::new(system, None, &source).unwrap(), &source);
+    let counts = statistic.counts();
+    let in_regions: u64 = (0..3).map(|region| statistic.rows(region)).sum();
+    assert!(statistic.unassigned() > 0 && in_regions > 0);
+    assert_eq!(in_regions + statistic.unassigned(), counts.complete);
 }
 
 #[test]
@@ -222,8 +222,8 @@ fn a_window_weighs_as_much_as_its_least_row() {
     let weighted = |weight: &str| {
         let weight = Expr::parse(weight, &Scope::open()).unwrap();
         let system = System { weight: Some(weight), ..lorenz_system(8) };
-        let found = scan(&SystemPlan::new(system, None, &source).unwrap(), &source);
-        (found.rows(0), found.root(0).weight)
+        let statistic = scan(&SystemPlan::new(system, None, &source).unwrap(), &source);
+        (statistic.rows(0), statistic.root(0).weight)
     };
     let (rows, weight) = weighted("2 + 0*w");
     assert_eq!(weight, 2.0 * rows as f64);
