@@ -124,20 +124,20 @@ fn doc(attributes: &[Attribute]) -> String {
 
 /// Value of `#[serde(key = "value")]`.
 fn serde_value(attributes: &[Attribute], key: &str) -> Option<String> {
-    let mut found = None;
+    let mut parsed_value = None;
     for attribute in attributes.iter().filter(|attribute| attribute.path().is_ident("serde")) {
         // Other keys of the same attribute may have any form; what stands before them counts.
         let _ = attribute.parse_nested_meta(|meta| {
             if let Ok(value) = meta.value() {
                 let literal: Lit = value.parse()?;
                 if let (true, Lit::Str(text)) = (meta.path.is_ident(key), literal) {
-                    found = Some(text.value());
+                    parsed_value = Some(text.value());
                 }
             }
             Ok(())
         });
     }
-    found
+    parsed_value
 }
 
 /// A variant's name as serde writes it.

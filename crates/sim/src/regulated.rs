@@ -37,7 +37,7 @@ pub(crate) fn check(regulator: &Regulator, shown: &[&str], commands: &[&str]) ->
 impl Regulated {
     /// A regulator that has passed [`check`].
     pub(crate) fn new(regulator: &Regulator, shown: &[&str], commands: &[&str]) -> Self {
-        let place = |names: &[&str], name: String| names.iter().position(|own| *own == name).unwrap_or(0);
+        let place = |names: &[&str], name: String| names.iter().position(|known| *known == name).unwrap_or(0);
         let reads: Vec<usize> = regulator.reads().into_iter().map(|name| place(shown, name)).collect();
         let drives: Vec<usize> = regulator.drives().into_iter().map(|name| place(commands, name)).collect();
         let (columns, inputs) = (vec![0.0; reads.len()], vec![0.0; drives.len()]);

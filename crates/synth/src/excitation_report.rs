@@ -36,7 +36,7 @@ pub struct Excitation {
 
 fn axes<S: Serializer>(spread: &[(String, Axis)], to: S) -> Result<S::Ok, S::Error> {
     #[derive(Serialize)]
-    struct Told<'a> {
+    struct AxisReport<'a> {
         column: &'a str,
         low: f64,
         high: f64,
@@ -44,7 +44,7 @@ fn axes<S: Serializer>(spread: &[(String, Axis)], to: S) -> Result<S::Ok, S::Err
     }
     let mut list = to.serialize_seq(Some(spread.len()))?;
     for (column, Axis { low, high, bins }) in spread {
-        list.serialize_element(&Told { column, low: *low, high: *high, bins: *bins })?;
+        list.serialize_element(&AxisReport { column, low: *low, high: *high, bins: *bins })?;
     }
     list.end()
 }
@@ -105,12 +105,12 @@ impl Terms {
 
     /// Excitation of the gathered rows.
     pub(super) fn excitation(&self, gathered: &Gathered) -> Excitation {
-        let found = gathered.gram.log_determinant();
+        let determinant = gathered.gram.log_determinant();
         let name = |term: &Term| term.name.clone();
         Excitation {
-            log_determinant: found.value,
+            log_determinant: determinant.value,
             regressors: self.regressors.iter().map(name).collect(),
-            dependent: found.dependent.iter().map(|&term| name(&self.regressors[term])).collect(),
+            dependent: determinant.dependent.iter().map(|&term| name(&self.regressors[term])).collect(),
             nonuniformity: if self.spread.is_empty() { f64::NAN } else { gathered.visits.nonuniformity() },
             spread: self.spread.iter().map(|(_, name, axis)| (name.clone(), *axis)).collect(),
             outside: gathered.visits.outside(),

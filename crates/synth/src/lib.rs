@@ -213,17 +213,17 @@ pub struct RunReport {
 /// `end`: `complete`, `early` or `fault`; where it is one of the latter, `ended_at` (s) and the `reason`.
 fn end<S: Serializer>(end: &End, to: S) -> Result<S::Ok, S::Error> {
     #[derive(Serialize)]
-    struct Told<'a> {
+    struct EndReport<'a> {
         end: &'static str,
         ended_at: Option<f64>,
         reason: Option<&'a str>,
     }
-    let (end, told) = match end {
+    let (end, early) = match end {
         End::Early { seconds, reason } => ("early", Some((*seconds, reason.as_str()))),
         End::Fault { seconds, reason } => ("fault", Some((*seconds, reason.as_str()))),
         _ => ("complete", None),
     };
-    Told { end, ended_at: told.map(|(at, _)| at), reason: told.map(|(_, reason)| reason) }.serialize(to)
+    EndReport { end, ended_at: early.map(|(at, _)| at), reason: early.map(|(_, reason)| reason) }.serialize(to)
 }
 
 /// Generated runs.

@@ -75,7 +75,7 @@ impl<'a> Seconds<'a> {
 
     /// For a run.
     pub(super) fn run(&self) -> RunSeconds<'_> {
-        RunSeconds { of: self, told: 0 }
+        RunSeconds { of: self, reported: 0 }
     }
 }
 
@@ -90,16 +90,16 @@ impl Progress for Quiet<'_> {
 /// Simulated seconds of a run.
 pub(super) struct RunSeconds<'a> {
     of: &'a Seconds<'a>,
-    told: usize,
+    reported: usize,
 }
 
 impl RunSeconds<'_> {
     /// The run has come to this second.
     fn reach(&mut self, second: usize) -> Result<(), Cancelled> {
         let second = second.min(self.of.each);
-        if second > self.told {
-            self.of.progress.advance(second - self.told, self.of.total);
-            self.told = second;
+        if second > self.reported {
+            self.of.progress.advance(second - self.reported, self.of.total);
+            self.reported = second;
             if self.of.progress.cancelled() {
                 return Err(Cancelled);
             }

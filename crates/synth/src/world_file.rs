@@ -13,14 +13,14 @@ pub(super) fn commented(table: &Table, type_name: &str) -> String {
     let mut out = String::new();
     // `a::b::Name` is what the compiler calls it.
     let name = type_name.rsplit("::").next().unwrap_or(type_name);
-    Printer { out: &mut out, told: BTreeSet::new() }.table(table, TypeDoc::named(name), "");
+    Printer { out: &mut out, listed: BTreeSet::new() }.table(table, TypeDoc::named(name), "");
     out
 }
 
 struct Printer<'a> {
     out: &'a mut String,
     /// Enums whose kinds have been listed.
-    told: BTreeSet<&'static str>,
+    listed: BTreeSet<&'static str>,
 }
 
 impl Printer<'_> {
@@ -62,7 +62,7 @@ impl Printer<'_> {
 
     /// `kind = ...`, and, once, the other kinds.
     fn kind(&mut self, kind: &'static TypeDoc, value: &Value) {
-        if self.told.insert(kind.name) {
+        if self.listed.insert(kind.name) {
             for variant in kind.variants {
                 comment(self.out, &format!("{:?}: {}", variant.name, variant.doc));
             }

@@ -93,15 +93,15 @@ mod tests {
         // The mean frequency of second k of the way up is 2.5 + k Hz, and the way back mirrors it.
         for k in 0..20 {
             let expected = if k < 10 { 2.5 + k as f64 } else { 2.5 + (19 - k) as f64 };
-            let found = crossings(&linear, k as f64, (k + 1) as f64) as f64;
-            assert!((found - expected).abs() <= 1.0, "{k}: {found} {expected}");
+            let count = crossings(&linear, k as f64, (k + 1) as f64) as f64;
+            assert!((count - expected).abs() <= 1.0, "{k}: {count} {expected}");
         }
         let logarithmic = Chirp { lowest: 1.0, highest: 16.0, duration: 20.0, ..Chirp::default() };
         // Each of the 4 octaves takes 5 s; the octave from f has 5 f / ln 2 turns.
         for octave in 0..4 {
             let expected = 5.0 * 2f64.powi(octave) / std::f64::consts::LN_2;
-            let found = crossings(&logarithmic, 5.0 * f64::from(octave), 5.0 * f64::from(octave + 1)) as f64;
-            assert!((found - expected).abs() <= 1.0, "{octave}: {found} {expected}");
+            let count = crossings(&logarithmic, 5.0 * f64::from(octave), 5.0 * f64::from(octave + 1)) as f64;
+            assert!((count - expected).abs() <= 1.0, "{octave}: {count} {expected}");
         }
     }
 

@@ -143,8 +143,8 @@ mod tests {
         (0..100_000).for_each(|_| drawn.add(&[signal.draw(&mut random)]));
         for (bin, weight) in weights.iter().enumerate() {
             let expected = 1e5 * weight / weights.iter().sum::<f64>();
-            let found = drawn.counts()[bin] as f64;
-            assert!((found - expected).abs() < 5.0 * expected.sqrt(), "{bin}: {found} {expected}");
+            let count = drawn.counts()[bin] as f64;
+            assert!((count - expected).abs() < 5.0 * expected.sqrt(), "{bin}: {count} {expected}");
         }
     }
 

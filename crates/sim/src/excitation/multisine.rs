@@ -113,8 +113,8 @@ mod tests {
             assert!((variance - 0.49).abs() < 1e-9);
             for harmonic in 1..=60 {
                 let expected = if harmonic <= HARMONICS { 0.49 / HARMONICS as f64 } else { 0.0 };
-                let found = power(&samples, DT, 0.1 * harmonic as f64);
-                assert!((found - expected).abs() < 1e-9, "{harmonic}: {found} {expected}");
+                let measured = power(&samples, DT, 0.1 * harmonic as f64);
+                assert!((measured - expected).abs() < 1e-9, "{harmonic}: {measured} {expected}");
             }
         }
     }

@@ -85,8 +85,8 @@ mod tests {
         // Two octaves and more inside the band's ends, where their bends are hardly felt.
         let frequencies: Vec<f64> = (0..6).map(|k| 0.1 * 2f64.powi(k)).collect();
         let densities: Vec<f64> = frequencies.iter().map(|&f| density(&samples, DT, f, 4000)).collect();
-        let found = slope(&frequencies, &densities);
-        assert!((found + 1.0).abs() < 0.07, "{found}");
+        let exponent = slope(&frequencies, &densities);
+        assert!((exponent + 1.0).abs() < 0.07, "{exponent}");
         // Equal power per octave: f S(f) ln 2 = variance over the number of relaxations.
         for (frequency, density) in frequencies.iter().zip(densities) {
             let octave = frequency * density * std::f64::consts::LN_2;

@@ -104,7 +104,7 @@ mod tests {
             assert!((now.crank_rate[0] - (5.0 * instant).sin()).abs() < 1e-5);
             let rates = before.rates_at_its_instant(&after, step);
             let truth = [1.0, 0.0, 0.0, 0.0, 0.0, growth, 5.0 * (5.0 * instant).cos(), 0.0];
-            let worst = rates.iter().zip(truth).map(|(own, truth)| (own - truth).abs()).fold(0.0, f64::max);
+            let worst = rates.iter().zip(truth).map(|(rate, truth)| (rate - truth).abs()).fold(0.0, f64::max);
             assert!(worst < 1e-4, "{rates:?}");
         }
     }

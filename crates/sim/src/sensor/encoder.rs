@@ -133,15 +133,15 @@ mod tests {
         let mut start = None;
         for sample in 0..30_000 {
             let truth = 100.0 - f64::from(sample) * 0.0123;
-            let found = encoder.sample(truth);
-            assert!(found.code < 16384 && (-PI..PI).contains(&found.angle));
-            let code = found.angle / encoder.resolution();
+            let reading = encoder.sample(truth);
+            assert!(reading.code < 16384 && (-PI..PI).contains(&reading.angle));
+            let code = reading.angle / encoder.resolution();
             assert!((code - code.round()).abs() < 1e-9);
-            let error = truth - 0.3 - found.angle;
+            let error = truth - 0.3 - reading.angle;
             let error = error - (error / TAU).round() * TAU;
             assert!(error.abs() <= encoder.resolution() * 0.5 + 1e-9, "{sample}: {error}");
-            let turns = *start.get_or_insert(truth - 0.3 - found.turned);
-            assert!((truth - 0.3 - found.turned - turns).abs() <= encoder.resolution() * 1.01);
+            let turns = *start.get_or_insert(truth - 0.3 - reading.turned);
+            assert!((truth - 0.3 - reading.turned - turns).abs() <= encoder.resolution() * 1.01);
         }
     }
 

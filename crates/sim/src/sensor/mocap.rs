@@ -271,9 +271,9 @@ mod tests {
         const RATE: f64 = 2.0;
         let faults = MocapFaultParameters { outlier_rate: RATE, ..MocapFaultParameters::default() };
         let parameters = MocapParameters { faults, ..MocapParameters::default() };
-        let found = samples(&parameters, 3, SAMPLES);
+        let readings = samples(&parameters, 3, SAMPLES);
         let (mut outliers, mut near, mut seen) = (0f64, 0f64, 0f64);
-        for (index, sample) in (0..).zip(&found).filter_map(|(index, sample)| sample.map(|sample| (index, sample))) {
+        for (index, sample) in (0..).zip(&readings).filter_map(|(index, sample)| sample.map(|sample| (index, sample))) {
             let distance = (sample.position - at(index).0).length();
             seen += 1.0;
             if sample.outlier {

@@ -196,7 +196,7 @@ impl HexapodTreadmill {
 
     /// Equation (2) as the robot's program has it.
     pub fn drive(&self) -> DifferentialDrive {
-        let or = |given: f64, own: f64| if given > 0.0 { given } else { own };
+        let or = |given: f64, default: f64| if given > 0.0 { given } else { default };
         DifferentialDrive {
             radius: or(self.drive.radius, self.hexapod.effective_radius()),
             width: or(self.drive.width, self.hexapod.track_width()),

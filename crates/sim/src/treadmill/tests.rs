@@ -142,7 +142,7 @@ fn rates_biases_and_flags_are_true() {
     scenario.clocks.robot.skew = 0.0;
     let (log, _) = run(&scenario, 1.0, 4);
     let columns: Vec<String> = scenario.columns().into_iter().map(|column| column.name).collect();
-    let column = |name: &str| columns.iter().position(|own| own == name).unwrap();
+    let column = |name: &str| columns.iter().position(|known| known == name).unwrap();
     // Impacts last shorter than a row, so that some rows differ: half of them lie close.
     for (velocity, rate) in [("wx", "wx_dot"), ("vz", "vz_dot"), ("alpha_l_rate", "alpha_l_rate_dot")] {
         let (velocity, rate) = (column(velocity), column(rate));

@@ -77,9 +77,9 @@ fn a_regulator_keeps_the_treadmill_robot_nearer_to_its_place_than_its_own_contro
             let place = read(&file, &["x", "y"]);
             (rms(&place[0]), rms(&place[1]))
         };
-        let (own, law) = (error(&world, "own"), error(&regulated, "law"));
-        println!("seed {seed}: RMS of x and y, own controller {own:?}, regulator {law:?}");
-        assert!(law.0.hypot(law.1) < 0.5 * own.0.hypot(own.1), "{seed}: {own:?} {law:?}");
+        let (built_in, law) = (error(&world, "own"), error(&regulated, "law"));
+        println!("seed {seed}: RMS of x and y, own controller {built_in:?}, regulator {law:?}");
+        assert!(law.0.hypot(law.1) < 0.5 * built_in.0.hypot(built_in.1), "{seed}: {built_in:?} {law:?}");
     }
 }
 
