@@ -15,7 +15,7 @@ pub struct Autocorrelation {
     lags: Vec<usize>,
     pairs: Vec<Pairs>,
     /// All values with themselves.
-    own: Pairs,
+    squares: Pairs,
     /// The first values, as many as the largest lag: what they make pairs with may stand in the part before.
     first: Vec<f64>,
     /// The last values, in a ring as long as the largest lag.
@@ -62,13 +62,13 @@ impl Autocorrelation {
         let lags: Vec<usize> = lags.iter().map(|&lag| lag.max(1)).collect();
         let length = lags.iter().copied().max().unwrap_or(1);
         let pairs = vec![Pairs::default(); lags.len()];
-        Self { lags, pairs, own: Pairs::default(), first: Vec::new(), recent: vec![f64::NAN; length], next: 0 }
+        Self { lags, pairs, squares: Pairs::default(), first: Vec::new(), recent: vec![f64::NAN; length], next: 0 }
     }
 
     /// The next value.
     pub fn push(&mut self, value: f64) {
         let length = self.recent.len();
-        self.own.add(value, value);
+        self.squares.add(value, value);
         if self.first.len() < length {
             self.first.push(value);
         }
@@ -101,7 +101,7 @@ impl Autocorrelation {
             }
             pairs.merge(others);
         }
-        self.own.merge(&other.own);
+        self.squares.merge(&other.squares);
         let room = length - self.first.len();
         self.first.extend(other.first.iter().take(room));
         // A whole ring of the other replaces this one's; else it has all of its values among its first ones.
@@ -122,7 +122,7 @@ impl Autocorrelation {
 
     /// The covariance of the pairs at each lag over the variance of all values; NaN without pairs, or where the values do not vary.
     pub fn coefficients(&self) -> Vec<f64> {
-        let variance = self.own.covariance();
+        let variance = self.squares.covariance();
         let of = |pairs: &Pairs| if variance > 0.0 { pairs.covariance() / variance } else { f64::NAN };
         self.pairs.iter().map(of).collect()
     }
@@ -158,13 +158,13 @@ mod tests {
             part.iter().for_each(|&value| seen.push(value));
             seen.interrupt();
         }
-        let found = seen.coefficients();
+        let coefficients = seen.coefficients();
         for (place, &lag) in lags.iter().take(4).enumerate() {
             let exact = direct(&parts, lag) / direct(&parts, 0);
-            assert!((found[place] - exact).abs() < 1e-12, "lag {lag}: {} {exact}", found[place]);
+            assert!((coefficients[place] - exact).abs() < 1e-12, "lag {lag}: {} {exact}", coefficients[place]);
         }
         assert_eq!(seen.pairs()[..2], [89 + 87, 88 + 86], "a missing value takes two pairs, an end one");
-        assert!(found[5].is_nan(), "no pairs");
+        assert!(coefficients[5].is_nan(), "no pairs");
     }
 
     proptest! {
@@ -187,7 +187,7 @@ mod tests {
             cuts.sort_unstable();
             cuts.windows(2).for_each(|ends| joined.append(&of(&values[ends[0]..ends[1]])));
             // Sums of whole numbers are exact in any order.
-            prop_assert_eq!((&joined.pairs, &joined.own), (&whole.pairs, &whole.own));
+            prop_assert_eq!((&joined.pairs, &joined.squares), (&whole.pairs, &whole.squares));
             let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
             prop_assert_eq!(bits(&joined.coefficients()), bits(&whole.coefficients()));
             // What follows makes the same pairs.

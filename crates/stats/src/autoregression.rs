@@ -23,7 +23,7 @@ impl Autoregression {
     /// # Panics
     /// When there is no lag 0, or a matrix is not q x q.
     pub fn yule_walker(autocovariances: &[Vec<f64>], q: usize) -> Option<Self> {
-        assert!(autocovariances.iter().all(|own| own.len() == q * q), "q x q autocovariances");
+        assert!(autocovariances.iter().all(|matrix| matrix.len() == q * q), "q x q autocovariances");
         let order = autocovariances.len().checked_sub(1)?;
         // E r_(k-i) r_(k-j)' = Gamma(j - i), and Gamma(-h) = Gamma(h)'.
         let between = |i: usize, j: usize, a: usize, b: usize| match j >= i {
@@ -75,15 +75,15 @@ impl Autoregression {
         let innovation = Mat::from_fn(q, q, |a, b| self.innovation[a * q + b]);
         let inverse = Mat::from_fn(q, q, left).partial_piv_lu().solve(Mat::<f64>::identity(q, q));
         let long = &inverse * innovation * inverse.transpose();
-        let own = |a: usize| if p > 0 { self.stationary[a * p * q + a] } else { self.innovation[a * q + a] };
-        ((0..q).map(|a| long[(a, a)] / own(a)).sum::<f64>() / q as f64).max(1.0)
+        let variance = |a: usize| if p > 0 { self.stationary[a * p * q + a] } else { self.innovation[a * q + a] };
+        ((0..q).map(|a| long[(a, a)] / variance(a)).sum::<f64>() / q as f64).max(1.0)
     }
 
     /// The autoregression of least BIC, `n ln|innovation| + p q^2 ln n`, of the orders that the autocovariances allow: order 0 where rows of n are as good as independent. `None` where the numbers of a row
     /// are not.
     pub fn of_least_bic(autocovariances: &[Vec<f64>], q: usize, rows: f64) -> Option<Self> {
         let orders = (0..autocovariances.len()).map_while(|p| Self::yule_walker(&autocovariances[..=p], q));
-        let price = |own: &Self| rows * own.log_determinant + (own.order() * q * q) as f64 * rows.ln();
+        let price = |model: &Self| rows * model.log_determinant + (model.order() * q * q) as f64 * rows.ln();
         orders.reduce(|best, next| if price(&next) < price(&best) { next } else { best })
     }
 }
@@ -108,9 +108,9 @@ mod tests {
         let mut ahead = all;
         (0..=lags)
             .map(|_| {
-                let own = (0..4).map(|at| ahead[(at / 2, at % 2)]).collect();
+                let block = (0..4).map(|at| ahead[(at / 2, at % 2)]).collect();
                 ahead = &companion * &ahead;
-                own
+                block
             })
             .collect()
     }
@@ -119,14 +119,14 @@ mod tests {
     fn an_autoregression_is_found_again_from_its_autocovariances() {
         let phi = [[0.9, 0.2, -0.1, 0.5], [-0.3, 0.0, 0.1, 0.2]];
         let known = autocovariances(phi, [1.0, 0.3, 0.3, 0.5], 3);
-        let found = Autoregression::yule_walker(&known, 2).expect("a series");
-        assert_eq!(found.order(), 3);
-        for (at, value) in found.coefficients.iter().enumerate() {
+        let estimate = Autoregression::yule_walker(&known, 2).expect("a series");
+        assert_eq!(estimate.order(), 3);
+        for (at, value) in estimate.coefficients.iter().enumerate() {
             let (row, lag, column) = (at / 6, at % 6 / 2, at % 2);
-            let truth = phi.get(lag).map_or(0.0, |own| own[row * 2 + column]);
+            let truth = phi.get(lag).map_or(0.0, |matrix| matrix[row * 2 + column]);
             assert!((value - truth).abs() < 1e-12, "{at}: {value} {truth}");
         }
-        for (value, truth) in found.innovation.iter().zip([1.0, 0.3, 0.3, 0.5]) {
+        for (value, truth) in estimate.innovation.iter().zip([1.0, 0.3, 0.3, 0.5]) {
             assert!((value - truth).abs() < 1e-12, "{value} {truth}");
         }
         // The third lag is worth no numbers.
@@ -139,8 +139,9 @@ mod tests {
     fn an_autoregression_of_first_order_has_its_correlation_time() {
         // (1 + a) / (1 - a) of 0.9 and 0.5.
         let (one, other) = (0.9, 0.5);
-        let found = Autoregression::yule_walker(&[vec![2.0, 0.0, 0.0, 3.0], vec![2.0 * one, 0.0, 0.0, 3.0 * other]], 2);
-        let time = found.expect("a series").correlation_time();
+        let estimate =
+            Autoregression::yule_walker(&[vec![2.0, 0.0, 0.0, 3.0], vec![2.0 * one, 0.0, 0.0, 3.0 * other]], 2);
+        let time = estimate.expect("a series").correlation_time();
         assert!((time - 0.5 * (19.0 + 3.0)).abs() < 1e-12, "{time}");
     }
 

@@ -166,18 +166,18 @@ mod tests {
         let grams: Vec<Gram> = (0..7).map(|k| gram(k, 20 + k)).collect();
         let bank = Bank::new(&grams);
         let weights = Mat::from_fn(7, 40, |k, b| f64::from(u8::from(((b + 1) >> (k % 6)) & 1 == 1)));
-        for (b, found) in bank.combine(weights.as_ref()).iter().enumerate() {
+        for (b, combined) in bank.combine(weights.as_ref()).iter().enumerate() {
             let mut expected = Gram::new(3);
             (0..7).filter(|&k| weights[(k, b)] > 0.0).for_each(|k| expected.merge(&grams[k]));
-            assert_eq!(found.rows, expected.rows);
-            for (a, b) in found.scatter.iter().zip(&expected.scatter) {
+            assert_eq!(combined.rows, expected.rows);
+            for (a, b) in combined.scatter.iter().zip(&expected.scatter) {
                 assert!((a - b).abs() <= 1e-12 * expected.weight, "{a} {b}");
             }
-            for (a, b) in found.mean.iter().zip(&expected.mean) {
+            for (a, b) in combined.mean.iter().zip(&expected.mean) {
                 assert!((a - b).abs() <= 1e-13 * b.abs().max(1.0), "{a} {b}");
             }
             let alone = bank.combine(weights.as_ref().subcols(b, 1)).remove(0);
-            assert_eq!(&alone, found);
+            assert_eq!(&alone, combined);
         }
     }
 
@@ -185,12 +185,12 @@ mod tests {
     fn the_rest_is_the_merge_of_the_others() {
         let grams: Vec<Gram> = (0..7).map(|k| gram(k, 20 + k)).collect();
         let groups = [0, 0, 1, 2, 1, 3, 3];
-        for (group, found) in Bank::new(&grams).without(&groups, 4).iter().enumerate() {
+        for (group, rest) in Bank::new(&grams).without(&groups, 4).iter().enumerate() {
             let mut expected = Gram::new(3);
             (0..7).filter(|&k| groups[k] != group).for_each(|k| expected.merge(&grams[k]));
-            assert_eq!((found.rows, found.weight), (expected.rows, expected.weight));
-            found.scatter.iter().zip(&expected.scatter).for_each(|(a, b)| assert!((a - b).abs() < 1e-10, "{a} {b}"));
-            found.mean.iter().zip(&expected.mean).for_each(|(a, b)| assert!((a - b).abs() <= 1e-13 * b.abs().max(1.0)));
+            assert_eq!((rest.rows, rest.weight), (expected.rows, expected.weight));
+            rest.scatter.iter().zip(&expected.scatter).for_each(|(a, b)| assert!((a - b).abs() < 1e-10, "{a} {b}"));
+            rest.mean.iter().zip(&expected.mean).for_each(|(a, b)| assert!((a - b).abs() <= 1e-13 * b.abs().max(1.0)));
         }
     }
 
@@ -198,12 +198,12 @@ mod tests {
     fn a_count_is_a_repetition() {
         let grams: Vec<Gram> = (0..3).map(|k| gram(k, 30)).collect();
         let counts = [2.0, 0.0, 3.0];
-        let found = Bank::new(&grams).combine(Mat::from_fn(3, 1, |k, _| counts[k]).as_ref()).remove(0);
+        let combined = Bank::new(&grams).combine(Mat::from_fn(3, 1, |k, _| counts[k]).as_ref()).remove(0);
         let mut expected = Gram::new(3);
         for k in [0, 0, 2, 2, 2] {
             expected.merge(&grams[k]);
         }
-        assert_eq!((found.rows, found.weight), (expected.rows, expected.weight));
-        found.scatter.iter().zip(&expected.scatter).for_each(|(a, b)| assert!((a - b).abs() < 1e-10, "{a} {b}"));
+        assert_eq!((combined.rows, combined.weight), (expected.rows, expected.weight));
+        combined.scatter.iter().zip(&expected.scatter).for_each(|(a, b)| assert!((a - b).abs() < 1e-10, "{a} {b}"));
     }
 }

@@ -59,7 +59,7 @@ impl Level {
 
 impl Batch {
     fn joined(self, next: &Self) -> Self {
-        let sums = self.sums.iter().zip(&next.sums).map(|(own, next)| own + next).collect();
+        let sums = self.sums.iter().zip(&next.sums).map(|(sum, next)| sum + next).collect();
         Self { weight: self.weight + next.weight, sums }
     }
 }
@@ -233,7 +233,8 @@ mod tests {
             let weight: f64 = chunks.iter().map(|chunk| chunk.1).sum();
             let mean = chunks.iter().map(|chunk| chunk.1 * chunk.2).sum::<f64>() / weight;
             let error: f64 = chunks.iter().map(|chunk| chunk.1 * chunk.2 * chunk.2).sum();
-            let around: Vec<_> = chunks.iter().map(|&(episode, weight, own)| (episode, weight, own - mean)).collect();
+            let around: Vec<_> =
+                chunks.iter().map(|&(episode, weight, value)| (episode, weight, value - mean)).collect();
             let spread: f64 = around.iter().map(|chunk| chunk.1 * chunk.2 * chunk.2).sum();
             let mut means = BatchMeans::new(1);
             chunks.iter().for_each(|&(episode, weight, mean)| means.add(EpisodeId(episode), weight, &[mean]));
@@ -243,12 +244,12 @@ mod tests {
                 expected,
                 "to the bit: the same sums in the same order"
             );
-            let (found, expected) = (
+            let (effective, expected) = (
                 means.effective_weight_about(&[mean], weight, &[spread]),
                 (weight / tau_of_all(&around, spread)).max(2.0),
             );
             // The mean is taken from sums instead of from rows: rounding of some hundred numbers of like size.
-            assert!((found / expected - 1.0).abs() < 1e-9, "run {run}: {found} {expected}");
+            assert!((effective / expected - 1.0).abs() < 1e-9, "run {run}: {effective} {expected}");
             grew += usize::from(expected < 0.3 * weight);
             assert!(means.levels.len() < 10, "no more than there are bits in the number of chunks");
         }

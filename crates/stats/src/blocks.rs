@@ -20,7 +20,9 @@ pub fn blocks(chunks: impl IntoIterator<Item = (EpisodeId, u64)>) -> Vec<usize> 
         rest[k - 1] = if chunks[k].0 == chunks[k - 1].0 { rest[k] + chunks[k].1 } else { 0 };
     }
     for (k, &(episode, rows)) in chunks.iter().enumerate() {
-        let same = open.is_some_and(|(own, filled)| own == episode && (filled < wanted || rest[k] + rows < wanted));
+        let same = open.is_some_and(|(open_episode, filled)| {
+            open_episode == episode && (filled < wanted || rest[k] + rows < wanted)
+        });
         if !same {
             open = Some((episode, 0));
             next += 1;
@@ -40,15 +42,17 @@ mod tests {
     #[test]
     fn short_chunks_are_joined_and_long_ones_are_not() {
         let chunks = |episodes: &[(usize, u64)]| -> Vec<(EpisodeId, u64)> {
-            let own = |(e, &(count, rows)): (usize, &(usize, u64))| vec![(EpisodeId(e as u128), rows); count];
-            episodes.iter().enumerate().flat_map(own).collect()
+            let chunks_of_episode =
+                |(e, &(count, rows)): (usize, &(usize, u64))| vec![(EpisodeId(e as u128), rows); count];
+            episodes.iter().enumerate().flat_map(chunks_of_episode).collect()
         };
         // 25 rows a block: five chunks; what is left of an episode joins its last block.
-        let found = blocks(chunks(&[(102, 5), (102, 5)]));
-        let sizes: Vec<usize> = (0..=found[203]).map(|b| found.iter().filter(|&&own| own == b).count()).collect();
+        let block_of_chunk = blocks(chunks(&[(102, 5), (102, 5)]));
+        let sizes: Vec<usize> =
+            (0..=block_of_chunk[203]).map(|b| block_of_chunk.iter().filter(|&&block| block == b).count()).collect();
         assert_eq!(sizes.len(), 40);
         assert!(sizes.iter().all(|&size| (5..=7).contains(&size)), "{sizes:?}");
-        assert_ne!(found[101], found[102]);
+        assert_ne!(block_of_chunk[101], block_of_chunk[102]);
         assert_eq!(blocks(chunks(&[(4, 50), (3, 50)])), [0, 1, 2, 3, 4, 5, 6]);
         let long = blocks(chunks(&[(200, 5000)]));
         assert_eq!(long, (0..200).collect::<Vec<_>>());

@@ -150,7 +150,8 @@ mod tests {
     use crate::Stats;
 
     fn keys() -> impl Strategy<Value = Key> {
-        let fold = (any::<u16>(), any::<[Option<u16>; 2]>()).prop_map(|(own, purged)| Fold { own, purged });
+        let fold =
+            (any::<u16>(), any::<[Option<u16>; 2]>()).prop_map(|(held_out, purged)| Fold { own: held_out, purged });
         (any::<u128>(), any::<u32>(), fold, any::<u16>(), any::<u32>()).prop_map(
             |(episode, chunk, fold, partition, region)| Key {
                 episode: EpisodeId(episode),

@@ -48,17 +48,17 @@ impl PivotedCholesky {
 
     fn factored(p: usize, d: usize, entry: impl Fn(usize, usize) -> f64, floor: &[f64], good: f64) -> Self {
         let diagonal: Vec<f64> = (0..d).map(|k| entry(k, k)).collect();
-        let mut found =
+        let mut cholesky =
             Self { order: Vec::with_capacity(p), factor: Slab::zeros(p, d), left: diagonal.clone(), least: 1.0 };
         let mut open: Vec<usize> = (0..p).collect();
-        let mut next = |found: &mut Self, open: &mut Vec<usize>| found.next(open, &diagonal, floor, good);
+        let mut next = |cholesky: &mut Self, open: &mut Vec<usize>| cholesky.next(open, &diagonal, floor, good);
         if p >= MANY_COLUMNS {
-            found.by_panels(&mut open, p, entry, &mut next);
-            return found;
+            cholesky.by_panels(&mut open, p, entry, &mut next);
+            return cholesky;
         }
-        while let Some(pivot) = next(&mut found, &mut open) {
+        while let Some(pivot) = next(&mut cholesky, &mut open) {
             fleetfoot_data::arch().dispatch(Eliminate {
-                found: &mut found,
+                cholesky: &mut cholesky,
                 entry: &entry,
                 pivot,
                 open: &open,
@@ -66,7 +66,7 @@ impl PivotedCholesky {
                 from: 0,
             });
         }
-        found
+        cholesky
     }
 
     /// Takes the next pivot out of the open columns, the first of them where it is as good as a part `good` of the best; `None` where no more than its floor is
@@ -100,7 +100,7 @@ impl PivotedCholesky {
             for _ in 0..PANEL {
                 let Some(pivot) = next(self, open) else { return };
                 let entry = |i: usize, j: usize| left.entry(i, j);
-                fleetfoot_data::arch().dispatch(Eliminate { found: self, entry: &entry, pivot, open, p, from });
+                fleetfoot_data::arch().dispatch(Eliminate { cholesky: self, entry: &entry, pivot, open, p, from });
             }
             checkpoint();
             left = left.after(open, behind.clone(), |j| &self.factor.column(j)[from..from + PANEL]);
@@ -115,7 +115,7 @@ impl PivotedCholesky {
 
 /// One row of the factor: its pivot, and the entries of the columns that are open or stand behind the first p.
 struct Eliminate<'a, E> {
-    found: &'a mut PivotedCholesky,
+    cholesky: &'a mut PivotedCholesky,
     entry: &'a E,
     pivot: usize,
     open: &'a [usize],
@@ -129,20 +129,20 @@ impl<E: Fn(usize, usize) -> f64> WithSimd for Eliminate<'_, E> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { found, entry, pivot, open, p, from } = self;
-        let row = found.order.len();
-        let root = found.left[pivot].sqrt();
+        let Self { cholesky, entry, pivot, open, p, from } = self;
+        let row = cholesky.order.len();
+        let root = cholesky.left[pivot].sqrt();
         let known = padded(row);
-        let above = found.factor.column(pivot)[from..known].to_vec();
-        for j in open.iter().copied().chain(p..found.left.len()) {
-            let column = found.factor.column_mut(j);
+        let above = cholesky.factor.column(pivot)[from..known].to_vec();
+        for j in open.iter().copied().chain(p..cholesky.left.len()) {
+            let column = cholesky.factor.column_mut(j);
             let value = (entry(pivot, j) - dot_in(simd, &above, &column[from..known])) / root;
             column[row] = value;
-            found.left[j] -= value * value;
+            cholesky.left[j] -= value * value;
         }
-        found.factor.column_mut(pivot)[row] = root;
-        found.left[pivot] = 0.0;
-        found.order.push(pivot);
+        cholesky.factor.column_mut(pivot)[row] = root;
+        cholesky.left[pivot] = 0.0;
+        cholesky.order.push(pivot);
     }
 }
 
@@ -180,14 +180,14 @@ impl Remainder {
         let columns: Vec<usize> = open.iter().copied().chain(behind).collect();
         let panel = Mat::from_fn(PANEL, columns.len(), |row, at| rows(columns[at])[row]);
         let stride = self.values.stride();
-        let own = &mut self.values.values[done * stride..(done + open.len()) * stride];
-        parallel_pieces(own, COLUMNS_AT_ONCE * stride, |piece, values| {
+        let open_columns = &mut self.values.values[done * stride..(done + open.len()) * stride];
+        parallel_pieces(open_columns, COLUMNS_AT_ONCE * stride, |piece, values| {
             let (first, width) = (piece * COLUMNS_AT_ONCE, values.len() / stride);
             let count = columns.len() - first;
             let below = MatMut::from_column_major_slice_mut(values, stride, width);
-            let (all, own) = (panel.as_ref().subcols(first, count), panel.as_ref().subcols(first, width));
+            let (all, panel_columns) = (panel.as_ref().subcols(first, count), panel.as_ref().subcols(first, width));
             let below = below.submatrix_mut(done + first, 0, count, width);
-            matmul(below, Accum::Add, all.transpose(), own, -1.0, Par::Seq);
+            matmul(below, Accum::Add, all.transpose(), panel_columns, -1.0, Par::Seq);
         });
         self.done = done;
         self
@@ -207,8 +207,9 @@ impl Remainder {
                 }
                 let below = MatMut::from_column_major_slice_mut(values, stride, width);
                 let below = below.submatrix_mut(first, 0, count - first, width);
-                let (all, own) = (panel.as_ref().subcols(first, count - first), panel.as_ref().subcols(first, width));
-                matmul(below, Accum::Add, all.transpose(), own, -1.0, Par::Seq);
+                let (all, panel_columns) =
+                    (panel.as_ref().subcols(first, count - first), panel.as_ref().subcols(first, width));
+                matmul(below, Accum::Add, all.transpose(), panel_columns, -1.0, Par::Seq);
                 Vec::<()>::new()
             });
             left
@@ -234,18 +235,18 @@ mod tests {
             let columns: Vec<Vec<f64>> = (0..d).map(|j| (0..n).map(|i| x(i, j)).collect()).collect();
             let product = |a: usize, b: usize| columns[a].iter().zip(&columns[b]).map(|(a, b)| a * b).sum::<f64>();
             let floor: Vec<f64> = (0..p).map(|k| 1e-10 * product(k, k)).collect();
-            let found = PivotedCholesky::new(p, d, product, &floor);
-            assert_eq!(found.rank(), n.min(p));
+            let cholesky = PivotedCholesky::new(p, d, product, &floor);
+            assert_eq!(cholesky.rank(), n.min(p));
             let made = |a: usize, b: usize| -> f64 {
-                found.factor.column(a).iter().zip(found.factor.column(b)).map(|(a, b)| a * b).sum()
+                cholesky.factor.column(a).iter().zip(cholesky.factor.column(b)).map(|(a, b)| a * b).sum()
             };
             for a in (0..d).step_by(7) {
-                for &b in found.order.iter().step_by(5) {
+                for &b in cholesky.order.iter().step_by(5) {
                     assert!((made(a, b) - product(a, b)).abs() < 1e-10 * n as f64, "{a} {b}");
                 }
             }
-            for (at, &column) in found.order.iter().enumerate() {
-                assert!(found.factor.column(column)[at + 1..].iter().all(|&entry| entry == 0.0));
+            for (at, &column) in cholesky.order.iter().enumerate() {
+                assert!(cholesky.factor.column(column)[at + 1..].iter().all(|&entry| entry == 0.0));
             }
         }
     }
@@ -257,20 +258,21 @@ mod tests {
         let x = |i: usize, j: usize| if j == 4 { value(i, 1) + value(i, 9) } else { value(i, j) };
         let product = |a: usize, b: usize| (0..n).map(|i| x(i, a) * x(i, b)).sum::<f64>();
         let floor: Vec<f64> = (0..p).map(|k| 1e-12 * product(k, k)).collect();
-        let found = PivotedCholesky::new(p, d, product, &floor);
-        assert_eq!(found.rank(), 10);
-        assert!([1, 4, 9].iter().any(|j| !found.order.contains(j)));
+        let cholesky = PivotedCholesky::new(p, d, product, &floor);
+        assert_eq!(cholesky.rank(), 10);
+        assert!([1, 4, 9].iter().any(|j| !cholesky.order.contains(j)));
         for a in 0..d {
             for b in 0..p {
-                let made: f64 = (0..found.rank()).map(|k| found.factor.column(a)[k] * found.factor.column(b)[k]).sum();
+                let made: f64 =
+                    (0..cholesky.rank()).map(|k| cholesky.factor.column(a)[k] * cholesky.factor.column(b)[k]).sum();
                 assert!((made - product(a, b)).abs() < 1e-12 * n as f64, "{a} {b}: {made} {}", product(a, b));
             }
-            let made: f64 = (0..found.rank()).map(|k| found.factor.column(a)[k].powi(2)).sum();
-            assert!((found.left[a] - (product(a, a) - made)).abs() < 1e-12 * n as f64);
+            let made: f64 = (0..cholesky.rank()).map(|k| cholesky.factor.column(a)[k].powi(2)).sum();
+            assert!((cholesky.left[a] - (product(a, a) - made)).abs() < 1e-12 * n as f64);
         }
         // In the order of the pivots it is triangular.
-        for (at, &column) in found.order.iter().enumerate() {
-            assert!(found.factor.column(column)[at + 1..].iter().all(|&entry| entry == 0.0));
+        for (at, &column) in cholesky.order.iter().enumerate() {
+            assert!(cholesky.factor.column(column)[at + 1..].iter().all(|&entry| entry == 0.0));
         }
         // By panels the pivots are the same.
         let mut other = PivotedCholesky {
@@ -282,8 +284,8 @@ mod tests {
         let diagonal = other.left.clone();
         let mut next = |other: &mut PivotedCholesky, open: &mut Vec<usize>| other.next(open, &diagonal, &floor, 1.0);
         other.by_panels(&mut (0..p).collect(), p, product, &mut next);
-        assert_eq!((&other.order, other.factor.column(2)), (&found.order, found.factor.column(2)));
-        let last = found.factor.column(found.order[9])[9].powi(2) / product(found.order[9], found.order[9]);
-        assert!((found.least / last - 1.0).abs() < 1e-6);
+        assert_eq!((&other.order, other.factor.column(2)), (&cholesky.order, cholesky.factor.column(2)));
+        let last = cholesky.factor.column(cholesky.order[9])[9].powi(2) / product(cholesky.order[9], cholesky.order[9]);
+        assert!((cholesky.least / last - 1.0).abs() < 1e-6);
     }
 }

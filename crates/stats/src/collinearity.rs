@@ -43,15 +43,15 @@ impl Gram {
             self.get(i, j) / self.weight / (deviation[i] * deviation[j])
         });
         // Of a symmetric matrix without negative eigenvalues these are the singular values.
-        let found = svd(correlation.as_ref())?;
+        let factors = svd(correlation.as_ref())?;
         // What is below the rounding of the correlations is as good as zero.
         let least = m as f64 * f64::EPSILON;
         let harm =
-            |direction: usize, column: usize| found.v[(column, direction)].powi(2) / found.s[direction].max(least);
+            |direction: usize, column: usize| factors.v[(column, direction)].powi(2) / factors.s[direction].max(least);
         let all: Vec<f64> = (0..m).map(|column| (0..m).map(|direction| harm(direction, column)).sum()).collect();
         let shares = |direction: usize| (0..m).map(|column| harm(direction, column) / all[column]).collect();
         let proportions = (0..m).map(shares).collect();
-        let eigenvalues = found.s.iter().map(|&value| if value > least { value } else { 0.0 }).collect();
+        let eigenvalues = factors.s.iter().map(|&value| if value > least { value } else { 0.0 }).collect();
         Some(Collinearity { columns, eigenvalues, inflation: all, proportions })
     }
 }
@@ -78,11 +78,11 @@ impl Collinearity {
         for &direction in &weak {
             // Several weak directions may part the variance of a coefficient among them.
             let joint = |column: usize| weak.iter().map(|&k| self.proportions[k][column]).sum::<f64>();
-            let own = |&column: &usize| {
+            let takes_part = |&column: &usize| {
                 joint(column) > share && self.proportions[direction][column] > share / weak.len() as f64
             };
             let mut group: Vec<usize> =
-                (0..self.columns.len()).filter(own).map(|column| self.columns[column]).collect();
+                (0..self.columns.len()).filter(takes_part).map(|column| self.columns[column]).collect();
             while let Some(at) = groups.iter().position(|other| other.iter().any(|column| group.contains(column))) {
                 group.extend(groups.remove(at));
             }
@@ -109,7 +109,7 @@ mod tests {
         vec![a, b, c, sum, vec![2.5; 64]]
     }
 
-    fn found(rest: f64) -> Collinearity {
+    fn of_rest(rest: f64) -> Collinearity {
         let columns = columns(rest);
         let views: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
         Gram::of_columns(&views, None).collinearity().unwrap()
@@ -117,26 +117,26 @@ mod tests {
 
     #[test]
     fn eigenvalues_are_those_of_the_correlations() {
-        let found = found(0.0);
-        assert_eq!(found.columns, [0, 1, 2, 3], "the constant column is left out");
+        let weakest = of_rest(0.0);
+        assert_eq!(weakest.columns, [0, 1, 2, 3], "the constant column is left out");
         // Correlations of the sum with its parts: 1/sqrt(2). Of that block the eigenvalues are 2, 1 and 0.
-        for (value, exact) in found.eigenvalues.iter().zip([2.0, 1.0, 1.0, 0.0]) {
-            assert!((value - exact).abs() < 1e-14, "{:?}", found.eigenvalues);
+        for (value, exact) in weakest.eigenvalues.iter().zip([2.0, 1.0, 1.0, 0.0]) {
+            assert!((value - exact).abs() < 1e-14, "{:?}", weakest.eigenvalues);
         }
-        assert_eq!(found.log_determinant(), f64::NEG_INFINITY);
-        assert_eq!(found.together(30.0, 0.5), [vec![0, 1, 3]]);
+        assert_eq!(weakest.log_determinant(), f64::NEG_INFINITY);
+        assert_eq!(weakest.together(30.0, 0.5), [vec![0, 1, 3]]);
     }
 
     #[test]
     fn what_moves_together_is_named_and_nothing_else() {
-        let weak = found(1e-2);
+        let weak = of_rest(1e-2);
         assert!(weak.index(3) > 100.0 && weak.index(3) < 300.0, "{}", weak.index(3));
         assert_eq!(weak.together(30.0, 0.5), [vec![0, 1, 3]]);
         for column in 0..4 {
             let sum: f64 = weak.proportions.iter().map(|shares| shares[column]).sum();
             assert!((sum - 1.0).abs() < 1e-12);
         }
-        let strong = found(2.0);
+        let strong = of_rest(2.0);
         assert!(strong.together(30.0, 0.5).is_empty());
         // Of two columns alone the factor is 1 over 1 less the square of their correlation.
         let pair = |angle: f64| {

@@ -166,7 +166,7 @@ mod tests {
             let problem = root.compressed(constant);
             let p = problem.columns();
             let b = beta.as_ref().get(..p, ..);
-            let found = problem.error(b);
+            let error = problem.error(b);
             for t in 0..2 {
                 let direct: f64 = (0..60)
                     .map(|i| {
@@ -175,7 +175,7 @@ mod tests {
                         (x[(i, 3 + t)] - (0..p).map(|j| value(j) * b[(j, t)]).sum::<f64>()).powi(2)
                     })
                     .sum();
-                assert!((found[t] - direct).abs() < 1e-10 * direct, "{} {direct}", found[t]);
+                assert!((error[t] - direct).abs() < 1e-10 * direct, "{} {direct}", error[t]);
             }
             assert_eq!(problem.select(&columns).columns(), p);
         }

@@ -96,14 +96,14 @@ mod tests {
         let fall = |episode, chunk, row| {
             (episode == 7 && (chunk == 41 || chunk == 42 && row < 3)).then_some([90.0, -90.0][row % 2])
         };
-        let found = of(&sums(100, fall)).unwrap();
-        assert_eq!((found.place, found.rows), ((EpisodeId(7), 410..420), 0.005));
+        let fall = of(&sums(100, fall)).unwrap();
+        assert_eq!((fall.place, fall.rows), ((EpisodeId(7), 410..420), 0.005));
         // 10 of 13 such rows, beside 1,987 of one.
         let expected = 81_000.0 / (13.0 * 8100.0 + 1987.0);
-        assert!((found.squares - expected).abs() < 1e-3, "{} {expected}", found.squares);
+        assert!((fall.squares - expected).abs() < 1e-3, "{} {expected}", fall.squares);
         let wider = |episode, chunk, row| (episode == 3 && chunk < 4).then_some([90.0, -90.0][row % 2]);
-        let found = of(&sums(100, wider)).unwrap();
-        assert_eq!((found.place, found.rows), ((EpisodeId(3), 0..30), 0.015));
+        let fall = of(&sums(100, wider)).unwrap();
+        assert_eq!((fall.place, fall.rows), ((EpisodeId(3), 0..30), 0.015));
         // One in 25 rows is not few, and a constant has no variance.
         assert_eq!(of(&sums(100, |_, chunk, row| (chunk < 5).then_some([90.0, -90.0][row % 2]))).map(|c| c.rows), None);
         assert_eq!(of(&sums(100, |_, _, _| Some(2.0))), None);

@@ -242,9 +242,9 @@ impl<'a> Centre<'a> {
             let (b, t) = unit(i);
             -(tau * (self.values[(b, t)] - self.wanted[(b, t)]) + 2.0 * B[(t, b)])
         });
-        let found = hessian.llt(Side::Lower).ok()?.solve(&slope);
-        let decrement = (0..s * q).map(|i| slope[(i, 0)] * found[(i, 0)]).sum::<f64>();
-        let direction = Mat::from_fn(s, q, |b, t| found[(t * s + b, 0)]);
+        let newton_step = hessian.llt(Side::Lower).ok()?.solve(&slope);
+        let decrement = (0..s * q).map(|i| slope[(i, 0)] * newton_step[(i, 0)]).sum::<f64>();
+        let direction = Mat::from_fn(s, q, |b, t| newton_step[(t * s + b, 0)]);
         decrement.is_finite().then(|| Step { direction, decrement: decrement.max(0.0).sqrt() })
     }
 

@@ -43,7 +43,7 @@ fn incomplete_beta([x, y]: [f64; 2], [a, b]: [f64; 2]) -> f64 {
 fn fraction(x: f64, a: f64, b: f64) -> f64 {
     const TINY: f64 = 1e-300;
     let away = |value: f64| if value == 0.0 { TINY } else { value };
-    let (mut found, mut numerators, mut denominators) = (TINY, TINY, 0.0);
+    let (mut value, mut numerators, mut denominators) = (TINY, TINY, 0.0);
     for term in 0..TERMS {
         let m = (term / 2) as f64;
         let d = match term {
@@ -54,12 +54,12 @@ fn fraction(x: f64, a: f64, b: f64) -> f64 {
         denominators = 1.0 / away(1.0 + d * denominators);
         numerators = away(1.0 + d / numerators);
         let ratio = numerators * denominators;
-        found *= ratio;
+        value *= ratio;
         if (ratio - 1.0).abs() < CONVERGED {
             break;
         }
     }
-    found
+    value
 }
 
 /// `ln Gamma(x)` for `x > 0`: Stirling's series (Abramowitz and Stegun, equation 6.1.41) from 12 on, where its first term left out is below 1e-16 of it, and the
@@ -87,8 +87,8 @@ mod tests {
         for below in [1.0, 2.0, 7.0, 40.5, 1e4] {
             for value in [1e-6, 0.3, 1.0, 2.5, 40.0] {
                 let exact = (-0.5 * below * f64::ln_1p(2.0 * value / below)).exp();
-                let found = f_tail(value, [2.0, below]);
-                assert!((found / exact - 1.0).abs() < 1e-11, "{below} {value}: {found} {exact}");
+                let tail = f_tail(value, [2.0, below]);
+                assert!((tail / exact - 1.0).abs() < 1e-11, "{below} {value}: {tail} {exact}");
             }
         }
     }
@@ -103,8 +103,8 @@ mod tests {
                 let trials = a + b - 1;
                 let choose = |k: i32| (0..k).map(|i| f64::from(trials - i) / f64::from(i + 1)).product::<f64>();
                 let exact: f64 = (a..=trials).map(|k| choose(k) * x.powi(k) * (1.0 - x).powi(trials - k)).sum();
-                let found = f_tail(value, [above, below]);
-                assert!((found - exact).abs() < 1e-12 * exact.max(1e-3), "{a} {b} {value}: {found} {exact}");
+                let tail = f_tail(value, [above, below]);
+                assert!((tail - exact).abs() < 1e-12 * exact.max(1e-3), "{a} {b} {value}: {tail} {exact}");
             }
         }
     }
@@ -132,8 +132,8 @@ mod tests {
         let mut factorial = 1.0;
         for n in 1..30 {
             factorial *= f64::from(n);
-            let (found, exact) = (ln_gamma(f64::from(n) + 1.0), f64::ln(factorial));
-            assert!((found - exact).abs() < 1e-13 * exact.max(1.0), "{n}: {found} {exact}");
+            let (value, exact) = (ln_gamma(f64::from(n) + 1.0), f64::ln(factorial));
+            assert!((value - exact).abs() < 1e-13 * exact.max(1.0), "{n}: {value} {exact}");
         }
         assert!((ln_gamma(0.5) - 0.5 * std::f64::consts::PI.ln()).abs() < 1e-14);
     }

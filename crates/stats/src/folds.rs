@@ -83,11 +83,11 @@ pub enum FoldError {
     },
     /// One episode cannot be left out and fitted on.
     #[error(
-        "leaving every episode out once needs 2 episodes or more, and there is {found}: {given_folds} cuts it into spans instead", given_folds = FOLDS.to(10)
+        "leaving every episode out once needs 2 episodes or more, and there is {episodes}: {given_folds} cuts it into spans instead", given_folds = FOLDS.to(10)
     )]
     Episodes {
         /// Number of episodes that have rows.
-        found: usize,
+        episodes: usize,
     },
     /// A fold would hold out nothing.
     #[error(
@@ -167,11 +167,14 @@ impl FoldLayout {
         purge: Purge,
     ) -> Result<Self, FoldError> {
         let mut rows: BTreeMap<EpisodeId, usize> = BTreeMap::new();
-        episodes.into_iter().filter(|(_, rows)| *rows > 0).for_each(|(id, own)| *rows.entry(id).or_insert(0) += own);
+        episodes
+            .into_iter()
+            .filter(|(_, rows)| *rows > 0)
+            .for_each(|(id, count)| *rows.entry(id).or_insert(0) += count);
         let (episodes, longest) = (rows.len(), rows.values().copied().max().unwrap_or(0));
         let count = match rule {
             FoldRule::Count(count) => count,
-            FoldRule::Episodes if episodes < 2 => return Err(FoldError::Episodes { found: episodes }),
+            FoldRule::Episodes if episodes < 2 => return Err(FoldError::Episodes { episodes }),
             FoldRule::Episodes => episodes,
             FoldRule::Auto if rows.values().sum::<usize>() >= USUAL_FOLDS * ROWS => USUAL_FOLDS,
             FoldRule::Auto => FEWER,
@@ -218,13 +221,13 @@ impl FoldLayout {
     pub fn pieces(&self, episode: EpisodeId, rows: usize) -> Vec<(Range<usize>, Fold)> {
         let spans = self.spans(episode, rows);
         let mut pieces = Vec::with_capacity(3 * spans.len());
-        for (at, (span, own)) in spans.iter().enumerate() {
+        for (at, (span, fold)) in spans.iter().enumerate() {
             let gap = self.gap(&spans, at);
             let mut cuts = [span.start, gap.start, gap.end, span.end];
             cuts.sort_unstable();
             for pair in cuts.windows(2).filter(|pair| pair[0] < pair[1]) {
                 let purged = self.neighbours(&spans, at, &(pair[0]..pair[1]));
-                pieces.push((pair[0]..pair[1], Fold { own: *own, purged }));
+                pieces.push((pair[0]..pair[1], Fold { own: *fold, purged }));
             }
         }
         pieces
@@ -333,7 +336,7 @@ mod tests {
             for (id, rows) in episodes(&[512, 512]) {
                 let cut = layout.spans(id, rows);
                 assert_eq!(cut.len(), spans, "{rule:?}");
-                assert!(cut.iter().enumerate().all(|(at, (_, own))| usize::from(*own) == at % usize::from(folds)));
+                assert!(cut.iter().enumerate().all(|(at, (_, fold))| usize::from(*fold) == at % usize::from(folds)));
             }
         }
         let whole = layout(FoldRule::Episodes, &[512, 512], Purge::TENTH);
@@ -346,7 +349,7 @@ mod tests {
         let new = |rule, lengths: &[usize]| FoldLayout::new(rule, episodes(lengths), Purge::TENTH).unwrap_err();
         assert_eq!(new(FoldRule::Count(1), &[100]), FoldError::Count { count: 1 });
         assert_eq!(new(FoldRule::Count(70_000), &[100]), FoldError::Count { count: 70_000 });
-        assert_eq!(new(FoldRule::Episodes, &[100, 0]), FoldError::Episodes { found: 1 });
+        assert_eq!(new(FoldRule::Episodes, &[100, 0]), FoldError::Episodes { episodes: 1 });
         let rows = FoldError::Rows { folds: 200, spans: 200, episodes: 2, rows: 100 };
         assert_eq!(new(FoldRule::Count(200), &[100, 50]), rows);
     }

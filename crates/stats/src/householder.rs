@@ -334,8 +334,8 @@ pub(crate) fn condition_of<'r>(column: impl Fn(usize) -> &'r [f64], n: usize) ->
         let mut x = Mat::from_fn(n, 1, |i, _| start(i));
         for round in 0..12 {
             checkpoint();
-            let (own, last) = (norm(x.col_as_slice(0)), *growth);
-            x.col_as_slice_mut(0).iter_mut().for_each(|value| *value /= own);
+            let (column_norm, last) = (norm(x.col_as_slice(0)), *growth);
+            x.col_as_slice_mut(0).iter_mut().for_each(|value| *value /= column_norm);
             if which == 0 {
                 multiply_both(unit, &length, x.col_as_slice_mut(0));
             } else {
@@ -416,13 +416,13 @@ mod tests {
     #[test]
     fn pivoting_finds_the_rank_and_the_condition_is_near() {
         let a = Mat::from_fn(6, 4, |i, j| if j == 2 { value(i, 0) - 2.0 * value(i, 1) } else { value(i, j) });
-        let found = pivoted_qr(&a, &Mat::from_fn(6, 1, |i, _| value(i, 0)), 1e-12);
-        assert_eq!(found.rank, 3);
+        let factored = pivoted_qr(&a, &Mat::from_fn(6, 1, |i, _| value(i, 0)), 1e-12);
+        assert_eq!(factored.rank, 3);
         for k in 0..4 {
             for l in 0..4 {
-                let (u, v) = (found.order[k], found.order[l]);
+                let (u, v) = (factored.order[k], factored.order[l]);
                 let direct: f64 = (0..6).map(|i| a[(i, u)] * a[(i, v)]).sum();
-                let factored: f64 = (0..3).map(|i| found.r[(i, k)] * found.r[(i, l)]).sum();
+                let factored: f64 = (0..3).map(|i| factored.r[(i, k)] * factored.r[(i, l)]).sum();
                 assert!((direct - factored).abs() < 1e-13);
             }
         }
@@ -431,13 +431,13 @@ mod tests {
         let wave = |i: usize, k: usize| (0.731 * (i * (2 * k + 3)) as f64).sin();
         let of = |i: usize, j: usize| (0..rank).map(|k| wave(i, k) * wave(j, k + 1)).sum::<f64>();
         let wide = Mat::from_fn(m, p, of);
-        let found = pivoted_qr(&wide, &Mat::zeros(m, 0), 1e-9);
-        assert_eq!(found.rank, rank);
+        let factored = pivoted_qr(&wide, &Mat::zeros(m, 0), 1e-9);
+        assert_eq!(factored.rank, rank);
         for k in (0..p).step_by(17) {
             for l in (0..p).step_by(13) {
-                let (u, v) = (found.order[k], found.order[l]);
+                let (u, v) = (factored.order[k], factored.order[l]);
                 let direct: f64 = (0..m).map(|i| wide[(i, u)] * wide[(i, v)]).sum();
-                let factored: f64 = (0..rank).map(|i| found.r[(i, k)] * found.r[(i, l)]).sum();
+                let factored: f64 = (0..rank).map(|i| factored.r[(i, k)] * factored.r[(i, l)]).sum();
                 assert!((direct - factored).abs() < 1e-10 * direct.abs().max(1.0), "{direct} {factored}");
             }
         }

@@ -203,9 +203,9 @@ impl Slab {
         fill: impl Fn(usize, &mut [f64]) -> Vec<R> + Sync,
     ) -> Vec<R> {
         let at_once = at_once.max(1);
-        let found =
+        let filled =
             parallel_pieces(&mut self.values, at_once * self.stride, |piece, values| fill(piece * at_once, values));
-        found.into_iter().flatten().collect()
+        filled.into_iter().flatten().collect()
     }
 }
 

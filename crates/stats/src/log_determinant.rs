@@ -87,10 +87,13 @@ mod tests {
             4 => 2.0 * x[(i, 0)] - x[(i, 2)] + 1.0,
             _ => x[(i, j)],
         });
-        let found = Gram::of_rows(bound.as_ref(), None).log_determinant();
-        assert_eq!(found.value, f64::NEG_INFINITY);
-        assert_eq!(found.dependent.len(), 2);
-        assert!(found.dependent.contains(&1) && found.dependent.iter().any(|j| [0, 2, 4].contains(j)), "{found:?}");
+        let determinant = Gram::of_rows(bound.as_ref(), None).log_determinant();
+        assert_eq!(determinant.value, f64::NEG_INFINITY);
+        assert_eq!(determinant.dependent.len(), 2);
+        assert!(
+            determinant.dependent.contains(&1) && determinant.dependent.iter().any(|j| [0, 2, 4].contains(j)),
+            "{determinant:?}"
+        );
         assert_eq!(Gram::new(2).log_determinant().dependent, [0, 1]);
     }
 }

@@ -148,9 +148,9 @@ impl Grid {
 }
 
 /// The hash of a plan: `told` says columns, library, targets, partitions and grid; the preconditioner is part of it.
-pub fn plan_hash(told: &[u8], preconditioner: &Preconditioner) -> String {
+pub fn plan_hash(description: &[u8], preconditioner: &Preconditioner) -> String {
     let mut hasher = blake3::Hasher::new();
-    hasher.update(told);
+    hasher.update(description);
     hasher.update(&preconditioner.to_bytes());
     hasher.finalize().to_hex()[..32].to_owned()
 }
@@ -175,11 +175,11 @@ mod tests {
             [(&[100, 7, 0, 53][..], 10, 2), (&[1000, 999], 10, 40), (&[5], 3, 1), (&[30; 12], 4, 5)]
         {
             let episodes = episodes(lengths);
-            let own = || episodes.iter().map(|episode| (episode.id, episode.rows));
+            let rows = || episodes.iter().map(|episode| (episode.id, episode.rows));
             let grid = Grid { chunk_rows: 16 };
             let mut cuts = vec![grid.chunks(&episodes)];
             // Five rows are too few for three folds.
-            if let Ok(layout) = FoldLayout::new(FoldRule::Count(folds), own(), Purge::Exactly(purge)) {
+            if let Ok(layout) = FoldLayout::new(FoldRule::Count(folds), rows(), Purge::Exactly(purge)) {
                 cuts.push(grid.chunks_in(&layout, &episodes));
             }
             assert_eq!(cuts.len(), 1 + usize::from(lengths != [5]));

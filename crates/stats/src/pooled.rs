@@ -25,24 +25,24 @@ impl SquareRoot {
         let parts: Vec<&(&SquareRoot, Features)> = parts.iter().filter(|(root, _)| root.weight > 0.0).collect();
         let (first, features) = parts.first()?;
         let (k, q) = (features.constant.len(), first.targets());
-        let agree = |(root, own): &&(&SquareRoot, Features)| root.targets() == q && own.constant.len() == k;
+        let agree = |(root, features): &&(&SquareRoot, Features)| root.targets() == q && features.constant.len() == k;
         assert!(parts.iter().all(agree), "as many features and targets in every part");
         let weight: f64 = parts.iter().map(|(root, _)| root.weight).sum();
-        let means: Vec<Vec<f64>> = parts.iter().map(|(root, own)| own.of(&root.mean_x)).collect();
+        let means: Vec<Vec<f64>> = parts.iter().map(|(root, features)| features.of(&root.mean_x)).collect();
         let mean_of = |value: &dyn Fn(usize) -> f64| {
             parts.iter().enumerate().map(|(at, (root, _))| root.weight / weight * value(at)).sum::<f64>()
         };
         let mean_x: Vec<f64> = (0..k).map(|j| mean_of(&|at| means[at][j])).collect();
         let mean_y: Vec<f64> = (0..q).map(|t| mean_of(&|at| parts[at].0.mean_y[t])).collect();
         let (mut factor, mut residual) = (Mat::zeros(k, k + q), vec![0.0; q]);
-        for ((root, own), mean) in parts.iter().zip(&means) {
+        for ((root, features), mean) in parts.iter().zip(&means) {
             let p = root.regressors();
             let mut rows = Slab::zeros(p + 1, k + q);
             let size = root.weight.sqrt();
             for j in 0..k {
                 let column = rows.column_mut(j);
                 for (i, value) in column[..p].iter_mut().enumerate() {
-                    *value = (i..p).map(|x| root.r[(i, x)] * own.linear[(j, x)]).sum();
+                    *value = (i..p).map(|x| root.r[(i, x)] * features.linear[(j, x)]).sum();
                 }
                 column[p] = size * (mean[j] - mean_x[j]);
             }
@@ -57,9 +57,9 @@ impl SquareRoot {
             }
         }
         let magnitude = |j: usize| {
-            let of = |(root, own): &&(&SquareRoot, Features)| {
-                let terms = root.magnitude.iter().enumerate().map(|(x, size)| own.linear[(j, x)].abs() * size);
-                terms.sum::<f64>() + root.weight.sqrt() * own.constant[j].abs()
+            let of = |(root, features): &&(&SquareRoot, Features)| {
+                let terms = root.magnitude.iter().enumerate().map(|(x, size)| features.linear[(j, x)].abs() * size);
+                terms.sum::<f64>() + root.weight.sqrt() * features.constant[j].abs()
             };
             parts.iter().map(of).map(|size| size * size).sum::<f64>().sqrt()
         };
@@ -150,7 +150,7 @@ mod tests {
         let first = features([[1.0, 0.0], [0.0, 1.0]], [0.0, 2.0]);
         let second = features([[1.0, 0.0], [3.0, -1.0]], [0.0, -1.0]);
         let pooled = SquareRoot::pooled(&[(&root(&a), first.clone()), (&root(&b), second.clone())]).unwrap();
-        let of = |own: &Features, columns: &[Vec<f64>], i: usize| own.of(&[columns[0][i], columns[1][i]]);
+        let of = |features: &Features, columns: &[Vec<f64>], i: usize| features.of(&[columns[0][i], columns[1][i]]);
         let feature = |j: usize| {
             let (n, m) = (a[0].len(), b[0].len());
             (0..n).map(|i| of(&first, &a, i)[j]).chain((0..m).map(|i| of(&second, &b, i)[j])).collect::<Vec<f64>>()
@@ -168,13 +168,13 @@ mod tests {
 
     #[test]
     fn rows_of_a_ridge_are_those_of_the_ridge() {
-        let own = root(&columns(3, 30));
+        let square_root = root(&columns(3, 30));
         let prior = Mat::from_fn(2, 1, |i, _| [0.4, -2.0][i]);
         let scale = [0.7, 0.2];
         let lambda = 0.3;
-        let penalty: Vec<f64> = scale.iter().map(|scale| (own.weight * lambda).sqrt() * scale).collect();
-        let one = least_squares(&own.towards(&penalty, prior.as_ref()), &scale);
-        let other = crate::ridge(&own, &scale, lambda, Some(prior.as_ref()));
+        let penalty: Vec<f64> = scale.iter().map(|scale| (square_root.weight * lambda).sqrt() * scale).collect();
+        let one = least_squares(&square_root.towards(&penalty, prior.as_ref()), &scale);
+        let other = crate::ridge(&square_root, &scale, lambda, Some(prior.as_ref()));
         for j in 0..2 {
             assert!((one.coefficients[(j, 0)] - other.coefficients[(j, 0)]).abs() < 1e-12);
         }

@@ -101,7 +101,7 @@ impl Preconditioner {
         let separation = separate(&regressors, &noise, Mat::from_fn(d, d - p, |i, j| r[(i, p + j)]));
         let sizes: Vec<f64> = columns.iter().map(|column| column.length / n.sqrt()).collect();
         let predicts = used.len() >= 2 * (p + 1);
-        let found = Self {
+        let preconditioner = Self {
             regressors: p,
             targets: d - p,
             centre: columns.iter().map(|column| column.centre).collect(),
@@ -112,8 +112,8 @@ impl Preconditioner {
             order: separation.order,
             solver: Solver::Nothing,
         };
-        let simple = predicts && found.rank == p && found.condition <= WELL_CONDITIONED;
-        if simple { found.diagonal(&sizes) } else { found }.with_solver()
+        let simple = predicts && preconditioner.rank == p && preconditioner.condition <= WELL_CONDITIONED;
+        if simple { preconditioner.diagonal(&sizes) } else { preconditioner }.with_solver()
     }
 
     /// The same coordinates up to a product from the right: T diagonal (the columns' sizes), B in terms of the scaled columns.
@@ -163,15 +163,15 @@ impl Preconditioner {
     /// When `order` is not a permutation or a column has another length.
     pub(crate) fn of_columns(columns: Vec<(f64, Vec<f64>)>, order: &[usize], targets: usize, condition: f64) -> Self {
         let p = columns.len();
-        let mut found = Self { order: order.to_vec(), condition, ..Self::identity(p, targets) };
+        let mut preconditioner = Self { order: order.to_vec(), condition, ..Self::identity(p, targets) };
         for (k, (constant, factors)) in columns.into_iter().enumerate() {
-            found.centre[order[k]] = constant;
-            found.triangle[packed_row(k)..packed_row(k + 1)].copy_from_slice(&factors);
+            preconditioner.centre[order[k]] = constant;
+            preconditioner.triangle[packed_row(k)..packed_row(k + 1)].copy_from_slice(&factors);
         }
         let mut sorted = order.to_vec();
         sorted.sort_unstable();
         assert!(sorted.into_iter().eq(0..p), "a permutation of the columns");
-        found
+        preconditioner
     }
 
     /// Returns true if rows are in these coordinates from the start, without arithmetic on the raw columns.
@@ -517,21 +517,28 @@ fn factor_of_products(unit: &Slab, p: usize) -> Option<Mat<f64>> {
         checkpoint();
         let width = values.len() / stride;
         let below = MatMut::from_column_major_slice_mut(values, stride, width);
-        let (all, own) = (unit.as_mat().subcols(first, d - first), unit.as_mat().subcols(first, width));
-        matmul(below.submatrix_mut(first, 0, d - first, width), Accum::Replace, all.transpose(), own, 1.0, Par::Seq);
+        let (all, panel_columns) = (unit.as_mat().subcols(first, d - first), unit.as_mat().subcols(first, width));
+        matmul(
+            below.submatrix_mut(first, 0, d - first, width),
+            Accum::Replace,
+            all.transpose(),
+            panel_columns,
+            1.0,
+            Par::Seq,
+        );
         Vec::<()>::new()
     });
     // Pivots below the square of a column's share in such a condition number are none.
     let floor = vec![1.0 / (WELL_CONDITIONED * WELL_CONDITIONED * p as f64); p];
-    let found = PivotedCholesky::without_exchange(p, d, |i, j| products.column(i.min(j))[i.max(j)], &floor);
-    if found.rank() < p {
+    let cholesky = PivotedCholesky::without_exchange(p, d, |i, j| products.column(i.min(j))[i.max(j)], &floor);
+    if cholesky.rank() < p {
         return None;
     }
     let mut r = Mat::zeros(d, d);
     for j in 0..d {
-        r.col_as_slice_mut(j)[..p.min(j + 1)].copy_from_slice(&found.factor.column(j)[..p.min(j + 1)]);
+        r.col_as_slice_mut(j)[..p.min(j + 1)].copy_from_slice(&cholesky.factor.column(j)[..p.min(j + 1)]);
     }
-    (p..d).for_each(|j| r[(j, j)] = found.left[j].max(0.0).sqrt());
+    (p..d).for_each(|j| r[(j, j)] = cholesky.left[j].max(0.0).sqrt());
     (condition(&r, p) <= WELL_CONDITIONED).then_some(r)
 }
 
@@ -544,17 +551,17 @@ mod tests {
         let (n, p, d) = (900, 300, 302);
         let value = |i: usize, j: usize| (0.731 * (i * (2 * j + 3) + 7 * j * j) as f64).sin() / (n as f64 / 2.0).sqrt();
         let mut rows = Slab::from_fn(n, d, value);
-        let found = factor_of_products(&rows, p).expect("well conditioned");
+        let factor = factor_of_products(&rows, p).expect("well conditioned");
         let mut r = Mat::zeros(d, d);
         fold_rows(&mut r, &mut rows);
         for j in 0..d {
             for i in 0..=j.min(p - 1) {
-                assert!((found[(i, j)] - r[(i, j)]).abs() < 1e-12, "{i} {j}: {} {}", found[(i, j)], r[(i, j)]);
+                assert!((factor[(i, j)] - r[(i, j)]).abs() < 1e-12, "{i} {j}: {} {}", factor[(i, j)], r[(i, j)]);
             }
         }
         // What is left of a target, whatever other target explains of it.
         let left = |t: usize| (p..=t).map(|i| r[(i, t)] * r[(i, t)]).sum::<f64>().sqrt();
-        (p..d).for_each(|t| assert!((found[(t, t)] - left(t)).abs() < 1e-12, "{t}"));
+        (p..d).for_each(|t| assert!((factor[(t, t)] - left(t)).abs() < 1e-12, "{t}"));
         // A column that is nearly another one.
         let near =
             Slab::from_fn(n, d, |i, j| value(i, if j == 9 { 4 } else { j }) + f64::from(j == 9) * 1e-3 * value(i, 9));

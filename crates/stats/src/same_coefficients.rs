@@ -63,11 +63,11 @@ impl Preconditioner {
         let noise = noise_level(p);
         let rounding = (0..q).map(|t| {
             // What is left of the Gram's own entry, and of the numbers that the entry was made of.
-            let (column, own) = (self.column(p + t), gram.get(p + t, p + t));
+            let (column, diagonal) = (self.column(p + t), gram.get(p + t, p + t));
             let size = column[p + t];
             let predicted: f64 = column[..p].iter().enumerate().map(|(k, b)| b * b * gram.get(k, k)).sum();
-            let square = predicted / (size * size) + own + gram.weight * (self.centre()[p + t] / size).powi(2);
-            (8.0 * (p + 1) as f64 * f64::EPSILON * own).max(noise * noise * square)
+            let square = predicted / (size * size) + diagonal + gram.weight * (self.centre()[p + t] / size).powi(2);
+            (8.0 * (p + 1) as f64 * f64::EPSILON * diagonal).max(noise * noise * square)
         });
         let rounding = rounding.collect();
         Leftover { weight: gram.weight, numbers: rank + 1, residual, rounding }
@@ -90,13 +90,13 @@ impl Leftover {
     /// Ratio of these errors' variances to those of others: the geometric mean over the targets with residuals in both.
     /// 1 if no target has.
     fn noise_over(&self, other: &Self) -> f64 {
-        let free = |own: &Self| own.weight - own.numbers as f64;
+        let free = |group: &Self| group.weight - group.numbers as f64;
         if free(self) <= 0.0 || free(other) <= 0.0 {
             return 1.0;
         }
         let known = (0..self.rounding.len()).filter_map(|t| {
-            let left = |own: &Self| {
-                Some(own.residual[packed(t, t)]).filter(|left| *left > own.rounding[t].max(f64::MIN_POSITIVE))
+            let left = |group: &Self| {
+                Some(group.residual[packed(t, t)]).filter(|left| *left > group.rounding[t].max(f64::MIN_POSITIVE))
             };
             Some(left(self)?.ln() - left(other)?.ln())
         });
@@ -146,27 +146,30 @@ fn ratio(parts: [&Leftover; 2], joint: &Leftover, rows: f64) -> Option<Likelihoo
     let floor = |t: usize| joint.rounding[t].max(f64::MIN_POSITIVE);
     let one = PivotedCholesky::new(targets, targets, |i, j| joint.residual[packed(i, j)], &floors(targets, floor));
     // Targets that one fit leaves nothing of, or that follow from the others, tell nothing.
-    let told = &one.order;
-    let (q, h) = (told.len() as f64, more as f64);
+    let columns = &one.order;
+    let (q, h) = (columns.len() as f64, more as f64);
     let errors = rows - (parts[0].numbers + parts[1].numbers) as f64;
     let middle = errors - 0.5 * (q - h + 1.0);
     let root = if q * q + h * h > 5.0 { ((q * q * h * h - 4.0) / (q * q + h * h - 5.0)).sqrt() } else { 1.0 };
     let f_freedom = [q * h, middle * root - 0.5 * (q * h - 2.0)];
-    let freedom = told.len() * more;
-    if told.is_empty() {
+    let freedom = columns.len() * more;
+    if columns.is_empty() {
         return (errors > 0.0).then_some(LikelihoodRatio { statistic: 0.0, freedom, f: 0.0, f_freedom, p: 1.0 });
     }
     if errors < q || f_freedom[1] <= 0.0 {
         return None;
     }
     let both = |i: usize, j: usize| {
-        let at = packed(told[i], told[j]);
+        let at = packed(columns[i], columns[j]);
         parts[0].residual[at] + parts[1].residual[at]
     };
-    let two = PivotedCholesky::new(told.len(), told.len(), both, &floors(told.len(), |t| floor(told[t])));
+    let two = PivotedCholesky::new(columns.len(), columns.len(), both, &floors(columns.len(), |t| floor(columns[t])));
     // Natural logarithm of |E_joint| / |E_a + E_b|; what rounding leaves below 1 is 1.
-    let growth =
-        if two.rank() < told.len() { f64::INFINITY } else { (log_determinant(&one) - log_determinant(&two)).max(0.0) };
+    let growth = if two.rank() < columns.len() {
+        f64::INFINITY
+    } else {
+        (log_determinant(&one) - log_determinant(&two)).max(0.0)
+    };
     // (1 - L^(1/t)) / L^(1/t) with L = exp(-growth).
     let f = (growth / root).exp_m1() * f_freedom[1] / f_freedom[0];
     Some(LikelihoodRatio { statistic: rows * growth, freedom, f, f_freedom, p: f_tail(f, f_freedom) })
@@ -216,8 +219,8 @@ mod tests {
         let pilot = Mat::from_fn(all.len(), 4, |i, j| all[i][j]);
         let preconditioner = Preconditioner::from_pilot(pilot.as_ref(), 2);
         let grams = [a, b].map(|rows| gram(&preconditioner, rows));
-        let own = [0, 1].map(|at| preconditioner.leftover(&grams[at]));
-        same_coefficients(&preconditioner, [&grams[0], &grams[1]], [&own[0], &own[1]], independent)
+        let groups = [0, 1].map(|at| preconditioner.leftover(&grams[at]));
+        same_coefficients(&preconditioner, [&grams[0], &grams[1]], [&groups[0], &groups[1]], independent)
     }
 
     /// Squares and products of the residuals of weighted rows, by Gauss and Jordan on the normal equations about the rows' means.
@@ -253,18 +256,15 @@ mod tests {
     fn the_ratio_is_that_of_dense_fits() {
         for (seed, differs) in [(1, 0.0), (2, 0.05), (3, 2.0)] {
             let (a, b) = (rows(seed, 80, 0.0), rows(seed + 100, 50, differs));
-            let found = tested(&a, &b, 1.0).unwrap();
+            let test = tested(&a, &b, 1.0).unwrap();
             let exact = 130.0 * dense(&a, &b);
             // Centred sums of a hundred rows keep ten digits and more.
-            assert!((found.statistic - exact).abs() < 1e-8 * exact.max(1.0), "{seed}: {found:?} {exact}");
-            assert_eq!((found.freedom, found.f_freedom[0]), (6, 6.0));
+            assert!((test.statistic - exact).abs() < 1e-8 * exact.max(1.0), "{seed}: {test:?} {exact}");
+            assert_eq!((test.freedom, test.f_freedom[0]), (6, 6.0));
             // Of two targets the F is exact (Rao): (1 - sqrt(L)) / sqrt(L) (errors - 1) / 3.
             let f = ((exact / 260.0).exp() - 1.0) * (124.0 - 1.0) / 3.0;
-            assert!(
-                (found.f - f).abs() < 1e-7 * f.max(1.0) && (found.f_freedom[1] - 246.0).abs() < 1e-9,
-                "{found:?} {f}"
-            );
-            assert!((found.p - f_tail(f, [6.0, 246.0])).abs() < 1e-7);
+            assert!((test.f - f).abs() < 1e-7 * f.max(1.0) && (test.f_freedom[1] - 246.0).abs() < 1e-9, "{test:?} {f}");
+            assert!((test.p - f_tail(f, [6.0, 246.0])).abs() < 1e-7);
         }
     }
 
@@ -296,8 +296,8 @@ mod tests {
         for order in [false, true] {
             let p = |seed: u64| {
                 let (loud, quiet) = (louder(seed), rows(seed + 1_000_000, 240, 0.0));
-                let found = if order { tested(&loud, &quiet, 1.0) } else { tested(&quiet, &loud, 1.0) };
-                found.unwrap().p
+                let test = if order { tested(&loud, &quiet, 1.0) } else { tested(&quiet, &loud, 1.0) };
+                test.unwrap().p
             };
             let below = (0..1000).filter(|&seed| p(seed) < 0.05).count();
             // Of 1000 tests 50 by chance, give or take 7; the weights are found from the rows, which costs a few.
@@ -307,15 +307,15 @@ mod tests {
 
     #[test]
     fn other_coefficients_are_found() {
-        let found = |seed: u64| tested(&rows(seed, 200, 0.0), &rows(seed + 1_000_000, 200, 0.3), 1.0).unwrap().p;
+        let p_of = |seed: u64| tested(&rows(seed, 200, 0.0), &rows(seed + 1_000_000, 200, 0.3), 1.0).unwrap().p;
         // A coefficient that is off by 0.3 where its error is about 0.03.
-        assert!((0..100).all(|seed| found(seed) < 1e-6));
+        assert!((0..100).all(|seed| p_of(seed) < 1e-6));
     }
 
     #[test]
     fn fewer_independent_rows_say_less_and_too_few_nothing() {
         let (a, b) = (rows(5, 200, 0.0), rows(6, 200, 0.1));
-        let p = |independent: f64| tested(&a, &b, independent).map(|found| found.p);
+        let p = |independent: f64| tested(&a, &b, independent).map(|test| test.p);
         assert!(p(1.0).unwrap() < p(0.2).unwrap() && p(0.2).unwrap() < p(0.05).unwrap());
         assert_eq!(p(0.015), None, "six rows for six numbers");
     }
@@ -337,8 +337,8 @@ mod tests {
     fn rows_that_see_less_have_fewer_numbers() {
         // The second regressor does not move in one of the sets: it tells of one slope only.
         let still: Vec<[f64; 4]> = rows(1, 60, 0.0).into_iter().map(|[x, _, y, w]| [x, -7.0, y, w]).collect();
-        let found = tested(&still, &rows(2, 60, 0.0), 1.0).unwrap();
-        assert_eq!(found.freedom, 4);
-        assert_eq!(tested(&still[..1], &rows(2, 60, 0.0), 1.0).map(|found| found.freedom), Some(2));
+        let test = tested(&still, &rows(2, 60, 0.0), 1.0).unwrap();
+        assert_eq!(test.freedom, 4);
+        assert_eq!(tested(&still[..1], &rows(2, 60, 0.0), 1.0).map(|test| test.freedom), Some(2));
     }
 }

@@ -66,16 +66,16 @@ mod tests {
         let gram = Gram::of_rows(changed.as_ref(), Some(&weights));
         let beta = [0.3, -2e-3, 4e3, 0.01];
         for target in 0..2 {
-            let found = preconditioner.score(&gram, target, &beta);
+            let score = preconditioner.score(&gram, target, &beta);
             let error = |i: usize| rows[(i, p + target)] - (0..p).map(|j| rows[(i, j)] * beta[j]).sum::<f64>();
             let sum = |value: &dyn Fn(usize) -> f64| (0..n).map(|i| weights[i] * value(i)).sum::<f64>();
             let close = |a: f64, value: &dyn Fn(usize) -> f64| {
                 let size = sum(&|i| value(i).abs());
                 assert!((a - sum(value)).abs() < 1e-12 * size, "{a} {}", sum(value));
             };
-            close(found.sum, &error);
-            close(found.squares, &|i| error(i) * error(i));
-            (0..p).for_each(|j| close(found.gradient[j], &|i| rows[(i, j)] * error(i)));
+            close(score.sum, &error);
+            close(score.squares, &|i| error(i) * error(i));
+            (0..p).for_each(|j| close(score.gradient[j], &|i| rows[(i, j)] * error(i)));
         }
     }
 }

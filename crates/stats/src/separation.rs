@@ -54,8 +54,8 @@ fn clear(scaled: &Mat<f64>) -> Option<usize> {
     let rank = (0..p).position(|j| scaled[(j, j)].abs() <= 1.0).unwrap_or(p);
     let left = |j: usize| norm(&scaled.col_as_slice(j)[rank..=j]);
     let ones = vec![1.0; rank];
-    let found = (rank..p).all(|j| left(j) <= 1.0) && least_length(|j| scaled.col_as_slice(j), &ones) > CLEAR;
-    found.then_some(rank)
+    let is_clear = (rank..p).all(|j| left(j) <= 1.0) && least_length(|j| scaled.col_as_slice(j), &ones) > CLEAR;
+    is_clear.then_some(rank)
 }
 
 impl Separation {

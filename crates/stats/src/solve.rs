@@ -200,7 +200,7 @@ mod tests {
         let mut factor = Factor::new(p, 1);
         factor.push(rows.as_ref(), None);
         let scale: Vec<f64> = (0..p).map(|j| 1.0 + 0.01 * j as f64).collect();
-        let found = least_squares(&factor.square_root(), &scale);
+        let solution = least_squares(&factor.square_root(), &scale);
         // Centred, in the units of the norm.
         let mean = |values: &dyn Fn(usize) -> f64| (0..n).map(values).sum::<f64>() / n as f64;
         let means: Vec<f64> = (0..p).map(|j| mean(&|i| x[(i, j)])).collect();
@@ -214,12 +214,12 @@ mod tests {
             let share = (0..n).map(|i| u[(i, k)] * target[(i, 0)]).sum::<f64>() / s[k];
             (0..p).for_each(|j| expected[j] += share * v[(j, k)] / scale[j]);
         }
-        assert_eq!((found.rank, found.coefficients[(7, 0)]), (rank, 0.0));
+        assert_eq!((solution.rank, solution.coefficients[(7, 0)]), (rank, 0.0));
         // What the least singular value magnifies.
         let tolerance = 1e-13 * s[0] / s[rank - 1];
         for (j, expected) in expected.iter().enumerate() {
-            let found = found.coefficients[(j, 0)];
-            assert!((found - expected).abs() < tolerance, "{j}: {found} {expected}, {tolerance:e}");
+            let coefficient = solution.coefficients[(j, 0)];
+            assert!((coefficient - expected).abs() < tolerance, "{j}: {coefficient} {expected}, {tolerance:e}");
         }
     }
 }

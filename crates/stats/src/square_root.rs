@@ -95,14 +95,14 @@ impl SquareRoot {
     /// When a regressor does not exist.
     pub fn scatter(&self, columns: Range<usize>) -> Vec<f64> {
         let count = columns.len();
-        let mut found = Vec::with_capacity(packed_row(count));
+        let mut scatter = Vec::with_capacity(packed_row(count));
         if count < MANY_COLUMNS {
             for i in columns.clone() {
                 for j in columns.start..=i {
-                    found.push((0..=j).map(|k| self.r[(k, i)] * self.r[(k, j)]).sum());
+                    scatter.push((0..=j).map(|k| self.r[(k, i)] * self.r[(k, j)]).sum());
                 }
             }
-            return found;
+            return scatter;
         }
         let r = self.r.as_ref().get(..columns.end, columns);
         let mut product = Slab::zeros(count, count);
@@ -113,8 +113,8 @@ impl SquareRoot {
             matmul(part, Accum::Replace, r.transpose(), r.subcols(first, width), 1.0, Par::Seq);
             Vec::<()>::new()
         });
-        (0..count).for_each(|i| found.extend_from_slice(&product.column(i)[..=i]));
-        found
+        (0..count).for_each(|i| scatter.extend_from_slice(&product.column(i)[..=i]));
+        scatter
     }
 
     /// Length of rounding in every column of `r`: `noise * magnitude`, made positive.

@@ -295,11 +295,11 @@ fn blocks<S: Simd, const A: usize, const B: usize>(
 /// Columns `first..first + N`, as vectors.
 #[inline(always)]
 fn columns_of<S: Simd, const N: usize>(values: &[f64], stride: usize, first: usize) -> [&[S::f64s]; N] {
-    let mut found: [&[S::f64s]; N] = [&[]; N];
+    let mut columns: [&[S::f64s]; N] = [&[]; N];
     for k in 0..N {
-        found[k] = S::as_simd_f64s(&values[(first + k) * stride..(first + k + 1) * stride]).0;
+        columns[k] = S::as_simd_f64s(&values[(first + k) * stride..(first + k + 1) * stride]).0;
     }
-    found
+    columns
 }
 
 /// Products of the columns `i + k` and `j + l`.

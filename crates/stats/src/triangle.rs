@@ -88,13 +88,13 @@ fn block_solve<S: Simd, const C: usize, const V: usize>(
     first: usize,
 ) {
     let (known, _) = S::as_simd_f64s(known);
-    let (done, own) = block.split_at_mut(first * PANEL);
-    let (done, own) = (S::as_simd_f64s(done).0, S::as_mut_simd_f64s(&mut own[..C * PANEL]).0);
+    let (done, panel) = block.split_at_mut(first * PANEL);
+    let (done, panel) = (S::as_simd_f64s(done).0, S::as_mut_simd_f64s(&mut panel[..C * PANEL]).0);
     let vectors = PANEL / S::F64_LANES;
     for at in (0..vectors).step_by(V) {
         let mut x = [[simd.splat_f64s(0.0); V]; C];
         for j in 0..C {
-            x[j] = load(own, j * vectors + at);
+            x[j] = load(panel, j * vectors + at);
         }
         let before = known.chunks_exact(vectors).zip(above.chunks_exact(BLOCK));
         let within = done.chunks_exact(vectors).zip(diagonal.chunks_exact(BLOCK));
@@ -111,7 +111,7 @@ fn block_solve<S: Simd, const C: usize, const V: usize>(
             subtract(simd, solved[j], &t[j + 1..], unsolved);
         }
         for j in 0..C {
-            own[j * vectors + at..][..V].copy_from_slice(&x[j]);
+            panel[j * vectors + at..][..V].copy_from_slice(&x[j]);
         }
     }
 }

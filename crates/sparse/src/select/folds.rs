@@ -329,7 +329,7 @@ mod tests {
         );
         assert!(matches!(of(40), Err(SelectError::Folds(FoldError::Rows { .. }))));
         let episodes = Folds::of(&keys, &rows, FoldRule::Episodes, Purge::TENTH);
-        assert!(matches!(episodes, Err(SelectError::Folds(FoldError::Episodes { found: 1 }))));
+        assert!(matches!(episodes, Err(SelectError::Folds(FoldError::Episodes { episodes: 1 }))));
         let options = RandomSplits { share: 1.0, ..RandomSplits::default() };
         assert_eq!(Folds::random_splits(&keys, &rows, &options), Err(SelectError::Share { value: 1.0 }));
     }

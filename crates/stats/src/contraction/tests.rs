@@ -21,20 +21,20 @@ fn all_entries_free_cuts_singular_values_off() {
     let mut next = random(7);
     for n in [1, 2, 5, 8] {
         let wanted = matrix(n, n, || 2.0 * next());
-        let own =
+        let contraction =
             Contraction { offset: Mat::zeros(n, n), left: Mat::identity(n, n), right: Mat::identity(n, n), bound: 0.8 };
         let Svd { u, s, v } = svd(wanted.as_ref()).unwrap();
         let cut = Mat::from_fn(n, n, |i, j| (0..n).map(|k| u[(i, k)] * s[k].min(0.8) * v[(j, k)]).sum::<f64>());
         let distance = 0.5 * s.iter().map(|s| (s - 0.8).max(0.0).powi(2)).sum::<f64>();
         let zeros = Mat::zeros(n, n);
-        for found in [
-            own.nearest(wanted.as_ref(), zeros.as_ref(), 1e-9).unwrap(),
-            own.nearest_by_long_steps(wanted.as_ref(), zeros.as_ref(), 1e-9).unwrap(),
+        for nearest in [
+            contraction.nearest(wanted.as_ref(), zeros.as_ref(), 1e-9).unwrap(),
+            contraction.nearest_by_long_steps(wanted.as_ref(), zeros.as_ref(), 1e-9).unwrap(),
         ] {
             // f is strongly convex: a gap bounds the squared distance to the minimum.
-            assert!((&found.values - &cut).norm_l2() <= (2.0 * found.gap).sqrt() + 1e-12);
-            assert!(found.distance >= distance && found.distance - distance <= found.gap + 1e-14);
-            assert!(found.gap <= 1e-9 * found.distance && found.norm <= 0.8);
+            assert!((&nearest.values - &cut).norm_l2() <= (2.0 * nearest.gap).sqrt() + 1e-12);
+            assert!(nearest.distance >= distance && nearest.distance - distance <= nearest.gap + 1e-14);
+            assert!(nearest.gap <= 1e-9 * nearest.distance && nearest.norm <= 0.8);
         }
     }
 }
@@ -47,7 +47,7 @@ fn a_companion_matrix_keeps_its_given_row() {
     let P = lyapunov(M.as_ref(), Mat::identity(2, 2).as_ref()).unwrap();
     let T = P.llt(Side::Lower).unwrap().L().transpose().to_owned();
     let inverse = T.as_ref().partial_piv_lu().solve(Mat::<f64>::identity(2, 2));
-    let own = Contraction {
+    let contraction = Contraction {
         offset: &T * &offset * &inverse,
         left: T.subcols(0, 1).to_owned(),
         right: inverse.clone(),
@@ -55,16 +55,16 @@ fn a_companion_matrix_keeps_its_given_row() {
     };
     let start = Mat::from_fn(2, 1, |i, _| [1.2, -0.5][i]);
     let wanted = Mat::from_fn(2, 1, |i, _| [1.9, -0.85][i]);
-    let found = own.nearest(wanted.as_ref(), start.as_ref(), 1e-8).unwrap();
-    let back = &inverse * &found.matrix * &T;
+    let nearest = contraction.nearest(wanted.as_ref(), start.as_ref(), 1e-8).unwrap();
+    let back = &inverse * &nearest.matrix * &T;
     assert!((back[(1, 0)] - 1.0).abs() < 1e-12 && back[(1, 1)].abs() < 1e-12, "the given row stays");
-    assert!(spectral_radius(back.as_ref()) <= found.norm + 1e-12 && found.norm < 1.0);
+    assert!(spectral_radius(back.as_ref()) <= nearest.norm + 1e-12 && nearest.norm < 1.0);
     for i in -200..=200 {
         for j in -200..=200 {
-            let other = Mat::from_fn(2, 1, |k, _| found.values[(k, 0)] + [f64::from(i), f64::from(j)][k] * 2e-3);
+            let other = Mat::from_fn(2, 1, |k, _| nearest.values[(k, 0)] + [f64::from(i), f64::from(j)][k] * 2e-3);
             let distance = 0.5 * (&other - &wanted).squared_norm_l2();
-            if distance < found.distance - found.gap {
-                let norm = svd(own.matrix(other.as_ref()).as_ref()).unwrap().s[0];
+            if distance < nearest.distance - nearest.gap {
+                let norm = svd(contraction.matrix(other.as_ref()).as_ref()).unwrap().s[0];
                 assert!(norm > 1.0, "a point of the grid is nearer and within the bound");
             }
         }
@@ -73,12 +73,12 @@ fn a_companion_matrix_keeps_its_given_row() {
 
 #[test]
 fn what_contracts_already_stays_to_the_bit_and_a_bad_start_is_refused() {
-    let own =
+    let contraction =
         Contraction { offset: Mat::zeros(2, 2), left: Mat::identity(2, 2), right: Mat::identity(2, 2), bound: 1.0 };
     let wanted = Mat::from_fn(2, 2, |i, j| if i == j { 0.5 } else { 0.1 });
-    assert_eq!(own.nearest(wanted.as_ref(), wanted.as_ref(), 1e-8).unwrap().values, wanted);
+    assert_eq!(contraction.nearest(wanted.as_ref(), wanted.as_ref(), 1e-8).unwrap().values, wanted);
     let far = Mat::from_fn(2, 2, |_, _| 3.0);
-    assert!(own.nearest(far.as_ref(), far.as_ref(), 1e-8).is_none());
+    assert!(contraction.nearest(far.as_ref(), far.as_ref(), 1e-8).is_none());
 }
 
 #[test]
@@ -99,7 +99,7 @@ fn lyapunov_solves_its_equation_and_refuses_unstable_maps() {
 #[test]
 fn coordinates_that_nearly_agree_leave_an_answer_within_the_bound() {
     let of = |values: [[f64; 3]; 3]| Mat::from_fn(3, 3, |i, j| values[i][j]);
-    let own = Contraction {
+    let contraction = Contraction {
         offset: Mat::zeros(3, 3),
         left: of([
             [43.87758061481223, -67.68428349001954, 31.947972010006914],
@@ -120,10 +120,10 @@ fn coordinates_that_nearly_agree_leave_an_answer_within_the_bound() {
     ]);
     let start = Mat::zeros(3, 3);
     for tolerance in [1e-3, 1e-8] {
-        let found = own.nearest(free.as_ref(), start.as_ref(), tolerance).unwrap();
-        let norm = svd(own.matrix(found.values.as_ref()).as_ref()).unwrap().s[0];
+        let nearest = contraction.nearest(free.as_ref(), start.as_ref(), tolerance).unwrap();
+        let norm = svd(contraction.matrix(nearest.values.as_ref()).as_ref()).unwrap().s[0];
         // The duality gap is the certificate; rounding leaves none of 1e-8 here.
-        assert!(norm < 1.0 && found.gap <= 1e-3 * found.distance, "{norm} {} {}", found.gap, found.distance);
+        assert!(norm < 1.0 && nearest.gap <= 1e-3 * nearest.distance, "{norm} {} {}", nearest.gap, nearest.distance);
     }
 }
 
@@ -135,33 +135,33 @@ proptest! {
     fn nothing_within_the_bound_is_nearer_than_the_gap_allows(seed in 0_u64..10_000, n in 2_usize..6, q in 1_usize..4, s in 1_usize..5) {
         let (q, s) = (q.min(n), s.min(n));
         let mut next = random(seed);
-        let own = Contraction {
+        let contraction = Contraction {
             offset: matrix(n, n, || 0.3 * next()),
             left: matrix(n, q, &mut next),
             right: matrix(s, n, &mut next),
             bound: 1.0,
         };
-        let start = own.least().unwrap();
-        prop_assume!(svd(own.matrix(start.as_ref()).as_ref()).unwrap().s[0] < 0.95);
+        let start = contraction.least().unwrap();
+        prop_assume!(svd(contraction.matrix(start.as_ref()).as_ref()).unwrap().s[0] < 0.95);
         let wanted = matrix(s, q, || 3.0 * next());
-        let found = own.nearest(wanted.as_ref(), start.as_ref(), 1e-7).unwrap();
-        prop_assert!(found.norm <= 1.0 && found.gap <= 1e-7 * found.distance.max(f64::MIN_POSITIVE) || found.distance == 0.0);
+        let nearest = contraction.nearest(wanted.as_ref(), start.as_ref(), 1e-7).unwrap();
+        prop_assert!(nearest.norm <= 1.0 && nearest.gap <= 1e-7 * nearest.distance.max(f64::MIN_POSITIVE) || nearest.distance == 0.0);
         for _ in 0..50 {
             let noise = 0.05 * next().abs();
-            let mut other = Mat::from_fn(s, q, |b, t| found.values[(b, t)] + noise * next());
-            let norm = svd(own.matrix(other.as_ref()).as_ref()).unwrap().s[0];
+            let mut other = Mat::from_fn(s, q, |b, t| nearest.values[(b, t)] + noise * next());
+            let norm = svd(contraction.matrix(other.as_ref()).as_ref()).unwrap().s[0];
             if norm > 1.0 {
                 // Towards the answer until it is within: the set is convex.
                 for _ in 0..60 {
-                    other = Mat::from_fn(s, q, |b, t| 0.5 * (other[(b, t)] + found.values[(b, t)]));
-                    if svd(own.matrix(other.as_ref()).as_ref()).unwrap().s[0] <= 1.0 {
+                    other = Mat::from_fn(s, q, |b, t| 0.5 * (other[(b, t)] + nearest.values[(b, t)]));
+                    if svd(contraction.matrix(other.as_ref()).as_ref()).unwrap().s[0] <= 1.0 {
                         break;
                     }
                 }
             }
-            if svd(own.matrix(other.as_ref()).as_ref()).unwrap().s[0] <= 1.0 {
+            if svd(contraction.matrix(other.as_ref()).as_ref()).unwrap().s[0] <= 1.0 {
                 let distance = 0.5 * (&other - &wanted).squared_norm_l2();
-                prop_assert!(distance >= found.distance - found.gap - 1e-12);
+                prop_assert!(distance >= nearest.distance - nearest.gap - 1e-12);
             }
         }
     }

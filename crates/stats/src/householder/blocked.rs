@@ -189,6 +189,6 @@ mod tests {
         // Within a piece of other work a reduction may have one thread, outside of it all.
         let inside = parallel_all(2, fold);
         let alone = fold(0);
-        assert!(inside.iter().all(|found| *found == alone));
+        assert!(inside.iter().all(|folded| *folded == alone));
     }
 }

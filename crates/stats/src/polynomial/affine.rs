@@ -28,7 +28,7 @@ impl AffineMap {
             let rough = column.iter().sum::<f64>() / rows;
             let centre = rough + column.iter().map(|x| x - rough).sum::<f64>() / rows;
             let mut rest: Vec<f64> = column.iter().map(|x| x - centre).collect();
-            let own = (rest.iter().map(|r| r * r).sum::<f64>() / rows).sqrt();
+            let spread = (rest.iter().map(|r| r * r).sum::<f64>() / rows).sqrt();
             let mut slopes = vec![0.0; whitened.len()];
             for _ in 0..2 {
                 for (slope, v) in slopes.iter_mut().zip(&whitened) {
@@ -40,10 +40,10 @@ impl AffineMap {
                 }
             }
             let mut deviation = (rest.iter().map(|r| r * r).sum::<f64>() / rows).sqrt();
-            if deviation <= COLLINEAR * own || deviation.is_nan() {
+            if deviation <= COLLINEAR * spread || deviation.is_nan() {
                 slopes.fill(0.0);
                 rest = column.iter().map(|x| x - centre).collect();
-                deviation = own;
+                deviation = spread;
             }
             // A constant column: any scale will do, the size of its values suits later rows that may vary.
             if deviation <= f64::EPSILON * centre.abs() || deviation < f64::MIN_POSITIVE {

@@ -35,9 +35,9 @@ fn correlated(rows: usize, columns: usize, seed: u64, share: f64) -> Vec<Vec<f64
         let rate = 0.013 * (1.0 + 0.37 * k as f64);
         let column: Vec<f64> = (0..rows)
             .map(|row| {
-                let own = (rate * row as f64).sin() + 0.4 * noise.gaussian();
+                let wave = (rate * row as f64).sin() + 0.4 * noise.gaussian();
                 let shared = result.first().map_or(0.0, |first| first[row] - 0.3);
-                offset + scale * (own + share * shared)
+                offset + scale * (wave + share * shared)
             })
             .collect();
         result.push(column);

@@ -43,14 +43,14 @@ impl RegionGrams {
         regions: &[u32],
         whole: &mut Self,
     ) {
-        let found = Gram::by_region(rows, weights, regions, self.0.len());
-        let cheap = rows.ncols() >= MANY_COLUMNS && found.len() * ROWS_A_MERGE <= rows.nrows();
+        let by_region = Gram::by_region(rows, weights, regions, self.0.len());
+        let cheap = rows.ncols() >= MANY_COLUMNS && by_region.len() * ROWS_A_MERGE <= rows.nrows();
         if cheap && regions.iter().all(|&region| region != u32::MAX) {
-            found.iter().for_each(|(_, gram)| whole.put(0, gram.clone()));
+            by_region.iter().for_each(|(_, gram)| whole.put(0, gram.clone()));
         } else {
             whole.add(rows, weights, None);
         }
-        found.into_iter().for_each(|(region, gram)| self.put(region as usize, gram));
+        by_region.into_iter().for_each(|(region, gram)| self.put(region as usize, gram));
     }
 
     /// Adds other rows of the same regions.
@@ -94,10 +94,10 @@ mod tests {
             same.add(rows.as_ref(), Some(&weights), Some(&regions));
             all.add(rows.as_ref(), Some(&weights), None);
             assert!(parts.iter().eq(same.iter()));
-            let (found, expected) = (whole.iter().next().unwrap().1, all.iter().next().unwrap().1);
-            assert_eq!((found.rows, found.weight), (expected.rows, expected.weight));
-            for (found, expected) in found.scatter.iter().zip(&expected.scatter) {
-                assert!((found - expected).abs() < 1e-11 * 200.0, "{d}: {found} {expected}");
+            let (sum, expected) = (whole.iter().next().unwrap().1, all.iter().next().unwrap().1);
+            assert_eq!((sum.rows, sum.weight), (expected.rows, expected.weight));
+            for (value, expected) in sum.scatter.iter().zip(&expected.scatter) {
+                assert!((value - expected).abs() < 1e-11 * 200.0, "{d}: {value} {expected}");
             }
         }
     }

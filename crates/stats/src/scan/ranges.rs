@@ -99,16 +99,16 @@ mod tests {
     fn ranges_by_region_are_those_of_the_rows_of_each() {
         let column: Vec<f64> = (0..100).map(|i| f64::from((i * 37) % 101) - 50.0).collect();
         let regions: Vec<u32> = (0..100).map(|i| [0, 1, u32::MAX][i % 3]).collect();
-        let mut found = RegionRanges::new(2, 1);
-        found.add(&[&column[..40]], Some(&regions[..40]));
+        let mut ranges = RegionRanges::new(2, 1);
+        ranges.add(&[&column[..40]], Some(&regions[..40]));
         let mut rest = RegionRanges::new(2, 1);
         rest.add(&[&column[40..]], Some(&regions[40..]));
-        found.merge(&rest);
+        ranges.merge(&rest);
         let of = |region: u32| {
-            let own = || column.iter().zip(&regions).filter(|(_, own)| **own == region).map(|(value, _)| *value);
-            [own().fold(f64::INFINITY, f64::min), own().fold(f64::NEG_INFINITY, f64::max)]
+            let values = || column.iter().zip(&regions).filter(|(_, label)| **label == region).map(|(value, _)| *value);
+            [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)]
         };
-        assert_eq!(found, RegionRanges(vec![vec![of(0)], vec![of(1)]]));
+        assert_eq!(ranges, RegionRanges(vec![vec![of(0)], vec![of(1)]]));
         let mut whole = RegionRanges::new(1, 1);
         whole.add(&[&column], None);
         assert_eq!(whole.0[0][0], [-50.0, 50.0]);

@@ -184,28 +184,28 @@ fn many_columns_give_the_triangle_of_their_rows() {
     let (n, p) = (700, 270);
     let value = |i: usize, j: usize| (0.7 * ((i + 3) * (j + 1)) as f64 + 1.3 * (j * j) as f64).sin();
     // Column 40 made of others, but for a share of its own.
-    for (own, rank, tolerance) in [(1.0, p, 1e-11), (0.0, p - 1, 1e-9), (1e-5, p, 1e-9)] {
+    for (noise, rank, tolerance) in [(1.0, p, 1e-11), (0.0, p - 1, 1e-9), (1e-5, p, 1e-9)] {
         let column = |i: usize, j: usize| match j {
-            40 if own < 1.0 => value(i, 3) - 2.0 * value(i, 7) + own * value(i, 40),
+            40 if noise < 1.0 => value(i, 3) - 2.0 * value(i, 7) + noise * value(i, 40),
             _ => value(i, j),
         };
         let entry = |i: usize, j: usize| if j == p { value(i, 500) + column(i, 3) } else { column(i, j) };
         let rows = Mat::from_fn(n, p + 1, entry);
-        let found = preconditioned(rows.as_ref(), p, &Preconditioner::from_pilot(rows.as_ref(), p), 128);
+        let factor = preconditioned(rows.as_ref(), p, &Preconditioner::from_pilot(rows.as_ref(), p), 128);
         let expected = tsqr(rows.as_ref(), p, 128);
         for j in 0..p {
-            assert!(found.r[(j, j)] >= 0.0 && (j + 1..p).all(|i| found.r[(i, j)] == 0.0), "a triangle at {j}");
+            assert!(factor.r[(j, j)] >= 0.0 && (j + 1..p).all(|i| factor.r[(i, j)] == 0.0), "a triangle at {j}");
             for k in [j, 3, 40, p - 1] {
                 let product = |root: &SquareRoot| (0..p).map(|i| root.r[(i, j)] * root.r[(i, k)]).sum::<f64>();
-                assert!((product(&found) - product(&expected)).abs() < 1e-11 * n as f64, "{j} {k}");
+                assert!((product(&factor) - product(&expected)).abs() < 1e-11 * n as f64, "{j} {k}");
             }
         }
-        let solved = [&found, &expected].map(|root| least_squares(root, &root.deviation()));
+        let solved = [&factor, &expected].map(|root| least_squares(root, &root.deviation()));
         assert_eq!(solved.each_ref().map(|solution| solution.rank), [rank; 2]);
         let largest = (0..p).fold(0.0_f64, |largest, j| largest.max(solved[1].coefficients[(j, 0)].abs()));
         for j in 0..p {
-            let [found, expected] = solved.each_ref().map(|solution| solution.coefficients[(j, 0)]);
-            assert!((found - expected).abs() < tolerance * largest, "{rank} {j}: {found} {expected}");
+            let [coefficient, expected] = solved.each_ref().map(|solution| solution.coefficients[(j, 0)]);
+            assert!((coefficient - expected).abs() < tolerance * largest, "{rank} {j}: {coefficient} {expected}");
         }
     }
 }

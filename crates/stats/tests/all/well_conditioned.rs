@@ -27,8 +27,8 @@ fn fitted(rows: MatRef<'_, f64>, preconditioner: &Preconditioner) -> (Vec<f64>, 
         total.merge(&Gram::of_rows(part.as_ref(), None));
     }
     let root = preconditioner.square_root(&total);
-    let found = least_squares(&root, &[1.0; P]);
-    ((0..P).map(|j| found.coefficients[(j, 0)]).collect(), found.rss[0])
+    let solution = least_squares(&root, &[1.0; P]);
+    ((0..P).map(|j| solution.coefficients[(j, 0)]).collect(), solution.rss[0])
 }
 
 #[test]
@@ -42,12 +42,12 @@ fn coefficients_lose_two_digits_at_most() {
         let mut factor = Factor::new(P, 1);
         factor.push(rows.as_ref(), None);
         let reference = least_squares(&factor.square_root(), &[1.0; P]);
-        let (found, rss) = fitted(rows.as_ref(), &preconditioner);
+        let (coefficients, rss) = fitted(rows.as_ref(), &preconditioner);
         // Offsets of 5 deviations or so; 100 is the two digits, beside what a QR loses.
         let limit = 100.0 * 50.0 * condition * f64::EPSILON;
         for j in 0..P {
             let unit = 10.0_f64.powi(3 * (j as i32 % 3) - 3);
-            let apart = (found[j] - reference.coefficients[(j, 0)]).abs() * unit;
+            let apart = (coefficients[j] - reference.coefficients[(j, 0)]).abs() * unit;
             assert!(apart < limit, "condition {condition:.1}: {apart:e}, limit {limit:e}");
         }
         assert!((rss / reference.rss[0] - 1.0).abs() < 1e-9, "{rss} {}", reference.rss[0]);
