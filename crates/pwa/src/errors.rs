@@ -149,7 +149,7 @@ impl Measure<'_> {
             },
             |chunk, _, part| {
                 let errors = part.errors;
-                total.add_part((chunk.episode, chunk.fold.own), &errors);
+                total.add_part((chunk.episode, chunk.fold.held_out), &errors);
                 total.weight += errors.weight;
                 total.null.merge(&errors.null);
                 total.candidates.iter_mut().zip(&errors.candidates).for_each(|(a, b)| a.merge(b));
@@ -205,7 +205,7 @@ impl Measure<'_> {
 
     fn add(&self, part: &mut Part, assigner: &Assigner<'_>, prepared: &[Prepared], place: Place<'_>, tile: &Tile<'_>) {
         let (q, n, width) = (self.rows.targets, tile.len(), padded(self.rows.targets));
-        let fold = usize::from(place.chunk.fold.own);
+        let fold = usize::from(place.chunk.fold.held_out);
         let weights = tile.weights();
         let weight = |row: usize| weights.map_or(1.0, |weights| weights[row]);
         let (regressors, targets) = (tile.regressors(), tile.targets());

@@ -65,11 +65,9 @@ impl Roots for Solver<'_> {
     fn testing(&self, partition: usize, fold: u16) -> BTreeMap<u32, SquareRoot> {
         match self.joined(partition) {
             Some((table, cells)) => self.factored(joined(cells.testing(fold), table)),
-            None => {
-                self.factored(self.stats.totals(|key| {
-                    (usize::from(key.partition) == partition && key.fold.own == fold).then_some(key.region)
-                }))
-            }
+            None => self.factored(self.stats.totals(|key| {
+                (usize::from(key.partition) == partition && key.fold.held_out == fold).then_some(key.region)
+            })),
         }
     }
 }

@@ -33,7 +33,7 @@ impl<S: Sum> Keyed<S> {
             assert_eq!(sum.shape(), d, "statistics of the same columns");
             bytes.extend(key.episode.0.to_le_bytes());
             bytes.extend(key.chunk.to_le_bytes());
-            bytes.extend(key.fold.own.to_le_bytes());
+            bytes.extend(key.fold.held_out.to_le_bytes());
             for purged in key.fold.purged {
                 bytes.extend(purged.map_or(NO_FOLD, u32::from).to_le_bytes());
             }
@@ -128,7 +128,7 @@ impl Reader<'_> {
     fn record<S: Sum>(&mut self, shape: usize) -> Option<(Key, S)> {
         let episode = EpisodeId(u128::from_le_bytes(self.take()?));
         let chunk = u32::from_le_bytes(self.take()?);
-        let mut fold = Fold { own: u16::from_le_bytes(self.take()?), purged: [None; 2] };
+        let mut fold = Fold { held_out: u16::from_le_bytes(self.take()?), purged: [None; 2] };
         for purged in &mut fold.purged {
             *purged = match u32::from_le_bytes(self.take()?) {
                 NO_FOLD => None,
@@ -150,8 +150,7 @@ mod tests {
     use crate::Stats;
 
     fn keys() -> impl Strategy<Value = Key> {
-        let fold =
-            (any::<u16>(), any::<[Option<u16>; 2]>()).prop_map(|(held_out, purged)| Fold { own: held_out, purged });
+        let fold = (any::<u16>(), any::<[Option<u16>; 2]>()).prop_map(|(held_out, purged)| Fold { held_out, purged });
         (any::<u128>(), any::<u32>(), fold, any::<u16>(), any::<u32>()).prop_map(
             |(episode, chunk, fold, partition, region)| Key {
                 episode: EpisodeId(episode),

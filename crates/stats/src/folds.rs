@@ -227,7 +227,7 @@ impl FoldLayout {
             cuts.sort_unstable();
             for pair in cuts.windows(2).filter(|pair| pair[0] < pair[1]) {
                 let purged = self.neighbours(&spans, at, &(pair[0]..pair[1]));
-                pieces.push((pair[0]..pair[1], Fold { own: *fold, purged }));
+                pieces.push((pair[0]..pair[1], Fold { held_out: *fold, purged }));
             }
         }
         pieces
@@ -242,7 +242,7 @@ impl FoldLayout {
         let Some(at) = spans.iter().position(|(span, _)| middle < span.end) else {
             return Fold::default();
         };
-        Fold { own: spans[at].1, purged: self.neighbours(&spans, at, &unit) }
+        Fold { held_out: spans[at].1, purged: self.neighbours(&spans, at, &unit) }
     }
 
     /// The rows of a span that train for both of its neighbours.
@@ -369,7 +369,7 @@ mod tests {
                 let rows = |wanted: &dyn Fn(&Fold) -> bool| -> Vec<usize> {
                     pieces.iter().filter(|(_, place)| wanted(place)).flat_map(|(rows, _)| rows.clone()).collect()
                 };
-                let (held, trained) = (rows(&|place| place.own == fold), rows(&|place| place.trains(fold)));
+                let (held, trained) = (rows(&|place| place.held_out == fold), rows(&|place| place.trains(fold)));
                 let sides = if fold == 0 || fold == 9 { 1 } else { 2 };
                 assert_eq!((held.len(), trained.len()), (100, 900 - sides * gap));
                 assert!(trained.iter().all(|t| held.iter().all(|h| t.abs_diff(*h) > gap)));
@@ -381,23 +381,23 @@ mod tests {
     fn sums_of_rows_are_held_out_whole_and_purged_when_they_are_short() {
         let layout = layout(FoldRule::Count(5), &[500], alike(0, 7));
         let place = |rows: Range<usize>| layout.place(EpisodeId(0), 500, rows);
-        assert_eq!(place(100..105), Fold { own: 1, purged: [Some(0), None] });
-        assert_eq!(place(105..110), Fold { own: 1, purged: [Some(0), None] });
-        assert_eq!(place(110..115), Fold { own: 1, purged: [None; 2] });
-        assert_eq!(place(195..200), Fold { own: 1, purged: [None, Some(2)] });
+        assert_eq!(place(100..105), Fold { held_out: 1, purged: [Some(0), None] });
+        assert_eq!(place(105..110), Fold { held_out: 1, purged: [Some(0), None] });
+        assert_eq!(place(110..115), Fold { held_out: 1, purged: [None; 2] });
+        assert_eq!(place(195..200), Fold { held_out: 1, purged: [None, Some(2)] });
         // 40 rows are more than a tenth of a span; they stay.
-        assert_eq!(place(90..130), Fold { own: 1, purged: [None; 2] });
-        assert_eq!(place(0..5), Fold { own: 0, purged: [None; 2] });
+        assert_eq!(place(90..130), Fold { held_out: 1, purged: [None; 2] });
+        assert_eq!(place(0..5), Fold { held_out: 0, purged: [None; 2] });
     }
 
     #[test]
     fn what_shares_samples_is_purged_however_long_it_is() {
         let layout = layout(FoldRule::Count(5), &[500], alike(3, 7));
         let place = |rows: Range<usize>| layout.place(EpisodeId(0), 500, rows);
-        assert_eq!(place(102..140), Fold { own: 1, purged: [Some(0), None] });
-        assert_eq!(place(103..140), Fold { own: 1, purged: [None; 2] });
-        assert_eq!(place(100..198), Fold { own: 1, purged: [Some(0), Some(2)] });
-        assert_eq!(place(105..110), Fold { own: 1, purged: [Some(0), None] });
+        assert_eq!(place(102..140), Fold { held_out: 1, purged: [Some(0), None] });
+        assert_eq!(place(103..140), Fold { held_out: 1, purged: [None; 2] });
+        assert_eq!(place(100..198), Fold { held_out: 1, purged: [Some(0), Some(2)] });
+        assert_eq!(place(105..110), Fold { held_out: 1, purged: [Some(0), None] });
     }
 
     #[test]
@@ -408,7 +408,7 @@ mod tests {
         for (id, rows) in episodes(&lengths) {
             let pieces = layout.pieces(id, rows);
             assert_eq!((pieces.len(), pieces[0].1.purged), (1, [None; 2]));
-            load[usize::from(pieces[0].1.own)] += rows;
+            load[usize::from(pieces[0].1.held_out)] += rows;
         }
         assert!(load.iter().all(|&rows| (252..=303).contains(&rows)), "{load:?}");
     }

@@ -10,7 +10,7 @@ use crate::Gram;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub struct Fold {
     /// The fold that holds the row out.
-    pub own: u16,
+    pub held_out: u16,
     /// Folds whose held-out rows are so near in time that the row must not train them either (the purge gap).
     pub purged: [Option<u16>; 2],
 }
@@ -18,7 +18,7 @@ pub struct Fold {
 impl Fold {
     /// Returns true if the row trains the model that is tested on `fold`.
     pub fn trains(&self, fold: u16) -> bool {
-        self.own != fold && !self.purged.contains(&Some(fold))
+        self.held_out != fold && !self.purged.contains(&Some(fold))
     }
 }
 

@@ -123,7 +123,7 @@ impl Rows {
         let rows = || self.folds.iter().enumerate();
         let Some(held) = held else { return [rows().map(|(row, _)| row).collect(), Vec::new()] };
         let train = rows().filter(|(_, fold)| fold.trains(held)).map(|(row, _)| row).collect();
-        [train, rows().filter(|(_, fold)| fold.own == held).map(|(row, _)| row).collect()]
+        [train, rows().filter(|(_, fold)| fold.held_out == held).map(|(row, _)| row).collect()]
     }
 }
 

@@ -29,7 +29,7 @@ fn rows(count: usize, target: impl Fn(f64, f64) -> f64) -> Rows {
         table: Table::new(2, 1, values.collect()).unwrap(),
         inputs: vec![0, 1],
         persistence: vec![0.0; count],
-        folds: (0..count).map(|at| Fold { own: (5 * at / count) as u16, purged: [None; 2] }).collect(),
+        folds: (0..count).map(|at| Fold { held_out: (5 * at / count) as u16, purged: [None; 2] }).collect(),
         count: 5,
         rule: String::new(),
         complete: count,

@@ -53,7 +53,7 @@ impl Use {
     fn of(set: usize, fold: Fold) -> Option<Self> {
         match set.checked_sub(1) {
             None => Some(Self::Trains),
-            Some(held) if usize::from(fold.own) == held => Some(Self::Tests(held)),
+            Some(held) if usize::from(fold.held_out) == held => Some(Self::Tests(held)),
             Some(held) => fold.trains(held as u16).then_some(Self::Trains),
         }
     }

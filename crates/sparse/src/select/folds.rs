@@ -73,7 +73,7 @@ impl Folds {
         }
         let place = |m: usize| places[&(keys[m].episode, keys[m].chunk)];
         let k = usize::from(layout.folds());
-        let test = Mat::from_fn(keys.len(), k, |m, fold| f64::from(u8::from(place(m).own == fold as u16)));
+        let test = Mat::from_fn(keys.len(), k, |m, fold| f64::from(u8::from(place(m).held_out == fold as u16)));
         let train = Mat::from_fn(keys.len(), k, |m, fold| f64::from(u8::from(place(m).trains(fold as u16))));
         Ok(Self { rule: layout.in_words(), ..Self::new(train, test)? })
     }
