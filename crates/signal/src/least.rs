@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn many_points_at_once_find_what_single_ones_find() {
+    fn batched_points_find_the_same_minimum() {
         for (at, skew) in [(0.345, 0.1), (-0.71, 0.3), (1.9, -0.1), (0.0, 0.0)] {
             let rounds = std::sync::atomic::AtomicUsize::new(0);
             let valley = |x: f64| (x - at).powi(2) + skew * (x - at).powi(3);
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn an_end_is_told() {
+    fn minimum_at_an_end_is_reported() {
         assert_eq!(least(1.0, 2.0, 1e-4, |x| x), Least { at: 1.0, at_end: true });
         assert_eq!(least(1.0, 2.0, 1e-4, |x| -x), Least { at: 2.0, at_end: true });
     }

@@ -107,7 +107,7 @@ mod tests {
 
     /// An edge that is later than its stamps may be wrong contradicts all lines; a margin as large as it is late does not.
     #[test]
-    fn what_is_not_even_is_told() {
+    fn uneven_edges_are_reported() {
         let mut edges = brackets(40);
         edges[20].after += 0.05;
         edges[20].before += 0.05;

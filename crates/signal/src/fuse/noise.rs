@@ -244,7 +244,7 @@ mod tests {
 
     /// Residuals of white noise, of which axes have more or less, and of what is missed here and there: both are found from afar, each axis to 5 % (1,500 or more residuals that are hardly of the other kind), and neither moves any more.
     #[test]
-    fn two_kinds_of_noise_are_told_apart() {
+    fn white_and_missed_noise_are_estimated_separately() {
         let (truth, missed_truth) = ([1.0_f64, 2.0, 0.5], 0.7_f64);
         let jumps = |row: u64| [0.0, 0.0, 0.5, 4.0][(row / 3) as usize % 4];
         let residual = |row: u64| {
@@ -273,7 +273,7 @@ mod tests {
 
     /// Of axes of which nothing is told each is thought to be as the mean of all, and a walk to be what is expected.
     #[test]
-    fn what_nobody_tells_is_what_is_expected() {
+    fn noise_without_residuals_takes_the_mean_of_the_axes() {
         let mut densities = [1.0, 4.0, 2.0];
         for _ in 0..30 {
             let (white, missed) = Split::variances(&[Split::default(); 3], &densities, &[None; 3]);
@@ -292,7 +292,7 @@ mod tests {
 
     /// Changes that shrink by half each time come to twice the first.
     #[test]
-    fn what_shrinks_evenly_is_gone_ahead() {
+    fn evenly_shrinking_steps_are_extrapolated() {
         let mut last = 0.0;
         assert!(ahead_of(0.4, &mut last) == 0.4 && last == 0.4);
         assert!((ahead_of(0.2, &mut last) - 0.4).abs() < 1e-15 && last == 0.0);

@@ -368,7 +368,7 @@ mod tests {
 
     /// Means over windows that follow one another sum to what they are means of, whatever happens within; of windows that leave gaps these are bridged by both readings, and of an overlap nothing is held.
     #[test]
-    fn means_sum_to_what_they_are_means_of() {
+    fn averaged_readings_sum_to_the_integral() {
         let times: Vec<f64> = (0..50).map(|row| 0.01 * f64::from(row)).collect();
         let forces: Vec<[f64; 3]> =
             (0..50).map(|row| [if row % 7 == 3 { 80.0 } else { 0.1 * f64::from(row) }, 0.0, 1.0]).collect();
@@ -405,7 +405,7 @@ mod tests {
 
     /// The uncertainty of rates grows where they jump, and only there; noise is no jump.
     #[test]
-    fn what_is_missed_is_missed_where_readings_jump() {
+    fn rate_uncertainty_grows_where_readings_jump() {
         let times: Vec<f64> = (0..400).map(|row| 0.01 * f64::from(row)).collect();
         let scattered = |row: u64| 0.01 * ((fleetfoot_data::mix(row) >> 11) as f64 / (1u64 << 52) as f64 - 1.0);
         let rates: Vec<[f64; 3]> = (0..400)

@@ -298,7 +298,7 @@ mod tests {
 
     /// Of a body that is kicked now and then, and swings, noise is told to 5 %: a window's ringing is none of the motions that it is taken for. Kicks in every window leave nothing to tell.
     #[test]
-    fn noise_is_told_beside_kicks() {
+    fn noise_is_estimated_despite_kicks() {
         let kicked = |every: f64| {
             move |t: f64| {
                 let since = t % every;
@@ -315,7 +315,7 @@ mod tests {
 
     /// Noise that is filtered, noise that is rounded away, and few readings tell nothing.
     #[test]
-    fn what_is_not_white_is_not_told() {
+    fn coloured_noise_gives_no_estimate() {
         let filtered = |row: u64| 0.5 * normal(row) + 0.5 * normal(row + 1);
         assert_eq!(prior_of(60_000, filtered, |_| 0.0), None);
         let slow = |row: u64| (0..8).map(|i| 0.3 * normal(row + i)).sum();

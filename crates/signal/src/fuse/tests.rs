@@ -252,7 +252,7 @@ fn gross_errors_are_left_out() {
 
 /// Noise that was stated three times too great or too small is found again to a tenth.
 #[test]
-fn noise_is_told_by_the_residuals() {
+fn noise_is_estimated_from_residuals() {
     let recording = Recording::new(15.0, 4);
     let BodyNoise { imu, position, attitude, jerk } = NOISE;
     let [gyro, accelerometer] = [imu.gyro.map(|density| 3.0 * density), imu.accelerometer.map(|density| density / 3.0)];
@@ -350,7 +350,7 @@ fn a_gap_parts_a_run() {
 /// so that they differ by the curvature within a deviation. Between poses only readings propagate the state, and its
 /// errors agree with the stated deviations.
 #[test]
-fn a_filter_is_a_smoother_at_the_end_of_what_it_saw() {
+fn filter_equals_smoother_at_the_last_reading() {
     let recording = Recording::new(8.0, 12);
     let options =
         FuseOptions { lever: LEVER.into(), offset: OFFSET.into(), gate: 0.0, loss: crate::Loss::Huber(1e9), ..known() };

@@ -239,7 +239,7 @@ mod tests {
 
     /// Against what the smoother leaves, and against the filter of one penalty; rows without a measurement are among them, at the start as well.
     #[test]
-    fn slopes_of_the_filter_are_what_the_smoother_leaves() {
+    fn filter_slopes_match_the_smoother() {
         let noise = |row: usize| (fleetfoot_data::mix(row as u64) >> 11) as f64 / (1u64 << 53) as f64 - 0.5;
         let times: Vec<f64> = (0..300).map(|row| row as f64 + 0.8 * noise(row)).collect();
         let mut values: Vec<f64> = times.iter().zip(0..).map(|(t, row)| (0.05 * t).sin() + noise(1000 + row)).collect();

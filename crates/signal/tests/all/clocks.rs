@@ -57,7 +57,7 @@ fn late_stamps_are_no_missing_samples() {
 
 /// Two clocks that drift against each other leave residuals that go together.
 #[test]
-fn a_drift_is_told_by_its_correlation() {
+fn drift_correlates_the_residuals() {
     let times: Vec<f64> = (0..5000).map(|row| 0.01 * f64::from(row) + 1e-7 * f64::from(row).powf(1.5)).collect();
     assert!(dejitter(&times).unwrap().correlation > 0.9);
     assert!(matches!(dejitter(&[0.0, 1.0]), Err(SignalError::TooFew { .. })));
@@ -105,7 +105,7 @@ fn lags_are_found_below_a_period_with_honest_deviations() {
 }
 
 #[test]
-fn the_curve_has_its_least_at_the_lag_and_an_end_is_told() {
+fn curve_is_least_at_the_lag_and_ends_are_flagged() {
     let (a, b) = (channel(1000, 0.01, 0.0, 1.0, 1), channel(1000, 0.01, 0.3, 1.0, 7));
     let (a, b) = (Record { times: &a.0, values: &a.1 }, Record { times: &b.0, values: &b.1 });
     let alignment = align(a, b, within(0.5)).unwrap();
@@ -125,7 +125,7 @@ fn the_curve_has_its_least_at_the_lag_and_an_end_is_told() {
 }
 
 #[test]
-fn what_cannot_be_aligned_is_told() {
+fn records_that_cannot_be_aligned_are_refused() {
     let (times, values) = channel(1000, 0.01, 0.0, 1.0, 1);
     let good = Record { times: &times, values: &values };
     let still = vec![1.0; times.len()];
@@ -142,7 +142,7 @@ fn what_cannot_be_aligned_is_told() {
 
 /// Channels of which hardly anything is common: the line stays within what was searched, where refining it had gone on to the few rows that were alike by accident.
 #[test]
-fn a_line_stays_within_what_was_searched() {
+fn clock_line_stays_within_the_search_range() {
     let within = Within { about: 0.02, reach: 0.3, skew: 5e-4 };
     let times: Vec<f64> = (0..1500).map(|row| 0.01 * f64::from(row)).collect();
     for seed in 0..20 {
@@ -158,7 +158,7 @@ fn a_line_stays_within_what_was_searched() {
 
 /// Channels that wander, and a reach of nearly their whole length: where only their ends overlap, a few rows go up or down together as if they were of one motion.
 #[test]
-fn few_rows_that_are_alike_do_not_decide() {
+fn few_alike_rows_do_not_decide_the_lag() {
     let (rows, late) = (600_usize, 25_usize);
     let times: Vec<f64> = (0..rows).map(|row| 0.01 * row as f64).collect();
     for seed in 0..10 {
@@ -252,7 +252,7 @@ fn gross_errors_do_not_move_the_line() {
 
 /// A clock that does not run evenly is told by the quarters of the record.
 #[test]
-fn a_bent_clock_is_told_by_its_quarters() {
+fn bent_clock_is_detected_by_quarters() {
     let same = ClockLine { at: 0.0, offset: 0.0, skew: 0.0 };
     let (a, mut b) = (wandering(10_000, 0.02, same, 1), wandering(10_000, 0.02, same, 7));
     b.0.iter_mut().for_each(|t| *t += 0.05 * (*t / 100.0 - 1.0).powi(2));
@@ -438,7 +438,7 @@ fn wrong_stamps_contradict_each_other() {
 }
 
 #[test]
-fn waves_that_cannot_be_aligned_are_told() {
+fn waves_that_cannot_be_aligned_are_refused() {
     let same = ClockLine { at: 0.0, offset: 0.0, skew: 0.0 };
     let search = Within { about: 0.0, reach: 0.45, skew: 5e-4 };
     let (times, values) = blinks(20.0, 1.0, 0.01, same, 0.0, 1);

@@ -95,7 +95,7 @@ fn decimation_keeps_what_the_new_rate_can_hold() {
 }
 
 #[test]
-fn what_cannot_be_filtered_is_told() {
+fn signals_that_cannot_be_filtered_are_refused() {
     let values: Vec<f64> = (0..20).map(|row| normal(1, row)).collect();
     let parameter = |result: Result<Vec<f64>, SignalError>| matches!(result, Err(SignalError::Parameter { .. }));
     assert!(parameter(savitzky_golay(&values, 1.0, 4, 2, 0)) && parameter(savitzky_golay(&values, 1.0, 5, 5, 0)));

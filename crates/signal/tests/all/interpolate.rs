@@ -69,7 +69,7 @@ fn measurements_are_met_and_missing_ones_bridged() {
 }
 
 #[test]
-fn bad_points_are_told() {
+fn bad_points_are_refused() {
     let kind = Interpolation::NotAKnot;
     let try_it = |times: &[f64], values: &[f64]| Interpolant::new(times, values, kind).unwrap_err();
     assert_eq!(try_it(&[0.0, 1.0], &[1.0, f64::NAN]), SignalError::TooFew { count: 1, needed: 2 });

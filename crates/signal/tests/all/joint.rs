@@ -236,7 +236,7 @@ fn scores(fused: &FusedJoint, truth: &[[f64; 3]], k: usize, at: &[f64]) -> Vec<f
 
 /// Noise of the sensors and of the jerk is found to a tenth, the delay within its deviation, in every seed.
 #[test]
-fn noise_and_delay_are_told_by_the_readings() {
+fn noise_and_delay_are_estimated_from_readings() {
     for seed in 1..=4 {
         let (_, readings) = recorded(20.0, seed);
         let fused = fuse_joint(&[run(&readings, &[])], &sought()).unwrap();
@@ -275,7 +275,7 @@ fn errors_are_as_large_as_stated() {
 
 /// A rate that was computed from the encoder errs with it, and two sensors do not.
 #[test]
-fn a_rate_of_the_same_encoder_is_told() {
+fn rate_derived_from_the_same_encoder_is_noted() {
     let (truth, _) = recorded(10.0, 7);
     let encoder = Readings::of(&truth, 0, [0, 5, 0], NOISE[0], 71);
     let tachometer = Readings::of(&truth, 1, [0, 5, 0], NOISE[1], 72);
@@ -432,7 +432,7 @@ fn runs_share_the_constants_and_threads_change_nothing() {
 }
 
 #[test]
-fn what_cannot_be_fused_is_told() {
+fn inputs_that_cannot_be_fused_are_refused() {
     let (_, readings) = recorded(1.0, 4);
     let unknown = Prior { value: 0.0, deviation: f64::INFINITY };
     let words = |change: &dyn Fn(&mut JointOptions), readings: &[Readings]| {
@@ -478,7 +478,7 @@ fn what_cannot_be_fused_is_told() {
 
 /// A rate of the other sign contradicts every position: that is told, and was an end of the program where no reading was left.
 #[test]
-fn a_rate_of_the_other_sign_is_told() {
+fn rate_with_the_wrong_sign_is_noted() {
     let (w, size, phase) = ([0.7, 2.3, 5.1], [1.0, 0.5, 0.1], [0.3, 1.1, 2.0]);
     let motion = |t: f64| (0..3).map(|k| size[k] * f64::sin(w[k] * t + phase[k])).sum::<f64>();
     let rate = |t: f64| (0..3).map(|k| size[k] * w[k] * f64::cos(w[k] * t + phase[k])).sum::<f64>();
@@ -557,7 +557,7 @@ proptest! {
 /// A filter's state at an instant equals that of a smoother without later readings, and so do the deviations. Before
 /// the third reading the filter has no state.
 #[test]
-fn a_filter_is_a_smoother_at_the_end_of_what_it_read() {
+fn filter_equals_smoother_at_the_last_reading() {
     let (_, readings) = recorded(1.0, 8);
     let wanted = instants(1.0);
     let options = JointOptions { gate: 0.0, loss: Loss::Huber(1e9), ..given() };

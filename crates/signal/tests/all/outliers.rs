@@ -45,7 +45,7 @@ fn gross_errors_are_rejected_and_good_rows_kept() {
 
 /// Errors in a row that are alike, as of a marker that was taken for another: they are left out, and not the good rows about them, which stand out of a curve that was bent to the errors.
 #[test]
-fn a_burst_is_left_out_and_not_what_surrounds_it() {
+fn burst_is_rejected_and_its_neighbours_are_kept() {
     for (seed, length, size) in [(1, 30, 0.5), (2, 12, -0.3), (3, 40, 2.0)] {
         let times: Vec<f64> = (0..ROWS).map(|row| 0.01 * row as f64).collect();
         let motion = |t: &f64| (0.7 * t).sin() + 0.5 * (2.3 * t).cos();
@@ -77,7 +77,7 @@ fn a_clean_channel_stays_whole() {
 
 /// A channel that is no smooth curve is given up and told.
 #[test]
-fn what_is_no_curve_with_gross_errors_is_given_up() {
+fn rejection_gives_up_without_a_smooth_curve() {
     let times: Vec<f64> = (0..400).map(f64::from).collect();
     let values: Vec<f64> =
         (0..400).map(|row| if row % 4 == 0 { 100.0 * uniform(1, row) } else { 0.01 * normal(2, row) }).collect();
@@ -118,7 +118,7 @@ fn hampel_finds_spikes_and_leaves_steps_ramps_and_rest() {
 }
 
 #[test]
-fn noise_is_told_by_differences_with_gross_errors_in_it() {
+fn noise_from_differences_tolerates_gross_errors() {
     let (_, values, _) = spoiled(3);
     let noise = noise_of_differences(&values);
     // One row in sixteen has a gross error among its differences: the median moves by less than a tenth.
@@ -137,7 +137,7 @@ fn stuck_and_saturated_stretches_have_their_places() {
 
 /// A sensor that hangs while the machine moves on is told from one that is at rest, from the steps of a coarse one, and from a channel that is held between its samples.
 #[test]
-fn what_hangs_is_told_from_what_rests() {
+fn hanging_values_differ_from_rest() {
     let motion = |row: usize| (0.01 * row as f64).sin();
     let noisy: Vec<f64> = (0..1000).map(|row| motion(row) + 1e-3 * normal(8, row as u64)).collect();
     assert!(hangs(&noisy).is_empty());

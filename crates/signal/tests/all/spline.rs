@@ -182,7 +182,7 @@ fn a_straight_line_stops_at_an_end() {
 }
 
 #[test]
-fn bad_input_is_told_by_its_row() {
+fn bad_input_is_refused_with_its_row() {
     let try_it = |times: &[f64], values: &[f64], weights: Option<&[f64]>, lambda| {
         smooth(times, values, weights, Spline::Cubic, Lambda::Given(lambda)).unwrap_err()
     };

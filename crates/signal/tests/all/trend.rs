@@ -223,7 +223,7 @@ fn missing_rows_are_filled() {
 }
 
 #[test]
-fn bad_input_is_told() {
+fn bad_input_is_refused() {
     let (times, values, weights) = record(20, 1);
     let try_it =
         |degree, lambda| trend_filter(&times, &values, Some(&weights), degree, Lambda::Given(lambda)).unwrap_err();

@@ -22,7 +22,7 @@ fn given() -> FuseOptions {
 
 /// Attitude, bias and offset are known as with an accelerometer; position, velocity and acceleration by the chain. Errors are as large as stated.
 #[test]
-fn a_gyroscope_and_poses_tell_the_motion() {
+fn motion_is_estimated_from_gyroscope_and_poses() {
     let recording = Recording::new(8.0, 8);
     let fused = fuse(&[alone(&recording)], &given()).unwrap();
     assert!(fused.converged);
@@ -80,7 +80,7 @@ fn the_solution_without_forces_is_the_least() {
 }
 
 #[test]
-fn what_a_gyroscope_alone_cannot_tell_is_said() {
+fn parameters_undetermined_without_forces_are_refused() {
     let recording = Recording::new(2.0, 1);
     let lever = Prior { value: [0.0; 3], deviation: f64::INFINITY };
     let error = fuse(&[alone(&recording)], &FuseOptions { lever, ..given() }).unwrap_err();

@@ -49,7 +49,7 @@ fn a_killed_fusion_goes_on_to_the_same_bits() {
 
 /// A checkpoint of another problem, or a damaged one, is ignored.
 #[test]
-fn what_is_kept_of_another_problem_does_not_count() {
+fn checkpoints_of_another_problem_are_ignored() {
     let recordings = [Recording::new(1.0, 32), Recording::new(1.0, 33)];
     let of = |at: usize| -> [BodyRun<'_>; 1] { [recordings[at].run()] };
     let mut kept = Kept::default();

@@ -109,7 +109,7 @@ fn a_step_and_its_covariances_are_those_of_dense_algebra() {
 
 /// Of a long chain nothing is kept but the rows at every 1024th node, and readings are summed again wherever they are needed: to the same bits.
 #[test]
-fn what_is_computed_again_is_what_was_kept() {
+fn recomputed_rows_equal_stored_rows() {
     let recording = Recording::new(11.0, 5);
     let mut problem = problem(&[recording.run()], &options());
     let nodes = problem.tracks[0].nodes();

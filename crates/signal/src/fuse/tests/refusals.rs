@@ -16,7 +16,7 @@ use crate::{
 };
 
 #[test]
-fn what_cannot_be_fused_is_told() {
+fn inputs_that_cannot_be_fused_are_refused() {
     let recording = Recording::new(3.0, 7);
     let run = recording.run();
     let refused = |run: BodyRun<'_>, options: &FuseOptions| fuse(&[run], options).map(|_| ()).unwrap_err();
@@ -98,7 +98,7 @@ fn a_track_without_positions_is_undetermined() {
 
 /// An offset that is further off than its deviation allows leaves nodes without readings at the ends: it is told.
 #[test]
-fn an_offset_beyond_what_was_kept_clear_is_told() {
+fn offset_beyond_its_deviation_is_refused() {
     let recording = Recording::new(5.0, 9);
     let with = |deviation: f64| FuseOptions { offset: Prior { value: OFFSET - 0.03, deviation }, ..known() };
     assert!(fuse(&[recording.run()], &with(0.015)).is_ok());
@@ -108,7 +108,7 @@ fn an_offset_beyond_what_was_kept_clear_is_told() {
 
 /// Finite numbers whose squares are not: no state is made of them.
 #[test]
-fn overflow_is_told() {
+fn overflow_is_an_error() {
     let recording = Recording::new(3.0, 10);
     let run = recording.run();
     for row in [100, 200] {
