@@ -111,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn chunks_that_say_nothing_do_not_count() {
+    fn chunks_with_zero_scores_are_ignored() {
         let inverse = Inverse { root: Mat::identity(2, 2), condition: 1.0, undetermined: Vec::new() };
         let scores = |some: &[[f64; 2]]| some.iter().map(|score| score.to_vec()).collect::<Vec<_>>();
         // At a minimum the scores sum to zero: as many chunks as parameters leave no freedom.

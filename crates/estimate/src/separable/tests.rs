@@ -238,7 +238,7 @@ fn missing_values_and_borders_leave_rows_out_whatever_the_parameters() {
 }
 
 #[test]
-fn bounds_hold_and_what_is_not_determined_is_named() {
+fn bounds_hold_and_undetermined_parameters_are_named() {
     let y = |source: &MemorySource| noisy(values(source, "lag1(u, 0.3)"), 0.01, 6);
     let source = excited(1_000, 12, &[("y", &y), ("k", &|_| vec![2.0; 1_000])]);
     let at = |low: f64, high: f64| [Parameter::new("tau", low).between(low, high)];
@@ -256,7 +256,7 @@ fn bounds_hold_and_what_is_not_determined_is_named() {
 }
 
 #[test]
-fn problems_that_cannot_be_are_refused() {
+fn impossible_problems_are_refused() {
     let source = excited(100, 1, &[]);
     let error = |targets: &[LinearTarget], parameters: &[Parameter]| {
         separable(targets, parameters, &source, &SeparableOptions::default(), &Silent).unwrap_err()

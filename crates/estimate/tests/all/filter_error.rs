@@ -294,7 +294,7 @@ proptest! {
 }
 
 #[test]
-fn what_cannot_be_held_is_refused() {
+fn gains_outside_their_range_are_refused() {
     let rows = SHORT_PERIOD.source(0.02, vec![SHORT_PERIOD.rows(1, 100, 0.02, BOTH)]);
     let refused = |gains: Gains| {
         let mut options = FilterErrorOptions::default();
@@ -311,7 +311,7 @@ fn what_cannot_be_held_is_refused() {
 /// An unstable machine under feedback, pushed from row to row. Its simulation leaves the recording within seconds, and
 /// output error has no start; the filter stays with it.
 #[test]
-fn what_is_unstable_is_followed() {
+fn unstable_systems_are_followed() {
     let [factor, gain] = factors(-0.8, 1.5);
     let (mut x, mut columns) = (0.3, vec![Vec::new(); 2]);
     for k in 0..400 {
@@ -336,7 +336,7 @@ fn what_is_unstable_is_followed() {
 
 /// Only compared states correct, and a missing measurement corrects nothing.
 #[test]
-fn what_is_not_measured_corrects_nothing() {
+fn missing_measurements_correct_nothing() {
     let mut columns = SHORT_PERIOD.rows(3, 300, 0.02, BOTH);
     columns[1][50] = f64::NAN;
     let rows = SHORT_PERIOD.source(0.02, vec![columns]);

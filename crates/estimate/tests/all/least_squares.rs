@@ -192,7 +192,7 @@ fn threads_and_chunks_keep_their_promise() {
 }
 
 #[test]
-fn what_rows_do_not_tell_is_named() {
+fn undetermined_parameters_are_named() {
     let source = source(1, 50, |x, i| 2.0 * x + 0.1 * noise(i));
     let estimate = fit(&[residual("y", "a*b*x")], &parameters(&[("a", 1.0), ("b", 1.0)]), &source);
     assert!(estimate.status.converged() && estimate.undetermined == [0, 1], "{estimate:?}");

@@ -163,7 +163,7 @@ fn many(seed: usize) -> (Model, MemorySource) {
 }
 
 #[test]
-fn more_coefficients_than_a_matrix_is_held_of_descend_with_the_same_bits_on_any_threads() {
+fn matrix_free_descent_has_the_same_bits_on_any_threads() {
     let (start, source) = many(0);
     assert!(Coefficient::support(&start).len() == 2_160 && WHOLE_COEFFICIENTS < 2_160);
     let mut options = SimulationOptions::new(10);

@@ -222,7 +222,7 @@ fn limits_that_hold_nothing_change_no_bit_and_threads_do_not_matter() {
 }
 
 #[test]
-fn what_is_no_matrix_and_what_begins_outside_is_refused() {
+fn bad_matrices_and_infeasible_starts_are_refused() {
     let (source, residuals, _) = measured(3, 2);
     let refused = |start: f64, limit: MatrixLimit| {
         let start = parameters(2, start);

@@ -159,7 +159,7 @@ fn the_minimum_has_a_certificate_and_the_noise_is_found() {
 
 /// 200 seeds with FLEETFOOT_SWEEPS=full, else 8: how often the truth lies within the stated intervals.
 #[test]
-fn intervals_hold_what_they_say() {
+fn intervals_have_their_stated_coverage() {
     let full = std::env::var("FLEETFOOT_SWEEPS").is_ok_and(|value| value == "full");
     let seeds = if full { 200 } else { 8 };
     for (name, system, rows, period, noisy) in
@@ -198,7 +198,7 @@ fn lasting_residuals_widen_the_intervals() {
 /// A sensor's offset that turns over once in four hundred rows is correlated for longer than a fifth of them, the
 /// longest lag that is tried.
 #[test]
-fn correlation_beyond_what_was_looked_at_is_told() {
+fn correlation_beyond_the_examined_lags_is_flagged() {
     let mut columns = SHORT_PERIOD.rows(1, 400, 0.02, GYRO);
     let white = SHORT_PERIOD.fit(0.02, vec![columns.clone()]);
     assert!(!white.lasting && white.memory < 10, "{}", white.memory);
@@ -237,7 +237,7 @@ fn outputs_and_segments_are_chosen() {
 }
 
 #[test]
-fn what_cannot_be_estimated_is_told() {
+fn problems_that_cannot_be_estimated_are_refused() {
     let rows = VAN_DER_POL.source(0.1, vec![VAN_DER_POL.rows(1, 200, 0.1, WHITE)]);
     let model = VAN_DER_POL.model(0.1);
     let refused = |parameters: &[Parameter]| {

@@ -302,7 +302,7 @@ fn bounds_hold_and_push() {
 }
 
 #[test]
-fn rows_of_next_values_follow_with_gaps_and_the_bits_do_not_know_of_threads() {
+fn next_value_models_follow_across_gaps_with_the_same_bits() {
     let model = model(&[("x", "0.9*x + 0.3*sin(x) + u + 0.1*c")], &["u", "c"], Prediction::Next, 0.1);
     let mut source = MemorySource::new(["x", "u", "c"].map(DataColumn::float).to_vec());
     for episode in 0..5_usize {
@@ -361,7 +361,7 @@ fn noise_is_found_beside_the_model() {
 }
 
 #[test]
-fn what_cannot_be_followed_is_told() {
+fn recordings_that_cannot_be_followed_are_refused() {
     let base = model(&[("x", "-x + u")], &["u"], Prediction::Derivative, 0.1);
     let rows = |values: Vec<f64>| source(&["x", "u"], 0.1, vec![values.clone(), values]);
     let good = rows((0..30).map(f64::from).collect());

@@ -319,7 +319,7 @@ fn a_start_that_diverges_is_led_back() {
 }
 
 #[test]
-fn what_cannot_be_fitted_is_refused() {
+fn models_that_cannot_be_fitted_are_refused() {
     let rows = source(&["x", "y", "u"], 0.1, vec![linear(1, 30, 0.0)]);
     let refused = |model: &Model, steps: usize| {
         simulation_error(model, &rows, &SimulationOptions::new(steps), &Silent).expect_err("an error")

@@ -281,7 +281,7 @@ fn nothing_near_the_minimum_is_lower_and_the_truth_is_within_its_errors() {
 }
 
 #[test]
-fn what_is_left_on_the_coefficients_is_the_least_over_the_states() {
+fn eliminated_objective_is_the_minimum_over_states() {
     let (rows, h) = (60, 0.05);
     let columns = van_der_pol(rows, h, [1.0, 0.5], 0.05, 11);
     let data = source(&["x", "v"], vec![(h, columns)]);
