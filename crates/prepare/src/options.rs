@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_allowed_is_told_with_its_place() {
+    fn bad_options_are_refused_with_their_place() {
         for (text, words) in [
             ("[prepare]\nmethod = \"savitzky-golay\"\nwindow = 8\n", ["[prepare] window = 8", "odd"]),
             (

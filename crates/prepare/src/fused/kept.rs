@@ -62,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_kept_outlives_a_stop_and_not_the_end() {
+    fn checkpoint_survives_a_stop_and_is_removed_at_the_end() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(NAME);
         let stopped = catch_unwind(AssertUnwindSafe(|| {
