@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn sums_along_the_way_are_those_of_all_squares_whatever_is_added_at_a_time() {
+    fn sums_do_not_depend_on_the_batch_size() {
         let uniform = |key: usize| fleetfoot_data::mix(key as u64 + 1) as f64 / u64::MAX as f64;
         for size in [1.0, 1e4] {
             let (mut state, mut episodes) = (0.0, Vec::new());

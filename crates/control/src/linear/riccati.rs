@@ -150,7 +150,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_found_solves_the_equation_and_stabilises(
+        fn solution_solves_the_equation_and_stabilises(
             values in proptest::collection::vec(-1.0f64..1.0, 5 * 5 + 5 * 2),
             weight in -3.0f64..3.0,
         ) {

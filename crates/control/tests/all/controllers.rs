@@ -163,7 +163,7 @@ fn scores_and_bits_do_not_depend_on_threads_and_the_open_loop_is_untouched() {
 }
 
 #[test]
-fn what_does_not_fit_the_model_is_said() {
+fn controllers_that_do_not_fit_the_model_are_refused() {
     let refused = |controller: TreadmillLoop| {
         Simulator::new(&robot()).unwrap().driven_by(Arc::new(controller)).err().unwrap().to_string()
     };

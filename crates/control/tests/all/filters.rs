@@ -206,7 +206,7 @@ fn conditioned(
 }
 
 #[test]
-fn noise_that_hangs_on_the_rows_before_is_conditioned_as_all_of_it_at_once() {
+fn filter_with_coloured_noise_equals_joint_conditioning() {
     let rows = 30;
     // Of order 1 every lag is a power of the first; of order 2 a recursion of one number.
     let first = Mat::from_fn(3, 3, |i, j| [[0.8, 0.1, 0.0], [-0.2, 0.5, 0.1], [0.0, 0.3, 0.6]][i][j]);
@@ -376,7 +376,7 @@ fn nees(model: &Model, options: &FilterOptions, deviations: &[f64], rows: std::o
 }
 
 #[test]
-fn errors_are_as_large_as_they_are_said_to_be() {
+fn errors_match_their_stated_covariance() {
     // The border is crossed every few rows, and x is measured no better than to a third of the distance of the regions' rests.
     let mut model = jumping(0.0, 0.1);
     let all = |model: &Model, options: &FilterOptions| nees(model, options, &[0.1, 0.1], 0..400, 40);
@@ -393,7 +393,7 @@ fn errors_are_as_large_as_they_are_said_to_be() {
 }
 
 #[test]
-fn errors_of_noise_that_hangs_on_the_rows_before_are_as_large_as_they_are_said_to_be() {
+fn errors_under_coloured_noise_match_their_covariance() {
     // Residuals go on by 0.9 of those before; the border is crossed every few rows.
     let (white, step) = (jumping(0.0, 0.1), 0.9f64);
     let mut model = white.clone();
@@ -503,7 +503,7 @@ fn covariances_stay_symmetric_and_definite() {
 }
 
 #[test]
-fn rows_that_are_missing_are_stepped_over() {
+fn missing_rows_are_predicted_across() {
     let model = jumping(0.0, 0.1);
     let filter = SwitchedFilter::new(&model, &measured(&[("x", 0.3)])).unwrap();
     let run = |missing: bool| {
@@ -523,7 +523,7 @@ fn rows_that_are_missing_are_stepped_over() {
 }
 
 #[test]
-fn what_cannot_be_filtered_is_said() {
+fn models_that_cannot_be_filtered_are_refused() {
     let model = jumping(0.0, 0.1);
     let refused = |options: &FilterOptions| SwitchedFilter::new(&model, options).err().unwrap();
     assert!(matches!(refused(&FilterOptions::default()), Error::Filter(FilterError::NotMeasured { .. })));

@@ -82,7 +82,7 @@ fn the_double_integrator_has_scipys_gain_at_any_set_point_and_answers_wind_at_on
 }
 
 #[test]
-fn what_no_input_reaches_is_named() {
+fn uncontrollable_modes_are_named() {
     let columns =
         vec![column("x", Role::State, false), column("y", Role::State, false), column("u", Role::Input, false)];
     let given: Vec<(&str, Prediction, &str)> =
@@ -97,7 +97,7 @@ fn what_no_input_reaches_is_named() {
 }
 
 #[test]
-fn every_region_has_its_law_and_its_own_answer_to_what_pulls_there() {
+fn each_region_has_a_law_and_a_feedforward() {
     let options = LqrOptions { setpoint: at(&[("x", 1.0), ("v", 0.5)]), ..LqrOptions::default() };
     // x cannot rest while v is 0.5: the drift is told.
     let moving = lqr(&with_friction(), &options).unwrap();
@@ -136,7 +136,7 @@ fn spring(off: f64) -> Model {
 }
 
 #[test]
-fn what_cannot_be_told_from_rest_is_rest() {
+fn drift_within_its_error_counts_as_rest() {
     let options = LqrOptions { setpoint: at(&[("x", 0.5), ("v", 0.0)]), ..LqrOptions::default() };
     // Three standard errors: 3 * 1e-4 * sqrt(4 / 96) = 6.1e-5.
     let design = lqr(&spring(5e-5), &options).unwrap();
@@ -153,7 +153,7 @@ fn what_cannot_be_told_from_rest_is_rest() {
 }
 
 #[test]
-fn a_set_point_beyond_the_limits_is_told() {
+fn set_point_beyond_the_limits_is_noted() {
     let options = LqrOptions {
         setpoint: at(&[("x", 0.5), ("v", 0.0)]),
         limits: vec![("u".into(), -1.0, 15.0)],
@@ -244,7 +244,7 @@ fn an_integral_at_a_limit_does_not_wind_up() {
 }
 
 #[test]
-fn what_cannot_be_asked_for_is_refused_with_its_name() {
+fn impossible_options_are_refused_by_name() {
     let refused = |options: LqrOptions| lqr(&mass(), &options).unwrap_err().to_string();
     let with = |setpoint: &[(&str, f64)]| LqrOptions { setpoint: at(setpoint), ..LqrOptions::default() };
     assert!(refused(with(&[("xx", 0.0)])).contains("did you mean x?"));
@@ -404,7 +404,7 @@ fn no_other_gain_costs_less_from_any_start() {
 }
 
 #[test]
-fn a_region_that_nothing_reaches_is_said_and_borrows() {
+fn uncontrollable_region_borrows_a_law_with_a_note() {
     // Below x = 0.5 nothing drives v, which grows.
     let columns =
         vec![column("x", Role::State, false), column("v", Role::State, false), column("u", Role::Input, false)];
