@@ -234,7 +234,7 @@ mod tests {
         /// A certain answer holds for the exact scores, here and within its free radius towards any rival. A doubtful
         /// row has no answer.
         #[test]
-        fn what_is_certain_is_exact(
+        fn certain_choices_equal_the_exact_choice(
             columns in 1usize..20,
             cells in prop::collection::vec((prop::collection::vec(-3.0f64..3.0, 20), -4.0f64..4.0), 1..70),
             z in prop::collection::vec(-2.0f64..2.0, 20),
@@ -269,7 +269,7 @@ mod tests {
 
     /// A value that is not a number, or too large for single precision, has no answer.
     #[test]
-    fn what_does_not_fit_is_left_to_the_exact_scores() {
+    fn overflowing_scores_are_left_to_the_exact_search() {
         let screen = Screen::new(&[vec![1.0], vec![-1.0]], &[0.0, 0.0], 1, |_, _| false);
         for z in [f64::NAN, f64::INFINITY, 1e31, 0.0] {
             assert_eq!(Search(&screen, &[z]).with_simd(pulp::Scalar), None);

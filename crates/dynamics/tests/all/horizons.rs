@@ -35,7 +35,7 @@ fn a_perfect_model_is_useful_over_the_whole_horizon() {
 
 /// A model that loses the first steps and wins the others is reported as better in these.
 #[test]
-fn the_spans_in_which_a_model_is_better_are_told_for_each_baseline() {
+fn spans_of_better_rollouts_are_reported_per_baseline() {
     // The recording stands still for a step and then rises by 1 a second; the model rises from the start, so the baselines win the first step alone.
     let columns = vec![column("x", Role::State, false)];
     let fitted = vec![("x", Prediction::Derivative, "forward(x)", vec![(1.0, vec![])])];
@@ -151,7 +151,7 @@ fn horizon_scores_equal_a_naive_computation() {
 
 /// Two rollouts of a model that stands still while the truth moves by 3 and 4 a step: distances of 5 a step.
 #[test]
-fn displacements_are_told_by_step_and_over_whole_rollouts() {
+fn displacements_are_reported_by_step_and_rollout() {
     let columns = vec![column("x", Role::State, false), column("y", Role::State, false)];
     let still = || vec![(0.0, vec![0.0, 0.0])];
     let fitted = vec![("x", Prediction::Derivative, "1", still()), ("y", Prediction::Derivative, "1", still())];

@@ -89,7 +89,7 @@ fn rollouts_are_the_same_wherever_they_go() {
 }
 
 #[test]
-fn radial_functions_of_what_is_held_are_those_at_the_border() {
+fn held_inputs_give_radial_functions_at_the_border() {
     let source = recording();
     let model = &models(Prediction::Next)[1];
     let mut options = RolloutOptions::new(1);

@@ -131,7 +131,7 @@ fn an_alias_is_rolled_out_as_its_text_is() {
 }
 
 #[test]
-fn what_is_simulated_does_not_look_at_the_recording() {
+fn simulated_values_do_not_read_the_recording() {
     // The rows behind the start say something else of the states: the trajectory stays.
     let model = craft(true, false);
     let run = |change: f64| {
@@ -153,7 +153,7 @@ fn what_is_simulated_does_not_look_at_the_recording() {
 }
 
 #[test]
-fn a_lag_follows_the_recorded_filter_of_what_it_lags() {
+fn lag_follows_the_recorded_filter_of_its_argument() {
     // v is recorded as the model makes it, so that the filter of the recording is the simulated one.
     let columns = vec![
         Column { source: "/v".into(), ..column("v", Role::State, false) },

@@ -502,7 +502,7 @@ fn time_and_irregular_stamps() {
 }
 
 #[test]
-fn what_cannot_be_rolled_out_is_said() {
+fn models_that_cannot_be_rolled_out_are_refused() {
     let columns = || vec![column("x", Role::State, false), column("y", Role::State, false)];
     let plain = |prediction, library: &str| {
         model(columns(), &[library], Partition::whole(), vec![("x", prediction, "x", vec![(0.0, vec![1.0])])], &[])
@@ -531,7 +531,7 @@ fn what_cannot_be_rolled_out_is_said() {
 
 /// x' = x, with a training range up to 2. Beyond it a trajectory goes on, ends, or grows at the rate of the border.
 #[test]
-fn what_leaves_the_training_domain_is_told_ended_or_held() {
+fn leaving_the_training_range_is_noted_ended_or_held() {
     let columns = vec![column("x", Role::State, false)];
     let fitted = vec![("x", Prediction::Derivative, "1", vec![(0.0, vec![1.0])])];
     let mut model = model(columns, &["x"], Partition::whole(), fitted, &[]);

@@ -312,7 +312,7 @@ fn a_segment_knows_the_coefficients_of_its_regions() {
 
 /// A segment that runs away keeps its last good state, whose derivatives stand for the rest.
 #[test]
-fn what_diverges_ends_and_says_so() {
+fn diverging_segments_end_with_a_reason() {
     let columns = vec![column("x", Role::State, false)];
     let maps = vec![(0.0, vec![30.0])];
     let model = model(columns, &["x"], Partition::whole(), vec![("x", Prediction::Derivative, "1", maps)], &[]);
@@ -326,7 +326,7 @@ fn what_diverges_ends_and_says_so() {
 }
 
 #[test]
-fn what_cannot_be_cut_is_refused() {
+fn segments_that_cannot_be_cut_are_refused() {
     let (model, source) = tangled(3, Prediction::Derivative, 1);
     let refused = |options: &ShootingOptions| Shooting::new(&model, &source, &[], options).err().expect("an error");
     assert!(matches!(refused(&options(0, Method::Rk4)), Error::NoHorizon));

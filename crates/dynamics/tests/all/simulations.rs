@@ -143,7 +143,7 @@ fn right_sides_that_jump_come_to_an_end() {
 }
 
 #[test]
-fn what_goes_by_rows_has_its_own_grid_only() {
+fn discrete_models_accept_their_grid_only() {
     let discrete = Stepper::new(&given(&[("x", Prediction::Next, "0.5*x")])).unwrap();
     for times in [vec![0.0, 0.1], vec![0.0, 0.01, 0.03], vec![0.0, 0.0102, 0.0204]] {
         let refused = discrete.grid(times.clone()).unwrap_err();

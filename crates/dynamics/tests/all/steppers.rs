@@ -83,7 +83,7 @@ fn points(stepper: &Stepper, rows: &[usize], dt: f64) -> Points {
 }
 
 #[test]
-fn what_is_given_and_what_is_advanced() {
+fn inputs_and_advanced_states_are_listed() {
     let stepper = Stepper::new(&model(KINDS[0])).unwrap();
     assert_eq!(stepper.states().collect::<Vec<_>>(), ["v", "a", "w"]);
     assert_eq!(
