@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_joined_along_the_way_is_what_is_joined_at_the_end() {
+    fn incremental_batches_equal_batches_at_the_end() {
         let mut key = 0_u64;
         let mut uniform = || {
             key += 1;

@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn what_moves_together_is_named_and_nothing_else() {
+    fn collinear_columns_alone_are_named() {
         let weak = of_rest(1e-2);
         assert!(weak.index(3) > 100.0 && weak.index(3) < 300.0, "{}", weak.index(3));
         assert_eq!(weak.together(30.0, 0.5), [vec![0, 1, 3]]);

@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn long_work_is_told_and_short_work_is_not() {
+    fn only_long_work_is_estimated() {
         let work = |operations| Work { operations, parts: 3, mend: "fewer folds make it shorter".to_owned() };
         assert_eq!(long_work(work(1e6)), None);
         let note = long_work(work(1e14)).unwrap();

@@ -323,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn every_number_of_folds_means_what_it_says() {
+    fn every_number_of_folds_gives_that_many_folds() {
         for (rule, folds, spans) in [
             (FoldRule::Auto, 10, 10),
             (FoldRule::Count(2), 2, 6),
@@ -345,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_refused() {
+    fn impossible_folds_are_refused() {
         let new = |rule, lengths: &[usize]| FoldLayout::new(rule, episodes(lengths), Purge::TENTH).unwrap_err();
         assert_eq!(new(FoldRule::Count(1), &[100]), FoldError::Count { count: 1 });
         assert_eq!(new(FoldRule::Count(70_000), &[100]), FoldError::Count { count: 70_000 });
@@ -391,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn what_shares_samples_is_purged_however_long_it_is() {
+    fn rows_with_shared_samples_are_purged() {
         let layout = layout(FoldRule::Count(5), &[500], alike(3, 7));
         let place = |rows: Range<usize>| layout.place(EpisodeId(0), 500, rows);
         assert_eq!(place(102..140), Fold { held_out: 1, purged: [Some(0), None] });

@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn a_small_set_of_more_noise_is_not_told_apart_by_its_noise() {
+    fn unequal_noise_does_not_reject_equal_coefficients() {
         // A quarter of the rows with three times the noise.
         let louder = |seed: u64| -> Vec<[f64; 4]> {
             let mean = |[x, z, ..]: [f64; 4]| [2.0 - x + 0.5 * z, 1.0 + 0.3 * x + 0.1 * (z + 7.0)];
@@ -313,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn fewer_independent_rows_say_less_and_too_few_nothing() {
+    fn p_grows_with_fewer_independent_rows() {
         let (a, b) = (rows(5, 200, 0.0), rows(6, 200, 0.1));
         let p = |independent: f64| tested(&a, &b, independent).map(|test| test.p);
         assert!(p(1.0).unwrap() < p(0.2).unwrap() && p(0.2).unwrap() < p(0.05).unwrap());
@@ -321,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn what_fits_exactly_is_the_same_or_it_is_not() {
+    fn exact_fits_are_equal_or_different() {
         let exact = |seed: u64, count: usize, more: f64| -> Vec<[f64; 4]> {
             rows(seed, count, 0.0)
                 .into_iter()

@@ -72,7 +72,7 @@ fn a_companion_matrix_keeps_its_given_row() {
 }
 
 #[test]
-fn what_contracts_already_stays_to_the_bit_and_a_bad_start_is_refused() {
+fn contracting_maps_stay_and_bad_starts_are_refused() {
     let contraction =
         Contraction { offset: Mat::zeros(2, 2), left: Mat::identity(2, 2), right: Mat::identity(2, 2), bound: 1.0 };
     let wanted = Mat::from_fn(2, 2, |i, j| if i == j { 0.5 } else { 0.1 });

@@ -208,7 +208,7 @@ fn degenerate_pilots_are_finite_and_infinitely_conditioned() {
 }
 
 #[test]
-fn wrong_input_is_refused_with_a_mend() {
+fn wrong_input_is_refused_with_a_remedy() {
     let x = vec![1.0, 2.0];
     let many: Vec<&[f64]> = vec![&x; 17];
     assert!(matches!(PolynomialPlan::from_pilot(&many, &[], 2), Err(PolynomialError::Shape { variables: 17, .. })));

@@ -167,7 +167,7 @@ fn coefficients_stay_within_a_hundred_householder_bounds() {
 
 /// The test above can fail: on the same designs the normal equations leave the bound far behind.
 #[test]
-fn normal_equations_do_not() {
+fn normal_equations_exceed_the_bounds() {
     for design in designs().iter().filter(|design| design.condition > 1e5) {
         let Some(beta) = normal_equations(design.rows.as_ref(), design.p) else {
             continue;

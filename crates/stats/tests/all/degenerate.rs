@@ -65,7 +65,7 @@ fn a_sum_of_columns_is_named_and_solved_with_minimum_norm() {
 
 /// The pilot sees a constant column and two equal ones; later rows show all three.
 #[test]
-fn what_the_pilot_does_not_show_is_found_later() {
+fn dependence_missing_in_the_pilot_is_detected() {
     let column = |i: usize, j: usize| match j {
         1 if i < 100 => 4.0,
         2 if i < 100 => wave(i, 0),
@@ -170,7 +170,7 @@ fn in_range(rows: &Mat<f64>, n: usize) -> bool {
 }
 
 #[test]
-fn constants_wild_scales_and_nothing_at_all() {
+fn constant_badly_scaled_and_empty_columns_are_solved() {
     // Every column constant; targets too.
     let z = Mat::from_fn(50, 4, |_, j| [0.0, 1e300, -1e-300, 5.0][j]);
     let pilot = Preconditioner::from_pilot(z.as_ref(), 3);
