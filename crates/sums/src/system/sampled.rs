@@ -64,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn the_error_of_differences_is_what_it_is() {
+    fn error_of_differences_has_its_closed_form() {
         let source = sine();
         let central = CentralDifference { of: Expr::column("x"), angle: false, reach: 1, spacing: Spacing::Even };
         let error = central.expression() - Expr::time().cos();

@@ -330,7 +330,7 @@ fn residuals_and_the_region_of_a_model_are_those_of_the_rows() {
 }
 
 #[test]
-fn what_cannot_be_scanned_is_refused_with_its_name() {
+fn impossible_systems_are_refused_by_name() {
     let source = lorenz(1, 100, 0.01, 0.0, 0.0);
     let refuse = |system: System| SystemPlan::new(system, None, &source).and_then(|plan| plan.scan(&source, &Silent));
     assert!(matches!(refuse(System::new(mixed(), Vec::new())), Err(SystemError::NoTarget)));

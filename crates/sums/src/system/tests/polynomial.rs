@@ -18,7 +18,7 @@ fn excess(actual: &SquareRoot, expected: &SquareRoot) -> f64 {
 }
 
 #[test]
-fn degree_five_on_lorenz_loses_what_the_condition_takes() {
+fn loss_at_degree_five_follows_the_condition() {
     for (offset, noise) in [(0.0, 0.01), (0.0, 0.5), (30.0, 0.1)] {
         let source = lorenz(2, 10_000, 0.005, offset, noise);
         let (fast, general) = plans(&System::new(monomials(5), derivatives()), &source);
@@ -60,7 +60,7 @@ fn exact_data_and_ill_conditioned_libraries_take_products() {
 }
 
 #[test]
-fn libraries_are_recognised_by_what_they_are() {
+fn polynomial_libraries_are_recognised() {
     let scope = Scope::open();
     let parse = |texts: &[&str]| -> Vec<Expr> { texts.iter().map(|text| Expr::parse(text, &scope).unwrap()).collect() };
     let recognised =

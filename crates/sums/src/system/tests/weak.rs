@@ -262,7 +262,7 @@ fn threads_order_and_files_do_not_matter_and_merged_parts_are_the_whole() {
 }
 
 #[test]
-fn windows_that_are_none_are_refused() {
+fn impossible_windows_are_refused() {
     let source = lorenz(1, 100, 0.01, 0.0, 0.1);
     let short = SystemPlan::new(lorenz_system(3), None, &source).unwrap_err().to_string();
     assert!(short.contains("3 rows to either side") && short.contains("need 4 rows"), "{short}");
