@@ -274,7 +274,7 @@ fn messages_and_rows_hold_the_truth() {
 }
 
 #[test]
-fn the_recipe_fits_what_it_lies_beside() {
+fn recipe_fits_the_generated_logs() {
     for format in [Format::Mcap, Format::Parquet] {
         let folder = tempfile::tempdir().unwrap();
         let made = generate(&Job { format, ..job(folder.path()) }, &Silent).unwrap();
@@ -388,7 +388,7 @@ fn worlds_are_read_as_they_are_printed_and_errors_name_the_place() {
 }
 
 #[test]
-fn a_plan_tells_what_will_be() {
+fn plan_matches_the_generated_runs() {
     let folder = tempfile::tempdir().unwrap();
     let job = Job { seconds: 60.0, ..job(&folder.path().join("runs")) };
     let plan = plan(&job, &Silent).unwrap();

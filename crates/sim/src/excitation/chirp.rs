@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn its_frequency_sweeps_as_said() {
+    fn frequency_follows_the_sweep() {
         let linear = Chirp { lowest: 2.0, highest: 12.0, duration: 10.0, sweep: Sweep::Linear, ..Chirp::default() };
         // The mean frequency of second k of the way up is 2.5 + k Hz, and the way back mirrors it.
         for k in 0..20 {

@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn strokes_stay_within_and_what_cannot_be_is_refused() {
+    fn strokes_stay_within_bounds_and_bad_ones_are_refused() {
         #[derive(Default)]
         struct Rows(Vec<Vec<f64>>);
         impl Sink for Rows {

@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_is_no_clock() {
+    fn bad_clock_parameters_are_refused() {
         let error =
             ClockParameters { skew: 2e4, ..ClockParameters::default() }.validate().unwrap_err().within("clocks.robot");
         assert!(error.to_string().contains("clocks.robot.skew") && error.to_string().contains("20000"), "{error}");

@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_is_no_encoder() {
+    fn bad_encoder_parameters_are_refused() {
         let error = EncoderParameters { bits: 32, ..quiet() }.validate().unwrap_err();
         assert!(error.to_string().contains("bits = 32"), "{error}");
         EncoderParameters { period: 0.0, ..quiet() }.validate().unwrap_err();

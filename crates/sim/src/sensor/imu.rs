@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn gravity_and_rate_are_told_in_its_own_axes() {
+    fn gravity_and_rate_are_measured_in_sensor_axes() {
         let mounting = [0.4, -0.3, 0.2];
         let mut imu = Imu::new(&ImuParameters { mounting, ..exact() }, G, 1, "imu");
         let orientation = DQuat::from_euler(EulerRot::ZYX, 1.0, 0.5, -0.7);
@@ -374,7 +374,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_is_no_unit() {
+    fn bad_imu_parameters_are_refused() {
         let mut parameters = ImuParameters::default();
         parameters.validate().unwrap();
         parameters.accelerometer.range = 0.0;

@@ -319,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_is_no_system() {
+    fn bad_mocap_parameters_are_refused() {
         let faults = MocapFaultParameters { outlier_distance: [1.0, 0.5], ..MocapFaultParameters::default() };
         let error = MocapParameters { faults, ..MocapParameters::default() }.validate().unwrap_err();
         assert_eq!((error.name.as_str(), error.value.as_str()), ("faults.outlier_distance[1]", "0.5"));

@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn an_error_of_the_sink_is_told_and_the_rest_waits() {
+    fn after_a_sink_error_the_rest_waits() {
         let (mut outbox, mut log) = (Outbox::new(), Log { refuse: Some(1), ..Log::default() });
         (0..4).for_each(|stamp| outbox.push(0, stamps(stamp, stamp), Reading::Flag(false)));
         assert_eq!(outbox.flush_until(9, &mut log).unwrap_err().to_string(), "full");

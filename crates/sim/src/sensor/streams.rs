@@ -30,7 +30,7 @@ mod tests {
     use rand::Rng;
 
     #[test]
-    fn the_function_is_written_in_stone() {
+    fn random_bits_never_change() {
         let mut random = stream(1, "imu/noise");
         assert_eq!([random.next_u64(), random.next_u64()], VECTOR);
     }

@@ -93,7 +93,7 @@ mod tests {
     use crate::sensor::ClockParameters;
 
     #[test]
-    fn edges_are_where_the_driving_clock_says() {
+    fn edges_follow_the_driving_clock() {
         let parameters = SyncWaveParameters { period: 0.2, duty: 0.25, delay: 0.1, light: 40.0 };
         parameters.validate().unwrap();
         let clock = Clock::new(&ClockParameters { offset: 3.0, skew: 100.0, jitter: 0.0 }, 0);
@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn a_switch_is_told_to_the_nanosecond() {
+    fn switches_have_nanosecond_stamps() {
         let clock = Clock::new(&ClockParameters { offset: 0.0, skew: 20.0, jitter: 0.0 }, 7);
         let wave = SyncWave::new(&SyncWaveParameters::default(), clock);
         let (mut switches, step) = (Vec::new(), 250_000);
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_is_no_wave() {
+    fn bad_wave_parameters_are_refused() {
         let error = SyncWaveParameters { duty: 1.5, ..SyncWaveParameters::default() }.validate().unwrap_err();
         assert_eq!(error.name, "duty");
         SyncWaveParameters { period: 0.0, ..SyncWaveParameters::default() }.validate().unwrap_err();

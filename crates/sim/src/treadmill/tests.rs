@@ -180,7 +180,7 @@ fn rates_biases_and_flags_are_true() {
 
 /// Between the two stamps of a switch the lamp was switched, by the controller's clock.
 #[test]
-fn the_controller_tells_when_it_switches_the_lamp() {
+fn controller_records_lamp_switches() {
     let scenario = short();
     let (log, _) = run(&scenario, 2.2, 1);
     let switches = of_topic(&log, layout::CONTROLLER_SYNC);
@@ -227,7 +227,7 @@ fn a_robot_that_cannot_keep_up_is_a_fault_and_the_log_ends_there() {
 }
 
 #[test]
-fn a_start_that_fails_is_made_again_and_given_up_in_the_end() {
+fn failing_starts_are_retried_a_limited_number_of_times() {
     let mut scenario = short();
     scenario.belt.speed = 3.0;
     scenario.start.retries = 2;

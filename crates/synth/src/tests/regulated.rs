@@ -111,7 +111,7 @@ fn a_regulator_keeps_the_wheeled_robot_on_a_line() {
 }
 
 #[test]
-fn what_a_robot_does_not_show_or_have_is_refused() {
+fn states_and_inputs_that_a_robot_lacks_are_refused() {
     let mut world = World::of("hexapod").unwrap();
     let mut law = fleetfoot_control::controller::Regulator {
         period: 0.01,

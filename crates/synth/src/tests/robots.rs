@@ -77,7 +77,7 @@ fn seen(job: &Job) -> (Vec<i64>, BTreeMap<String, Vec<f64>>) {
 }
 
 #[test]
-fn both_formats_say_the_same() {
+fn both_formats_hold_the_same_rows() {
     for robot in ROBOTS {
         let folder = tempfile::tempdir().unwrap();
         let (world, seconds) = short(robot.name());

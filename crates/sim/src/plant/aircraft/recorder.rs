@@ -106,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn channels_are_quantised_and_noisy_as_told() {
+    fn channels_have_their_resolution_and_noise() {
         let recorder = Recorder { pitch: Channel { deviation: 0.0, resolution: 0.01 }, ..Recorder::default() };
         let mut recording = Recording::new(&recorder, 5);
         let (mut sum, mut squares) = (0.0, 0.0);
