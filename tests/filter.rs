@@ -102,8 +102,7 @@ fn what_is_asked_stands_in_a_recipe_as_well_and_what_cannot_be_is_said() {
     filter(&["--initial", "x=1"]).fails(&["STATE=MEAN:DEVIATION"]);
     filter(&["--process", "much"]).fails(&["a number, or \"auto\""]);
     // Its residuals are rounding.
-    filter(&["--measured", "x=0.01", "--noise", "coloured"])
-        .fails(&["residuals hang on those of the rows before", "white"]);
+    filter(&["--measured", "x=0.01", "--noise", "coloured"]).fails(&["no autoregression of its residuals", "white"]);
     filter(&["-o", "estimates.bag"]).fails(&["*.parquet", "*.mcap"]);
     // The log's own columns are measured where nothing is said, and their noise is found.
     let told = filter(&[]).ok();
@@ -180,7 +179,7 @@ fn the_hexapods_errors_from_row_to_row_grow_as_its_residuals_go_on() {
     run(&["fit", "pwa", "rows.stats", "-o", "summed.json"]).ok();
     assert_eq!(told("summed.json", "auto")["noise_rows"], 0);
     let asked = ["filter", "summed.json", "belt/hexapod_01.parquet", "--noise", "coloured"];
-    run(&asked).fails(&["made of logs", "let the noise be white"]);
+    run(&asked).fails(&["did not fit the model to logs", "choose white noise"]);
 }
 
 #[test]

@@ -30,15 +30,17 @@ pub enum ControlError {
     },
     /// The model looks back.
     #[error(
-        "the model looks at earlier rows or at time, so that its state is more than its columns: fit without lags, filters and time(), with derivatives or the next values of states"
+        "the model reads earlier rows or time, so its columns are not its whole state: fit without lags, filters and time(), with derivatives or next values of states"
     )]
     Memory,
     /// Derivatives beside differences.
-    #[error("some equations of the model give derivatives and others next values or differences: fit all states alike")]
+    #[error(
+        "some equations of the model give derivatives and others next values or differences: fit all states to one kind of target"
+    )]
     Mixed,
     /// A rotation of which a part alone is named.
     #[error(
-        "{of}: a rotation is given, kept or left free as a whole: name all parts of {rotation}, or {rotation} itself (free, q, integral), or roll({rotation}), pitch({rotation}) and yaw({rotation}) (setpoint)"
+        "{of}: only some parts of the rotation {rotation} are named, and a rotation is given, kept or left free as a whole: name all its parts, or {rotation} itself (free, q, integral), or roll({rotation}), pitch({rotation}) and yaw({rotation}) (setpoint)"
     )]
     HalfRotation {
         /// The entry.
@@ -47,22 +49,22 @@ pub enum ControlError {
         rotation: String,
     },
     /// Two partitions.
-    #[error("the model has several partitions with more than one region each: fit all equations over one")]
+    #[error("the model has several partitions with more than one region each: fit all equations over one partition")]
     Partitions,
     /// Regions by label.
     #[error(
-        "the regions of the model follow from labels, of which a controller knows none: fit without labels, or one model a label"
+        "labels choose the regions of the model, and a controller has no labels: fit without labels, or one model per label"
     )]
     Labels,
     /// No input.
-    #[error("the model has no input that could be driven: fit with inputs")]
+    #[error("the model has no input to drive: fit it with at least one input")]
     NoInputs,
     /// All states are free.
-    #[error("no state is left to be kept: all of them are free")]
+    #[error("all states are free, so no state is controlled: take at least one state out of free")]
     NoStates,
     /// Another period than the model's.
     #[error(
-        "a period of {period} s: the model gives the next row, {step} s later, and nothing between or beyond; fit derivatives for other periods"
+        "the period of the controller is {period} s, and the model predicts the next row, {step} s later: use a period of {step} s, or fit derivatives"
     )]
     Period {
         /// The requested period.
@@ -71,11 +73,11 @@ pub enum ControlError {
         step: f64,
     },
     /// The period is not known.
-    #[error("the model does not know its sampling period: give the period of the controller")]
+    #[error("the model has no sampling period: give the period of the controller")]
     NoPeriod,
     /// The region of the set point cannot be kept there.
     #[error(
-        "{place} cannot be kept at the set point: no input reaches {modes}; drive further inputs, or leave what need not be kept out (free = \"...\")"
+        "{place} cannot be kept at the set point: no input reaches {modes}; drive further inputs, or list states that need no control (free = \"...\")"
     )]
     NotStabilisable {
         /// A region, or the model.

@@ -213,11 +213,11 @@ impl<'a> Design<'a> {
             let known = if pieces.seen[states + input].is_some() {
                 "its mean in training"
             } else {
-                "as nothing is known of it"
+                "as it has no statistics from training"
             };
             let value = self.start[states + input];
             self.notes.push(format!(
-                "the set point takes {} = {value}, {known}: give it a value in the set point",
+                "the set point has no value of an input and takes {} = {value}, {known}: give a value in the set point",
                 pieces.inputs[input]
             ));
         }
@@ -247,7 +247,7 @@ impl<'a> Design<'a> {
         let rest_of_mean = rest(pieces, &self.coordinates, &wanted, (&|x, u| self.mean(x, u), &self.mean_doubt()));
         if pieces.regions.len() > 1 {
             self.notes.push(
-                "no region rests at the set point: it is found for the mean of all regions by their training rows"
+                "no region is at rest at the set point: it is computed for the mean of all regions, weighted by their training rows"
                     .to_owned(),
             );
         }
@@ -261,7 +261,7 @@ impl<'a> Design<'a> {
             };
             let moves: Vec<String> = rest_of_mean.moving.iter().map(moved).collect();
             self.notes.push(format!(
-                "there is no rest at the set point: at best {}; leave more of it to be found, or states out (free)",
+                "the model is not at rest at the set point: at best {}; give fewer values of the set point, or list states as free",
                 moves.join(", ")
             ));
         }
@@ -277,7 +277,7 @@ impl<'a> Design<'a> {
                 continue;
             };
             self.notes.push(format!(
-                "the set point asks for {name} = {value:.4}, beyond its limits {lowest} to {highest}: the law will not reach it; choose another one, or wider limits"
+                "the set point asks for {name} = {value:.4}, beyond its limits {lowest} to {highest}: the law will not reach it; choose another set point or wider limits"
             ));
         }
     }

@@ -421,5 +421,5 @@ fn uncontrollable_region_borrows_a_law_with_a_note() {
     // The set point in that region is refused, with what is wrong.
     let error = lqr(&model, &LqrOptions { setpoint: at(&[("x", 0.0)]), ..LqrOptions::default() });
     let text = error.map(|design| format!("{:?}", design.notes)).unwrap_or_else(|error| error.to_string());
-    assert!(text.contains("no input reaches") || text.contains("no region rests"), "{text}");
+    assert!(text.contains("no input reaches") || text.contains("no region is at rest"), "{text}");
 }
