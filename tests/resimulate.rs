@@ -139,7 +139,7 @@ fn what_cannot_be_followed_is_told() {
     // A model without states has nothing to follow.
     let narx = ["fit", "narx", "run_0.csv", "--states", "x", "--inputs", "u", "--lags-out", "2", "--folds", "2"];
     fleetfoot(folder.path(), &[&narx[..], &["-o", "model.json"]].concat()).ok();
-    refused(&[], &["looks back"]);
+    refused(&[], &["earlier rows"]);
 }
 
 /// Every option, by flag and by `[resimulate]` of the recipe that the model was fitted with; flags stand above.

@@ -58,7 +58,7 @@ impl Status {
 
 impl Options {
     pub(crate) fn check(&self) -> Result<(), EstimateError> {
-        let allowed = "it is at least 0 and below 1";
+        let allowed = "it must be at least 0 and below 1";
         for (option, value) in [
             ("the gradient tolerance", self.gradient),
             ("the step tolerance", self.step),
@@ -69,7 +69,7 @@ impl Options {
             }
         }
         if !(self.radius > 0.0 && self.radius.is_finite()) {
-            let allowed = "it is positive and finite";
+            let allowed = "it must be positive and finite";
             return Err(EstimateError::Option { option: "the radius", value: self.radius, allowed });
         }
         Ok(())

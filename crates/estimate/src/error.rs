@@ -23,13 +23,15 @@ pub enum EstimateError {
         by: &'static str,
     },
     /// A parameter that no model has.
-    #[error("no model uses the parameter `{name}`: leave it out, or look for a slip in the models")]
+    #[error("no model uses the parameter `{name}`: remove it, or correct its name in the models")]
     Unused {
         /// The parameter.
         name: String,
     },
     /// A parameter within a lag or a difference.
-    #[error("residual `{residual}` uses the parameter `{name}` at another row: parameters do not change with time")]
+    #[error(
+        "residual `{residual}` uses the parameter `{name}` at another row: parameters are constant; write `{name}` without a lag"
+    )]
     Lagged {
         /// The residual.
         residual: String,
@@ -38,7 +40,7 @@ pub enum EstimateError {
     },
     /// An initial value that is not a number between the bounds.
     #[error(
-        "the parameter `{name}` starts at {initial}, between the bounds {low} and {high}: choose a finite value that lies between them"
+        "the initial value of the parameter `{name}` is {initial}, and its bounds are {low} and {high}: choose a finite value between them"
     )]
     Initial {
         /// The parameter.
@@ -52,7 +54,7 @@ pub enum EstimateError {
     },
     /// Entries that are no symmetric matrix of the parameters.
     #[error(
-        "limit `{name}`: the lower triangle of a symmetric matrix has 1, 3, 6, 10, ... entries, of parameters that there are, and a finite bound"
+        "limit `{name}`: give 1, 3, 6, 10, ... known parameters, the lower triangle of a symmetric matrix, and a finite bound"
     )]
     NoMatrix {
         /// The limit.
@@ -60,7 +62,7 @@ pub enum EstimateError {
     },
     /// Initial values that do not keep a limit strictly.
     #[error(
-        "limit `{name}`: the initial values are {beyond} beyond its bound, or at it: begin strictly within, a matrix at one with its eigenvalues on the right side"
+        "limit `{name}`: the initial values are {beyond} beyond its bound, or at it: choose initial values whose eigenvalues lie strictly within the bound"
     )]
     Outside {
         /// The limit.
@@ -69,7 +71,7 @@ pub enum EstimateError {
         beyond: f64,
     },
     /// A weight that is negative or not finite.
-    #[error("the weight of residual `{residual}` is {weight}: weights are finite and not negative")]
+    #[error("the weight of residual `{residual}` is {weight}: give a finite weight, 0 or more")]
     Weight {
         /// The residual.
         residual: String,
@@ -88,7 +90,7 @@ pub enum EstimateError {
     },
     /// A model has no finite value where the iteration begins.
     #[error(
-        "a model or its derivative is not finite at the initial values, at row {} of episode {episode}: choose others, or leave out such rows",
+        "a model or its derivative is not finite at the initial values, at row {} of episode {episode}: choose other initial values, or leave out such rows",
         row + 1
     )]
     NotFinite {
@@ -98,7 +100,9 @@ pub enum EstimateError {
         row: usize,
     },
     /// Fewer numbers than parameters.
-    #[error("{residuals} residuals at complete rows do not determine {parameters} parameters")]
+    #[error(
+        "{residuals} residuals at complete rows do not determine {parameters} parameters: give more rows, or fewer parameters"
+    )]
     TooFewRows {
         /// Residuals times rows.
         residuals: u64,
@@ -107,7 +111,7 @@ pub enum EstimateError {
     },
     /// A simulation that diverges where the iteration begins.
     #[error(
-        "the simulation from row {} of episode {episode} diverges at the initial values: choose others, or shorter segments",
+        "the simulation from row {} of episode {episode} diverges at the initial values: choose other initial values, or shorter segments",
         row + 1
     )]
     Diverges {
@@ -123,7 +127,7 @@ pub enum EstimateError {
         segments: usize,
     },
     /// An output that is not among the states.
-    #[error("`{name}` is to be compared and is no state that the equations advance: the states are {states}")]
+    #[error("the output `{name}` is no state that the equations advance: choose from {states}")]
     NoState {
         /// The given name.
         name: String,
@@ -131,7 +135,9 @@ pub enum EstimateError {
         states: String,
     },
     /// Gains of other outputs.
-    #[error("{gains} gains are given and {outputs} states are compared with their measurements: give one each")]
+    #[error(
+        "{gains} gains are given and {outputs} states are compared with their measurements: give one gain for each state"
+    )]
     GainCount {
         /// Gains.
         gains: usize,
@@ -140,14 +146,14 @@ pub enum EstimateError {
     },
     /// A delay that may take any time.
     #[error(
-        "how long `{filter}` may last is not bounded: give its parameters finite bounds, which say what rows have a past"
+        "the memory of `{filter}` has no bound: give its parameters finite bounds, which tell how many earlier rows it needs"
     )]
     Delay {
         /// The delay.
         filter: String,
     },
     /// A target without functions.
-    #[error("the target `{target}` has no functions to be made of: name at least one")]
+    #[error("the target `{target}` has no candidate functions: name at least one")]
     NoFunctions {
         /// The target.
         target: String,
@@ -164,7 +170,7 @@ pub enum EstimateError {
     },
     /// A model whose equations look back: the rows of a grid would not be its own.
     #[error(
-        "the model looks back {rows} rows, and only models without lags can follow a recording: fit one of derivatives or next values"
+        "the model reads {rows} earlier rows, and only models without lags can follow a recording: fit derivatives or next values without lags"
     )]
     LooksBack {
         /// Number of rows.
@@ -172,7 +178,7 @@ pub enum EstimateError {
     },
     /// A filter of simulated values, which are not recorded.
     #[error(
-        "the model filters what it simulates (`{filter}`), and only models without such filters can follow a recording"
+        "the model filters a simulated value (`{filter}`), and only models without such filters can follow a recording: fit without it"
     )]
     Filtered {
         /// The filter.
@@ -180,7 +186,7 @@ pub enum EstimateError {
     },
     /// Derivatives and next values in one model.
     #[error(
-        "`{derivative}` is integrated and `{next}` is given for the next row: a model that follows a recording has equations of one kind"
+        "the model gives the derivative of `{derivative}` and the next value of `{next}`: fit all states to one kind of target"
     )]
     MixedSteps {
         /// A state whose derivative is given.
@@ -189,7 +195,7 @@ pub enum EstimateError {
         next: String,
     },
     /// A free input that the model does not have.
-    #[error("`{name}` is to move and is no input of the model{near}; it reads {inputs}")]
+    #[error("`{name}` cannot be free, as it is no input of the model{near}; choose from {inputs}")]
     NoInput {
         /// The given name.
         name: String,
@@ -199,7 +205,7 @@ pub enum EstimateError {
         near: String,
     },
     /// A column that is not followed.
-    #[error("`{name}` is neither a state that the equations advance nor an input that may move: these are {columns}")]
+    #[error("`{name}` is neither a state that the equations advance nor a free input: choose from {columns}")]
     NotFollowed {
         /// The given name.
         name: String,
@@ -207,7 +213,7 @@ pub enum EstimateError {
         columns: String,
     },
     /// Bounds in the wrong order.
-    #[error("the bounds of `{name}` are {low} and {high}: the lower one comes first, and they are apart")]
+    #[error("the bounds of `{name}` are {low} and {high}: write the lower bound first, and two different values")]
     Bounds {
         /// The column.
         name: String,
@@ -254,7 +260,7 @@ pub enum EstimateError {
     },
     /// A latent that is not a summand of one derivative.
     #[error(
-        "`{latent}` is no summand of a derivative: states are smoothed with equations that add it to what is known"
+        "`{latent}` is not added to a derivative: smoothing of states needs equations of known terms plus the unknown function"
     )]
     NotAdditive {
         /// The latent.
@@ -282,7 +288,7 @@ pub enum EstimateError {
     },
     /// A model has no finite value along the recording.
     #[error(
-        "the model or its derivative is not finite along episode {episode}: leave the episode out, or bound what it divides by"
+        "the model or its derivative is not finite along episode {episode}: leave the episode out, or bound the divisors of the model"
     )]
     NotFollowable {
         /// The episode's name.
@@ -316,10 +322,10 @@ pub enum EstimateError {
 
 fn no_segment(segments: usize) -> String {
     match segments {
-        0 => "no episode has two rows, so that nothing can be simulated: give longer logs, or look at their stamps (fleetfoot info)".to_owned(),
-        1 => "the only segment misses a value that it needs, of a state where it begins or of an input: prepare the logs, or choose shorter segments".to_owned(),
+        0 => "no episode has two rows, so nothing can be simulated: give longer logs, or look at their stamps (fleetfoot info)".to_owned(),
+        1 => "the only segment lacks an initial state or an input: prepare the logs, or choose shorter segments".to_owned(),
         segments => format!(
-            "all {segments} segments miss a value that they need, of a state where they begin or of an input: prepare the logs, or choose shorter segments"
+            "all {segments} segments lack an initial state or an input: prepare the logs, or choose shorter segments"
         ),
     }
 }

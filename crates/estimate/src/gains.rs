@@ -43,5 +43,5 @@ fn check(value: f64) -> Result<(), EstimateError> {
     if (0.0..=1.0).contains(&value) {
         return Ok(());
     }
-    Err(EstimateError::Option { option: "a gain", value, allowed: "it is at least 0 and at most 1" })
+    Err(EstimateError::Option { option: "a gain", value, allowed: "it must be at least 0 and at most 1" })
 }

@@ -182,7 +182,7 @@ pub fn resimulate(
     check(options)?;
     let continuous = kind(model)?;
     if !continuous && options.every > 1 {
-        let allowed = "the model's equations give the next row, so that no row can be left out: 1";
+        let allowed = "it must be 1, as the equations of the model give the next row";
         return Err(EstimateError::Option { option: "every", value: options.every as f64, allowed });
     }
     let transcription = Transcription::new(model, continuous, &free(model, &options.free)?)?;
@@ -240,10 +240,10 @@ pub(crate) struct Scale {
 fn check(options: &ResimulationOptions) -> Result<(), EstimateError> {
     let refuse = |option, value, allowed| Err(EstimateError::Option { option, value, allowed });
     match options {
-        _ if options.every == 0 => refuse("every", 0.0, "every row is 1"),
-        _ if options.iterations == 0 => refuse("iterations", 0.0, "one convex program at least"),
+        _ if options.every == 0 => refuse("every", 0.0, "it must be 1 or more (1: every row)"),
+        _ if options.iterations == 0 => refuse("iterations", 0.0, "it must be 1 or more"),
         _ if !(options.widen >= 0.0 && options.widen.is_finite()) => {
-            refuse("widen", options.widen, "it is a share of the recorded range, not negative and finite")
+            refuse("widen", options.widen, "it must be a finite share of the recorded range, 0 or more")
         }
         _ => Ok(()),
     }
