@@ -194,7 +194,7 @@ fn clocks_that_cannot_be_found_are_told() {
             format!("{MOTION}reach = 0.1\noffset = 0.1\n"),
             vec!["run.mcap", "an end of what was searched", "longer reach"],
         ),
-        (clock("wave = [\"w\", \"/mocap/sync.variance\"]\n"), vec!["run.mcap", "stands still"]),
+        (clock("wave = [\"w\", \"/mocap/sync.variance\"]\n"), vec!["run.mcap", "is constant"]),
         (clock("motion = [\"w\", \"turns\"]\n"), vec!["turns"]),
         (format!("{MOTION}even = true\n"), vec!["[clocks.mocap]", "even is said of a wave"]),
         (clock("offset = nan\n"), vec!["offset = NaN", "seconds"]),

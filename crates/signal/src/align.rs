@@ -96,7 +96,7 @@ impl<'a> Record<'a> {
         let (low, high) = (measured().fold(f64::INFINITY, f64::min), measured().fold(f64::NEG_INFINITY, f64::max));
         match low < high {
             true => Ok(self),
-            false => Err(SignalError::NotAligned { problem: "a channel stands still" }),
+            false => Err(SignalError::NotAligned { problem: "a channel is constant" }),
         }
     }
 
@@ -194,9 +194,9 @@ impl Sums {
 pub fn align(first: Record<'_>, second: Record<'_>, within: Within) -> Result<Alignment, SignalError> {
     let (first, second) = (first.check(LEAST)?, second.check(LEAST)?);
     let Within { about, reach, skew } = within;
-    check(reach > 0.0 && reach.is_finite(), "the reach", reach, "a reach is positive and finite")?;
-    check((0.0..0.1).contains(&skew), "the greatest skew", skew, "a skew is 0 or more, and below 0.1")?;
-    check(about.is_finite(), "the lag to search about", about, "a lag is finite")?;
+    check(reach > 0.0 && reach.is_finite(), "the reach", reach, "a reach must be positive and finite")?;
+    check((0.0..0.1).contains(&skew), "the greatest skew", skew, "a skew must be 0 or more, and below 0.1")?;
+    check(about.is_finite(), "the lag to search about", about, "a lag must be finite")?;
     let ((first_part, first_out), (other, second_out)) =
         (first.without_gross_errors()?, second.without_gross_errors()?);
     let smoothed = smooth(second.times, &other, None, Spline::Cubic, Lambda::Likelihood)?;
@@ -216,7 +216,7 @@ pub fn align(first: Record<'_>, second: Record<'_>, within: Within) -> Result<Al
     let best = (0..curve.len()).min_by(|&a, &b| curve[a].1.total_cmp(&curve[b].1)).unwrap_or(0);
     if curve[best].1.is_infinite() {
         return Err(SignalError::NotAligned {
-            problem: "the channels share fewer than 128 rows, or than half of what they can, at every lag",
+            problem: "at every lag the channels share fewer than 128 rows, or fewer than half of the possible rows",
         });
     }
     let start = ClockLine { at: pair.at, offset: curve[best].0, skew };

@@ -72,15 +72,15 @@ pub fn align_edges(
     wave: WaveOptions,
 ) -> Result<EdgeAlignment, SignalError> {
     let (Within { about, reach, skew }, WaveOptions { mut margin, even }) = (within, wave);
-    check(reach > 0.0 && reach.is_finite(), "the reach", reach, "a reach is positive and finite")?;
-    check(skew > 0.0 && skew < 0.1, "the greatest skew", skew, "a skew is positive, and below 0.1")?;
-    check(about.is_finite(), "the lag to search about", about, "a lag is finite")?;
-    check(margin >= 0.0 && margin.is_finite(), "the margin", margin, "a margin is 0 or more, and finite")?;
+    check(reach > 0.0 && reach.is_finite(), "the reach", reach, "a reach must be positive and finite")?;
+    check(skew > 0.0 && skew < 0.1, "the greatest skew", skew, "a skew must be positive, and below 0.1")?;
+    check(about.is_finite(), "the lag to search about", about, "a lag must be finite")?;
+    check(margin >= 0.0 && margin.is_finite(), "the margin", margin, "a margin must be 0 or more, and finite")?;
     let (first, second) = (edges(first.check(2)?), edges(second.check(2)?));
     let (lag, others) = voted(&first, &second, within)?;
     let mut pairs = followed(&first, &second, lag);
     if pairs.len() < 2 {
-        return Err(SignalError::NotAligned { problem: "both saw fewer than two edges of the wave" });
+        return Err(SignalError::NotAligned { problem: "both records have fewer than two edges of the wave" });
     }
     if even {
         // The bounds have the margin in them then.
@@ -153,7 +153,7 @@ fn voted(first: &[Edge], second: &[Edge], within: Within) -> Result<(f64, Vec<f6
     let mut lags = lag_clusters.into_iter().map(|(lag, _)| lag);
     match lags.next() {
         Some(lag) => Ok((lag, lags.collect())),
-        None => Err(SignalError::NotAligned { problem: "no edge of the one wave is within reach of one of the other" }),
+        None => Err(SignalError::NotAligned { problem: "no edge of one wave is within reach of an edge of the other" }),
     }
 }
 

@@ -26,7 +26,7 @@ pub enum SignalError {
     },
     /// A stamp that does not come after the one before it.
     #[error(
-        "stamp {row} is {time} s, the one before it {before} s: stamps must increase; sort the rows, and keep one of those that share a stamp"
+        "stamp {row} is {time} s, the one before it {before} s: stamps must increase; sort the rows, and keep one row of each stamp"
     )]
     Stamp {
         /// The row.
@@ -38,7 +38,7 @@ pub enum SignalError {
     },
     /// A weight that is negative or not finite.
     #[error(
-        "the weight of row {} is {weight}: weights are finite and not negative (0 for a value that does not count)",
+        "the weight of row {} is {weight}: give a finite weight, 0 or more (0 for a value that does not count)",
         row + 1
     )]
     Weight {
@@ -49,7 +49,7 @@ pub enum SignalError {
     },
     /// A value that is not finite where all must be.
     #[error(
-        "the value of row {} is {value}: this filter has no notion of missing values; fill the gap, or smooth by a spline",
+        "the value of row {} is {value}: this filter needs every value; fill the gap, or smooth by a spline",
         row + 1
     )]
     NotFinite {
@@ -80,7 +80,7 @@ pub enum SignalError {
     },
     /// An attitude that is no rotation.
     #[error(
-        "the attitude of row {} is zero: a quaternion of norm 1 is wanted; leave out rows at which the body was not seen",
+        "the attitude of row {} is zero, and a quaternion must have the norm 1: leave out rows at which the body was not seen",
         row + 1
     )]
     Attitude {
@@ -95,11 +95,11 @@ pub enum SignalError {
     },
     /// A wave that is stated to be even, and is not.
     #[error(
-        "no even wave passes between the stamps before and after its edges: even out the stamps (dejitter), leave out what one of them missed, or do not call the wave even"
+        "the edges of the wave are not evenly spaced within their stamps: even out the stamps (dejitter), leave out edges that one sensor missed, or do not state the wave as even"
     )]
     UnevenWave,
     /// Two records that share too little time, or too little motion, to be aligned.
-    #[error("{problem}: give records that share more of it")]
+    #[error("the records cannot be aligned: {problem}; give records that share more time and motion")]
     NotAligned {
         /// Reason why the signals cannot be aligned.
         problem: &'static str,

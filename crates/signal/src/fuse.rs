@@ -107,7 +107,7 @@ pub fn fuse_from(
     }
     if tracks.is_empty() {
         return Err(SignalError::NotFused {
-            problem: "no two neighbouring poses have inertial readings about them: correct the clocks first, or give longer records",
+            problem: "no two neighbouring poses have inertial readings around them: correct the clocks first, or give longer records",
         });
     }
     let bias = |prior: &Prior<[f64; 3]>| BiasPrior { value: prior.value.into(), deviation: prior.deviation };
@@ -172,12 +172,12 @@ fn known_by(runs: &[BodyRun<'_>], options: &FuseOptions) -> Result<FuseOptions, 
     }
     if runs.iter().any(|run| run.imu.has_forces()) {
         return Err(SignalError::NotFused {
-            problem: "some runs have an accelerometer, and some have none: fuse them apart",
+            problem: "some runs have an accelerometer, and some have none: fuse the two kinds separately",
         });
     }
     if options.lever.deviation.is_infinite() {
         return Err(SignalError::NotFused {
-            problem: "without an accelerometer nothing tells the lever: give it, or name a sensor of the specific force",
+            problem: "without an accelerometer the lever cannot be estimated: give it, or name a sensor of the specific force",
         });
     }
     let gravity = Prior { deviation: 0.0, ..options.gravity };
@@ -188,7 +188,7 @@ fn known_by(runs: &[BodyRun<'_>], options: &FuseOptions) -> Result<FuseOptions, 
 impl From<chain::Undetermined> for SignalError {
     fn from(_: chain::Undetermined) -> Self {
         Self::NotFused {
-            problem: "the motion does not determine what is asked for: give lever, mounting, offset or gravity, or a record with more turns about several axes",
+            problem: "the motion does not determine all unknowns: give lever, mounting, offset or gravity, or a record with more turns about several axes",
         }
     }
 }
@@ -212,7 +212,7 @@ fn solve(
     let Progress { steps, contradicted, .. } = progress;
     if !problem.is_within_slack() {
         return Err(SignalError::NotFused {
-            problem: "poses and readings are further apart in time than three deviations of the offset, or 0.1 s: correct the clocks first ([clocks.NAME] of a recipe), or give an offset nearer to what it is",
+            problem: "poses and readings are further apart in time than three deviations of the offset, or 0.1 s: correct the clocks first ([clocks.NAME] of a recipe), or give a better offset",
         });
     }
     Ok(result::fused(problem, [outside, contradicted], steps, converged)?)
@@ -264,7 +264,7 @@ fn choose(problem: &mut Problem<'_>, contradicted: &mut usize) -> Result<bool, S
     let is_rare = |which: usize| 2 * used().filter(|used| used[which]).count() < all;
     if (0..2).any(is_rare) || !problem.tracks.iter().any(Track::is_determined) {
         return Err(SignalError::NotFused {
-            problem: "more than half of the poses lie beyond the gate of what the readings tell: check clocks, frames and units, the mounting and the lever, or state greater noise",
+            problem: "more than half of the poses lie beyond the gate around the motion of the readings: check clocks, frames and units, the mounting and the lever, or state greater noise",
         });
     }
     problem.tracks.retain(|track| {

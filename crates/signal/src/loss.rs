@@ -36,13 +36,13 @@ impl Loss {
     pub(crate) fn check(self) -> Result<(), SignalError> {
         match self {
             Self::Huber(at) => {
-                check(at > 0.0 && at.is_finite(), "the threshold of Huber's loss", at, "it is positive and finite")
+                check(at > 0.0 && at.is_finite(), "the threshold of Huber's loss", at, "it must be positive and finite")
             }
             Self::Student(freedom) => check(
                 freedom > 0.0 && freedom.is_finite(),
                 "the freedom of Student's loss",
                 freedom,
-                "it is positive and finite",
+                "it must be positive and finite",
             ),
         }
     }

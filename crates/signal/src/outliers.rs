@@ -71,7 +71,7 @@ pub fn reject(
     lambda: Lambda,
     sigmas: f64,
 ) -> Result<Rejected, SignalError> {
-    check(sigmas > 0.0, "sigmas", sigmas, "a number of standard deviations is positive")?;
+    check(sigmas > 0.0, "sigmas", sigmas, "a number of standard deviations must be positive")?;
     let channel = Channel { times, values, weights, spline, lambda, sigmas };
     let mut search = Search::default();
     let with_all = smooth(times, values, weights, spline, lambda)?;
@@ -250,8 +250,8 @@ impl Channel<'_> {
 /// # Errors
 /// `sigmas` or `reach` that are not positive.
 pub fn hampel(values: &[f64], reach: usize, sigmas: f64, floor: f64) -> Result<Vec<usize>, SignalError> {
-    check(sigmas > 0.0, "sigmas", sigmas, "a number of standard deviations is positive")?;
-    check(reach > 0, "reach", 0.0, "a window reaches one row or more to either side")?;
+    check(sigmas > 0.0, "sigmas", sigmas, "a number of standard deviations must be positive")?;
+    check(reach > 0, "reach", 0.0, "a window must reach one row or more to either side")?;
     // A window that reaches farther holds all values.
     let reach = reach.min(values.len());
     let mut window = Vec::with_capacity((2 * reach + 1).min(values.len()));

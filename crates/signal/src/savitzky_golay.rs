@@ -64,10 +64,10 @@ pub fn savitzky_golay(
     degree: usize,
     derivative: usize,
 ) -> Result<Vec<f64>, SignalError> {
-    check(window % 2 == 1, "window", window as f64, "a window has an odd number of rows")?;
-    check(degree < window, "degree", degree as f64, "a degree is less than the rows of the window")?;
+    check(window % 2 == 1, "window", window as f64, "a window must have an odd number of rows")?;
+    check(degree < window, "degree", degree as f64, "a degree must be less than the rows of the window")?;
     check(derivative <= degree, "derivative", derivative as f64, "a derivative above the degree is zero")?;
-    check(dt > 0.0 && dt.is_finite(), "dt", dt, "a period is positive and finite")?;
+    check(dt > 0.0 && dt.is_finite(), "dt", dt, "a period must be positive and finite")?;
     check_finite(values)?;
     if values.len() < window {
         return Err(SignalError::TooShort { what: "the window", rows: values.len(), needed: window - 1 });

@@ -80,7 +80,7 @@ impl Sections {
     /// # Errors
     /// As [`Sections::butterworth`]; ripples that are not positive.
     pub fn chebyshev(order: usize, ripple: f64, cutoff: f64, rate: f64) -> Result<Self, SignalError> {
-        check(ripple > 0.0 && ripple.is_finite(), "ripple", ripple, "ripples are positive, in dB")?;
+        check(ripple > 0.0 && ripple.is_finite(), "ripple", ripple, "ripples must be positive, in dB")?;
         let epsilon = (10.0_f64.powf(0.1 * ripple) - 1.0).sqrt();
         let mu = (1.0 / epsilon).asinh() / order.max(1) as f64;
         // At zero frequency an even order is at the bottom of a ripple.
@@ -90,10 +90,10 @@ impl Sections {
 
     /// Poles on an ellipse of these half-axes, the circle of Butterworth among them.
     fn low_pass(order: usize, cutoff: f64, rate: f64, re: f64, im: f64, gain: f64) -> Result<Self, SignalError> {
-        check((1..=20).contains(&order), "order", order as f64, "an order is 1 to 20")?;
-        check(rate > 0.0 && rate.is_finite(), "rate", rate, "a rate is positive and finite")?;
+        check((1..=20).contains(&order), "order", order as f64, "an order must be 1 to 20")?;
+        check(rate > 0.0 && rate.is_finite(), "rate", rate, "a rate must be positive and finite")?;
         let holds = cutoff > 0.0 && cutoff < 0.5 * rate;
-        check(holds, "cutoff", cutoff, "a cut-off lies above 0 and below half the rate of the rows")?;
+        check(holds, "cutoff", cutoff, "a cut-off must lie above 0 and below half the rate of the rows")?;
         // The bilinear transform's frequencies, at two rows a second.
         let warped = 4.0 * (PI * cutoff / rate).tan();
         let pole = |k: usize| {
@@ -157,7 +157,7 @@ impl Sections {
 /// # Errors
 /// A ratio below 1; those of [`Sections::zero_phase`].
 pub fn anti_alias(values: &[f64], ratio: f64) -> Result<Vec<f64>, SignalError> {
-    check(ratio >= 1.0, "ratio", ratio, "rows that are kept are as far apart as before, or farther")?;
+    check(ratio >= 1.0, "ratio", ratio, "the new period must be the old period or longer")?;
     Sections::chebyshev(8, 0.05, 0.4 / ratio, 1.0)?.zero_phase(values)
 }
 
@@ -166,7 +166,7 @@ pub fn anti_alias(values: &[f64], ratio: f64) -> Result<Vec<f64>, SignalError> {
 /// # Errors
 /// A factor of zero; those of [`Sections::zero_phase`].
 pub fn decimate(values: &[f64], factor: usize) -> Result<Vec<f64>, SignalError> {
-    check(factor > 0, "factor", 0.0, "a factor is 1 or more")?;
+    check(factor > 0, "factor", 0.0, "a factor must be 1 or more")?;
     if factor == 1 {
         return Ok(values.to_vec());
     }

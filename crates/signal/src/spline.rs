@@ -180,7 +180,7 @@ impl<'a> Channel<'a> {
         let (lambda, at_end) = match choice {
             Lambda::Given(lambda) => {
                 let holds = lambda > 0.0 && lambda.is_finite();
-                check(holds, "lambda", lambda, "a penalty is positive and finite")?;
+                check(holds, "lambda", lambda, "a penalty must be positive and finite")?;
                 (lambda / to_seconds, false)
             }
             Lambda::Gcv => self.search::<M>(|lambdas| self.gcv::<M>(lambdas)),

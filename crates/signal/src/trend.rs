@@ -84,7 +84,7 @@ pub fn trend_filter(
     degree: usize,
     lambda: Lambda,
 ) -> Result<Trend, SignalError> {
-    check((1..=3).contains(&degree), "degree", degree as f64, "the pieces of a trend are of degree 1, 2 or 3")?;
+    check((1..=3).contains(&degree), "degree", degree as f64, "the degree of a trend must be 1, 2 or 3")?;
     check_channel(times, values, weights)?;
     let channel = Channel::new(times, values, weights, degree)?;
     match degree {
@@ -136,7 +136,7 @@ impl<'a> Channel<'a> {
     fn trend<const M: usize>(&self, choice: Lambda) -> Result<Trend, SignalError> {
         let (lambda, at_end) = match choice {
             Lambda::Given(lambda) => {
-                check(lambda > 0.0 && lambda.is_finite(), "lambda", lambda, "a penalty is positive and finite")?;
+                check(lambda > 0.0 && lambda.is_finite(), "lambda", lambda, "a penalty must be positive and finite")?;
                 (lambda / self.penalty(), false)
             }
             Lambda::Gcv => self.search::<M>(|n, rss, freedom| n * rss / ((n - freedom) * (n - freedom))),

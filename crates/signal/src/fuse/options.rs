@@ -209,7 +209,7 @@ impl BodyRun<'_> {
                 average >= 0.0 && average.is_finite(),
                 "the window of a mean",
                 average,
-                "it is seconds, zero or more",
+                "it must be 0 s or more, and finite",
             )?;
         }
         check_stamps(poses.times)?;
@@ -241,18 +241,18 @@ impl FuseOptions {
             ("the deviation of attitudes", attitude),
             ("the density of the jerk", jerk),
         ] {
-            check(value > 0.0 && value.is_finite(), what, value, "it is positive and finite")?;
+            check(value > 0.0 && value.is_finite(), what, value, "it must be positive and finite")?;
         }
         for missed in imu.missed {
-            let allowed = "it is a factor, 0 where nothing is missed";
+            let allowed = "it must be a factor, 0 or more (0: nothing is missed)";
             check(missed >= 0.0 && missed.is_finite(), "what is missed between readings", missed, allowed)?;
         }
         self.loss.check()?;
-        check(self.gate >= 0.0, "the gate", self.gate, "it is a number of deviations, or 0 for none")?;
+        check(self.gate >= 0.0, "the gate", self.gate, "it must be a number of deviations, or 0 for none")?;
         let size = self.gravity.value.iter().map(|part| part * part).sum::<f64>().sqrt();
-        check(size > 0.0 && size.is_finite(), "the size of gravity", size, "it is positive and finite")?;
+        check(size > 0.0 && size.is_finite(), "the size of gravity", size, "it must be positive and finite")?;
         let norm = self.mounting.value.iter().map(|part| part * part).sum::<f64>().sqrt();
-        check(norm > 1e-3 && norm.is_finite(), "the norm of the mounting", norm, "a quaternion has the norm 1")?;
+        check(norm > 1e-3 && norm.is_finite(), "the norm of the mounting", norm, "a quaternion must have the norm 1")?;
         for (what, value, deviation) in [
             ("the lever", self.lever.value.iter().sum::<f64>(), self.lever.deviation),
             ("the mounting", norm, self.mounting.deviation),
@@ -260,14 +260,24 @@ impl FuseOptions {
             ("gravity", size, self.gravity.deviation),
         ] {
             check(value.is_finite(), what, value, "it is finite")?;
-            check(deviation >= 0.0, what, deviation, "its deviation is 0 (given), positive, or infinite (unknown)")?;
+            check(
+                deviation >= 0.0,
+                what,
+                deviation,
+                "its deviation must be 0 (given), positive, or infinite (unknown)",
+            )?;
         }
         for (what, prior) in
             [("the gyroscope's bias", &self.gyro_bias), ("the accelerometer's bias", &self.accelerometer_bias)]
         {
             let sum: f64 = prior.value.iter().sum();
             check(sum.is_finite(), what, sum, "it is finite")?;
-            check(prior.deviation > 0.0, what, prior.deviation, "its deviation is positive, or infinite (unknown)")?;
+            check(
+                prior.deviation > 0.0,
+                what,
+                prior.deviation,
+                "its deviation must be positive, or infinite (unknown)",
+            )?;
         }
         Ok(())
     }

@@ -216,7 +216,7 @@ impl<'a> Problem<'a> {
         let (mut cost, mut damping) = (self.cost_now()?, 0.0);
         if !cost.is_finite() {
             return Err(SignalError::NotFused {
-                problem: "squares of the residuals overflow: leave out readings and poses that are too great to have been measured",
+                problem: "squares of the residuals overflow: leave out impossibly large readings and poses",
             });
         }
         self.at_rest = None;

@@ -84,11 +84,11 @@ impl JointOptions {
 
     pub(super) fn check(&self) -> Result<(), SignalError> {
         let count = self.sensors.len();
-        check((1..=MOST).contains(&count), "the number of sensors of a joint", count as f64, "it is 1 to 16")?;
+        check((1..=MOST).contains(&count), "the number of sensors of a joint", count as f64, "it must be 1 to 16")?;
         for sensor in &self.sensors {
             let JointSensor { resolution, average, noise, delay, bias, .. } = sensor;
             for (what, value) in [("the resolution of a sensor", *resolution), ("the window of a sensor", *average)] {
-                check(value >= 0.0 && value.is_finite(), what, value, "it is 0 (none) or positive, and finite")?;
+                check(value >= 0.0 && value.is_finite(), what, value, "it must be 0 (none) or positive, and finite")?;
             }
             for (what, prior) in [("a delay", delay), ("a bias", bias)] {
                 check(prior.value.is_finite(), what, prior.value, "it is finite")?;
@@ -97,23 +97,23 @@ impl JointOptions {
                     deviation >= 0.0,
                     what,
                     deviation,
-                    "its deviation is 0 (given), positive, or infinite (unknown)",
+                    "its deviation must be 0 (given), positive, or infinite (unknown)",
                 )?;
             }
             positive("the noise of a sensor", *noise)?;
         }
         positive("the density of the jerk", self.jerk)?;
-        check(self.gate >= 0.0, "the gate", self.gate, "it is a number of deviations, or 0 for none")?;
+        check(self.gate >= 0.0, "the gate", self.gate, "it must be a number of deviations, or 0 for none")?;
         self.loss.check()?;
         let tells = |sensor: &JointSensor| sensor.quantity == Quantity::Position && sensor.bias.deviation.is_finite();
         if !self.sensors.iter().any(tells) {
             return Err(SignalError::NotFused {
-                problem: "no sensor tells where the joint is: name one of its position, whose bias is not sought",
+                problem: "no sensor measures the position of the joint: name one with kind \"position\" whose bias is given",
             });
         }
         if self.sensors.iter().all(|sensor| sensor.delay.deviation.is_infinite()) {
             return Err(SignalError::NotFused {
-                problem: "a delay is told by another sensor: give that of one of them",
+                problem: "all delays are unknown, and a delay is estimated relative to another sensor: give the delay of one sensor",
             });
         }
         Ok(())
@@ -122,7 +122,7 @@ impl JointOptions {
 
 fn positive(what: &'static str, value: Option<f64>) -> Result<(), SignalError> {
     match value {
-        Some(value) => check(value > 0.0 && value.is_finite(), what, value, "it is positive and finite"),
+        Some(value) => check(value > 0.0 && value.is_finite(), what, value, "it must be positive and finite"),
         None => Ok(()),
     }
 }

@@ -29,7 +29,7 @@ const LEAST: f64 = 1e-8;
 const DETERMINED: f64 = 1e-9;
 
 /// Error text if the gate leaves too few readings.
-const CONTRADICTED: &str = "more than half of the readings of a sensor lie beyond the gate of what the others tell: check clocks, signs and units, or state greater noise";
+const CONTRADICTED: &str = "more than half of the readings of a sensor lie beyond the gate around the motion of the other sensors: check clocks, signs and units, or state greater noise";
 
 /// A change of a weight that is one.
 const WEIGHT: f64 = 1e-3;
@@ -104,7 +104,7 @@ impl<'a> Problem<'a> {
         let read = runs.iter().any(|run| positions(run, &|values| values.len() > 2));
         if read && !runs.iter().any(|run| positions(run, &|values| values.windows(2).any(|two| two[0] != two[1]))) {
             return Err(SignalError::NotFused {
-                problem: "the positions of the joint are all the same, so that no noise and no motion is told: leave the joint out, or give other channels",
+                problem: "the positions of the joint are all the same, so neither noise nor motion can be estimated: leave the joint out, or give other channels",
             });
         }
         let start::Begin { scale, variances, density, delays } = start::begin(runs, options)?;
@@ -135,7 +135,7 @@ impl<'a> Problem<'a> {
         if !problem.determined.contains(&true) {
             return Err(SignalError::NotFused {
                 problem: if read {
-                    "positions do not tell how the joint moves: leave out what is too great to have been measured, or give another density of the jerk"
+                    "positions do not determine the motion of the joint: leave out impossibly large readings, or give another density of the jerk"
                 } else {
                     "no record of positions has three readings: give longer records, or other channels"
                 },
@@ -195,7 +195,7 @@ impl<'a> Problem<'a> {
         let passes = self.each(runs.len(), |at| self.pass(runs[at]));
         if passes.iter().any(|pass| !pass.squares.is_finite()) {
             return Err(SignalError::NotFused {
-                problem: "squares of the residuals overflow: leave out readings that are too great to have been measured",
+                problem: "squares of the residuals overflow: leave out impossibly large readings",
             });
         }
         Ok(passes)
@@ -319,7 +319,7 @@ impl<'a> Problem<'a> {
             }
         }
         let undetermined = SignalError::NotFused {
-            problem: "the motion does not determine what is asked for: give delay or bias, or a record with more motion",
+            problem: "the motion does not determine all unknowns: give delay or bias, or a record with more motion",
         };
         let Some(root) = normal.cholesky() else { return Err(undetermined) };
         let l = root.l();
@@ -433,7 +433,7 @@ impl<'a> Problem<'a> {
     ) -> Result<FusedJoint, SignalError> {
         if self.is_far() {
             return Err(SignalError::NotFused {
-                problem: "a sensor of the joint is stamped later or earlier than another by three deviations of its delay, or 0.1 s: correct the clocks first ([clocks.NAME] of a recipe), or give a delay nearer to what it is",
+                problem: "the stamps of two sensors of the joint differ by more than three deviations of the delay, or 0.1 s: correct the clocks first ([clocks.NAME] of a recipe), or give a better delay",
             });
         }
         self.is_rarely_used()?;

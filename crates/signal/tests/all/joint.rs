@@ -441,8 +441,8 @@ fn inputs_that_cannot_be_fused_are_refused() {
         fuse_joint(&[run(readings, &[])], &options).unwrap_err().to_string()
     };
     for (message, expected) in [
-        (words(&|options| options.sensors[0].bias = unknown, &readings), "no sensor tells where"),
-        (words(&|options| options.sensors[0].delay = unknown, &readings), "told by another sensor"),
+        (words(&|options| options.sensors[0].bias = unknown, &readings), "no sensor measures the position"),
+        (words(&|options| options.sensors[0].delay = unknown, &readings), "relative to another sensor"),
         (words(&|options| options.sensors[0].resolution = -1.0, &readings), "the resolution of a sensor = -1"),
         (words(&|options| options.sensors[1].noise = Some(0.0), &readings), "the noise of a sensor = 0"),
         (words(&|options| options.loss = Loss::Student(f64::NAN), &readings), "Student's loss"),

@@ -84,9 +84,12 @@ fn parameters_undetermined_without_forces_are_refused() {
     let recording = Recording::new(2.0, 1);
     let lever = Prior { value: [0.0; 3], deviation: f64::INFINITY };
     let error = fuse(&[alone(&recording)], &FuseOptions { lever, ..given() }).unwrap_err();
-    assert!(error.to_string().contains("nothing tells the lever"), "{error}");
+    assert!(error.to_string().contains("the lever cannot be estimated"), "{error}");
     let error = fuse(&[alone(&recording), recording.run()], &given()).unwrap_err();
-    assert!(matches!(error, SignalError::NotFused { .. }) && error.to_string().contains("fuse them apart"), "{error}");
+    assert!(
+        matches!(error, SignalError::NotFused { .. }) && error.to_string().contains("fuse the two kinds separately"),
+        "{error}"
+    );
 }
 
 /// Under Student's loss gross errors count next to nothing without a gate, and what is found is what is found without them.
