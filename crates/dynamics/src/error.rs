@@ -18,7 +18,7 @@ pub enum Error {
     Inconsistent(String),
     /// A model of given equations only.
     #[error(
-        "the model has no fitted equation, so there is nothing to score or predict one step ahead; all its equations are given: look at its rollouts"
+        "all equations of the model are given and none is fitted, so there is nothing to score or predict one step ahead: look at its rollouts"
     )]
     NothingFitted,
     /// No equation advances a state.
@@ -30,7 +30,7 @@ pub enum Error {
         equations: String,
     },
     /// Two equations for one state.
-    #[error("two equations advance `{state}`; a rollout needs exactly one")]
+    #[error("two equations advance `{state}`, and a rollout needs exactly one: remove the other")]
     Contradiction {
         /// The state.
         state: String,
@@ -50,7 +50,7 @@ pub enum Error {
     },
     /// The tangents of a first-order lag inside of a simulation are not known.
     #[error(
-        "the model reads {column}, a first-order lag of what it simulates, whose tangents are not known: fit it one step ahead (objective = \"one-step\"), or make the lag a measured column"
+        "the model reads {column}, a first-order lag of a simulated value, and derivatives through it are not supported: fit it one step ahead (objective = \"one-step\"), or make the lag a measured column"
     )]
     SimulatedLag {
         /// The lag.
@@ -102,8 +102,7 @@ pub enum Error {
     },
     /// Nowhere to begin a free run.
     #[error(
-        "no row to start a free run from in {episodes} episodes: it needs {needed} consecutive rows with all values, the longest episode has {longest}; \
-         fill the gaps, or give longer episodes"
+        "no row of {episodes} episodes can start a free run: it needs {needed} consecutive rows with all values, the longest episode has {longest}; fill the gaps, or give longer episodes"
     )]
     NoCompleteRow {
         /// Episodes tried.
@@ -132,8 +131,7 @@ pub enum Error {
     },
     /// The times of a simulation are not a row apart, of a model that goes by rows.
     #[error(
-        "t[{place}] comes {interval} s after the time before, and the rows of the model are {period} s apart: {reason}, and between rows it knows nothing; \
-         give times that are {period} s apart and keep those that you want, or fit derivatives"
+        "t[{place}] comes {interval} s after the time before, and the rows of the model are {period} s apart: {reason}; give times that are {period} s apart and keep those that you want, or fit derivatives"
     )]
     OtherPeriod {
         /// Index among the times.

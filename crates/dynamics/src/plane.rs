@@ -86,7 +86,9 @@ impl Axis {
         let sound = self.low.is_finite() && self.high.is_finite() && self.low < self.high;
         if !sound || (self.periodic && self.high - self.low != TAU) {
             let Self { expression, low, high, .. } = self;
-            return Err(Error::Plane(format!("the range [{low}, {high}) of {expression} is no range")));
+            return Err(Error::Plane(format!(
+                "the range [{low}, {high}) of {expression} is not valid: write two finite numbers, the lower one first (a whole turn for an angle)"
+            )));
         }
         Ok(())
     }

@@ -50,7 +50,7 @@ impl TimeGrid {
         let total = self.periods.iter().fold(0_usize, |sum, periods| sum.saturating_add(*periods));
         if total > MOST_TIMES {
             let problem = format!(
-                "it lies {total} sampling periods of the model after the first time, and {MOST_TIMES} are the most"
+                "it lies {total} sampling periods of the model after the first time; at most {MOST_TIMES} are allowed"
             );
             return Err(Error::Times { place: self.periods.len(), problem });
         }
@@ -76,7 +76,7 @@ impl Stepper {
             return Err(Error::Times { place: 0, problem: "there is none".into() });
         }
         if let Some(place) = times.iter().position(|time| !time.is_finite()) {
-            return Err(Error::Times { place, problem: format!("{} is no time", times[place]) });
+            return Err(Error::Times { place, problem: format!("{} is not a finite number", times[place]) });
         }
         if let Some(place) = (1..times.len()).find(|&place| times[place] <= times[place - 1]) {
             let problem = format!("{} s does not come after {} s", times[place], times[place - 1]);

@@ -164,5 +164,5 @@ fn threads_change_no_bit_and_short_episodes_are_counted() {
     assert_eq!((one.runs.len(), one.skipped), (7, 1));
     let short = self::source(&[(vec![1.0, 2.0], vec![0.0, 0.0])]);
     let error = free_run(&wrong, &short, &FreeRunOptions::default(), &Silent).unwrap_err().to_string();
-    assert!(error.contains("no row to start") && error.contains('2'), "{error}");
+    assert!(error.contains("can start a free run") && error.contains('2'), "{error}");
 }
