@@ -242,15 +242,14 @@ fn the_attitude_of_a_body_is_a_rotation_on_request() {
     let steep = format!("{}channels = [{}]{}", &RECIPE[..start], turned.join(", "), &RECIPE[end..]);
     let said = prepare(path, &steep, &[]).ok();
     assert!(
-        said.err.contains("the nose of the body points up or down by as much as")
-            && said.err.contains("attitude = \"quaternion\""),
+        said.err.contains("the pitch of the body reaches") && said.err.contains("attitude = \"quaternion\""),
         "{}",
         said.err
     );
     let taken =
         RECIPE.replace("[body]", "[body]\nattitude = \"quaternion\"").replace("light = {}", "attitude = \"light\"");
     let said = prepare(path, &taken, &[]);
-    assert!(said.code == 1 && said.err.contains("name it otherwise"), "{}", said.err);
+    assert!(said.code == 1 && said.err.contains("give it another name"), "{}", said.err);
 }
 
 fn position_at(t: f64) -> f64 {
@@ -452,7 +451,7 @@ fn poses_that_are_none_are_left_out() {
     };
     for (see, words) in [
         (&zeros as See<'_>, "50 poses have a quaternion of zeros"),
-        (&again, "50 poses repeat the one before"),
+        (&again, "50 poses repeat the previous pose"),
         (&long, "400 poses are not of length 1 (1.4"),
     ] {
         write_wrong(&path.join("run.mcap"), SHORT, &as_is, see);
@@ -483,12 +482,12 @@ fn bodies_that_cannot_be_fused_are_told() {
         (RECIPE.replace("light = {}", "vx = { column = \"light\" }"), vec!["`vx`", "written twice"]),
         (
             format!("{RECIPE}[sensor.gyro]\nkind = \"gyro\"\nchannels = [\"light\", \"light\", \"light\"]\n"),
-            vec!["[sensor.gyro] kind", "one sensor"],
+            vec!["[sensor.gyro] kind", "the same quantity"],
         ),
-        (format!("{RECIPE}[time]\nbase = \"/lamp\"\n"), vec!["[body]", "base and rate of [time]"]),
-        (format!("{RECIPE}[time]\nrate = 50.0\n"), vec!["[body]", "base and rate of [time]"]),
+        (format!("{RECIPE}[time]\nbase = \"/lamp\"\n"), vec!["[body]", "base and rate from [time]"]),
+        (format!("{RECIPE}[time]\nrate = 50.0\n"), vec!["[body]", "base and rate from [time]"]),
         (RECIPE.split("[sensor.mocap]").next().unwrap().to_owned(), vec!["pose", "[sensor.NAME]"]),
-        (gyroscope(), vec!["without an accelerometer nothing tells the lever", "give it"]),
+        (gyroscope(), vec!["without an accelerometer the lever cannot be estimated", "give it"]),
         (RECIPE.replace("gravity = 9.81", "huber = 4.0\nstudent = 4.0"), vec!["[body]", "huber and student"]),
         (
             RECIPE.replace("kind = \"pose\"", "kind = \"pose\"\naverage = -0.01"),

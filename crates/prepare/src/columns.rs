@@ -100,7 +100,7 @@ pub(crate) fn written_recipe(read: &Recipe, planned: &[Planned], time: &str, smo
         if names.len() > 2 && second_order && state.known.is_none() {
             if read.states.contains_key(&names[1]) {
                 let problem = format!(
-                    "{}: its rate is measured; leave second_order away for `{name}`",
+                    "{}: its rate is measured; remove second_order from `{name}`",
                     STATES_SECTION.entry(&names[1])
                 );
                 return Err(Error::name_taken(&names[1], problem));

@@ -46,7 +46,7 @@ const CHUNK: usize = 65_536;
 fn check(recipe: &Recipe) -> Result<(), Error> {
     if recipe.time.base.is_some() || recipe.time.rate.is_some() {
         return Err(Error::conflict(format!(
-            "[body] and [joint] are fused at the stamps of their own sensors: leave out base and rate of {TIME_SECTION}; decimate of {PREPARE_SECTION} writes fewer rows"
+            "[body] and [joint] are fused at the stamps of their sensors: remove base and rate from {TIME_SECTION}; decimate of {PREPARE_SECTION} writes fewer rows"
         )));
     }
     let PrepareSection { clip, dejitter, decimate, min_rows, .. } = recipe.prepare;
@@ -55,7 +55,7 @@ fn check(recipe: &Recipe) -> Result<(), Error> {
         return Ok(());
     }
     Err(Error::conflict(format!(
-        "[body] and [joint] are fused, and no channel is smoothed by itself: of {PREPARE_SECTION} clip, dejitter, decimate and min_rows go with them; leave out the rest, and [channels]"
+        "with [body] or [joint] no channel is smoothed by itself: of {PREPARE_SECTION} keep only clip, dejitter, decimate and min_rows, and remove [channels]"
     )))
 }
 
@@ -127,7 +127,7 @@ pub(crate) fn prepare(
     let Job { columns, rules, steepest, .. } = job;
     if attitude == AttitudeForm::Euler && steepest > STEEP {
         notes.push(format!(
-            "the nose of the body points up or down by as much as {:.0} degrees: near 90 roll and yaw turn without bound, and their equations with them; `attitude = \"quaternion\"` of [body] makes the attitude one rotation, which has no such place",
+            "the pitch of the body reaches {:.0} degrees, and near 90 degrees the rates of roll and yaw grow without bound: write `attitude = \"quaternion\"` in [body], which makes the attitude one rotation",
             steepest.to_degrees()
         ));
     }
@@ -151,7 +151,7 @@ fn base(sensors: Option<&Sensors>, plans: &[JointPlan]) -> Result<(Vec<String>, 
     match plans.iter().find_map(JointPlan::base) {
         Some(channel) => Ok((vec![channel.clone()], Layout { needed: 1, vectors: 0, skipped: 1 })),
         None => Err(Error::missing(
-            "no sensor tells where a joint is: name a [sensor.NAME] of its position (kind = \"position\")".into(),
+            "no sensor measures the position of a joint: name a [sensor.NAME] with kind = \"position\"".into(),
         )),
     }
 }
@@ -162,10 +162,9 @@ fn along_columns(read: &Dataset, along: &[String]) -> Result<Vec<fleetfoot_data:
     let of_view = |name: &String| view.columns().iter().find(|column| column.name == *name);
     let columns: Vec<_> = along.iter().filter_map(of_view).cloned().collect();
     match columns.iter().find(|column| matches!(column.kind, ColumnKind::Category(_))) {
-        Some(text) => Err(Error::value(format!(
-            "`{}` is text: beside what is fused numbers alone go along; leave it out",
-            text.name
-        ))),
+        Some(text) => {
+            Err(Error::value(format!("`{}` is text, and a fused log takes numbers only: remove the column", text.name)))
+        }
         None => Ok(columns),
     }
 }
@@ -209,14 +208,12 @@ impl Body {
         progress.stage("fuse");
         let fused = body::fused(rows, &poses, &sensors, kept)?;
         if !fused.converged {
-            notes.push(
-                "the fusion did not come to rest: state noise, delay, lever or mounting, or give longer records".into(),
-            );
+            notes.push("the fusion did not converge: give noise, delay, lever or mounting, or longer records".into());
         }
         notes.extend(body::doubts(&fused, rows, &sensors));
         if fused.contradicted > 0 {
             notes.push(format!(
-                "{} poses lie in stretches of which the gate left fewer than two positions or no attitude: these stretches are left out",
+                "{} poses are left out: in their stretches the gate left fewer than two positions or no attitude",
                 fused.contradicted
             ));
         }

@@ -276,7 +276,7 @@ impl Job<'_> {
         let even = dejitter(&times).map_err(|source| self.error(episode, "the stamps", source))?;
         if even.correlation > 0.9 {
             self.notes.push(format!(
-                "{episode}: errors of neighbouring stamps go together ({:.3}): the clocks drift, or the stamps were even; compare with dejitter = false",
+                "{episode}: errors of neighbouring stamps are correlated ({:.3}): the clocks drift, or the stamps were even; compare with dejitter = false",
                 even.correlation
             ));
         }

@@ -151,7 +151,7 @@ impl ChannelOptions {
     ) -> Result<Self, Error> {
         let method = read_method(channel, section, method)?;
         if second_order && method.rates() < 2 {
-            let allowed = "quintic, trend-filter of degree 2 or 3, not-a-knot, savitzky-golay or butterworth with second_order: an acceleration is wanted";
+            let allowed = "quintic, trend-filter of degree 2 or 3, not-a-knot, savitzky-golay or butterworth, as second_order needs an acceleration";
             return Err(refused(channel, "method", method.word(), allowed));
         }
         let by_default = if method.is_smoothing() { 4.0 } else { 0.0 };
@@ -189,7 +189,7 @@ fn read_method(channel: Option<&str>, section: &PrepareSection, method: PrepareM
     Ok(match method {
         PrepareMethod::Auto => match lambda(channel, section)? {
             Lambda::Given(lambda) => {
-                let allowed = "likelihood or gcv with method = \"auto\", or say which spline it is of: method = \"cubic\" (s^3) or \"quintic\" (s^5)";
+                let allowed = "likelihood or gcv with method = \"auto\", or name the spline of this penalty: method = \"cubic\" (s^3) or \"quintic\" (s^5)";
                 return Err(refused(channel, "lambda", lambda, allowed));
             }
             by => Method::Auto(by),
@@ -258,7 +258,7 @@ pub(crate) fn check_channels(recipe: &Recipe) -> Result<(), Error> {
         if let Some(at) = said.iter().position(|&said| said) {
             let entry = OF_EPISODES[at];
             return Err(Error::conflict(format!(
-                "[channels.{name}] {entry}: it is of whole episodes; say it in {PREPARE_SECTION}"
+                "[channels.{name}] {entry}: it applies to whole episodes; write it in {PREPARE_SECTION}"
             )));
         }
     }

@@ -120,7 +120,7 @@ impl Topics {
             match samples {
                 Some(samples) => samples_of_column.extend(set.channels.iter().copied().zip(samples)),
                 None => notes.push(format!(
-                    "{}: stamps of {} go back; its states are smoothed as they are joined on the rows",
+                    "{}: stamps of {} decrease; its states are smoothed at the rows of the log instead of its own stamps",
                     rows.episodes()[episode].name,
                     set.topic
                 )),

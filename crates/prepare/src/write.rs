@@ -62,7 +62,7 @@ pub(crate) fn unique(columns: Vec<WriteColumn>, why: &str) -> Result<Vec<WriteCo
         None => Ok(columns),
         Some(twice) => {
             let name = twice.name.clone();
-            let problem = format!("`{name}` would be written twice: {why}; give it another in {COLUMNS}");
+            let problem = format!("`{name}` would be written twice: {why}; give it another name in {COLUMNS}");
             Err(Error::name_taken(name, problem))
         }
     }

@@ -60,12 +60,12 @@ impl Poses {
         let (none, stuck) = (count(&is_none), count(&|row| hung[row] && !is_none(row)));
         if none > 0 {
             notes.push(format!(
-                "{log}: {none} poses have a quaternion of zeros, as where the body was not seen, and are left out"
+                "{log}: {none} poses have a quaternion of zeros (the body was not seen) and are left out"
             ));
         }
         if stuck > 0 {
             notes.push(format!(
-                "{log}: {stuck} poses repeat the one before them until the body is elsewhere at once, as where it was not seen, and are left out"
+                "{log}: {stuck} poses repeat the previous pose until a jump (the body was not seen) and are left out"
             ));
         }
         let kept = |row: &usize| !is_none(*row) && !hung[*row];
@@ -75,7 +75,7 @@ impl Poses {
             let low = lengths.iter().copied().fold(f64::INFINITY, f64::min);
             let high = lengths.iter().copied().fold(0.0, f64::max);
             notes.push(format!(
-                "{log}: quaternions of {off} poses are not of length 1 ({low:.3} to {high:.3}), and are brought to it: check that the channels are its parts x, y, z, w"
+                "{log}: quaternions of {off} poses are not of length 1 ({low:.3} to {high:.3}) and are normalised: check that the channels are x, y, z, w"
             ));
         }
         Self {
@@ -102,13 +102,13 @@ pub(super) fn doubts(fused: &Fused, rows: &[LogRows], sensors: &Sensors) -> Vec<
     let force = if sensors.has_forces() { bias(|state| state.accelerometer_bias, 12) } else { 0.0 };
     if force > BIASES[0] {
         doubts.push(format!(
-            "the accelerometer would have a bias of {force:.1} m/s^2 and more: check that its channels are the specific force in m/s^2, which at rest is 9.8 and points up, gravity included"
+            "the estimated bias of the accelerometer is {force:.1} m/s^2 or more: check that its channels are the specific force in m/s^2 (at rest 9.8 upward, gravity included)"
         ));
     }
     let rate = bias(|state| state.gyro_bias, 9);
     if rate > BIASES[1] {
         doubts.push(format!(
-            "the gyroscope would have a bias of {rate:.2} rad/s and more: check that its channels are in rad/s, and that the poses' quaternions are x, y, z, w of the markers' frame to the world"
+            "the estimated bias of the gyroscope is {rate:.2} rad/s or more: check that its channels are in rad/s, and that the poses' quaternions are x, y, z, w from the markers' frame to the world"
         ));
     }
     let noise = &fused.noise.imu;
@@ -120,7 +120,7 @@ pub(super) fn doubts(fused: &Fused, rows: &[LogRows], sensors: &Sensors) -> Vec<
     let most = (0..3).filter(is_determined).map(noisier).fold(0.0, f64::max);
     if most > NOISIER {
         doubts.push(format!(
-            "beside the poses the gyroscope is {most:.0} times as noisy as its readings are by themselves: check its unit (rad/s), the order of the poses' quaternion (x, y, z, w) and its direction (the markers' frame to the world), the mounting, and the clocks"
+            "compared with the poses the gyroscope is {most:.0} times as noisy as its readings alone: check its unit (rad/s), the order of the poses' quaternion (x, y, z, w) and its direction (the markers' frame to the world), the mounting, and the clocks"
         ));
     }
     doubts

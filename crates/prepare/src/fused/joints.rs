@@ -66,10 +66,10 @@ pub(super) fn plans(recipe: &Recipe) -> Result<Vec<JointPlan>, Error> {
             };
             if section.channels.len() != channels(section.kind) {
                 let given = format!("channels has {}", section.channels.len());
-                return Err(refused(sensor, &given, "a sensor of a joint has 1"));
+                return Err(refused(sensor, &given, "a sensor of a joint has 1 channel; write one"));
             }
             if taken.contains(sensor) {
-                return Err(refused(sensor, "joint", "a sensor is of one joint"));
+                return Err(refused(sensor, "joint", "a sensor belongs to one joint; remove it from the other"));
             }
             taken.push(sensor);
         }
@@ -78,7 +78,7 @@ pub(super) fn plans(recipe: &Recipe) -> Result<Vec<JointPlan>, Error> {
     match of_joints().find(|name| !taken.contains(name)) {
         None => Ok(plans),
         Some(name) => Err(Error::missing(format!(
-            "[sensor.{name}] is of no joint: add it to the sensors of one, [joint.NAME] sensors = [\"{name}\"]"
+            "[sensor.{name}] belongs to no joint: add it to one, [joint.NAME] sensors = [\"{name}\"]"
         ))),
     }
 }
@@ -113,7 +113,7 @@ impl JointPlan {
 
 fn sensor(name: &str, section: &SensorSection) -> Result<JointSensor, Error> {
     if section.lever.is_some() || section.mounting.is_some() || section.walk.is_some() {
-        return Err(refused(name, "lever, mounting, walk", "these are of a body's sensors"));
+        return Err(refused(name, "lever, mounting, walk", "only sensors of a body have these; remove them"));
     }
     let prior = |what: &str, said: &Option<Tunable>| match said {
         None => Ok(Prior::from(0.0)),
@@ -262,7 +262,7 @@ impl JointPlan {
                 Some(at) => rows_of_logs.swap_remove(at),
                 None => {
                     notes.push(format!(
-                        "{}: [sensor.{name}] of [joint.{}] is silent",
+                        "{}: [sensor.{name}] of [joint.{}] has no readings",
                         rows_of_log.log.display(),
                         self.name
                     ));
@@ -305,11 +305,11 @@ impl JointPlan {
         for CorrelationReport { sensors: [first, second], correlation, readings } in self.correlations(fused) {
             let (size, sure) = (correlation.abs(), SURE / (readings as f64).sqrt());
             let note = format!(
-                "{place}: errors of `{first}` and `{second}` go together (a correlation of {correlation:.2} over {readings} pairs)"
+                "{place}: errors of `{first}` and `{second}` are correlated ({correlation:.2} over {readings} pairs)"
             );
             if size > ONE.max(sure) && !self.correlated {
                 return Err(Error::value(format!(
-                    "{note}: one was computed from the other, or both from one sensor, and together they are no two witnesses; leave one out, or say correlated = true"
+                    "{note}: one was computed from the other, or both from one sensor, so they are not independent; leave one out, or write correlated = true"
                 )));
             }
             if size > TOLD.max(sure) {
@@ -319,15 +319,13 @@ impl JointPlan {
         for ((name, _), estimate) in self.sensors.iter().zip(&fused.sensors) {
             if estimate.noise > CONTRADICTED * estimate.alone {
                 notes.push(format!(
-                    "{place}: `{name}` is {:.1} times as far off the fused motion as off its own curve: sensors contradict each other; check units, signs, clocks, delays and biases",
+                    "{place}: `{name}` is {:.1} times as far from the fused motion as from its own spline, so the sensors contradict each other: check units, signs, clocks, delays and biases",
                     estimate.noise / estimate.alone
                 ));
             }
         }
         if !fused.converged {
-            notes.push(format!(
-                "{place}: the fusion did not come to rest: state noise, jerk or delay, or give longer records"
-            ));
+            notes.push(format!("{place}: the fusion did not converge: give noise, jerk or delay, or longer records"));
         }
         Ok(())
     }

@@ -74,7 +74,9 @@ pub(super) fn seconds(name: &str, what: &str, said: Option<f64>) -> Result<f64, 
 /// Loss of the residuals: `huber` or `student` of a section.
 pub(super) fn loss(place: &str, huber: Option<f64>, student: Option<f64>) -> Result<Loss, Error> {
     match (huber, student) {
-        (Some(_), Some(_)) => Err(Error::conflict(format!("{place}: huber and student; say one of them"))),
+        (Some(_), Some(_)) => {
+            Err(Error::conflict(format!("{place}: huber and student exclude each other; write one of them")))
+        }
         (Some(threshold), None) => Ok(Loss::Huber(threshold)),
         (None, Some(freedom)) => Ok(Loss::Student(freedom)),
         (None, None) => Ok(Loss::default()),
@@ -99,7 +101,7 @@ impl Sensors {
                 return Err(refused(
                     name,
                     &format!("channels has {count}"),
-                    &format!("a sensor of this kind has {channels}"),
+                    &format!("write {channels}, as many as this kind of sensor has"),
                 ));
             }
             let (rate, force) = sensor.channels.split_at(channels.min(3));
@@ -110,7 +112,7 @@ impl Sensors {
                         return Err(refused(
                             name,
                             "kind",
-                            "one sensor of the specific force is enough; leave the other out",
+                            "another sensor measures the specific force too; remove one of them",
                         ));
                     }
                     forces = force.to_vec();
@@ -121,7 +123,11 @@ impl Sensors {
                 SensorKind::Position | SensorKind::Rate => continue,
             };
             if !room.is_empty() {
-                return Err(refused(name, "kind", "one sensor of a kind is fused; leave the other out"));
+                return Err(refused(
+                    name,
+                    "kind",
+                    "another sensor measures the same quantity, and only one is fused; remove one of them",
+                ));
             }
             room.extend_from_slice(channels);
             sensors.read(name, sensor)?;
@@ -133,7 +139,7 @@ impl Sensors {
         ] {
             if room.is_empty() {
                 return Err(Error::missing(format!(
-                    "a body is fused of a gyroscope, best with an accelerometer, and poses: name a [sensor.NAME] of its {what}"
+                    "[body] needs poses and a gyroscope, best with an accelerometer: name a [sensor.NAME] of its {what}"
                 )));
             }
         }
@@ -178,14 +184,14 @@ impl Sensors {
             return Err(refused(
                 name,
                 "lever, mounting, delay",
-                "these are of poses: the body's frame and clock are those of its inertial sensor",
+                "only poses have these, as the inertial sensor defines the body's frame and clock; remove them",
             ));
         }
         if is_pose && sensor.walk.is_some() {
-            return Err(refused(name, "walk", "poses have no bias that walks"));
+            return Err(refused(name, "walk", "poses have no bias; remove it"));
         }
         if sensor.resolution.is_some() || sensor.bias.is_some() {
-            return Err(refused(name, "resolution, bias", "these are of a joint's sensors"));
+            return Err(refused(name, "resolution, bias", "only sensors of a joint have these; remove them"));
         }
         let average = seconds(name, "average", sensor.average)?;
         match sensor.kind {

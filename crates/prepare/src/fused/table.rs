@@ -100,7 +100,7 @@ impl Columns {
         let is_taken = |name: &str| name == ATTITUDE && body.is_some() && attitude == AttitudeForm::Quaternion;
         if joints.iter().any(|column| is_taken(&column.name)) || along.iter().any(|column| is_taken(&column.name)) {
             return Err(Error::conflict(format!(
-                "a state, an input or a joint is called `{ATTITUDE}`, as the rotation of [body] is: name it otherwise"
+                "a state, an input or a joint has the name `{ATTITUDE}` of the rotation of [body]: give it another name"
             )));
         }
         let is_free = |time: &&&str| {
