@@ -15,7 +15,7 @@ const NO_FOLD: u32 = u32::MAX;
 
 /// Bytes that are no statistics.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("the bytes of the statistics are damaged or of another version: {0}")]
+#[error("the statistics cannot be read, as their bytes are damaged or of another version: {0}")]
 pub struct StatsBytesError(&'static str);
 
 impl<S: Sum> Keyed<S> {

@@ -49,8 +49,7 @@ const MOST_SINGLE: usize = 1_000;
 pub enum PlanError {
     /// Every row is an episode.
     #[error(
-        "{rows} rows in {episodes} episodes, hardly more than a row each: an episode ends where stamps do not rise, so the time column is no clock, or the \
-         rows are not in the order of time; name the clock ({TIME_SECTION} column, {TIME}), or a sampling period ({TIME_SECTION} dt, {DT})"
+        "{rows} rows in {episodes} episodes, hardly more than a row each: an episode ends where stamps do not rise, so the time column is no clock, or the rows are not in the order of time; sort the rows, name the clock ({TIME_SECTION} column, {TIME}), or give a sampling period ({TIME_SECTION} dt, {DT})"
     )]
     SingleRows {
         /// Rows.

@@ -120,7 +120,7 @@ impl Job {
         }
         if self.format == Format::Parquet && !self.truth {
             return refuse(
-                "without the truth nothing is left of a Parquet file, which has rows of truth: write MCAP".into(),
+                "a Parquet file holds only rows of truth, and they are left out: write MCAP, or keep the truth".into(),
             );
         }
         if self.speed.is_some() && self.world.speed_parameter().is_none() {

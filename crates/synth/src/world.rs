@@ -79,7 +79,7 @@ impl World {
             (Some(robot), _) => {
                 Err(world_error(&name, &format!("it is the log of a {robot}, not of a {}", self.robot())))
             }
-            _ => Err(world_error(&name, "this log was not generated: it tells no world")),
+            _ => Err(world_error(&name, "this log has no world, as fleetfoot did not generate it")),
         }
     }
 
@@ -109,7 +109,7 @@ impl World {
             }
             inner = match inner.get_mut(key) {
                 Some(Value::Table(next)) => next,
-                _ => return Err(world_error(&place, &format!("`{key}` is no table"))),
+                _ => return Err(world_error(&place, &format!("`{key}` must be a table"))),
             };
         }
         if last == "kind" {
@@ -168,7 +168,7 @@ impl World {
     pub fn to_commented_toml(&self) -> String {
         let name = self.robot.name();
         let mut out = format!(
-            "# The world of `fleetfoot generate {name} --world THIS`. What is left out has the value that stands here.\n"
+            "# The world of `fleetfoot generate {name} --world THIS`. Entries that you delete keep the values below.\n"
         );
         out.push_str("# SI units and radians; x forward, y left, z up.\n\n");
         out.push_str(&world_file::commented(&self.table, self.robot.type_name()));

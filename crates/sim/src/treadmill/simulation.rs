@@ -227,7 +227,7 @@ impl<'a> Simulation<'a> {
         let belt = &self.scenario.belt;
         let (x, y) = (state.position.x, state.position.y);
         if !state.is_finite() || self.world.quarantined() {
-            return Some("the physics broke down: a body's motion is not finite".to_owned());
+            return Some("the physics diverged, as the motion of a body is not finite: try a smaller step".to_owned());
         }
         if x.abs() > 0.5 * belt.length {
             let end = if x > 0.0 { "front" } else { "rear" };

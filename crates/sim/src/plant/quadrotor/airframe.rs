@@ -134,7 +134,7 @@ impl Airframe {
         }
         let [x, y, z] = self.inertia;
         if x + y < z || y + z < x || z + x < y {
-            let allowed = "such that two of them are together no less than the third, as those of every body";
+            let allowed = "such that the sum of any two is at least the third, as for every body";
             return Err(ParameterError::new("inertia", format!("{:?}", self.inertia), allowed));
         }
         positive("arm", self.arm)?;
