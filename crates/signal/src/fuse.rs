@@ -116,7 +116,7 @@ pub fn fuse_from(
         noise.jerk = start::jerk(&tracks, noise.jerk);
     }
     if options.fit_noise {
-        readings = told_by_readings(runs);
+        readings = priors_from_readings(runs);
         begin_noise(&mut noise.imu, runs, &readings);
     }
     let setting = Setting {
@@ -132,7 +132,7 @@ pub fn fuse_from(
 }
 
 /// The deviations of single readings of rate and force, an axis, as far as the readings themselves tell them.
-fn told_by_readings(runs: &[BodyRun<'_>]) -> Readings {
+fn priors_from_readings(runs: &[BodyRun<'_>]) -> Readings {
     let records: Vec<ImuRecord<'_>> = runs.iter().map(|run| run.imu).collect();
     let noises = parallel_map(6, &Silent, |at| Ok::<_, Cancelled>(readings::noise(&records, at / 3, at % 3)));
     let mut priors = [[None; 3]; 2];

@@ -66,7 +66,7 @@ impl Problem<'_> {
     /// The kinds of noise that are estimated.
     fn kinds(&self) -> Vec<usize> {
         let (options, missed, has_forces) = (&self.options, self.setting.noise.imu.missed, self.has_forces());
-        let is_told = |kind: usize| match kind {
+        let is_estimated = |kind: usize| match kind {
             3 | 7 => missed[kind / 4] > 0.0,
             FORCE => true,
             5 | 6 => has_forces,
@@ -74,7 +74,7 @@ impl Problem<'_> {
             11 => options.fit_walks[1] && has_forces,
             _ => true,
         };
-        (0..KINDS).filter(|&kind| options.fit_noise && is_told(kind)).collect()
+        (0..KINDS).filter(|&kind| options.fit_noise && is_estimated(kind)).collect()
     }
 
     /// The information of these kinds.

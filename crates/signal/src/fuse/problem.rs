@@ -367,7 +367,7 @@ impl<'a> Problem<'a> {
             has_forces: self.has_forces(),
             walks: *walks,
             expected: expected.imu,
-            densities: [0, 1].map(|which| self.told_density(which)),
+            densities: [0, 1].map(|which| self.prior_density(which)),
         };
         let change = shares.take(&mut self.setting.noise, &sought, changes);
         self.sum();
@@ -375,7 +375,7 @@ impl<'a> Problem<'a> {
     }
 
     /// The densities that the noise of single readings of rate (0) or force (1) has along the axes, where the readings tell it.
-    fn told_density(&self, which: usize) -> [Option<f64>; 3] {
+    fn prior_density(&self, which: usize) -> [Option<f64>; 3] {
         let seconds = |imu: &ImuRecord<'_>| imu.times[imu.times.len() - 1] - imu.times[0];
         let (all, rows) = self
             .tracks

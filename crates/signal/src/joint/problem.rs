@@ -215,7 +215,7 @@ impl<'a> Problem<'a> {
             squares: 0.0,
             smoothed: None,
         };
-        let mut states = self.has_wanted.then(|| self.untold(run));
+        let mut states = self.has_wanted.then(|| self.blank_states(run));
         pass.squares = self.smoother(run, None).smooth(|at, state| {
             if let Some(states) = &mut states {
                 self.tell(run, at, state, states);
@@ -246,7 +246,7 @@ impl<'a> Problem<'a> {
     }
 
     /// No states yet, nor pairs.
-    fn untold(&self, run: usize) -> (JointStates, Pairs) {
+    fn blank_states(&self, run: usize) -> (JointStates, Pairs) {
         (self.unknown(&self.runs[run]), Pairs::new(self.periods.clone()))
     }
 
@@ -501,7 +501,7 @@ impl<'a> Problem<'a> {
     ) -> (JointStates, Pairs) {
         checkpoint();
         let (mut states, pairs) = smoothed.unwrap_or_else(|| {
-            let mut states = self.untold(run);
+            let mut states = self.blank_states(run);
             self.smoother(run, None).smooth(|at, state| self.tell(run, at, state, &mut states));
             states
         });

@@ -263,7 +263,7 @@ fn bent_clock_is_detected_by_quarters() {
 }
 
 #[test]
-fn a_line_goes_there_and_back() {
+fn clock_line_has_an_inverse() {
     let line = ClockLine { at: 12.0, offset: 3.5, skew: 1e-3 };
     for t in [-5.0, 0.0, 12.0, 1e5] {
         assert!((line.first(line.second(t)) - t).abs() < 1e-10);

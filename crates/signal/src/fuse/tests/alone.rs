@@ -94,7 +94,7 @@ fn parameters_undetermined_without_forces_are_refused() {
 
 /// Under Student's loss gross errors count next to nothing without a gate, and what is found is what is found without them.
 #[test]
-fn students_loss_needs_no_gate() {
+fn student_loss_rejects_outliers_without_a_gate() {
     let mut recording = Recording::new(3.0, 3);
     let student = FuseOptions { loss: Loss::Student(4.0), gate: 0.0, ..options() };
     let clean = fuse(&[recording.run()], &student).unwrap();
