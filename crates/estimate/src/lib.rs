@@ -38,8 +38,8 @@
 //! rows.push_uniform("run", 0.1, vec![x, y]);
 //! let scope = Scope::new(["x", "y", "rate"]);
 //! let residual = Residual::new(Expr::parse("y", &scope)?, Expr::parse("exp(-rate*x)", &scope)?);
-//! let found = nonlinear_least_squares(&[residual], &[Parameter::new("rate", 0.1)], &rows, &Options::default(), &Silent)?;
-//! assert!((found.values[0] - 0.7).abs() < 1e-9);
+//! let estimate = nonlinear_least_squares(&[residual], &[Parameter::new("rate", 0.1)], &rows, &Options::default(), &Silent)?;
+//! assert!((estimate.values[0] - 0.7).abs() < 1e-9);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 

@@ -248,7 +248,7 @@ fn scipy_has_the_same_optimum() {
 }
 
 #[test]
-fn threads_change_no_bit_and_order_none_that_counts() {
+fn threads_change_no_bit_and_order_only_rounding() {
     let episodes = |order: [usize; 2]| {
         SHORT_PERIOD.source(0.02, order.map(|seed| SHORT_PERIOD.rows(seed, 150, 0.02, BOTH)).to_vec())
     };

@@ -166,7 +166,7 @@ fn exact_data_leave_no_residual_and_missing_values_no_trace() {
 
 /// A step into values where the model is not a number is taken back, not taken for a fit of fewer rows.
 #[test]
-fn steps_out_of_the_domain_are_taken_back() {
+fn steps_outside_the_domain_are_rejected() {
     let source = source(1, 100, |x, i| (x + 0.2_f64).sqrt() + 1e-3 * noise(i));
     let estimate = fit(&[residual("y", "a*sqrt(x + b)")], &parameters(&[("a", 0.1), ("b", 30.0)]), &source);
     assert!(estimate.rows == 100 && estimate.status.converged(), "{estimate:?}");
@@ -174,7 +174,7 @@ fn steps_out_of_the_domain_are_taken_back() {
 }
 
 #[test]
-fn threads_and_chunks_keep_their_promise() {
+fn threads_and_chunks_change_no_result() {
     let source = source(5, 3000, |x, i| 2.0 * (-1.3 * x).exp() + 0.1 * noise(i));
     let run = |threads: usize, chunk_rows: usize| {
         let options = Options { chunk_rows, ..Options::default() };

@@ -146,7 +146,7 @@ fn rows_without_noise_give_the_system() {
 }
 
 #[test]
-fn the_minimum_has_a_certificate_and_the_noise_is_found() {
+fn minimum_has_a_certificate_and_noise_is_estimated() {
     let fitted = VAN_DER_POL.fit(0.1, (0..4).map(|seed| VAN_DER_POL.rows(seed, 300, 0.1, WHITE)).collect());
     println!("{:?} {:?} {:?} {}", fitted.values, fitted.deviations, fitted.status, fitted.passes);
     assert!(fitted.status.converged() && fitted.gradient < 1e-6, "{fitted:?}");

@@ -72,7 +72,7 @@ fn solved(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Vec<f64> {
 
 /// A linear oscillator: the states are linear in the beginning and the inputs, so that the solution is one of ordinary least squares in these.
 #[test]
-fn a_linear_model_follows_as_least_squares_says() {
+fn linear_resimulation_equals_least_squares() {
     const ROWS: usize = 25;
     let (h, k, c) = (0.1, 2.0, 0.3);
     let wave = |scale: f64, shift: f64| (0..ROWS).map(|i| scale * (0.2 * i as f64 + shift).sin()).collect::<Vec<f64>>();
@@ -285,7 +285,7 @@ fn climbs_are_followed_to_a_minimum() {
 }
 
 #[test]
-fn bounds_hold_and_push() {
+fn active_bounds_hold_with_multipliers() {
     let h = 0.04;
     let model = model(&PENDULUM, &["u"], Prediction::Derivative, h);
     let source = source(&["q", "w", "u"], h, pendulum(h));
@@ -339,7 +339,7 @@ fn next_value_models_follow_across_gaps_with_the_same_bits() {
 
 /// The estimated deviations of the columns are the noise that was put on them.
 #[test]
-fn noise_is_found_beside_the_model() {
+fn noise_is_estimated_with_the_model() {
     let model = model(&[("x", "0.95*x + 0.2*u")], &["u"], Prediction::Next, 0.1);
     let mut source = MemorySource::new(["x", "u"].map(DataColumn::float).to_vec());
     for episode in 0..4_usize {

@@ -311,7 +311,7 @@ fn segments_with_missing_inputs_are_left_out_and_missing_targets_are_not_compare
 
 /// A system that grows without bound from where the search begins: its segments end early, and the steps lead back to one that does not.
 #[test]
-fn a_start_that_diverges_is_led_back() {
+fn diverging_start_recovers() {
     let source = source(&["x", "y", "u"], 0.1, vec![linear(3, 400, 0.0)]);
     let fitted = fit(&linear_model(&[vec![1.9, 0.2, 0.1], vec![-0.2, 1.7, 0.3]]), &source, &exact(12));
     assert!(fitted.ended[0] > 0 && fitted.ended[1] == 0, "{:?}", fitted.ended);

@@ -304,7 +304,7 @@ fn eliminated_objective_is_the_minimum_over_states() {
 }
 
 #[test]
-fn gaps_part_a_recording_and_missing_inputs_too() {
+fn gaps_and_missing_inputs_split_a_recording() {
     let h = 0.05;
     let mut columns = oscillation(60, h, 9);
     columns[2][30] = f64::NAN;
@@ -397,7 +397,7 @@ proptest! {
 
     /// From wherever a descent begins, and whatever moves, it ends no higher than it began.
     #[test]
-    fn no_descent_ends_higher(seed in 0_u64..1_000, factor in 0.2_f64..2.0, share in 1_u32..7) {
+    fn descent_never_raises_the_cost(seed in 0_u64..1_000, factor in 0.2_f64..2.0, share in 1_u32..7) {
         let h = 0.05;
         let data = source(&["x", "v"], vec![(h, van_der_pol(60, h, [1.5, 0.3], 0.3, seed))]);
         let model = model(&[("x", "0"), ("v", "0")], &[], &FUNCTIONS, h);
