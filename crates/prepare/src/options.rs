@@ -249,13 +249,13 @@ pub(crate) fn check_channels(recipe: &Recipe) -> Result<(), Error> {
                 format!("[channels.{name}]: `{name}` is neither a state nor an input{mend}"),
             ));
         }
-        let said = [
+        let is_set = [
             channel.clip.is_some(),
             channel.dejitter.is_some(),
             channel.decimate.is_some(),
             channel.min_rows.is_some(),
         ];
-        if let Some(at) = said.iter().position(|&said| said) {
+        if let Some(at) = is_set.iter().position(|&is_set| is_set) {
             let entry = OF_EPISODES[at];
             return Err(Error::conflict(format!(
                 "[channels.{name}] {entry}: it applies to whole episodes; write it in {PREPARE_SECTION}"

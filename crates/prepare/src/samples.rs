@@ -84,13 +84,13 @@ impl Topics {
             (Some(base), None) => group(&format!("{base}.x"), &topics),
             (None, None) => dataset.aliases().iter().find_map(|(_, alias)| group(alias.sources().first()?, &topics)),
         };
-        let is_told = |alias: &Expr| {
+        let is_joined = |alias: &Expr| {
             alias.sources().iter().any(|field| recipe.join.keys().any(|pattern| is_match(pattern, field)))
         };
         let mut groups: BTreeMap<String, Vec<usize>> = BTreeMap::new();
         for (at, (planned, (_, expression))) in planned.iter().zip(dataset.aliases()).enumerate() {
             let is_smooth = planned.options.is_some_and(|options| options.method != Method::None);
-            let Some(topic) = only_group(expression, &topics).filter(|_| is_smooth && !is_told(expression)) else {
+            let Some(topic) = only_group(expression, &topics).filter(|_| is_smooth && !is_joined(expression)) else {
                 continue;
             };
             if base.as_ref() != Some(&topic) {

@@ -115,7 +115,7 @@ fn sensor(name: &str, section: &SensorSection) -> Result<JointSensor, Error> {
     if section.lever.is_some() || section.mounting.is_some() || section.walk.is_some() {
         return Err(refused(name, "lever, mounting, walk", "only sensors of a body have these; remove them"));
     }
-    let prior = |what: &str, said: &Option<Tunable>| match said {
+    let prior = |what: &str, value_or_word: &Option<Tunable>| match value_or_word {
         None => Ok(Prior::from(0.0)),
         Some(Tunable::Number(value)) => Ok((*value).into()),
         Some(Tunable::Word(word)) if word == "auto" => Ok(Prior { value: 0.0, deviation: f64::INFINITY }),

@@ -39,10 +39,10 @@ pub(super) fn numbers<const N: usize>(name: &str, what: &str, values: &[f64]) ->
 fn prior<const N: usize>(
     name: &str,
     what: &str,
-    said: Option<&Mounting>,
+    given: Option<&Mounting>,
     otherwise: [f64; N],
 ) -> Result<Prior<[f64; N]>, Error> {
-    match said {
+    match given {
         None => Ok(otherwise.into()),
         Some(Mounting::Given(values)) => Ok(numbers(name, what, values)?.into()),
         Some(Mounting::Word(word)) if word == "auto" => Ok(Prior { value: otherwise, deviation: f64::INFINITY }),
@@ -63,8 +63,8 @@ pub(super) fn channels(kind: SensorKind) -> usize {
 }
 
 /// A number of seconds, 0 by default.
-pub(super) fn seconds(name: &str, what: &str, said: Option<f64>) -> Result<f64, Error> {
-    let seconds = said.unwrap_or(0.0);
+pub(super) fn seconds(name: &str, what: &str, given: Option<f64>) -> Result<f64, Error> {
+    let seconds = given.unwrap_or(0.0);
     match seconds >= 0.0 && seconds.is_finite() {
         true => Ok(seconds),
         false => Err(refused(name, &format!("{what} = {seconds}"), "write seconds, zero or more")),
