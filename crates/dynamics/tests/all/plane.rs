@@ -33,7 +33,7 @@ fn rows(model: &Model, source: &MemorySource, episode: usize, axes: &[Axis; 2]) 
 }
 
 #[test]
-fn cells_hold_what_the_definition_says_on_any_number_of_threads() {
+fn cells_equal_the_definition_on_any_number_of_threads() {
     // Longer than a chunk, so that passages are cut.
     let (model, source) = random_hybrid(3, 1, 6, 70_000);
     let axes = ["x0", "x1"].map(|name| Axis::of_model(&model, parse(name), &source, &Silent).unwrap());

@@ -183,7 +183,7 @@ fn lag_follows_the_recorded_filter_of_its_argument() {
 }
 
 #[test]
-fn values_at_hand_are_those_of_the_rollout() {
+fn stepper_values_equal_those_of_the_rollout() {
     let recording = recording(0.3);
     for (aliased, method) in [(true, Method::Euler), (true, Method::Rk4), (false, Method::Rk4)] {
         let model = craft(aliased, false);

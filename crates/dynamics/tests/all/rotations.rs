@@ -305,7 +305,7 @@ fn tangents_follow_rotations_back() {
 }
 
 #[test]
-fn half_a_rotation_is_no_state() {
+fn incomplete_rotations_are_refused() {
     let mut model = body(RotationKind::Quaternion, false, false);
     model.equations.pop();
     let message = Stepper::new(&model).err().unwrap().to_string();

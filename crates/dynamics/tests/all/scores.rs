@@ -316,7 +316,7 @@ fn angles_are_compared_the_short_way_round() {
 }
 
 #[test]
-fn nothing_to_score() {
+fn rows_that_cannot_be_scored_give_nan() {
     let (model, _, _) = next_value();
     let empty = source(&["y", "u"], 0.02, vec![vec![vec![1.0], vec![1.0]]]);
     let scores = scores(&model, &empty);

@@ -297,7 +297,7 @@ fn slopes_of_a_decay_have_a_closed_form() {
 
 /// A coefficient that another region has alone does not move a segment, and is not among those that do.
 #[test]
-fn a_segment_knows_the_coefficients_of_its_regions() {
+fn segment_lists_the_coefficients_of_its_regions() {
     let columns = vec![column("x", Role::State, false)];
     let rule = Rule::voronoi(vec![vec![-1.0], vec![1.0]]);
     let maps = vec![(0.5, vec![-1.0]), (0.0, vec![-0.1])];

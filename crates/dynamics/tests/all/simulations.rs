@@ -79,7 +79,7 @@ fn a_coarse_grid_is_as_exact_as_a_fine_one() {
 }
 
 #[test]
-fn points_do_not_feel_each_other() {
+fn points_are_simulated_independently() {
     let stepper = Stepper::new(&lorenz()).unwrap();
     let starts: [&[f64]; 3] = [&[-8.0, 8.0, 27.0], &[1.0, 1.0, 1.0], &[f64::NAN, 0.0, 0.0]];
     let times = [0.0, 0.07, 0.2, 0.201, 1.0];

@@ -83,7 +83,7 @@ fn van_der_pol_and_robertson_have_their_published_ends() {
 }
 
 #[test]
-fn stiff_points_and_others_do_not_feel_each_other() {
+fn stiff_and_other_points_are_simulated_independently() {
     // The rate is a state, so that one point is stiff and the other is not.
     let stepper = derivatives(&[("x", "-k*(x - sin(time()))"), ("k", "0")], &[]);
     let starts: [&[f64]; 2] = [&[1.0, 1e5], &[1.0, 2.0]];
