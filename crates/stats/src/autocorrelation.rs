@@ -7,8 +7,8 @@
 ///
 /// let mut seen = Autocorrelation::new(&[1, 2]);
 /// (0..1000).for_each(|row| seen.push(if row % 2 == 0 { 1.0 } else { -1.0 }));
-/// let found = seen.coefficients();
-/// assert!((found[0] + 1.0).abs() < 1e-2 && (found[1] - 1.0).abs() < 1e-2);
+/// let coefficients = seen.coefficients();
+/// assert!((coefficients[0] + 1.0).abs() < 1e-2 && (coefficients[1] - 1.0).abs() < 1e-2);
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Autocorrelation {

@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn an_autoregression_is_found_again_from_its_autocovariances() {
+    fn autoregression_is_recovered_from_autocovariances() {
         let phi = [[0.9, 0.2, -0.1, 0.5], [-0.3, 0.0, 0.1, 0.2]];
         let known = autocovariances(phi, [1.0, 0.3, 0.3, 0.5], 3);
         let estimate = Autoregression::yule_walker(&known, 2).expect("a series");
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_are_one_number_have_none() {
+    fn equal_values_have_no_autoregression() {
         assert_eq!(Autoregression::yule_walker(&[vec![1.0; 4], vec![0.5; 4]], 2), None);
     }
 }

@@ -91,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fall_in_two_chunks_is_found_and_spread_variance_is_not() {
+    fn variance_in_two_chunks_is_detected_and_spread_variance_is_not() {
         assert_eq!(of(&sums(100, |_, _, _| None)), None);
         let fall = |episode, chunk, row| {
             (episode == 7 && (chunk == 41 || chunk == 42 && row < 3)).then_some([90.0, -90.0][row % 2])

@@ -146,7 +146,7 @@ impl Grid {
     }
 }
 
-/// The hash of a plan: `told` says columns, library, targets, partitions and grid; the preconditioner is part of it.
+/// The hash of a plan: `description` has columns, library, targets, partitions and grid; the preconditioner is part of it.
 pub fn plan_hash(description: &[u8], preconditioner: &Preconditioner) -> String {
     let mut hasher = blake3::Hasher::new();
     hasher.update(description);

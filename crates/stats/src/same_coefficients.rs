@@ -306,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn other_coefficients_are_found() {
+    fn different_coefficients_are_detected() {
         let p_of = |seed: u64| tested(&rows(seed, 200, 0.0), &rows(seed + 1_000_000, 200, 0.3), 1.0).unwrap().p;
         // A coefficient that is off by 0.3 where its error is about 0.03.
         assert!((0..100).all(|seed| p_of(seed) < 1e-6));

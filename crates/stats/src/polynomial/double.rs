@@ -89,7 +89,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn keeps_what_plain_numbers_lose() {
+    fn double_doubles_keep_digits_that_doubles_lose() {
         let tiny = Double::from(1e-25);
         let sum = Double::from(1.0) + tiny - Double::from(1.0);
         assert!((sum.to_f64() - 1e-25).abs() < 1e-31);

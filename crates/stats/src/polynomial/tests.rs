@@ -167,7 +167,7 @@ fn narrow_vectors_give_the_same_sums() {
 }
 
 #[test]
-fn the_condition_foretells_the_loss() {
+fn condition_predicts_the_loss_of_digits() {
     // x and x + 1e-7 noise: whitened, the pair is as good as any.
     let mut noise = Noise(1);
     let x: Vec<f64> = (0..4000).map(|_| noise.gaussian()).collect();
@@ -187,7 +187,7 @@ fn the_condition_foretells_the_loss() {
 }
 
 #[test]
-fn degenerate_pilots_are_finite_and_infinitely_conditioned() {
+fn degenerate_pilots_have_infinite_condition_and_finite_values() {
     let x: Vec<f64> = (0..50).map(f64::from).collect();
     let constant = vec![4.0; 50];
     let double: Vec<f64> = x.iter().map(|x| 2.0 * x + 1.0).collect();
