@@ -9,7 +9,7 @@ fn plans(system: &System, source: &MemorySource) -> (SystemPlan, SystemPlan) {
     (fast.unwrap(), general.unwrap())
 }
 
-/// Relative excess of the squared error of a fit on `found` over the least one, on the rows behind `expected`.
+/// Relative excess of the squared error of a fit on `actual` over the least one, on the rows behind `expected`.
 fn excess(actual: &SquareRoot, expected: &SquareRoot) -> f64 {
     let fit = least_squares(actual, &expected.deviation());
     let errors = expected.error(fit.coefficients.as_ref(), &fit.intercept);
