@@ -70,7 +70,7 @@ mod tests {
     use rand::SeedableRng;
 
     #[test]
-    fn levels_are_uniform_and_held_as_long_as_said() {
+    fn levels_are_uniform_with_the_stated_hold_time() {
         let mut random = Pcg64::seed_from_u64(4);
         let parameters = RandomSteps { low: -3.0, high: 1.0, shortest: 0.1, longest: 0.3 };
         let mut signal = RandomStepsSignal::new(&parameters, 0.01);

@@ -66,7 +66,7 @@ fn five_minutes_by_default_without_touching_a_wall() {
 }
 
 #[test]
-fn walls_hold_what_is_driven_into_them_and_the_bumper_tells() {
+fn walls_stop_the_robot_and_the_bumper_reports() {
     let mut robot = Wheeled::default();
     robot.avoidance.enabled = false;
     robot.arena = Arena { scatter: 0.0, length: 1.2, width: 1.2, ..robot.arena };

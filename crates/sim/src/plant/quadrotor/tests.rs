@@ -55,7 +55,7 @@ fn it_falls_at_its_terminal_velocity() {
 /// A drifting stone ends up at the wind's speed; still air at the speed of the body is the same as wind on a body at
 /// rest.
 #[test]
-fn only_the_speed_through_the_air_counts() {
+fn drag_depends_on_airspeed() {
     let airframe = Airframe::default();
     let wind = DVec3::new(3.0, -1.0, 0.5);
     let still = tumbling();
