@@ -15,7 +15,7 @@ mod tests {
     use super::run_seed;
 
     #[test]
-    fn runs_of_neighbouring_seeds_have_seeds_of_their_own() {
+    fn runs_of_neighbouring_seeds_have_distinct_seeds() {
         let seeds: BTreeSet<u64> = (0..100).flat_map(|seed| (0..100).map(move |run| run_seed(seed, run))).collect();
         assert_eq!(seeds.len(), 10_000);
     }

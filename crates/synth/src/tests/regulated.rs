@@ -35,18 +35,18 @@ fn rms(values: &[f64]) -> f64 {
 }
 
 /// A regulator of the model that a recipe finds in logs.
-fn regulator(recipe: &str, logs: &[std::path::PathBuf], said: &ControlSection) -> ControllerFile {
+fn regulator(recipe: &str, logs: &[std::path::PathBuf], setting: &ControlSection) -> ControllerFile {
     let recipe = Recipe::parse(recipe, "robot.toml").unwrap();
     let fitted = fit::<Pwa>(&recipe, &FitRequest::default(), logs, &Silent).unwrap();
-    control_lqr(&fitted.model, said).unwrap()
+    control_lqr(&fitted.model, setting).unwrap()
 }
 
-fn said(text: &str) -> Option<String> {
+fn setting(text: &str) -> Option<String> {
     Some(text.to_owned())
 }
 
 #[test]
-fn a_regulator_keeps_the_treadmill_robot_nearer_to_its_place_than_its_own_controller() {
+fn regulator_beats_the_built_in_treadmill_controller() {
     let folder = tempfile::tempdir().unwrap();
     let mut world = World::of("hexapod").unwrap();
     world.set("belt.speed", "0.3").unwrap();
@@ -58,12 +58,12 @@ fn a_regulator_keeps_the_treadmill_robot_nearer_to_its_place_than_its_own_contro
     // Over a stride, how the place moves is affine in the commands, and the same wherever it is.
     let recipe = "[states]\nx = { derivative = { over = 200 }, regressor = false }\ny = { derivative = { over = 200 }, regressor = false }\nyaw = { derivative = { over = 200 } }\n[inputs]\nu_v = \"u_v\"\nu_w = \"u_w\"\nbelt_speed = \"belt_speed\"\n[time]\ncolumn = \"t\"\n[model]\npartition = \"average\"\n";
     let asked = ControlSection {
-        setpoint: said("x=0,y=0,belt_speed=0.3"),
-        q: said("x=100,y=400,yaw=80"),
-        r: said("u_v=100,u_w=1"),
-        drive: said("u_v,u_w"),
-        integral: said("x=100"),
-        limits: said("u_v=0:1,u_w=-1.5:1.5"),
+        setpoint: setting("x=0,y=0,belt_speed=0.3"),
+        q: setting("x=100,y=400,yaw=80"),
+        r: setting("u_v=100,u_w=1"),
+        drive: setting("u_v,u_w"),
+        integral: setting("x=100"),
+        limits: setting("u_v=0:1,u_w=-1.5:1.5"),
         period: Some(0.01),
         ..ControlSection::default()
     };
@@ -91,9 +91,9 @@ fn a_regulator_keeps_the_wheeled_robot_on_a_line() {
     let logs = files(made(&Job { runs: 3, seconds: 20.0, ..train }));
     let recipe = "[states]\ny = { known = \"v*sin(yaw)\", regressor = false }\nyaw = { known = \"w\", kind = \"angle\", regressor = false }\nv = { derivative = { over = 10 } }\nw = { derivative = { over = 10 } }\n[inputs]\nv_command = \"v_command\"\nw_command = \"w_command\"\n[time]\ncolumn = \"t\"\n[model]\npartition = \"average\"\n";
     let asked = ControlSection {
-        setpoint: said("y=0,yaw=0,v=0.3"),
-        integral: said("v=1"),
-        limits: said("v_command=0:1,w_command=-3:3"),
+        setpoint: setting("y=0,yaw=0,v=0.3"),
+        integral: setting("v=1"),
+        limits: setting("v_command=0:1,w_command=-3:3"),
         period: Some(0.05),
         ..ControlSection::default()
     };
