@@ -264,8 +264,8 @@ impl Turned {
     fn parts(&self, group: &Group) -> Result<Option<Vec<f64>>, ControlError> {
         let half = || ControlError::HalfRotation { of: "setpoint", rotation: group.name.clone() };
         let (parts, angles) = (&self.parts[..group.places.len()], &self.angles);
-        let said = |values: &[Option<f64>]| values.iter().flatten().count();
-        match (said(parts), said(angles)) {
+        let count_given = |values: &[Option<f64>]| values.iter().flatten().count();
+        match (count_given(parts), count_given(angles)) {
             (0, 0) => Ok(None),
             (count, 0) if count == parts.len() => {
                 let mut given_parts: Vec<f64> = parts.iter().flatten().copied().collect();

@@ -241,7 +241,7 @@ impl<'a> Design<'a> {
             }
         }
         if let Some((rest, region)) = best {
-            self.tell_input_limits(&rest);
+            self.note_input_limits(&rest);
             return Ok((rest, Some(region)));
         }
         let rest_of_mean = rest(pieces, &self.coordinates, &wanted, (&|x, u| self.mean(x, u), &self.mean_doubt()));
@@ -265,12 +265,12 @@ impl<'a> Design<'a> {
                 moves.join(", ")
             ));
         }
-        self.tell_input_limits(&rest_of_mean);
+        self.note_input_limits(&rest_of_mean);
         Ok((rest_of_mean, None))
     }
 
     /// Notes the inputs whose limits the set point exceeds.
-    fn tell_input_limits(&mut self, rest: &Rest) {
+    fn note_input_limits(&mut self, rest: &Rest) {
         for (name, lowest, highest) in &self.options.limits {
             let limited = self.driven.iter().find(|&&input| self.pieces.inputs[input] == *name);
             let Some(value) = limited.map(|&input| rest.u[input]).filter(|u| !(lowest..=highest).contains(&u)) else {

@@ -175,7 +175,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bands_are_those_of_tables() {
+    fn bands_agree_with_tables() {
         for (freedom, low, high) in [
             (1, 0.000982, 5.0239),
             (2, 0.0506, 7.3778),

@@ -413,7 +413,7 @@ impl SwitchedFilter {
     /// The step of a region about a mean.
     fn region_step(&self, region: usize, mean: &[f64], inputs: &[f64], seconds: f64) -> StepMap {
         match &self.steps {
-            Some(steps) if self.is_own(seconds) => steps[region].clone(),
+            Some(steps) if self.is_model_period(seconds) => steps[region].clone(),
             _ => self.linearized(region, mean, inputs, seconds),
         }
     }
@@ -435,7 +435,7 @@ impl SwitchedFilter {
     }
 
     /// Returns true if a step has the model's period; steps of discrete models always have.
-    fn is_own(&self, seconds: f64) -> bool {
+    fn is_model_period(&self, seconds: f64) -> bool {
         !self.pieces.continuous || (seconds / self.period - 1.0).abs() <= SAME_STEP
     }
 

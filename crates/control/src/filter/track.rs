@@ -248,7 +248,7 @@ impl Track {
     }
 
     /// The deviation that a sensor without a given one was found to have so far.
-    pub fn found_deviation(&self, filter: &SwitchedFilter, sensor: usize) -> f64 {
+    pub fn estimated_deviation(&self, filter: &SwitchedFilter, sensor: usize) -> f64 {
         self.sensors[sensor].expected_variance(filter.prior.1[filter.sensors[sensor].0]).sqrt()
     }
 

@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn integrators_at_any_rate_are_reached_and_others_are_named() {
+    fn unreached_modes_are_named_at_any_rate() {
         for h in [1.0, 1e-2, 1e-4] {
             // A chain of three integrators, and a state that rotates with another beside it, which nothing drives.
             let generator = Mat::from_fn(6, 6, |i, j| match (i, j) {
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sum_of_states_that_is_not_reached_is_found_in_both() {
+    fn unreached_sum_of_states_names_both() {
         // u moves both states alike: their difference stays.
         let a = Mat::<f64>::identity(2, 2);
         let b = Mat::from_fn(2, 1, |_, _| 0.1);

@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn a_growing_mode_that_nothing_reaches_has_no_solution() {
+    fn unreachable_unstable_mode_has_no_solution() {
         let a = mat(&[&[1.1, 0.0], &[0.0, 0.5]]);
         let b = mat(&[&[0.0], &[1.0]]);
         let solution = riccati(a.as_ref(), b.as_ref(), Mat::identity(2, 2).as_ref(), mat(&[&[1.0]]).as_ref());

@@ -121,10 +121,10 @@ fn filtered_means_are_those_of_all_measurements_at_once() {
         let read = |row: usize, k: usize| if missing(row, k) { f64::NAN } else { 2.0 * noise((row * 10 + k) as u64) };
         let readings: Vec<Vec<f64>> = (0..rows).map(|row| (0..sensors.len()).map(|k| read(row, k)).collect()).collect();
         let r: Vec<f64> = sensors.iter().map(|sensor| sensor.1).collect();
-        let untold = vec![f64::NAN; sensors.len()];
-        let mut track = filter.start(&readings[0], &untold);
+        let no_deviations = vec![f64::NAN; sensors.len()];
+        let mut track = filter.start(&readings[0], &no_deviations);
         for row in 1..rows {
-            filter.step(&mut track, &[inputs[row - 1]], 0.01, &readings[row], &untold);
+            filter.step(&mut track, &[inputs[row - 1]], 0.01, &readings[row], &no_deviations);
             if row < 5 || row == rows - 1 {
                 let (mean, covariance) = batch(&model, &filter, &inputs, &readings[..=row], &r);
                 for i in 0..n {
@@ -236,10 +236,10 @@ fn filter_with_coloured_noise_equals_joint_conditioning() {
         let read = |row: usize, k: usize| if missing(row, k) { f64::NAN } else { 2.0 * noise((row * 10 + k) as u64) };
         let readings: Vec<Vec<f64>> = (0..rows).map(|row| (0..sensors.len()).map(|k| read(row, k)).collect()).collect();
         let r: Vec<f64> = sensors.iter().map(|sensor| sensor.1).collect();
-        let untold = vec![f64::NAN; sensors.len()];
-        let mut track = filter.start(&readings[0], &untold);
+        let no_deviations = vec![f64::NAN; sensors.len()];
+        let mut track = filter.start(&readings[0], &no_deviations);
         for row in 1..rows {
-            filter.step(&mut track, &[inputs[row - 1]], 0.01, &readings[row], &untold);
+            filter.step(&mut track, &[inputs[row - 1]], 0.01, &readings[row], &no_deviations);
             let (mean, covariance) = conditioned(&model, &filter, &inputs, &readings[..=row], (&r, autocovariances));
             for i in 0..n {
                 let (expected, estimate) = (mean[i], track.estimate().mean[i]);
@@ -257,8 +257,8 @@ fn filter_with_coloured_noise_equals_joint_conditioning() {
         // White noise of the same size is another filter.
         let white = FilterOptions { noise: NoiseColour::White, ..measured(sensors) };
         let white = SwitchedFilter::new(&model, &white).unwrap();
-        let mut other = white.start(&readings[0], &untold);
-        (1..rows).for_each(|row| white.step(&mut other, &[inputs[row - 1]], 0.01, &readings[row], &untold));
+        let mut other = white.start(&readings[0], &no_deviations);
+        (1..rows).for_each(|row| white.step(&mut other, &[inputs[row - 1]], 0.01, &readings[row], &no_deviations));
         assert!((other.estimate().mean[0] - track.estimate().mean[0]).abs() > 1e-3);
     }
 }
@@ -357,11 +357,11 @@ fn nees(model: &Model, options: &FilterOptions, deviations: &[f64], rows: std::o
                 })
                 .collect()
         };
-        let untold = vec![f64::NAN; options.measured.len()];
-        let mut track = filter.start(&reading(0), &untold);
+        let no_deviations = vec![f64::NAN; options.measured.len()];
+        let mut track = filter.start(&reading(0), &no_deviations);
         let mut squares = Vec::new();
         for row in 1..=rows.end {
-            filter.step(&mut track, &inputs[row - 1], model.step, &reading(row), &untold);
+            filter.step(&mut track, &inputs[row - 1], model.step, &reading(row), &no_deviations);
             let errors: Vec<f64> = truth[row].iter().zip(&track.estimate().mean).map(|(x, m)| x - m).collect();
             error += if row > rows.start { errors.iter().map(|e| e * e).sum::<f64>() } else { 0.0 };
             squares.push(track.estimate().square(&all, &errors));

@@ -3,7 +3,7 @@
 #[path = "../../../dynamics/tests/all/common.rs"]
 mod common;
 mod controllers;
+mod estimated_noise;
 mod filters;
-mod found_noise;
 mod regulated_rotations;
 mod regulators;

@@ -179,7 +179,7 @@ fn a_satellite_turns_to_its_set_point_however_it_is_written() {
 /// A rotor in wind whose turning is commanded. The search gives the attitude at rest, its thrust against gravity and
 /// wind, and the loop keeps the place.
 #[test]
-fn the_attitude_that_rests_is_found() {
+fn attitude_at_rest_is_computed() {
     for kind in KINDS {
         let thrust = |axis: &str| match kind {
             RotationKind::Quaternion => format!("thrust*rotate(quat(qx, qy, qz, qw), vec(0, 0, 1)).{axis}"),

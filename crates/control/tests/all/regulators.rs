@@ -374,7 +374,7 @@ fn paid(a: [[f64; 2]; 2], b: [f64; 2], gain: [f64; 2], q: [f64; 2], r: f64, star
 }
 
 #[test]
-fn no_other_gain_costs_less_from_any_start() {
+fn lqr_gain_has_the_least_cost_from_any_start() {
     // In region 1 of the model with friction, v' = -0.3 v + u: the step has a closed form.
     let (h, k) = (0.05f64, 0.3f64);
     let decay = (-k * h).exp();

@@ -88,7 +88,7 @@ impl<'a> Follower<'a> {
         }
         if let (Some(track), Some(last)) = (&self.track, (block.before + block.rows).checked_sub(1)) {
             let sensor = |((k, told), given): ((usize, f64), Option<f64>)| {
-                given.unwrap_or(if told.is_finite() { told } else { track.found_deviation(filter, k) })
+                given.unwrap_or(if told.is_finite() { told } else { track.estimated_deviation(filter, k) })
             };
             found.last_deviations = told(last).into_iter().enumerate().zip(filter.deviations()).map(sensor).collect();
             (found.process, found.held_inputs) = (track.process(), track.held_inputs());

@@ -9,7 +9,7 @@ use crate::{
 };
 
 #[test]
-fn process_noise_is_found_from_innovations_so_far() {
+fn process_noise_is_estimated_from_innovations() {
     // The model knows a quarter of the noise.
     let (model, quieter) = (jumping(0.0, 0.1), jumping(0.0, 0.05));
     let filter =
@@ -32,7 +32,7 @@ fn process_noise_is_found_from_innovations_so_far() {
 }
 
 #[test]
-fn noise_of_sensors_is_found_from_innovations_so_far() {
+fn sensor_noise_is_estimated_from_innovations() {
     let model = jumping(0.0, 0.05);
     let options =
         FilterOptions { measured: vec![Measured { state: "x".into(), deviation: None }], ..FilterOptions::default() };
@@ -44,14 +44,14 @@ fn noise_of_sensors_is_found_from_innovations_so_far() {
     for row in 1..=4000 {
         filter.step(&mut track, &inputs[row - 1], 0.01, &reading(row), &[f64::NAN]);
     }
-    let deviation = track.found_deviation(&filter, 0);
+    let deviation = track.estimated_deviation(&filter, 0);
     assert!((deviation / 0.2 - 1.0).abs() < 0.06, "{deviation}");
 }
 
 /// A sensor that is far quieter than the prior of the states: rows before which the velocity was unknown are no measure
 /// of its noise.
 #[test]
-fn noise_of_a_quiet_sensor_is_found_though_states_begin_unknown() {
+fn noise_of_a_quiet_sensor_is_estimated_from_unknown_states() {
     let columns = ["x", "v"].map(|name| column(name, Role::State, false));
     let fitted = vec![
         ("x", Prediction::Next, "lead(x, 1)", vec![(0.0, vec![1.0, 0.01])]),
@@ -75,7 +75,7 @@ fn noise_of_a_quiet_sensor_is_found_though_states_begin_unknown() {
             squares += track.nis().0;
         }
         // 4000 squares tell a deviation to 1.1 %, and somewhat less where it is a small share of the innovations.
-        let estimate = track.found_deviation(&filter, 0);
+        let estimate = track.estimated_deviation(&filter, 0);
         assert!((estimate / deviation - 1.0).abs() < 0.06, "{deviation}: {estimate}");
         // The guess of the first rows is too large for the quietest one.
         assert!((0.7..1.1).contains(&(squares / 4000.0)), "{deviation}: {squares}");
