@@ -111,7 +111,7 @@ fn scan(source: &MemorySource) -> Result<Vec<Gram>, Failure> {
             Ok::<_, Failure>(())
         },
         |chunk, gram| {
-            folds[usize::from(chunk.fold.own)].merge(&gram);
+            folds[usize::from(chunk.fold.held_out)].merge(&gram);
             Ok(())
         },
     )?;
