@@ -147,7 +147,7 @@ pub fn lqr(model: &Model, options: &LqrOptions) -> Result<Lqr, Error> {
     let partition = if by_region { pieces.partition.and_then(|_| choice(&pieces)) } else { None };
     let regulator = design.regulator(&rest, laws, partition);
     Controller::validate(&regulator).map_err(fleetfoot_dynamics::Error::from)?;
-    let setpoint = design.set_point(&rest, region);
+    let setpoint = design.summary_of(&rest, region);
     Ok(Lqr { regulator, setpoint, regions, notes: design.notes })
 }
 
@@ -455,7 +455,7 @@ impl<'a> Design<'a> {
         self.coordinates.groups.iter().enumerate().filter_map(one).collect()
     }
 
-    fn set_point(&self, rest: &Rest, region: Option<usize>) -> SetPoint {
+    fn summary_of(&self, rest: &Rest, region: Option<usize>) -> SetPoint {
         let named = |names: &[String], values: &[f64]| names.iter().cloned().zip(values.iter().copied()).collect();
         SetPoint {
             states: named(&self.pieces.states, &rest.x),
