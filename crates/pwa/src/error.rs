@@ -93,8 +93,7 @@ pub enum Error {
     },
     /// A column that does not come round.
     #[error(
-        "`{column}` goes from {low} to {high}: a phase is within 0 and 1, or within 0 and 2 pi (or -pi and pi); say that a state or input is an angle (kind = \"angle\"), write an expression \
-         that comes round, such as wrap(6.283185*{column}/PERIOD), or name labels ({given_phase})", given_phase = PHASE.to(format_args!("labels:{column}"))
+        "`{column}` ranges from {low} to {high}, but a phase lies within 0 and 1, or within 0 and 2 pi (or -pi and pi); mark a state or input as an angle (kind = \"angle\"), write a periodic expression such as wrap(6.283185*{column}/PERIOD), or name labels ({given_phase})", given_phase = PHASE.to(format_args!("labels:{column}"))
     )]
     NoPhase {
         /// The column.
@@ -106,8 +105,7 @@ pub enum Error {
     },
     /// Separators of more numbers than their Hessian has room for.
     #[error(
-        "refined:{regions} on {columns} partition columns has separators of {} numbers, and {limit} is the limit: ask for fewer regions, or look at fewer \
-         columns ({PARTITION_ON})",
+        "refined:{regions} on {columns} partition columns needs {} numbers for its separators, and the limit is {limit}; ask for fewer regions or fewer columns ({PARTITION_ON})",
         regions * (columns + 1)
     )]
     TooManySeparators {
@@ -120,7 +118,7 @@ pub enum Error {
     },
     /// Maps cannot meet at borders that are not linear.
     #[error(
-        "{specification}: maps can meet only at linear borders, those of kmeans, refined and tree; name such a partition, or leave {CONTINUOUS} away"
+        "{specification}: maps can meet only at linear borders, those of kmeans, refined and tree; name such a partition, or remove {CONTINUOUS}"
     )]
     NotLinear {
         /// The partition.
@@ -128,21 +126,21 @@ pub enum Error {
     },
     /// Maps cannot meet at borders over a column that they do not see.
     #[error(
-        "regions look at {column}, which is no regressor: affine maps cannot meet at a border over it; let regions look at regressors only ({PARTITION_ON}), or leave {CONTINUOUS} away"
+        "the partition column {column} is not a regressor, so affine maps cannot meet at a border over it; partition on regressors only ({PARTITION_ON}), or remove {CONTINUOUS}"
     )]
     NoRegressor {
         /// The partition column.
         column: String,
     },
     /// No equation has a target.
-    #[error("no equation is to be fitted: name at least one state whose derivative or next value is to be predicted")]
+    #[error("there is no equation to fit: name at least one state whose derivative or next value the model predicts")]
     NothingToFit,
     /// Aliases that cannot be written out.
     #[error(transparent)]
     Closed(#[from] fleetfoot_model::ClosedError),
     /// A regressor is not linear in a state, so that no matrix describes the state's motion.
     #[error(
-        "stability: the regressor `{function}` is not linear in the state `{state}`, whose motion is to be bounded; leave it out of the library, or leave the bound away"
+        "stability: the regressor `{function}` is not linear in the state `{state}`, so its motion cannot be bounded; leave it out of the library, or remove the bound"
     )]
     Bends {
         /// The regressor.
@@ -152,12 +150,12 @@ pub enum Error {
     },
     /// No regressor reads a fitted state.
     #[error(
-        "stability: no regressor reads a state that the model advances by fitted equations, so that there is nothing to bound; leave the bound away"
+        "stability: no regressor reads a state with a fitted equation, so there is nothing to bound; remove the bound"
     )]
     NothingToBound,
     /// A pair that is no port.
     #[error(
-        "passivity: {input}:{output} is no port, {reason}; a port is an input of the model and the state with which it is a power, such as a force and a speed"
+        "passivity: {input}:{output} is not a port: {reason}; a port is an input and a state whose product is a power, such as a force and a speed"
     )]
     NoPort {
         /// The input.
@@ -169,16 +167,14 @@ pub enum Error {
     },
     /// No storage is found.
     #[error(
-        "passivity: no storage is found with which all regions could be passive at {ports}; allow more (INPUT:OUTPUT:SHORTAGE), look whether input and output are a power together, and with the right sign, or leave it away"
+        "passivity: no storage function makes all regions passive at {ports}; allow more energy gain (INPUT:OUTPUT:SHORTAGE), check that input times output is a power of the right sign, or remove the port"
     )]
     NoStorage {
         /// The ports.
         ports: String,
     },
     /// No metric is found.
-    #[error(
-        "stability: no metric is found in which all regions could contract by {bound} a sampling period; ask for a greater bound"
-    )]
+    #[error("stability: no metric lets all regions contract by {bound} per sampling period; give a greater bound")]
     NoMetric {
         /// The bound.
         bound: f64,

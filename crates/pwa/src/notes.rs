@@ -18,7 +18,7 @@ pub(crate) fn confounded(problem: &Problem, base: &Base, notes: &mut Vec<String>
     for group in &base.average.confounded {
         let names: Vec<String> = group.iter().map(name).collect();
         notes.push(match names.as_slice() {
-            [one] => format!("{one} does not change: its coefficient cannot be told from the constant"),
+            [one] => format!("{one} does not change: its coefficient cannot be separated from the constant"),
             _ => format!("the data cannot separate {}: their coefficients are the smallest that fit", names.join(", ")),
         });
     }
@@ -35,7 +35,7 @@ impl Score {
             _ => return None,
         };
         Some(format!(
-            "{specification} {verb} rows that did not train it no better than their mean does: its loss is {loss:.3} +- {standard_error:.3}, that of the mean 1"
+            "{specification} {verb} held-out rows no better than their mean: its loss is {loss:.3} +- {standard_error:.3}, the loss of the mean is 1"
         ))
     }
 }
@@ -74,7 +74,7 @@ impl Fit<'_> {
             let first = partition.region_name(*regions.first()? as usize);
             let (count, all) = (regions.len(), partition.rule.count());
             Some(format!(
-                "{}: {count} of {all} regions (the first: {first}) have fewer rows than the {numbers} numbers of a map: theirs are the smallest that fit, and say nothing of other rows; \
+                "{}: {count} of {all} regions (the first: {first}) have fewer rows than the {numbers} coefficients of a map, so their maps are the smallest that fit and do not hold for other rows; \
                  ask for fewer regions, or pull them towards the map of all rows ({SHRINKAGE})",
                 own.specification
             ))
@@ -90,7 +90,7 @@ impl Fit<'_> {
             let regions = self.segmentation.partitions[own.full].rule.count();
             let told = || {
                 format!(
-                    "{}: {regions} regions are too many to count which follows which along {}",
+                    "{}: {regions} regions are too many to count transitions along {}",
                     own.specification, phase.specification
                 )
             };

@@ -102,14 +102,14 @@ impl fmt::Display for PartitionNote {
             }
             Finding::FewRegions { regions } => {
                 let word = if regions == 1 { "region has" } else { "regions have" };
-                write!(f, "only {regions} {word} rows enough for a map of their own")
+                write!(f, "only {regions} {word} enough rows for a separate map")
             }
             Finding::FewCells { cells } => {
-                write!(f, "there are rows enough for {cells} cells, and no more regions than that")
+                write!(f, "there are enough rows for {cells} cells, so there are at most that many regions")
             }
             Finding::CellsLackMemory { cells, memory } => write!(
                 f,
-                "regions are joined of {cells} cells; the sums of more would take over {memory} MiB, with fewer folds or columns there are more"
+                "regions are joined from {cells} cells: more cells would take over {memory} MiB; use fewer folds or columns for more cells"
             ),
             Finding::Sampled { method, kept, all } => {
                 let done = match method {

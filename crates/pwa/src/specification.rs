@@ -165,7 +165,7 @@ impl FromStr for Specification {
         };
         let deep = |value: &str| match value.parse() {
             Ok(depth) if (1..=DEEPEST).contains(&depth) => Ok(depth),
-            _ => Err(fail("a tree has between 1 and 10 cuts one after another")),
+            _ => Err(fail("the depth of a tree must be between 1 and 10")),
         };
         match text.split_once(':') {
             None if text == "null" => Ok(Self::Null),
@@ -185,7 +185,7 @@ impl FromStr for Specification {
                     Some((column, Some(("refined", k)))) => (column, Within::Refined(clusters(k)?)),
                     Some((column, Some(("tree", depth)))) => (column, Within::Tree(deep(depth)?)),
                     Some((_, Some(("lattice", _)))) => {
-                        return Err(fail("within labels regions are those of kmeans, refined or tree"));
+                        return Err(fail("after labels only kmeans, refined or tree can follow"));
                     }
                     _ => (rest, Within::Whole),
                 };
@@ -206,7 +206,7 @@ fn counts(item: &str, text: &str) -> Result<Vec<usize>, SpecificationError> {
         (Ok(from), Ok(to)) if from <= to && to - from < MOST_OF_A_RANGE => Ok((from..=to).collect()),
         (Ok(_), Ok(_)) => Err(SpecificationError {
             text: item.to_owned(),
-            problem: format!("a range goes up, over {MOST_OF_A_RANGE} numbers at most"),
+            problem: format!("a range must go up and have at most {MOST_OF_A_RANGE} numbers"),
         }),
         _ => Ok(Vec::new()),
     }
@@ -222,7 +222,10 @@ fn check_clusters(text: &str, k: usize) -> Result<usize, SpecificationError> {
     if (1..=10_000).contains(&k) {
         Ok(k)
     } else {
-        Err(SpecificationError { text: text.to_owned(), problem: "between 1 and 10000 clusters".into() })
+        Err(SpecificationError {
+            text: text.to_owned(),
+            problem: "the number of clusters must be between 1 and 10000".into(),
+        })
     }
 }
 

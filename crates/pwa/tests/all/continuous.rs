@@ -251,7 +251,7 @@ fn what_cannot_meet_is_refused() {
     let mut blind = problem(2);
     blind.library.truncate(1);
     let error = refused(&blind, "kmeans:3");
-    assert!(error.contains("regions look at x1, which is no regressor"), "{error}");
+    assert!(error.contains("the partition column x1 is not a regressor"), "{error}");
 }
 
 #[test]

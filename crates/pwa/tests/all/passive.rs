@@ -253,8 +253,8 @@ fn threads_do_not_matter_and_ports_that_are_none_are_refused() {
     late.library.push(Expr::lagged("f", 1));
     for (problem, port, part) in [
         (next_rows(), ("g", "v"), "no regressor reads its input"),
-        (next_rows(), ("f", "w"), "its output is no state"),
-        (next_rows(), ("x", "v"), "predicted by the model"),
+        (next_rows(), ("f", "w"), "its output is not a state"),
+        (next_rows(), ("x", "v"), "the model predicts its input"),
         (bent, ("f", "v"), "`f*abs(f)` is not linear"),
         (late, ("f", "v"), "at the row"),
     ] {

@@ -250,7 +250,7 @@ fn starved_regions_are_given_up() {
     let partition = &found.model.partitions[0];
     assert!((2..=10).contains(&partition.rule.count()), "{}", partition.rule.count());
     assert!(found.model.summaries[0].regions.iter().all(|region| region.rows >= 4));
-    assert!(found.notes.iter().any(|note| note.contains("have rows enough for a map")), "{:?}", found.notes);
+    assert!(found.notes.iter().any(|note| note.contains("have enough rows for a separate map")), "{:?}", found.notes);
 }
 
 #[test]

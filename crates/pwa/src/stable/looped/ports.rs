@@ -85,7 +85,7 @@ impl Ports {
                 return refused(port, "its input has another port already");
             }
             if problem.equations.iter().any(|equation| equation.subject == port.input) {
-                return refused(port, "its input is predicted by the model, so that nothing outside gives it");
+                return refused(port, "the model predicts its input, so nothing outside supplies it");
             }
             let mut readers = library.iter().filter(|function| reads(function, &port.input)).peekable();
             if readers.peek().is_none() {
@@ -98,7 +98,7 @@ impl Ports {
                 return refused(port, &format!("the regressor `{function}` is not linear in its input at the row"));
             }
             let Some(place) = outputs(&port.output) else {
-                return refused(port, "its output is no state whose motion the regressors read and the model advances");
+                return refused(port, "its output is not a state that the model advances and a regressor reads");
             };
             places.push(place);
         }
