@@ -147,7 +147,7 @@ fn minimise(
             let rows = program::contradiction(&scaled.rows, options.max_iterations)?;
             if rows.is_empty() {
                 let reason =
-                    "it finds neither coefficients that satisfy the constraints nor a contradiction between them"
+                    "the solver reached neither feasible coefficients nor a contradiction between the constraints"
                         .to_owned();
                 return Err(ConstrainedError::Program { reason });
             }

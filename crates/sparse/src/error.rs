@@ -83,7 +83,7 @@ pub enum SparseError {
     },
     /// A grid of penalties without an l1 part has no largest member.
     #[error(
-        "a grid of lambda starts where the first column enters; l1_ratio is {value}, and below 1e-3 there is no such place: list the lambdas"
+        "l1_ratio is {value}: below 1e-3 a grid of lambda has no start (the lambda at which the first column enters); list the lambdas"
     )]
     NoLambdaMax {
         /// The share of the l1 penalty.
@@ -91,7 +91,7 @@ pub enum SparseError {
     },
     /// The grid's shape is out of range.
     #[error(
-        "a grid of {count} lambdas down to {ratio} of the largest: at least one lambda, and a ratio between 0 and 1"
+        "a grid of {count} lambdas down to {ratio} of the largest is not possible: give at least one lambda, and a ratio between 0 and 1"
     )]
     Grid {
         /// Number of lambdas.
@@ -106,7 +106,7 @@ pub enum SparseError {
         value: f64,
     },
     /// Plain LARS does not watch signs.
-    #[error("column {column} has a sign constraint: plain LARS does not watch signs, the lasso modification does")]
+    #[error("column {column} has a sign constraint, which plain LARS does not keep; use the lasso modification")]
     SignsNeedLasso {
         /// The first column with a constraint.
         column: usize,
@@ -127,7 +127,7 @@ pub enum SparseError {
     },
     /// Targets of other rows.
     #[error(
-        "a target has rows of weight {found} and another {expected}: targets that are fitted together have the same rows"
+        "one target has rows of total weight {found}, another of {expected}: fit only targets with the same rows together"
     )]
     OtherRows {
         /// Weight of the one.
@@ -158,7 +158,7 @@ pub enum SparseError {
         value: f64,
     },
     /// A path and a problem that do not belong together.
-    #[error("the path is that of another problem: it has {found} columns, the problem {expected}")]
+    #[error("the path belongs to another problem: it has {found} columns, the problem {expected}")]
     OtherProblem {
         /// Columns of the path.
         found: usize,

@@ -28,7 +28,7 @@ pub enum ConstrainedError {
         coefficients: usize,
     },
     /// A constraint holds NaN or an infinity.
-    #[error("constraint `{name}` holds a number that is not finite: leave out what does not bound")]
+    #[error("constraint `{name}` has a number that is not finite: leave out a side without a bound")]
     NotFinite {
         /// The constraint.
         name: String,
@@ -64,7 +64,7 @@ pub enum ConstrainedError {
         entries: usize,
     },
     /// A limit that says something else at every row, and no rows.
-    #[error("limit `{name}` says something else at every row: give the rows")]
+    #[error("limit `{name}` differs from row to row: give the rows")]
     NeedsRows {
         /// The limit.
         name: String,

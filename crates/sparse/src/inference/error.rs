@@ -24,7 +24,7 @@ pub enum InferenceError {
     },
     /// Coefficients that depend on the others of their support.
     #[error(
-        "the rows and priors do not tell coefficients {columns:?} from the others of the support: drop them, add a prior, or ask which are confounded"
+        "the rows and priors do not separate coefficients {columns:?} from the others of the support: drop them, add a prior, or ask which are confounded"
     )]
     NotIdentified {
         /// The dependent coefficients.

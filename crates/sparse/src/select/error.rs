@@ -26,7 +26,7 @@ pub enum SelectError {
         needed: usize,
     },
     /// The share of held-out rows is out of range.
-    #[error("a share of {value} of the rows is to be held out: it lies between 0 and 1, both excluded")]
+    #[error("the held-out share of the rows is {value}: it must lie between 0 and 1, both excluded")]
     Share {
         /// The value.
         value: f64,

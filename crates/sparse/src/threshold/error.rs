@@ -61,7 +61,7 @@ pub enum ThresholdError {
         high: f64,
     },
     /// A method whose regressions know no bounds.
-    #[error("{method} cannot keep bounds of coefficients: stlsq, ssr and least squares can")]
+    #[error("{method} cannot bound coefficients: use stlsq, ssr or least squares")]
     BoundsNotKept {
         /// The method.
         method: &'static str,
@@ -93,7 +93,7 @@ pub enum ThresholdError {
         mend: &'static str,
     },
     /// A library draw that leaves no candidate.
-    #[error("{dropped} of {candidates} candidate functions are to be left out of every model: leave at least one in")]
+    #[error("every model would leave out {dropped} of {candidates} candidate functions: keep at least one")]
     Dropped {
         /// Number of candidates that are left out.
         dropped: usize,
