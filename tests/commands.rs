@@ -292,9 +292,9 @@ fn refined_models_go_the_whole_way() {
         "{transitions}"
     );
     // Two regions pass rows to each other, and are told apart.
-    assert!(transitions.contains("which neighbours have maps of their own"), "{transitions}");
+    assert!(transitions.contains("separate maps of neighbours"), "{transitions}");
     let pair = transitions.lines().find(|line| line.split_whitespace().take(2).eq(["0", "1"])).expect("a pair");
-    assert!(!pair.contains("one map would do"), "{transitions}");
+    assert!(!pair.contains("one map suffices"), "{transitions}");
     fleetfoot(folder.path(), &["show", "model_average.json", "--transitions"]).fails(&[
         "model_average.json",
         "refined:K",

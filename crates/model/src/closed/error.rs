@@ -29,7 +29,7 @@ pub enum ClosedError {
     },
     /// A delay of no number of rows.
     #[error(
-        "`{filter}`: in steps of {step} s this is no number of rows up to a million; give a delay and a sampling period that go together"
+        "`{filter}`: at steps of {step} s the delay is not a number of rows up to a million; give a delay and a sampling period that go together"
     )]
     Delay {
         /// The filter.

@@ -134,7 +134,7 @@ fn pairs(out: &mut String, partition: &Partition, (counted, names): (&Transition
     let which = if all { "pairs of regions" } else { "neighbours" };
     let _ = writeln!(
         out,
-        "\nwhich {which} have maps of their own: twice the logarithm of the likelihood ratio of two maps against one, and how probable a larger one is if one holds"
+        "\nseparate maps of {which}: twice the logarithm of the likelihood ratio of two maps against one, and the p-value if one map holds"
     );
     let width = width(names);
     let _ = writeln!(out, "  {:>width$}  {:>width$}     2 ln ratio  freedom          p  p (Holm)", "region", "region");
@@ -144,7 +144,7 @@ fn pairs(out: &mut String, partition: &Partition, (counted, names): (&Transition
         let [a, b] = pair.regions.map(|region| &names[region as usize]);
         let verdict = match adjusted {
             value if value.is_nan() => "  too few rows",
-            value if value >= LEVEL => "  <- one map would do",
+            value if value >= LEVEL => "  <- one map suffices",
             _ => "",
         };
         let _ = writeln!(
@@ -157,12 +157,12 @@ fn pairs(out: &mut String, partition: &Partition, (counted, names): (&Transition
         );
     }
     if shown < order.len() {
-        let _ = writeln!(out, "  and {} more, which differ no less", order.len() - shown);
+        let _ = writeln!(out, "  and {} more, which differ at least as much", order.len() - shown);
     }
     if partition.is_drawn_by_targets() {
         let _ = writeln!(
             out,
-            "  regions that were drawn where maps differ, on these rows, differ here too: read which ones do not"
+            "  These regions were chosen on the same rows, so small p-values are expected. Look for the pairs that do NOT differ."
         );
     }
 }

@@ -25,13 +25,14 @@ fn people_read_them() {
         "{text}"
     );
     // Holm's of two: 0.04 each; of three with one that is nothing to do with neighbours, other numbers.
-    let pairs: Vec<&str> = text.lines().skip_while(|line| !line.contains("neighbours have maps")).skip(2).collect();
+    let pairs: Vec<&str> =
+        text.lines().skip_while(|line| !line.contains("separate maps of neighbours")).skip(2).collect();
     assert_eq!(pairs[0].split_whitespace().collect::<Vec<_>>()[..6], ["0", "4", "12.5", "3", "0.04", "0.04"], "{text}");
     assert_eq!(pairs.len(), 2, "{text}");
     // Regions that were drawn by their maps are told apart by them: that is said.
     model.partitions[0].specification = "refined:5".into();
     let refined = describe_transitions(&model, false).expect("counted");
-    assert!(refined.contains("drawn where maps differ") && !text.contains("drawn where maps differ"));
+    assert!(refined.contains("chosen on the same rows") && !text.contains("chosen on the same rows"));
     let all = describe_transitions(&model, true).expect("counted");
     assert!(all.contains("too few rows") && all.contains("1e-9"), "{all}");
     assert!(describe_transitions(&models::pwa(5, 2), true).is_none());
