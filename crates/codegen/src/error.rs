@@ -38,7 +38,7 @@ pub enum ExportError {
         ahead: u32,
     },
     /// A number that is not finite.
-    #[error("{value} among the numbers ({place}); fit the model again without what made it")]
+    #[error("a number of the model is {value} ({place}); fit it again without the column that causes it")]
     NotFinite {
         /// The value.
         value: f64,
@@ -54,7 +54,7 @@ pub enum ExportError {
         place: String,
     },
     /// More regions than codes.
-    #[error("{regions} regions; code can tell {most} apart; fit with fewer")]
+    #[error("the model has {regions} regions, and code has at most {most}; fit with fewer")]
     TooManyRegions {
         /// Regions of the model.
         regions: usize,
@@ -65,7 +65,7 @@ pub enum ExportError {
     #[error("a step of {0} s; the step must be a positive number of seconds")]
     Step(f64),
     /// Nothing to discretise.
-    #[error("the model integrates no derivative: it has a step already; leave the step to discretise with away")]
+    #[error("the model predicts next values, so it has a step already; remove the step of the discretisation")]
     AlreadyDiscrete,
     /// A prefix that cannot begin an identifier.
     #[error("the prefix `{prefix}` {problem}; choose a word such as `drag`")]
