@@ -327,10 +327,7 @@ fn an_inertia_stays_positive_where_noise_would_have_it_else() {
         fleetfoot(path, &["fit", "parameters", "-c", "kept.toml", "body.csv", "-o", "text.json", "--folds=3"]).ok().out;
     assert!(text.contains("Without bounds of matrices") && text.contains("mobility"), "{text}");
     for (constraints, parts) in [
-        (
-            "a = { matrix = [[\"W11\"], [\"W12\", \"tx\"]], at_least = 0.0 }",
-            &["[constraints] a", "speaks of columns"][..],
-        ),
+        ("a = { matrix = [[\"W11\"], [\"W12\", \"tx\"]], at_least = 0.0 }", &["[constraints] a", "reads columns"][..]),
         ("a = { of = \"W11*W22\", at_least = 0.0 }", &["`W11` is multiplied with `W22`", "two parameters"]),
         ("a = { of = \"tx\", at_least = 0.0 }", &["no parameter is in it"]),
         ("a = { of = \"W11 - W22\", at_least = 0.0 }", &["limit `a`", "strictly"]),

@@ -137,10 +137,13 @@ fn coefficients_keep_the_signs_that_they_must_have() {
             "a = { coefficients = { v = [\"v\"] }, at_least = 1.0 }\nb = { coefficients = { v = [\"v\"] }, at_most = -1.0 }",
             &["[constraints] a and b", "v of d(v)/dt", "at least 1 and at most -1"],
         ),
-        ("a = { coefficients = { w = [\"v\"] }, at_most = 0.0 }", &["nothing is learnt of `w`", "there are v"]),
+        (
+            "a = { coefficients = { w = [\"v\"] }, at_most = 0.0 }",
+            &["no coefficients of `w` are fitted", "there are v"],
+        ),
         ("a = { coefficients = { v = [\"v^2\"] }, at_most = 0.0 }", &["`v^2` is no candidate of v", "v*abs(v)"]),
         ("a = { coefficients = { v = [\"v\"] }, at_least = 1.0, at_most = 0.0 }", &["at_least = 1 is not below"]),
-        ("a = { coefficients = { v = [\"v\"] }, of = \"v\", at_most = 0.0 }", &["make two constraints"]),
+        ("a = { coefficients = { v = [\"v\"] }, of = \"v\", at_most = 0.0 }", &["write two constraints"]),
         (
             "a = { coefficients = { v = [\"v\"] }, at_least = 1.0 }\nb = { coefficients = { v = [\"v\"] }, at_most = 0.0 }",
             &["[constraints] a and b", "at least 1 and at most 0"],

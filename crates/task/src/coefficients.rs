@@ -77,7 +77,7 @@ pub(crate) fn coefficient_limits(
     let place = CONSTRAINTS.entry(name).to_string();
     if section.of.is_some() || !section.matrix.is_empty() {
         return Err(Error::conflict(format!(
-            "{place}: it has `coefficients`, and `of` or `matrix`; make two constraints of it"
+            "{place}: it has `coefficients`, and `of` or `matrix`; write two constraints"
         )));
     }
     let sides = sides(section, &place)?;
@@ -88,7 +88,10 @@ pub(crate) fn coefficient_limits(
             let near = did_you_mean(&nearest(owner, known.iter().copied()));
             Error::unknown(
                 owner,
-                format!("{place} coefficients: nothing is learnt of `{owner}`{near}; there are {}", known.join(", ")),
+                format!(
+                    "{place} coefficients: no coefficients of `{owner}` are fitted{near}; there are {}",
+                    known.join(", ")
+                ),
             )
         })?;
         for text in texts {
@@ -147,7 +150,7 @@ pub(crate) fn consistent(limits: Vec<CoefficientLimit>) -> Result<Vec<Coefficien
 pub(crate) fn sides(section: &ConstraintSection, place: &str) -> Result<Vec<(Limit, f64)>, Error> {
     let bounds = [section.at_least, section.at_most];
     if bounds.iter().flatten().any(|bound| bound.is_nan()) {
-        return Err(Error::value(format!("{place}: a bound is not a number; leave it away")));
+        return Err(Error::value(format!("{place}: a bound is not a number; remove it")));
     }
     if let [Some(least), Some(most)] = bounds
         && least > most

@@ -124,7 +124,7 @@ impl EquationTask {
         let parameters = Parameter::all(recipe, &aliases)?;
         if let Some(fixed) = parameters.iter().find(|parameter| parameter.fixed) {
             return Err(Error::conflict(format!(
-                "{} fixed = true: only {FIT_PARAMETERS} keeps a parameter; write its number into the expressions",
+                "{} fixed = true: only {FIT_PARAMETERS} can fix a parameter; write its number into the expressions",
                 PARAMETERS.entry(&fixed.name)
             )));
         }
@@ -225,7 +225,7 @@ impl EquationTask {
     pub fn narrowed_note(&self) -> Option<String> {
         self.narrowed.then(|| {
             format!(
-                "no library is named, and that of degree 2 would have more than {MOST_UNASKED} functions: the equations have those of degree 1; {given_degree} or a library, asks for more", given_degree = DEGREE.to("2,")
+                "no library is named, and degree 2 would give more than {MOST_UNASKED} functions: the equations have degree 1; {given_degree} or a library gives more", given_degree = DEGREE.to("2,")
             )
         })
     }
@@ -321,7 +321,7 @@ impl EquationTask {
         match self.parameters.iter().find(|parameter| !used.contains(&parameter.name)) {
             None => Ok(()),
             Some(parameter) => Err(Error::conflict(format!(
-                "{entry}: no library item, nominal part or target has it; use it, for example `lag1(u, {0})`, or leave it away",
+                "{entry}: no library item, nominal part or target has it; use it, for example `lag1(u, {0})`, or remove it",
                 parameter.name,
                 entry = PARAMETERS.entry(&parameter.name)
             ))),
@@ -501,20 +501,20 @@ fn limits(
 fn refuse_other_sections(recipe: &Recipe) -> Result<(), Error> {
     if !recipe.latents.is_empty() || !recipe.tasks.is_empty() {
         return Err(Error::conflict(format!(
-            "the recipe has {LATENTS} and {TASKS}, which {FIT_SPARSE} fits; leave them away for {FIT_SINDY}, or run {FIT_SPARSE}"
+            "the recipe has {LATENTS} and {TASKS}, which {FIT_SPARSE} fits; remove them for {FIT_SINDY}, or run {FIT_SPARSE}"
         )));
     }
     for (name, state) in &recipe.states {
         let place = STATES_SECTION.entry(name).to_string();
         if state.equation.is_some() {
             return Err(Error::conflict(format!(
-                "{place} equation: it speaks of latents, which {FIT_SPARSE} fits; write what is known of the right side as `nominal`, or all of it as `known`"
+                "{place} equation: it contains latents, which {FIT_SPARSE} fits; write what is known of the right side as `nominal`, or all of it as `known`"
             )));
         }
         let fitted = state.nominal.is_some() || state.library.is_some() || !state.fixed.is_empty();
         if state.known.is_some() && fitted {
             return Err(Error::conflict(format!(
-                "{place}: it has `known`, so nothing is learnt; leave `nominal`, `library` and `fixed` away, or write `nominal` instead of `known`"
+                "{place}: it has `known`, so nothing is learnt; remove `nominal`, `library` and `fixed`, or write `nominal` instead of `known`"
             )));
         }
     }

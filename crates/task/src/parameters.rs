@@ -47,7 +47,7 @@ impl ParametersTask {
             return Err(Error::unknown(
                 idle,
                 format!(
-                    "{entry}: no equation speaks of it; leave it away, or look for a slip in `known` of the states",
+                    "{entry}: no equation reads it; remove it, or correct `known` of the states",
                     entry = PARAMETERS.entry(idle)
                 ),
             ));
@@ -114,7 +114,7 @@ fn refuse_filters(known: &KnownTask, names: &[String]) -> Result<(), Error> {
 fn limits(recipe: &Recipe, names: &[String], aliases: &mut Aliases<'_>) -> Result<Vec<MatrixLimit>, Error> {
     if let Some((name, _)) = recipe.constraints.iter().find(|(_, section)| !section.coefficients.is_empty()) {
         return Err(Error::conflict(format!(
-            "{entry} coefficients: they are those of sums of functions, in {FIT_SPARSE} and {FIT_SINDY}; a parameter has `bounds` in {PARAMETERS}",
+            "{entry} coefficients: only {FIT_SPARSE} and {FIT_SINDY} have coefficients; give the parameter `bounds` in {PARAMETERS}",
             entry = CONSTRAINTS.entry(name)
         )));
     }
@@ -131,7 +131,7 @@ fn matrix(limit: &RowLimit, names: &[String]) -> Result<MatrixLimit, Error> {
     let entries: Option<Vec<Affine>> = limit.forms.iter().map(affine).collect();
     let entries = entries.ok_or_else(|| {
         Error::value(format!(
-            "{}: it speaks of columns, and of parameters alone can be told what holds at every row; the parameters are {}",
+            "{}: it reads columns, and only an expression of parameters can be kept at every row; the parameters are {}",
             CONSTRAINTS.entry(&limit.name),
             names.join(", ")
         ))
@@ -143,7 +143,7 @@ fn matrix(limit: &RowLimit, names: &[String]) -> Result<MatrixLimit, Error> {
 fn refuse_other_sections(recipe: &Recipe) -> Result<(), Error> {
     if recipe.parameters.is_empty() {
         return Err(Error::missing(format!(
-            "nothing is to be estimated: name the numbers that are not known in {PARAMETERS}, for example `mass = {{ initial = 90.0 }}`"
+            "there is nothing to estimate: name the unknown numbers in {PARAMETERS}, for example `mass = {{ initial = 90.0 }}`"
         )));
     }
     if recipe.states.is_empty() {
@@ -159,13 +159,13 @@ fn refuse_other_sections(recipe: &Recipe) -> Result<(), Error> {
     }
     if recipe.model.weight.is_some() {
         return Err(Error::conflict(
-            "weight: fit parameters weighs every measurement by the noise that it estimates; leave it away".into(),
+            "weight: fit parameters weighs every measurement by the noise that it estimates; remove it".into(),
         ));
     }
     match recipe.model.predict.as_deref() {
         None | Some("derivative") => Ok(()),
         Some(other) => Err(Error::conflict(format!(
-            "predict = \"{other}\": the equations of {FIT_PARAMETERS} are derivatives; leave it away"
+            "predict = \"{other}\": the equations of {FIT_PARAMETERS} are derivatives; remove it"
         ))),
     }
 }

@@ -96,7 +96,7 @@ impl StructuredTask {
                 let together = recipe.constraints.iter().find(|(_, section)| section.coefficients.is_empty());
                 if let Some((name, _)) = together {
                     return Err(Error::missing(format!(
-                        "{entry}: it is about latents, and there are none; write what the unknown functions are in {LATENTS} and {TASKS}",
+                        "{entry}: it applies to latents, and the recipe has none; write the unknown functions in {LATENTS} and {TASKS}",
                         entry = CONSTRAINTS.entry(name)
                     )));
                 }
@@ -229,7 +229,7 @@ fn moments(regression: &Regression, latent: usize, also: &mut Vec<Expr>) -> Mome
 fn plain(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Parts, Error> {
     if let Some((name, _)) = recipe.states.iter().find(|(_, state)| state.equation.is_some()) {
         return Err(Error::conflict(format!(
-            "{entry} equation: it needs {LATENTS} and {TASKS}; without them leave `equation` away, and the state is a sum of functions",
+            "{entry} equation: it needs {LATENTS} and {TASKS}; without them remove `equation`, and the state is a sum of functions",
             entry = STATES_SECTION.entry(name)
         )));
     }
@@ -289,7 +289,7 @@ fn shared(recipe: &Recipe, aliases: &mut Aliases<'_>) -> Result<Parts, Error> {
     for (index, name) in names.iter().enumerate() {
         if !tasks.iter().any(|task| task.terms.iter().any(|term| term.latent == index)) {
             return Err(Error::conflict(format!(
-                "{entry}: no task has it on its right side; add it to one in {TASKS}, or leave it away",
+                "{entry}: no task has it on its right side; add it to one in {TASKS}, or remove it",
                 entry = LATENTS.entry(name)
             )));
         }
@@ -342,7 +342,7 @@ fn scale(scale: Option<f64>, target: &Expr, place: &str) -> Result<Option<f64>, 
             Err(Error::value(format!("{place} scale = {value}: write a positive error in units of the target")))
         }
         None if target.as_number().is_some() => Err(Error::missing(format!(
-            "{place}: the target is constant, so nothing tells how large an error is; add `scale`, the error that counts as one, in its units"
+            "{place}: the target is constant, so the size of an error is unknown; add `scale`, the error that counts as one, in its units"
         ))),
         None => Ok(None),
     }
