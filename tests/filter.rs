@@ -106,7 +106,7 @@ fn what_is_asked_stands_in_a_recipe_as_well_and_what_cannot_be_is_said() {
     filter(&["-o", "estimates.bag"]).fails(&["*.parquet", "*.mcap"]);
     // The log's own columns are measured where nothing is said, and their noise is found.
     let told = filter(&[]).ok();
-    assert!(told.err.contains("found from the innovations so far"), "{}", told.err);
+    assert!(told.err.contains("estimated from the innovations so far"), "{}", told.err);
     assert!(told.out.contains("NIS") && told.out.contains("innovations"), "{}", told.out);
     let json = filter(&["--measured", "x=0.01", "--process", "auto", "--json"]).ok().json();
     assert!(
@@ -221,7 +221,7 @@ fn labels_say_the_region_and_a_column_says_the_deviation() {
     // A sensor that is slower than the rows is held between its samples, and told.
     let slow = ["filter", "model.json", "run.csv", "--measured", "v=0.05", "--sensors", "v=0.1*sign(sin(7*t))"];
     let said = run(&slow).ok();
-    assert!(said.err.contains("repeat the one before") && said.err.contains("[time] base"), "{}", said.err);
+    assert!(said.err.contains("repeat the previous one") && said.err.contains("[time] base"), "{}", said.err);
 }
 
 /// `v' = 6 v + u` below 0 and `-2 v + u` above, measured in runs of five rows; and a log of it with a gap of 200 s.

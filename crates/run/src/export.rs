@@ -68,7 +68,7 @@ pub fn export_filter(
     let filter = crate::filter_of(model, said)?;
     let tables = filter.tables().ok_or_else(|| {
         Error::conflict(
-            "the regions of the model are not affine, so that code would have to make them linear at every step: leave the states whose equations multiply or rotate others out of the model"
+            "the regions of the model are not affine, so that code would have to linearise them at every step: leave the states whose equations multiply or rotate others out of the model"
                 .to_owned(),
         )
     })?;

@@ -45,7 +45,7 @@ pub fn filter_of(model: &Model, said: &FilterSection) -> Result<SwitchedFilter, 
     let measured = measured(settings.measured.as_deref())?;
     if let Some(open) = measured.iter().find(|sensor| sensor.deviation.is_none()) {
         return Err(Error::missing(format!(
-            "{entry}: {} has no standard deviation, and a filter by itself has no log to find it in: write measured = \"{}=0.01\"",
+            "{entry}: {} has no standard deviation, and there is no log to estimate it from: write measured = \"{}=0.01\"",
             open.state,
             open.state,
             entry = FILTER_SECTION.entry("measured")
@@ -206,7 +206,7 @@ fn notes(filter: &SwitchedFilter, sensors: &[Measured], readings: &Reading) -> V
     let found = names(&|k| readings.deviations[k].is_none() && sensors[k].deviation.is_none());
     if !found.is_empty() {
         notes.push(format!(
-            "the deviations of {} are found from the innovations so far; say them where they are known ({})",
+            "the deviations of {} are estimated from the innovations so far; write them if they are known ({})",
             found.join(", "),
             MEASURED.to(format_args!("{}=0.01", found[0]))
         ));
@@ -216,7 +216,7 @@ fn notes(filter: &SwitchedFilter, sensors: &[Measured], readings: &Reading) -> V
     if !open.is_empty() {
         let list = open.join(", ");
         notes.push(format!(
-            "{list} begin at 0, as neither a measurement nor the training says where: {}",
+            "{list} begin at 0, because no measurement and no training row gives a start: {}",
             INITIAL.to(format_args!("{}=MEAN:DEVIATION", open[0]))
         ));
     }

@@ -195,7 +195,7 @@ impl Sums {
             more => format!(", and those of {more} other episodes end too"),
         };
         Some(format!(
-            "{episode}: the filter ends before row {row}{more}: the covariance of its states is no finite number any more, as where a region is unstable and nothing is measured for long; the {} rows from there on have no estimate: measure more states, or end episodes at gaps ({MAX_GAP})",
+            "{episode}: the filter ends before row {row}{more}: the covariance of its states is not finite, as in an unstable region without measurements; the {} rows from there on have no estimate: measure more states, or end episodes at gaps ({MAX_GAP})",
             self.lost
         ))
     }
@@ -209,7 +209,7 @@ impl Sums {
         let slow: Vec<String> = filter.measured().zip(&self.sensors).filter_map(slow).collect();
         (!slow.is_empty()).then(|| {
             format!(
-                "{}: most measurements repeat the one before, as those of a slow sensor do that is held between its samples; each counts as a new one: make its topic the base of the rows ({entry})",
+                "{}: most measurements repeat the previous one, as if a slow sensor is held between its samples; each repeat counts as a new measurement: make its topic the base of the rows ({entry})",
                 slow.join(", "), entry = TIME_SECTION.entry("base")
             )
         })
