@@ -148,7 +148,7 @@ pub(crate) fn parts(columns: &[Coverage]) -> Vec<Part> {
     let table = |columns: &[Coverage]| {
         let head = ["column", "unit", "least", "mean", "largest", "in training", "outside of it", "unevenness"];
         let head = head.into_iter().chain(gaps.then_some("missing"));
-        let caption = "What the rows reach, and how unevenly they are spread over the bins between: 0 is even, 1 is all in one bin.";
+        let caption = "Range of the rows, and the unevenness of their spread over the bins between: 0 is even, 1 is all in one bin.";
         let mut table = Table::new(caption, head);
         columns.iter().for_each(|column| table = std::mem::take(&mut table).row(column.row(gaps)));
         Part::Table(table)
@@ -166,8 +166,8 @@ fn figure(columns: &[Coverage]) -> Figure {
     let more =
         if columns.len() > DRAWN { format!(" Shown are {DRAWN} of {} columns.", columns.len()) } else { String::new() };
     let caption = format!(
-        "Share of rows in per cent over the value of each column that the model speaks of, in at most {BINS} bins. Where rows lie beside the shaded range the model \
+        "Share of rows in per cent over the value of each column that the model reads, in at most {BINS} bins. Where rows lie beside the shaded range the model \
          saw none in training.{more}"
     );
-    Figure::new("coverage", "Where the rows lie", caption, Chart::Panels(Panels::new(drawn)))
+    Figure::new("coverage", "Coverage of the rows", caption, Chart::Panels(Panels::new(drawn)))
 }

@@ -37,7 +37,7 @@ pub(crate) fn parts(model: &Model, place: usize) -> Vec<Part> {
         return Vec::new();
     }
     let several = all.len() > 1;
-    let mut parts = vec![Part::Heading("What the training rows tell apart".into())];
+    let mut parts = vec![Part::Heading("Functions that the training rows separate".into())];
     parts.extend(all.iter().map(|own| Part::Paragraph(own.in_words(several))));
     parts.push(Part::Figure(figure(&all, place)));
     parts
@@ -69,7 +69,7 @@ impl Excitation {
         };
         let groups = self.found.together(CONDITION, SHARE);
         let told = |group: &Vec<usize>| {
-            format!(" {} nearly move together: the rows hardly say which of them does what.", named(group))
+            format!(" {} nearly move together: the rows hardly separate their coefficients.", named(group))
         };
         let together = match groups.as_slice() {
             [] => " None of them moves so closely with the others that its coefficient is in doubt.".to_owned(),
@@ -123,5 +123,5 @@ fn figure(all: &[Excitation], place: usize) -> Figure {
          another: drive so that the functions move apart. Least eigenvalues of the correlations: {}.{more}",
         eigenvalues.join("; ")
     );
-    Figure::new(format!("excitation-{place}"), "How well the rows tell functions apart", caption, Chart::Bars(chart))
+    Figure::new(format!("excitation-{place}"), "Separation of the functions", caption, Chart::Bars(chart))
 }

@@ -190,7 +190,7 @@ pub(crate) fn read(reports: &[Value]) -> Result<Vec<Fit>, Error> {
     };
     let one = |report: Value| {
         serde_json::from_value(report).map_err(|error| {
-            Error::value(format!("this is no report of a fit ({error}): give what a fit tells with {JSON}"))
+            Error::value(format!("not a report of a fit ({error}): give the output of a fit with {JSON}"))
         })
     };
     reports.iter().flat_map(of).map(one).collect()
@@ -203,11 +203,11 @@ pub(crate) fn parts(judged: &[Judged<'_>], fits: &[Fit]) -> Vec<Part> {
     let mut figures = Vec::new();
     for (place, (name, fit)) in known.iter().enumerate() {
         let title = |what: &str| if judged.len() > 1 { format!("{what}: {name}") } else { what.to_owned() };
-        figures.extend(fit.curve(place + 1, title("How lambda was chosen")));
-        figures.extend(fit.path(place + 1, title("What enters as lambda falls")));
+        figures.extend(fit.curve(place + 1, title("Choice of lambda")));
+        figures.extend(fit.path(place + 1, title("Coefficients over lambda")));
         figures.extend(fit.fronts(place + 1, title("Error and number of terms")));
         figures.extend(fit.orders(place + 1, title("Error and number of coefficients")));
-        figures.extend(fit.along_terms(place + 1, &title("What enters with more terms")));
+        figures.extend(fit.along_terms(place + 1, &title("Contributions by number of terms")));
     }
     let shares: Vec<(&str, Vec<(String, f64)>)> = known.iter().map(|(name, fit)| (*name, fit.shares())).collect();
     figures.extend(frequencies(&shares));
@@ -215,7 +215,7 @@ pub(crate) fn parts(judged: &[Judged<'_>], fits: &[Fit]) -> Vec<Part> {
     if parts.is_empty() {
         parts
     } else {
-        std::iter::once(Part::Heading("How it was chosen".into())).chain(parts).collect()
+        std::iter::once(Part::Heading("Choice of the model".into())).chain(parts).collect()
     }
 }
 
@@ -518,5 +518,5 @@ fn frequencies(shares: &[(&str, Vec<(String, f64)>)]) -> Option<Figure> {
         }
     };
     let what = if models.len() > 1 { ", model by model" } else { "" };
-    Some(Figure::new("selection-frequency", "How often functions are selected", caption(what), chart))
+    Some(Figure::new("selection-frequency", "Selection frequencies", caption(what), chart))
 }

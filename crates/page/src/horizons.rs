@@ -92,7 +92,7 @@ fn caption_of_scores(first: &Horizon) -> String {
 /// When each model is better than the baselines.
 fn useful(curves: &[(&str, &Horizon)]) -> Table {
     let mut table =
-        Table::new("When a simulation is better than what needs no model.", ["model", "better than", "when"]);
+        Table::new("Horizons at which a simulation is better than every baseline.", ["model", "better than", "when"]);
     for (name, horizon) in curves {
         let steps = horizon.time.len();
         let when = |spans: &[_]| if spans.is_empty() { "at no step".to_owned() } else { spans_in_words(spans, steps) };
@@ -174,7 +174,7 @@ pub(crate) fn best(judged: &[Judged<'_>]) -> Option<Sentence> {
     let head = if reigns.len() == 1 {
         format!("Simulated, {} is best at every step.", curves[last.model].0)
     } else {
-        format!("Simulated, who is best depends on the horizon; {} is at its end.", curves[last.model].0)
+        format!("Simulated, the best model depends on the horizon; {} is best at its end.", curves[last.model].0)
     };
     Some(sentence(Light::Plain, &head, &text))
 }

@@ -119,7 +119,7 @@ pub(crate) fn parameters(model: &Model) -> Option<Part> {
     (!estimated.is_empty()).then_some(Part::Table(table))
 }
 
-const HEAD: [&str; 3] = ["term", "coefficient", "told from zero"];
+const HEAD: [&str; 3] = ["term", "coefficient", "differs from zero"];
 
 /// The terms of a function in a region with their coefficients, the constant first.
 fn terms(model: &Model, latent: &Latent, region: usize) -> Vec<(String, f64)> {
@@ -176,7 +176,7 @@ impl Known {
     /// Verdict on a coefficient: different from zero, or not.
     fn told(&self, name: &str, value: f64, half: f64) -> (Light, &'static str) {
         match half {
-            _ if self.confounded.iter().any(|own| own == name) => (Light::Bad, "not told from other terms"),
+            _ if self.confounded.iter().any(|own| own == name) => (Light::Bad, "not separable from other terms"),
             half => told(value, half),
         }
     }
@@ -204,7 +204,7 @@ fn side_by_side(known: &[Known]) -> Table {
     }
     let shown = &known[..known.len().min(EQUATIONS)];
     let caption = format!(
-        "Coefficients. {} zero lies within the interval, {} not determined, or not told from other terms.{}{}",
+        "Coefficients. {} zero lies within the interval, {} not determined, or not separable from other terms.{}{}",
         Light::Doubtful.sign(),
         Light::Bad.sign(),
         beyond(names.len(), TERMS, "terms"),

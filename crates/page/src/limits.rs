@@ -42,18 +42,18 @@ pub(crate) fn not_least_squares(model: &Model, fit: Option<&Fit>) -> Option<&'st
     let simulated = objective.is_some_and(|objective| objective != Objective::OneStep);
     if simulated && fit.is_none_or(Fit::is_simulated) {
         return Some(
-            "Its coefficients were fitted to simulations: intervals of least squares are not theirs, and none are told.",
+            "Its coefficients were fitted to simulations: intervals of least squares do not apply, and none are shown.",
         );
     }
     if model.latents.iter().any(|latent| latent.map.basis().is_some_and(|basis| basis.is_summed_up())) {
         return Some(
-            "Its linear terms stand beside a network: intervals of their coefficients alone say nothing, and none are told.",
+            "Its linear terms stand beside a network: intervals of their coefficients alone are not valid, and none are shown.",
         );
     }
     let bounded = model.method.starts_with("pwa") && (recipe.pwa.stable.is_some() || recipe.pwa.passive.is_some());
     if bounded && fit.is_none_or(Fit::is_moved) {
         return Some(
-            "Its maps are kept within bounds, which moves coefficients: intervals of least squares are not theirs, and none are told.",
+            "Its maps are kept within bounds, which moves coefficients: intervals of least squares do not apply, and none are shown.",
         );
     }
     None
@@ -68,7 +68,7 @@ pub(crate) fn parts(judged: &[Judged<'_>], fits: &[Fit]) -> Vec<Part> {
             continue;
         }
         let name = if judged.len() > 1 { format!(": {}", one.name) } else { String::new() };
-        parts.push(Part::Heading(format!("What the fit keeps{name}")));
+        parts.push(Part::Heading(format!("Bounds of the fit{name}")));
         parts.extend(own);
     }
     parts

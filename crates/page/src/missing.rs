@@ -102,7 +102,7 @@ pub(crate) fn columns(columns: &[Coverage], episodes: &[Episode]) -> Option<Figu
         String::new()
     };
     let caption = format!(
-        "Where columns that the model speaks of have no value: what was rejected or left empty when the logs were prepared, what a channel did not tell, what cannot be computed. One missing value marks \
+        "Rows in which a column of the model has no value: a value that `prepare` rejected or left empty, a sample that a channel lacks, or an expression that cannot be computed. One missing value marks \
          its bin, of which there are at most {MISSING}. The other columns have all their values.{more}"
     );
     let chart = Spans::new(Axis::of("time, logs one behind the other", "s").with_zero(), kinds, rows);

@@ -46,7 +46,7 @@ fn told_apart<'a>(judged: &Judged<'a>, number: usize, known: &mut Vec<(&'a str, 
     let told = known.iter().find(|(_, told)| told.len() == parts.len() && told.iter().zip(&parts).all(same));
     match told {
         Some((name, _)) if !parts.is_empty() => {
-            vec![Part::Paragraph(format!("Its training rows tell the same functions apart as those of {name}."))]
+            vec![Part::Paragraph(format!("Its training rows separate the same functions as those of {name}."))]
         }
         _ => {
             known.push((judged.name, parts.clone()));
@@ -102,7 +102,7 @@ fn about(model: &Model) -> String {
     let kind = match (model.is_discrete(), continuous) {
         (true, _) => "It goes from row to row",
         (false, true) => "It is continuous in time",
-        (false, false) => "It tells values of the same row, and advances nothing",
+        (false, false) => "It predicts values of the same row, and advances no state",
     };
     let step = if model.step > 0.0 {
         format!("; its training rows are {} apart", fleetfoot_report::words::seconds(model.step))
@@ -191,10 +191,8 @@ fn in_region(model: &Model, partition: usize, region: usize) -> Vec<Equation> {
 }
 
 fn columns(model: &Model) -> Part {
-    let mut table = Table::new(
-        "Columns that the model speaks of, and the fields of the log that they are.",
-        ["column", "part", "unit", "field"],
-    );
+    let mut table =
+        Table::new("Columns that the model reads, and their fields in the log.", ["column", "part", "unit", "field"]);
     for column in &model.columns {
         table = table.row(row(column));
     }

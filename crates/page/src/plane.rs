@@ -39,14 +39,14 @@ pub(crate) fn parts(
             "Of the passages of a trajectory through each cell of {at}, the share in which the region changes. The stronger the colour, the larger the share: there the dynamics switch."
         );
         let chart = map(model, &plane, "share of passages", PlaneCell::transition_ratio);
-        figures.push(Figure::new("plane-transitions", "Where the regions change", caption, chart));
+        figures.push(Figure::new("plane-transitions", "Changes of region", caption, chart));
     }
     if total.scored > 0 {
         let caption = format!(
             "Mean Mahalanobis score of the one-step errors of the rows in each cell of {at}. The stronger the colour, the larger the errors; cells without rows are empty."
         );
         let chart = map(model, &plane, "mean Mahalanobis score", PlaneCell::mean_score);
-        figures.push(Figure::new("plane-errors", "Where the errors are", caption, chart));
+        figures.push(Figure::new("plane-errors", "Errors in the plane", caption, chart));
     }
     Ok(figures.into_iter().map(Part::Figure).collect())
 }

@@ -29,8 +29,8 @@ pub(crate) fn in_time(targets: &[Target], step: f64) -> Option<Figure> {
     let mut x = Axis::of("between the rows", unit);
     x.scale = Scale::Logarithmic;
     let chart = Lines::new(x, Axis::of("autocorrelation of the error", "").between(-1.05, 1.05), lines).level(0.0, "");
-    let caption = "How much of an error is there again later in the log. Near zero everywhere: what is left is noise. Near one for long: the model misses something that changes slowly. About \u{2212}0.5 after one row: the target is a difference of noisy values.";
-    Some(Figure::new("error-autocorrelation", "How long errors last", caption, Chart::Lines(chart)))
+    let caption = "Share of an error that is there again later in the log. Near zero everywhere: what is left is noise. Near one for long: the model misses something that changes slowly. About \u{2212}0.5 after one row: the target is a difference of noisy values.";
+    Some(Figure::new("error-autocorrelation", "Autocorrelation of the errors", caption, Chart::Lines(chart)))
 }
 
 /// Errors of a target over the columns that they go with most.

@@ -56,8 +56,7 @@ pub(crate) fn best(judged: &[Judged<'_>]) -> Option<Sentence> {
     let scored: Vec<&Judged<'_>> = judged.iter().filter(|one| one.scored().is_some()).collect();
     if shared.is_empty() && scored.len() > 1 {
         let told = scored.iter().map(|one| format!("{} predicts {}", one.name, series(&one.model.outputs(), 4)));
-        let text =
-            format!("{}: the error of one says nothing beside that of the other.", told.collect::<Vec<_>>().join(", "));
+        let text = format!("{}: their errors cannot be compared.", told.collect::<Vec<_>>().join(", "));
         return Some(sentence(
             Light::Plain,
             "One step ahead the models are not compared: they have no target in common.",

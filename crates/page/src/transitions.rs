@@ -45,7 +45,7 @@ pub(crate) fn along(
     let matrix = Matrix::new("share of a part's rows", ["phase", "region"], names, values);
     Some(Figure::new(
         format!("phase-{place}"),
-        format!("Where the regions of {} lie along {}", partition.specification, phases.specification),
+        format!("Regions of {} along {}", partition.specification, phases.specification),
         caption,
         Chart::Matrix(matrix),
     ))
@@ -88,7 +88,7 @@ pub(crate) fn figure(
     let matrix = Matrix::new("share of rows one row later", ["from", "to"], names, values);
     Some(Figure::new(
         format!("transitions-{place}"),
-        format!("Which region follows which in {}", partition.specification),
+        format!("Transitions between the regions of {}", partition.specification),
         caption,
         Chart::Matrix(matrix),
     ))

@@ -106,13 +106,13 @@ fn one_step(scored: &Scored) -> Option<Sentence> {
     let proven = scored.scores.targets.iter().all(|target| upper(target) < 1.0);
     let (light, head) = match worst.mae_over_null.value {
         _ if scored.in_sample.len() == scored.episodes => {
-            (Light::Doubtful, "These scores flatter: all of these rows trained the model.")
+            (Light::Doubtful, "These scores are in-sample: all of these rows trained the model.")
         }
-        _ if inside => (Light::Doubtful, "These scores flatter: some of these rows trained the model."),
-        value if value >= 1.0 => (Light::Bad, "It predicts no better than the mean of its training rows does."),
+        _ if inside => (Light::Doubtful, "These scores are partly in-sample: some of these rows trained the model."),
+        value if value >= 1.0 => (Light::Bad, "It predicts no better than the mean of its training rows."),
         // The row before tells more of the next than the model does: of use far ahead at most.
         _ if 2 * beaten(scored).iter().map(|(_, wins)| *wins).max().unwrap_or(0) > scored.scores.targets.len() => {
-            (Light::Doubtful, "One step ahead the rows before predict better than it does.")
+            (Light::Doubtful, "One step ahead, a baseline has a lower error than this model.")
         }
         _ if proven => (Light::Good, "One step ahead it predicts better than the mean of its training rows."),
         _ => (Light::Doubtful, "One step ahead it may be no better than the mean of its training rows."),
@@ -194,7 +194,7 @@ fn simulated(rolled: &RolledOut) -> Sentence {
     let steps = horizon.time.len();
     let (light, head) = match horizon.useful.spans.as_slice() {
         _ if horizon.useful.compared == 0 => {
-            (Light::Plain, "Nothing was measured that its simulations could be compared with.".to_owned())
+            (Light::Plain, "No measured state can be compared with its simulations.".to_owned())
         }
         [] => (Light::Bad, "Simulated, it is worse than some baseline at every step.".to_owned()),
         spans => {
@@ -206,7 +206,7 @@ fn simulated(rolled: &RolledOut) -> Sentence {
     let trouble = [
         (rollouts.diverged(), "diverged"),
         (rollouts.without_region(), "met an unknown label"),
-        (rollouts.left_domain(), "left the range of the training rows"),
+        (rollouts.left_domain(), "left the training range"),
     ];
     let trouble: String =
         trouble.iter().filter(|(number, _)| *number > 0).map(|(number, what)| format!(", {number} {what}")).collect();
@@ -232,9 +232,9 @@ fn outside(scored: &Scored) -> Option<Sentence> {
     let share = scored.scores.outside_training as f64 / scored.scores.rows as f64;
     (share > OUTSIDE).then(|| {
         let text = format!(
-            "{:.1} % of the scored rows lie outside of all that it was trained on. Fit on logs that go there too.",
+            "{:.1} % of the scored rows lie outside the training range. Fit on logs that cover these values too.",
             100.0 * share
         );
-        sentence(Light::Doubtful, "It is asked about what it has not seen.", &text)
+        sentence(Light::Doubtful, "It is scored outside its training range.", &text)
     })
 }
