@@ -99,7 +99,7 @@ fn a_statistic_stands_for_the_logs_that_train() {
     assert!(found["train"].is_null(), "{found:#}");
     assert!(number(&found, "/files/by_file/0/free_run/0/fit") > 0.9, "{:#}", found["files"]);
     let text = fleetfoot(folder.path(), &["fit", "narx", "a.stats"]).ok();
-    assert!(text.err.contains("single steps") && !text.out.contains("training rows"), "{} {}", text.out, text.err);
+    assert!(text.err.contains("one-step errors") && !text.out.contains("training rows"), "{} {}", text.out, text.err);
 }
 
 #[test]

@@ -50,7 +50,11 @@ fn an_input_that_acts_late_is_found() {
     let folder = folder(&[("a.csv", pipe(1_500, 1)), ("b.csv", pipe(600, 2))]);
     let given = ["a.csv", "--effort", "low", "--free-run", "b.csv", "--output", "late.json"];
     let said = fit(folder.path(), &[&given[..], &COLUMNS].concat()).ok();
-    assert!(said.err.contains("u acts 1") && said.err.contains("late or more: its lags begin there"), "{}", said.err);
+    assert!(
+        said.err.contains("u acts with a delay of at least 1") && said.err.contains("s): its lags begin there"),
+        "{}",
+        said.err
+    );
     let found = said.json();
     assert_eq!(functions(&found), ["lag(u, 16)", "y"]);
     // Without it 88 % of the output's variation is left.
@@ -64,7 +68,7 @@ fn models_that_are_worth_no_more_than_the_mean_say_so() {
         writeln!(text, "{},{},{}", row as f64 * 0.1, noise(1, row), noise(2, row / 9)).unwrap();
     }
     let folder = folder(&[("noise.csv", text)]);
-    let words = "rows that did not train are";
+    let words = "held-out rows are";
     let said = fit(folder.path(), &[&["noise.csv", "--effort", "low", "-o", "n.json"][..], &COLUMNS].concat()).ok();
     assert!(said.err.contains(&format!("{words} simulated no better than by their mean: next(y)")), "{}", said.err);
     let given = ["fit", "sindy", "--states", "y", "--inputs", "u", "--time", "t", "--degree", "1", "--predict", "next"];

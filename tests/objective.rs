@@ -297,7 +297,7 @@ fn what_cannot_be_is_refused_with_the_mend() {
             .fails(&["steps:5", "fit on the logs"]);
     }
     let dry = fit(folder.path(), "pwa", "--objective steps:5 --dry-run").ok();
-    assert!(dry.out.contains("--objective steps:5: at most 141 passes over the rows more"), "{}", dry.out);
+    assert!(dry.out.contains("--objective steps:5: at most 141 more passes over the rows"), "{}", dry.out);
 }
 
 /// A map that grows is held at the border of the training range, or ends there.
@@ -453,8 +453,8 @@ fn regions_give_no_more_than_they_took() {
     let text = fleetfoot(path, &[&arguments[..8], &["-o", "text.json", "--passive=f:v:0.1"]].concat()).ok().out;
     assert!(text.contains("passive at f:v") && text.contains("0.1000"), "{text}");
     for (more, parts) in [
-        (&["--passive=f:w"][..], &["f:w is no port", "no state"][..]),
-        (&["--passive=g:v"], &["g:v is no port"]),
+        (&["--passive=f:w"][..], &["f:w is not a port", "not a state"][..]),
+        (&["--passive=g:v"], &["g:v is not a port"]),
         (&["--passive=f:v", "--continuous"], &["--continuous with --passive f:v"]),
     ] {
         with(&[&["-o", "wrong.json"], more].concat()).fails(parts);

@@ -164,7 +164,7 @@ fn what_cannot_be_had_is_said() {
     for method in ["pwa", "sindy"] {
         fleetfoot(folder.path(), &["fit", method, "run.stats", "--radial", "5"]).fails(&[
             "--radial 5",
-            "found on rows, which a statistic has not",
+            "computed from rows, which a statistic lacks",
             "give the logs",
         ]);
     }

@@ -105,13 +105,13 @@ fn clean_rows_are_left_alone_and_what_it_would_overrule_is_named() {
     for more in [["--terms", "2"], ["--threshold", "0.1"], ["--select", "bic"], ["--optimizer", "ssr"]] {
         assert!(fit("noisy.csv", &more).ok().json().get("smooth_states").is_none(), "{more:?}");
         let refused = fit("noisy.csv", &[&more[..], &["--smooth-states", "on"]].concat()).err;
-        assert!(refused.contains("smooth_states = on, and") && refused.contains("leave one of them away"), "{refused}");
+        assert!(refused.contains("smooth_states = on, and") && refused.contains("remove one of them"), "{refused}");
     }
     // More rows than are smoothed by themselves are left to the windows, with a word.
     fs::write(folder.path().join("long.csv"), oscillation(20_100, 0.0, 0.3)).expect("a file");
     let long = fit("long.csv", &[]).ok();
     assert!(long.json().get("smooth_states").is_none() && long.json().get("weak").is_some());
-    assert!(long.err.contains("20100 rows are more than the 20000"), "{}", long.err);
+    assert!(long.err.contains("states of 20100 rows are not smoothed"), "{}", long.err);
     let regions = fit("noisy.csv", &["--smooth-states", "on", "--partition", "kmeans:2"]).err;
     assert!(regions.contains("there are regions (--partition)"), "{regions}");
 }

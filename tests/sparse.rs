@@ -463,7 +463,7 @@ fn constraints_of_functions_that_were_left_out_are_told() {
         |constraints: &str| fs::write(path.join("robot.toml"), format!("{recipe}{constraints}")).expect("a file");
     let run = |more: &[&str]| fit(path, &[&["-c", "robot.toml", "log.csv", "-o", "out.json"], more].concat());
     write("m = { matrix = [[\"A\"], [\"B - 3*A\", \"A\"]], at_least = 1.0 }\n");
-    run(&["--lambda", "0.1"]).fails(&["the functions that were selected cannot keep m >= 1", "penalty = 0.0"]);
+    run(&["--lambda", "0.1"]).fails(&["the selected functions cannot keep m >= 1", "penalty = 0.0"]);
     assert!(!path.join("out.json").exists());
     run(&["--lambda", "0"]).ok();
     // Of a matrix there is a row for every direction that was cut, and one name.

@@ -131,7 +131,7 @@ fn regions_without_windows_are_fitted_on_rows() {
     let folder = folder(&[("log.csv", &oscillation(1500, 0.01, 0.3))]);
     let path = folder.path();
     let said = fit(path, &["log.csv", "--partition", "kmeans:6", "--json"]).ok();
-    assert!(said.err.contains("noise asks for windows of") && said.err.contains("complete window"), "{}", said.err);
+    assert!(said.err.contains("noise calls for windows of") && said.err.contains("complete window"), "{}", said.err);
     let report = said.json();
     assert!(report["weak"].is_null() && report["rows"].as_u64() > Some(1480), "{report}");
     let asked = ["log.csv", "--partition", "kmeans:6", "--weak", "auto", "-o", "asked.json"];
@@ -151,5 +151,5 @@ fn a_dry_run_tells_of_smoothed_states() {
         assert!(plan(more)["smoothing_bytes"].is_null(), "{more:?}");
     }
     let text = fit(path, &["log.csv", "--dry-run"]).ok().out;
-    assert!(text.contains("1 file, 1 episode, 600 rows") && text.contains("states are smoothed where"), "{text}");
+    assert!(text.contains("1 file, 1 episode, 600 rows") && text.contains("states are smoothed if"), "{text}");
 }

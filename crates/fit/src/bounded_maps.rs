@@ -185,7 +185,7 @@ impl PassiveMaps {
     pub fn in_words(&self) -> String {
         let ports: Vec<String> = self.ports.iter().map(|port| format!("{}:{}", port.input, port.state)).collect();
         format!(
-            "passive at {}: with one storage no region's map gives more than it took, a norm of 1; greatest of the regions",
+            "passive at {}: in one storage function each region's map has a norm of at most 1; greatest of the regions",
             ports.join(", ")
         )
     }

@@ -13,8 +13,7 @@ pub(crate) fn notes(
     let note = |(target, found): &(String, Option<Concentration>)| {
         let Concentration { rows, squares, place: (episode, stretch) } = found.as_ref()?;
         Some(format!(
-            "{target}: {:.2} % of the rows hold {:.0} % of its variance (the heaviest: from row {} of {} on); least squares fit these. If it was a fall, a collision or a gross error, leave \
-             them out ({WHERE}, {PREPARE})",
+            "{target}: {:.2} % of the rows hold {:.0} % of its variance (the heaviest: from row {} of {} on); least squares mostly fit these rows. If they are a fall, a collision or a gross error, leave them out ({WHERE}, {PREPARE})",
             100.0 * rows,
             100.0 * squares,
             stretch.start + 1,

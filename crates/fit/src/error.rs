@@ -86,15 +86,14 @@ pub enum Error {
     },
     /// A model that predicts nothing.
     #[error(
-        "the fit gave no usable model: {what}; look for values that are too large for squares (beyond 1e150) or too small, and scale their columns, \
-         or leave functions out that cannot be told apart"
+        "the fit gave no usable model: {what}; look for values that are too large for squares (beyond 1e150) or too small and scale their columns, or leave out functions that are nearly equal"
     )]
     NotFinite {
         /// The coefficient that is not finite.
         what: String,
     },
     /// The user stopped a scan; its complete part is kept.
-    #[error("stopped; what is done is kept in {}: the same command goes on from there", path.display())]
+    #[error("stopped; the finished part is kept in {}: run the same command again to go on", path.display())]
     Paused {
         /// The file that keeps it.
         path: PathBuf,

@@ -34,8 +34,7 @@ pub(crate) fn in_no_region(partition: &str, scan: &SystemScan, complete: u64) ->
     let missing = complete.saturating_sub((0..scan.regions()).map(|region| scan.rows(region)).sum());
     (missing > 0).then(|| {
         format!(
-            "{partition}: {missing} of {complete} rows have no region, as their label is missing, and count in other partitions alone: \
-             errors are not of the same rows; leave these rows out ({WHERE})"
+            "{partition}: {missing} of {complete} rows have no label and so no region, but other partitions use them: errors are over different rows; leave these rows out ({WHERE})"
         )
     })
 }

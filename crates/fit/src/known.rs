@@ -69,7 +69,7 @@ pub(crate) fn given(
         return Err(Error::too_few_rows(
             0,
             1,
-            "no row has a value of every state: how far the states spread is not known; give other files".into(),
+            "no row has a value of every state: the spread of the states is unknown; give other files".into(),
         ));
     }
     // What a parameter is estimated from must move.

@@ -107,8 +107,8 @@ pub(crate) fn too_few(dataset: &Dataset) -> Result<Vec<String>, Error> {
         let mend = of_topics.then(|| {
             let topic = name.split(['.', '[']).next().unwrap_or(name);
             format!(
-                ": its samples come too far apart for the rows; say how far its values reach (in the recipe, {JOIN} \"{name}\" = {{ max_gap = SECONDS }}), \
-                 or make them the rows ({})",
+                ": its samples are too far apart for the rows; set how long a value stays valid (in the recipe, {JOIN} \"{name}\" = {{ max_gap = SECONDS }}), \
+                 or use them as the rows ({})",
                 BASE.to(topic)
             )
         });
@@ -117,7 +117,7 @@ pub(crate) fn too_few(dataset: &Dataset) -> Result<Vec<String>, Error> {
     let episodes = source.episodes().len();
     if episodes > 1 && rows < FEW * episodes {
         told.push(format!(
-            "gaps cut the {rows} rows into {episodes} episodes: {given_max_gap} keeps those together that lie closer",
+            "gaps cut the {rows} rows into {episodes} episodes: {given_max_gap} joins rows across shorter gaps",
             given_max_gap = MAX_GAP.to("SECONDS")
         ));
     }

@@ -62,7 +62,7 @@ pub fn simulation_cost(objective: Objective, fit: usize, bounded: bool) -> Optio
         false => format!(", {} of more than {WHOLE_COEFFICIENTS} coefficients", passes(objective, fit, true)),
     };
     Some(format!(
-        "{given_objective}: at most {} passes over the rows more{more}, with {} x {} rollouts of {steps} on rows that did not train",
+        "{given_objective}: at most {} more passes over the rows{more}, with {} x {} rollouts of {steps} on rows that did not train",
         passes(objective, fit, bounded),
         2 * rule.folds,
         rule.starts,
@@ -83,7 +83,7 @@ pub(crate) fn refuse_statistic(objective: Objective) -> Result<(), Error> {
     match objective {
         Objective::OneStep => Ok(()),
         Objective::Steps(_) | Objective::FreeRun => Err(Error::needs_rows(format!(
-            "objective = \"{objective}\" simulates the rows of logs, and a statistic has none: fit on the logs, or leave it away"
+            "objective = \"{objective}\" simulates the rows of logs, and a statistic has none: fit on the logs, or remove it"
         ))),
     }
 }

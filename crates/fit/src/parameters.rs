@@ -57,7 +57,7 @@ impl EstimateOptions {
         }
         if method == EstimateMethod::EquationError && (said.segment.is_some() || said.compare.is_some()) {
             return Err(Error::conflict(
-                "segment and compare speak of simulations, and method = \"equation-error\" makes none: leave them away"
+                "segment and compare apply to simulations, and method = \"equation-error\" runs none: remove them"
                     .into(),
             ));
         }
@@ -225,7 +225,7 @@ impl Method for Parameters {
 const PASSES: usize = 20;
 
 fn no_rows() -> Error {
-    Error::needs_rows("fit parameters goes over the rows of logs, and a statistic has none: give the logs".into())
+    Error::needs_rows("fit parameters needs the rows of logs, and a statistic has none: give the logs".into())
 }
 
 /// Estimate without constraints; `None`, with a note, if it fails.
@@ -262,7 +262,7 @@ fn estimate(
     if options.method == EstimateMethod::EquationError {
         if let Some(silent) = task.without_residual() {
             return Err(Error::conflict(format!(
-                "{entry}: it stands in the rates of a rotation alone, whose kinematics no row can tell by itself: estimate it by simulations, method = \"output-error\"",
+                "{entry}: it occurs only in the rates of a rotation, which single rows do not determine: estimate it by simulations, method = \"output-error\"",
                 entry = PARAMETERS.entry(silent)
             )));
         }

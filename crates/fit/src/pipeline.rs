@@ -38,7 +38,9 @@ pub fn fit<M: Method>(
     progress: &dyn Progress,
 ) -> Result<Fitted<M::Report>, Error> {
     if let Some(label) = &request.by {
-        return Err(Error::conflict(format!("by = {label}: a model for every value of a label is several models")));
+        return Err(Error::conflict(format!(
+            "by = {label}: this gives a model for each value of the label, and one model was asked for; remove it"
+        )));
     }
     let mut fitted = fit_all::<M>(recipe, request, logs, progress)?;
     Ok(fitted.swap_remove(0))

@@ -64,7 +64,7 @@ pub(crate) fn found(
     let radial = partition.and_then(RadialFunctions::around).ok_or_else(|| few(found.rows))?;
     if radial.centres.len() < count {
         notes.push(format!(
-            "{given_radial}: the rows have {} distinct places, so there are so many radial functions",
+            "{given_radial}: the rows have only {} distinct places, so there are only as many radial functions",
             radial.centres.len(),
             given_radial = RADIAL.to(count)
         ));
@@ -89,7 +89,7 @@ pub(crate) fn refuse_statistic(recipe: &Recipe) -> Result<(), Error> {
     match recipe.library.radial {
         None => Ok(()),
         Some(count) => Err(Error::needs_rows(format!(
-            "{entry} ({given_radial}): the centres of radial functions are found on rows, which a statistic has not; give the logs instead",
+            "{entry} ({given_radial}): the centres of radial functions are computed from rows, which a statistic lacks; give the logs instead",
             given_radial = RADIAL.to(count),
             entry = LIBRARY_SECTION.entry("radial").is(count)
         ))),

@@ -28,8 +28,7 @@ pub(crate) fn regions(
 ) -> Result<Partition, Error> {
     if specification.fits_targets() {
         notes.push(format!(
-            "{specification}: its regions fit all of these rows, so held-out errors of what is fitted in them are too small; {FIT_PWA} and {FIT_NARX} on logs make \
-             regions anew for every fold"
+            "{specification}: its regions were fitted to all of these rows, so held-out errors within them are too small; {FIT_PWA} and {FIT_NARX} on logs make new regions for every fold"
         ));
     }
     options.partitions = vec![specification];

@@ -99,7 +99,7 @@ impl Method for Sindy {
         if let Some(name) = recipe.parameters.keys().next() {
             if open {
                 return Err(Error::conflict(format!(
-                    "over = \"auto\" and {entry}: a span is chosen where all expressions are known; write a number of rows, or a number for {name}",
+                    "over = \"auto\" and {entry}: a span can be chosen only if all expressions are known; write a number of rows, or a number for {name}",
                     entry = PARAMETERS.entry(name)
                 )));
             }
@@ -134,14 +134,13 @@ impl Method for Sindy {
         let mut details = vec![format!("candidates: {}{more}", named.join(", "))];
         if !task.parameters.is_empty() {
             let names: Vec<&str> = task.parameters.iter().map(|parameter| parameter.name.as_str()).collect();
-            details.push(format!("estimated first, a pass a step: {}", names.join(", ")));
+            details.push(format!("estimated first, one pass per step: {}", names.join(", ")));
         }
         let smoothing = smoothed::may_apply(options.smooth_states, &task, recipe, regions > 1, reading.rows)
             .then(|| SmoothingOptions::default().memory as usize);
         details.extend(smoothing.map(|bytes| {
             format!(
-                "states are smoothed where {SMOOTH_STATES} asks for it, or noise is more than a fifth of what differences vary by: some hundred passes over rows in \
-                 memory, {} MiB of it at most",
+                "states are smoothed if {SMOOTH_STATES} asks for it, or if noise is more than a fifth of the variance of the differences: some hundred passes over rows in memory, at most {} MiB",
                 bytes >> 20
             )
         }));

@@ -167,7 +167,7 @@ impl Method for Sparse {
     ) -> Result<(StructuredTask, Sums), Error> {
         if self.logs.is_none() && self.request.keep.is_some() {
             return Err(Error::needs_rows(format!(
-                "{KEEP} writes the statistic of logs, and this is one already; leave it away"
+                "{KEEP} writes the statistic of logs, and the input is a statistic already; remove it"
             )));
         }
         refuse_bounds_without_latents(recipe)?;
@@ -320,7 +320,7 @@ impl Evidence<'_> {
         let free = |roots: &[SquareRoot]| Ok::<_, Error>(refit(structure, roots, assembly, &support.columns)?);
         let limited = limits::within_limits(&problem, &support.columns, source, &mut notes, progress)?;
         if limited.is_some() && left_out {
-            notes.push("influence of episodes: the fits with and without them are those without the bounds".into());
+            notes.push("influence of episodes: computed from fits without the bounds".into());
         }
         let fit = |roots: &[SquareRoot]| limited.as_ref().map_or_else(|| free(roots), |limited| limited.refit(roots));
         let held_out =
@@ -369,7 +369,7 @@ impl Evidence<'_> {
 fn refuse_bounds_without_latents(recipe: &Recipe) -> Result<(), Error> {
     match recipe.constraints.keys().next().filter(|_| recipe.latents.is_empty()) {
         Some(name) => Err(Error::missing(format!(
-            "{entry}: it is about latents, and there are none; write what the unknown functions are in {LATENTS} and {TASKS}, or run {FIT_SINDY}, which \
+            "{entry}: it applies to latents, and the recipe has none; write the unknown functions in {LATENTS} and {TASKS}, or run {FIT_SINDY}, which \
              bounds the coefficients of equations",
             entry = CONSTRAINTS.entry(name)
         ))),

@@ -17,9 +17,8 @@ pub(crate) fn no_better(what: &str, targets: impl IntoIterator<Item = (String, f
         .filter(|(_, share)| *share >= 1.0)
         .map(|(name, share)| format!("{name} ({share:.3} of the variance)"))
         .collect();
-    (!poor.is_empty()).then(|| {
-        format!("rows that did not train are {what} no better than by their mean: {}; {NEXT}", poor.join(", "))
-    })
+    (!poor.is_empty())
+        .then(|| format!("held-out rows are {what} no better than by their mean: {}; {NEXT}", poor.join(", ")))
 }
 
 /// A note on the next and present values that the row before predicts better than a model does on rows that did not train, by root mean squared errors; `held_out` are those of the
@@ -40,7 +39,7 @@ pub(crate) fn worse_than_persistence(
     let worse: Vec<String> = held_out.into_iter().filter_map(worse).collect();
     (!worse.is_empty()).then(|| {
         format!(
-            "persistence, the row before, is nearer to rows that did not train than the model: {}; give it earlier rows ({LAGS}), or try {FIT_NARX}",
+            "persistence (the previous row) has a lower one-step error on held-out rows than the model: {}; add earlier rows ({LAGS}), or try {FIT_NARX}",
             worse.join(", ")
         )
     })

@@ -69,12 +69,11 @@ fn resting(tried: &[Tried], folds: usize) -> Result<String, Error> {
     match resting {
         0 => Ok(String::new()),
         count if folds - count < 2 => Err(Error::undetermined(format!(
-            "{count} of {folds} held-out spans have outputs that do not vary, where any model that rests is perfect: nothing tells models apart; leave the rows at rest \
-             out (for example {given_where}), give longer logs, or choose by one-step errors of all rows ({given_select})",
+            "{count} of {folds} held-out spans have constant outputs, which cannot rank models: leave out the rows at rest (for example {given_where}), give longer logs, or choose by one-step errors of all rows ({given_select})",
             given_select = SELECT.to("bic"),
             given_where = WHERE.to("time() > 2")
         ))),
-        count => Ok(format!(" ({count} of them count for nothing: their outputs do not vary)")),
+        count => Ok(format!(" ({count} of them are ignored: their outputs do not vary)")),
     }
 }
 

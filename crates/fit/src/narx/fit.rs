@@ -100,7 +100,7 @@ impl Method for Narx {
             OrderRule::Fixed(order) => format!("order: {order}"),
             OrderRule::UpTo(order) => format!("orders up to {order}"),
             OrderRule::Look(_) => format!(
-                "orders are looked for within effort {}: up to {most} candidates an order, {:.1e} terms evaluated",
+                "orders are searched within effort {}: up to {most} candidates an order, {:.1e} terms evaluated",
                 options.effort.word(),
                 options.effort.limit() as f64
             ),
@@ -152,7 +152,7 @@ impl Method for Narx {
         let expanded = recipe.expand(&file.fields)?;
         let task = EquationTask::resolve(&one_row_ahead(&expanded, &self.options)?, &file.fields)?;
         notes.push(
-            format!("errors of free runs need rows, which a statistic has not: {ROLLOUT} and {given_free_run} tell them on logs", given_free_run = FREE_RUN.to("FILE")),
+            format!("errors of free runs need rows, which a statistic lacks: {ROLLOUT} and {given_free_run} report them on logs", given_free_run = FREE_RUN.to("FILE")),
         );
         Ok((NarxBase::new(task, &expanded)?, Some(Scanned { file: file.clone(), recipe: scanned.clone() })))
     }
@@ -191,7 +191,9 @@ impl Method for Narx {
         let delays = fit.delays(count, progress)?;
         for (input, &late) in delays.iter().enumerate().filter(|(_, late)| **late > 0) {
             let (name, seconds) = (task.input(input), late as f64 * step);
-            notes.push(format!("{name} acts {late} rows ({seconds:.4} s) late or more: its lags begin there"));
+            notes.push(format!(
+                "{name} acts with a delay of at least {late} rows ({seconds:.4} s): its lags begin there"
+            ));
         }
         *task = task.delayed(&delays);
         Ok(None)
@@ -310,7 +312,7 @@ impl Method for Narx {
         }
         if decimate > 1 {
             summary.notes.push(format!(
-                "the model knows every {decimate}th row: its step is {} s; run it on logs of that rate only",
+                "the model was fitted to every {decimate}th row: its step is {} s; run it only on logs of that rate",
                 model.step
             ));
         }
@@ -418,7 +420,7 @@ fn regions(
     let shared: Vec<&str> = regions.iter().filter(|r| r.shared).map(|r| r.name.as_str()).collect();
     if !shared.is_empty() {
         notes
-            .push(format!("too few rows for terms of their own: regions {} have those of all rows", shared.join(", ")));
+            .push(format!("too few rows for separate terms: regions {} have the terms of all rows", shared.join(", ")));
     }
     regions
 }

@@ -150,7 +150,7 @@ impl NarxOptions {
         }
         if options.partitions.len() > 1 && options.selection == NarxSelection::OneStep(Criterion::Ebic) {
             return Err(Error::conflict(format!(
-                "{}: the EBIC tells of terms of one partition; name one, or choose by {given_select}",
+                "{}: the EBIC compares the terms of one partition; name one, or choose by {given_select}",
                 PARTITION.to(recipe.model.partition.as_deref().unwrap_or_default()),
                 given_select = SELECT.to("bic")
             )));
@@ -227,7 +227,7 @@ impl Past {
         let said = [("lags_out", section.lags_out), ("lags_in", section.lags_in)];
         if let Some((own, _)) = said.iter().find(|(_, own)| own.is_some()) {
             return Err(Error::conflict(format!(
-                "{} and {given_lags}: both say how far back the rows go; leave one away. {LAGS} is that many rows before the present one, of outputs{}",
+                "{} and {given_lags}: both set the number of earlier rows; remove one. {LAGS} counts the rows before the present one, of outputs{}",
                 NARX.entry(own),
                 if has_inputs { " and inputs" } else { "" },
                 given_lags = LAGS.to(lags)
@@ -323,7 +323,7 @@ mod tests {
     fn what_is_not_allowed_is_said_with_what_is() {
         for (text, parts) in [
             ("[narx]\nlags_out = 0", &["nothing is left", "lag"][..]),
-            ("[narx]\nlags_out = 2\n[model]\nlags = 3", &["lags_out and --lags 3", "leave one away"]),
+            ("[narx]\nlags_out = 2\n[model]\nlags = 3", &["lags_out and --lags 3", "remove one"]),
             ("[model]\nlags = 5000", &["lags = 5001", "1000"]),
             ("[narx]\nlags_in = 2", &["no inputs", "--inputs"]),
             ("[narx]\nterms = 0", &["terms = 0", "from 1 on"]),

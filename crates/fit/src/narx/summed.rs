@@ -82,7 +82,7 @@ fn refuse_rows(options: &NarxOptions) -> Result<(), Error> {
     } else {
         return Ok(());
     };
-    Err(Error::needs_rows(format!("{wish}, which a statistic has not; leave it away, or give the logs")))
+    Err(Error::needs_rows(format!("{wish}, which a statistic lacks; remove it, or give the logs")))
 }
 
 /// Source of the sums of a fit.
@@ -153,7 +153,7 @@ impl Evidence<'_> {
         match self {
             Self::Rows(source) => Ok(*source),
             Self::Sums(_) => Err(Error::needs_rows(format!(
-                "free runs need rows, which a statistic has not: leave {given_select} away, or give the logs",
+                "free runs need rows, which a statistic lacks: remove {given_select}, or give the logs",
                 given_select = SELECT.to("free-run")
             ))),
         }
@@ -206,16 +206,14 @@ pub(super) fn by_single_steps<'a>(recipe: &'a Recipe, notes: &mut Vec<String>) -
     }
     if recipe.narx.select.is_some() {
         return Err(Error::needs_rows(format!(
-            "{given_select} simulates rows, which a statistic has not: leave it away, name a criterion of one-step errors (one-se, cv, bic), or give the logs",
+            "{given_select} simulates rows, which a statistic lacks: remove it, name a criterion of one-step errors (one-se, cv, bic), or give the logs",
             given_select = SELECT.to("free-run")
         )));
     }
     let mut recipe = recipe.clone();
     recipe.narx.select = Some(NarxSelection::OneStep(Criterion::OneStandardError));
     recipe.narx.order.get_or_insert(GivenAs::Auto);
-    notes.push(
-        "lags and terms are chosen by errors of single steps: free runs, which choose them where logs are given, need rows".into(),
-    );
+    notes.push("lags and terms are chosen by one-step errors: a choice by free runs, as on logs, needs rows".into());
     Ok(Cow::Owned(recipe))
 }
 

@@ -23,14 +23,14 @@ pub(super) fn held_out(
     progress: &dyn Progress,
 ) -> Result<Option<ParametersHeldOut>, Error> {
     if options.folds == 0 {
-        notes.push("no rows are held out (folds = 0): what is told of errors is in-sample".into());
+        notes.push("no rows are held out (folds = 0): all errors are in-sample".into());
         return Ok(None);
     }
     match rollouts(task, open, found, (source, smoothed), options, progress) {
         Ok(held_out) => Ok(Some(held_out)),
         Err(Error::Cancelled(cancelled)) => Err(cancelled.into()),
         Err(error) => {
-            notes.push(format!("no rows are held out, and what is told of errors is in-sample: {error}"));
+            notes.push(format!("no rows are held out, so all errors are in-sample: {error}"));
             Ok(None)
         }
     }

@@ -301,7 +301,8 @@ pub(super) fn report(
     };
     if !converged {
         summary.notes.push(
-            "the minimum was not reached: intervals say nothing; begin nearer to it, or with shorter segments".into(),
+            "the minimum was not reached, so the intervals are not valid; start nearer to it, or use shorter segments"
+                .into(),
         );
     }
     ParametersReport {
@@ -351,13 +352,13 @@ impl ParametersReport {
         let mut told = Vec::new();
         for own in self.parameters.iter().filter(|own| !own.determined) {
             told.push(format!(
-                "The rows do not determine `{}`: fix it, or give logs in which what it multiplies varies by itself.",
+                "The rows do not determine `{}`: fix it, or give logs in which its factor varies independently.",
                 own.name
             ));
         }
         for ConfoundedPair { names: [a, b], correlation } in &self.confounded {
             told.push(format!(
-                "`{a}` and `{b}` are confounded (correlation {correlation:.3}): the rows tell a combination of them better than each."
+                "`{a}` and `{b}` are confounded (correlation {correlation:.3}): the rows determine a combination of them better than either one."
             ));
         }
         for own in self.gains.iter().filter(|own| own.at_bound) {
@@ -377,7 +378,7 @@ impl ParametersReport {
         if let Some(rows) = self.memory.filter(|_| widest >= WIDER) {
             told.push(format!(
                 "Residuals are correlated over {rows} rows, which the model does not explain: the intervals are up to {widest:.1} times as wide as those of white noise{}.",
-                if self.lasting { ", and may be too narrow, since correlation was looked for no further" } else { "" }
+                if self.lasting { ", and may be too narrow: correlation over more rows was not examined" } else { "" }
             ));
         }
         told

@@ -69,7 +69,7 @@ impl PwaOptions {
     pub fn new(recipe: &Recipe) -> Result<Self, Error> {
         if let Some(name) = recipe.constraints.keys().next() {
             return Err(Error::conflict(format!(
-                "{entry}: {FIT_SINDY}, {FIT_SPARSE} and {FIT_PARAMETERS} keep constraints; leave {CONSTRAINTS} away, or bound the maps of regions by {STABLE} and {PASSIVE}",
+                "{entry}: {FIT_SINDY}, {FIT_SPARSE} and {FIT_PARAMETERS} keep constraints; remove {CONSTRAINTS}, or bound the maps of regions by {STABLE} and {PASSIVE}",
                 entry = CONSTRAINTS.entry(name)
             )));
         }
@@ -109,19 +109,19 @@ impl PwaOptions {
         let simulated = section.objective.filter(|objective| *objective != Objective::OneStep);
         if let (true, Some(objective)) = (options.continuous, simulated) {
             return Err(Error::conflict(format!(
-                "{CONTINUOUS} with {given_objective}: simulations move the maps of regions apart; leave one of them away",
+                "{CONTINUOUS} with {given_objective}: simulations move the maps of regions apart; remove one of them",
                 given_objective = OBJECTIVE.to(objective)
             )));
         }
         if let (true, Some(ports)) = (options.continuous, &section.passive) {
             return Err(Error::conflict(format!(
-                "{CONTINUOUS} with {given_passive}: maps that are bounded region by region do not meet at borders; leave one of them away",
+                "{CONTINUOUS} with {given_passive}: maps that are bounded region by region do not meet at borders; remove one of them",
                 given_passive = PASSIVE.to(ports)
             )));
         }
         if let (true, Some(bound)) = (options.continuous, options.stability) {
             return Err(Error::conflict(format!(
-                "{CONTINUOUS} with {given_stable}: maps that are bounded region by region do not meet at borders; leave one of them away",
+                "{CONTINUOUS} with {given_stable}: maps that are bounded region by region do not meet at borders; remove one of them",
                 given_stable = STABLE.to(bound)
             )));
         }
@@ -166,7 +166,10 @@ pub(super) fn unused(recipe: &Recipe) -> Option<String> {
     let names: Vec<&str> =
         recipe.states.iter().filter(|(_, state)| has(state)).map(|(name, _)| name.as_str()).collect();
     (!names.is_empty()).then(|| {
-        format!("`nominal`, `library` and `fixed` of {} are not used: they are of {FIT_SINDY}", names.join(", "))
+        format!(
+            "`nominal`, `library` and `fixed` of {} are not used here: they belong to {FIT_SINDY}",
+            names.join(", ")
+        )
     })
 }
 

@@ -49,7 +49,7 @@ impl Summed {
             partitions.into_iter().map(|one| Ok((one.clone(), part(&one)?))).collect::<Result<Vec<_>, Error>>()?;
         let whole = part(&Specification::Average)?;
         notes.push(
-            format!("absolute errors and Mahalanobis scores need rows, which a statistic has not: R2 and the loss are told; {SCORE} tells the others on logs"),
+            format!("absolute errors and Mahalanobis scores need rows, which a statistic lacks: only R2 and the loss are reported; {SCORE} computes the others on logs"),
         );
         for (one, part) in &parts {
             notes.extend(in_no_region(&one.to_string(), &part.scan, whole.scan.counts().complete));
@@ -63,11 +63,11 @@ impl Summed {
         let clustered = parts.iter().any(|(one, _)| one.clusters().is_some());
         let section = &recipe.pwa;
         if clustered && (section.seed.is_some() || section.restarts.is_some() || section.iterations.is_some()) {
-            notes.push(format!("{PWA} seed, restarts and iterations say how logs are clustered; the regions here are those of the scan, with the seed of {SINDY}"));
+            notes.push(format!("{PWA} seed, restarts and iterations are not used: the regions are those of the scan, with the seed of {SINDY}"));
         }
         if clustered && whole.folds.is_some() {
             notes.push(
-                "the regions of every fold are those of the scan, clustered on all rows; logs are clustered anew on the training rows of every fold, so that held-out losses differ"
+                "every fold has the regions of the scan, clustered on all rows; a fit on logs clusters the training rows of each fold, so its held-out losses differ"
                     .into(),
             );
         }
@@ -104,18 +104,18 @@ impl Summed {
 fn refuse_rows(said: &PwaOptions) -> Result<(), Error> {
     let problem = if said.rollouts.is_some() {
         format!(
-            "rollouts compare simulations with rows: leave {given_select} away and name the span of a derivative",
+            "rollouts need rows: remove {given_select} and name the span of a derivative",
             given_select = SELECT.to("rollout")
         )
     } else if said.phase {
-        format!("{PHASE} asks rows where they are in their stride: leave it away")
+        format!("{PHASE} needs rows: remove it")
     } else if said.identification.tsqr {
-        format!("{TSQR} factors the rows themselves: leave it away")
+        format!("{TSQR} factors rows: remove it")
     } else if said.identification.continuous {
-        format!("{CONTINUOUS} asks rows which regions are neighbours: leave it away")
+        format!("{CONTINUOUS} needs rows to see which regions are neighbours: remove it")
     } else if said.identification.unseen == UnseenLabel::Pool {
         format!(
-            "{given_unseen_labels} asks for one more region, which was not summed: leave it away",
+            "{given_unseen_labels} asks for one more region, which was not summed: remove it",
             given_unseen_labels = UNSEEN_LABELS.to("pool")
         )
     } else {

@@ -99,7 +99,7 @@ impl Evidence {
         {
             // Nobody asked for windows: where they are too few, rows are there still.
             let note = format!(
-                "noise asks for windows of {} rows in the place of rows ({WEAK}), and {few}: rows are taken as they are, and noise pulls coefficients towards zero",
+                "the noise calls for windows of {} rows ({WEAK}), but {few}: single rows are used, and noise pulls coefficients towards zero",
                 weak.rows()
             );
             drop(found);
@@ -273,7 +273,7 @@ impl Evidence {
             Some(few) => {
                 let regions = if self.scan.regions() > 1 { ", or fewer regions" } else { "" };
                 let windows = if self.weak.is_some() {
-                    format!(", or take rows as they are ({given_weak})", given_weak = WEAK.to("off"))
+                    format!(", or use single rows ({given_weak})", given_weak = WEAK.to("off"))
                 } else {
                     String::new()
                 };

@@ -244,8 +244,7 @@ impl SindyOptions {
             }
             (None, None, None) => {
                 format!(
-                    "by the rule of the choice no candidate is worth its place ({FRONT} shows the models of other sizes): offer others ({LIBRARY}), or say how \
-                 many terms there may be ({TERMS})"
+                    "the selection rule kept no candidate ({FRONT} shows the models of other sizes): offer others ({LIBRARY}), or set the number of terms ({TERMS})"
                 )
             }
         }
@@ -282,7 +281,7 @@ fn max_iterations(section: &SindySection, optimizer: SindyOptimizer) -> Result<u
         Some(0) => Err(refused("max_iterations", 0, "a number from 1 on")),
         Some(most) if optimizer == SindyOptimizer::Stlsq => Ok(most),
         Some(most) => Err(Error::conflict(format!(
-            "{entry}: these are the regressions of stlsq, and the optimizer is {}; leave it away",
+            "{entry}: it applies to the regressions of stlsq, and the optimizer is {}; remove it",
             optimizer.name(),
             entry = SINDY.entry("max_iterations").is(most)
         ))),
@@ -293,7 +292,7 @@ fn kappa(section: &SindySection, optimizer: SindyOptimizer) -> Result<Option<f64
     match section.kappa {
         Some(kappa) if !(kappa >= 0.0 && kappa.is_finite()) => Err(refused("kappa", kappa, "a weight of zero or more")),
         Some(kappa) if optimizer != SindyOptimizer::Frols => Err(Error::conflict(format!(
-            "{entry}: it weighs the terms of frols, and the optimizer is {}; leave it away",
+            "{entry}: it weighs the terms of frols, and the optimizer is {}; remove it",
             optimizer.name(),
             entry = SINDY.entry("kappa").is(kappa)
         ))),
@@ -306,7 +305,7 @@ fn groups(section: &SindySection, optimizer: SindyOptimizer) -> Result<GroupRule
     let given = [("groups", section.groups.is_some()), ("l1_ratio", section.l1_ratio.is_some())];
     if let Some((what, _)) = given.iter().find(|(_, given)| *given && optimizer != SindyOptimizer::GroupLasso) {
         return Err(Error::conflict(format!(
-            "{entry}: it is that of group-lasso, and the optimizer is {}; leave it away",
+            "{entry}: it belongs to group-lasso, and the optimizer is {}; remove it",
             optimizer.name(),
             entry = SINDY.entry(what)
         )));
@@ -317,7 +316,7 @@ fn groups(section: &SindySection, optimizer: SindyOptimizer) -> Result<GroupRule
     match section.groups.as_ref().map(|words| GroupRule::new(words, "sindy")).transpose()? {
         None => Ok(GroupRule::Signal),
         Some(GroupRule::Term) => Err(Error::value(format!(
-            "{entry}: every equation finds its terms alone; {fit_sparse_command} fits all equations together, \
+            "{entry}: every equation selects its terms separately; {fit_sparse_command} fits all equations together, \
              so that a function is in all of them or in none",
             fit_sparse_command = FIT_SPARSE.with(GROUPS.to("term")),
             entry = SINDY.entry("groups").is("term")
@@ -363,7 +362,7 @@ fn smooth_states(section: &SindySection) -> Result<SmoothStates, Error> {
         None => Ok(asked),
         Some(_) if asked == SmoothStates::Auto => Ok(SmoothStates::Off),
         Some(what) if asked == SmoothStates::On => Err(Error::conflict(format!(
-            "{entry}, and {what}: terms are looked for with the states, by what they leave of the measurements; leave one of them away",
+            "{entry}, and {what}: terms are selected together with the smoothed states, by the residuals of the measurements; remove one of them",
             entry = SINDY.entry("smooth_states").is("on")
         ))),
         Some(_) => Ok(asked),
@@ -450,7 +449,7 @@ mod tests {
             ("weak = 8", ["weak = 8", "from 9 on"]),
             ("weak = 20.5", ["weak = 20.5", "a number of rows"]),
             ("weak = \"long\"", ["weak = long", "auto, off"]),
-            ("smooth_states = \"on\"\nterms = 3", ["smooth_states = on, and terms", "leave one"]),
+            ("smooth_states = \"on\"\nterms = 3", ["smooth_states = on, and terms", "remove one"]),
             ("smooth_states = \"often\"", ["often", "`auto`"]),
             ("ridge = -0.1", ["ridge = -0.1", "zero or more"]),
             ("select = \"r2\"", ["r2", "`one-se`"]),
@@ -465,8 +464,8 @@ mod tests {
             ("max_iterations = 5\noptimizer = \"frols\"", ["max_iterations = 5", "frols"]),
             ("kappa = 0.1", ["kappa = 0.1", "the optimizer is auto"]),
             ("kappa = -0.1\noptimizer = \"frols\"", ["kappa = -0.1", "zero or more"]),
-            ("groups = \"signal\"\noptimizer = \"lasso\"", ["groups: it is that of group-lasso", "lasso"]),
-            ("l1_ratio = 0.5", ["l1_ratio: it is that of group-lasso", "auto"]),
+            ("groups = \"signal\"\noptimizer = \"lasso\"", ["groups: it belongs to group-lasso", "lasso"]),
+            ("l1_ratio = 0.5", ["l1_ratio: it belongs to group-lasso", "auto"]),
             ("groups = \"term\"", ["groups = term", "fit sparse"]),
             ("groups = \"legs\"", ["groups = legs", "signal"]),
             ("groups = \"signal\"\nl1_ratio = 2.0", ["l1_ratio = 2", "from 0"]),

@@ -94,7 +94,8 @@ pub(super) fn smoothed(
     let Some(source) = rows else {
         return match options.smooth_states {
             SmoothStates::On => Err(Error::needs_rows(
-                "smooth_states = on smooths the rows of logs, and a statistic has none: fit on the logs, or leave it away".into(),
+                "smooth_states = on smooths the rows of logs, and a statistic has none: fit on the logs, or remove it"
+                    .into(),
             )),
             SmoothStates::Auto if evidence.weak.is_some() => {
                 notes.push(
@@ -113,7 +114,7 @@ pub(super) fn smoothed(
         && let Some(rows) = evidence.rows_read.filter(|rows| *rows > UNASKED)
     {
         notes.push(format!(
-            "{rows} rows are more than the {UNASKED} whose states are smoothed by themselves; {given_smooth_states} does so for more", given_smooth_states = SMOOTH_STATES.to("on")
+            "the states of {rows} rows are not smoothed: the automatic limit is {UNASKED} rows; {given_smooth_states} smooths more", given_smooth_states = SMOOTH_STATES.to("on")
         ));
         return Ok(None);
     }

@@ -59,7 +59,7 @@ fn refuse_rows(recipe: &Recipe) -> Result<(), Error> {
     match recipe.parameters.keys().next() {
         None => Ok(()),
         Some(name) => Err(Error::needs_rows(format!(
-            "{entry}: an estimate inside expressions needs the rows, which a statistic has not; give the logs instead",
+            "{entry}: an estimate inside expressions needs the rows, which a statistic lacks; give the logs instead",
             entry = PARAMETERS.entry(name)
         ))),
     }

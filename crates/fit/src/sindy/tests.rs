@@ -98,10 +98,7 @@ fn errors_say_where_and_what_helps() {
         ("[states]\nx = { nominal = \"thetta*u\" }\n", ["[states] x nominal", "thetta", "`theta`"]),
         ("[states]\nx = { known = \"y\", library = [\"1\"] }\n", ["[states] x", "known", "nothing is learnt"]),
         ("[states]\nx = { equation = \"y\" }\n", ["[states] x equation", "fit sparse", "nominal"]),
-        (
-            "[states]\nx = {}\n[parameters]\nk = { initial = 1.0 }\n",
-            ["[parameters] k", "no library item", "leave it away"],
-        ),
+        ("[states]\nx = {}\n[parameters]\nk = { initial = 1.0 }\n", ["[parameters] k", "no library item", "remove it"]),
         ("[states]\nx = {}\n[parameters]\nu = { initial = 1.0 }\n", ["[parameters] u", "a column", "rename"]),
         (
             "[states]\nx = { library = [\"sin(k*x)\"] }\n[parameters]\nk = { initial = 3.0, bounds = [0.0, 1.0] }\n",

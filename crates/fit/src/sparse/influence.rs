@@ -74,7 +74,7 @@ pub(super) fn leave_one_out(
     let lost = found.episodes.iter().filter(|episode| episode.coefficients.is_empty()).count();
     if lost > 0 {
         notes.push(format!(
-            "{lost} of {} episodes cannot be left out: the others do not tell the selected coefficients apart (Cook's distance is infinite)",
+            "{lost} of {} episodes cannot be left out: the others do not determine the selected coefficients (Cook's distance is infinite)",
             found.episodes.len()
         ));
     }
@@ -102,7 +102,7 @@ fn reason(problem: &Problem<'_>, error: &InferenceError) -> String {
         InferenceError::NotIdentified { columns } => {
             let names: Vec<String> = columns.iter().map(|&column| problem.name(column)).collect();
             format!(
-                "the rows and priors do not tell these from the other selected ones: {}; select fewer or add a prior",
+                "the rows and priors do not separate these from the other selected ones: {}; select fewer or add a prior",
                 names.join(", ")
             )
         }

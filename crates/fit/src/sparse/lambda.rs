@@ -180,7 +180,7 @@ fn validate(
 fn by_criterion(problem: &Problem<'_>, options: &SparseOptions, criterion: Criterion) -> Result<(f64, String), Error> {
     if options.l1_ratio < 1.0 && options.groups.is_none() {
         return Err(Error::conflict(format!(
-            "information criteria compare the knots of the lasso's path, and an elastic net has none; use {given_select}, or leave {L1_RATIO} away",
+            "information criteria compare the knots of the lasso's path, and an elastic net has none; use {given_select}, or remove {L1_RATIO}",
             given_select = SELECT.to("cv")
         )));
     }

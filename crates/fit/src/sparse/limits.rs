@@ -43,7 +43,7 @@ pub(super) fn within_limits<'a>(
     }
     if let (Some(limit), None) = (limits.iter().find(|limit| varies(problem, limit)), source) {
         return Err(Error::needs_rows(format!(
-            "{}: a bound at every row needs the rows, which a statistic has not; give the logs instead, or leave at_least and at_most away",
+            "{}: a bound at every row needs the rows, which a statistic lacks; give the logs instead, or remove at_least and at_most",
             limit.name
         )));
     }
@@ -53,7 +53,7 @@ pub(super) fn within_limits<'a>(
             // Of all columns, the constraints may contradict each other by themselves.
             of(&(0..problem.assembled.scale.len()).collect::<Vec<usize>>())?;
             return Err(Error::undetermined(format!(
-                "the functions that were selected cannot keep {}: one that is needed for it was left out; give the latents that it is about `penalty = 0.0`, or a smaller {LAMBDA}",
+                "the selected functions cannot keep {}: a function that it needs was not selected; give its latents `penalty = 0.0`, or a smaller {LAMBDA}",
                 constraints.join(", ")
             )));
         }

@@ -141,7 +141,7 @@ pub(super) fn unused(section: &SparseSection, options: &SparseOptions) -> Vec<St
     let replicates = options.bolasso.is_some() || options.stability;
     let threshold = options.threshold.filter(|_| !replicates).map(|share| {
         format!(
-            "{entry} is not used: it is the share of replicates that select a function, which a bolasso or stability selection makes ({BOLASSO}, {STABILITY})", entry = SPARSE.entry("threshold").is(share)
+            "{entry} is not used: it is the share of replicates that select a function, and there are none without a bolasso or stability selection ({BOLASSO}, {STABILITY})", entry = SPARSE.entry("threshold").is(share)
         )
     });
     let given = options.lambda != LambdaRule::Auto && section.select.is_some();

@@ -62,7 +62,7 @@ pub fn solve_statistic(file: &StatisticFile, recipe: Option<&Recipe>, method: So
     (options.l1_ratio, options.groups) = (l1_ratio, None);
     let mut notes = Vec::new();
     if !task.limits.is_empty() || !task.coefficients.is_empty() {
-        notes.push(format!("what is kept at every row ({CONSTRAINTS}, at_least, at_most) was not used"));
+        notes.push(format!("the bounds at every row ({CONSTRAINTS}, at_least, at_most) were not used"));
     }
     let problem = Problem::new(&task, file, &options, |_| true)?;
     let (coefficients, errors) = if lambda == 0.0 {

@@ -67,10 +67,7 @@ fn path_notes(problem: &Problem<'_>, path: &Path) -> Vec<String> {
         notes.push(format!("zero or constant in the data, left out: {}", names(&path.constant)));
     }
     if !path.collinear.is_empty() {
-        notes.push(format!(
-            "nothing but rounding tells these from other columns at lambda, left out: {}",
-            names(&path.collinear)
-        ));
+        notes.push(format!("equal to other columns up to rounding at lambda, left out: {}", names(&path.collinear)));
     }
     notes
 }

@@ -239,7 +239,9 @@ impl<'a> Scan<'a> {
         for file in files {
             let name = file.path().to_string_lossy().into_owned();
             match known.get(&file.hash) {
-                Some(same) if *same == name => self.report.skipped.push(format!("{name}: it is there already")),
+                Some(same) if *same == name => {
+                    self.report.skipped.push(format!("{name}: the statistic has it already"))
+                }
                 Some(same) => self.report.skipped.push(format!("{name}: the same content as {same}")),
                 None => {
                     known.insert(file.hash, name);

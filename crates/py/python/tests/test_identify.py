@@ -337,7 +337,7 @@ def test_bad_data_are_refused_by_name(arguments, keywords, error, words):
         (lambda: ff.SINDy(recipe={"sindy": {"thresold": 1}}), "thresold"),
         (lambda: ff.NARX(lags_out=0, lags_in=0), "nothing is left"),
         (lambda: ff.NARX(terms="many"), "many"),
-        (lambda: ff.NARX(2, lags="6:3"), "both say how far back"),
+        (lambda: ff.NARX(2, lags="6:3"), "both set the number of earlier rows"),
         (lambda: ff.NARX(lags="3:6"), "50:5"),
         (lambda: ff.BlockSparse(lam="big"), "big"),
         (lambda: ff.BlockSparse(latents={"T": {"of": ["x0"]}}), "tasks"),

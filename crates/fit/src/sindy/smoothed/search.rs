@@ -102,7 +102,9 @@ impl Search<'_> {
             best = Some((likelihood, place, variances, share));
         }
         let Some((_, place, variances, share)) = best else {
-            return Err(Error::undetermined(format!("{SMOOTH_STATES}: no variances were found")));
+            return Err(Error::undetermined(format!(
+                "{SMOOTH_STATES}: the variances of the noise could not be estimated"
+            )));
         };
         let before = match self.settle((&place.settled.tracks, coefficients), begun, &variances, ROUGH) {
             Ok(before) => self.value(&before),

@@ -111,7 +111,7 @@ fn what_nobody_says_is_chosen_by_single_steps_of_what_was_held_out() {
     assert_eq!(terms.len(), 4, "{terms:?}");
     let search = report.orders.as_ref().unwrap();
     assert!(search.scores.iter().all(|score| score.standard_error.is_some()), "orders are compared by folds");
-    assert!(report.summary.notes.iter().any(|note| note.contains("single steps")), "{:?}", report.summary.notes);
+    assert!(report.summary.notes.iter().any(|note| note.contains("one-step errors")), "{:?}", report.summary.notes);
     // Runs of logs are told: they are rows.
     let request = FitRequest { free_run: (&files[..1]).into(), ..FitRequest::default() };
     let fitted = crate::fit::<Narx>(&Recipe::default(), &request, of(file), &Silent).unwrap();

@@ -80,7 +80,7 @@ fn a_stopped_scan_goes_on_to_the_same_bytes() {
 fn stopped(target: &ScanTarget, files: &[PathBuf]) {
     let error = run(target, files, &StopAfter::new(12)).unwrap_err();
     assert!(matches!(error, Error::Paused { .. }), "{error}");
-    assert!(error.to_string().contains("the same command goes on"));
+    assert!(error.to_string().contains("run the same command again"));
 }
 
 #[test]
