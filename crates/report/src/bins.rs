@@ -81,8 +81,8 @@ impl Bins {
         }
         let at = self.index(place);
         self.extend(at, at);
-        let own = &mut self.bins[(at - self.first) as usize];
-        *own = own.with(bin);
+        let total = &mut self.bins[(at - self.first) as usize];
+        *total = total.with(bin);
     }
 
     fn index(&self, place: f64) -> i64 {
@@ -152,8 +152,8 @@ impl Bins {
         }
         self.extend(other.first, other.last());
         for (at, &bin) in other.bins.iter().enumerate() {
-            let own = &mut self.bins[(other.first - self.first) as usize + at];
-            *own = own.with(bin);
+            let total = &mut self.bins[(other.first - self.first) as usize + at];
+            *total = total.with(bin);
         }
     }
 

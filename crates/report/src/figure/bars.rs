@@ -60,9 +60,9 @@ impl Bars {
     /// The values, and where they are good.
     pub(super) fn in_words(&self) -> String {
         let of = |(name, values): &(String, Vec<Interval>)| {
-            let told = self.groups.iter().zip(values).take(12);
-            let told: Vec<String> = told.map(|(group, v)| format!("{group} {}", typeset(&ratio(v.value)))).collect();
-            format!("{name}: {}", told.join(", "))
+            let pairs = self.groups.iter().zip(values).take(12);
+            let texts: Vec<String> = pairs.map(|(group, v)| format!("{group} {}", typeset(&ratio(v.value)))).collect();
+            format!("{name}: {}", texts.join(", "))
         };
         format!("{}. {}.", self.axis.title(), self.bars.iter().map(of).collect::<Vec<_>>().join("; "))
     }

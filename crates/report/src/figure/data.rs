@@ -56,9 +56,9 @@ pub(super) fn of_bars(bars: &Bars) -> Table {
     for (group, name) in bars.groups.iter().enumerate() {
         let none = Interval { value: f64::NAN, low: f64::NAN, high: f64::NAN };
         let of = |values: &Vec<Interval>| values.get(group).copied().unwrap_or(none);
-        let own = bars.bars.iter().map(|(_, values)| of(values)).flat_map(|v| [v.value, v.low, v.high]);
+        let bounds = bars.bars.iter().map(|(_, values)| of(values)).flat_map(|v| [v.value, v.low, v.high]);
         let marks = bars.marks.iter().map(|mark| mark.values.get(group).copied().unwrap_or(f64::NAN));
-        table = table.row(std::iter::once(Cell::Text(name.clone())).chain(own.chain(marks).map(Cell::of)));
+        table = table.row(std::iter::once(Cell::Text(name.clone())).chain(bounds.chain(marks).map(Cell::of)));
     }
     table
 }
@@ -68,8 +68,8 @@ pub(super) fn of_spans(spans: &Spans) -> Table {
         |which: &str, axis: &Axis| axis.unit.as_ref().map_or(which.to_owned(), |unit| format!("{which} [{unit}]"));
     let head = ["row".to_owned(), "what".to_owned(), end("from", &spans.axis), end("to", &spans.axis)];
     let mut table = Table::new(spans.axis.label.clone(), head);
-    for (name, own) in &spans.rows {
-        for span in own {
+    for (name, row) in &spans.rows {
+        for span in row {
             let kind = spans.kinds.get(span.kind).cloned().unwrap_or_default();
             table = table.row([Cell::Text(name.clone()), Cell::Text(kind), Cell::of(span.from), Cell::of(span.to)]);
         }

@@ -218,14 +218,14 @@ impl Lines {
         let before = |stroke: &[Stroke]| self.series[..index].iter().filter(|s| stroke.contains(&s.stroke)).count();
         match self.series[index].stroke {
             Stroke::Own | Stroke::Steps | Stroke::Area => {
-                let own = before(&[Stroke::Own, Stroke::Steps, Stroke::Area]);
-                format!("{} d{}", colour(own), own / 6 % 3)
+                let hue = before(&[Stroke::Own, Stroke::Steps, Stroke::Area]);
+                format!("{} d{}", colour(hue), hue / 6 % 3)
             }
             Stroke::Reference => format!("reference r{}", before(&[Stroke::Reference]) % 3),
             Stroke::Measured => "measured".to_owned(),
             Stroke::Marks | Stroke::HollowMarks => {
-                let own = before(&[Stroke::Own, Stroke::Steps, Stroke::Area]).max(1) - 1;
-                format!("{} r{}", colour(own), u8::from(self.series[index].stroke == Stroke::HollowMarks))
+                let hue = before(&[Stroke::Own, Stroke::Steps, Stroke::Area]).max(1) - 1;
+                format!("{} r{}", colour(hue), u8::from(self.series[index].stroke == Stroke::HollowMarks))
             }
         }
     }

@@ -50,8 +50,8 @@ impl Matrix {
             let (value, column) = known.max_by(|a, b| a.0.total_cmp(b.0))?;
             Some(format!("{name}: {column} {}", typeset(&number(*value))))
         };
-        let told: Vec<String> = self.rows.iter().zip(&self.values).take(12).filter_map(largest).collect();
-        format!("{}, the largest of each row: {}.", self.what, told.join(", "))
+        let texts: Vec<String> = self.rows.iter().zip(&self.values).take(12).filter_map(largest).collect();
+        format!("{}, the largest of each row: {}.", self.what, texts.join(", "))
     }
 
     pub(super) fn draw(&self, mut canvas: Canvas) -> Canvas {

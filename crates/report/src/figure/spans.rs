@@ -48,11 +48,11 @@ impl Spans {
         let of = |(name, spans): &(String, Vec<Span>)| {
             let total = |kind: usize| spans.iter().filter(|s| s.kind == kind).map(|s| s.to - s.from).sum::<f64>();
             let kinds = self.kinds.iter().enumerate().filter(|(kind, _)| spans.iter().any(|span| span.kind == *kind));
-            let told = kinds.map(|(kind, what)| format!("{what} {}", typeset(&number(total(kind)))));
-            format!("{name}: {}", told.collect::<Vec<_>>().join(", "))
+            let lengths = kinds.map(|(kind, what)| format!("{what} {}", typeset(&number(total(kind)))));
+            format!("{name}: {}", lengths.collect::<Vec<_>>().join(", "))
         };
-        let told: Vec<String> = self.rows.iter().take(12).map(of).collect();
-        format!("{} rows along {}, their lengths: {}.", self.rows.len(), self.axis.title(), told.join("; "))
+        let texts: Vec<String> = self.rows.iter().take(12).map(of).collect();
+        format!("{} rows along {}, their lengths: {}.", self.rows.len(), self.axis.title(), texts.join("; "))
     }
 
     pub(super) fn draw(&self, mut canvas: Canvas) -> Canvas {

@@ -104,10 +104,13 @@ const NAMES: [&str; 5] = [
 fn names_are_text_and_nothing_else() {
     for name in NAMES {
         let page = page(name, &[0.0, 1.0, 2.0], &[0.5, f64::NAN, 3.0]);
-        let found = strict::read(&page.to_html());
-        assert!(!found.elements.iter().any(|element| element == "script"), "{name}");
-        assert!(!found.values.iter().any(|(attribute, _)| attribute.starts_with("on") || attribute == "src"), "{name}");
-        assert!(found.text.contains(&name.replace(['\u{0}', '\u{1b}'], "\u{fffd}")), "{name}");
+        let document = strict::read(&page.to_html());
+        assert!(!document.elements.iter().any(|element| element == "script"), "{name}");
+        assert!(
+            !document.values.iter().any(|(attribute, _)| attribute.starts_with("on") || attribute == "src"),
+            "{name}"
+        );
+        assert!(document.text.contains(&name.replace(['\u{0}', '\u{1b}'], "\u{fffd}")), "{name}");
         for figure in page.figures() {
             assert_eq!(strict::read(&figure.to_svg()).elements[0], "svg", "{name}");
         }
@@ -119,8 +122,8 @@ fn names_are_text_and_nothing_else() {
 fn a_figure_has_a_caption_a_table_and_words() {
     let page = page("speed", &[0.0, 1.0], &[0.25, 0.5]);
     let html = page.to_html();
-    let found = strict::read(&html);
-    let number = |name: &str| found.elements.iter().filter(|element| *element == name).count();
+    let document = strict::read(&html);
+    let number = |name: &str| document.elements.iter().filter(|element| *element == name).count();
     // Each is drawn twice, for wide and for narrow pages.
     assert_eq!((number("figure"), number("figcaption"), number("svg"), number("desc")), (6, 6, 12, 12));
     assert!(html.contains("speed: 0.2500 at 0 to 0.5000 at 1.000"), "the text alternative has the numbers");
@@ -131,14 +134,15 @@ fn a_figure_has_a_caption_a_table_and_words() {
 #[test]
 fn who_does_not_see_finds_the_way() {
     let html = page("speed", &[0.0, 1.0], &[0.25, 0.5]).to_html();
-    let found = strict::read(&html);
-    let headings: Vec<usize> = found.elements.iter().filter_map(|name| name.strip_prefix('h')?.parse().ok()).collect();
+    let document = strict::read(&html);
+    let headings: Vec<usize> =
+        document.elements.iter().filter_map(|name| name.strip_prefix('h')?.parse().ok()).collect();
     assert_eq!(headings[0], 1, "a page begins with its title");
     assert!(headings.windows(2).all(|pair| pair[1] <= pair[0] + 1), "no level is left out: {headings:?}");
     let with = |attribute: &str, value: &str| {
-        found.values.iter().filter(|(own, text)| own == attribute && text == value).count()
+        document.values.iter().filter(|(key, text)| key == attribute && text == value).count()
     };
-    let number = |name: &str| found.elements.iter().filter(|element| *element == name).count();
+    let number = |name: &str| document.elements.iter().filter(|element| *element == name).count();
     assert_eq!(with("role", "img"), number("svg"), "every drawing is an image");
     assert_eq!(number("th"), with("scope", "col") + with("scope", "row"), "every head says of what it is one");
     // A group and no landmark: there are dozens of them.
@@ -162,10 +166,10 @@ fn many_names_have_room() {
         Chart::Matrix(Matrix::new("share", ["from", "to"], [names(2), names(500)], values)),
     ];
     for chart in charts {
-        let found = strict::read(&Figure::new("many", "Many", "Many.", chart).to_svg());
+        let document = strict::read(&Figure::new("many", "Many", "Many.", chart).to_svg());
         let beyond = |name: &str, least: f64, most: f64| {
-            let own = found.values.iter().filter(|(attribute, _)| attribute == name);
-            own.filter_map(|(_, value)| value.parse::<f64>().ok()).any(|value| value < least || value > most)
+            let values = document.values.iter().filter(|(attribute, _)| attribute == name);
+            values.filter_map(|(_, value)| value.parse::<f64>().ok()).any(|value| value < least || value > most)
         };
         assert!(!beyond("x", 0.0, 720.5), "nothing is drawn beside the page");
     }
@@ -251,9 +255,9 @@ proptest! {
     #[test]
     fn any_values_make_a_page(x in prop::collection::vec(any_value(), 0..12), y in prop::collection::vec(any_value(), 0..12), name in ".{0,12}") {
         let length = x.len().min(y.len());
-        let found = strict::read(&page(&name, &x[..length], &y[..length]).to_html());
+        let document = strict::read(&page(&name, &x[..length], &y[..length]).to_html());
         let places = ["x", "y", "x1", "x2", "y1", "y2", "width", "height", "d", "cx", "cy", "viewBox"];
-        for (attribute, value) in found.values.iter().filter(|(attribute, _)| places.contains(&attribute.as_str())) {
+        for (attribute, value) in document.values.iter().filter(|(attribute, _)| places.contains(&attribute.as_str())) {
             let numbers = value.split(|c: char| c == ' ' || (attribute == "d" && c.is_ascii_alphabetic()));
             // A sign begins a number.
             let numbers = numbers.flat_map(|run| {

@@ -23,11 +23,11 @@ const CLOSED: [&str; 7] = ["meta", "line", "rect", "path", "circle", "mspace", "
 
 /// Reads a page; panics with the place of an error.
 pub(crate) fn read(page: &str) -> Found {
-    let mut found = Found::default();
+    let mut document = Found::default();
     let mut open: Vec<String> = Vec::new();
     let mut rest = page.strip_prefix("<!DOCTYPE html>").unwrap_or(page);
     while let Some(at) = rest.find('<') {
-        found.text.push_str(&resolved(&rest[..at]));
+        document.text.push_str(&resolved(&rest[..at]));
         rest = &rest[at + 1..];
         let end = end_of_tag(rest);
         let tag = &rest[..end];
@@ -39,8 +39,8 @@ pub(crate) fn read(page: &str) -> Found {
         let (tag, closed) = tag.strip_suffix('/').map_or((tag, false), |tag| (tag, true));
         let (name, attributes) = tag.split_once(' ').unwrap_or((tag, ""));
         assert!(name.bytes().all(|c| c.is_ascii_alphanumeric()) && !name.is_empty(), "<{tag}>");
-        self::attributes(attributes, tag, &mut found);
-        found.elements.push(name.to_owned());
+        self::attributes(attributes, tag, &mut document);
+        document.elements.push(name.to_owned());
         assert!(!closed || CLOSED.contains(&name), "<{tag}/> is no end in HTML");
         if !closed {
             open.push(name.to_owned());
@@ -51,12 +51,12 @@ pub(crate) fn read(page: &str) -> Found {
             rest = &rest[end..];
         }
     }
-    found.text.push_str(&resolved(rest));
+    document.text.push_str(&resolved(rest));
     assert!(open.is_empty(), "not closed: {open:?}");
-    for reference in &found.references {
-        assert!(found.ids.contains(reference), "nothing is called {reference}");
+    for reference in &document.references {
+        assert!(document.ids.contains(reference), "nothing is called {reference}");
     }
-    found
+    document
 }
 
 /// The end of a tag: a `>` that no quotes hold.
@@ -69,7 +69,7 @@ fn end_of_tag(rest: &str) -> usize {
     end.expect("a tag ends").0
 }
 
-fn attributes(text: &str, tag: &str, found: &mut Found) {
+fn attributes(text: &str, tag: &str, document: &mut Found) {
     let (mut rest, mut seen) = (text.trim(), BTreeSet::new());
     while !rest.is_empty() {
         let (name, behind) = rest.split_once("=\"").unwrap_or_else(|| panic!("<{tag}>: not quoted"));
@@ -78,16 +78,16 @@ fn attributes(text: &str, tag: &str, found: &mut Found) {
         assert!(seen.insert(name) && !value.contains('<'), "<{tag}>: {name}");
         let value = resolved(value);
         match name {
-            "id" => assert!(found.ids.insert(value.clone()), "{value} is there twice"),
-            "aria-labelledby" => found.references.extend(value.split(' ').map(str::to_owned)),
-            "href" => found.references.push(value.strip_prefix('#').expect("a link within the page").to_owned()),
+            "id" => assert!(document.ids.insert(value.clone()), "{value} is there twice"),
+            "aria-labelledby" => document.references.extend(value.split(' ').map(str::to_owned)),
+            "href" => document.references.push(value.strip_prefix('#').expect("a link within the page").to_owned()),
             "clip-path" => {
-                let own = value.strip_prefix("url(#").and_then(|value| value.strip_suffix(')'));
-                found.references.push(own.expect("a clip within the page").to_owned());
+                let target = value.strip_prefix("url(#").and_then(|value| value.strip_suffix(')'));
+                document.references.push(target.expect("a clip within the page").to_owned());
             }
             _ => {}
         }
-        found.values.push((name.to_owned(), value));
+        document.values.push((name.to_owned(), value));
         rest = behind.trim_start();
     }
 }
