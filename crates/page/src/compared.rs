@@ -33,13 +33,17 @@ impl<'a> Compared<'a> {
         if models.iter().all(|(_, other)| other.states == horizon.states) {
             return Some(Ok(Self { models, shared: Vec::new(), deviations: Vec::new() }));
         }
-        let known = |name: &String| deviation(first.model, name).filter(|own| *own > 0.0);
+        let known = |name: &String| deviation(first.model, name).filter(|deviation| *deviation > 0.0);
         let in_all = |name: &&String| models.iter().all(|(_, other)| other.states.contains(name));
         let (shared, deviations): (Vec<String>, Vec<f64>) =
             horizon.states.iter().filter(in_all).filter_map(|name| Some((name.clone(), known(name)?))).unzip();
         if shared.is_empty() {
-            let told = models.iter().map(|(name, other)| format!("{name} has {}", listed(&other.states, 4)));
-            return Some(Err(format!("they have no state in common ({})", told.collect::<Vec<_>>().join("; "))));
+            let states_of_models =
+                models.iter().map(|(name, other)| format!("{name} has {}", listed(&other.states, 4)));
+            return Some(Err(format!(
+                "they have no state in common ({})",
+                states_of_models.collect::<Vec<_>>().join("; ")
+            )));
         }
         Some(Ok(Self { models, shared, deviations }))
     }
@@ -71,7 +75,7 @@ impl<'a> Compared<'a> {
     /// The same of the first model's baselines, which are those of all but for the null model.
     pub(crate) fn baselines(&self) -> Vec<(Baseline, Vec<Estimate>)> {
         let (_, first) = self.models[0];
-        let same = |own: &&(Baseline, HorizonScore)| self.shared.is_empty() || own.0 != Baseline::Null;
+        let same = |score: &&(Baseline, HorizonScore)| self.shared.is_empty() || score.0 != Baseline::Null;
         let of = |(baseline, score): &(Baseline, HorizonScore)| (*baseline, self.of_score(&first.states, score));
         first.baselines.iter().filter(same).map(of).collect()
     }
@@ -81,7 +85,7 @@ impl<'a> Compared<'a> {
             return score.mahalanobis.clone();
         }
         let places: Vec<usize> =
-            self.shared.iter().filter_map(|name| states.iter().position(|own| own == name)).collect();
+            self.shared.iter().filter_map(|name| states.iter().position(|state| state == name)).collect();
         let mean = |errors: &[f64]| {
             let relative = places.iter().zip(&self.deviations).map(|(&at, deviation)| (errors[at] / deviation).powi(2));
             (relative.sum::<f64>() / places.len() as f64).sqrt()
@@ -99,6 +103,6 @@ pub(crate) fn is_scored(horizon: &Horizon) -> bool {
 /// The standard deviation of a state over the training rows, where it is known.
 fn deviation(model: &Model, name: &str) -> Option<f64> {
     let states = model.columns.iter().filter(|column| column.role == Role::State);
-    let at = states.map(|column| column.name.as_str()).position(|own| own == name)?;
+    let at = states.map(|column| column.name.as_str()).position(|column| column == name)?;
     Some(model.training.state_covariance.get(packed(at, at))?.sqrt())
 }

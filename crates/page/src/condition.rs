@@ -24,8 +24,8 @@ pub(crate) fn condition(model: &Model, partition: usize, region: usize) -> f64 {
     if latent.is_some_and(|latent| used.len() == model.libraries[latent.library].len()) {
         return info.condition;
     }
-    let found = gram(info, &used).and_then(|gram| gram.collinearity());
-    found.map_or(f64::NAN, |found| found.index(found.columns.len() - 1))
+    let collinearity = gram(info, &used).and_then(|gram| gram.collinearity());
+    collinearity.map_or(f64::NAN, |collinearity| collinearity.index(collinearity.columns.len() - 1))
 }
 
 /// The moments of some functions over a region's rows.

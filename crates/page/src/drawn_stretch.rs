@@ -24,12 +24,14 @@ pub(crate) fn parts(judged: &[Judged<'_>]) -> Vec<Part> {
     let Some((_, first)) = all.first() else { return Vec::new() };
     // On other rows there is nothing to compare.
     let same: Vec<(&str, &RolledOn)> =
-        all.iter().filter(|(_, own)| own.stretch == first.stretch).take(MODELS).copied().collect();
+        all.iter().filter(|(_, rolled)| rolled.stretch == first.stretch).take(MODELS).copied().collect();
     let best = super::best(judged);
     let shown = shown(best.model, &first.states);
     let mut figures: Vec<Part> =
         shown.into_iter().enumerate().map(|(place, state)| Part::Figure(in_time(&same, place, state))).collect();
-    figures.extend(best.on_stretch.as_ref().and_then(|own| own.visited(best.name, judged.len() > 1)).map(Part::Figure));
+    figures.extend(
+        best.on_stretch.as_ref().and_then(|stretch| stretch.visited(best.name, judged.len() > 1)).map(Part::Figure),
+    );
     if figures.len() > SHOWN {
         let rest = figures.split_off(SHOWN);
         figures.push(Part::Fold(format!("{} over the same stretch", count(rest.len(), "more figure")), rest));
@@ -48,23 +50,23 @@ fn shown<'a>(model: &Model, states: &'a [State]) -> Vec<&'a State> {
 }
 
 /// A state as it was recorded, and as the models go on from it.
-fn in_time(models: &[(&str, &RolledOn)], place: usize, own: &State) -> Figure {
+fn in_time(models: &[(&str, &RolledOn)], place: usize, state: &State) -> Figure {
     let (_, first) = models[0];
-    let mut series = vec![Series::line("recorded", first.time.clone(), own.recorded.clone()).looks(Stroke::Measured)];
+    let mut series = vec![Series::line("recorded", first.time.clone(), state.recorded.clone()).looks(Stroke::Measured)];
     let several = models.len() > 1;
     for (name, model) in models {
-        let Some(state) = model.states.iter().find(|other| other.name == own.name) else { continue };
+        let Some(state) = model.states.iter().find(|other| other.name == state.name) else { continue };
         let name = if several { (*name).to_owned() } else { "simulated".to_owned() };
         series.push(Series::line(name.clone(), model.time.clone(), state.simulated.clone()));
         series.extend(model.marks(state, &name, several));
     }
-    let mut axis = Axis::of(own.name.clone(), own.unit.clone());
-    axis.range = near(&own.recorded, series.iter().flat_map(|series| &series.y));
+    let mut axis = Axis::of(state.name.clone(), state.unit.clone());
+    axis.range = near(&state.recorded, series.iter().flat_map(|series| &series.y));
     let chart = Lines::new(Axis::of("time since the start of the log", "s"), axis, series);
     let steps = first.stretch.horizon;
     let long = first.time.get(steps / first.stretch.stride).map_or(f64::NAN, |end| end - first.time[0]);
     let trained: Vec<String> =
-        models.iter().filter(|(_, own)| own.trained).map(|(name, _)| (*name).to_owned()).collect();
+        models.iter().filter(|(_, rolled)| rolled.trained).map(|(name, _)| (*name).to_owned()).collect();
     let held = match trained.len() {
         0 if several => "which trained none of these models".to_owned(),
         0 => "which did not train the model".to_owned(),
@@ -80,7 +82,7 @@ fn in_time(models: &[(&str, &RolledOn)], place: usize, own: &State) -> Figure {
     );
     Figure::new(
         format!("simulated-in-time-{}", place + 1),
-        format!("{} recorded and simulated", own.name),
+        format!("{} recorded and simulated", state.name),
         caption,
         Chart::Lines(chart),
     )

@@ -25,7 +25,7 @@ struct Excitation {
     of: String,
     names: Vec<String>,
     log_determinant: f64,
-    found: Collinearity,
+    collinearity: Collinearity,
 }
 
 /// Parts about the excitation of all partitions. Empty if the model does not know it, or every partition has one
@@ -33,24 +33,24 @@ struct Excitation {
 pub(crate) fn parts(model: &Model, place: usize) -> Vec<Part> {
     let all: Vec<Excitation> =
         (0..model.partitions.len()).filter_map(|partition| Excitation::of(model, partition)).collect();
-    if all.iter().all(|own| own.names.len() < 2) {
+    if all.iter().all(|excitation| excitation.names.len() < 2) {
         return Vec::new();
     }
     let several = all.len() > 1;
     let mut parts = vec![Part::Heading("Functions that the training rows separate".into())];
-    parts.extend(all.iter().map(|own| Part::Paragraph(own.in_words(several))));
+    parts.extend(all.iter().map(|excitation| Part::Paragraph(excitation.in_words(several))));
     parts.push(Part::Figure(figure(&all, place)));
     parts
 }
 
 impl Excitation {
     fn of(model: &Model, partition: usize) -> Option<Self> {
-        let own = &model.summaries[partition];
+        let summary = &model.summaries[partition];
         let latents: Vec<_> = model.latents.iter().filter(|latent| latent.partition == partition).collect();
         let functions = &model.libraries[latents.first()?.library];
-        let used = (0..own.regions.len()).flat_map(|region| used(model, partition, region));
+        let used = (0..summary.regions.len()).flat_map(|region| used(model, partition, region));
         let used: Vec<usize> = used.collect::<BTreeSet<usize>>().into_iter().collect();
-        let parts = own.regions.iter().filter_map(|region| gram(region, &used));
+        let parts = summary.regions.iter().filter_map(|region| gram(region, &used));
         let all = parts.reduce(|mut all, part| {
             all.merge(&part);
             all
@@ -59,7 +59,7 @@ impl Excitation {
             of: series(&latents.iter().map(|latent| latent.name.clone()).collect::<Vec<_>>(), GROUPS),
             names: used.iter().map(|&function| functions[function].to_string()).collect(),
             log_determinant: all.log_determinant().value,
-            found: all.collinearity()?,
+            collinearity: all.collinearity()?,
         })
     }
 
@@ -67,26 +67,27 @@ impl Excitation {
         let named = |columns: &[usize]| {
             series(&columns.iter().map(|&column| self.names[column].clone()).collect::<Vec<_>>(), 6)
         };
-        let groups = self.found.together(CONDITION, SHARE);
-        let told = |group: &Vec<usize>| {
+        let groups = self.collinearity.together(CONDITION, SHARE);
+        let note = |group: &Vec<usize>| {
             format!(" {} nearly move together: the rows hardly separate their coefficients.", named(group))
         };
         let together = match groups.as_slice() {
             [] => " None of them moves so closely with the others that its coefficient is in doubt.".to_owned(),
-            groups => groups.iter().take(GROUPS).map(told).collect(),
+            groups => groups.iter().take(GROUPS).map(note).collect(),
         };
-        let still: Vec<usize> = (0..self.names.len()).filter(|column| !self.found.columns.contains(column)).collect();
+        let still: Vec<usize> =
+            (0..self.names.len()).filter(|column| !self.collinearity.columns.contains(column)).collect();
         let still =
             if still.is_empty() { String::new() } else { format!(" Constant over the rows: {}.", named(&still)) };
         let of = if several { format!("{}: ", self.of) } else { String::new() };
-        let weakest = self.found.index(self.found.columns.len() - 1);
+        let weakest = self.collinearity.index(self.collinearity.columns.len() - 1);
         format!(
             "{of}{} beside the constant, over all training rows.{together}{still} Condition {}, log-determinant of their covariance {} and of their correlations {} (0 where \
              no two move together).",
             count(self.names.len(), "function"),
             number(weakest),
             number(self.log_determinant),
-            number(self.found.log_determinant())
+            number(self.collinearity.log_determinant())
         )
     }
 
@@ -96,13 +97,14 @@ impl Excitation {
         let name = move |&column: &usize| {
             if several { format!("{}: {}", self.of, self.names[column]) } else { self.names[column].clone() }
         };
-        self.found.columns.iter().map(name).zip(self.found.inflation.iter().map(|factor| factor.sqrt()))
+        self.collinearity.columns.iter().map(name).zip(self.collinearity.inflation.iter().map(|factor| factor.sqrt()))
     }
 }
 
 /// Inflation of each standard error: its ratio to that of a function that moves alone.
 fn figure(all: &[Excitation], place: usize) -> Figure {
-    let mut inflated: Vec<(String, f64)> = all.iter().flat_map(|own| own.inflated(all.len() > 1)).collect();
+    let mut inflated: Vec<(String, f64)> =
+        all.iter().flat_map(|excitation| excitation.inflated(all.len() > 1)).collect();
     inflated.sort_by(|a, b| b.1.total_cmp(&a.1));
     let total = inflated.len();
     inflated.truncate(FUNCTIONS);
@@ -114,8 +116,16 @@ fn figure(all: &[Excitation], place: usize) -> Figure {
     chart.level = Some((INFLATED, "serious".to_owned()));
     let more =
         if total > FUNCTIONS { format!(" Shown are the {FUNCTIONS} largest of {total}.") } else { String::new() };
-    let of = |own: &Excitation| {
-        own.found.eigenvalues.iter().rev().take(4).map(|&value| number(value)).collect::<Vec<_>>().join(", ")
+    let of = |excitation: &Excitation| {
+        excitation
+            .collinearity
+            .eigenvalues
+            .iter()
+            .rev()
+            .take(4)
+            .map(|&value| number(value))
+            .collect::<Vec<_>>()
+            .join(", ")
     };
     let eigenvalues: Vec<String> = all.iter().map(of).collect();
     let caption = format!(

@@ -236,8 +236,9 @@ impl Fit {
     /// Held-out error over lambda, with the range between the least error and the choice.
     fn curve(&self, place: usize, title: String) -> Option<Figure> {
         let lambda = self.lambda.as_ref()?;
-        let own = lambda.validation.as_ref().filter(|own| own.lambdas.len() > 1)?;
-        let (lambdas, error, spread) = (list(&own.lambdas), list(&own.error), list(&own.standard_error));
+        let validation = lambda.validation.as_ref().filter(|validation| validation.lambdas.len() > 1)?;
+        let (lambdas, error, spread) =
+            (list(&validation.lambdas), list(&validation.error), list(&validation.standard_error));
         let best = (0..error.len()).filter(|&k| error[k].is_finite()).min_by(|&a, &b| error[a].total_cmp(&error[b]))?;
         // Far from the least error a curve only says that it is far.
         let near: Vec<usize> = (0..error.len()).filter(|&k| error[k] <= FAR * error[best]).collect();
@@ -255,7 +256,7 @@ impl Fit {
         let caption = format!(
             "Error on held-out rows of {} over lambda; the band is one standard error to both sides. Chosen: lambda = {} ({}). To the right there are fewer functions; where the \
              error is more than {FAR} times the least the curve is not drawn.",
-            count(own.folds, "fold"),
+            count(validation.folds, "fold"),
             fleetfoot_report::words::number(chosen),
             lambda.how
         );
@@ -323,16 +324,17 @@ impl Fit {
     /// Held-out error, and the criterion where it is known, of the models that were tried over their coefficients: regions, lags and library together.
     fn orders(&self, place: usize, title: String) -> Option<Figure> {
         let tried = self.orders_tried();
-        let mut all: Vec<&Tried> = tried.iter().filter(|own| own.error().is_some()).collect();
-        all.sort_by_key(|own| own.coefficients);
-        let front: Vec<&Tried> = all.iter().copied().filter(|own| own.front).collect();
+        let mut all: Vec<&Tried> = tried.iter().filter(|candidate| candidate.error().is_some()).collect();
+        all.sort_by_key(|candidate| candidate.coefficients);
+        let front: Vec<&Tried> = all.iter().copied().filter(|candidate| candidate.front).collect();
         if front.len() < 2 {
             return None;
         }
-        let chosen = all.iter().find(|own| own.chosen).map(|own| own.coefficients as f64);
-        let places = |of: &[&Tried]| of.iter().map(|own| own.coefficients as f64).collect::<Vec<f64>>();
+        let chosen = all.iter().find(|candidate| candidate.chosen).map(|candidate| candidate.coefficients as f64);
+        let places = |of: &[&Tried]| of.iter().map(|candidate| candidate.coefficients as f64).collect::<Vec<f64>>();
         let panel = |title: &str, of: &dyn Fn(&Tried) -> Option<f64>| {
-            let values = |of_these: &[&Tried]| of_these.iter().map(|own| number(of(own))).collect::<Vec<f64>>();
+            let values =
+                |of_these: &[&Tried]| of_these.iter().map(|candidate| number(of(candidate))).collect::<Vec<f64>>();
             let x = Axis::of(title, "").spread(places(&all).into_iter());
             let y = Axis::of(title, "").spread(values(&all).into_iter().filter(|value| value.is_finite()));
             let line = Series::line("front", places(&front), values(&front));
@@ -343,12 +345,12 @@ impl Fit {
                 None => lines,
             }
         };
-        let simulated = all.iter().all(|own| own.loss.is_none());
+        let simulated = all.iter().all(|candidate| candidate.loss.is_none());
         let what = if simulated { "relative error of free runs" } else { "squared error over variance" };
-        let mut panels = vec![panel("error over coefficients", &|own| own.error())];
-        let criterion = all.iter().any(|own| own.bic.is_some());
+        let mut panels = vec![panel("error over coefficients", &|candidate| candidate.error())];
+        let criterion = all.iter().any(|candidate| candidate.bic.is_some());
         if criterion {
-            panels.push(panel("BIC over coefficients", &|own| own.bic));
+            panels.push(panel("BIC over coefficients", &|candidate| candidate.bic));
         }
         let caption = format!(
             "Each mark is one of {} with its regions, lags and library, those of few coefficients to the left: its {what} on rows that did not train{}. On the line no model of as \
@@ -362,33 +364,34 @@ impl Fit {
     /// Contribution of each function over the number of terms, an equation a figure, in the first region.
     fn along_terms(&self, place: usize, title: &str) -> Vec<Figure> {
         let (Some(Paths::Terms(paths)), Some(region)) = (&self.path, self.regions.first()) else { return Vec::new() };
-        let own = paths.iter().filter(|path| path.name == region.name && path.terms.len() > 1).take(EQUATIONS);
+        let paths = paths.iter().filter(|path| path.name == region.name && path.terms.len() > 1).take(EQUATIONS);
         let figure = |(number, path): (usize, &TermsPath)| {
             let chosen = region.equations.iter().find(|equation| equation.label == path.label);
             let chosen = chosen.and_then(|equation| equation.front.iter().find(|point| point.chosen));
             let name = format!("terms-{place}-{}", number + 1);
             path.figure(name, format!("{title}: {}", path.label), chosen.map(|point| point.terms))
         };
-        own.enumerate().map(figure).collect()
+        paths.enumerate().map(figure).collect()
     }
 
     /// The standard errors of the coefficients of an equation, or of a shared function, in a region: functions by name,
     /// `1` for the constant.
     pub(crate) fn standard_errors(&self, label: &str, latent: &str, region: usize) -> Vec<(&str, f64)> {
-        let own = self.regions.get(region).into_iter().flat_map(|region| &region.equations);
-        let terms = own.filter(|equation| equation.label == label).flat_map(|equation| &equation.terms);
-        let shared = self.latents.iter().filter(|own| own.name == latent).flat_map(|own| &own.functions);
+        let equations = self.regions.get(region).into_iter().flat_map(|region| &region.equations);
+        let terms = equations.filter(|equation| equation.label == label).flat_map(|equation| &equation.terms);
+        let shared =
+            self.latents.iter().filter(|candidate| candidate.name == latent).flat_map(|candidate| &candidate.functions);
         terms.chain(shared).filter_map(|term| Some((term.function.as_str(), term.standard_error?))).collect()
     }
 
     /// Contraction of the maps that were fitted to simulations, if these were written.
     pub(crate) fn bound_of_simulations(&self) -> Option<Bounded> {
-        self.objective.as_ref().filter(|own| own.written)?.bound
+        self.objective.as_ref().filter(|objective| objective.written)?.bound
     }
 
     /// Returns true if coefficients fitted to simulations were written.
     pub(crate) fn is_simulated(&self) -> bool {
-        self.objective.as_ref().is_some_and(|own| own.written)
+        self.objective.as_ref().is_some_and(|objective| objective.written)
     }
 
     /// Rows, and how many of them count as independent.
@@ -476,17 +479,17 @@ impl Equation {
 
 /// Selection frequencies (Fig. 2 of the aircraft paper): bars of one model, a map of several.
 fn frequencies(shares: &[(&str, Vec<(String, f64)>)]) -> Option<Figure> {
-    let models: Vec<_> = shares.iter().filter(|(_, own)| !own.is_empty()).take(MODELS).collect();
+    let models: Vec<_> = shares.iter().filter(|(_, frequencies)| !frequencies.is_empty()).take(MODELS).collect();
     let of = |model: &[(String, f64)], name: &str| {
-        model.iter().find(|(own, _)| own == name).map_or(f64::NAN, |(_, share)| *share)
+        model.iter().find(|(function, _)| function == name).map_or(f64::NAN, |(_, share)| *share)
     };
     let mut names: Vec<String> = Vec::new();
-    for (name, _) in models.iter().flat_map(|(_, own)| own) {
+    for (name, _) in models.iter().flat_map(|(_, frequencies)| frequencies) {
         if !names.contains(name) {
             names.push(name.clone());
         }
     }
-    let largest = |name: &String| models.iter().map(|(_, own)| of(own, name)).fold(0.0, f64::max);
+    let largest = |name: &String| models.iter().map(|(_, frequencies)| of(frequencies, name)).fold(0.0, f64::max);
     let all = names.len();
     // The largest ones, in the order of the library.
     let mut order: Vec<usize> = (0..all).collect();
@@ -506,13 +509,16 @@ fn frequencies(shares: &[(&str, Vec<(String, f64)>)]) -> Option<Figure> {
     };
     let chart = match models.as_slice() {
         [] => return None,
-        [(_, own)] => {
-            let value = |name: &String| Interval { value: of(own, name), low: f64::NAN, high: f64::NAN };
+        [(_, frequencies)] => {
+            let value = |name: &String| Interval { value: of(frequencies, name), low: f64::NAN, high: f64::NAN };
             let bars = vec![("selection frequency".to_owned(), names.iter().map(value).collect())];
             Chart::Bars(Bars::new(Axis::of("selection frequency", "").between(0.0, 1.0), names, bars))
         }
         several => {
-            let values = names.iter().map(|name| several.iter().map(|(_, own)| of(own, name)).collect()).collect();
+            let values = names
+                .iter()
+                .map(|name| several.iter().map(|(_, frequencies)| of(frequencies, name)).collect())
+                .collect();
             let columns = several.iter().map(|(name, _)| (*name).to_owned()).collect();
             Chart::Matrix(Matrix::new("selection frequency", ["function", "model"], [names, columns], values))
         }

@@ -41,7 +41,7 @@ pub(crate) fn section(judged: &[Judged<'_>]) -> Option<Section> {
 }
 
 /// Steps that are drawn, evenly spread, the first and the last among them.
-fn told(steps: usize) -> Vec<usize> {
+fn drawn_steps(steps: usize) -> Vec<usize> {
     let points = steps.min(POINTS);
     (0..points).map(|point| if points < 2 { 0 } else { point * (steps - 1) / (points - 1) }).collect()
 }
@@ -56,9 +56,10 @@ fn line(name: &str, horizon: &Horizon, scores: &[Estimate], steps: &[usize]) -> 
 fn scores(compared: &Compared<'_>) -> Figure {
     let (_, first) = compared.models[0];
     let errors = compared.errors();
-    let own = compared.models.iter().zip(&errors).take(MODELS);
-    let mut series: Vec<Series> = own.map(|((name, h), errors)| line(name, h, errors, &told(h.time.len()))).collect();
-    let steps = told(first.time.len());
+    let curves = compared.models.iter().zip(&errors).take(MODELS);
+    let mut series: Vec<Series> =
+        curves.map(|((name, h), errors)| line(name, h, errors, &drawn_steps(h.time.len()))).collect();
+    let steps = drawn_steps(first.time.len());
     series.extend(compared.baselines().iter().map(|(baseline, errors)| {
         let mut line = line(baseline.name(), first, errors, &steps).looks(Stroke::Reference);
         line.band = None;
@@ -113,13 +114,13 @@ fn rmse(horizon: &Horizon, state: usize) -> Vec<f64> {
 fn by_state(judged: &[Judged<'_>], curves: &[(&str, &Horizon)], first: &Horizon, state: usize) -> Figure {
     let name = &first.states[state];
     let unit = judged.iter().find_map(|one| one.model.unit_of(name)).unwrap_or_default().to_owned();
-    let own = curves.iter().take(MODELS).filter_map(|(model, horizon)| {
+    let bands = curves.iter().take(MODELS).filter_map(|(model, horizon)| {
         let place = horizon.states.iter().position(|other| other == name)?;
-        let (steps, errors) = (told(horizon.time.len()), rmse(horizon, place));
+        let (steps, errors) = (drawn_steps(horizon.time.len()), rmse(horizon, place));
         let time = steps.iter().map(|&step| horizon.time[step]).collect();
         Some(Series::line(*model, time, steps.iter().map(|&step| errors[step]).collect()))
     });
-    let series: Vec<Series> = own.collect();
+    let series: Vec<Series> = bands.collect();
     let values = series.iter().flat_map(|series| series.y.iter().copied()).collect::<Vec<_>>().into_iter();
     let axis = Axis::of(format!("RMSE of {name}"), unit).with_zero().spread(values);
     let chart = Lines::new(Axis::of("time since the start of the simulation", "s"), axis, series);
@@ -149,16 +150,16 @@ pub(crate) fn best(judged: &[Judged<'_>]) -> Option<Sentence> {
     let errors = compared.errors();
     let lists: Vec<&[Estimate]> = errors.iter().map(Vec::as_slice).collect();
     let reigns = reigns(&lists);
-    let told = reigns.iter().map(|reign| {
+    let sentences = reigns.iter().map(|reign| {
         let (from, to) = (seconds(first.time[reign.first - 1]), seconds(first.time[reign.last - 1]));
         let when = if reign.first == reign.last { format!("at {from}") } else { format!("from {from} to {to}") };
         format!("{} {when}", curves[reign.model].0)
     });
-    let told: Vec<String> = told.collect();
+    let sentences: Vec<String> = sentences.collect();
     let last = reigns.last()?;
     let text = format!(
         "{}. {} at the end: {}; {} each.",
-        told.join(", "),
+        sentences.join(", "),
         compared.what(),
         curves
             .iter()

@@ -55,20 +55,22 @@ pub(crate) fn parts(
         return parts;
     }
     let has_terms = |latent: &&Latent| !terms(model, latent, region).is_empty();
-    let own = model.latents.iter().filter(|latent| latent.partition == partition).filter(has_terms);
+    let latents = model.latents.iter().filter(|latent| latent.partition == partition).filter(has_terms);
     let mut known: Vec<Known> = Vec::new();
     let mut bases: Vec<String> = Vec::new();
     let mut inverses = Inverses::new(&model.summaries[partition].regions[region]);
-    for latent in own {
+    for latent in latents {
         let equation = model.fitted().enumerate().find(|(_, one)| one.right.as_column() == Some(latent.name.as_str()));
         let label = equation.as_ref().map_or_else(|| latent.name.clone(), |(_, equation)| equation.label());
-        let told = fit.map_or_else(Vec::new, |fit| fit.standard_errors(&label, &latent.name, region));
+        let errors = fit.map_or_else(Vec::new, |fit| fit.standard_errors(&label, &latent.name, region));
         let mut half: Vec<f64> = terms(model, latent, region)
             .iter()
-            .map(|(name, _)| told.iter().find(|(own, _)| own == name).map_or(f64::NAN, |(_, error)| TWO_SIDED * error))
+            .map(|(name, _)| {
+                errors.iter().find(|(function, _)| function == name).map_or(f64::NAN, |(_, error)| TWO_SIDED * error)
+            })
             .collect();
         let mut basis = Basis::Report;
-        if let (true, Some((target, _))) = (told.is_empty(), equation) {
+        if let (true, Some((target, _))) = (errors.is_empty(), equation) {
             let independent = fit.and_then(Fit::independent);
             basis = Basis::Moments(independent);
             let share = independent.map_or(1.0, |[rows, independent]| independent / rows);
@@ -107,12 +109,13 @@ pub(crate) fn parameters(model: &Model) -> Option<Part> {
     let estimated = &model.training.parameters;
     let mut table =
         Table::new("Parameters that were estimated, with their 95 % intervals.", ["parameter", "value", HEAD[2]]);
-    for own in estimated {
-        let given = own.half_width == 0.0;
-        let (light, words) = if given { (Light::Plain, "given") } else { told(own.value, own.half_width) };
+    for parameter in estimated {
+        let given = parameter.half_width == 0.0;
+        let (light, words) =
+            if given { (Light::Plain, "given") } else { verdict(parameter.value, parameter.half_width) };
         table = table.row([
-            Cell::Text(own.name.clone()),
-            Cell::Number(within(own.value, if given { f64::NAN } else { own.half_width })),
+            Cell::Text(parameter.name.clone()),
+            Cell::Number(within(parameter.value, if given { f64::NAN } else { parameter.half_width })),
             Cell::Light(light, words.to_owned()),
         ]);
     }
@@ -124,13 +127,14 @@ const HEAD: [&str; 3] = ["term", "coefficient", "differs from zero"];
 /// The terms of a function in a region with their coefficients, the constant first.
 fn terms(model: &Model, latent: &Latent, region: usize) -> Vec<(String, f64)> {
     let all = model.terms_for_people(latent, region).into_iter();
-    let named = all.map(|(function, value)| (function.map_or_else(|| "1".to_owned(), |own| own.to_string()), value));
+    let named =
+        all.map(|(function, value)| (function.map_or_else(|| "1".to_owned(), |function| function.to_string()), value));
     named.filter(|(_, value)| *value != 0.0).collect()
 }
 
 /// Returns true if a partition's statistics are about the functions of a latent.
 fn is_described(model: &Model, latent: &Latent) -> bool {
-    let first = model.latents.iter().find(|own| own.partition == latent.partition);
+    let first = model.latents.iter().find(|other| other.partition == latent.partition);
     first.is_some_and(|first| first.library == latent.library)
 }
 
@@ -166,7 +170,7 @@ impl Known {
     fn table(&self) -> Table {
         let mut table = Table::new(format!("{}{}", self.label, beyond(self.terms.len(), TERMS, "terms")), HEAD);
         for (name, value, half) in self.terms.iter().take(TERMS) {
-            let (light, words) = self.told(name, *value, *half);
+            let (light, words) = self.verdict(name, *value, *half);
             let light = Cell::Light(light, words.to_owned());
             table = table.row([named(name), Cell::Number(within(*value, *half)), light]);
         }
@@ -174,19 +178,21 @@ impl Known {
     }
 
     /// Verdict on a coefficient: different from zero, or not.
-    fn told(&self, name: &str, value: f64, half: f64) -> (Light, &'static str) {
+    fn verdict(&self, name: &str, value: f64, half: f64) -> (Light, &'static str) {
         match half {
-            _ if self.confounded.iter().any(|own| own == name) => (Light::Bad, "not separable from other terms"),
-            half => told(value, half),
+            _ if self.confounded.iter().any(|function| function == name) => {
+                (Light::Bad, "not separable from other terms")
+            }
+            half => verdict(value, half),
         }
     }
 
     /// The coefficient of a term with its interval in one cell; a sign marks one that is not distinct from zero, or
     /// from other terms.
     fn cell(&self, name: &str) -> Cell {
-        let term = self.terms.iter().find(|(own, _, _)| own == name);
+        let term = self.terms.iter().find(|(function, _, _)| function == name);
         let Some((_, value, half)) = term else { return Cell::Number(String::new()) };
-        let sign = match self.told(name, *value, *half).0 {
+        let sign = match self.verdict(name, *value, *half).0 {
             Light::Good | Light::Plain => String::new(),
             light => format!(" {}", light.sign()),
         };
@@ -226,7 +232,7 @@ fn named(term: &str) -> Cell {
 }
 
 /// Verdict on a number: different from zero, or not.
-fn told(value: f64, half: f64) -> (Light, &'static str) {
+fn verdict(value: f64, half: f64) -> (Light, &'static str) {
     match half {
         half if half.is_infinite() => (Light::Bad, "not determined"),
         half if half.is_nan() => (Light::Plain, "not known"),
@@ -254,21 +260,21 @@ impl<'a> Inverses<'a> {
             (0..latent.map.features()).filter(|&j| latent.map.coefficient(region, j) != 0.0).collect();
         let constant = latent.map.constant(region) != 0.0;
         let count = support.len() + usize::from(constant);
-        let own = self.region;
-        let variance = own.residual_covariance.get(packed(target, target)).copied();
+        let region = self.region;
+        let variance = region.residual_covariance.get(packed(target, target)).copied();
         let (Some(variance), true) = (variance, is_described(model, latent)) else { return vec![f64::NAN; count] };
-        let Some(freedom) = (own.rows as usize).checked_sub(count).filter(|freedom| *freedom > 0) else {
+        let Some(freedom) = (region.rows as usize).checked_sub(count).filter(|freedom| *freedom > 0) else {
             return vec![if variance.is_nan() { f64::NAN } else { f64::INFINITY }; count];
         };
-        let square = variance * own.rows as f64 / freedom as f64;
-        let independent = (own.rows as f64 * share) as usize;
+        let square = variance * region.rows as f64 / freedom as f64;
+        let independent = (region.rows as f64 * share) as usize;
         let t = student_t_95(independent.saturating_sub(count).max(1));
         self.diagonal(support, constant).iter().map(|inverse| t * (square * inverse / share).sqrt()).collect()
     }
 
     /// The diagonal of `(X'X)^-1`, that of the constant first.
     fn diagonal(&mut self, support: Vec<usize>, constant: bool) -> &[f64] {
-        let place = self.known.iter().position(|(own, with, _)| *own == support && *with == constant);
+        let place = self.known.iter().position(|(indices, with, _)| *indices == support && *with == constant);
         let place = place.unwrap_or_else(|| {
             let diagonal = inverse_diagonal(self.region, &support, constant);
             self.known.push((support, constant, diagonal));
@@ -319,8 +325,8 @@ fn inverses(rows: u64, count: usize, moments: impl Fn(usize, usize) -> f64) -> V
         return vec![f64::NAN; count];
     }
     let mut inverse = vec![f64::INFINITY; count];
-    if let Some(found) = gram.collinearity() {
-        for (&column, &inflation) in found.columns.iter().zip(&found.inflation) {
+    if let Some(collinearity) = gram.collinearity() {
+        for (&column, &inflation) in collinearity.columns.iter().zip(&collinearity.inflation) {
             inverse[column] = inflation / gram.scatter[packed(column, column)];
         }
     }
@@ -372,24 +378,24 @@ mod tests {
     fn inverses_are_those_of_the_rows() {
         let wave = |k: f64, shift: f64| (0..50).map(|row| (k * f64::from(row)).sin() + shift).collect::<Vec<f64>>();
         let (a, b, ones) = (wave(0.7, 3.0), wave(1.9, -0.4), vec![1.0; 50]);
-        let own = region(&[a.clone(), b.clone()]);
+        let summary = region(&[a.clone(), b.clone()]);
         for (support, constant, columns) in [
             (vec![0, 1], true, vec![ones.clone(), a.clone(), b.clone()]),
             (vec![1], true, vec![ones.clone(), b.clone()]),
             (vec![0, 1], false, vec![a.clone(), b.clone()]),
             (vec![], true, vec![ones.clone()]),
         ] {
-            let (found, exact) = (inverse_diagonal(&own, &support, constant), exact(&columns));
-            assert_eq!(found.len(), exact.len());
-            for (found, exact) in found.iter().zip(&exact) {
-                assert!((found / exact - 1.0).abs() < 1e-11, "{support:?} {constant}: {found} {exact}");
+            let (variances, exact) = (inverse_diagonal(&summary, &support, constant), exact(&columns));
+            assert_eq!(variances.len(), exact.len());
+            for (variance, exact) in variances.iter().zip(&exact) {
+                assert!((variance / exact - 1.0).abs() < 1e-11, "{support:?} {constant}: {variance} {exact}");
             }
         }
         // What is the same as another, or constant beside a constant, is not determined; what was not measured is not known.
         let same = inverse_diagonal(&region(&[a.clone(), a.clone()]), &[0, 1], true);
         assert!(same[1..].iter().all(|value| *value > 1e10), "{same:?}");
         assert_eq!(inverse_diagonal(&region(&[vec![2.5; 50]]), &[0], true)[1], f64::INFINITY);
-        let mut unknown = own;
+        let mut unknown = summary;
         unknown.covariance.fill(f64::NAN);
         assert!(inverse_diagonal(&unknown, &[0], true)[1].is_nan());
     }

@@ -10,7 +10,7 @@ use crate::Report;
 impl Report {
     /// The findings for programs; the figures have their tables on the page.
     pub fn to_json(&self) -> Value {
-        value(Told {
+        value(Findings {
             title: &self.page.title,
             findings: self.findings().map(Finding::from).collect(),
             episodes: self.episodes,
@@ -21,7 +21,7 @@ impl Report {
 }
 
 #[derive(Serialize)]
-struct Told<'a> {
+struct Findings<'a> {
     title: &'a str,
     findings: Vec<Finding<'a>>,
     episodes: usize,

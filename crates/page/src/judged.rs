@@ -93,7 +93,7 @@ impl<'a> Judged<'a> {
 /// Separates failures to score or simulate, which the page reports, from failures to read, which are errors.
 fn said<T>(result: Result<T, Error>) -> Result<Result<T, String>, Error> {
     match result {
-        Ok(found) => Ok(Ok(found)),
+        Ok(scored) => Ok(Ok(scored)),
         Err(error @ Error::Request(RequestError { cause: Cause::TooFewRows { .. }, .. })) => Ok(Err(error.to_string())),
         Err(error @ Error::Dynamics(DynamicsError::Data(_) | DynamicsError::NoHorizon)) => Err(error),
         Err(error @ Error::Dynamics(_)) => Ok(Err(error.to_string())),

@@ -48,7 +48,7 @@ impl Leftover {
             self.time.interrupt();
         }
         self.time.append(&other.time);
-        self.over.iter_mut().zip(&other.over).for_each(|((_, own), (_, other))| own.merge(other));
+        self.over.iter_mut().zip(&other.over).for_each(|((_, errors), (_, other))| errors.merge(other));
     }
 
     /// Columns by how much of the errors' variance goes with them, the largest first: places among those that errors are held against, with the share.

@@ -133,7 +133,7 @@ pub fn report(
         opened = opened.map(|opened| opened.or_for(model, changes, &logs, progress)).transpose()?;
         let rows = opened.as_ref().map(|opened| (&logs, &opened.dataset));
         let stretch = judged.iter().find_map(|one| Some(&one.on_stretch.as_ref()?.stretch));
-        let starts = judged.iter().find_map(|one| Some(one.starts.as_slice()).filter(|own| !own.is_empty()));
+        let starts = judged.iter().find_map(|one| Some(one.starts.as_slice()).filter(|starts| !starts.is_empty()));
         let wanted = Wanted { stretch, several: models.len() > 1, reach, starts };
         let next = Judged::new(name, model, changes, rows, &wanted, options, progress)?;
         judged.push(next);

@@ -63,13 +63,13 @@ pub(crate) fn not_least_squares(model: &Model, fit: Option<&Fit>) -> Option<&'st
 pub(crate) fn parts(judged: &[Judged<'_>], fits: &[Fit]) -> Vec<Part> {
     let mut parts = Vec::new();
     for one in judged {
-        let own = Fit::of(fits, one.model).map(Fit::kept).unwrap_or_default();
-        if own.is_empty() {
+        let bounds = Fit::of(fits, one.model).map(Fit::kept).unwrap_or_default();
+        if bounds.is_empty() {
             continue;
         }
         let name = if judged.len() > 1 { format!(": {}", one.name) } else { String::new() };
         parts.push(Part::Heading(format!("Bounds of the fit{name}")));
-        parts.extend(own);
+        parts.extend(bounds);
     }
     parts
 }
@@ -78,13 +78,15 @@ impl Fit {
     /// Returns true if the bounds of the chosen partition moved the map of a region.
     fn is_moved(&self) -> bool {
         let candidates = self.candidates.as_array().into_iter().flatten();
-        let chosen = candidates.filter(|own| own.get("chosen").and_then(Value::as_bool).unwrap_or(true));
-        chosen.filter_map(|own| Partition::deserialize(own).ok()).any(|own| own.stability.moved > 0)
+        let chosen = candidates.filter(|candidate| candidate.get("chosen").and_then(Value::as_bool).unwrap_or(true));
+        chosen
+            .filter_map(|candidate| Partition::deserialize(candidate).ok())
+            .any(|partition| partition.stability.moved > 0)
     }
 
     fn kept(&self) -> Vec<Part> {
         let tables = BoundedCandidate::tables(&self.bounded());
-        let mut parts: Vec<Part> = tables.into_iter().map(|own| set(sentence(&own.caption), own)).collect();
+        let mut parts: Vec<Part> = tables.into_iter().map(|table| set(sentence(&table.caption), table)).collect();
         parts.extend(self.bound_of_simulations().map(|bound| {
             Part::Paragraph(format!(
                 "These numbers are of the fit to one step; the regions of the model that was fitted to simulations {}",
@@ -104,9 +106,14 @@ impl Fit {
         let candidates = self.candidates.as_array().into_iter().flatten();
         let held_out = self.held_out.as_ref().and_then(Value::as_bool).unwrap_or(false);
         let of = |candidate: &Value| {
-            let own = Partition::deserialize(candidate).ok()?;
-            let loss = if held_out { own.loss } else { unexplained(&own.r2) };
-            Some(BoundedCandidate { partition: own.partition, maps: own.stability, free_loss: own.free_loss, loss })
+            let candidate = Partition::deserialize(candidate).ok()?;
+            let loss = if held_out { candidate.loss } else { unexplained(&candidate.r2) };
+            Some(BoundedCandidate {
+                partition: candidate.partition,
+                maps: candidate.stability,
+                free_loss: candidate.free_loss,
+                loss,
+            })
         };
         candidates.filter_map(of).collect()
     }
@@ -116,29 +123,29 @@ impl Fit {
         let caption = "Errors within the bounds and without them: what the bounds cost.";
         let head = ["of", "error (rms)", "held out", "without bounds", "held out"];
         let value = |value: Option<f64>| Cell::of(value.unwrap_or(f64::NAN));
-        let row = |name: String, own: &Priced| {
-            let values = [own.rms, own.held_out_rms, own.free_rms, own.free_held_out_rms];
+        let row = |name: String, priced: &Priced| {
+            let values = [priced.rms, priced.held_out_rms, priced.free_rms, priced.free_held_out_rms];
             std::iter::once(Cell::Text(name)).chain(values.map(value)).collect::<Vec<Cell>>()
         };
         let several = self.regions.len() > 1;
         let equations = self.regions.iter().flat_map(|region| {
             region.equations.iter().map(move |equation| {
-                let (label, own) = (&equation.label, &equation.priced);
-                (if several { format!("{label}, region {}", region.name) } else { label.clone() }, own)
+                let (label, priced) = (&equation.label, &equation.priced);
+                (if several { format!("{label}, region {}", region.name) } else { label.clone() }, priced)
             })
         });
-        let tasks = self.tasks.iter().map(|own| (own.name.clone(), &own.priced)).chain(equations);
+        let tasks = self.tasks.iter().map(|task| (task.name.clone(), &task.priced)).chain(equations);
         let rows: Vec<Vec<Cell>> = tasks
-            .filter(|(_, own)| own.free_rms.is_some() || own.free_held_out_rms.is_some())
+            .filter(|(_, priced)| priced.free_rms.is_some() || priced.free_held_out_rms.is_some())
             .take(ROWS)
-            .map(|(name, own)| row(name, own))
+            .map(|(name, priced)| row(name, priced))
             .collect();
         if !rows.is_empty() {
             return Some(rows.into_iter().fold(Table::new(caption, head), Table::row));
         }
-        let noise = self.noise.iter().filter(|own| own.free_deviation.is_some()).take(ROWS);
+        let noise = self.noise.iter().filter(|noise| noise.free_deviation.is_some()).take(ROWS);
         let rows: Vec<Vec<Cell>> = noise
-            .map(|own| vec![Cell::Text(own.of.clone()), value(own.deviation), value(own.free_deviation)])
+            .map(|noise| vec![Cell::Text(noise.of.clone()), value(noise.deviation), value(noise.free_deviation)])
             .collect();
         let caption =
             "Standard deviation of what the equations leave, within the bounds and without them: what the bounds cost.";
@@ -148,13 +155,13 @@ impl Fit {
 }
 
 /// A terminal table as a table of the page.
-fn set(caption: String, told: TextTable) -> Part {
+fn set(caption: String, table: TextTable) -> Part {
     let row = |cells: Vec<String>| {
         let mut cells = cells.into_iter();
         let first = cells.next().map(Cell::Text);
         first.into_iter().chain(cells.map(Cell::Number)).collect::<Vec<Cell>>()
     };
-    Part::Table(told.rows.into_iter().map(row).fold(Table::new(caption, told.header), Table::row))
+    Part::Table(table.rows.into_iter().map(row).fold(Table::new(caption, table.header), Table::row))
 }
 
 /// Caption of a terminal table, as a sentence.

@@ -125,8 +125,8 @@ impl Seen {
                 let at = |stamp: i64| (stamp - *start) as f64 * 1e-9;
                 let kind = usize::from(self.is_trained(episode));
                 spans.push(Span { from: at(episode.start), to: at(episode.end), kind });
-                let own = passed.map_or_else(Vec::new, |passed| passed.lost.spans(index));
-                lost.extend(own.into_iter().map(|[from, to]| {
+                let gaps = passed.map_or_else(Vec::new, |passed| passed.lost.spans(index));
+                lost.extend(gaps.into_iter().map(|[from, to]| {
                     let ends = [from, to].map(|since| at(episode.start) + since.min(episode.duration()));
                     Span { from: ends[0], to: ends[1], kind: LOST }
                 }));
@@ -231,15 +231,15 @@ fn channels(topics: &[TopicInfo]) -> Table {
 fn clocks(clocks: &[AlignedClock]) -> Table {
     let caption = "Clocks of other computers, and what they show more than the first one, with 95 % intervals.";
     let head = ["clock", "log", "by", "offset [ms]", "skew [ppm]"];
-    clocks.iter().take(DRAWN).fold(Table::new(caption, head), |table, own| {
+    clocks.iter().take(DRAWN).fold(Table::new(caption, head), |table, clock| {
         let half = |[low, high]: [f64; 2]| 0.5 * (high - low);
         let within = |value: f64, interval, factor: f64| Cell::Number(within(factor * value, factor * half(interval)));
         table.row([
-            Cell::Text(own.clock.clone()),
-            Cell::Text(own.log.clone()),
-            Cell::Text(own.by.clone()),
-            within(own.offset, own.offset_interval, 1e3),
-            within(own.skew, own.skew_interval, 1e6),
+            Cell::Text(clock.clock.clone()),
+            Cell::Text(clock.log.clone()),
+            Cell::Text(clock.by.clone()),
+            within(clock.offset, clock.offset_interval, 1e3),
+            within(clock.skew, clock.skew_interval, 1e6),
         ])
     })
 }

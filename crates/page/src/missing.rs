@@ -90,9 +90,9 @@ pub(crate) fn columns(columns: &[Coverage], episodes: &[Episode]) -> Option<Figu
     lacking.sort_by_key(|column| std::cmp::Reverse(column.without()));
     let row = |column: &&Coverage| {
         let all = Span { from: 0.0, to: total, kind: 0 };
-        let own =
+        let spans =
             spans(&column.missing, period).into_iter().map(|[from, to]| Span { from, to: to.min(total), kind: 2 });
-        (column.name.clone(), std::iter::once(all).chain(own).collect())
+        (column.name.clone(), std::iter::once(all).chain(spans).collect())
     };
     let rows: Vec<(String, Vec<Span>)> = lacking.iter().take(DRAWN).map(row).collect();
     let kinds = ["values", "", "values are missing"].map(str::to_owned).to_vec();

@@ -43,8 +43,8 @@ fn told_apart<'a>(judged: &Judged<'a>, number: usize, known: &mut Vec<(&'a str, 
         (Part::Figure(a), Part::Figure(b)) => a.caption == b.caption,
         (a, b) => a == b,
     };
-    let told = known.iter().find(|(_, told)| told.len() == parts.len() && told.iter().zip(&parts).all(same));
-    match told {
+    let twin = known.iter().find(|(_, other)| other.len() == parts.len() && other.iter().zip(&parts).all(same));
+    match twin {
         Some((name, _)) if !parts.is_empty() => {
             vec![Part::Paragraph(format!("Its training rows separate the same functions as those of {name}."))]
         }
@@ -75,12 +75,13 @@ fn parts(model: &Model, number: usize, shown: usize, fit: Option<&Fit>) -> Vec<P
     for partition in 0..model.partitions.len() {
         parts.extend(by_region(model, partition, shown, fit, &mut said));
         let name = format!("{number}-{}", partition + 1);
-        let (own, seen) = (&model.partitions[partition], &model.summaries[partition]);
-        let walked = own.transitions.as_ref();
+        let (rules, seen) = (&model.partitions[partition], &model.summaries[partition]);
+        let walked = rules.transitions.as_ref();
         let walked = walked
-            .and_then(|counted| transitions::figure((own, seen), counted, model.step, &name, "the training rows"));
+            .and_then(|counted| transitions::figure((rules, seen), counted, model.step, &name, "the training rows"));
         parts.extend(walked.map(Part::Figure));
-        let along = own.phases.as_ref().and_then(|phases| transitions::along((own, seen), phases, model.step, &name));
+        let along =
+            rules.phases.as_ref().and_then(|phases| transitions::along((rules, seen), phases, model.step, &name));
         parts.extend(along.map(Part::Figure));
     }
     parts
@@ -124,7 +125,7 @@ fn is_by_region(model: &Model, equation: &ModelEquation) -> bool {
 
 /// Returns true if a fitted function stands in equations by its name.
 fn is_shared(model: &Model, latent: &Latent) -> bool {
-    !model.equations.iter().any(|equation| model.latent_of(equation).is_some_and(|own| own.name == latent.name))
+    !model.equations.iter().any(|equation| model.latent_of(equation).is_some_and(|other| other.name == latent.name))
 }
 
 /// An equation as it is set; of very many terms the first ones.
@@ -153,20 +154,20 @@ fn how(equation: &ModelEquation) -> String {
 
 /// The equations of the regions of a partition, and the table of regions.
 fn by_region(model: &Model, partition: usize, shown: usize, fit: Option<&Fit>, said: &mut Option<String>) -> Vec<Part> {
-    let own = &model.summaries[partition];
-    if !model.latents.iter().any(|latent| latent.partition == partition) || own.regions.is_empty() {
+    let summary = &model.summaries[partition];
+    if !model.latents.iter().any(|latent| latent.partition == partition) || summary.regions.is_empty() {
         return Vec::new();
     }
-    if own.regions.len() < 2 {
+    if summary.regions.len() < 2 {
         let known = intervals::parts(model, partition, 0, fit, said);
         return std::iter::once(Part::Paragraph(regions::alone(model, partition))).chain(known).collect();
     }
     let mut parts = regions::tables(model, partition);
-    let order = own.by_size();
+    let order = summary.by_size();
     for (rank, &region) in order.iter().take(shown).enumerate() {
         let mut equations = capped(in_region(model, partition, region));
         equations.extend(intervals::parts(model, partition, region, fit, said));
-        let name = format!("Region {}", own.regions[region].name);
+        let name = format!("Region {}", summary.regions[region].name);
         if rank < UNFOLDED {
             parts.push(Part::Heading(format!("{name}, the largest")));
             parts.extend(equations);

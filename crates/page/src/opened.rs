@@ -33,7 +33,7 @@ impl<'a> Opened<'a> {
 
 /// Returns true if two models open any logs alike: same columns, clock and recipe.
 fn see_alike(a: &Model, b: &Model) -> bool {
-    let labels = |model: &Model| model.partitions.iter().any(|own| matches!(own.rule, Rule::Labels { .. }));
+    let labels = |model: &Model| model.partitions.iter().any(|partition| matches!(partition.rule, Rule::Labels { .. }));
     a.columns == b.columns
         && a.auxiliary_columns() == b.auxiliary_columns()
         && a.step == b.step

@@ -138,18 +138,23 @@ impl Passed {
 
     /// Merges the rows behind these; `goes_on`: true if they follow in the same episode.
     fn append(&mut self, other: &Self, goes_on: bool) {
-        self.columns.iter_mut().zip(&other.columns).for_each(|(own, other)| own.merge(other));
-        self.targets.iter_mut().zip(&other.targets).for_each(|(own, other)| own.append(other, goes_on));
+        self.columns.iter_mut().zip(&other.columns).for_each(|(column, other)| column.merge(other));
+        self.targets.iter_mut().zip(&other.targets).for_each(|(target, other)| target.append(other, goes_on));
         self.lost.merge(&other.lost);
-        if let (Some(own), Some(others)) = (&mut self.transitions, &other.transitions) {
-            own.counts.iter_mut().flatten().zip(others.counts.iter().flatten()).for_each(|(own, other)| *own += other);
+        if let (Some(transitions), Some(others)) = (&mut self.transitions, &other.transitions) {
+            transitions
+                .counts
+                .iter_mut()
+                .flatten()
+                .zip(others.counts.iter().flatten())
+                .for_each(|(count, other)| *count += other);
         }
         if let (true, Some([_, last]), Some([first, _])) = (goes_on, self.ends, other.ends) {
             self.step(last, first);
         }
         self.ends = match (self.ends, other.ends) {
             (Some([first, _]), Some([_, last])) => Some([first, last]),
-            (own, other) => other.or(own),
+            (ends, other) => other.or(ends),
         };
     }
 }

@@ -69,9 +69,9 @@ pub(crate) fn determined(model: &Model, partition: usize, region: usize) -> Dete
 
 /// Names of the functions of a partition, if the model has several such partitions; else empty.
 fn named(model: &Model, partition: usize) -> String {
-    let own: Vec<String> =
+    let names: Vec<String> =
         model.latents.iter().filter(|latent| latent.partition == partition).map(|latent| latent.name.clone()).collect();
-    if model.latents.iter().all(|latent| latent.partition == partition) { String::new() } else { series(&own, 4) }
+    if model.latents.iter().all(|latent| latent.partition == partition) { String::new() } else { series(&names, 4) }
 }
 
 /// All regions that are fitted: partition and region.
@@ -84,15 +84,16 @@ fn all(model: &Model) -> impl Iterator<Item = (usize, usize)> {
 
 /// Sentence about rows that do or do not determine the coefficients, and the motion to record next.
 pub(crate) fn finding(model: &Model) -> Option<Sentence> {
-    let found: Vec<Determined> = all(model).map(|(partition, region)| determined(model, partition, region)).collect();
-    if found.is_empty() || found.iter().all(|region| region.light == Light::Plain) {
+    let verdicts: Vec<Determined> =
+        all(model).map(|(partition, region)| determined(model, partition, region)).collect();
+    if verdicts.is_empty() || verdicts.iter().all(|region| region.light == Light::Plain) {
         return None;
     }
     let condition = all(model).map(|(p, r)| condition(model, p, r)).fold(f64::NAN, f64::max);
-    let mends: Vec<String> = found.iter().filter_map(|region| region.mend.clone()).collect();
+    let mends: Vec<String> = verdicts.iter().filter_map(|region| region.mend.clone()).collect();
     let next = if mends.is_empty() { String::new() } else { format!(" What to drive next: {}.", series(&mends, 3)) };
-    let number_of = |light| found.iter().filter(|region| region.light == light).count();
-    let (bad, doubtful, regions) = (number_of(Light::Bad), number_of(Light::Doubtful), found.len());
+    let number_of = |light| verdicts.iter().filter(|region| region.light == light).count();
+    let (bad, doubtful, regions) = (number_of(Light::Bad), number_of(Light::Doubtful), verdicts.len());
     let whole = regions == 1;
     let (light, head) = match (bad, doubtful) {
         (0, 0) => (Light::Good, "The rows determine its coefficients.".to_owned()),
@@ -114,7 +115,7 @@ pub(crate) fn finding(model: &Model) -> Option<Sentence> {
 /// The only region of a partition.
 pub(crate) fn alone(model: &Model, partition: usize) -> String {
     let info = &model.summaries[partition].regions[0];
-    let found = determined(model, partition, 0);
+    let verdict = determined(model, partition, 0);
     let condition = condition(model, partition, 0);
     let condition = if condition.is_nan() { String::new() } else { format!(", condition {}", number(condition)) };
     let names = named(model, partition);
@@ -123,18 +124,18 @@ pub(crate) fn alone(model: &Model, partition: usize) -> String {
         if names.is_empty() { "It".to_owned() } else { names },
         thousands(info.rows),
         info.rank,
-        found.words
+        verdict.words
     )
 }
 
 /// The regions of a partition, the largest first: a table, the rest of it folded away.
 pub(crate) fn tables(model: &Model, partition: usize) -> Vec<Part> {
-    let own = &model.partitions[partition];
+    let described = &model.partitions[partition];
     let order = model.summaries[partition].by_size();
-    let place_of = if matches!(own.rule, Rule::Tree(_)) { "where" } else { "where (sd from the middle)" };
+    let place_of = if matches!(described.rule, Rule::Tree(_)) { "where" } else { "where (sd from the middle)" };
     let table = |regions: &[usize]| {
         let mut table = Table::new(
-            format!("Regions of {}, the largest first.", own.specification),
+            format!("Regions of {}, the largest first.", described.specification),
             ["region", "coefficients", "rows", "share", "rank", "condition", place_of],
         );
         for &region in regions {
@@ -153,13 +154,13 @@ pub(crate) fn tables(model: &Model, partition: usize) -> Vec<Part> {
 }
 
 fn row(model: &Model, partition: usize, region: usize) -> Vec<Cell> {
-    let own = &model.summaries[partition];
-    let info = &own.regions[region];
-    let total = own.rows();
-    let found = determined(model, partition, region);
+    let summary = &model.summaries[partition];
+    let info = &summary.regions[region];
+    let total = summary.rows();
+    let verdict = determined(model, partition, region);
     vec![
         Cell::Text(info.name.clone()),
-        Cell::Light(found.light, found.words),
+        Cell::Light(verdict.light, verdict.words),
         Cell::Number(thousands(info.rows)),
         Cell::Number(format!("{:.1} %", 100.0 * info.rows as f64 / total.max(1) as f64)),
         Cell::Number(info.rank.to_string()),
@@ -192,8 +193,8 @@ fn place(partition: &Partition, region: usize) -> String {
     }
     let mut order: Vec<usize> = (0..centroid.len().min(partition.columns.len())).collect();
     order.sort_by(|&a, &b| centroid[b].abs().total_cmp(&centroid[a].abs()).then(a.cmp(&b)));
-    let told = order.iter().take(2).map(|&c| format!("{} {}", partition.columns[c], signed(centroid[c])));
-    told.collect::<Vec<_>>().join(", ")
+    let coordinates = order.iter().take(2).map(|&c| format!("{} {}", partition.columns[c], signed(centroid[c])));
+    coordinates.collect::<Vec<_>>().join(", ")
 }
 
 fn signed(value: f64) -> String {

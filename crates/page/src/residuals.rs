@@ -16,8 +16,8 @@ const WORTH: f64 = 0.01;
 pub(crate) fn in_time(targets: &[Target], step: f64) -> Option<Figure> {
     let (unit, scale) = if step > 0.0 { ("s", step) } else { ("rows", 1.0) };
     let line = |target: &Target| {
-        let (found, pairs) = (target.left.time.coefficients(), target.left.time.pairs());
-        let known = LAGS.iter().zip(found.iter().zip(&pairs)).filter(|(_, (_, pairs))| **pairs >= PAIRS);
+        let (coefficients, pairs) = (target.left.time.coefficients(), target.left.time.pairs());
+        let known = LAGS.iter().zip(coefficients.iter().zip(&pairs)).filter(|(_, (_, pairs))| **pairs >= PAIRS);
         let (x, y): (Vec<f64>, Vec<f64>) = known.map(|(&lag, (&value, _))| (lag as f64 * scale, value)).unzip();
         Series::line(target.name.clone(), x, y)
     };
@@ -49,7 +49,7 @@ pub(crate) fn over_columns(place: usize, target: &Target, columns: &[Coverage]) 
     if panels.is_empty() {
         return None;
     }
-    let told: Vec<String> = order
+    let shares: Vec<String> = order
         .iter()
         .take(3)
         .map(|&(column, share)| format!("{} {:.0} %", columns[column].name, 100.0 * share.max(0.0)))
@@ -57,7 +57,7 @@ pub(crate) fn over_columns(place: usize, target: &Target, columns: &[Coverage]) 
     let caption = format!(
         "Mean one-step error, in standard deviations of the target, over each column; bands are one standard deviation of the errors to both sides. A line that leaves zero says \
          what the model misses. Share of the errors\u{2019} variance that goes with a column: {}.",
-        series(&told, 3)
+        series(&shares, 3)
     );
     let title = format!("Errors of {} over the columns", target.name);
     Some(Figure::new(

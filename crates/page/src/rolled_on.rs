@@ -76,10 +76,10 @@ impl Stretch {
         let outcomes = || rolled.rollouts.outcomes.iter().map(|outcome| outcome.start);
         let trained = rows.trained(model);
         let held: Vec<Start> = outcomes().filter(|start| !trained.contains(&start.episode)).collect();
-        let own: Vec<Start> = if held.is_empty() { outcomes().collect() } else { held };
-        let middle = own.get(own.len() / 2)?;
+        let starts: Vec<Start> = if held.is_empty() { outcomes().collect() } else { held };
+        let middle = starts.get(starts.len() / 2)?;
         // Between two starts that could be simulated there is room for others.
-        let here = || own.iter().filter(|start| start.episode == middle.episode).map(|start| start.row);
+        let here = || starts.iter().filter(|start| start.episode == middle.episode).map(|start| start.row);
         let stride = horizon.div_ceil(DRAWN[usize::from(several)]);
         let apart = every(horizon, stride);
         let before = (middle.row - here().min()?) / apart;
@@ -115,15 +115,15 @@ impl RolledOn {
     ) -> Result<Option<Self>, Error> {
         let there =
             |stretch: &&Stretch| stretch.horizon == long.horizon && stretch.episode.among(rows.episodes()).is_some();
-        let own = || Stretch::of(model, rows, rolled, long.horizon, wanted.several);
-        let Some(stretch) = wanted.stretch.filter(there).cloned().or_else(own) else { return Ok(None) };
+        let stretch = || Stretch::of(model, rows, rolled, long.horizon, wanted.several);
+        let Some(stretch) = wanted.stretch.filter(there).cloned().or_else(stretch) else { return Ok(None) };
         let Some(episode) = stretch.episode.among(rows.episodes()) else { return Ok(None) };
         let starts = stretch.starts.iter().map(|&row| Start { episode, row }).collect();
         let mut kept = long.clone();
         kept.keep = true;
-        let Ok(found) = roll(&Starts::At(starts), &kept)? else { return Ok(None) };
-        let mut on = Self::recorded(model, rows, episode, stretch, &found.rollouts.states)?;
-        found.rollouts.trajectories.iter().for_each(|trajectory| on.take(model, trajectory));
+        let Ok(rollouts) = roll(&Starts::At(starts), &kept)? else { return Ok(None) };
+        let mut on = Self::recorded(model, rows, episode, stretch, &rollouts.rollouts.states)?;
+        rollouts.rollouts.trajectories.iter().for_each(|trajectory| on.take(model, trajectory));
         Ok(Some(on))
     }
 
@@ -137,7 +137,7 @@ impl RolledOn {
     ) -> Result<Self, Error> {
         let view = rows.view()?;
         let names: Vec<&str> = view.columns().iter().map(|column| column.name.as_str()).collect();
-        let several = model.latents.first().is_some_and(|own| model.partitions[own.partition].rule.count() > 1);
+        let several = model.latents.first().is_some_and(|latent| model.partitions[latent.partition].rule.count() > 1);
         let predictor = if several { Some(Predictor::new(model, &names)?) } else { None };
         let halo = predictor.as_ref().map_or_else(Halo::default, Predictor::halo);
         let block = view.read(episode, stretch.rows(), halo)?;
@@ -146,12 +146,12 @@ impl RolledOn {
         let time: Vec<f64> = drawn().map(|row| (block.stamps()[row] - start) as f64 * 1e-9).collect();
         let nothing = vec![f64::NAN; time.len()];
         let state = |name: &String| {
-            let (own, place) = (model.column(name)?, names.iter().position(|column| column == name)?);
+            let (column, place) = (model.column(name)?, names.iter().position(|column| column == name)?);
             let values = block.core(place);
-            let values = if model.columns[own].angle { unwrapped(values) } else { values.to_vec() };
+            let values = if model.columns[column].angle { unwrapped(values) } else { values.to_vec() };
             Some(State {
                 name: name.clone(),
-                unit: model.columns[own].unit.clone().unwrap_or_default(),
+                unit: model.columns[column].unit.clone().unwrap_or_default(),
                 recorded: drawn().map(|row| values[row]).collect(),
                 simulated: nothing.clone(),
             })
@@ -163,9 +163,9 @@ impl RolledOn {
             places.iter().zip(parts).for_each(|(&at, part)| states[at].recorded = part);
         }
         let regions = predictor.map(|predictor| {
-            let mut found = Predicted::default();
-            predictor.predict(&block, 0..block.rows, &mut PredictorWorkspace::default(), &mut found);
-            [drawn().map(|row| region(found.region[row])).collect(), nothing.clone()]
+            let mut predictions = Predicted::default();
+            predictor.predict(&block, 0..block.rows, &mut PredictorWorkspace::default(), &mut predictions);
+            [drawn().map(|row| region(predictions.region[row])).collect(), nothing.clone()]
         });
         let trained = rows.trained(model).contains(&episode);
         let name = view.episodes()[episode].name.clone();
@@ -179,7 +179,7 @@ impl RolledOn {
         for step in (0..=trajectory.steps()).step_by(stride) {
             let place = self.stretch.place(start, step);
             for (state, &value) in self.states.iter_mut().zip(trajectory.state(step)) {
-                let angle = model.column(&state.name).is_some_and(|own| model.columns[own].angle);
+                let angle = model.column(&state.name).is_some_and(|column| model.columns[column].angle);
                 let recorded = state.recorded[place];
                 state.simulated[place] = if angle { recorded + Unary::Wrap.apply(value - recorded) } else { value };
             }
@@ -188,8 +188,8 @@ impl RolledOn {
                 kind.nearest(&mut parts, &places.iter().map(|&at| self.states[at].recorded[place]).collect::<Vec<_>>());
                 places.iter().zip(parts).for_each(|(&at, part)| self.states[at].simulated[place] = part);
             }
-            if let (Some([_, simulated]), Some(&own)) = (&mut self.regions, trajectory.regions.get(step)) {
-                simulated[place] = region(own);
+            if let (Some([_, simulated]), Some(&recorded)) = (&mut self.regions, trajectory.regions.get(step)) {
+                simulated[place] = region(recorded);
             }
         }
         let drawn = |step: usize| self.stretch.place(start, step.min(trajectory.steps()));
@@ -202,8 +202,8 @@ fn names_of(states: &[State]) -> Vec<&str> {
     states.iter().map(|state| state.name.as_str()).collect()
 }
 
-fn region(own: u32) -> f64 {
-    if own == u32::MAX { f64::NAN } else { f64::from(own) }
+fn region(label: u32) -> f64 {
+    if label == u32::MAX { f64::NAN } else { f64::from(label) }
 }
 
 /// Angles without the jumps of a full turn.

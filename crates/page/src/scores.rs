@@ -47,7 +47,7 @@ pub(crate) fn shared<'a>(judged: &'a [Judged<'_>]) -> Vec<&'a str> {
     let names = |scored: &'a Scored| scored.scores.targets.iter().map(|target| target.name.as_str());
     let Some(first) = scored.next() else { return Vec::new() };
     let others: Vec<&Scored> = scored.collect();
-    names(first).filter(|name| others.iter().all(|other| names(other).any(|own| own == *name))).collect()
+    names(first).filter(|name| others.iter().all(|other| names(other).any(|other_name| other_name == *name))).collect()
 }
 
 /// Sentence about the model with the least error in the outputs that all models predict.
@@ -55,8 +55,8 @@ pub(crate) fn best(judged: &[Judged<'_>]) -> Option<Sentence> {
     let shared = shared(judged);
     let scored: Vec<&Judged<'_>> = judged.iter().filter(|one| one.scored().is_some()).collect();
     if shared.is_empty() && scored.len() > 1 {
-        let told = scored.iter().map(|one| format!("{} predicts {}", one.name, series(&one.model.outputs(), 4)));
-        let text = format!("{}: their errors cannot be compared.", told.collect::<Vec<_>>().join(", "));
+        let outputs = scored.iter().map(|one| format!("{} predicts {}", one.name, series(&one.model.outputs(), 4)));
+        let text = format!("{}: their errors cannot be compared.", outputs.collect::<Vec<_>>().join(", "));
         return Some(sentence(
             Light::Plain,
             "One step ahead the models are not compared: they have no target in common.",
@@ -67,7 +67,7 @@ pub(crate) fn best(judged: &[Judged<'_>]) -> Option<Sentence> {
         judged.iter().filter_map(|one| Some((one.name, one.mean_over_null(&shared)?))).collect();
     order.sort_by(|a, b| a.1.total_cmp(&b.1));
     let (name, least) = *order.first()?;
-    let all = scored.iter().all(|one| one.scored().is_some_and(|own| own.scores.targets.len() == shared.len()));
+    let all = scored.iter().all(|one| one.scored().is_some_and(|other| other.scores.targets.len() == shared.len()));
     let what =
         if all { "the targets".to_owned() } else { format!("the targets that all predict ({})", listed(&shared)) };
     let others: Vec<String> = order[1..].iter().map(|(name, mean)| format!("{name} {}", ratio(*mean))).collect();
@@ -87,15 +87,15 @@ fn listed(names: &[&str]) -> String {
 
 /// A baseline's error over the null model's, on the rows on which it is known.
 fn over_null(target: &TargetScore, which: Baseline) -> f64 {
-    let own = target.baselines.iter().find(|score| score.baseline == which);
-    own.map_or(f64::NAN, |score| score.mae / score.model_mae * target.mae_over_null.value)
+    let baseline = target.baselines.iter().find(|score| score.baseline == which);
+    baseline.map_or(f64::NAN, |score| score.mae / score.model_mae * target.mae_over_null.value)
 }
 
 /// Every target that a model predicts, once.
 fn targets<'a>(models: &[&'a Judged<'_>]) -> Vec<&'a TargetScore> {
     let mut all: Vec<&TargetScore> = Vec::new();
     for target in models.iter().filter_map(|one| one.scored()).flat_map(|scored| &scored.scores.targets) {
-        if !all.iter().any(|own| own.name == target.name) {
+        if !all.iter().any(|known| known.name == target.name) {
             all.push(target);
         }
     }
@@ -118,11 +118,11 @@ fn bars(judged: &[Judged<'_>], scored: &Scored) -> Figure {
     let drawn = drawn(&targets);
     let groups: Vec<String> = drawn.iter().map(|target| target.name.clone()).collect();
     let of = |one: &&Judged<'_>| {
-        let own = one.scored().map_or(&[][..], |scored| &scored.scores.targets);
+        let targets = one.scored().map_or(&[][..], |scored| &scored.scores.targets);
         // Models of other targets have no bar there.
         let bar = |name: &String| {
             let none = fleetfoot_report::Interval { value: f64::NAN, low: f64::NAN, high: f64::NAN };
-            own.iter().find(|target| target.name == *name).map_or(none, |target| interval(&target.mae_over_null))
+            targets.iter().find(|target| target.name == *name).map_or(none, |target| interval(&target.mae_over_null))
         };
         (one.name.to_owned(), groups.iter().map(bar).collect::<Vec<_>>())
     };

@@ -38,8 +38,8 @@ pub(crate) fn section(model: &Model, passed: &Passed, seen: &Seen) -> Section {
     ));
     let walked = passed.transitions.as_ref().zip(model.latents.first());
     let walked = walked.and_then(|(counted, latent)| {
-        let own = (&model.partitions[latent.partition], &model.summaries[latent.partition]);
-        transitions::figure(own, counted, passed.episode.period, "logs", "these logs")
+        let described = (&model.partitions[latent.partition], &model.summaries[latent.partition]);
+        transitions::figure(described, counted, passed.episode.period, "logs", "these logs")
     });
     parts.extend(walked.map(Part::Figure));
     Section::new(ID, "Measured and predicted", parts)

@@ -117,7 +117,7 @@ fn one_step(scored: &Scored) -> Option<Sentence> {
         _ if proven => (Light::Good, "One step ahead it predicts better than the mean of its training rows."),
         _ => (Light::Doubtful, "One step ahead it may be no better than the mean of its training rows."),
     };
-    let told = |target: &TargetScore| {
+    let text = |target: &TargetScore| {
         let error = &target.mae_over_null;
         let ends = if error.low.is_finite() {
             format!(" [{}, {}]", ratio(error.low), ratio(error.high))
@@ -127,12 +127,12 @@ fn one_step(scored: &Scored) -> Option<Sentence> {
         format!("{}{ends} for {}", ratio(error.value), target.name)
     };
     let errors = if scored.scores.targets.len() == 1 {
-        format!("Its mean absolute error over the null model\u{2019}s is {}", told(best))
+        format!("Its mean absolute error over the null model\u{2019}s is {}", text(best))
     } else {
         format!(
             "Its mean absolute error over the null model\u{2019}s is {} at best and {} at worst",
-            told(best),
-            told(worst)
+            text(best),
+            text(worst)
         )
     };
     let episodes = count(scored.episodes, "episode");
@@ -166,8 +166,8 @@ fn beaten(scored: &Scored) -> [(Baseline, usize); 2] {
 
 fn beaten_in_words(scored: &Scored) -> String {
     let targets = count(scored.scores.targets.len(), "target");
-    let found = beaten(scored).into_iter().filter(|(_, wins)| *wins > 0);
-    found.map(|(baseline, wins)| format!("; {} is better for {wins} of {targets}", baseline.name())).collect()
+    let baselines = beaten(scored).into_iter().filter(|(_, wins)| *wins > 0);
+    baselines.map(|(baseline, wins)| format!("; {} is better for {wins} of {targets}", baseline.name())).collect()
 }
 
 /// The log with the largest error, where there are several.
