@@ -83,20 +83,23 @@ pub(crate) fn coefficient_limits(
     let sides = sides(section, &place)?;
     let mut limits = Vec::new();
     for (owner, texts) in &section.coefficients {
-        let at = owners.iter().position(|own| own.names.iter().any(|known| known == owner)).ok_or_else(|| {
-            let known: Vec<&str> = owners.iter().filter_map(|own| own.names.last().map(String::as_str)).collect();
-            let near = did_you_mean(&nearest(owner, known.iter().copied()));
-            Error::unknown(
-                owner,
-                format!(
-                    "{place} coefficients: no coefficients of `{owner}` are fitted{near}; there are {}",
-                    known.join(", ")
-                ),
-            )
-        })?;
+        let at = owners.iter().position(|candidate| candidate.names.iter().any(|known| known == owner)).ok_or_else(
+            || {
+                let known: Vec<&str> =
+                    owners.iter().filter_map(|owner| owner.names.last().map(String::as_str)).collect();
+                let near = did_you_mean(&nearest(owner, known.iter().copied()));
+                Error::unknown(
+                    owner,
+                    format!(
+                        "{place} coefficients: no coefficients of `{owner}` are fitted{near}; there are {}",
+                        known.join(", ")
+                    ),
+                )
+            },
+        )?;
         for text in texts {
             let function = aliases.over_latents(text, hidden, &format!("{place} coefficients"))?.simplified();
-            let known = |own: &Option<Expr>| own.as_ref().is_some_and(|own| same(own, &function));
+            let known = |expression: &Option<Expr>| expression.as_ref().is_some_and(|nominal| same(nominal, &function));
             let candidate = owners[at].functions.iter().position(known).ok_or_else(|| {
                 let known: Vec<String> = owners[at].functions.iter().flatten().map(Expr::to_string).collect();
                 let near = did_you_mean(&nearest(text, known.iter().map(String::as_str)));
@@ -158,14 +161,14 @@ pub(crate) fn sides(section: &ConstraintSection, place: &str) -> Result<Vec<(Lim
         return Err(Error::value(format!("{place}: at_least = {least} is not below at_most = {most}")));
     }
     let sides = [(Limit::AtLeast, section.at_least), (Limit::AtMost, section.at_most)];
-    let found: Vec<(Limit, f64)> =
+    let limits: Vec<(Limit, f64)> =
         sides.into_iter().filter_map(|(side, bound)| Some((side, bound.filter(|bound| bound.is_finite())?))).collect();
-    if found.is_empty() {
+    if limits.is_empty() {
         return Err(Error::missing(format!(
             "{place}: nothing bounds it; add `at_least = 0.0` or `at_most`, of a matrix its least and greatest eigenvalue"
         )));
     }
-    Ok(found)
+    Ok(limits)
 }
 
 /// Returns true if two functions are equal up to the order of factors.
@@ -174,7 +177,7 @@ pub(crate) fn same(known: &Expr, function: &Expr) -> bool {
     let vocabulary = Vocabulary { variables: &[], scope: &scope };
     let one = || {
         let pair = [known.to_string(), function.to_string()];
-        Library::parse(&pair, &vocabulary).is_ok_and(|found| found.functions.len() == 1 && !found.constant)
+        Library::parse(&pair, &vocabulary).is_ok_and(|library| library.functions.len() == 1 && !library.constant)
     };
     known == function || one()
 }

@@ -27,16 +27,20 @@ impl EquationTask {
         let known = |central: &Difference| {
             central.form.of.columns().iter().all(|name| columns.iter().any(|column| column.name == **name))
         };
-        let own = task.fitted.iter().enumerate().filter_map(|(at, equation)| Some((at, equation.central.clone()?)));
-        let mut found: Vec<(usize, Difference)> = own.filter(|(_, central)| known(central)).collect();
-        if found.is_empty() {
+        let differences =
+            task.fitted.iter().enumerate().filter_map(|(at, equation)| Some((at, equation.central.clone()?)));
+        let mut differences: Vec<(usize, Difference)> = differences.filter(|(_, central)| known(central)).collect();
+        if differences.is_empty() {
             return Ok(task);
         }
         let uneven = sampled_mean_squares(&[unevenness()], source)?[0].sqrt() > EVEN;
         let spacing = if uneven { Spacing::Stamps } else { Spacing::Even };
-        found.iter_mut().filter(|(_, own)| own.any_spacing).for_each(|(_, own)| own.form.spacing = spacing);
+        differences
+            .iter_mut()
+            .filter(|(_, difference)| difference.any_spacing)
+            .for_each(|(_, difference)| difference.form.spacing = spacing);
         // The mean square of 1 tells whether any row has what all the others need.
-        let witnesses = found.iter().flat_map(|(_, central)| central.witnesses()).chain([Expr::number(1.0)]);
+        let witnesses = differences.iter().flat_map(|(_, central)| central.witnesses()).chain([Expr::number(1.0)]);
         let squares = sampled_mean_squares(&witnesses.collect::<Vec<_>>(), source)?;
         let measured = squares.last().is_some_and(|&one| one > 0.0);
         if !measured {
@@ -46,7 +50,7 @@ impl EquationTask {
                     .into(),
             );
         }
-        for ((at, mut central), squares) in found.into_iter().zip(squares.chunks(REACHES.len() + 1)) {
+        for ((at, mut central), squares) in differences.into_iter().zip(squares.chunks(REACHES.len() + 1)) {
             if measured {
                 central.settle(squares);
             }
@@ -80,12 +84,13 @@ impl EquationTask {
     /// the same derivative is settled alike.
     pub fn differentiated_like(mut self, raw: &Self, settled: &[Option<SettledDifference>]) -> Self {
         for at in 0..self.fitted.len() {
-            let own = &self.fitted[at];
+            let equation = &self.fitted[at];
             let same = |other: &FittedEquation| {
-                (&other.label, &other.measured, &other.central) == (&own.label, &own.measured, &own.central)
+                (&other.label, &other.measured, &other.central)
+                    == (&equation.label, &equation.measured, &equation.central)
             };
             let Some(place) = raw.fitted.iter().position(same) else { continue };
-            if let (Some(mut central), Some(Some(kept))) = (own.central.clone(), settled.get(place)) {
+            if let (Some(mut central), Some(Some(kept))) = (equation.central.clone(), settled.get(place)) {
                 (central.form.reach, central.form.spacing, central.errors) = (kept.reach, kept.spacing, kept.errors);
                 self.measure_by(at, central);
             }

@@ -103,7 +103,7 @@ const MOST_CANDIDATES: usize = 10_000;
 const MOST_UNASKED: usize = 500;
 
 /// The candidates of one equation, while the union is not known.
-struct Own {
+struct EquationLibrary {
     constant: bool,
     functions: Vec<Expr>,
     fixed: Vec<Expr>,
@@ -138,7 +138,7 @@ impl EquationTask {
         let mut equations = equations(recipe, &mut aliases)?;
         let mut reader = Reader { recipe, names: &names, general: None, narrowed: false };
         let mut fitted = Vec::new();
-        let mut owns = Vec::new();
+        let mut libraries = Vec::new();
         for equation in equations.iter_mut() {
             let Some(measured) = equation.target.clone() else { continue };
             let latent = equation.right.as_column().unwrap_or_default().to_owned();
@@ -172,7 +172,7 @@ impl EquationTask {
             });
         }
         for equation in equations.iter().filter(|equation| equation.target.is_some()) {
-            owns.push(reader.own(equation, &equations, &mut aliases)?);
+            libraries.push(reader.library_of(equation, &equations, &mut aliases)?);
         }
         let narrowed = reader.narrowed;
         let weight = recipe.model.weight.as_deref();
@@ -180,10 +180,10 @@ impl EquationTask {
         let partition_columns = partition_columns(recipe, &equations, &mut aliases)?;
         let labels: Vec<Expr> = labels.iter().map(|label| Expr::column(label.as_str())).collect();
         refuse_target_in_partition(&equations, &aliases, &labels)?;
-        let constant = owns.iter().any(|own| own.constant);
-        let functions = union(&owns);
-        for (equation, own) in fitted.iter_mut().zip(&owns) {
-            own.mark(equation, constant, &functions);
+        let constant = libraries.iter().any(|library| library.constant);
+        let functions = union(&libraries);
+        for (equation, library) in fitted.iter_mut().zip(&libraries) {
+            library.mark(equation, constant, &functions);
         }
         let limits = limits(recipe, (&equations, &fitted), (constant, &functions), &names, &mut aliases)?;
         let variables =
@@ -212,8 +212,8 @@ impl EquationTask {
 
     /// Returns true if a fitted equation gives a rate of change.
     pub fn is_rate(&self, fitted: usize) -> bool {
-        let mut own = self.equations.iter().filter(|equation| equation.target.is_some());
-        own.nth(fitted).is_some_and(|equation| equation.prediction == Prediction::Derivative)
+        let mut targets = self.equations.iter().filter(|equation| equation.target.is_some());
+        targets.nth(fitted).is_some_and(|equation| equation.prediction == Prediction::Derivative)
     }
 
     /// Number of candidates, p.
@@ -241,7 +241,7 @@ impl EquationTask {
         match index.checked_sub(usize::from(self.constant)) {
             None => "1".to_owned(),
             Some(function) => match self.radial_function(function) {
-                Some(own) => Gaussian::name(own),
+                Some(radial_function) => Gaussian::name(radial_function),
                 None => self.functions[function].to_string(),
             },
         }
@@ -266,8 +266,8 @@ impl EquationTask {
             .map(|equation| equation.subject.clone())
             .collect();
         for (equation, subject) in self.fitted.iter_mut().zip(subjects) {
-            let own = recipe.states.get(&subject).is_some_and(|state| state.library.is_some());
-            equation.allowed.resize(count, !own);
+            let has_library = recipe.states.get(&subject).is_some_and(|state| state.library.is_some());
+            equation.allowed.resize(count, !has_library);
         }
         self.radial = Some(radial);
         self
@@ -339,7 +339,12 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    fn own(&mut self, equation: &Equation, all: &[Equation], aliases: &mut Aliases<'_>) -> Result<Own, Error> {
+    fn library_of(
+        &mut self,
+        equation: &Equation,
+        all: &[Equation],
+        aliases: &mut Aliases<'_>,
+    ) -> Result<EquationLibrary, Error> {
         let state = self.recipe.states.get(&equation.subject).filter(|_| equation.prediction != Prediction::Value);
         let place = STATES_SECTION.entry(&equation.subject).to_string();
         let (constant, functions) = match state.and_then(|state| state.library.as_ref()) {
@@ -355,16 +360,16 @@ impl Reader<'_> {
                 }
             },
         };
-        let mut own = Own { constant, functions, fixed: Vec::new() };
+        let mut library = EquationLibrary { constant, functions, fixed: Vec::new() };
         if let Some(fixed) = state.map(|state| &state.fixed).filter(|fixed| !fixed.is_empty()) {
-            own.fix(self.parse(fixed, all, Some(&format!("{place} fixed")), aliases)?, &place)?;
+            library.fix(self.parse(fixed, all, Some(&format!("{place} fixed")), aliases)?, &place)?;
         }
-        if !own.constant && own.functions.is_empty() {
+        if !library.constant && library.functions.is_empty() {
             return Err(Error::missing(format!(
                 "{place}: its library has no candidate functions; write for example `library = [\"poly(2)\", \"sin\"]`, or `known` for what is given and not fitted"
             )));
         }
-        Ok(own)
+        Ok(library)
     }
 
     /// The degree of the monomials where no library is named.
@@ -375,7 +380,7 @@ impl Reader<'_> {
         if self.recipe.library.radial.is_some() {
             return 1;
         }
-        let variables = variables(self.recipe, aliases, equations).map_or(0, |found| found.len());
+        let variables = variables(self.recipe, aliases, equations).map_or(0, |names| names.len());
         self.narrowed = (variables + 1) * (variables + 2) / 2 > MOST_UNASKED;
         if self.narrowed { 1 } else { 2 }
     }
@@ -385,29 +390,30 @@ impl Reader<'_> {
         &self,
         items: &[String],
         equations: &[Equation],
-        own: Option<&str>,
+        state: Option<&str>,
         aliases: &mut Aliases<'_>,
     ) -> Result<(bool, Vec<Expr>), Error> {
         // A library of free expressions alone needs no variables.
         let variables = match variables(self.recipe, aliases, equations) {
-            Ok(found) => found,
-            Err(error) if self.recipe.library.functions.is_empty() && own.is_none() => return Err(error),
+            Ok(variables) => variables,
+            Err(error) if self.recipe.library.functions.is_empty() && state.is_none() => return Err(error),
             Err(_) => Vec::new(),
         };
         let scope = aliases.own_scope(self.names);
         let vocabulary = Vocabulary { variables: &variables, scope: &scope };
-        let place = &own.map_or_else(|| LIBRARY_SECTION.entry("functions").to_string(), str::to_owned);
-        let found = Library::parse(items, &vocabulary).map_err(|error| explained(error, items, &vocabulary, place))?;
-        let count = found.functions.len() + usize::from(found.constant);
+        let place = &state.map_or_else(|| LIBRARY_SECTION.entry("functions").to_string(), str::to_owned);
+        let library =
+            Library::parse(items, &vocabulary).map_err(|error| explained(error, items, &vocabulary, place))?;
+        let count = library.functions.len() + usize::from(library.constant);
         if count > MOST_CANDIDATES {
             return Err(Error::value(format!(
                 "{place}: it has {count} candidates, at most {MOST_CANDIDATES} can be fitted together; name fewer candidates ({LIBRARY}, {DEGREE})"
             )));
         }
-        for function in &found.functions {
+        for function in &library.functions {
             aliases.add_used(function, self.names, place)?;
         }
-        Ok((found.constant, found.functions))
+        Ok((library.constant, library.functions))
     }
 }
 
@@ -422,7 +428,7 @@ fn explained(error: TermsError, items: &[String], vocabulary: &Vocabulary<'_>, p
     }
 }
 
-impl Own {
+impl EquationLibrary {
     /// Terms that stay: those of the library that they are, in whatever form, else more of them.
     fn fix(&mut self, (constant, fixed): (bool, Vec<Expr>), place: &str) -> Result<(), Error> {
         if constant {
@@ -451,8 +457,8 @@ impl Own {
             None => places.get(function).copied(),
         };
         equation.allowed = vec![false; first + functions.len()];
-        let own = self.functions.iter().cloned().chain(self.constant.then(|| Expr::number(1.0)));
-        own.filter_map(|function| place(&function)).for_each(|at| equation.allowed[at] = true);
+        let functions = self.functions.iter().cloned().chain(self.constant.then(|| Expr::number(1.0)));
+        functions.filter_map(|function| place(&function)).for_each(|at| equation.allowed[at] = true);
         equation.fixed = self.fixed.iter().filter_map(place).collect();
         equation.fixed.sort_unstable();
         equation.fixed.dedup();
@@ -460,9 +466,14 @@ impl Own {
 }
 
 /// The distinct functions of all equations: those of the first, then the additional ones of the others.
-fn union(owns: &[Own]) -> Vec<Expr> {
+fn union(libraries: &[EquationLibrary]) -> Vec<Expr> {
     let mut seen = std::collections::HashSet::new();
-    owns.iter().flat_map(|own| &own.functions).filter(|function| seen.insert((*function).clone())).cloned().collect()
+    libraries
+        .iter()
+        .flat_map(|library| &library.functions)
+        .filter(|function| seen.insert((*function).clone()))
+        .cloned()
+        .collect()
 }
 
 /// `[constraints]`: of coefficients; an equation is learnt as one sum, whose parts have no names.
@@ -476,9 +487,13 @@ fn limits(
     let one = Expr::number(1.0);
     let candidates: Vec<&Expr> = constant.then_some(&one).into_iter().chain(functions).collect();
     let subjects = equations.iter().filter(|equation| equation.target.is_some());
-    let owner = |(equation, own): (&Equation, &FittedEquation)| Owner {
-        names: vec![own.label.clone(), own.latent.clone(), equation.subject.clone()],
-        functions: candidates.iter().zip(&own.allowed).map(|(&one, own)| own.then(|| one.clone())).collect(),
+    let owner = |(equation, fitted): (&Equation, &FittedEquation)| Owner {
+        names: vec![fitted.label.clone(), fitted.latent.clone(), equation.subject.clone()],
+        functions: candidates
+            .iter()
+            .zip(&fitted.allowed)
+            .map(|(&one, is_allowed)| is_allowed.then(|| one.clone()))
+            .collect(),
     };
     let owners: Vec<Owner> = subjects.zip(fitted).map(owner).collect();
     let mut limits = Vec::new();

@@ -67,11 +67,11 @@ fn now(expression: &Expr) -> BTreeSet<String> {
 }
 
 fn reads_no_other_row(expression: &Expr) -> bool {
-    let mut own = true;
-    expression.fold(|part, _: &[()]| own &= !matches!(part.node(), Node::Column { lag, .. } if *lag != 0));
-    own
+    let mut is_present = true;
+    expression.fold(|part, _: &[()]| is_present &= !matches!(part.node(), Node::Column { lag, .. } if *lag != 0));
+    is_present
 }
 
 fn holds(whole: &Expr, part: &Expr) -> bool {
-    whole.fold(|own, found: &[bool]| own == part || found.contains(&true))
+    whole.fold(|equal, parts: &[bool]| equal == part || parts.contains(&true))
 }

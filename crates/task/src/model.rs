@@ -162,7 +162,11 @@ impl EquationTask {
         let first = self.functions.len() - radial.centres.len();
         if used.iter().any(|&j| j >= first) {
             used.extend(
-                self.functions.iter().enumerate().filter(|(_, own)| radial.inputs.contains(own)).map(|(j, _)| j),
+                self.functions
+                    .iter()
+                    .enumerate()
+                    .filter(|(_, function)| radial.inputs.contains(function))
+                    .map(|(j, _)| j),
             );
             used.sort_unstable();
             used.dedup();

@@ -43,7 +43,9 @@ impl ParametersTask {
         let mut known = KnownTask::over(recipe, aliases)?;
         refuse_filters(&known, &names)?;
         let uses = |expr: &Expr, name: &str| expr.columns().iter().any(|column| **column == *name);
-        if let Some(idle) = names.iter().find(|name| !known.equations.iter().any(|own| uses(&own.right, name))) {
+        if let Some(idle) =
+            names.iter().find(|name| !known.equations.iter().any(|equation| uses(&equation.right, name)))
+        {
             return Err(Error::unknown(
                 idle,
                 format!(
@@ -68,23 +70,23 @@ impl ParametersTask {
 
     /// A parameter without a residual: no equation with it can be evaluated row by row.
     pub fn without_residual(&self) -> Option<&str> {
-        let uses = |own: &Residual, name: &str| own.model.columns().iter().any(|column| **column == *name);
-        let silent = |own: &&Parameter| !self.residuals.iter().any(|residual| uses(residual, &own.name));
-        self.parameters.iter().find(silent).map(|own| own.name.as_str())
+        let uses = |residual: &Residual, name: &str| residual.model.columns().iter().any(|column| **column == *name);
+        let silent = |parameter: &&Parameter| !self.residuals.iter().any(|residual| uses(residual, &parameter.name));
+        self.parameters.iter().find(silent).map(|parameter| parameter.name.as_str())
     }
 
     /// The parameters between their bounds; those that are fixed have no room.
     pub fn bounded(&self) -> Vec<fleetfoot_estimate::Parameter> {
-        let of = |own: &Parameter| {
-            let [least, most] = if own.fixed { [own.initial; 2] } else { own.bounds };
-            fleetfoot_estimate::Parameter::new(&own.name, own.initial).between(least, most)
+        let of = |parameter: &Parameter| {
+            let [least, most] = if parameter.fixed { [parameter.initial; 2] } else { parameter.bounds };
+            fleetfoot_estimate::Parameter::new(&parameter.name, parameter.initial).between(least, most)
         };
         self.parameters.iter().map(of).collect()
     }
 
     /// An expression with these values of the parameters.
     pub fn insert(&self, expr: &Expr, values: &[f64]) -> Expr {
-        let value = |name: &str| self.parameters.iter().position(|own| own.name == name);
+        let value = |name: &str| self.parameters.iter().position(|parameter| parameter.name == name);
         expr.substituted(|name| value(name).map(|at| Expr::number(values[at]))).simplified()
     }
 }
@@ -96,16 +98,18 @@ fn refuse_filters(known: &KnownTask, names: &[String]) -> Result<(), Error> {
         let Some(filter) = equation.right.filters().into_iter().next() else { continue };
         let (place, text) = (format!("{} known", STATES_SECTION.entry(&equation.subject)), filter.to_string());
         let constants = filter.constant.columns();
-        return Err(Error::conflict(match names.iter().find(|name| constants.iter().any(|own| **own == ***name)) {
-            Some(name) => format!(
-                "{place}: `{text}` has the parameter `{name}` inside a filter, and fit parameters estimates numbers outside of filters alone: estimate `{name}` with \
+        return Err(Error::conflict(
+            match names.iter().find(|name| constants.iter().any(|constant| **constant == ***name)) {
+                Some(name) => format!(
+                    "{place}: `{text}` has the parameter `{name}` inside a filter, and fit parameters estimates numbers outside of filters alone: estimate `{name}` with \
                  {FIT_SINDY} (library = \"{text}\"), then write its number into {COLUMNS}"
-            ),
-            None => format!(
-                "{place}: `{text}` is computed from the rows of the log and no column yet: write `filtered = \"{text}\"` into {COLUMNS}, make `filtered` one of {INPUTS_SECTION}, \
+                ),
+                None => format!(
+                    "{place}: `{text}` is computed from the rows of the log and no column yet: write `filtered = \"{text}\"` into {COLUMNS}, make `filtered` one of {INPUTS_SECTION}, \
                  write `filtered` here, and give {SEGMENT}: the first rows have no value of a filter, and a segment that begins there is left out"
-            ),
-        }));
+                ),
+            },
+        ));
     }
     Ok(())
 }
@@ -118,8 +122,8 @@ fn limits(recipe: &Recipe, names: &[String], aliases: &mut Aliases<'_>) -> Resul
             entry = CONSTRAINTS.entry(name)
         )));
     }
-    let found = together(recipe, names, "parameter", aliases)?;
-    found.iter().map(|limit| matrix(limit, names)).collect()
+    let limits = together(recipe, names, "parameter", aliases)?;
+    limits.iter().map(|limit| matrix(limit, names)).collect()
 }
 
 fn matrix(limit: &RowLimit, names: &[String]) -> Result<MatrixLimit, Error> {

@@ -180,9 +180,9 @@ impl Parts {
             );
         }
         let signs = self.latents.iter().flat_map(|latent| vec![latent.sign; latent.functions.len()]).collect();
-        let own = self.latents.iter().enumerate();
-        let own = own.flat_map(|(index, latent)| limits::of_latent(&latent.name, index, latent.bounds));
-        let limits = own.chain(self.limits).collect();
+        let indexed = self.latents.iter().enumerate();
+        let limits = indexed.flat_map(|(index, latent)| limits::of_latent(&latent.name, index, latent.bounds));
+        let limits = limits.chain(self.limits).collect();
         let latents: Vec<Candidates> = self
             .latents
             .into_iter()
@@ -212,9 +212,9 @@ impl Parts {
 
 /// Source of the moments of a latent's functions; adds the functions to `also` if no task has them.
 fn moments(regression: &Regression, latent: usize, also: &mut Vec<Expr>) -> Moments {
-    for (task, found) in regression.tasks.iter().enumerate() {
+    for (task, regression_task) in regression.tasks.iter().enumerate() {
         let mut first = 0;
-        for term in &found.terms {
+        for term in &regression_task.terms {
             match term.coefficient.as_number() {
                 Some(factor) if term.latent == latent && factor != 0.0 => return Moments::Task { task, first, factor },
                 _ => first += regression.latents[term.latent].functions.len(),

@@ -66,8 +66,8 @@ impl Task {
 fn resolved(phase: &PhaseColumn, aliases: &mut Aliases<'_>) -> Result<Phase, Error> {
     let (PhaseColumn::Cyclic { column: text, .. } | PhaseColumn::Labels(text)) = phase;
     let column = aliases.over_aliases(text, &PHASE.to_string())?;
-    let own = column.as_column().and_then(|name| aliases.columns.iter().find(|column| column.name == name));
-    let is_angle = own.is_some_and(|own| own.angle || own.unit.as_deref() == Some("rad"));
+    let definition = column.as_column().and_then(|name| aliases.columns.iter().find(|column| column.name == name));
+    let is_angle = definition.is_some_and(|column| column.angle || column.unit.as_deref() == Some("rad"));
     let kind = match phase {
         PhaseColumn::Cyclic { bins, .. } => {
             PhaseKind::Cyclic { bins: *bins, period: is_angle.then_some(2.0 * std::f64::consts::PI) }
@@ -81,14 +81,14 @@ impl Task {
     /// The phase over the columns of the opened logs, which have the names of labels; text counts as labels.
     pub fn phase_in(&self, columns: &[DataColumn]) -> Option<Phase> {
         let mut phase = self.phase.clone()?;
-        let own = phase.column.as_column().and_then(|name| columns.iter().find(|column| column.name == name));
-        if let Some(own) = own {
-            let is_text = matches!(own.kind, ColumnKind::Category(_));
+        let definition = phase.column.as_column().and_then(|name| columns.iter().find(|column| column.name == name));
+        if let Some(column) = definition {
+            let is_text = matches!(column.kind, ColumnKind::Category(_));
             if let (PhaseKind::Cyclic { .. }, true) = (&phase.kind, is_text) {
-                phase.specification = format!("labels:{}", own.name);
+                phase.specification = format!("labels:{}", column.name);
             }
             if is_text || matches!(phase.kind, PhaseKind::Labels(_)) {
-                phase.kind = PhaseKind::Labels(own.clone());
+                phase.kind = PhaseKind::Labels(column.clone());
             }
         }
         Some(phase)
@@ -215,9 +215,9 @@ pub(crate) fn state_equation(
 pub fn seen(column: &Column, all: &[Column]) -> Vec<Expr> {
     let x = Expr::column(column.name.as_str());
     match &column.rotation {
-        Some(own) if own.part == 0 => {
+        Some(rotation) if rotation.part == 0 => {
             let named = named_rotations(all);
-            let rotation = named.iter().find(|(name, _)| *name == own.group);
+            let rotation = named.iter().find(|(name, _)| *name == rotation.group);
             rotation.map_or_else(Vec::new, |(_, rotation)| rotation.rotation_matrix().into_iter().flatten().collect())
         }
         Some(_) => Vec::new(),

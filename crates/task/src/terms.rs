@@ -13,8 +13,8 @@ impl EquationTask {
         let mut terms = self.free_terms();
         if !self.limits.is_empty() {
             for (equation, terms) in terms.iter_mut().enumerate() {
-                let own = self.limits.iter().filter(|limit| limit.owner == equation);
-                terms.bounds = Some(bounds(self.candidates(), own, |limit| limit.candidate));
+                let limits = self.limits.iter().filter(|limit| limit.owner == equation);
+                terms.bounds = Some(bounds(self.candidates(), limits, |limit| limit.candidate));
             }
         }
         terms

@@ -29,8 +29,8 @@ impl EquationTask {
             let Some(nominal) = &equation.nominal else { continue };
             match (unit(nominal), self.target_unit(target)) {
                 (Err(problem), _) => notes.push(format!("units of the nominal part of {}: {problem}", equation.label)),
-                (Ok(Some(found)), Some(wanted)) if found != wanted => {
-                    notes.push(format!("{} has the unit {wanted}, its nominal part {found}", equation.label));
+                (Ok(Some(unit)), Some(wanted)) if unit != wanted => {
+                    notes.push(format!("{} has the unit {wanted}, its nominal part {unit}", equation.label));
                 }
                 _ => {}
             }

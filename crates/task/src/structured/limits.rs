@@ -77,15 +77,15 @@ fn forms(
                 rows.len()
             )));
         }
-        let mut own = Vec::with_capacity(row.len());
+        let mut entries = Vec::with_capacity(row.len());
         for (j, text) in row.iter().enumerate() {
             let (form, text) = form(text, &format!("{place} matrix, row {}, column {}", i + 1, j + 1))?;
-            own.push(text);
+            entries.push(text);
             if j <= i {
                 forms.push(form);
             }
         }
-        texts.push(own);
+        texts.push(entries);
     }
     for (i, row) in texts.iter().enumerate() {
         for (j, text) in row.iter().enumerate().skip(i + 1) {

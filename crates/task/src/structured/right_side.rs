@@ -14,9 +14,9 @@ use fleetfoot_sums::structured::Term;
 pub(super) fn linear(right: &Expr, latents: &[String], place: &str, text: &str, kind: &str) -> Result<Form, Error> {
     let is_latent = |name: &str| latents.iter().any(|latent| latent == name);
     let problem = |problem: String| Error::value(format!("{place} = \"{text}\": {problem}"));
-    if let Some(found) = kinked(right, &is_latent) {
+    if let Some(part) = kinked(right, &is_latent) {
         return Err(problem(format!(
-            "`{found}` is not linear in the {kind}s; only sums of coefficients times {kind}s will do"
+            "`{part}` is not linear in the {kind}s; only sums of coefficients times {kind}s will do"
         )));
     }
     let mut terms = Vec::new();
@@ -43,7 +43,7 @@ pub(super) fn linear(right: &Expr, latents: &[String], place: &str, text: &str, 
 /// The first part whose derivative would hide that it is not linear in a latent: a step or wrap of one, or one at
 /// another row.
 fn kinked(right: &Expr, is_latent: &dyn Fn(&str) -> bool) -> Option<Expr> {
-    let mut found = None;
+    let mut kink = None;
     right.fold(|expr, parts: &[bool]| {
         let within = parts.contains(&true);
         let (latent, kinked) = match expr.node() {
@@ -53,12 +53,12 @@ fn kinked(right: &Expr, is_latent: &dyn Fn(&str) -> bool) -> Option<Expr> {
             }
             _ => (within, false),
         };
-        if kinked && found.is_none() {
-            found = Some(expr.clone());
+        if kinked && kink.is_none() {
+            kink = Some(expr.clone());
         }
         latent
     });
-    found
+    kink
 }
 
 /// Refuses an expression with latents.
